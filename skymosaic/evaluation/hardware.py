@@ -11,8 +11,8 @@ from golden_model.timing import Timeline
 from sim.backends.interface import Mismatch, load_backend, silent
 from sim.simulators.scoreboard import Coverage, find_clock_mismatch, find_mismatch, predict_timelines
 from skymosaic.imagery.images import load, reduce_to_width
+from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.registration.options import FeatureOptions
-from skymosaic.registration.register import extract_within_capacity
 
 
 @dataclass(frozen=True)

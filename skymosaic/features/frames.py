@@ -6,14 +6,16 @@ framework for fully affine invariant image comparison, 2009). To front end and m
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import cv2
 import numpy as np
 
 from golden_model.arrays import Matrix, Pixels, Records
-from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX
+from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, Config, FrontEndConfig
 from golden_model.records import MATCH
+from sim.backends.interface import Backend
 from skymosaic.features.positions import feature_points, match_points, raw_positions
 from skymosaic.geometry.homography import apply, resize_matrix
 
@@ -36,6 +38,35 @@ class Frame:
 
     pixels: Pixels
     to_image: Matrix
+
+
+@dataclass(eq=False)
+class DescribedImage:
+    """An image that keeps the features of its changed copies, so that pairs share them.
+
+    Attributes
+    ----------
+    image : ndarray of uint8
+    kept : dict
+        What `describe` returned so far; about 100 kB each, at most a dozen. Not pickled.
+    """
+
+    image: Pixels
+    kept: dict[tuple[Change, FrontEndConfig], tuple[Frame, Records] | None] = field(default_factory=dict, repr=False)
+
+    def describe(self, change: Change, front_end: Backend, config: Config) -> tuple[Frame, Records] | None:
+        """The changed copy, without its pixels, and its features; None as of `make_frame`."""
+        key = change, config.front_end
+        if key not in self.kept:
+            frame = make_frame(self.image, change)
+            self.kept[key] = None
+            if frame is not None:
+                features = front_end.run([frame.pixels], config)[0].features
+                self.kept[key] = replace(frame, pixels=frame.pixels[:0]), features
+        return self.kept[key]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"image": self.image, "kept": {}}
 
 
 def make_frame(image: Pixels, change: Change) -> Frame | None:

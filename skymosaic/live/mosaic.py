@@ -31,8 +31,8 @@ from skymosaic.imagery.exif import Metadata, read_metadata
 from skymosaic.imagery.images import check_output, load, reduce_for_front_end, save
 from skymosaic.live.submap import Frame, Placement, Submap
 from skymosaic.maps.geotiff import write_geotiff
+from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.registration.options import WORKING_WIDTH_PX
-from skymosaic.registration.register import extract_within_capacity
 
 LATEST = 3
 """A new frame is first matched with this many of the latest frames; if these fail, with the most similar older ones."""

@@ -10,6 +10,7 @@ from skymosaic.flight.picture.composition import MEMORY_BYTES
 from skymosaic.imagery.lens import Lens
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.positions import Positions
+from skymosaic.mosaicking.result import Mosaic
 from skymosaic.options import INPUT, MACHINE, MAP, PICTURE, document_options, option, options_of
 from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
 
@@ -25,7 +26,9 @@ class MosaicOptions(RegistrationOptions):
     ``lens`` comes from `skymosaic.imagery.lens.load_lens`, ``control`` from
     `skymosaic.maps.control_points.load_control_points`, ``positions`` from `skymosaic.maps.positions.load_positions`.
     The reference photograph of ``scale`` is the right one of two; of more it is the most connected one, without its
-    tilt. With a ``scheduler``, two photographs are registered here and blended there.
+    tilt. With a ``scheduler``, two photographs are registered here and blended there. ``layout`` is a mosaic whose
+    transformations, links and lens are taken over for other photographs from the same places, in the same order:
+    another band, or another day.
     """
 
     lens: Lens | None = option(
@@ -89,6 +92,7 @@ class MosaicOptions(RegistrationOptions):
         MACHINE,
         not_for_two="two photographs are registered anew each time",
     )
+    layout: Mosaic | None = None
 
     def check_for(self, photographs: int) -> None:
         """`check`, and refuse what has no effect on this number of photographs, before the long work begins.
@@ -143,3 +147,4 @@ class MosaicKeywords(RegistrationKeywords, total=False):
     memory_bytes: int
     scheduler: str | None
     cache: Path | None
+    layout: Mosaic | None

@@ -20,6 +20,7 @@ from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition, Room, compose
 from skymosaic.flight.picture.mapping import explain_absence, fit_layout, place_on_map
 from skymosaic.flight.picture.output import PLAIN, PREVIEW_WIDTH_PX, Delivery, OutputForm, deliver, room_for
+from skymosaic.flight.repetition import repeat_flight
 from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.two_photographs import flight_of_pair
 from skymosaic.flight.workers import Workers
@@ -62,6 +63,9 @@ class MosaicPlan:
     @cached_property
     def flight(self) -> Flight:
         """Features, links and layouts; computed when they are first needed."""
+        if self.options.layout is not None:
+            known, cache = self.options.layout.flight, open_cache(self.options, self._tell)
+            return repeat_flight(known, self.sources, self.options.seed, self._workers, cache)
         if len(self.sources) == 2:
             return self._register()
         return survey_sources(self.sources, self.options, self._workers, self._tell)
@@ -215,13 +219,23 @@ def survey_sources(
     sources: Sequence[Source], options: MosaicOptions, workers: Workers, tell: Callable[[str], None]
 ) -> Flight:
     """Link and lay out a flight's photographs; features and links come from the cache where it has them."""
-    if options.cache is not None:
-        cache = ResultCache(options.cache, required=True, tell=tell)
-    else:
-        cache = ResultCache(cache_folder() / "flights", tell=tell, limit_bytes=DEFAULT_CACHE_BYTES)
-    flight = survey(sources, options.flight_settings(), options.seed, workers, cache, positions=options.positions)
+    flight = survey(
+        sources,
+        options.flight_settings(),
+        options.seed,
+        workers,
+        open_cache(options, tell),
+        positions=options.positions,
+    )
     layouts = tuple(fit_layout(flight, layout, options.control) for layout in flight.layouts)
     return dataclasses.replace(flight, layouts=layouts)
+
+
+def open_cache(options: MosaicOptions, tell: Callable[[str], None]) -> ResultCache:
+    """The cache that the options name, or the user's own."""
+    if options.cache is not None:
+        return ResultCache(options.cache, required=True, tell=tell)
+    return ResultCache(cache_folder() / "flights", tell=tell, limit_bytes=DEFAULT_CACHE_BYTES)
 
 
 def fit_bend(pair: Pair, warp: str) -> Callable[[Intensities], Intensities] | None:

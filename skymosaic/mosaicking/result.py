@@ -12,6 +12,7 @@ from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, deliver
 from skymosaic.flight.survey import Flight
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery.images import check_output
+from skymosaic.imagery.notebook import describe_in_html
 from skymosaic.imagery.photographs import forget_decoded
 from skymosaic.maps.georeference import Georeference
 from skymosaic.registration.pair import Pair
@@ -98,6 +99,11 @@ class Mosaic:
         finally:
             forget_decoded()
         return place.georeference
+
+    def _repr_html_(self) -> str:
+        """The mosaic, reduced, for notebooks."""
+        image = self.image[..., 0] if self.composition.band_names else self.image
+        return describe_in_html(repr(self), self.composition.in_8_bit(image))
 
     def __repr__(self) -> str:
         """One line with the size and the counts."""

@@ -19,12 +19,14 @@ from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply, rescale, transfer_error
 from skymosaic.geometry.prosac import INLIER_PX
-from skymosaic.imagery.images import Photograph
+from skymosaic.imagery.images import Photograph, load
+from skymosaic.imagery.notebook import describe_in_html, draw_lines
 from skymosaic.registration.confidence import Confidence, assess
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+NO_PIXELS: Pixels = np.zeros((0, 0, 3), np.uint8)
 KINDS = ("inliers", "kept", "matches")
 """Kinds of matches that `Pair.points` returns, the strictest first."""
 
@@ -52,7 +54,9 @@ class MatchedPoints(NamedTuple):
 class Pair:
     """Two photographs, their features and matches, and their homography.
 
-    `points` returns the matches in pixels of the photographs. The records below are those of the front end:
+    `points` returns the matches in pixels of the photographs. A pickled pair has all its numbers but no pixels.
+
+    The records below are those of the front end:
     positions in 1/16 px of the working images (UQ12.4), distances in bits of the descriptor (UQ16.0), weights in
     1/256 (UQ0.8) and orientations in sixteenths of a circle.
 
@@ -195,9 +199,23 @@ class Pair:
             match_plot = importlib.import_module("skymosaic.registration.match_plot")
         except ModuleNotFoundError:
             raise InputError(f"a plot needs matplotlib; {how_to_install('plots')}") from None
-        images = self.left.pixels, self.right.pixels
+        left, right = (side.pixels if side.pixels.size else load(side.name).pixels for side in (self.left, self.right))
+        images = left, right
         figure: Figure = match_plot.draw_matches(images, points.left, points.right, points.weights, title=repr(self))
         return figure
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the pixels, so that processes exchange pairs of 1 MB at most; `plot` reads files again."""
+        photographs = {side: replace(getattr(self, side), pixels=NO_PIXELS) for side in ("left", "right")}
+        # From here on only what is computed already can be told.
+        return {**vars(self), "confidence": self.confidence, **photographs, "working": (NO_PIXELS, NO_PIXELS)}
+
+    def _repr_html_(self) -> str:
+        """Both photographs with lines between the inliers, for notebooks."""
+        if not (self.left.pixels.size and self.right.pixels.size):
+            return describe_in_html(repr(self))
+        left, right, *_ = self.points()
+        return describe_in_html(repr(self), draw_lines((self.left.pixels, self.right.pixels), (left, right)))
 
     def __repr__(self) -> str:
         """One line with the names, the verdict and the counts."""

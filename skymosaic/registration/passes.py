@@ -17,8 +17,17 @@ import numpy as np
 from golden_model.arrays import Mask, Matrix, Pixels, Records
 from golden_model.config import Config
 from golden_model.feature.orientation import SECTORS
+from golden_model.matching.matcher import match
 from sim.backends.interface import Backend
-from skymosaic.features.frames import Change, Frame, make_frame, map_matches_to_images, map_to_image, swap_sides
+from skymosaic.features.frames import (
+    Change,
+    DescribedImage,
+    Frame,
+    make_frame,
+    map_matches_to_images,
+    map_to_image,
+    swap_sides,
+)
 from skymosaic.features.positions import match_points
 from skymosaic.geometry import acceptance
 from skymosaic.geometry.homography import apply
@@ -132,11 +141,13 @@ class Search:
         remove_masked: Callable[[Records], Records],
         *,
         scoring: Scoring | None = None,
+        shared: tuple[DescribedImage, DescribedImage] | None = None,
     ) -> None:
-        """``remove_masked`` drops the match records in what a lens masks."""
+        """``remove_masked`` drops the match records in what a lens masks; ``shared`` keeps features between pairs."""
         self._front_end, self._images, self._config, self._rng = front_end, images, config, rng
         self._remove_masked = remove_masked
         self._scoring = scoring
+        self._shared = shared
         self._sizes = tuple((image.shape[1], image.shape[0]) for image in images)
 
     def run(self, effort: str, state: SearchState) -> SearchState:
@@ -195,17 +206,35 @@ class Search:
     def _match_frames(self, runs: Sequence[FrontEndRun]) -> Iterator[Evidence]:
         """The evidence of each pass, without frames that the front end does not take."""
         for run in runs:
-            reference_image, other_image = self._images[::-1] if run.swapped else self._images
-            reference = make_frame(reference_image, run.reference)
-            others = [frame for frame in (make_frame(other_image, change) for change in run.others) if frame]
-            if reference is None or not others:
-                continue
-            first, *results = self._front_end.run([frame.pixels for frame in (reference, *others)], self._config)
-            for frame, result in zip(others, results, strict=True):
-                features, frames, matches = (first.features, result.features), (reference, frame), result.matches
+            for features, frames, matches in self._run(run) if self._shared is None else self._share(run, self._shared):
                 if run.swapped:
-                    features, frames, matches = features[::-1], frames[::-1], _swap(matches)
-                yield self._map_to_images(features, frames, matches)
+                    yield self._map_to_images(features[::-1], frames[::-1], _swap(matches))
+                else:
+                    yield self._map_to_images(features, frames, matches)
+
+    def _run(self, run: FrontEndRun) -> Iterator[tuple[tuple[Records, Records], tuple[Frame, Frame], Records]]:
+        """Features, frames and matches of the reference with each of the others."""
+        reference_image, other_image = self._images[::-1] if run.swapped else self._images
+        reference = make_frame(reference_image, run.reference)
+        others = [frame for frame in (make_frame(other_image, change) for change in run.others) if frame]
+        if reference is None or not others:
+            return
+        first, *results = self._front_end.run([frame.pixels for frame in (reference, *others)], self._config)
+        for frame, result in zip(others, results, strict=True):
+            yield (first.features, result.features), (reference, frame), result.matches
+
+    def _share(
+        self, run: FrontEndRun, shared: tuple[DescribedImage, DescribedImage]
+    ) -> Iterator[tuple[tuple[Records, Records], tuple[Frame, Frame], Records]]:
+        """As `_run`, with the features that the images keep."""
+        reference_image, other_image = shared[::-1] if run.swapped else shared
+        reference = reference_image.describe(run.reference, self._front_end, self._config)
+        for change in run.others:
+            other = other_image.describe(change, self._front_end, self._config)
+            if reference is not None and other is not None:
+                features = reference[1], other[1]
+                matches = match(*features, self._config.front_end.pattern, self._config.matcher)
+                yield features, (reference[0], other[0]), matches
 
     def _map_to_images(
         self, features: tuple[Records, Records], frames: tuple[Frame, Frame], matches: Records

@@ -1,7 +1,7 @@
 """Registers a pair of overlapping photographs: features, matches, homography, or why it failed."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Unpack
@@ -9,15 +9,15 @@ from typing import Unpack
 import numpy as np
 
 from golden_model.arrays import Mask, Matrix, Pixels, Points, Records
-from golden_model.config import MAX_THRESHOLD, Config
-from golden_model.records import Cause
-from sim.backends.interface import Backend, FrameResult, Progress, silent
+from golden_model.matching.matcher import match
+from sim.backends.interface import Progress, silent
 from skymosaic.features.positions import are_on_ground, match_points, select_ground_matches
 from skymosaic.features.standing import STANDS_STILL, are_still, remove_still, stands_on_still_parts
 from skymosaic.geometry.estimators import SCORINGS, estimate
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end
 from skymosaic.imagery.lens import Lens
 from skymosaic.registration.dense import refit_pair
+from skymosaic.registration.extraction import Features, extract_within_capacity, share_features
 from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
 from skymosaic.registration.pair import Pair, map_to_originals
 from skymosaic.registration.passes import Evidence, Search, SearchState, explain_refusal
@@ -25,8 +25,8 @@ from skymosaic.stopwatch import Stopwatch
 
 
 def register(
-    left: str | Path | Pixels,
-    right: str | Path | Pixels,
+    left: str | Path | Pixels | Features,
+    right: str | Path | Pixels | Features,
     options: RegistrationOptions | None = None,
     *,
     progress: Progress = silent,
@@ -36,8 +36,9 @@ def register(
 
     Parameters
     ----------
-    left, right : path or ndarray of uint8, shape (H, W) or (H, W, 3) BGR
-        The photographs; they need not be of one size.
+    left, right : path, ndarray of uint8, shape (H, W) or (H, W, 3) BGR, or Features
+        The photographs; they need not be of one size. `Features` of `skymosaic.extract` serve all pairs of a
+        photograph: whatever one pair computes of it, the next one finds. They are matched by the golden model.
     options : RegistrationOptions, optional
     progress : callable
         Receives lines about the first build of a simulation.
@@ -52,7 +53,8 @@ def register(
     Raises
     ------
     skymosaic.errors.InputError
-        For a photograph that cannot be used, an unknown name or an impossible combination.
+        For a photograph that cannot be used, an unknown name or an impossible combination; for features that other
+        options gave, or of a method that only the host computes.
 
     Examples
     --------
@@ -65,6 +67,11 @@ def register(
     options = dataclasses.replace(options or RegistrationOptions(), **changes)
     options.check()
     clock = Stopwatch()
+    if isinstance(left, Features) or isinstance(right, Features):
+        features = share_features(left, options), share_features(right, options)
+        clock.lap("reading")
+        photographs = features[0].photograph, features[1].photograph
+        return register_photographs(photographs, options, seconds=clock.seconds, features=features)
     photographs = (
         load(left, "left image", keep_damaged=options.keeps_damaged),
         load(right, "right image", keep_damaged=options.keeps_damaged),
@@ -79,21 +86,32 @@ def register_photographs(
     *,
     seconds: dict[str, float],
     lens: Lens | None = None,
+    features: tuple[Features, Features] | None = None,
     progress: Progress = silent,
 ) -> Pair:
-    """`register` for photographs that are already decoded.
+    """`register` for photographs that are already decoded, and perhaps described.
 
     ``seconds`` holds the time spent so far. Matches in pixels that ``lens`` masks do not count.
     """
     clock = Stopwatch(seconds)
     method, config = options.choose_method()
     effort = options.choose_effort(method)
-    (left, to_left), (right, to_right) = (
-        reduce_for_front_end(photo.pixels, options.working_width_px, photo.name) for photo in photographs
-    )
     front_end = options.open_backend(method, progress)
-    # The left frame is held as the reference, so the matches come with the right one.
-    (left_result, right_result), config = extract_within_capacity(front_end, [left, right], config)
+    if features is None:
+        (left, to_left), (right, to_right) = (
+            reduce_for_front_end(photo.pixels, options.working_width_px, photo.name) for photo in photographs
+        )
+    else:
+        (left, to_left), (right, to_right) = ((each.working.image, each.to_original) for each in features)
+    # A threshold that was raised for one photograph alone is raised for both.
+    if features is not None and features[0].config.front_end == features[1].config.front_end:
+        config = dataclasses.replace(config, front_end=features[0].config.front_end)
+        records = features[0].records, features[1].records
+        matches = match(*records, config.front_end.pattern, config.matcher)
+    else:
+        # The left frame is held as the reference, so the matches come with the right one.
+        (left_result, right_result), config = extract_within_capacity(front_end, [left, right], config)
+        records, matches = (left_result.features, right_result.features), right_result.matches
     if np.array_equal(photographs[0].pixels, photographs[1].pixels):
         photographs = photographs[0], photographs[1].with_note(f"the same picture as {photographs[0].name}")
     masks = [lens.visible_mask((image.shape[1], image.shape[0])) if lens else None for image in (left, right)]
@@ -102,7 +120,9 @@ def register_photographs(
     # One generator for all passes: a result depends on the seed alone.
     rng = np.random.default_rng(options.seed)
     make_search = partial(Search, front_end, (left, right), config, rng, scoring=SCORINGS.get(options.estimator))
-    first_pass = Evidence((left_result.features, right_result.features), remove_masked(right_result.matches))
+    if features is not None:
+        make_search = partial(make_search, shared=(features[0].working, features[1].working))
+    first_pass = Evidence(records, remove_masked(matches))
     state = _search(make_search(remove_masked), first_pass, options.estimator, effort, rng)
     stands_still = state.homography is not None and stands_on_still_parts(
         *match_points(state.evidence.matches[state.inliers]), state.evidence.features
@@ -164,21 +184,3 @@ def _estimate(estimator: str, matches: Records, rng: np.random.Generator) -> tup
     """The homography of the first pass, by any of the estimators; further passes are for PROSAC alone."""
     left, right = match_points(matches)
     return estimate(estimator, left, right, matches["weight"].astype(np.float64), matches["verdict"] == 1, rng=rng)
-
-
-def extract_within_capacity(
-    front_end: Backend, frames: Sequence[Pixels], config: Config
-) -> tuple[list[FrameResult], Config]:
-    """Run the front end; if a frame has more corners than a feature bank holds, raise the threshold for all frames.
-
-    Only a configuration without cell selection can exceed the capacity. The thesis raises its threshold in
-    the same way (section II.2.1.2); we double it until every frame fits.
-    """
-    while True:
-        results = front_end.run(frames, config)
-        threshold, limit = config.front_end.threshold, MAX_THRESHOLD[config.front_end.detector]
-        too_many = any(int(result.status["causes"]) & Cause.TOO_MANY_FEATURES for result in results)
-        if not too_many or threshold == limit:
-            return results, config
-        raised = dataclasses.replace(config.front_end, threshold=min(2 * threshold, limit))
-        config = dataclasses.replace(config, front_end=raised)

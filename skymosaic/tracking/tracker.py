@@ -24,7 +24,7 @@ from skymosaic.compositing.warp import Canvas
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
 from skymosaic.imagery.images import load
-from skymosaic.registration.register import extract_within_capacity
+from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.tracking.template import Roi, Template, TemplatePose
 
 MIN_ROI_PX = 16

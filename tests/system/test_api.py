@@ -1,7 +1,8 @@
 """The Python API: positions in original pixels, one-line representations, and examples that run."""
 
 import doctest
-import importlib
+import importlib.util
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 import skymosaic
-from sim.scene import make_pair
+from sim.scene import make_lawnmower, make_pair
 from skymosaic.errors import InputError
 from skymosaic.geometry.homography import apply
 from skymosaic.registration.pair import KINDS, Pair
@@ -53,6 +54,53 @@ def test_features_of_one_image_are_those_of_a_pair(pair: Pair) -> None:
     assert distances.max() < 1e-9
     assert len(features) == len(features.descriptors) == len(features.angles) == len(pair.features[0])
     assert 0 <= features.angles.min() < features.angles.max() < 2 * np.pi
+
+
+def test_pairs_share_features_and_find_the_same(pair: Pair) -> None:
+    left, right = (skymosaic.extract(side.pixels, working_width_px=400) for side in (pair.left, pair.right))
+    for sides in ((left, right), (left, pair.right.pixels), (left, right)):
+        again = skymosaic.register(*sides, working_width_px=400, effort="thorough")
+        once = skymosaic.register(pair.left.pixels, pair.right.pixels, working_width_px=400, effort="thorough")
+        np.testing.assert_array_equal(again.matches, once.matches)
+        np.testing.assert_array_equal(again.homography, once.homography)
+        assert again.passes == once.passes == 3
+    assert len(left.working.kept) == 2
+    with pytest.raises(InputError, match="image: its features were extracted with other options"):
+        skymosaic.register(left, right)
+    with pytest.raises(InputError, match="features of sift are not shared"):
+        skymosaic.register(left, right, detector="sift")
+
+
+def test_a_pickled_pair_keeps_its_numbers_and_reads_its_files_again(pair: Pair, tmp_path: Path) -> None:
+    names = [tmp_path / "left.png", tmp_path / "right.png"]
+    for name, side in zip(names, (pair.left, pair.right), strict=True):
+        cv2.imwrite(str(name), side.pixels)
+    made = skymosaic.register(names[0], names[1], working_width_px=400)
+    data = pickle.dumps(made)
+    assert len(data) < 1_000_000
+    again = pickle.loads(data)
+    assert again.summary() == made.summary()
+    np.testing.assert_array_equal(again.points().left, made.points().left)
+    assert "base64" in made._repr_html_()
+    assert "base64" not in again._repr_html_()
+    if importlib.util.find_spec("matplotlib"):
+        assert len(again.plot().axes[0].images) == 2
+
+
+@pytest.mark.parametrize("photographs", [2, 3])
+def test_a_layout_is_repeated_with_photographs_of_another_day(photographs: int) -> None:
+    images = make_lawnmower(1, photographs, (320, 240)).images
+    made = skymosaic.mosaic(images)
+    again = skymosaic.mosaic([image // 2 for image in images], layout=made)
+    assert again.transforms.keys() == made.transforms.keys()
+    for index, transform in made.transforms.items():
+        np.testing.assert_array_equal(again.transforms[index], transform)
+    assert again.image.mean() == pytest.approx(made.image.mean() / 2, rel=0.1)
+    assert "base64" in again._repr_html_()
+    with pytest.raises(InputError, match=f"layout: of {photographs} photographs, not of 4; give the same number"):
+        skymosaic.mosaic([*images, *images][:4], layout=made)
+    with pytest.raises(InputError, match="different sizes"):
+        skymosaic.mosaic([images[0][:200], *images[1:]], layout=made)
 
 
 def test_representations_are_one_line(pair: Pair) -> None:

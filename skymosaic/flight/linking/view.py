@@ -25,8 +25,8 @@ from skymosaic.imagery.images import Photograph, reduce_for_front_end, reduce_to
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.maps.positions import Fix
+from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.registration.options import WORKING_WIDTH_PX
-from skymosaic.registration.register import extract_within_capacity
 
 THUMBNAIL_WIDTH_PX = 320
 _ARRAYS = ("to_original", "to_thumbnail", "features", "thumbnail", "sample")

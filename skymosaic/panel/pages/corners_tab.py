@@ -17,7 +17,7 @@ from skymosaic.panel.pages import drawings
 from skymosaic.panel.results import Upload, picture_address
 from skymosaic.panel.session import Session
 from skymosaic.panel.widgets.viewer import Viewer, side_by_side
-from skymosaic.registration.register import extract_within_capacity
+from skymosaic.registration.extraction import extract_within_capacity
 
 _AFFECTED_BY = ("preset", "detector", "descriptor", "position")
 

@@ -1,0 +1,56 @@
+"""Repeats the layout of a flight with other photographs from the same places: another band, or another day."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from skymosaic.errors import InputError
+from skymosaic.flight.cache import ResultCache
+from skymosaic.flight.linking.surveyor import Surveyor
+from skymosaic.flight.linking.view import View
+from skymosaic.flight.survey import Flight
+from skymosaic.flight.workers import Workers
+from skymosaic.imagery.photographs import Source
+
+
+def repeat_flight(known: Flight, sources: Sequence[Source], seed: int, workers: Workers, cache: ResultCache) -> Flight:
+    """A flight of other photographs with the links, the lens and the layouts of a known one.
+
+    Parameters
+    ----------
+    known : Flight
+    sources : sequence of Source
+        In the order of the known flight's photographs, and of the same sizes.
+    seed, workers, cache
+        As in `skymosaic.flight.survey.survey`.
+
+    Raises
+    ------
+    InputError
+        For another number of photographs, another size, or a photograph that cannot be used.
+    """
+    if len(sources) != len(known.names):
+        raise InputError(f"layout: of {len(known.names)} photographs, not of {len(sources)}; give the same number")
+    used = tuple(sources[source.index] for source in known.sources)
+    settings = replace(known.settings, lens=known.lens)
+    views = []
+    for view, before in zip(Surveyor(settings, seed, workers, cache).describe(used), known.views, strict=True):
+        if not isinstance(view, View):
+            raise InputError(f"layout: {view}")
+        if view.size != before.size:
+            sizes = " and ".join(f"{each.name} {each.size[0]}x{each.size[1]}" for each in (before, view))
+            raise InputError(f"layout: photographs of different sizes ({sizes}); give those of the same camera")
+        # The place on the map is repeated too, so that the mosaics lie on each other pixel by pixel.
+        views.append(replace(view, taken=replace(before.taken, black_level=view.taken.black_level)))
+    pair = known.pair
+    if pair is not None:
+        left, right = (source.read_photograph(known.lens) for source in used)
+        pair = replace(pair, left=left, right=right, seconds={})
+    return replace(
+        known,
+        names=tuple(source.name for source in sources),
+        sources=used,
+        views=tuple(views),
+        left_out={index: f"{sources[index].name}: left out of the known layout" for index in known.left_out},
+        seconds={},
+        pair=pair,
+    )
