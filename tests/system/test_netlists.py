@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""What Yosys makes of each block, and of a small accelerator, for xc7 and for the ECP5, equals the golden model.
+"""What Yosys makes of each block, for xc7 and for the ECP5, equals the golden model.
 
 The blocks are those of `test_export`, for lines of 64 px; those for the ECP5 instantiate its multipliers and block
 RAMs, as in `bench.synthesis`.
@@ -15,13 +15,10 @@ from bench.rules import largest_minimum, largest_product
 from golden_model.config import MatcherConfig
 from golden_model.fuzzy.rules import MatchRules
 from hdl.blocks import catalogue
-from hdl.blocks.export import export_block, module_ports
+from hdl.blocks.export import export_block
 from hdl.blocks.flat import FlatBlock
-from hdl.export import accelerator as export
-from hdl.export.accelerator_bench import make_accelerator_bench
 from hdl.lib.ecp5 import Ecp5
 from hdl.netlist import to_verilog
-from tests.hdl.export.test_accelerator import SMALL_BUILD
 from tests.hdl.lib.test_ecp5 import raw_response
 from tests.hdl.netlists import SYNTHESIS, models, run_bench, synthesise
 
@@ -74,21 +71,6 @@ def test_the_netlist_of_a_block_equals_the_golden_model(tmp_path: Path, name: st
         source.write_text(to_verilog(FlatBlock(catalogue.CATALOGUE[name]().component), name=name, platform=Ecp5()))
     netlist = synthesise(tmp_path, name, family, source)
     printed = run_bench(tmp_path, name, [netlist, *models(tmp_path, family)])
-    assert printed.startswith("PASS"), printed
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("family", SYNTHESIS)
-def test_the_netlist_of_the_accelerator_equals_the_golden_model(tmp_path: Path, family: str) -> None:
-    top = export.top_module(**SMALL_BUILD)
-    video_bits = export.DEFAULT_BUILD["video_bits"]
-    bench = make_accelerator_bench(export.TOP, module_ports(top), SMALL_BUILD["config"], video_bits=video_bits)
-    for name, text in bench.files().items():
-        (tmp_path / name).write_text(text)
-    source = tmp_path / f"{export.TOP}.v"
-    source.write_text(to_verilog(top, name=export.TOP, platform=Ecp5() if family == "ecp5" else None, aliases=False))
-    netlist = synthesise(tmp_path, export.TOP, family, source)
-    printed = run_bench(tmp_path, export.TOP, [netlist, *models(tmp_path, family)])
     assert printed.startswith("PASS"), printed
 
 
