@@ -119,10 +119,11 @@ def encode_response(value: NDArray[np.integer]) -> NDArray[np.uint16]:
     # The code equals the upper part of the value as a float32: 10 of the 23 fraction bits, and the exponent with
     # another bias, so that 2**10 has field 1. Converting to float32 rounds. The mask clears the bit 13 places below the
     # leading one (and some further down), which stops the carry of that rounding before it reaches the kept bits.
-    float32 = (magnitude & ~(magnitude >> 13)).astype(np.float32)
-    code = (float32.view(np.int32) >> 13) - ((127 + 9) << RESPONSE_FRACTION_BITS)
-    # Below 2**10 the code is the value itself.
-    return np.where(magnitude < 1 << RESPONSE_FRACTION_BITS, magnitude, code).astype(np.uint16)
+    code = (magnitude & ~(magnitude >> 13)).astype(np.float32).view(np.int32)
+    code >>= 13
+    code -= (127 + 9) << RESPONSE_FRACTION_BITS
+    # Below 2**10 the code is the value itself, which is larger there; from 2**10 on, no code is below 2**10.
+    return np.maximum(code, np.minimum(magnitude, 1 << RESPONSE_FRACTION_BITS)).astype(np.uint16)
 
 
 def decode_response(code: NDArray[np.integer]) -> NDArray[np.int32]:

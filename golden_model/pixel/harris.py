@@ -57,8 +57,8 @@ def raw_response(a: Plane, b: Plane, c: Plane, k_numerator: int, k_shift: int) -
     """
     # (A + B)**2 needs 33 bits. The denominator of k is a power of two, so the product is exact in float64. It is not
     # negative, so truncation is the floor.
-    penalty = np.add(a, b, dtype=np.float64)
-    penalty *= penalty
+    penalty = (a + b).astype(np.float64)
+    np.square(penalty, out=penalty)
     penalty *= k_numerator / (1 << k_shift)
     raw = a * b
     raw -= c * c
@@ -83,5 +83,5 @@ def response_code(raw: Plane, threshold: int) -> NDArray[np.uint16]:
     """
     # Compared as codes, like everything that follows, and as the hardware does.
     code = encode_response(np.maximum(raw, 0))
-    code[code < encode_response(np.array(threshold))] = 0
+    code *= code >= encode_response(np.array(threshold))
     return code

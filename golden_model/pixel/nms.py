@@ -38,6 +38,7 @@ def suppress(code: NDArray[np.uint16], radius_px: int, ties: str = "first") -> N
     before.flat[: side_px * side_px // 2] = 1
     after = np.ascontiguousarray(before[::-1, ::-1])
     largest_after = cv2.dilate(code, after)
-    beats_later = code >= largest_after if ties == "first" else code > largest_after
+    survives = code >= largest_after if ties == "first" else code > largest_after
     # `code` must be greater than the earlier responses and hence than 0, so an empty window gives no corner.
-    return np.where((code > cv2.dilate(code, before)) & beats_later, code, 0).astype(np.uint16)
+    survives &= code > cv2.dilate(code, before)
+    return np.asarray(code * survives, dtype=np.uint16)
