@@ -1,6 +1,7 @@
 """How often, and how closely, pairs with a known homography are registered, beside OpenCV's methods in one run.
 
     python -m bench.registration methods SET ...
+    python -m bench.registration relief [SET ...]
     python -m bench.registration unrelated FLIGHT FLIGHT ...
     python -m bench.registration render DIR
     python -m bench.registration cut DIR FLIGHT=COUNT ...
@@ -29,14 +30,18 @@ from bench import flight_pairs
 from bench.pair_sets import public_folder, read_set, write_set
 from bench.peers import METHODS, Peer
 from bench.remembering import RememberingBackend
-from bench.rendered_pairs import STEPS, flat_pairs
+from bench.rendered_pairs import HEIGHTS_PX, OVERLAPS, STEPS, ReliefPair, flat_pairs, relief_pairs
 from bench.report import JsonFile, Row, program, report
 from golden_model.arrays import Matrix, Pixels
 from skymosaic import register
 from skymosaic.evaluation.known_pairs import KnownPair
 from skymosaic.evaluation.metrics import MISSING_ERROR_PX, grid_error
+from skymosaic.geometry.homography import transfer_error
+from skymosaic.geometry.prosac import INLIER_PX, estimate_homography
 from skymosaic.imagery.images import load, reduce_to_width
 from skymosaic.imagery.photographs import list_sources
+from skymosaic.registration.confidence import correlate_overlap
+from skymosaic.registration.dense import match_densely
 from skymosaic.registration.options import EFFORTS
 
 app = program(__doc__)
@@ -46,6 +51,8 @@ LIMITS_PX = (1, 3, 5)
 WRONG_PX = 20.0
 FEW_FEATURES, MANY_FEATURES = 1000, 8000
 WIDTH_PX = 640
+CORRELATES_BETTER = 0.1
+"""From this much on, a result that correlates better than the recorded homography shows that to be worse."""
 OURS: dict[str, tuple[str, dict[str, Any]]] = {
     "normal": ("skymosaic", {}),
     "fast": ("skymosaic, `--effort fast`", {"effort": "fast"}),
@@ -60,7 +67,7 @@ OURS: dict[str, tuple[str, dict[str, Any]]] = {
 REFERENCE = f"SIFT, {FEW_FEATURES} features"
 """The row whose processor time is 1."""
 
-Method = Callable[[KnownPair, int], Iterator[tuple[Matrix | None, int]]]
+Method = Callable[[KnownPair | ReliefPair, int], Iterator[tuple[Matrix | None, int]]]
 """Takes a pair and the number of seeds; yields homography and inliers for each seed."""
 Sets = Annotated[list[str], typer.Argument(help="Folders of pairs; several are joined.", metavar="SET...")]
 
@@ -118,7 +125,7 @@ def chosen_methods(wanted: list[str] | None) -> dict[str, Method]:
 def ours(**options: Any) -> Method:
     """The project's own registration; features and matches are kept for the other seeds."""
 
-    def run(pair: KnownPair, seeds: int) -> Iterator[tuple[Matrix | None, int]]:
+    def run(pair: KnownPair | ReliefPair, seeds: int) -> Iterator[tuple[Matrix | None, int]]:
         backend = RememberingBackend() if "detector" not in options and "preset" not in options else "golden"
         for seed in range(seeds):
             registered = register(pair.left, pair.right, seed=seed, backend=backend, **options)
@@ -131,7 +138,7 @@ def peer(name: str, count: int) -> Method:
     """An OpenCV method on the same files; its seed is fixed."""
     method = Peer(name, count)
 
-    def run(pair: KnownPair, _seeds: int) -> Iterator[tuple[Matrix | None, int]]:
+    def run(pair: KnownPair | ReliefPair, _seeds: int) -> Iterator[tuple[Matrix | None, int]]:
         yield method.homography(*map(_gray, (pair.left, pair.right)))
 
     return run
@@ -152,8 +159,10 @@ def measure(method: Method, pairs: list[KnownPair], seeds: int, heading: str) ->
         yield Outcome(pair.name, pair.group, tuple(errors), inliers, seconds)
 
 
-def _gray(path: Path) -> Pixels:
-    return np.asarray(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
+def _gray(image: Path | Pixels) -> Pixels:
+    if isinstance(image, np.ndarray):
+        return image
+    return np.asarray(cv2.imread(str(image), cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
 
 
 def method_row(results: dict[str, list[Outcome]], heading: str) -> Row:
@@ -197,6 +206,71 @@ def shares(outcomes: list[Outcome]) -> str:
         f"{share.mean():.0f}" + (f" ({share.min():.0f}-{share.max():.0f})" if np.ptp(share) > 0 else "")
         for share in by_seed
     )
+
+
+@app.command()
+def relief(
+    *,
+    sets: Annotated[list[str] | None, typer.Argument(help="Folders of pairs; none: rendered relief.")] = None,
+    each: Annotated[int, typer.Option(min=1, help="Rendered pairs for every height and overlap.")] = 2,
+    seeds: Annotated[int, typer.Option(min=1, help="Seeds of our estimator; OpenCV's are fixed.")] = 5,
+    method: Annotated[list[str] | None, typer.Option(help="Only these: normal, thorough, refine, sift, ...")] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Share of the overlap within 2 px of each pixel's true position, relief included.
+
+    Rendered relief has exact positions, and a last row for the homography that is fitted to them. For the pairs of a
+    set, two-way optical flow stands in for them, which starts at the recorded homography; where the result correlates
+    better than that, the recorded homography is named, and flow starts at the result. Refused pairs count 0.
+    """
+    cv2.setNumThreads(1)
+    if sets:
+        pairs = [pair for name in sets for pair in map(flow_truth, read_set(public_folder(name)))]
+    else:
+        pairs = list(track(relief_pairs(each), "rendering", len(HEIGHTS_PX) * len(OVERLAPS) * each, console=progress))
+    chosen = chosen_methods(method) | ({} if sets else {"the truth's own homography": fit_to_truth})
+    rows = [relief_row(heading, run, pairs, seeds) for heading, run in chosen.items()]
+    report(f"{len(pairs)} pairs with relief, {seeds} seeds", rows, json_file)
+
+
+def flow_truth(pair: KnownPair) -> ReliefPair:
+    """The pair with positions by two-way flow instead of its recorded homography."""
+    left, right = _gray(pair.left), _gray(pair.right)
+    start, found = pair.truth, register(left, right, accept_poor=True).homography
+    if found is not None:
+        recorded, ours = (correlate_overlap((left, right), H) for H in (pair.truth, found))
+        if ours > recorded + CORRELATES_BETTER:
+            progress.print(f"{pair.name}: the recorded homography correlates by {recorded:.2f}, ours by {ours:.2f}")
+            start = found
+    return ReliefPair(pair.name, left, right, *match_densely(left, right, start))
+
+
+def fit_to_truth(pair: KnownPair | ReliefPair, _seeds: int) -> Iterator[tuple[Matrix | None, int]]:
+    """About the best that any homography can do."""
+    assert isinstance(pair, ReliefPair)
+    points = pair.left_points, pair.right_points
+    estimate = estimate_homography(*points, np.ones(len(pair.left_points)), rng=np.random.default_rng(0))
+    yield estimate.homography, int(estimate.inliers.sum())
+
+
+def relief_row(heading: str, method: Method, pairs: list[ReliefPair], seeds: int) -> Row:
+    """Share within 2 px, mean error and refusals of one method."""
+    errors = []
+    for pair in track(pairs, description=heading, console=progress, transient=True):
+        found = [homography for homography, _ in method(pair, seeds)]
+        nothing = np.full(len(pair.left_points), MISSING_ERROR_PX)
+        errors.append([nothing if H is None else transfer_error(H, pair.left_points, pair.right_points) for H in found])
+    within = 100 * np.array([[np.mean(error <= INLIER_PX) for error in of_seeds] for of_seeds in errors])
+    mean_px = np.array([[np.minimum(error, MISSING_ERROR_PX).mean() for error in of_seeds] for of_seeds in errors])
+    wrong = (mean_px > WRONG_PX) & (mean_px < MISSING_ERROR_PX)
+    return {
+        "method": heading,
+        "within 2 px": f"{within.mean():.1f} %",
+        "median": f"{np.median(mean_px):.1f} px",
+        "refused": round(float((mean_px == MISSING_ERROR_PX).sum(axis=0).mean()), 1),
+        "wrong": int(wrong.any(axis=1).sum()),
+        "seeds differ": int((np.ptp(mean_px, axis=1) > 1).sum()),
+    }
 
 
 @app.command()

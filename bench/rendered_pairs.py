@@ -18,11 +18,12 @@ from golden_model.arrays import Matrix, Pixels, Points
 from sim.scene import Camera, CameraPose, Photometry, render_ground, render_view
 from sim.scene.camera import find_visible_box
 
-STEPS = {"zoom": (1.5, 2.0, 2.5, 3.0, 3.5, 4.0), "tilt": (20, 30, 40, 50, 60)}
+STEPS = {"zoom": (1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0), "tilt": (20, 30, 40, 50, 60, 65, 70, 75)}
 """Factors of height, and degrees."""
-FOCAL_WIDTHS = {"zoom": 0.8, "tilt": 1.6, "relief": 0.8}
-"""Focal length in image widths. 0.8 is a common drone's; a tilt of 60 degrees needs a narrower view, or it would show
-the horizon."""
+FOCAL_WIDTHS = 0.8
+"""Focal length in image widths, a common drone's."""
+TILTED_FOCAL_WIDTHS = {60: 1.6, 75: 3.2}
+"""Of tilts up to so many degrees: a wider view would show the horizon."""
 HEIGHTS_PX = (4.0, 12.0, 25.0, 45.0)
 """Standard deviation of the relief, ground px; the camera flies at 512."""
 OVERLAPS = (0.75, 0.55, 0.35, 0.2)
@@ -50,7 +51,8 @@ def flat_pairs(kind: str, each: int) -> Iterator[tuple[str, str, Pixels, Pixels,
 def flat_pair(kind: str, step: float, number: int) -> tuple[Pixels, Pixels, Matrix]:
     """Render pair ``number`` of a zoom (a factor) or a tilt (degrees); the same on every run."""
     rng = np.random.default_rng([list(STEPS).index(kind), round(10 * step), number])
-    camera = _camera(kind)
+    steepest = next((limit for limit in TILTED_FOCAL_WIDTHS if kind == "tilt" and step <= limit), None)
+    camera = _camera(TILTED_FOCAL_WIDTHS[steepest] if steepest else FOCAL_WIDTHS)
     centre = rng.uniform(-300, 300, 2)
     heading_deg, turn_deg = rng.uniform(0, 360), rng.uniform(-180, 180)
     # The centre of the other view is up to a tenth of the width away.
@@ -89,9 +91,9 @@ def _flat_view(
     return cv2.cvtColor(photometry.apply(np.asarray(reduced, np.uint8), rng), cv2.COLOR_BGR2GRAY)
 
 
-def _camera(kind: str) -> Camera:
+def _camera(focal_widths: float) -> Camera:
     width_px, height_px = SIZE_PX
-    return Camera(width_px=width_px, height_px=height_px, focal_px=FOCAL_WIDTHS[kind] * width_px)
+    return Camera(width_px=width_px, height_px=height_px, focal_px=focal_widths * width_px)
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,7 @@ def relief_pairs(each: int) -> Iterator[ReliefPair]:
 def relief_pair(height_px: float, overlap: float, number: int) -> ReliefPair:
     """Render pair ``number`` of a relief (standard deviation, ground px) and an overlap; the same on every run."""
     rng = np.random.default_rng([round(height_px), round(100 * overlap), number])
-    camera = _camera("relief")
+    camera = _camera(FOCAL_WIDTHS)
     heading_deg = rng.uniform(0, 360)
     heading = np.radians(heading_deg)
     shift = (1 - overlap) * camera.width_px * np.array([np.cos(heading), np.sin(heading)])
