@@ -1,28 +1,46 @@
 """The golden model as a `sim.backends.interface.Backend`; every other backend is compared with it."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
+from hashlib import blake2b
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Records
-from golden_model.config import Config
-from golden_model.front_end import extract
+from golden_model.config import Config, FrontEndConfig
+from golden_model.front_end import FrameFeatures, extract
 from golden_model.matching.matcher import ReferenceFrame, match
 from golden_model.records import MATCH
 from sim.backends.interface import Backend, BackendError, FrameResult, Progress, Reference
+
+REMEMBERED_FRAMES = 8
+"""Further passes of a registration take the same reference frames again."""
 
 
 class GoldenBackend(Backend):
     """`golden_model.front_end.extract` and `golden_model.matching.matcher.match`, frame by frame."""
 
+    def __init__(self) -> None:
+        self._extracted: dict[Hashable, FrameFeatures] = {}
+
     def run(
         self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
     ) -> list[FrameResult]:
         """See `sim.backends.interface.Backend.run`."""
-        extracted = (extract(image, config.front_end, frame=number) for number, image in enumerate(frames))
+        extracted = (self._extract(image, config.front_end, number) for number, image in enumerate(frames))
         return list(add_matches(((frame.features, frame.status, None) for frame in extracted), config, reference))
+
+    def _extract(self, image: NDArray[np.uint8], config: FrontEndConfig, number: int) -> FrameFeatures:
+        """Extract the features, or take those of the same frame before."""
+        key = blake2b(image.tobytes()).digest(), image.shape, repr(config)
+        if key not in self._extracted:
+            self._extracted[key] = extract(image, config)
+            if len(self._extracted) > REMEMBERED_FRAMES:
+                del self._extracted[next(iter(self._extracted))]
+        features, status = self._extracted[key].features.copy(), self._extracted[key].status.copy()
+        features["frame"] = status["frame"] = number
+        return FrameFeatures(features, status)
 
 
 def add_matches(

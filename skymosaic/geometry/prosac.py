@@ -42,6 +42,8 @@ CONFIDENCE = 0.9999
 """Sampling stops once a sample without wrong matches has been drawn with this probability."""
 RESTARTS = 3
 """Independent searches; the homography with the highest score wins."""
+CLEAR_SHARE = 0.5
+"""A search that gains more than this share of all weights ends the restarts: no other plane can gain as much."""
 BATCH = 64
 """Samples that are solved and scored together, because NumPy is fast on arrays only."""
 EIGENVALUE_TOLERANCE = 1e-13
@@ -154,7 +156,7 @@ def estimate_homography(
     max_samples : int
         Samples per search; it ends earlier once a better homography is improbable.
     restarts : int
-        Independent searches; the homography with the highest score wins. With 0, only ``starts`` compete.
+        Independent searches at most; the homography with the highest score wins. With 0, only ``starts`` compete.
     starts : sequence of (3, 3) ndarray
         Homographies known from elsewhere, which compete after local optimisation.
     scoring : callable, optional
@@ -172,7 +174,11 @@ def estimate_homography(
     """
     matches = _Matches(left, right, weight)
     scores = (scoring or transfer_scorer)(matches.left, matches.right, matches.weight)
-    results = [_search(matches, scores, rng, max_samples) for _ in range(restarts)]
+    results: list[tuple[Array | None, float, int]] = []
+    for _ in range(restarts):
+        results.append(_search(matches, scores, rng, max_samples))
+        if results[-1][1] > CLEAR_SHARE * matches.weight.sum():
+            break
     results += [(*_optimise_locally(start, 0.0, matches), 0) for start in starts if len(matches.left) >= 4]
     best, _, _ = max(results, key=lambda result: result[1], default=(None, 0.0, 0))
     return matches.polish(best, sum(samples for _, _, samples in results))

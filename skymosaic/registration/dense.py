@@ -10,14 +10,13 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from golden_model.arrays import Mask, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
 from skymosaic.features.positions import match_points
-from skymosaic.geometry.homography import DegenerateError, apply, transfer_error
+from skymosaic.geometry.held_out import clearly_better, held_out_agreement, refit
+from skymosaic.geometry.homography import apply, transfer_error
 from skymosaic.geometry.prosac import INLIER_PX
-from skymosaic.geometry.refinement import refine_robustly
 from skymosaic.registration.pair import Pair
 
 GRID_STEP_PX = 16
@@ -27,11 +26,6 @@ MARGIN_PX = 8
 """Flow closer to the edge of the overlap is computed from patches that reach beyond it."""
 MIN_SIDE_PX = 64
 MIN_GRID_POINTS = 50
-FIELD_PX = 64.0
-"""Matches and grid points are held out by the fields of a chessboard with this side. All matches of a field together
-have one vote, because a few textured places must not decide alone."""
-MIN_GAIN = 0.02
-"""Smaller gains are noise: without this threshold, the refit made 1 in 20 public pairs worse by 0.7 px."""
 
 
 def refit_pair(pair: Pair, counts: Callable[[Points, Points], Mask]) -> Pair:
@@ -45,9 +39,13 @@ def refit_pair(pair: Pair, counts: Callable[[Points, Points], Mask]) -> Pair:
     left, right = match_densely(to_gray(pair.working[0]), to_gray(pair.working[1]), homography)
     shown = counts(left, right)
     left, right = left[shown], right[shown]
-    refitted = _fit(homography, left, right) if len(left) >= MIN_GRID_POINTS else None
-    if refitted is None or not _predicts_better(homography, (left, right), match_points(pair.kept)):
+    matches = match_points(pair.kept)
+    if len(left) < MIN_GRID_POINTS:
         return pair
+    by_flow, by_matches = (held_out_agreement(homography, points, matches) for points in ((left, right), matches))
+    if not clearly_better(by_flow, by_matches):
+        return pair
+    refitted = refit(homography, left, right)
     inliers = np.count_nonzero(transfer_error(refitted, left, right) <= INLIER_PX)
     return pair.with_homography(refitted, refined_inliers=int(inliers))
 
@@ -95,36 +93,3 @@ def _flow_grid(left: Pixels, warped: Pixels, inside: Mask) -> tuple[Points, Poin
     back = cv2.remap(backward, moved[:, None], None, cv2.INTER_LINEAR, borderValue=(np.inf, np.inf))[:, 0]
     agree = np.linalg.norm(offset + back, axis=1) <= MAX_DISAGREEMENT_PX
     return np.stack((columns, rows), axis=1)[agree].astype(np.float64), moved[agree].astype(np.float64)
-
-
-def _predicts_better(homography: Matrix, dense: tuple[Points, Points], matches: tuple[Points, Points]) -> bool:
-    """Whether fits to the flow agree better with held-out matches than fits to the other matches do."""
-    by_matches = by_flow = 0.0
-    for colour in (0, 1):
-        matches_out, dense_out = (_colour(points[0]) == colour for points in (matches, dense))
-        judges = [points[matches_out] for points in matches]
-        fit_to_matches = _fit(homography, *(points[~matches_out] for points in matches))
-        fit_to_flow = _fit(homography, *(points[~dense_out] for points in dense))
-        by_matches += _agreement(homography if fit_to_matches is None else fit_to_matches, *judges)
-        by_flow += _agreement(homography if fit_to_flow is None else fit_to_flow, *judges)
-    return by_flow > (1 + MIN_GAIN) * by_matches
-
-
-def _colour(points: Points) -> NDArray[np.int64]:
-    """The colour, 0 or 1, of the chessboard's field that each point lies in."""
-    return np.asarray(np.floor(points / FIELD_PX).astype(np.int64).sum(axis=1) % 2)
-
-
-def _agreement(homography: Matrix, left: Points, right: Points) -> float:
-    """How many fields agree with a homography: matches without error count fully, those 2 px off not at all."""
-    agreement = np.maximum(0, 1 - (transfer_error(homography, left, right) / INLIER_PX) ** 2)
-    _, field, count = np.unique(np.floor(left / FIELD_PX), axis=0, return_inverse=True, return_counts=True)
-    return float((agreement / count[field.ravel()]).sum())
-
-
-def _fit(homography: Matrix, left: Points, right: Points) -> Matrix | None:
-    """Fit a homography to the points that agree with it roughly; None where they do not determine one."""
-    try:
-        return refine_robustly(homography, left, right)
-    except (DegenerateError, np.linalg.LinAlgError):
-        return None

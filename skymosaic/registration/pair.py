@@ -90,6 +90,8 @@ class Pair:
         One of `skymosaic.registration.options.EFFORTS`.
     passes : int
         Pairs of frames that were matched; 1 where the first pass was enough.
+    inverted : bool
+        The right photograph matches only as its negative, which ``working`` holds.
     backend : str
         Name of the backend that computed features and matches.
     seconds : dict
@@ -112,6 +114,7 @@ class Pair:
     estimator: str
     effort: str
     passes: int
+    inverted: bool
     backend: str
     seconds: dict[str, float]
 
@@ -244,6 +247,7 @@ class Pair:
             "estimator": self.estimator,
             "effort": self.effort,
             "passes": self.passes,
+            "inverted": self.inverted,
         }
 
 

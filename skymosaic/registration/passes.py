@@ -1,16 +1,16 @@
 """Searches a pair for a homography: one pass of the front end where that is enough, further passes where it is not.
 
 A pass matches a frame of one image with a frame of the other. The first pass takes the images as they are. A weak
-result gets further passes, in this order: both images √2 times larger (and smaller), one image reduced in steps for
-large zooms, one image compressed as if seen from the side. All go through the same front end and matcher. A homography
-is accepted by the matches of these passes alone.
+result gets further passes, in this order: both images √2 times larger (and smaller), one image enlarged and the other
+reduced in steps, one image compressed as if seen from the side, the right image inverted. All go through the same front
+end and matcher. A homography is accepted by the matches of these passes alone.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,8 +30,9 @@ from skymosaic.features.frames import (
 )
 from skymosaic.features.positions import match_points
 from skymosaic.geometry import acceptance
-from skymosaic.geometry.homography import apply
-from skymosaic.geometry.prosac import MIN_INLIERS, Estimate, Scoring, estimate_homography
+from skymosaic.geometry.held_out import clearly_better, held_out_agreement
+from skymosaic.geometry.homography import apply, transfer_error
+from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, Estimate, Scoring, estimate_homography
 
 # A result above all three thresholds needs no further passes. Where fewer of the kept matches agree, relief divides
 # them between planes, and more matches settle which plane counts.
@@ -65,14 +66,26 @@ class FrontEndRun:
 
 # Half an octave either way: what lies between the octaves of the first pass meets best here.
 LARGER, SMALLER = (FrontEndRun(Change(scale), (Change(scale),)) for scale in (math.sqrt(2), math.sqrt(0.5)))
-# Ratios of 2.8 and 4 between the frames: with two octaves each, all zooms from 1.4 to 5.7 are near a power of two.
+# Ratios of 2.8, 4 and 5 between the frames: with two octaves each, all zooms from 1.4 to 5.7 are near one of them. The
+# image that shows more ground is enlarged, because little of it shows the other one.
+LADDER = tuple(
+    FrontEndRun(reference, reduced, swapped)
+    for swapped in (False, True)
+    for reference, reduced in ((LARGER.reference, (Change(0.5),)), (Change(2.0), (Change(0.5), Change(0.4))))
+)
 REDUCED = (Change(0.5), Change(math.sqrt(0.125)))
-LADDER = tuple(FrontEndRun(Change(math.sqrt(2)), REDUCED, swapped) for swapped in (False, True))
-# Only the left image is compressed. Where it is itself the tilted one, compressing it across its own tilt makes it
-# smaller as a whole, which the octaves absorb.
-DIRECTIONS_DEG = (0.0, 60.0, 120.0)
-TILTED = tuple(Change(1.0, tilt, direction) for tilt in (math.sqrt(2), 2.0) for direction in DIRECTIONS_DEG)
-TILTS = (FrontEndRun(Change(), TILTED, swapped=True),)
+INVERTED = FrontEndRun(Change(), (Change(inverted=True),))
+# Either image may be the one that looks from the side; the other one is compressed. A frame matches tilts up to about
+# 1.7 times steeper or flatter, in directions that lie the closer the steeper they are (ASIFT).
+TILT_DIRECTIONS = {math.sqrt(2): 3, 2 * math.sqrt(2): 6, 4.0: 8}
+TILTED = tuple(Change(1.0, tilt, 180 / count * i) for tilt, count in TILT_DIRECTIONS.items() for i in range(count))
+TILTS = tuple(FrontEndRun(Change(), TILTED, swapped) for swapped in (False, True))
+# Small frames show in a quarter of the time which tilts are worth a pass at full size: unrelated frames seldom gather
+# more than the four places of a sample.
+SCAN_SCALE = 0.5
+SCAN_SAMPLES = 300
+PROMISING_PLACES = 5
+MAX_PROMISING = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +133,8 @@ class SearchState:
         Different places that the inliers show.
     passes : int
         Pairs of frames that were matched.
+    inverted : bool
+        The right image matches only as its negative.
     """
 
     evidence: Evidence
@@ -127,6 +142,11 @@ class SearchState:
     inliers: Mask
     places: int
     passes: int
+    inverted: bool = False
+
+
+MatchedFrames = tuple[Change, tuple[Records, Records], tuple[Frame, Frame], Records]
+"""What was done to the other frame; features and frames of both, the reference first; their matches."""
 
 
 class Search:
@@ -160,11 +180,15 @@ class Search:
         if state.homography is not None:
             run = _choose_run_between_octaves(state.homography, self._sizes[0])
             return self._search_separately(state, (run,)) if run else state
-        for runs in (LADDER, TILTS):
-            state = self._search_separately(state, runs)
-            if state.homography is not None:
-                break
-        return state
+        state = self._search_separately(state, LADDER)
+        if state.homography is None:
+            state = self._scan_tilts(state)
+        if state.homography is None and effort == "thorough":
+            state = self._search_separately(state, TILTS)
+        if state.homography is not None:
+            return state
+        state = self._search_separately(state, (INVERTED,))
+        return replace(state, inverted=state.homography is not None)
 
     def accept(self, evidence: Evidence, homography: Matrix | None, inliers: Mask, passes: int) -> SearchState:
         """The state with this homography, or with None where its inliers are too few or too close together."""
@@ -179,11 +203,47 @@ class Search:
     def _search_together(self, state: SearchState, runs: Sequence[FrontEndRun]) -> SearchState:
         """Add passes over frames of the same scale on both sides, and search all matches together."""
         evidence, passes = state.evidence, state.passes
-        for further in self._match_frames(runs):
+        for _, further in self._match_frames(runs):
             evidence, passes = evidence.with_pass(further), passes + 1
         # The homography so far starts one more search, so that further passes never lose it.
         starts = [] if state.homography is None else [state.homography]
-        return self._accept_estimate(evidence, self._estimate(evidence, starts=starts), passes)
+        found = self._accept_estimate(evidence, self._estimate(evidence, starts=starts), passes)
+        return self.choose(state, found)
+
+    def choose(self, before: SearchState, found: SearchState) -> SearchState:
+        """The homography of further passes, or the one before where that predicts held-out matches better."""
+        if before.homography is None:
+            return found
+        judges = match_points(found.evidence.kept)
+        kept, new = (
+            held_out_agreement(state.homography, match_points(state.evidence.kept), judges)
+            if state.homography is not None
+            else 0.0
+            for state in (before, found)
+        )
+        if not clearly_better(kept, new):
+            return found
+        near = transfer_error(before.homography, *match_points(found.evidence.matches)) <= INLIER_PX
+        inliers = near & (found.evidence.matches["verdict"] == 1)
+        return self.accept(found.evidence, before.homography, inliers, found.passes)
+
+    def _scan_tilts(self, state: SearchState) -> SearchState:
+        """Search small frames at many tilts, and at full size those where the most matches agree."""
+        promising = []
+        passes = state.passes
+        for run in TILTS:
+            small = [replace(change, scale=SCAN_SCALE) for change in (run.reference, *run.others)]
+            scan = FrontEndRun(small[0], tuple(small[1:]), run.swapped)
+            for change, further in self._match_frames((scan,)):
+                passes += 1
+                estimate = self._estimate(further, max_samples=SCAN_SAMPLES, restarts=1)
+                places = self._accept_estimate(further, estimate, 1).places
+                if places >= PROMISING_PLACES:
+                    full = FrontEndRun(run.reference, (replace(change, scale=1.0),), run.swapped)
+                    promising.append((places, full))
+        promising.sort(key=lambda each: -each[0])
+        runs = [run for _, run in promising[:MAX_PROMISING]]
+        return self._search_separately(replace(state, passes=passes), runs)
 
     def _search_separately(self, state: SearchState, runs: Sequence[FrontEndRun]) -> SearchState:
         """Search each pass separately: pooled, the few correct matches of one drown among the wrong ones of all.
@@ -191,7 +251,7 @@ class Search:
         The passes that succeed are pooled, and the best of their homographies is fitted to all their matches.
         """
         evidence, passes, starts = state.evidence, state.passes, []
-        for further in self._match_frames(runs):
+        for _, further in self._match_frames(runs):
             passes += 1
             estimate = self._estimate(further, max_samples=FURTHER_PASS_SAMPLES, restarts=1)
             homography = self._accept_estimate(further, estimate, 1).homography
@@ -199,42 +259,44 @@ class Search:
                 starts.append(homography)
                 evidence = evidence.with_pass(further)
         if not starts:
-            return SearchState(state.evidence, state.homography, state.inliers, state.places, passes)
+            return replace(state, passes=passes)
         starts += [] if state.homography is None else [state.homography]
-        return self._accept_estimate(evidence, self._estimate(evidence, restarts=0, starts=starts), passes)
+        found = self._accept_estimate(evidence, self._estimate(evidence, restarts=0, starts=starts), passes)
+        return self.choose(state, found)
 
-    def _match_frames(self, runs: Sequence[FrontEndRun]) -> Iterator[Evidence]:
-        """The evidence of each pass, without frames that the front end does not take."""
+    def _match_frames(self, runs: Sequence[FrontEndRun]) -> Iterator[tuple[Change, Evidence]]:
+        """The evidence of each pass and what was done to its frame, without frames that the front end does not take."""
         for run in runs:
-            for features, frames, matches in self._run(run) if self._shared is None else self._share(run, self._shared):
+            for change, features, frames, matches in self._run(run) if self._shared is None else self._share(run):
                 if run.swapped:
-                    yield self._map_to_images(features[::-1], frames[::-1], _swap(matches))
+                    yield change, self._map_to_images(features[::-1], frames[::-1], _swap(matches))
                 else:
-                    yield self._map_to_images(features, frames, matches)
+                    yield change, self._map_to_images(features, frames, matches)
 
-    def _run(self, run: FrontEndRun) -> Iterator[tuple[tuple[Records, Records], tuple[Frame, Frame], Records]]:
-        """Features, frames and matches of the reference with each of the others."""
+    def _run(self, run: FrontEndRun) -> Iterator[MatchedFrames]:
+        """What was done to each of the other frames, and its features, frames and matches with the reference."""
         reference_image, other_image = self._images[::-1] if run.swapped else self._images
         reference = make_frame(reference_image, run.reference)
-        others = [frame for frame in (make_frame(other_image, change) for change in run.others) if frame]
+        made = [(change, make_frame(other_image, change)) for change in run.others]
+        others = [(change, frame) for change, frame in made if frame]
         if reference is None or not others:
             return
-        first, *results = self._front_end.run([frame.pixels for frame in (reference, *others)], self._config)
-        for frame, result in zip(others, results, strict=True):
-            yield (first.features, result.features), (reference, frame), result.matches
+        pixels = [frame.pixels for frame in (reference, *(frame for _, frame in others))]
+        first, *results = self._front_end.run(pixels, self._config)
+        for (change, frame), result in zip(others, results, strict=True):
+            yield change, (first.features, result.features), (reference, frame), result.matches
 
-    def _share(
-        self, run: FrontEndRun, shared: tuple[DescribedImage, DescribedImage]
-    ) -> Iterator[tuple[tuple[Records, Records], tuple[Frame, Frame], Records]]:
+    def _share(self, run: FrontEndRun) -> Iterator[MatchedFrames]:
         """As `_run`, with the features that the images keep."""
-        reference_image, other_image = shared[::-1] if run.swapped else shared
+        assert self._shared is not None
+        reference_image, other_image = self._shared[::-1] if run.swapped else self._shared
         reference = reference_image.describe(run.reference, self._front_end, self._config)
         for change in run.others:
             other = other_image.describe(change, self._front_end, self._config)
             if reference is not None and other is not None:
                 features = reference[1], other[1]
                 matches = match(*features, self._config.front_end.pattern, self._config.matcher)
-                yield features, (reference[0], other[0]), matches
+                yield change, features, (reference[0], other[0]), matches
 
     def _map_to_images(
         self, features: tuple[Records, Records], frames: tuple[Frame, Frame], matches: Records

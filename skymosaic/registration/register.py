@@ -16,12 +16,15 @@ from skymosaic.features.standing import STANDS_STILL, are_still, remove_still, s
 from skymosaic.geometry.estimators import SCORINGS, estimate
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end
 from skymosaic.imagery.lens import Lens
+from skymosaic.registration.confidence import fits_throughout
 from skymosaic.registration.dense import refit_pair
 from skymosaic.registration.extraction import Features, extract_within_capacity, share_features
 from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
 from skymosaic.registration.pair import Pair, map_to_originals
 from skymosaic.registration.passes import Evidence, Search, SearchState, explain_refusal
 from skymosaic.stopwatch import Stopwatch
+
+INVERTED_NOTE = "it matches only as its negative, as thermal and infrared photographs may"
 
 
 def register(
@@ -133,6 +136,8 @@ def register_photographs(
         search = make_search(lambda matches: remove_still(remove_masked(matches)))
         state = _search(search, first_pass, options.estimator, effort, rng)
     to_original, homography = (to_left, to_right), state.homography
+    if state.inverted:
+        photographs, right = (photographs[0], photographs[1].with_note(INVERTED_NOTE)), ~right
     pair = Pair(
         left=photographs[0],
         right=photographs[1],
@@ -150,6 +155,7 @@ def register_photographs(
         estimator=options.estimator,
         effort=effort,
         passes=state.passes,
+        inverted=state.inverted,
         backend=options.backend_name,
         seconds=clock.seconds,
     )
@@ -166,6 +172,13 @@ def register_photographs(
 
 def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Points, Points], Mask]) -> Pair:
     """Refit a pair where that is asked for or the verdict is not good, and refuse what is mostly extrapolated."""
+    homography = pair.working_homography
+    if homography is None:
+        return pair
+    sizes = [(image.shape[1], image.shape[0]) for image in pair.working]
+    clear = fits_throughout(homography, *match_points(pair.kept), sizes[0], sizes[1])
+    if clear and not options.refine:
+        return pair
     if options.refine or (pair.effort != "fast" and pair.confidence and pair.confidence.verdict != "good"):
         pair = refit_pair(pair, shows_ground)
     confidence = pair.confidence

@@ -10,7 +10,8 @@ from golden_model.arrays import Pixels
 from sim.scene import Camera, CameraPose, Photometry, render_ground, render_view
 from sim.scene.camera import find_visible_box
 from skymosaic import register
-from skymosaic.registration.confidence import Confidence
+from skymosaic.features.positions import match_points
+from skymosaic.registration.confidence import Confidence, fits_throughout
 
 CAMERA = Camera(width_px=480, height_px=360, focal_px=384)
 
@@ -71,6 +72,7 @@ def test_a_poor_pair_on_little_of_the_overlap_is_refused(left: Pixels, monkeypat
     right = view(280, seed=3)
     monkeypatch.setattr("skymosaic.registration.confidence.POOR_PX", 0.0)
     monkeypatch.setattr("skymosaic.registration.confidence.GOOD_PX", 0.0)
+    monkeypatch.setattr("skymosaic.registration.confidence.CLEAR_INLIERS", 10_000)
     # Poor, but supported by most of the overlap.
     assert register(left, right).accepted
     monkeypatch.setattr("skymosaic.registration.confidence.SMALL_SHARE_OF_OVERLAP", 1.0)
@@ -83,3 +85,15 @@ def test_a_poor_pair_on_little_of_the_overlap_is_refused(left: Pixels, monkeypat
     assert delivered.accepted
     assert delivered.confidence is not None
     assert delivered.confidence.verdict == "poor"
+
+
+def test_a_clear_pair_is_good_without_a_closer_look(left: Pixels, monkeypatch: pytest.MonkeyPatch) -> None:
+    pair, hills = (register(left, image) for image in (view(100, seed=3), with_relief(view(100, seed=3), 8)))
+    clear = [
+        fits_throughout(each.working_homography, *match_points(each.kept), (480, 360), (480, 360))
+        for each in (pair, hills)
+        if each.working_homography is not None
+    ]
+    assert clear == [True, False]
+    monkeypatch.setattr("skymosaic.registration.pair.assess", lambda *_: pytest.fail("assessed"))
+    assert register(left, view(100, seed=3)).accepted

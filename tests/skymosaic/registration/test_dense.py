@@ -92,6 +92,7 @@ def test_the_refit_of_a_good_pair_must_be_asked_for(monkeypatch: pytest.MonkeyPa
     register(LEFT, RIGHT, refine=True, detector="sift")
     assert len(asked) == 2
     monkeypatch.setattr("skymosaic.registration.confidence.GOOD_PX", 0.0)
+    monkeypatch.setattr("skymosaic.registration.confidence.CLEAR_INLIERS", 10_000)
     register(LEFT, RIGHT, effort="fast")
     assert len(asked) == 2
     register(LEFT, RIGHT)

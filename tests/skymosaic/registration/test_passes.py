@@ -1,10 +1,12 @@
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from bench.rendered_pairs import flat_pair
 from golden_model.config import Config
 from sim.backends.golden import GoldenBackend
 from sim.backends.interface import FrameResult, Reference
@@ -13,6 +15,7 @@ from sim.scene.camera import find_visible_box
 from skymosaic import register
 from skymosaic.errors import InputError
 from skymosaic.evaluation.metrics import grid_error
+from skymosaic.registration.passes import Evidence, Search, SearchState
 
 SIZE = (480, 360)
 CAMERA = Camera(width_px=SIZE[0], height_px=SIZE[1], focal_px=384)
@@ -111,3 +114,49 @@ def test_an_effort_that_cannot_apply_is_refused(
 
 def test_other_methods_take_one_pass_by_default(near: tuple[CameraPose, NDArray[np.uint8]]) -> None:
     assert register(near[1], near[1], detector="orb").effort == "fast"
+
+
+def test_a_tilt_of_65_degrees_is_found_from_either_side(monkeypatch: pytest.MonkeyPatch) -> None:
+    left, right, truth = flat_pair("tilt", 65, 11)
+    for one, other, matrix in ((left, right, truth), (right, left, np.asarray(np.linalg.inv(truth), dtype=np.float64))):
+        pair = register(one, other)
+        assert pair.accepted, pair.reason
+        assert grid_error(pair.homography, matrix, (640, 480), (640, 480)) < 1
+        assert len(pair.inliers) > 100
+    monkeypatch.setattr("skymosaic.registration.passes.PROMISING_PLACES", 1000)
+    assert not register(left, right).accepted
+
+
+def test_a_negative_is_registered_and_said_to_be_one(near: tuple[CameraPose, NDArray[np.uint8]]) -> None:
+    pose = CameraPose(x_px=90, y_px=60, altitude_px=400, heading_deg=10)
+    truth = pose.homography(CAMERA) @ np.linalg.inv(near[0].homography(CAMERA))
+    right = view(pose, 1)
+    pair = register(near[1], 255 - right)
+    assert pair.accepted, pair.reason
+    assert grid_error(pair.homography, truth, SIZE, SIZE) < 0.5
+    assert pair.inverted
+    assert pair.summary()["inverted"]
+    assert any("negative" in note for note in pair.right.notes)
+    np.testing.assert_array_equal(pair.working[1], right)
+    assert not register(near[1], right).inverted
+
+
+def test_further_passes_do_not_replace_what_predicts_held_out_matches_better(
+    near: tuple[CameraPose, NDArray[np.uint8]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pose = CameraPose(x_px=90, y_px=60, altitude_px=400, heading_deg=10)
+    truth = pose.homography(CAMERA) @ np.linalg.inv(near[0].homography(CAMERA))
+    pair = register(near[1], view(pose, 1))
+    agreement = "skymosaic.registration.passes.held_out_agreement"
+    monkeypatch.setattr(agreement, lambda homography, *_: 10.0 if homography is truth else 5.0)
+    search = Search(GoldenBackend(), pair.working, pair.config, np.random.default_rng(0), lambda matches: matches)
+    evidence = Evidence(pair.features, pair.matches)
+    inliers = np.asarray(pair.matches["verdict"] == 1)
+    right = SearchState(evidence, truth, inliers, 100, passes=1)
+    wrong = SearchState(evidence, np.array([[1.0, 0, 80], [0, 1, 50], [0, 0, 1]]) @ truth, inliers, 100, passes=2)
+    chosen = search.choose(right, wrong)
+    assert chosen.homography is right.homography
+    assert chosen.passes == 2
+    assert np.count_nonzero(chosen.inliers) == len(pair.inliers)
+    assert search.choose(wrong, right) is right
+    assert search.choose(replace(right, homography=None), wrong) is wrong

@@ -1,0 +1,58 @@
+"""Compares homographies by matches that had no part in their fit.
+
+The fields of a chessboard over the left image take turns: a homography is fitted again to the points outside the
+fields of one colour, and judged by the matches inside. All matches of a field together have one vote, because a few
+textured places must not decide alone.
+"""
+
+import numpy as np
+
+from golden_model.arrays import Matrix, Points
+from skymosaic.geometry.homography import DegenerateError, transfer_error
+from skymosaic.geometry.prosac import INLIER_PX
+from skymosaic.geometry.refinement import refine_robustly
+
+FIELD_PX = 64.0
+MIN_GAIN = 0.02
+"""A smaller difference is noise: taken for a gain, it made one public pair in twenty worse by 0.7 px."""
+
+
+def held_out_agreement(homography: Matrix, fitted: tuple[Points, Points], judges: tuple[Points, Points]) -> float:
+    """How many fields agree with fits that none of their points had a part in.
+
+    Parameters
+    ----------
+    homography : (3, 3) ndarray
+        Left to right, px; where each fit starts.
+    fitted : tuple of (N, 2) ndarray
+        Left and right points that the homography is fitted to.
+    judges : tuple of (M, 2) ndarray
+        Left and right points of matches, of which some may be wrong.
+
+    Returns
+    -------
+    float
+        A field counts 1 if its matches have no error, and 0 if all are 2 px off or more.
+    """
+    agreement = np.zeros(len(judges[0]))
+    colours, fitted_colours = (np.floor(left / FIELD_PX).sum(axis=1) % 2 for left, _ in (judges, fitted))
+    for colour in (0, 1):
+        held_out, others = colours == colour, fitted_colours != colour
+        fit = refit(homography, fitted[0][others], fitted[1][others])
+        error_px = transfer_error(fit, judges[0][held_out], judges[1][held_out])
+        agreement[held_out] = np.maximum(0, 1 - (error_px / INLIER_PX) ** 2)
+    _, field, count = np.unique(np.floor(judges[0] / FIELD_PX), axis=0, return_inverse=True, return_counts=True)
+    return float((agreement / count[field.ravel()]).sum())
+
+
+def clearly_better(agreement: float, other: float) -> bool:
+    """Whether one agreement with held-out matches exceeds another by more than noise."""
+    return agreement > (1 + MIN_GAIN) * other
+
+
+def refit(homography: Matrix, left: Points, right: Points) -> Matrix:
+    """The homography fitted to the points (N, 2) robustly, or as it is where they do not determine one."""
+    try:
+        return refine_robustly(homography, left, right)
+    except (DegenerateError, np.linalg.LinAlgError):
+        return homography
