@@ -12,7 +12,7 @@ import numpy as np
 from golden_model.arrays import Intensities, Mask
 from sim.simulators.build_cache import cache_folder
 from skymosaic.compositing.mesh import fit_mesh, fit_useful_mesh
-from skymosaic.errors import RegistrationError
+from skymosaic.errors import InputError, RegistrationError
 from skymosaic.features.positions import match_points
 from skymosaic.flight.bands.spectrum import in_all_bands
 from skymosaic.flight.cache import ResultCache
@@ -34,6 +34,8 @@ from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register_photographs
 from skymosaic.stopwatch import Stopwatch
 
+MIN_ROOM_PX = 1_000_000
+"""A disk with less room is refused before the first feature; one with more gets a reduced mosaic."""
 DEFAULT_CACHE_BYTES = 2 << 30
 """About 5,000 photographs of 1280 working px; a folder that the user named has no limit."""
 
@@ -145,6 +147,9 @@ class MosaicPlan:
             pictures.check_output_folder(form.tiles, overwrite=overwrite)
         inputs = tuple(name for source in self.sources for name in source.files)
         pictures.check_output(output, inputs, overwrite=overwrite)
+        room = self.room(output)
+        if self.options.canvas_limit_px is None and room.area_px < MIN_ROOM_PX:
+            raise InputError(f"{output}: {room.reason}, too little for a mosaic; free some, or choose another folder")
         if self.options.all_groups:
             # How many groups there are is not known yet.
             for base in (output, form.tiles):

@@ -1,0 +1,40 @@
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas
+from skymosaic.errors import InputError
+from skymosaic.flight.picture.output import room_for
+from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.options import MosaicOptions
+
+
+def leave_free(monkeypatch: pytest.MonkeyPatch, free_bytes: int) -> None:
+    usage: Any = SimpleNamespace(free=free_bytes)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _path: usage)
+
+
+def test_a_mosaic_grows_as_the_file_and_the_disk_allow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    leave_free(monkeypatch, 24_000_000_000)
+    survey = Canvas(0, 0, 28_000, 20_000)
+    for suffix, share in ((".tif", 1.0), (".png", 1.0), (".jpg", np.sqrt(250 / 560)), (".webp", 16_383 / 28_000)):
+        assert room_for(tmp_path / f"m{suffix}", 4).share_of(survey) == pytest.approx(share, rel=2e-3)
+    assert room_for(tmp_path / "m.bmp", 4).area_px == CANVAS_LIMIT_PX
+    assert room_for(tmp_path / "m.jpg", 4).share_of(Canvas(0, 0, 131_000, 10)) == pytest.approx(0.5, rel=2e-3)
+    leave_free(monkeypatch, 3_360_000_000)
+    room = room_for(tmp_path / "m.tif", 4)
+    assert room.share_of(survey) == pytest.approx(0.5, rel=2e-3)
+    assert room.reason == "the disk has 3204 MB left"
+
+
+def test_a_full_disk_is_refused_before_the_first_feature(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    leave_free(monkeypatch, 20_000_000)
+    photographs = [np.zeros((60, 80), np.uint8)] * 3
+    with open_plan(photographs, MosaicOptions()) as plan:
+        with pytest.raises(InputError, match=r"m\.tif: the disk has 19 MB left, too little for a mosaic; free some"):
+            plan.check_outputs(tmp_path / "m.tif")
+        plan.check_outputs(tmp_path / "m.jpg")
