@@ -225,7 +225,7 @@ OWN_RULES = {
 
 @pytest.mark.parametrize("name", OWN_RULES)
 def test_records_of_own_rules_equal_the_golden_model(name: str) -> None:
-    frames = sequence(ILBP_128, (32, 30, 31))
+    frames = sequence(ILBP_128, (28, 26))
     results = assert_equal_to_golden(ILBP_128, MatcherConfig(rule_base=OWN_RULES[name]), frames, "previous")
     matches = np.concatenate([result.matches for result in results])
     assert len(set(matches["weight"])) > 10
