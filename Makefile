@@ -10,7 +10,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --no-compile
 REQUIRE ?=
 PYTEST := $(BIN)/pytest -n 2 --dist loadgroup --no-loadscope-reorder $(if $(REQUIRE),--require $(REQUIRE))
 
-.PHONY: demo test test-slow test-fuzz test-soak docs tools lint clean
+.PHONY: demo test test-slow test-fuzz test-soak dist docs tools lint clean
 
 demo: $(VENV)/runs
 	$(BIN)/skymosaic demo -o demo --overwrite
@@ -32,6 +32,13 @@ test-fuzz: $(VENV)/installed
 SOAK_CLOCKS ?= 100000000
 test-soak: $(VENV)/installed
 	$(BIN)/python -m tools.soak $(SOAK_CLOCKS)
+
+# Wheel and source package, in dist; the tests unpack a wheel into an empty environment and use it there.
+dist: $(VENV)/installed
+	rm -rf dist
+	$(BIN)/hatchling build
+	$(BIN)/pip check
+	$(BIN)/pytest tests/system/test_wheel.py
 
 # The site, in build/site: a link or a page that is missing is an error. `docs/tutorials` are run by the tests.
 docs: $(VENV)/installed

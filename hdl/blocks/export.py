@@ -1,5 +1,6 @@
 """Exports one block: Verilog with flat ports, a test bench with vectors, and a README."""
 
+import importlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,16 +20,43 @@ CORE_VENDOR, CORE_LIBRARY = "skymosaic", "vision"
 
 
 def export_block(folder: Path, name: str) -> None:
-    """Write a block of `hdl.blocks.catalogue.CATALOGUE` and its test bench into ``folder``.
+    """Write a block into ``folder``, with a test bench where it has vectors.
+
+    Parameters
+    ----------
+    folder : Path
+    name : str
+        A name in `hdl.blocks.catalogue.CATALOGUE`; or ``MODULE:CLASS``, a component of one's own, or a function that
+        returns a `hdl.blocks.vectors.Block`, both without arguments.
 
     Raises
     ------
     ValueError
-        For an unknown block, naming the valid ones.
+        For an unknown block, naming the valid ones; for a module or class that cannot be used.
     """
-    if name not in CATALOGUE:
-        raise ValueError(f"unknown block {name!r}; valid: {', '.join(CATALOGUE)}")
-    write_block(folder, name, CATALOGUE[name]())
+    if ":" not in name:
+        if name not in CATALOGUE:
+            raise ValueError(f"unknown block {name!r}; valid: {', '.join(CATALOGUE)}, or MODULE:CLASS of your own")
+        write_block(folder, name, CATALOGUE[name]())
+        return
+    own, name = _make_own(name), name.partition(":")[2].lower()
+    if isinstance(own, Block):
+        write_block(folder, name, own)
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"{name}.v").write_text(to_verilog(FlatBlock(own), name=name, aliases=False), encoding="utf-8")
+
+
+def _make_own(path: str) -> Block | wiring.Component:
+    """Make a block of one's own from its module and its class or function."""
+    module, _, maker = path.partition(":")
+    try:
+        made = getattr(importlib.import_module(module), maker)()
+    except (ImportError, AttributeError, TypeError, ValueError) as error:
+        raise ValueError(f"{path}: {' '.join(str(error).split())}; give MODULE:CLASS that takes no arguments") from None
+    if isinstance(made, Block | wiring.Component):
+        return made
+    raise ValueError(f"{path}: makes a {type(made).__name__}, no component and no block with vectors")
 
 
 def write_block(folder: Path, name: str, block: Block) -> None:

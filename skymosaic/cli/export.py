@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -24,7 +25,10 @@ from skymosaic.temporary import existing_parent, temporary_folder
 def export(
     *,
     board: Annotated[str | None, choice(ALL_BOARDS, "The kit.")] = None,
-    block: Annotated[str | None, typer.Option(help="One block with a test bench, instead of all: harris, ...")] = None,
+    block: Annotated[
+        str | None,
+        typer.Option(help="One block with a test bench, instead of all: harris, ..., or MODULE:CLASS of your own."),
+    ] = None,
     live: Annotated[bool, typer.Option("--live", help="For a camera: packets of every frame go to memory.")] = False,
     output: Annotated[Path, output_option("Folder to write.")],
     overwrite: OverwriteOption = False,
@@ -79,6 +83,8 @@ def export(
         if rules is not None and block is not None:
             _export_rules(folder, Path(rules), entries)
         elif block is not None:
+            # A module of one's own lies in the folder where the command is called.
+            sys.path.insert(0, str(Path.cwd()))
             _import_hdl("blocks.export").export_block(folder, block)
         elif board is None:
             _import_hdl("export.accelerator").export_live(folder, config=options.base_config, **build)
@@ -94,7 +100,8 @@ def export(
     with session.working("writing Verilog"):
         _write_completely(output, write)
     session.wrote(output)
-    session.show(f"wrote {output}; its README.md lists the next steps")
+    has_readme = (output / "README.md").exists()
+    session.show(f"wrote {output}" + ("; its README.md lists the next steps" if has_readme else ""))
 
 
 def _write_completely(output: Path, write: Callable[[Path], None]) -> None:

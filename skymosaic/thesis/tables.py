@@ -23,6 +23,10 @@ class Sheet:
     rows: Sequence[Sequence[str]]
 
 
+LEVEL_GROWTH = 1.1
+"""A count levels off if it grows by less than this factor while the threshold is halved; the published ones do."""
+
+
 @dataclass(frozen=True)
 class Trend:
     """A trend that the thesis shows, whether the measurements show it too, and their numbers."""
@@ -245,6 +249,11 @@ def check_trends(m: Measurements) -> list[Trend]:
             "a lower threshold gives more corners (IV-1)",
             _rises(corner_counts),
             _join_by_arrows(corner_counts, "{:.0f}"),
+        ),
+        Trend(
+            f"the number of corners levels off, at {max(published.CORNERS[min(published.CORNERS)])} (IV-1)",
+            corner_counts[-1] < LEVEL_GROWTH * corner_counts[-2],
+            _join_by_arrows(corner_counts[-2:], "{:.0f}") + " where the threshold is halved",
         ),
         Trend(
             "25x25 windows give more good matches than 3x3 (IV-2)", good[-1] > good[0], _join_by_arrows(good, "{:.1f}")

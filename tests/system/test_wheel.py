@@ -52,7 +52,8 @@ def test_the_wheel_carries_every_package_with_its_types_and_the_data_of_the_expo
     ] == []
     assert [path for path, installed in paths.items() if installed.is_file() and path.startswith(LEFT_OUT)] == []
     assert not (packages / "constraints").exists()
-    assert (packages / f"skymosaic-{VERSION}.dist-info").is_dir()
+    licenses = packages / f"skymosaic-{VERSION}.dist-info" / "licenses"
+    assert {path.name for path in licenses.iterdir()} == {"LICENSE", "NOTICE"}
 
 
 def test_the_boards_are_found_in_the_wheel_and_in_the_clone(environment: Path, tmp_path: Path) -> None:

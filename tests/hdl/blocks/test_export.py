@@ -72,3 +72,19 @@ def test_the_command_writes_a_block_or_says_what_to_choose(tmp_path: Path, run: 
         assert status == 2
         assert message in only_error(error)
         assert not (tmp_path / "other").exists()
+
+
+def test_a_block_of_ones_own_is_exported_by_module_and_class(tmp_path: Path) -> None:
+    export_block(tmp_path / "component", "hdl.pixel.gray:Gray")
+    assert "module gray(" in (tmp_path / "component" / "gray.v").read_text()
+    export_block(tmp_path / "block", "hdl.blocks.catalogue:_gray")
+    assert (tmp_path / "block" / "_gray_tb.v").exists()
+    for name, says in {
+        "nowhere:Gray": "No module named 'nowhere'",
+        "hdl.pixel.gray:Grey": "no attribute 'Grey'",
+        "hdl.blocks.export:module_ports": "missing 1 required positional argument: 'top'",
+        "pathlib:Path": "no component",
+    }.items():
+        with pytest.raises(ValueError, match=says):
+            export_block(tmp_path / "none", name)
+    assert not (tmp_path / "none").exists()
