@@ -24,7 +24,7 @@ from amaranth.lib import wiring
 from rich.console import Console
 
 from bench.report import MEASURED, JsonFile, Row, program, report, write
-from bench.rules import largest_minimum
+from bench.rules import largest_rules
 from golden_model.config import PRESETS, Config, FrontEndConfig, MatcherConfig
 from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.feature.extractor import CandidateFeatures
@@ -146,7 +146,7 @@ def designs() -> dict[str, Design]:
         "ring writer": block(RingWriter, record_words=6, max_words=6 * (config.max_features + 2)),
         "accelerator": accelerator(AERIAL),
         "accelerator, largest rules": accelerator(
-            dataclasses.replace(AERIAL, matcher=MatcherConfig(rule_base=largest_minimum()))
+            dataclasses.replace(AERIAL, matcher=MatcherConfig(rule_base=largest_rules()))
         ),
     }
 

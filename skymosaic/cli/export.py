@@ -12,7 +12,7 @@ import typer
 
 from golden_model.fuzzy.fll import load_system
 from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD
-from skymosaic.cli.options import OverwriteOption, choice, output_option, read_rules, with_options
+from skymosaic.cli.options import OverwriteOption, choice, output_option, read_file, read_rules, with_options
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError
 from skymosaic.fuzzy.golden import ENTRIES, quantise
@@ -127,10 +127,7 @@ def _import_hdl(name: str) -> ModuleType:
 
 def _export_rules(folder: Path, rules: Path, entries: int) -> None:
     """Write the block of a system from a file."""
-    try:
-        system = load_system(rules)
-    except ValueError as error:
-        raise InputError(str(error)) from None
+    system = read_file(load_system, rules)
     try:
         block = importlib.import_module("skymosaic.fuzzy.verilog").make_block(quantise(system, entries))
     except ValueError as error:

@@ -13,7 +13,7 @@ from rich.text import Text
 from golden_model.fuzzy.fll import load_system
 from golden_model.fuzzy.rules import SHIPPED
 from golden_model.text import one_line
-from skymosaic.cli.options import OverwriteOption, import_plots, output_option
+from skymosaic.cli.options import OverwriteOption, import_plots, output_option, read_file
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.errors import InputError
 from skymosaic.fuzzy.golden import (
@@ -89,10 +89,7 @@ def _describe_shipped(name: str) -> _Description:
 
 
 def _describe_file(path: Path, entries: int) -> _Description:
-    try:
-        system = load_system(path)
-    except ValueError as error:
-        raise InputError(str(error)) from None
+    system = read_file(load_system, path)
     try:
         golden = quantise(system, entries)
     except ValueError as error:

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any, get_args, get_type_hints
+from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 
 import typer
 from rich.table import Table
@@ -25,6 +25,8 @@ from skymosaic.maps.positions import load_positions
 from skymosaic.options import GROUPS, INPUT, MACHINE, MAP, OUTPUT, Option, options_of
 from skymosaic.registration.options import FeatureOptions
 from skymosaic.registration.pair import Pair
+
+Content = TypeVar("Content")
 
 
 def choice(names: Iterable[str], help_text: str, *declarations: str, group: str | None = None) -> Any:
@@ -160,10 +162,7 @@ def _read(usual: FeatureOptions, typed: dict[str, Any]) -> FeatureOptions:
             raise InputError(f"--address {address} is for a board; add --backend board, or leave it out")
         values["backend"] = f"board:{address}"
     if values.get("config"):
-        try:
-            values["config"] = load_config(values["config"], values["preset"])
-        except ValueError as error:
-            raise InputError(str(error)) from None
+        values["config"] = read_file(lambda path: load_config(path, values["preset"]), values["config"])
     if values.get("rules"):
         values["rules"] = read_rules(values["rules"])
     if values.get("control"):
@@ -183,8 +182,13 @@ def read_rules(given: str) -> str | MatchRules:
     InputError
         For a file that holds no rules for matches.
     """
+    return read_file(load_rules, Path(given)) if Path(given).suffix else given
+
+
+def read_file(read: Callable[[Path], Content], path: Path) -> Content:
+    """What ``read`` makes of a file; its ``ValueError``, a line for the user, becomes an `InputError`."""
     try:
-        return load_rules(given) if Path(given).suffix else given
+        return read(path)
     except ValueError as error:
         raise InputError(str(error)) from None
 

@@ -88,18 +88,13 @@ def quantise(system: FuzzySystem, entries: int) -> GoldenSystem:
     Raises
     ------
     ValueError
-        For fewer than 2 or more than 65536 entries, more than 32 rules, a constant outside the output's range, or
-        AND as product with too many entries, or terms whose strengths do not sum to one (the model does not divide
-        there).
+        For fewer than 2 or more than 65536 entries, more than 32 rules, or AND as product with too many entries, or
+        terms whose strengths do not sum to one (the model does not divide there).
     """
     if not 2 <= entries <= 1 << 16:
         raise ValueError(f"entries is {entries}; it must be 2 to 65536")
     if system.conjunction == "product" and entries ** len(system.inputs) > MAX_COMBINATIONS:
         raise ValueError(f"{len(system.inputs)} inputs of {entries} entries are too many for a product; use fewer")
-    output = system.output
-    outside = [name for name, value in output.constants.items() if not output.low <= value <= output.high]
-    if outside:
-        raise ValueError(f"{output.name}: {', '.join(outside)} is outside the range {output.low:g} to {output.high:g}")
     model = make_tables(system, [_positions(variable, entries) for variable in system.inputs])
     return GoldenSystem(system, model, entries)
 

@@ -3,7 +3,6 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,4 +174,4 @@ class RulesEdit:
         left, right = (pictures / f"{name}.png" for name in names)
         # Their names are those of the photographs, without the folder.
         self.view = replace(PairView.from_pair(register(left, right, options)), names=names)
-        save_bytes(Path(self._result.folder / EDITED_RULES), rules.text.encode())
+        save_bytes(self._result.folder / EDITED_RULES, rules.text.encode())

@@ -5,15 +5,13 @@ The blocks are those of `test_export`, for lines of 64 px; those for the ECP5 in
 RAMs, as in `bench.synthesis`.
 """
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import pytest
 
-from bench.rules import largest_minimum, largest_product
+from bench.rules import largest_rules
 from golden_model.config import MatcherConfig
-from golden_model.fuzzy.rules import MatchRules
 from hdl.blocks import catalogue
 from hdl.blocks.export import export_block
 from hdl.blocks.flat import FlatBlock
@@ -76,11 +74,10 @@ def test_the_netlist_of_a_block_equals_the_golden_model(tmp_path: Path, name: st
 
 @pytest.mark.slow
 @pytest.mark.parametrize("family", SYNTHESIS)
-@pytest.mark.parametrize("make", [largest_minimum, largest_product])
 def test_the_netlist_of_the_matcher_with_own_rules_equals_the_golden_model(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, make: Callable[[], MatchRules], family: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, family: str
 ) -> None:
-    block = partial(catalogue.matcher, MatcherConfig(rule_base=make()))
+    block = partial(catalogue.matcher, MatcherConfig(rule_base=largest_rules()))
     monkeypatch.setitem(catalogue.CATALOGUE, "matcher", block)
     test_the_netlist_of_a_block_equals_the_golden_model(tmp_path, "matcher", family)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import pytest
 
-from bench.rules import largest_minimum
+from bench.rules import largest_rules
 from golden_model.fuzzy.rules import MatchRules, read_shipped
 from sim.scene import make_pair
 from tests.conftest import Run
@@ -84,7 +84,7 @@ def test_an_export_refuses_bad_rules_and_writes_nothing(run: Run) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rules", [MatchRules(OWN), largest_minimum()], ids=lambda rules: rules.name)
+@pytest.mark.parametrize("rules", [MatchRules(OWN), largest_rules()], ids=lambda rules: rules.name)
 def test_the_hardware_decides_as_the_golden_model(run: Run, rules: MatchRules) -> None:
     Path("own.fll").write_text(rules.text)
     found = numbers(run, "compare", "left.png", "right.png", "--rules", "own.fll")
