@@ -2,6 +2,8 @@
 
 import importlib
 import sys
+import threading
+import webbrowser
 from typing import Annotated
 
 import typer
@@ -14,6 +16,7 @@ from skymosaic.errors import InputError
 def panel(
     port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes any free port.")] = 8080,
     board: Annotated[list[str] | None, typer.Option(help="HOST[:PORT] of a board that may be chosen.")] = None,
+    browser: Annotated[bool, typer.Option(help="Open the page in a browser, when started on a terminal.")] = True,
 ) -> None:
     """Serve the front panel, a web page for this machine only: choose, run, and see why."""
     try:
@@ -25,6 +28,9 @@ def panel(
     def announce(address: str) -> None:
         session.numbers["address"] = address
         session.show(f"the panel is at {address} (Ctrl-C ends it)")
+        if browser and sys.stdout.isatty():
+            # A browser that runs in the terminal would keep the server waiting.
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
         # Before the server runs for hours: with --json, whoever started it wants the address now.
         session.end(0)
         sys.stdout.flush()

@@ -15,6 +15,7 @@ from skymosaic.flight.picture.output import PREVIEW_WIDTH_PX, Delivery
 from skymosaic.flight.survey import Flight
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.images import reduce_to_width, save
+from skymosaic.imagery.photographs import short_names
 from skymosaic.reports import pages
 from skymosaic.reports.footprints import outline_photographs, write_footprints
 from skymosaic.reports.pair import write_pair_report
@@ -316,5 +317,9 @@ def _residuals_worst_first(delivery: Delivery) -> list[tuple[str, str, float]]:
 
 def _links_worst_first(delivery: Delivery) -> list[dict[str, Any]]:
     layout = delivery.layout
-    links = [_link_numbers(delivery.flight, layout, row) for row in range(len(layout.links))]
+    names = short_names([view.name for view in delivery.flight.views])
+    links = [
+        {**_link_numbers(delivery.flight, layout, row), "left": names[link.left], "right": names[link.right]}
+        for row, link in enumerate(layout.links)
+    ]
     return sorted(links, key=lambda link: -link["median_error_px"])
