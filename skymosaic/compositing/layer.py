@@ -145,7 +145,7 @@ class Layer:
         """Claim to each pixel, by the seams or else by detail and the distance from the border; 0 outside.
 
         The layer with the largest claim shows the pixel. Where an image shows the ground with twice the resolution of
-        another one, it needs a quarter of the distance.
+        another one, it needs half the distance.
         """
         if self.seam is None:
             return self.border_distance(part) * self._detail(part) * np.float32(self.favour)
@@ -165,9 +165,10 @@ class Layer:
         return np.asarray((remoteness > 0) & (remoteness <= 1 / self.least_nearness))
 
     def _detail(self, part: Canvas) -> Float32:
-        """Image pixels for each reference pixel, by area; any number where the image cannot reach."""
+        """Image pixels per reference pixel, along a side; any number where the image cannot reach."""
         nearest = abs(nearest_corner(self.size, self.transform)) ** 3 / abs(float(np.linalg.det(self.transform)))
-        return np.asarray(nearest / np.maximum(self._remoteness(part), MIN_WEIGHT) ** 3, dtype=np.float32)
+        area = nearest / np.maximum(self._remoteness(part), MIN_WEIGHT) ** 3
+        return np.asarray(np.sqrt(area), dtype=np.float32)
 
     def _remoteness(self, part: Canvas) -> Array:
         """The reciprocal of `skymosaic.compositing.warp.nearness` at pixels of the reference frame."""

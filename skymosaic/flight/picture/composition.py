@@ -406,7 +406,7 @@ def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[l
                 transform=resize_matrix(reduction) @ placement.transform @ from_thumbnail,
                 visible=composition.lens.visible_mask((view.thumbnail.shape[1], view.thumbnail.shape[0])),
                 # Thumbnails have the same size, whatever detail their photographs show.
-                favour=placement.favour * (view.size[0] / view.thumbnail.shape[1]) ** 2,
+                favour=placement.favour * view.size[0] / view.thumbnail.shape[1],
                 least_nearness=placement.least_nearness,
             )
         )

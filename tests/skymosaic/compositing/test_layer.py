@@ -19,7 +19,7 @@ def test_the_finer_of_two_photographs_shows_all_but_its_margin() -> None:
     coarse, fine = Layer(IMAGE, enlarged(4)), Layer(IMAGE, enlarged(1, 600, 450))
     part = fine.footprint
     finer = fine.claim(part) > coarse.claim(part)
-    assert finer[20:-20, 20:-20].all()
+    assert finer[40:-40, 40:-40].all()
     assert not finer[0].any()
     alike = Layer(IMAGE, enlarged(1.0, 610, 450)).claim(part)
     # Of photographs with the same detail, the one whose border is farther shows the ground, as ever.
@@ -34,7 +34,7 @@ def test_detail_falls_towards_the_horizon() -> None:
         steps = apply(tilted, [(x, y), (x + 0.01, y), (x, y + 0.01)])
         area = abs(np.linalg.det((steps[1:] - steps[0]) / 0.01))
         column, row = np.rint(steps[0]).astype(int) - (layer.footprint.x_px, layer.footprint.y_px)
-        assert detail[row, column] == pytest.approx(1 / area, rel=0.02)
+        assert detail[row, column] == pytest.approx(area**-0.5, rel=0.02)
 
 
 def test_nothing_is_shown_that_is_too_far_from_the_camera() -> None:
