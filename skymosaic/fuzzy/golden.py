@@ -41,7 +41,7 @@ class GoldenSystem:
 
     def positions(self, variable: Input) -> Array:
         """Values of an input at all indices, in its own unit."""
-        return _positions(variable, self.entries)
+        return np.linspace(variable.low, variable.high, self.entries)
 
     def evaluate(self, *indices: NDArray[np.integer]) -> Array:
         """Compute the output in its own unit for (N,) indices of each input."""
@@ -95,12 +95,8 @@ def quantise(system: FuzzySystem, entries: int) -> GoldenSystem:
         raise ValueError(f"entries is {entries}; it must be 2 to 65536")
     if system.conjunction == "product" and entries ** len(system.inputs) > MAX_COMBINATIONS:
         raise ValueError(f"{len(system.inputs)} inputs of {entries} entries are too many for a product; use fewer")
-    model = make_tables(system, [_positions(variable, entries) for variable in system.inputs])
+    model = make_tables(system, [np.linspace(each.low, each.high, entries) for each in system.inputs])
     return GoldenSystem(system, model, entries)
-
-
-def _positions(variable: Input, entries: int) -> Array:
-    return np.linspace(variable.low, variable.high, entries)
 
 
 def measure_errors(golden: GoldenSystem, seed: int = 0) -> ErrorBounds:

@@ -1,5 +1,6 @@
 """The editor of the fuzzy rules: curves with corners to drag, the text, and what a change does to the pair shown."""
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -30,8 +31,8 @@ class RulesEditor:
         with ui.expansion("Edit the rules", icon="tune").classes("rules-editor"):
             with ui.element("div").classes("bar"):
                 for title, icon, action in (
-                    ("Undo", "undo", self._undo),
-                    ("Reset", "restart_alt", self._reset),
+                    ("Undo", "undo", partial(self._apply, self._edit.undo)),
+                    ("Reset", "restart_alt", partial(self._apply, self._edit.reset)),
                     ("Save as FLL", "save", lambda: ui.download.content(self._edit.rules.text, EDITED_RULES)),
                     ("Use for the next run", "check", self._use),
                 ):
@@ -89,12 +90,8 @@ class RulesEditor:
         if text != self._edit.rules.text:
             await self._change(text)
 
-    async def _undo(self) -> None:
-        await run.io_bound(self._edit.undo)
-        self._session.changed.emit()
-
-    async def _reset(self) -> None:
-        await run.io_bound(self._edit.reset)
+    async def _apply(self, change: Callable[[], None]) -> None:
+        await run.io_bound(change)
         self._session.changed.emit()
 
     def _use(self) -> None:
@@ -108,8 +105,7 @@ class RulesEditor:
         self._is_busy = True
         while self._wanted is not None:
             (text, after), self._wanted = self._wanted, None
-            await run.io_bound(self._edit.change, text, after=after)
-            self._session.changed.emit()
+            await self._apply(partial(self._edit.change, text, after=after))
         self._is_busy = False
 
 
