@@ -33,16 +33,19 @@ from bench.remembering import RememberingBackend
 from bench.rendered_pairs import HEIGHTS_PX, OVERLAPS, STEPS, ReliefPair, flat_pairs, relief_pairs
 from bench.report import JsonFile, Row, program, report
 from golden_model.arrays import Matrix, Pixels
+from golden_model.geometry.estimator import Estimate, EstimatorSettings, FrameMatches, estimate
 from skymosaic import register
 from skymosaic.evaluation.known_pairs import KnownPair
 from skymosaic.evaluation.metrics import MISSING_ERROR_PX, grid_error
+from skymosaic.geometry.fabric import in_pixels
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX, estimate_homography
 from skymosaic.imagery.images import load, reduce_to_width
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.registration.confidence import correlate_overlap
 from skymosaic.registration.dense import match_densely
-from skymosaic.registration.options import EFFORTS
+from skymosaic.registration.extraction import extract_within_capacity
+from skymosaic.registration.options import EFFORTS, RegistrationOptions
 
 app = program(__doc__)
 progress = Console(stderr=True)
@@ -64,6 +67,7 @@ OURS: dict[str, tuple[str, dict[str, Any]]] = {
     "thesis": ("skymosaic, preset `thesis`", {"preset": "thesis"}),
 }
 """What ``--method`` names: the row's heading, and the options of `skymosaic.register` behind it."""
+ON_CHIP = "on the chip alone"
 REFERENCE = f"SIFT, {FEW_FEATURES} features"
 """The row whose processor time is 1."""
 
@@ -114,6 +118,7 @@ def methods(
 def chosen_methods(wanted: list[str] | None) -> dict[str, Method]:
     """The methods to run, by the heading of their row; ``wanted`` are names of methods (None: all)."""
     named = {name: {heading: ours(**options)} for name, (heading, options) in OURS.items()}
+    named["chip"] = {ON_CHIP: chip}
     named |= {name: {f"{title}, {FEW_FEATURES} features": peer(name, FEW_FEATURES)} for name, title in METHODS.items()}
     named["sift"] |= {f"SIFT, {MANY_FEATURES}": peer("sift", MANY_FEATURES)}
     named["rootsift"] = {f"RootSIFT, {MANY_FEATURES}": peer("rootsift", MANY_FEATURES)}
@@ -132,6 +137,23 @@ def ours(**options: Any) -> Method:
             yield registered.homography, len(registered.inliers)
 
     return run
+
+
+def chip(pair: KnownPair | ReliefPair, seeds: int) -> Iterator[tuple[Matrix | None, int]]:
+    """Front end, matcher and estimator of the hardware, with nothing of the host's."""
+    images = (load(pair.left).pixels, load(pair.right).pixels)
+    backend = RememberingBackend()
+    for seed in range(seeds):
+        result = estimate_on_chip(backend, *images, seed)
+        yield None if result.causes else in_pixels(result.homography), result.inliers
+
+
+def estimate_on_chip(backend: RememberingBackend, left: Pixels, right: Pixels, seed: int) -> Estimate:
+    """The golden model of the whole chip, for a pair of images."""
+    _, config = RegistrationOptions().choose_method()
+    (_, result), _ = extract_within_capacity(backend, [left, right], config)
+    settings = EstimatorSettings(seed=EstimatorSettings().seed + seed)
+    return estimate(FrameMatches.from_records(result.matches, result.status), settings)
 
 
 def peer(name: str, count: int) -> Method:
@@ -278,6 +300,7 @@ def unrelated(
     flights: Annotated[list[str], typer.Argument(help="Folders of photographs, one for each flight.")],
     pairs: Annotated[int, typer.Option(min=1, help="Pairs to try.")] = 1000,
     effort: Annotated[list[str] | None, typer.Option(help="Only these; by default all.")] = None,
+    on_chip: Annotated[bool, typer.Option("--on-chip", help="The estimator of the hardware instead.")] = False,
 ) -> None:
     """Try to register photographs of different flights, the same pairs on every run: none may be accepted."""
     cv2.setNumThreads(1)
@@ -288,15 +311,20 @@ def unrelated(
         path: reduce_to_width(load(path).pixels, WIDTH_PX)[0] for path in {path for pair in tried for path in pair}
     }
     backend = RememberingBackend(size=12 * len(images))
-    inliers: dict[str, list[int]] = {level: [] for level in effort or EFFORTS}
+    inliers: dict[str, list[int]] = {level: [] for level in ([ON_CHIP] if on_chip else effort or EFFORTS)}
     accepted = dict.fromkeys(inliers, 0)
     for left, right in track(tried, description="unrelated pairs", console=progress):
         for level, counts in inliers.items():
-            pair = register(images[left], images[right], effort=level, backend=backend)
-            counts.append(len(pair.inliers))
-            accepted[level] += pair.accepted
-            if pair.accepted:
-                progress.print(f"accepted, {level}: {left}, {right}, {len(pair.inliers)} inliers")
+            if on_chip:
+                result = estimate_on_chip(backend, images[left], images[right], seed=0)
+                count, is_accepted = result.inliers, result.causes == 0
+            else:
+                pair = register(images[left], images[right], effort=level, backend=backend)
+                count, is_accepted = len(pair.inliers), pair.accepted
+            counts.append(count)
+            accepted[level] += is_accepted
+            if is_accepted:
+                progress.print(f"accepted, {level}: {left}, {right}, {count} inliers")
     rows: list[Row] = [
         {"effort": level, "pairs": len(counts), "accepted": accepted[level], "most inliers": max(counts)}
         for level, counts in inliers.items()

@@ -1,19 +1,22 @@
-"""Robust estimators by name: PROSAC by float or integer scores, OpenCV's RANSAC and MAGSAC++, and fuzzy RANSAC."""
+"""Robust estimators by name: PROSAC, the estimator of the hardware, OpenCV's RANSAC and MAGSAC++, and fuzzy RANSAC."""
 
 import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Mask
 from skymosaic.geometry import fuzzy_ransac
+from skymosaic.geometry.fabric import estimate_as_in_fabric
 from skymosaic.geometry.homography import DegenerateError, dlt, transfer_error
 from skymosaic.geometry.prosac import CONFIDENCE, INLIER_PX, MIN_INLIERS, Scoring, estimate_homography, transfer_scorer
 from skymosaic.geometry.scored import integer_scorer
 
 FUZZY_RANSAC = "fuzzy-ransac"
+FABRIC = "fabric"
+"""Everything as on the chip, also what is accepted."""
 SCORINGS: dict[str, Scoring] = {"prosac": transfer_scorer, "scored": integer_scorer}
 """Names of the two variants of `skymosaic.geometry.prosac`; samples are ranked in floating point, or by the integers of
 the scoring block."""
-ESTIMATORS = (*SCORINGS, "ransac", "magsac", FUZZY_RANSAC)
+ESTIMATORS = (*SCORINGS, FABRIC, "ransac", "magsac", FUZZY_RANSAC)
 MIN_MATCHES = 4
 RANSAC_ROUNDS = 2000
 MAGSAC_TOLERANCE_PX = 3.0
@@ -21,7 +24,14 @@ MAGSAC_ROUNDS = 10_000
 
 
 def estimate(
-    name: str, left: Array, right: Array, weight: Array, verified: Mask, *, rng: np.random.Generator
+    name: str,
+    left: Array,
+    right: Array,
+    weight: Array,
+    verified: Mask,
+    *,
+    size: tuple[int, int],
+    rng: np.random.Generator,
 ) -> tuple[Array | None, Mask]:
     """Estimate the homography of matches, of which many may be wrong.
 
@@ -32,11 +42,13 @@ def estimate(
     left, right : (N, 2) float64 ndarray
         Matched points, px.
     weight : (N,) float64 ndarray
-        Confidence of each match, 0 to 255; only ``prosac`` and ``scored`` use it.
+        Confidence of each match, 0 to 255; only ``prosac``, ``scored`` and ``fabric`` use it.
     verified : (N,) bool ndarray
         Whether the front end accepted the match. Only fuzzy RANSAC also uses the other matches.
+    size : (int, int)
+        Width and height of the right image, px; only ``fabric`` uses it.
     rng : numpy.random.Generator
-        Source of the samples of ``prosac`` and ``scored``; OpenCV's estimators use a fixed seed.
+        Source of the samples of ``prosac``, ``scored`` and ``fabric``; OpenCV's estimators use a fixed seed.
 
     Returns
     -------
@@ -55,6 +67,8 @@ def estimate(
         # RANSAC needs all matches here: the rules count the ones that only one of the two checks accepts.
         H, decision = fuzzy(left, right, verified)
         inliers = inliers if decision is None else decision.inliers
+    elif name == FABRIC:
+        H = estimate_as_in_fabric(left[verified], right[verified], weight[verified], size, rng=rng)
     else:
         H = (magsac if name == "magsac" else ransac)(left[verified], right[verified])
     if H is None:

@@ -189,11 +189,14 @@ def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Po
 
 def _search(search: Search, first_pass: Evidence, estimator: str, effort: str, rng: np.random.Generator) -> SearchState:
     """Estimate from the first pass, and search further as far as ``effort`` allows."""
-    homography, inliers = _estimate(estimator, first_pass.matches, rng)
+    homography, inliers = _estimate(estimator, first_pass.matches, search.sizes[1], rng)
     return search.run(effort, search.accept(first_pass, homography, inliers, passes=1))
 
 
-def _estimate(estimator: str, matches: Records, rng: np.random.Generator) -> tuple[Matrix | None, Mask]:
+def _estimate(
+    estimator: str, matches: Records, right_size: tuple[int, int], rng: np.random.Generator
+) -> tuple[Matrix | None, Mask]:
     """The homography of the first pass, by any of the estimators; further passes are for PROSAC alone."""
     left, right = match_points(matches)
-    return estimate(estimator, left, right, matches["weight"].astype(np.float64), matches["verdict"] == 1, rng=rng)
+    weight, verified = matches["weight"].astype(np.float64), matches["verdict"] == 1
+    return estimate(estimator, left, right, weight, verified, size=right_size, rng=rng)

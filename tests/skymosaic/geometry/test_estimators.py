@@ -5,6 +5,7 @@ from skymosaic.geometry import fuzzy_ransac
 from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, estimate, fuzzy, magsac, ransac
 from skymosaic.geometry.homography import apply
 
+SIZE = (600, 600)
 TRUTH = np.array([[1.05, 0.08, -20], [-0.06, 0.97, 35], [6e-5, -4e-5, 1]])
 
 
@@ -16,11 +17,18 @@ def matches(good: int = 120, bad: int = 60, noise_px: float = 0.3) -> tuple[np.n
     return left, right, np.arange(good + bad) < good
 
 
+def estimated(
+    name: str, left: np.ndarray, right: np.ndarray, verified: np.ndarray
+) -> tuple[np.ndarray | None, np.ndarray]:
+    """All with one weight."""
+    return estimate(name, left, right, np.ones(len(left)), verified, size=SIZE, rng=np.random.default_rng(0))
+
+
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_every_estimator_finds_the_homography_among_wrong_matches(name: str) -> None:
     left, right, good = matches()
     verified = np.ones(len(left), dtype=bool)
-    H, inliers = estimate(name, left, right, np.ones(len(left)), verified, rng=np.random.default_rng(0))
+    H, inliers = estimated(name, left, right, verified)
     corners = np.array([[0, 0], [600, 0], [0, 600], [600, 600]])
     assert H is not None
     assert np.linalg.norm(apply(H, corners) - apply(TRUTH, corners), axis=1).max() < 1.0
@@ -32,7 +40,7 @@ def test_every_estimator_finds_the_homography_among_wrong_matches(name: str) -> 
 def test_unverified_matches_are_not_inliers(name: str) -> None:
     left, right, good = matches()
     verified = good & (np.arange(len(left)) % 2 == 0)
-    _, inliers = estimate(name, left, right, np.ones(len(left)), verified, rng=np.random.default_rng(0))
+    _, inliers = estimated(name, left, right, verified)
     assert inliers.any()
     assert not (inliers & ~verified).any()
 
@@ -41,7 +49,7 @@ def test_unverified_matches_are_not_inliers(name: str) -> None:
 @pytest.mark.parametrize("count", [0, 3, 11])
 def test_fewer_than_twelve_matches_are_not_accepted(name: str, count: int) -> None:
     left, right, _ = matches(good=count, bad=0)
-    H, inliers = estimate(name, left, right, np.ones(count), np.ones(count, dtype=bool), rng=np.random.default_rng(0))
+    H, inliers = estimated(name, left, right, np.ones(count, dtype=bool))
     assert H is None
     assert inliers.shape == (count,)
 
@@ -49,7 +57,7 @@ def test_fewer_than_twelve_matches_are_not_accepted(name: str, count: int) -> No
 def test_fuzzy_ransac_accepts_what_its_rules_accept() -> None:
     left, right, _ = matches()
     verified = np.arange(len(left)) % 3 > 0
-    H, inliers = estimate(FUZZY_RANSAC, left, right, np.ones(len(left)), verified, rng=np.random.default_rng(0))
+    H, inliers = estimated(FUZZY_RANSAC, left, right, verified)
     _, decision = fuzzy(left, right, verified)
     candidate = ransac(left, right)
     assert candidate is not None

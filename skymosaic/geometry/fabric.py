@@ -1,0 +1,51 @@
+"""The estimator of the hardware on the host: the golden model of `hdl.geometry.estimator`, bit for bit."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.arrays import Array, Matrix, Points
+from golden_model.formats import POSITION
+from golden_model.geometry.estimator import EstimatorSettings, FrameMatches
+from golden_model.geometry.estimator import estimate as estimate_in_integers
+
+UNITS_PX = np.array([1 << POSITION.integer_bits, 1 << POSITION.integer_bits, 1])
+"""Units of left and right homogeneous coordinates in the elements of the hardware, px."""
+
+
+def estimate_as_in_fabric(
+    left: Points, right: Points, weight: Array, size: tuple[int, int], *, rng: np.random.Generator
+) -> Matrix | None:
+    """Estimate a homography as the estimator on the chip does, which also decides whether it is accepted.
+
+    Positions are rounded to 1/16 px and weights to integers, as they already are in match records. Matches outside the
+    range of positions do not count.
+
+    Parameters
+    ----------
+    left, right : (N, 2) float64 ndarray
+        Matched points, px.
+    weight : (N,) float64 ndarray
+        0 to 255.
+    size : (int, int)
+        Width and height of the right image, px.
+    rng : numpy.random.Generator
+        Gives the seed of the samples.
+
+    Returns
+    -------
+    (3, 3) float64 ndarray or None
+        Left to right; None where it is not accepted.
+    """
+    positions = np.floor(np.hstack((left, right)) * POSITION.one + 0.5).astype(np.int64)
+    stored = ((positions >= 0) & (positions <= POSITION.max_raw)).all(axis=1)
+    weights = np.rint(weight[stored]).astype(np.int64)
+    matches = FrameMatches(positions[stored, :2], positions[stored, 2:], weights, size)
+    result = estimate_in_integers(matches, EstimatorSettings(seed=int(rng.integers(1, 1 << 32))))
+    return None if result.causes else in_pixels(result.homography)
+
+
+def in_pixels(homography: NDArray[np.int64]) -> Matrix:
+    """Convert a homography (3, 3) in the integers of the hardware to one of pixels, with 1 as its last element."""
+    scaled: Matrix = homography * UNITS_PX[:, np.newaxis] / UNITS_PX
+    scaled /= scaled[2, 2]
+    return scaled
