@@ -1,25 +1,34 @@
-"""Clocks of the hardware, by the golden model of timing: matcher, homography scoring, and live builds.
+"""Clocks of the hardware, by the golden models: matcher, scoring and estimation of homographies, and live builds.
 
     python -m bench.hardware matcher
     python -m bench.hardware scoring
+    python -m bench.hardware homography SET
     python -m bench.hardware rates
 
 The model is exact for streams without pauses; tests compare it with the simulated hardware, clock by clock
-(`tests/system/test_timing.py`, `tests/hdl/geometry/test_scoring.py`), so nothing is simulated here.
+(`tests/system/test_timing.py`, `tests/hdl/geometry/`), so nothing is simulated here.
 """
 
 import dataclasses
+from typing import Annotated
 
 import numpy as np
+import typer
+from rich.console import Console
+from rich.progress import track
 
+from bench.pair_sets import public_folder, read_set
 from bench.report import JsonFile, Row, program, report
 from golden_model.arrays import Records
 from golden_model.config import PRESETS, Config
 from golden_model.feature.ilbp import PATTERNS, DescriptorPattern
 from golden_model.feature.orientation import SECTORS
+from golden_model.geometry.estimator import CYCLES, FrameMatches, estimate
 from golden_model.geometry.scoring import finish_cycles
 from golden_model.matching.matcher import match
 from golden_model.timing import FrameWork, steady_pace, timelines
+from sim.backends.golden import GoldenBackend
+from skymosaic.imagery.images import load
 
 app = program(__doc__)
 
@@ -99,6 +108,36 @@ def scoring(json_file: JsonFile = None) -> None:
             }
         )
     report("homography scoring", rows, json_file)
+
+
+@app.command()
+def homography(
+    pairs: Annotated[str, typer.Argument(help="Folder of pairs of photographs.", metavar="SET")],
+    json_file: JsonFile = None,
+) -> None:
+    """Clocks from a frame's last pixel to its homography, over pairs with the left photograph as the frame before."""
+    stages: dict[str, list[int]] = {"last pixel to last match": [], "last match to homography": []}
+    for pair in track(read_set(public_folder(pairs)), console=Console(stderr=True)):
+        left, right = GoldenBackend().run([load(each).pixels for each in (pair.left, pair.right)], AERIAL)
+        size = int(right.status["width"]), int(right.status["height"])
+        counts = len(left.features), len(right.features)
+        work = FrameWork(*size, good=True, left=counts[0], right=counts[1], rows=right.matches["left_index"])
+        for line in timelines([work], AERIAL, lanes=max(LANES)):
+            result = estimate(FrameMatches.from_records(right.matches, right.status))
+            stages["last pixel to last match"].append(line.matches_end - line.last_pixel)
+            stages["last match to homography"].append(result.cycles + CYCLES.records)
+    stages["last pixel to homography"] = [sum(each) for each in zip(*stages.values(), strict=True)]
+    rows: list[Row] = [
+        {
+            "clocks": name,
+            "median": int(np.median(cycles)),
+            "most": max(cycles),
+            f"median at {CLOCK_MHZ} MHz, ms": round(float(np.median(cycles)) / CLOCK_MHZ / 1000, 2),
+            "most, ms": round(max(cycles) / CLOCK_MHZ / 1000, 2),
+        }
+        for name, cycles in stages.items()
+    ]
+    report(f"{len(stages['last pixel to homography'])} pairs, {max(LANES)} lanes", rows, json_file)
 
 
 @app.command()

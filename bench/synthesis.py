@@ -30,7 +30,7 @@ from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.feature.extractor import CandidateFeatures
 from hdl.feature.ring_window import RingWindow
 from hdl.front_end import FrontEnd
-from hdl.geometry.records import RecordScoring
+from hdl.geometry.records import RecordEstimator, RecordScoring
 from hdl.level import Level
 from hdl.lib.ecp5 import Ecp5
 from hdl.matching.correlation import WindowCorrelation
@@ -141,6 +141,7 @@ def designs() -> dict[str, Design]:
         "fuzzy correlation": block(FuzzyCorrelation),
         "matcher": block(Matcher, config=AERIAL.matcher, pattern=pattern, lanes=16, max_features=config.max_features),
         "homography scoring": block(RecordScoring),
+        "homography estimator": block(RecordEstimator),
         "camera crossing": block(CameraCrossing, video_bits=24, depth=4096),
         "camera gate": block(CameraGate),
         "ring writer": block(RingWriter, record_words=6, max_words=6 * (config.max_features + 2)),

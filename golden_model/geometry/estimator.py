@@ -4,9 +4,9 @@ The kept matches are ordered by weight. Samples of four are drawn in PROSAC's or
 the best homography is kept. Four rounds of weighted least squares over its inliers, in ever narrower bands, refine it:
 each is scored, the better one stays. It is accepted if enough matches agree closely, in enough places of the frame.
 
-A pass solves two samples while the scores of those before are computed, and takes the time of the longer of both. Each
-of the 16 steps ends after a number of passes or at its share of `SEARCH_CYCLES`, so that even with the most matches the
-homography comes within `MAX_CYCLES` after the last match.
+A pass computes the areas of two samples and solves them, unless both are dropped; meanwhile those before are scored. It
+takes the time of the longer of both. Each of the 16 steps ends after a number of passes or at its share of
+`SEARCH_CYCLES`, so that even with the most matches the homography comes within `MAX_CYCLES` after the last match.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from golden_model.geometry.acceptance import INLIER_GAIN, count_cells
 from golden_model.geometry.floating import MANTISSA_BITS, Floats
 from golden_model.geometry.program import LANES
 from golden_model.geometry.refit import BANDS, MAX_INLIERS, SUMS, factors, solve_sums
-from golden_model.geometry.solving import MIN_CHECKED_EXPONENT, solve
+from golden_model.geometry.solving import MIN_CHECKED_EXPONENT, areas, solve
 from golden_model.records import HOMOGRAPHY, Tag
 
 Integers = NDArray[np.int64]
@@ -52,7 +52,7 @@ class Cause(enum.IntFlag):
 class EstimatorSettings:
     """What registers set."""
 
-    passes: int = 32
+    passes: int = 64
     """At most so many in each of the 16 steps, two samples each; 1 to 255."""
     seed: int = 0x9E3779B9
     """First state of the generator of random numbers, 32 bits; not 0."""
@@ -92,8 +92,10 @@ class EstimatorCycles:
     """Per match: it is moved to its rank."""
     turn: int = 27
     """Between two passes: solutions become hypotheses, samples are drawn."""
-    solve: int = 3
-    """From a turn to the next, beside the program."""
+    program: int = 3
+    """From the start of a program to that of the next in a pass, beside its own."""
+    skip: int = 1
+    """Where no sample of a pass is worth solving."""
     sweep: int = 25
     """Beside one clock per match."""
     gather: int = 12
@@ -102,6 +104,8 @@ class EstimatorCycles:
     """Per round of the refit, beside programs and sweep."""
     check: int = 2
     """After the refit."""
+    records: int = 3
+    """From the last word of the matches' packet, and to the first word of the record, beside all the above."""
 
 
 CYCLES = EstimatorCycles()
@@ -209,16 +213,16 @@ def _search(matches: _Matches, settings: EstimatorSettings) -> tuple[Integers, i
     best, best_score = np.zeros((3, 3), dtype=np.int64), 0
     state, cycles, scoring_cycles = settings.seed, 0, 0
     count = len(matches.weight)
-    solving_cycles = programs.SOLVE.cycles + CYCLES.solve
     for step in range(sampling.STEPS):
         ranks, states = _draw(state, sampling.subset_size(count, step), settings.passes)
         hypotheses, valid = _solve(matches, ranks)
         for number, after in enumerate(states):
             state = after
-            # The scores of the pass before are computed meanwhile.
-            cycles += CYCLES.turn + max(solving_cycles, scoring_cycles)
             lanes = slice(LANES * number, LANES * (number + 1))
-            scoring_cycles = int(valid[lanes].sum()) * (count + CYCLES.sweep)
+            solved = int(valid[lanes].sum())
+            # The scores of the pass before are computed meanwhile.
+            cycles += CYCLES.turn + max(solving_cycles(solved), scoring_cycles)
+            scoring_cycles = solved * (count + CYCLES.sweep)
             for homography in hypotheses[lanes][valid[lanes]]:
                 score = matches.score(homography)
                 if score > best_score:
@@ -226,6 +230,12 @@ def _search(matches: _Matches, settings: EstimatorSettings) -> tuple[Integers, i
             if cycles > (step + 1) * (SEARCH_CYCLES // sampling.STEPS):
                 break
     return best, best_score, cycles + CYCLES.turn + scoring_cycles
+
+
+def solving_cycles(solved: int) -> int:
+    """Clocks of the programs of a pass, of whose samples so many have a homography."""
+    solve = programs.SOLVE.cycles + CYCLES.program if solved else CYCLES.skip
+    return programs.AREAS.cycles + CYCLES.program + solve
 
 
 def _draw(state: int, size: int, passes: int) -> tuple[Integers, list[int]]:
@@ -246,8 +256,8 @@ def _solve(matches: _Matches, ranks: Integers) -> tuple[Integers, NDArray[np.boo
         [[Floats.from_integers(side[ranks[:, k], axis], 16) for axis in range(2)] for k in range(sampling.SAMPLE)]
         for side in (matches.left, matches.right)
     )
-    rows, checks = solve(zero, one, left, right)
-    return quantise(rows), np.all([passes(each) for each in checks], axis=0)
+    kept, products = areas(zero, one, (left, right))
+    return quantise(solve(zero, one, (left, right), kept)), np.all([passes(each) for each in products], axis=0)
 
 
 def _constants() -> tuple[Floats, Floats]:

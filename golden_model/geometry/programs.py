@@ -11,7 +11,7 @@ from golden_model.geometry.program import (
     schedule,
 )
 from golden_model.geometry.refit import SUMS, factors, solve_sums
-from golden_model.geometry.solving import solve
+from golden_model.geometry.solving import areas, solve
 
 LEFT = (Coordinate.LEFT_X, Coordinate.LEFT_Y)
 RIGHT = (Coordinate.RIGHT_X, Coordinate.RIGHT_Y)
@@ -20,22 +20,42 @@ SAMPLE = 4
 GROUP = 4
 """Matches that `ADD` takes, in slots 0 to 3."""
 ELEMENTS = 9
+AREAS_KEPT = 7
+"""Three left and four right areas of a lane's sample, from `AREAS` for `SOLVE`."""
 FIRST_SUM = 2
 FIRST_ELEMENT, LANE_REGISTERS = 32, 16
 """Where each lane's homography is left; leading bits of the address select the lane."""
 FIRST_FREE = FIRST_ELEMENT + LANE_REGISTERS * LANES
 
 
-def _solve() -> Program:
+def _areas() -> Program:
     results: list[tuple[int, Value]] = []
     checks: list[tuple[int, Value]] = []
     for lane in range(LANES):
-        slots = range(SAMPLE * lane, SAMPLE * (lane + 1))
-        left, right = ([[loaded(slot, each) for each in side] for slot in slots] for side in (LEFT, RIGHT))
-        rows, checked = solve(*constants(), left, right)
-        results += _elements(rows, lane)
-        checks += [(lane, each) for each in checked]
+        (left_areas, right_areas), products = areas(*constants(), _sample(lane))
+        results += enumerate([*left_areas[:3], *right_areas], _first_area(lane))
+        checks += [(lane, each) for each in products]
     return schedule(results, checks, first=FIRST_FREE)
+
+
+def _solve() -> Program:
+    results: list[tuple[int, Value]] = []
+    for lane in range(LANES):
+        kept = [held(_first_area(lane) + n) for n in range(AREAS_KEPT)]
+        results += _elements(solve(*constants(), _sample(lane), (kept[:3], kept[3:])), lane)
+    return schedule(results, first=FIRST_FREE)
+
+
+def _sample(lane: int) -> tuple[list[list[Value]], list[list[Value]]]:
+    """Left and right positions of a lane's sample."""
+    slots = range(SAMPLE * lane, SAMPLE * (lane + 1))
+    left, right = ([[loaded(slot, each) for each in side] for slot in slots] for side in (LEFT, RIGHT))
+    return left, right
+
+
+def _first_area(lane: int) -> int:
+    # The sums are needed only after the search.
+    return FIRST_SUM + AREAS_KEPT * lane
 
 
 def _clear() -> Program:
@@ -72,7 +92,7 @@ def _elements(rows: list[list[Value]], lane: int) -> list[tuple[int, Value]]:
     return [(FIRST_ELEMENT + LANE_REGISTERS * lane + n, each) for n, each in enumerate(elements)]
 
 
-SOLVE, CLEAR, ADD, FIT = _solve(), _clear(), _add(), _fit()
-PROGRAMS = (SOLVE, CLEAR, ADD, FIT)
+AREAS, SOLVE, CLEAR, ADD, FIT = _areas(), _solve(), _clear(), _add(), _fit()
+PROGRAMS = (AREAS, SOLVE, CLEAR, ADD, FIT)
 
 """In the order in which the hardware's memory holds them."""

@@ -20,40 +20,49 @@ N = TypeVar("N", bound=Number)
 MIN_CHECKED_EXPONENT = -41
 """Smallest exponent of a_i b_i in units of (4096 px)^4, where a and b are twice the areas: 2^-42 is (8 px²)²."""
 
+OTHERS = ((1, 2), (2, 0), (0, 1))
+"""The other two of the first three points, for each of them."""
 
-def solve(zero: N, one: N, left: Sequence[Sequence[N]], right: Sequence[Sequence[N]]) -> tuple[list[list[N]], list[N]]:
-    """Solve a sample.
+Points = Sequence[Sequence[N]]
+"""Positions (x, y), not normalised; in units of 4096 px."""
 
-    Parameters
-    ----------
-    zero, one : Number
-    left, right : four positions (x, y) each
-        Not normalised; in units of 4096 px.
+
+def areas(zero: N, one: N, sample: tuple[Points[N], Points[N]]) -> tuple[tuple[list[N], list[N]], list[N]]:
+    """Compute twice the areas of a sample's triangles.
 
     Returns
     -------
-    rows : three lists of three numbers
-        The homography, of any scale.
-    checks : list of four numbers
+    areas : two lists of four numbers
+    products : list of four numbers
         The sample is dropped unless all are positive with an exponent of at least `MIN_CHECKED_EXPONENT`.
     """
-    p, q = ([zero.plus(one, value) for value in points[3]] for points in (left, right))
-    d, e = (
-        [[origin[axis].minus(one, point[axis]) for axis in range(2)] for point in points[:3]]
-        for origin, points in ((p, left), (q, right))
-    )
-    after = ((1, 2), (2, 0), (0, 1))
-    a, b = ([zero.plus(v[j][0], v[k][1]).minus(v[j][1], v[k][0]) for j, k in after] for v in (d, e))
-    for areas in (a, b):
-        areas.append(areas[0].plus(one, areas[1]).plus(one, areas[2]))
-    checks = [zero.plus(a[i], b[i]) for i in range(4)]
-    pairs = [zero.plus(a[j], a[k]) for j, k in after]
+    both = []
+    for points in sample:
+        _, edges = _from_fourth(zero, one, points)
+        sides = [zero.plus(edges[j][0], edges[k][1]).minus(edges[j][1], edges[k][0]) for j, k in OTHERS]
+        both.append([*sides, sides[0].plus(one, sides[1]).plus(one, sides[2])])
+    return (both[0], both[1]), [zero.plus(*each) for each in zip(*both, strict=True)]
+
+
+def solve(
+    zero: N, one: N, sample: tuple[Points[N], Points[N]], both_areas: tuple[Sequence[N], Sequence[N]]
+) -> list[list[N]]:
+    """Solve a sample, given its `areas`: three rows of a homography of any scale."""
+    (p, d), (q, e) = (_from_fourth(zero, one, points) for points in sample)
+    a, b = both_areas
+    pairs = [zero.plus(a[j], a[k]) for j, k in OTHERS]
     both = zero.plus(zero.plus(pairs[2], a[2]), b[3])
     factors = [zero.plus(zero.plus(pairs[i], b[i]), both) for i in range(3)]
-    edges = [(d[j][1].minus(one, d[k][1]), d[k][0].minus(one, d[j][0])) for j, k in after]
+    edges = [(d[j][1].minus(one, d[k][1]), d[k][0].minus(one, d[j][0])) for j, k in OTHERS]
     scaled = [[zero.plus(factors[i], e[i][axis]) for i in range(3)] for axis in range(2)]
     rows = [[_dot(zero, row, [edge[axis] for edge in edges]) for axis in range(2)] for row in (*scaled, factors)]
-    return restore(zero, one, [[*rows[0], zero], [*rows[1], zero], [*rows[2], zero.plus(both, both)]], p, q), checks
+    return restore(zero, one, [[*rows[0], zero], [*rows[1], zero], [*rows[2], zero.plus(both, both)]], p, q)
+
+
+def _from_fourth(zero: N, one: N, points: Points[N]) -> tuple[list[N], list[list[N]]]:
+    """The fourth point, and its distance from each of the other three."""
+    origin = [zero.plus(one, value) for value in points[3]]
+    return origin, [[origin[axis].minus(one, point[axis]) for axis in range(2)] for point in points[:3]]
 
 
 def restore(zero: N, one: N, rows: Sequence[Sequence[N]], p: Sequence[N], q: Sequence[N]) -> list[list[N]]:

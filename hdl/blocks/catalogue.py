@@ -7,18 +7,21 @@ from typing import Any
 import numpy as np
 
 from golden_model import front_end as golden_front_end
+from golden_model.arrays import Records
 from golden_model.config import PRESETS, MatcherConfig
 from golden_model.feature import ilbp
 from golden_model.formats import encode_response
 from golden_model.geometry import scoring
+from golden_model.geometry.estimator import EstimatorSettings, FrameMatches, estimate, homography_record
 from golden_model.matching import correlation, rule_bases
 from golden_model.matching.fuzzy import SugenoSystem
 from golden_model.matching.matcher import match
 from golden_model.pixel import fast, gray, half, nms, smooth, sobel
 from golden_model.records import FRAME_STATUS, MATCH, Tag
 from hdl.blocks.chain import Chain, Descriptor
+from hdl.blocks.flat import flat_values
 from hdl.blocks.vectors import Block, Row, answer_rows, packet, padded_status, pixel_rows, rows, sample_image
-from hdl.geometry.records import RecordScoring
+from hdl.geometry.records import RecordEstimator, RecordScoring
 from hdl.matching.correlation import WindowCorrelation
 from hdl.matching.fuzzy import Sugeno
 from hdl.matching.matcher import Matcher
@@ -250,16 +253,7 @@ def _scoring() -> Block:
     # The last two have no score: an element out of range, and all of them too small.
     hypotheses[-2, 0, 0] = 1 << scoring.ENTRY.bits
     hypotheses[-1] >>= 4
-    matches = np.zeros(60, MATCH.dtype)
-    left = rng.integers(0, 1 << 14, (len(matches), 2))
-    right = np.abs(left + rng.integers(-60, 61, left.shape))
-    matches["tag"], matches["weight"], matches["verdict"] = Tag.MATCH, rng.integers(0, 256, 60), rng.random(60) < 0.8
-    for side, points in (("left", left), ("right", right)):
-        matches[f"{side}_x"], matches[f"{side}_y"] = points.T
-    status = np.zeros(1, FRAME_STATUS.dtype)[0]
-    status["tag"], status["good"] = Tag.FRAME_STATUS, 1
-    kept = matches["verdict"] == 1
-    scores = scoring.score(hypotheses, left[kept], right[kept], matches["weight"][kept])
+    matches, status = _match_packet(60, spread=60)
     sent = packet(matches, padded_status(status, MATCH.record_bytes))
     return Block(
         RecordScoring(),
@@ -269,7 +263,37 @@ def _scoring() -> Block:
             "i_matches": rows("i_matches", sent),
             "i_hypotheses": rows("i_hypotheses", packet(scoring.hypothesis_records(hypotheses))),
         },
-        {"o": rows("o", packet(scoring.score_records(scores)))},
+        {"o": rows("o", packet(scoring.answers(hypotheses, matches)))},
+    )
+
+
+def _match_packet(count: int, spread: int) -> tuple[Records, np.void]:
+    """Match records whose positions differ by up to ``spread``, 1/16 px, a fifth of them rejected; and the status."""
+    rng = np.random.default_rng(8)
+    matches = np.zeros(count, MATCH.dtype)
+    left = rng.integers(0, 1 << 13, (count, 2))
+    right = np.abs(left + rng.integers(-spread, spread + 1, left.shape))
+    matches["tag"], matches["weight"] = Tag.MATCH, rng.integers(0, 256, count)
+    matches["verdict"] = rng.random(count) < 0.8
+    for side, points in (("left", left), ("right", right)):
+        matches[f"{side}_x"], matches[f"{side}_y"] = points.T
+    status: np.void = np.zeros(1, FRAME_STATUS.dtype)[0]
+    for name, value in {"tag": Tag.FRAME_STATUS, "good": 1, "width": 512, "height": 512}.items():
+        status[name] = value
+    return matches, status
+
+
+def _homography() -> Block:
+    matches, status = _match_packet(30, spread=20)
+    settings = EstimatorSettings(passes=1)
+    result = estimate(FrameMatches.from_records(matches, status), settings)
+    return Block(
+        RecordEstimator(),
+        "Estimates the homography of each frame's kept matches: packets of matches in, a packet of one record out for "
+        "each.",
+        {"i_matches": rows("i_matches", packet(matches, padded_status(status, MATCH.record_bytes)))},
+        {"o": rows("o", packet(homography_record(result)))},
+        flat_values("i_settings", vars(settings)),
     )
 
 
@@ -287,5 +311,6 @@ CATALOGUE: dict[str, Callable[[], Block]] = {
     "correlation": _correlation,
     "matcher": matcher,
     "scoring": _scoring,
+    "homography": _homography,
 }
 """For each block's name, the function that builds it."""

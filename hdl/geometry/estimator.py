@@ -7,7 +7,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.geometry.acceptance import CELLS
 from golden_model.geometry.estimator import SEARCH_CYCLES, Cause
 from golden_model.geometry.program import LANES, SLOTS, Program
-from golden_model.geometry.programs import ADD, CLEAR, FIT, GROUP, PROGRAMS, SOLVE
+from golden_model.geometry.programs import ADD, AREAS, CLEAR, FIT, GROUP, PROGRAMS, SOLVE
 from golden_model.geometry.refit import BANDS, MAX_INLIERS
 from golden_model.geometry.sampling import SAMPLE, STEPS
 from golden_model.geometry.scoring import MAX_MATCHES
@@ -241,6 +241,8 @@ class HomographyEstimator(wiring.Component):
     def _search(self, m: Module) -> None:
         """Draw, solve and score samples, step by step."""
         step, passes = Signal(range(STEPS + 1)), Signal(self._settings.passes.shape())
+        # Lanes whose sample is worth solving.
+        passed = Signal(LANES)
         elapsed, limit = Signal(range(2 * SEARCH_CYCLES)), Signal(range(SEARCH_CYCLES + 1))
         share = SEARCH_CYCLES // STEPS
         m.d.comb += self._draws.i_step.eq(step)
@@ -259,14 +261,19 @@ class HomographyEstimator(wiring.Component):
             m.d.sync += self._turn.eq(self._turn + 1)
             with m.If(self._turn == TURN_CYCLES):
                 m.d.sync += self._due.eq(self._valid)
-                m.next = "Solve"
+                m.next = "Measure"
                 with m.If(step == STEPS):
                     m.next = "Score-Last"
-        with m.State("Solve"):
-            self._run(m, SOLVE)
+        with m.State("Measure"):
+            self._run(m, AREAS)
+            m.next = "Solve"
+        with m.State("Solve"), m.If(~self._processor.o_busy):
+            m.d.sync += passed.eq(self._processor.o_passed)
             m.next = "Search"
+            with m.If(self._processor.o_passed.any()):
+                self._run(m, SOLVE)
         with m.State("Search"), m.If(self._idle):
-            m.d.sync += [passes.eq(passes + 1), self._valid.eq(self._processor.o_passed)]
+            m.d.sync += [passes.eq(passes + 1), self._valid.eq(passed)]
             with m.If((passes + 1 == self._settings.passes) | (elapsed >= limit)):
                 m.d.sync += [passes.eq(0), step.eq(step + 1), limit.eq(limit + share)]
             m.next = "Draw"

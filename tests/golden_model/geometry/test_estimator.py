@@ -15,6 +15,7 @@ from golden_model.geometry.estimator import (
     EstimatorSettings,
     FrameMatches,
     estimate,
+    solving_cycles,
 )
 from golden_model.geometry.program import LANES
 from golden_model.geometry.refit import BANDS, MAX_INLIERS
@@ -127,9 +128,9 @@ def test_an_estimate_depends_on_its_seed_alone() -> None:
 
 
 def test_no_set_of_matches_takes_longer_than_the_limit() -> None:
-    """The search overruns its share by one pass at most; all else is bounded by the numbers of matches and inliers."""
+    """The search overruns its share by a pass; all else is bounded by the numbers of matches and inliers."""
     sweep = MAX_MATCHES + CYCLES.sweep
-    longest_pass = CYCLES.turn + max(programs.SOLVE.cycles + CYCLES.solve, LANES * sweep)
+    longest_pass = CYCLES.turn + max(solving_cycles(LANES), LANES * sweep)
     # Each step ends with the first pass beyond its share, even one that begins late, since a pass is shorter than that.
     assert longest_pass < SEARCH_CYCLES // STEPS
     search = SEARCH_CYCLES + 2 * longest_pass

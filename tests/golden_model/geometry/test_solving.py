@@ -4,7 +4,7 @@ import numpy as np
 
 from golden_model.geometry.estimator import passes, quantise
 from golden_model.geometry.floating import Floats
-from golden_model.geometry.solving import solve
+from golden_model.geometry.solving import areas, solve
 from skymosaic.geometry.homography import apply, dlt, transfer_error
 
 TRUTH = np.array([[0.9, 0.3, 40.0], [-0.2, 1.1, 90.0], [1e-4, -5e-5, 1.0]])
@@ -20,11 +20,12 @@ def samples(count: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
 def solved(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Hypotheses, and which of them are valid."""
     zero, one = (Floats.from_real(np.full(1, float(value))) for value in (0, 1))
-    points = [
+    p, q = (
         [[Floats.from_integers(side[:, k, axis], 16) for axis in range(2)] for k in range(4)] for side in (left, right)
-    ]
-    rows, checks = solve(zero, one, *points)
-    return quantise(rows), np.all([passes(each) for each in checks], axis=0)
+    )
+    kept, products = areas(zero, one, (p, q))
+    rows = solve(zero, one, (p, q), kept)
+    return quantise(rows), np.all([passes(each) for each in products], axis=0)
 
 
 def test_solutions_are_those_in_floating_point() -> None:

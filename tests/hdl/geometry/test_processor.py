@@ -10,6 +10,7 @@ from golden_model.geometry.floating import Floats
 from golden_model.geometry.program import LANES, LATENCY_CYCLES
 from golden_model.geometry.programs import (
     ADD,
+    AREAS,
     CLEAR,
     ELEMENTS,
     FIRST_ELEMENT,
@@ -20,7 +21,7 @@ from golden_model.geometry.programs import (
     SOLVE,
 )
 from golden_model.geometry.refit import factors, solve_sums
-from golden_model.geometry.solving import solve
+from golden_model.geometry.solving import areas, solve
 from hdl.geometry.match_gain import PAIR
 from hdl.geometry.processor import Processor
 from sim.benches.block_bench import BlockBench
@@ -80,9 +81,11 @@ def test_programs_leave_what_the_golden_model_computes() -> None:
     async def run(ctx: Any) -> None:
         for n, side in enumerate(SIZE):
             ctx.set(dut.i_centre[n], side * 8)
-        cycles = [await run_program(ctx, dut, SOLVE, given)]
+        cycles = [await run_program(ctx, dut, AREAS, given)]
+        results.append(ctx.get(dut.o_passed))
+        cycles.append(await run_program(ctx, dut, SOLVE, given))
         results.append([await elements(ctx, dut, lane) for lane in range(LANES)])
-        results.append((ctx.get(dut.o_passed), [ctx.get(each) for each in dut.o_exponents]))
+        results.append([ctx.get(each) for each in dut.o_exponents])
         cycles.append(await run_program(ctx, dut, CLEAR, given))
         for group in range(2):
             cycles.append(await run_program(ctx, dut, ADD, given[GROUP * group :][:GROUP]))
@@ -92,13 +95,16 @@ def test_programs_leave_what_the_golden_model_computes() -> None:
 
     BlockBench(dut, cycle_limit=3000, settings={}).run(run)
     zero, one = (Floats.from_real(np.full(1, float(value))) for value in (0, 1))
-    points = [[[Floats.from_integers(given[k::4, c], 16) for c in pair] for k in range(4)] for pair in ((0, 1), (2, 3))]
-    rows, checks = solve(zero, one, *points)
+    left, right = (
+        [[Floats.from_integers(given[k::4, c], 16) for c in pair] for k in range(4)] for pair in ((0, 1), (2, 3))
+    )
+    kept, products = areas(zero, one, (left, right))
+    valid = np.all([estimator.passes(each) for each in products], axis=0)
+    assert (results.pop(0), valid.tolist()) == (1, [True, False])
+    rows = solve(zero, one, (left, right), kept)
     assert results[0] == [as_pairs(rows, lane) for lane in range(LANES)]
-    valid = np.all([estimator.passes(each) for each in checks], axis=0)
-    assert valid.tolist() == [True, False]
     exponents = np.max([np.broadcast_to(each.exponent, 2) for row in rows for each in row], axis=0)
-    assert results[1] == (1, exponents.tolist())
+    assert results[1] == exponents.tolist()
     sums = Floats.from_real(np.zeros(23))
     centre = [zero.plus(one, Floats.from_integers(np.array([side * 8]), 16)) for side in SIZE]
     for row in given:
@@ -110,7 +116,7 @@ def test_programs_leave_what_the_golden_model_computes() -> None:
     assert results[2] == as_pairs(rows)
     passed, cycles = results[3]
     assert passed == estimator.passes(determinant)[0]
-    assert cycles == [each.cycles + dut.start_cycles - 1 for each in (SOLVE, CLEAR, ADD, ADD, FIT)]
+    assert cycles == [each.cycles + dut.start_cycles - 1 for each in (AREAS, SOLVE, CLEAR, ADD, ADD, FIT)]
 
 
 def test_the_schedule_uses_no_result_too_early() -> None:
