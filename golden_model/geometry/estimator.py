@@ -1,8 +1,9 @@
 """From the matches of a frame to a homography, on the chip alone; `hdl.geometry.estimator` equals it bit for bit.
 
 The kept matches are ordered by weight. Samples of four are drawn in PROSAC's order, solved, and scored by all matches;
-the best homography is kept. Four rounds of weighted least squares over its inliers, in ever narrower bands, refine it:
-each is scored, the better one stays. It is accepted if enough matches agree closely, in enough places of the frame.
+the best homography is kept. After each step of the search that found a better one, four rounds of weighted least
+squares over its inliers, in ever narrower bands, refine it: each is scored, the better one stays. It is accepted if
+enough matches agree closely, in enough places of the frame.
 
 A pass computes the areas of two samples and solves them, unless both are dropped; meanwhile those before are scored. It
 takes the time of the longer of both. Each of the 16 steps ends after a number of passes or at its share of
@@ -30,9 +31,11 @@ from golden_model.records import HOMOGRAPHY, Tag
 
 Integers = NDArray[np.int64]
 
-SEARCH_CYCLES = 172_800
+SEARCH_CYCLES = 164_800
 """At most for the samples; what is left covers sorting, refit and acceptance of any set of matches."""
 MAX_CYCLES = 300_000
+MAX_REFITTED_OFTEN = 256
+"""With more matches, only the last step's best homography is refitted: there would be no time for more."""
 
 
 class Cause(enum.IntFlag):
@@ -52,7 +55,7 @@ class Cause(enum.IntFlag):
 class EstimatorSettings:
     """What registers set."""
 
-    passes: int = 64
+    passes: int = 32
     """At most so many in each of the 16 steps, two samples each; 1 to 255."""
     seed: int = 0x9E3779B9
     """First state of the generator of random numbers, 32 bits; not 0."""
@@ -102,8 +105,8 @@ class EstimatorCycles:
     """Per group of inliers, beside the program."""
     round: int = 32
     """Per round of the refit, beside programs and sweep."""
-    check: int = 2
-    """After the refit."""
+    look: int = 1
+    """After the first look at a homography to refit, and after the last one that decides on acceptance."""
     records: int = 3
     """From the last word of the matches' packet, and to the first word of the record, beside all the above."""
 
@@ -148,14 +151,14 @@ def estimate(
     cycles += CYCLES.accept + CYCLES.sort + CYCLES.place * count
     if score == 0:
         return _none(Cause.NO_HYPOTHESIS, cycles)
-    best, score, refit_cycles = _refit(matches, best, score)
+    cycles += count + CYCLES.sweep + CYCLES.look
     gains = matches.gain(best)
     inliers = gains >= INLIER_GAIN
     cells = count_cells(matches.right[inliers], frame.size)
     few = (inliers.sum() < settings.min_inliers) * Cause.TOO_FEW_INLIERS
     narrow = (cells < settings.min_cells) * Cause.TOO_FEW_CELLS
     support = int(matches.weight[gains > 0].sum())
-    return Estimate(best, score, support, int(inliers.sum()), cells, int(few | narrow), cycles + refit_cycles)
+    return Estimate(best, score, support, int(inliers.sum()), cells, int(few | narrow), cycles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,13 +212,14 @@ def _none(causes: Cause, cycles: int) -> Estimate:
 
 
 def _search(matches: _Matches, settings: EstimatorSettings) -> tuple[Integers, int, int]:
-    """Best homography of all samples, its score, and the clocks."""
-    best, best_score = np.zeros((3, 3), dtype=np.int64), 0
-    state, cycles, scoring_cycles = settings.seed, 0, 0
+    """Best homography of all samples and of the refits, its score, and the clocks."""
+    best, best_score, refitted_score = np.zeros((3, 3), dtype=np.int64), 0, 0
+    state, cycles = settings.seed, 0
     count = len(matches.weight)
     for step in range(sampling.STEPS):
         ranks, states = _draw(state, sampling.subset_size(count, step), settings.passes)
         hypotheses, valid = _solve(matches, ranks)
+        share, scoring_cycles = (step + 1) * (SEARCH_CYCLES // sampling.STEPS), 0
         for number, after in enumerate(states):
             state = after
             lanes = slice(LANES * number, LANES * (number + 1))
@@ -227,9 +231,15 @@ def _search(matches: _Matches, settings: EstimatorSettings) -> tuple[Integers, i
                 score = matches.score(homography)
                 if score > best_score:
                     best, best_score = homography, score
-            if cycles > (step + 1) * (SEARCH_CYCLES // sampling.STEPS):
+            is_late = cycles > share
+            if is_late:
                 break
-    return best, best_score, cycles + CYCLES.turn + scoring_cycles
+        cycles += CYCLES.turn + scoring_cycles
+        has_time = count <= MAX_REFITTED_OFTEN and not is_late
+        if best_score > refitted_score and (has_time or step == sampling.STEPS - 1):
+            best, best_score, refit_cycles = _refit(matches, best, best_score)
+            refitted_score, cycles = best_score, cycles + refit_cycles
+    return best, best_score, cycles
 
 
 def solving_cycles(solved: int) -> int:
@@ -287,9 +297,8 @@ def quantise(rows: list[list[Floats]]) -> Integers:
 def _refit(matches: _Matches, best: Integers, score: int) -> tuple[Integers, int, int]:
     """The better of a homography and its refits, its score, and the clocks."""
     newest = best
-    # Of the first list of inliers, and of the last look at the best one.
     sweep_cycles = len(matches.weight) + CYCLES.sweep
-    cycles = 2 * sweep_cycles + CYCLES.check
+    cycles = sweep_cycles + CYCLES.look
     for band in BANDS:
         inliers = np.flatnonzero(matches.gain(newest) >= band)[:MAX_INLIERS]
         newest, valid = _fit(matches, inliers)

@@ -5,7 +5,7 @@ from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.geometry.acceptance import CELLS
-from golden_model.geometry.estimator import SEARCH_CYCLES, Cause
+from golden_model.geometry.estimator import MAX_REFITTED_OFTEN, SEARCH_CYCLES, Cause
 from golden_model.geometry.program import LANES, SLOTS, Program
 from golden_model.geometry.programs import ADD, AREAS, CLEAR, FIT, GROUP, PROGRAMS, SOLVE
 from golden_model.geometry.refit import BANDS, MAX_INLIERS
@@ -90,6 +90,8 @@ class HomographyEstimator(wiring.Component):
         self._settings = view_signal(SETTINGS)
         self._cycles = Signal(32)
         self._round = Signal(range(len(BANDS) + 1))
+        self._refitted_score = Signal(SCORE)
+        self._is_last = Signal()
         self._group = Signal(range(MAX_INLIERS // GROUP + 1))
         m.d.comb += [
             self._draws.i_count.eq(self._count),
@@ -243,6 +245,8 @@ class HomographyEstimator(wiring.Component):
         step, passes = Signal(range(STEPS + 1)), Signal(self._settings.passes.shape())
         # Lanes whose sample is worth solving.
         passed = Signal(LANES)
+        # The step has had its passes, of which the last is to be scored; and whether it took longer than its share.
+        closes, is_late = Signal(), Signal()
         elapsed, limit = Signal(range(2 * SEARCH_CYCLES)), Signal(range(SEARCH_CYCLES + 1))
         share = SEARCH_CYCLES // STEPS
         m.d.comb += self._draws.i_step.eq(step)
@@ -250,11 +254,12 @@ class HomographyEstimator(wiring.Component):
         with m.State("Sort"):
             m.d.comb += self._draws.i_restart.eq(1)
             m.d.sync += [step.eq(0), passes.eq(0), elapsed.eq(0), limit.eq(share), self._valid.eq(0)]
+            m.d.sync += [closes.eq(0), self._refitted_score.eq(0)]
             with m.If(self._ordering.o_sorted):
                 m.next = "Draw"
         # What the last pass has solved is quantised, while the samples of the next are fetched.
         with m.State("Draw"):
-            m.d.comb += [self._draws.i_start.eq(step != STEPS), self._quantiser.i_start.eq(1)]
+            m.d.comb += [self._draws.i_start.eq(~closes), self._quantiser.i_start.eq(1)]
             m.d.sync += self._turn.eq(1)
             m.next = "Turn"
         with m.State("Turn"):
@@ -262,8 +267,8 @@ class HomographyEstimator(wiring.Component):
             with m.If(self._turn == TURN_CYCLES):
                 m.d.sync += self._due.eq(self._valid)
                 m.next = "Measure"
-                with m.If(step == STEPS):
-                    m.next = "Score-Last"
+                with m.If(closes):
+                    m.next = "Close-Step"
         with m.State("Measure"):
             self._run(m, AREAS)
             m.next = "Solve"
@@ -276,21 +281,36 @@ class HomographyEstimator(wiring.Component):
             m.d.sync += [passes.eq(passes + 1), self._valid.eq(passed)]
             with m.If((passes + 1 == self._settings.passes) | (elapsed >= limit)):
                 m.d.sync += [passes.eq(0), step.eq(step + 1), limit.eq(limit + share)]
+                m.d.sync += [closes.eq(1), is_late.eq(elapsed >= limit)]
             m.next = "Draw"
-        with m.State("Score-Last"), m.If(~self._due.any()):
-            m.d.sync += [self._due.eq(BEST), self._round.eq(0)]
-            m.next = "List"
-            with m.If(self._best_score == 0):
-                m.d.sync += [self._due.eq(0), self._causes.eq(Cause.NO_HYPOTHESIS)]
+        self._close_step(m, step == STEPS, is_late, closes)
+
+    def _close_step(self, m: Module, is_last: Value, is_late: Value, closes: Signal) -> None:
+        """When all samples of a step are scored, refit the best homography if it is new, and go on or end."""
+        has_time = ~is_late & (self._count <= MAX_REFITTED_OFTEN)
+        with m.State("Close-Step"), m.If(~self._due.any()):
+            m.d.sync += [closes.eq(0), self._valid.eq(0), self._round.eq(0), self._is_last.eq(is_last)]
+            m.next = "Draw"
+            with m.If(is_last & (self._best_score == 0)):
+                m.d.sync += self._causes.eq(Cause.NO_HYPOTHESIS)
                 m.next = "Send"
+            with m.Elif((self._best_score > self._refitted_score) & (has_time | is_last)):
+                m.d.sync += self._due.eq(BEST)
+                m.next = "List"
+            with m.Elif(is_last):
+                m.d.sync += self._due.eq(BEST)
+                m.next = "Check"
 
     def _refit(self, m: Module) -> None:
         """Fit the listed inliers, round by round."""
         with m.State("List"), m.If(~self._due.any()):
             m.d.sync += self._group.eq(0)
             with m.If(self._round == len(BANDS)):
-                m.d.sync += self._due.eq(BEST)
-                m.next = "Check"
+                m.d.sync += [self._refitted_score.eq(self._best_score), self._valid.eq(0)]
+                m.next = "Draw"
+                with m.If(self._is_last):
+                    m.d.sync += self._due.eq(BEST)
+                    m.next = "Check"
             with m.Else():
                 self._run(m, CLEAR)
                 m.next = "Add"
