@@ -6,11 +6,14 @@ import dataclasses
 import numpy as np
 import pytest
 
+from golden_model.config import PRESETS
 from golden_model.geometry import estimator as golden
 from golden_model.geometry.estimator import CYCLES, Cause, Estimate, EstimatorSettings, FrameMatches
 from hdl.geometry.estimator import GATHER_CYCLES, TURN_CYCLES, HomographyEstimator
 from hdl.geometry.sweep import Sweep
+from sim.backends.golden import GoldenBackend
 from sim.benches.estimator import simulate_estimates
+from sim.scene import make_pair
 from sim.simulators.recording import NO_PAUSES, Pauses
 
 TRUTH = np.array([[1.02, 0.05, 30], [-0.04, 0.97, 10], [1e-5, 2e-5, 1]])
@@ -81,3 +84,16 @@ def test_the_model_of_time_knows_the_parts() -> None:
 def test_an_impossible_memory_is_refused(max_matches: int) -> None:
     with pytest.raises(ValueError, match=f"max_matches is {max_matches}; it must be 4 to 2048"):
         HomographyEstimator(max_matches=max_matches)
+
+
+@pytest.mark.slow
+def test_the_demo_pair_gives_the_golden_homography() -> None:
+    left, right = GoldenBackend().run(list(make_pair(seed=5, size=(320, 240)).images), PRESETS["aerial"])
+    frame = FrameMatches.from_records(right.matches, right.status)
+    settings = EstimatorSettings(passes=3)
+    assert len(left.features) > 100
+    (result,) = simulate_estimates([(frame, settings)], max_matches=len(frame.weight))
+    expected = golden.estimate(frame, settings)
+    np.testing.assert_array_equal(result.homography, expected.homography)
+    assert (result.causes, result.inliers, result.cycles) == (0, expected.inliers, expected.cycles)
+    assert result.inliers > 30
