@@ -94,5 +94,4 @@ def _elements(rows: list[list[Value]], lane: int) -> list[tuple[int, Value]]:
 
 AREAS, SOLVE, CLEAR, ADD, FIT = _areas(), _solve(), _clear(), _add(), _fit()
 PROGRAMS = (AREAS, SOLVE, CLEAR, ADD, FIT)
-
 """In the order in which the hardware's memory holds them."""

@@ -107,6 +107,8 @@ class MosaicOptions(RegistrationOptions):
         self.check()
         if self.gsd_m is not None and self.scale != 1:
             raise InputError("gsd and scale both set the size of the mosaic; leave one out")
+        if self.layout is not None and self.positions is not None:
+            raise InputError("positions and layout both place the photographs; leave one out")
         method, _ = self.choose_method()
         if photographs > 2 and not method.on_accelerator:
             raise InputError(

@@ -50,6 +50,7 @@ def test_every_default_is_valid_and_every_sentence_ends() -> None:
         ({"seed": -1}, "seed is -1; it must be at least 0"),
         ({"working_width_px": 63}, "it must be at least 64 and at most 4096"),
         ({"gsd_m": 0.1, "scale": 0.5}, "gsd and scale both set the size"),
+        ({"layout": object(), "positions": object()}, "positions and layout both place the photographs"),
         ({"detector": "sift", "backend": "rtl"}, "leave out --backend"),
         ({"effort": "thorough", "estimator": "magsac"}, "oriented ILBP"),
     ],
