@@ -76,9 +76,9 @@ def test_overwritten_tiles_and_reports_have_nothing_of_the_old_ones(full: Path) 
 @pytest.mark.parametrize(
     ("option", "says"),
     [
-        (("--tiles", "taken.png"), "is a file"),
+        (("--tiles", "taken.png"), "is no folder"),
         (("--tiles", "taken.png/tiles"), "taken.png; choose another folder"),
-        (("--report", "taken.png"), "is a file"),
+        (("--report", "taken.png"), "is no folder"),
         (("--report", "x", "--tiles", "x"), "name two folders"),
     ],
 )

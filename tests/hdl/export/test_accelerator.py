@@ -281,11 +281,7 @@ def test_registers_have_names_and_lead_to_their_python_line(verilog: str) -> Non
         r"((?:^  \(\*.*\*\)\n)*(?:^  output .*;\n)?)^  reg (?:\[\d+:0\] )?\\?(\S+?) ?(?: = .*)?;", verilog, re.M
     )
     # Ports that Amaranth numbers are named after the signals that they carry, but have no line.
-    generic = [
-        name
-        for attributes, name in declared
-        if GENERIC_NAME.match(name) or "src" not in attributes
-    ]
+    generic = [name for attributes, name in declared if GENERIC_NAME.match(name) or "src" not in attributes]
     assert len(declared) > 1000
     assert len(generic) < 0.03 * len(declared), generic
     lines = {}
