@@ -12,9 +12,10 @@ from skymosaic.cli.session import session
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.features.standing import STANDS_STILL
-from skymosaic.flight.picture.composition import Room, compose
+from skymosaic.flight.picture.composition import Room
 from skymosaic.flight.picture.mapping import explain_absence, place_on_map
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, OutputForm, deliver, room_for
+from skymosaic.flight.picture.preparation import compose
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery import images
 from skymosaic.imagery.key_frames import flight_sources

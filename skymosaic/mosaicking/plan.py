@@ -17,9 +17,10 @@ from skymosaic.features.positions import match_points
 from skymosaic.flight.bands.spectrum import in_all_bands
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.picture.composition import Composition, Room, compose
+from skymosaic.flight.picture.composition import Composition, Room
 from skymosaic.flight.picture.mapping import explain_absence, fit_layout, place_on_map
 from skymosaic.flight.picture.output import PLAIN, PREVIEW_WIDTH_PX, Delivery, OutputForm, deliver, room_for
+from skymosaic.flight.picture.preparation import compose
 from skymosaic.flight.repetition import repeat_flight
 from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.two_photographs import flight_of_pair
@@ -104,7 +105,7 @@ class MosaicPlan:
         Raises
         ------
         InputError
-            As in `skymosaic.flight.picture.composition.compose`.
+            As in `skymosaic.flight.picture.preparation.compose`.
         """
         options = self.options
         composition = compose(

@@ -14,7 +14,7 @@ from sim.scene import Flight, make_lawnmower
 from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.linking.view import Settings
-from skymosaic.flight.picture.composition import compose
+from skymosaic.flight.picture.preparation import compose
 from skymosaic.flight.survey import Flight as SurveyedFlight
 from skymosaic.flight.survey import survey
 from skymosaic.flight.workers import Workers

@@ -14,7 +14,8 @@ from skymosaic.errors import InputError
 from skymosaic.flight.bands.rig import Alignment, align_bands
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.view import THUMBNAIL_WIDTH_PX, Settings, View
-from skymosaic.flight.picture.composition import Composition, equalise, thumbnail_layers
+from skymosaic.flight.picture.composition import Composition
+from skymosaic.flight.picture.preparation import equalise, thumbnail_layers
 from skymosaic.flight.survey import Flight
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery.depth import measure_common_range

@@ -13,29 +13,12 @@ import numpy as np
 
 from golden_model.arrays import Array, Intensities, Mask, Pixels
 from skymosaic.compositing.blend import blend_layers, prepare_layers
-from skymosaic.compositing.exposure import estimate_levels, estimate_tones, measure_toned_range
-from skymosaic.compositing.layer import Layer, SeamMask
-from skymosaic.compositing.seams import find_seams
+from skymosaic.compositing.layer import SeamMask
 from skymosaic.compositing.tone import NEUTRAL, Tone
-from skymosaic.compositing.warp import (
-    CANVAS_LIMIT_PX,
-    TILE_PX,
-    Canvas,
-    CanvasError,
-    enclosing_canvas,
-    footprint,
-    magnification,
-    nearness,
-    outline,
-)
-from skymosaic.errors import InputError, RegistrationError
-from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.linking.view import View
-from skymosaic.flight.picture.mapping import NOWHERE, MapPlace, north_up, scale_for, usual_magnification
-from skymosaic.flight.survey import BLURRED, Flight
+from skymosaic.compositing.warp import CANVAS_LIMIT_PX, TILE_PX, Canvas, footprint, outline
+from skymosaic.flight.picture.mapping import NOWHERE, MapPlace
 from skymosaic.flight.workers import Workers
-from skymosaic.geometry.homography import resize_matrix
-from skymosaic.imagery.depth import ValueRange, measure_common_range, show_in_8_bit
+from skymosaic.imagery.depth import ValueRange, show_in_8_bit
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source, decoded_photographs
 
@@ -43,12 +26,6 @@ MEMORY_BYTES = 1 << 30
 """Default limit of the decoded photographs a process keeps."""
 BAND_REACH_PX = 160
 """Photographs farther than this from a tile do not change it: the margin of the widest band."""
-REMOTE_PERCENTILE = 5
-"""Percentile of the nearness of a photograph's ties that counts as its farthest; single ones may be false."""
-BEYOND_TIES = 0.63
-"""Ground is shown if it is at least this near, relative to the farthest ties: there, pixels are twice as large."""
-BLURRED_FAVOUR = 1e-3
-"""Weight of a blurred photograph: it loses almost every pixel to a sharp one, and still shows where it is alone."""
 
 
 @dataclass(frozen=True)
@@ -234,189 +211,3 @@ class Composition:
         """Keep only the placements that change a tile; blending carries some across its border."""
         around = tile.grown(BAND_REACH_PX)
         return replace(self, placements=tuple(p for p in self.placements if p.shows_in(around)))
-
-
-def compose(
-    flight: Flight,
-    layout: Layout,
-    *,
-    blending: str | None = None,
-    scale: float = 1.0,
-    room: Room | None = None,
-    place: MapPlace = NOWHERE,
-    gsd_m: float | None = None,
-) -> Composition:
-    """Prepare the picture of one layout, from thumbnails alone.
-
-    Two photographs are blended as they are, in the frame of the right one. More of them get a canvas that begins at
-    (0, 0) of its own frame, in which north is up where there is a map; equal exposure; blurred photographs show only
-    where no other does; and multi-band blending is cut along seams.
-
-    Parameters
-    ----------
-    flight : Flight
-    layout : Layout
-        One of the flight's.
-    blending : {"average", "distance", "multiband"} or None
-        See `skymosaic.compositing.blend.blend`. None: distance for two photographs, multiband for more, because
-        averages of the ten photographs that may show the same ground are blurred.
-    scale : float
-        Canvas pixels per pixel of the median photograph; for two photographs, per pixel of the right one.
-    room : Room
-        What the canvas may become. That of a flight is reduced to it; of two photographs, a larger one is refused.
-    place : MapPlace
-        Place on the map; its georeference is that of the layout's reference frame.
-    gsd_m : float or None
-        Metres on the ground per canvas pixel, instead of ``scale``.
-
-    Raises
-    ------
-    InputError
-        For a ``gsd_m`` without a map, or finer than the photographs; for a scale that leaves no pixel of a photograph.
-    RegistrationError
-        For two photographs, if the canvas would be too large, or one reaches behind the horizon.
-    """
-    blending = blending or ("multiband" if flight.pair is None else "distance")
-    if gsd_m is not None:
-        scale = scale_for(flight, layout, place.georeference, gsd_m)
-    composition = _place_on_canvas(flight, layout, blending, scale=scale, room=room or Room(), place=place)
-    if flight.pair is not None:
-        return composition
-    sharpness = flight.relative_sharpness[list(layout.members)]
-    composition = composition.with_each(favour=[BLURRED_FAVOUR if value < BLURRED else 1.0 for value in sharpness])
-    views = [flight.views[member] for member in layout.members]
-    # Exposure and seams are smooth, so thumbnails that are in memory already decide both; nothing is decoded here.
-    thumbnails, reduction = thumbnail_layers(composition, views)
-    composition = equalise(composition, views, thumbnails)
-    if blending == "multiband":
-        # Seams run where neighbours look alike, so they are cut through thumbnails of equal exposure.
-        toned = [replace(layer, tone=p.tone) for layer, p in zip(thumbnails, composition.placements, strict=True)]
-        composition = composition.with_each(seam=find_seams(toned, reduction, composition.values))
-    return composition
-
-
-def equalise(composition: Composition, views: Sequence[View], thumbnails: Sequence[Layer]) -> Composition:
-    """Set the tones of all placements, and for photographs of 16 bits the value range that the tones need.
-
-    Parameters
-    ----------
-    composition : Composition
-    views : sequence of View
-        One for each placement.
-    thumbnails : sequence of Layer
-        From `thumbnail_layers`.
-    """
-    values = composition.values
-    if values is None or not values.deep:
-        return composition.with_each(tone=estimate_tones(thumbnails))
-    samples = [view.sample for view in views]
-    black, white = estimate_levels(samples, [view.taken.black_level for view in views])
-    tones = estimate_tones(thumbnails, black=black, white=white)
-    return replace(composition.with_each(tone=tones), values=measure_toned_range(tones, samples, values))
-
-
-def _place_on_canvas(
-    flight: Flight, layout: Layout, blending: str, *, scale: float, room: Room, place: MapPlace
-) -> Composition:
-    """Lay the photographs of a layout on a canvas, without tones and seams; parameters as of `compose`."""
-    views = [flight.views[member] for member in layout.members]
-    if scale * max(max(view.size) for view in views) < 1:
-        raise InputError("each photograph would be smaller than a pixel; raise --scale, or lower --gsd")
-    to_reference = layout.to_reference(flight.views).values()
-    is_pair, on_map, usual = flight.pair is not None, place.georeference, usual_magnification(flight, layout)
-    least = [0.0] * len(views) if is_pair else least_nearness(flight.views, layout)
-
-    def lay(scale: float) -> tuple[Array, list[Array], Canvas]:
-        if on_map is not None and not is_pair:
-            to_canvas = north_up(on_map, on_map.metres_per_pixel * usual / scale)
-        else:
-            to_canvas = resize_matrix(scale / usual)
-        transforms = [to_canvas @ transform for transform in to_reference]
-        limit_px = room.area_px if is_pair else math.inf
-        return to_canvas, transforms, enclosing_canvas([v.size for v in views], transforms, least, limit_px=limit_px)
-
-    try:
-        to_canvas, transforms, canvas = lay(scale)
-    except CanvasError as error:
-        raise RegistrationError(f"{len(views)} photographs, the first {views[0].name}: {error}") from None
-    reduced = ""
-    if not is_pair and (share := room.share_of(canvas)) < 1:
-        full = canvas
-        to_canvas, transforms, canvas = lay(scale * share)
-        reduced = (
-            f"reduced from {full.width_px}x{full.height_px} to {canvas.width_px}x{canvas.height_px} px, because "
-            f"{room.reason}; a .tif has room for more, --scale or --canvas-limit choose the size"
-        )
-    if on_map is not None:
-        to_layout = np.asarray(np.linalg.inv(canvas.translation @ to_canvas))
-        place = replace(place, georeference=on_map.for_pixels(to_layout))
-    if flight.pair is None:
-        transforms = [canvas.translation @ transform for transform in transforms]
-        canvas = Canvas(0, 0, canvas.width_px, canvas.height_px)
-    placements = tuple(
-        Placement(flight.sources[member], view.size, transform, least_nearness=nearest)
-        for member, view, transform, nearest in zip(layout.members, views, transforms, least, strict=True)
-    )
-    coloured = any(view.thumbnail.ndim == 3 for view in views)
-    values = measure_common_range([view.sample for view in views])
-    return Composition(placements, canvas, coloured, blending, flight.lens, values, place, reduced=reduced)
-
-
-def least_nearness(views: Sequence[View], layout: Layout) -> list[float]:
-    """How near ground has to be that each member of a layout shows, see `skymosaic.compositing.warp.nearness`.
-
-    A photograph that looks to the horizon would cover a village with what it shows of the fields behind. Far beyond
-    its ties it is coarse, and nothing says whether the ground there is where the layout puts it.
-    """
-    tied: dict[int, list[Array]] = {member: [] for member in layout.members}
-    for link in layout.links:
-        tied[link.left].append(link.left_points)
-        tied[link.right].append(link.right_points)
-    least = []
-    for member, points in tied.items():
-        if not points:
-            least.append(0.0)
-            continue
-        size, transform = views[member].working_size, layout.transforms[member]
-        tied_from = float(np.percentile(nearness(size, transform, np.concatenate(points)), REMOTE_PERCENTILE))
-        whole = float(nearness(size, transform, Canvas(0, 0, *size).corners).min())
-        least.append(0.0 if whole >= BEYOND_TIES * tied_from else BEYOND_TIES * tied_from)
-    return least
-
-
-def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[list[Layer], float]:
-    """The thumbnails of all placements as layers of a reduced canvas, in colour, and the scale of that canvas.
-
-    Parameters
-    ----------
-    composition : Composition
-    views : sequence of View
-        One for each placement.
-    """
-    # The canvas is reduced as the widest photograph is, so that hardly any thumbnail is enlarged.
-    widest = max(views, key=lambda view: view.size[0])
-    enlarged = float(np.median([magnification(p.size, p.transform) for p in composition.placements]))
-    reduction = widest.thumbnail.shape[1] / widest.size[0] / enlarged
-    layers = []
-    for view, placement in zip(views, composition.placements, strict=True):
-        from_thumbnail = view.to_original @ np.linalg.inv(view.to_thumbnail)
-        layers.append(
-            Layer(
-                image=_coloured_thumbnail(view, composition.values),
-                transform=resize_matrix(reduction) @ placement.transform @ from_thumbnail,
-                visible=composition.lens.visible_mask((view.thumbnail.shape[1], view.thumbnail.shape[0])),
-                # Thumbnails have the same size, whatever detail their photographs show.
-                favour=placement.favour * view.size[0] / view.thumbnail.shape[1],
-                least_nearness=placement.least_nearness,
-            )
-        )
-    return layers, reduction
-
-
-def _coloured_thumbnail(view: View, values: ValueRange | None) -> Intensities:
-    """A thumbnail in colour: with the camera's numbers where the mosaic has 16 bits, else as ``values`` shows it."""
-    coloured = view.thumbnail if view.thumbnail.ndim == 3 else cv2.cvtColor(view.thumbnail, cv2.COLOR_GRAY2BGR)
-    pixels = np.asarray(coloured, dtype=np.uint8)
-    if values is None or view.value_range is None:
-        return pixels
-    return view.value_range.to_16_bit(pixels) if values.deep else view.value_range.show_as(pixels, values)
