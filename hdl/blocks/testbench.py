@@ -170,11 +170,13 @@ class VerilogBench:
 
     def _control(self, sinks: Sequence[Channel]) -> str:
         complete = " && ".join(f"{each.name}_next == {len(each.rows)}" for each in sinks)
+        answers = " || ".join(f"{each.name}_taken" for each in sinks)
         return f"""
   always #5 {self.clock} = !{self.clock};
   always @(posedge {self.clock}) begin
     cycle <= cycle + 1;
-    idle <= idle + 1;
+    // Here alone: of assignments in two blocks at one edge, either may be the last.
+    idle <= running && ({answers}) ? 0 : idle + 1;
     if (cycle == {RESET_CYCLES}) {self.reset} <= {1 - self.reset_level};
     if (idle > {IDLE_CYCLES}) begin
       $display("FAIL: no answer for {IDLE_CYCLES} cycles");
@@ -235,12 +237,13 @@ def _sink(channel: Channel) -> str:
     $readmemh("{name}.hex", {name}_rows);
     $readmemh("{name}_specified.hex", {name}_specified);
   end{stalls}
+  wire {name}_taken = {taken};
   always @(posedge {channel.clock}) if (running) begin
     if ({channel.valid} === 1'bx) begin
       $display("FAIL: {channel.valid} is unknown in cycle %0d", cycle);
       $fatal(1);
     end
-    if ({taken}) begin
+    if ({name}_taken) begin
       if ({name}_next >= {rows}) begin
         $display("FAIL: {name} gives more than {rows} answers");
         $fatal(1);
@@ -251,6 +254,5 @@ def _sink(channel: Channel) -> str:
         $fatal(1);
       end
       {name}_next <= {name}_next + 1;
-      idle <= 0;
     end
   end"""
