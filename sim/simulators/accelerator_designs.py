@@ -6,6 +6,7 @@ import dataclasses
 import functools
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,14 +34,18 @@ def choose_build_px(frames: Sequence[NDArray[np.uint8]]) -> tuple[int, int]:
     return next(size for size in BUILT_SIZES_PX if width_px <= size[0] and height_px <= size[1])
 
 
-def design_accelerator(config: Config, max_size_px: tuple[int, int], *, lanes: int = BUILT_LANES) -> Design:
+def design_accelerator(
+    config: Config, max_size_px: tuple[int, int], *, lanes: int = BUILT_LANES, video_bits: int = VIDEO_BITS[0]
+) -> Design:
     """The whole accelerator for frames up to a width and height."""
-    config, (width_px, height_px) = strip_settings(config), max_size_px
+    config = strip_settings(config)
+    build: dict[str, Any] = {"lanes": lanes, "video_bits": video_bits}
+    build |= {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1]}
     return Design(
         "the accelerator",
         Ports(outputs=(FEATURES, MATCHES), control=CONTROL),
-        lambda: AcceleratorTop(Accelerator(config=config, lanes=lanes, max_width_px=width_px, max_height_px=height_px)),
-        f"{config} {lanes} {max_size_px} {digest_sources()}",
+        lambda: AcceleratorTop(Accelerator(config=config, **build)),
+        f"{config} {build} {digest_sources()}",
     )
 
 

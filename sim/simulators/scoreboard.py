@@ -47,6 +47,7 @@ def predict_timelines(
     reference: Reference,
     *,
     lanes: int = BUILT_LANES,
+    pixels_per_clock: int = 1,
 ) -> list[Timeline]:
     """The timeline of each frame, in clocks since reset; it ends at the first frame that cannot be predicted.
 
@@ -58,7 +59,8 @@ def predict_timelines(
         Only the clock in which the first pixel of each segment was taken is used.
     config : Config
     reference : {"held", "previous"}
-    lanes : int
+    lanes, pixels_per_clock : int
+        Of the build.
     """
     works = list(_measure_works(golden, reference))
     timelines: list[Timeline] = []
@@ -67,7 +69,8 @@ def predict_timelines(
         numbers, (first, *_) = zip(*segment, strict=True)
         # After a frame whose clocks cannot be predicted, those of the next segments cannot be, either.
         if len(timelines) == numbers[0]:
-            frames = timing.timelines([works[n] for n in numbers], config, lanes=lanes)
+            segment_works = [works[n] for n in numbers]
+            frames = timing.timelines(segment_works, config, lanes=lanes, pixels_per_clock=pixels_per_clock)
             timelines += [timeline.delay(first.first_pixel) for timeline in frames]
     return timelines
 
