@@ -1,5 +1,8 @@
 """A photograph as a layer of a mosaic: its warped pixels, and how strongly it claims each of them."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
@@ -11,6 +14,7 @@ from golden_model.arrays import Array, Float32, Intensities, Mask, Pixels
 from skymosaic.compositing.tone import NEUTRAL, Tone
 from skymosaic.compositing.warp import Canvas, footprint, nearest_corner, source_window, warp_backward, warp_tile
 from skymosaic.geometry.homography import apply, resize_matrix
+from skymosaic.imagery.parcel import Parcel
 
 MIN_WEIGHT = 1e-3
 """Weight of a pixel on the image's own border, so that it counts where no other image covers the pixel."""
@@ -38,6 +42,9 @@ class SeamMask:
     canvas: Canvas
     scale: float
 
+    def __reduce__(self) -> tuple[Callable[..., SeamMask], tuple[Parcel, Canvas, float]]:
+        return _unpack_seam, (Parcel(self.mask), self.canvas, self.scale)
+
     def touches(self, part: Canvas) -> bool:
         """Whether the photograph shows in ``part`` of the reference frame, or within a mask pixel of it."""
         first, last = apply(self._to_mask, part.corners[[0, 2]])
@@ -56,6 +63,10 @@ class SeamMask:
     @property
     def _to_mask(self) -> Array:
         return self.canvas.translation @ resize_matrix(self.scale)
+
+
+def _unpack_seam(mask: Parcel, canvas: Canvas, scale: float) -> SeamMask:
+    return SeamMask(mask.pixels, canvas, scale)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,7 @@
 """Results on disk under a key of all their inputs, so that an interrupted run continues where it stopped."""
 
+from __future__ import annotations
+
 import contextlib
 import functools
 import hashlib
@@ -9,6 +11,7 @@ import zipfile
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +70,7 @@ class ResultCache:
         self._folder = folder
         self._writable = folder is not None
         self._tell = tell
+        self._lock = Lock()
         if folder is not None:
             try:
                 if required:
@@ -79,6 +83,10 @@ class ResultCache:
                 self._give_up(f"{folder}: cannot be made ({error.strerror})")
             if limit_bytes is not None:
                 _remove_oldest(folder, limit_bytes)
+
+    def __reduce__(self) -> tuple[type[ResultCache], tuple[Path | None]]:
+        # Workers of a cluster have folders of their own under this name, or share this one; they tell nobody.
+        return ResultCache, (self._folder,)
 
     def load(self, key: str) -> Arrays | None:
         """What was saved under ``key``; None if nothing was, or the entry is damaged."""
@@ -113,8 +121,10 @@ class ResultCache:
             self._give_up(str(error))
 
     def _give_up(self, reason: str) -> None:
-        self._writable = False
-        self._tell(f"note: features and links are not kept for the next run: {reason}")
+        with self._lock:
+            was_writable, self._writable = self._writable, False
+        if was_writable:
+            self._tell(f"note: features and links are not kept for the next run: {reason}")
 
 
 NO_CACHE = ResultCache(None)

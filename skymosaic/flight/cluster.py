@@ -11,6 +11,7 @@ import os
 import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, is_dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -61,6 +62,7 @@ class Cluster:
     ) -> None:
         self._name, self._tell = address, tell
         self._client = _connect(address)
+        self._future = importlib.import_module("distributed").Future
         try:
             self._await_workers(InputError, "start a worker")
             self._check_workers(sources)
@@ -86,10 +88,20 @@ class Cluster:
         except Exception:
             return 0
 
-    def submit(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        """Start a call; returns Dask's future."""
-        # Bound beforehand: Dask searches the arguments of a call for its own objects, which takes long.
-        return self._client.submit(partial(function, *arguments), pure=False)
+    def submit(self, function: Callable[..., Any], arguments: tuple[Any, ...], kept: Sequence[str] = ()) -> Any:
+        """Start a call; returns what `result` waits for.
+
+        The attributes ``kept`` of its result stay with the worker. Dask's futures take their places, which may be
+        arguments of later calls.
+        """
+        if not any(isinstance(each, self._future) for each in arguments):
+            # Bound beforehand: Dask searches the arguments of a call for its own objects, which takes long.
+            function, arguments = partial(function, *arguments), ()
+        whole = self._client.submit(function, *arguments, pure=False)
+        if not kept:
+            return whole
+        parts = {name: self._client.submit(getattr, whole, name, None, pure=False) for name in kept}
+        return _Split(self._client.submit(_with, whole, dict.fromkeys(kept), pure=False), parts)
 
     def result(self, future: Any, what: str) -> Any:
         """Wait for the result of a call, as long as there are workers.
@@ -99,6 +111,9 @@ class Cluster:
         RegistrationError
             If scheduler or workers are gone for too long, or if the call ends its workers; ``what`` names the call.
         """
+        if isinstance(future, _Split):
+            rest = self.result(future.rest, what)
+            return _with(rest, future.kept)
         while True:
             try:
                 return future.result(timeout=POLL_SECONDS)
@@ -182,6 +197,22 @@ class Cluster:
             return await method(*arguments, **options)
 
         return self._client.sync(call, callback_timeout=self._limit_s)
+
+
+@dataclass(frozen=True)
+class _Split:
+    """Futures of a result without some attributes, and of these."""
+
+    rest: Any
+    kept: Mapping[str, Any]
+
+    def cancel(self) -> None:
+        self.rest.cancel()
+
+
+def _with(result: Any, attributes: Mapping[str, Any]) -> Any:
+    """Replace attributes of a result; one that has none, as the reason for a failure, stays as it is."""
+    return replace(result, **attributes) if is_dataclass(result) and not isinstance(result, type) else result
 
 
 def _files(sources: Sequence[Source]) -> list[Source]:

@@ -32,10 +32,13 @@ def repeat_flight(known: Flight, sources: Sequence[Source], seed: int, workers: 
         raise InputError(f"layout: of {len(known.names)} photographs, not of {len(sources)}; give the same number")
     used = tuple(sources[source.index] for source in known.sources)
     settings = replace(known.settings, lens=known.lens)
+    surveyor = Surveyor(settings, seed, workers, cache)
+    described = surveyor.describe(used)
+    if reason := next((view for view in described if isinstance(view, str)), None):
+        raise InputError(f"layout: {reason}")
     views = []
-    for view, before in zip(Surveyor(settings, seed, workers, cache).describe(used), known.views, strict=True):
-        if not isinstance(view, View):
-            raise InputError(f"layout: {view}")
+    thumbnails = surveyor.fetch_thumbnails([view for view in described if isinstance(view, View)])
+    for view, before in zip(thumbnails, known.views, strict=True):
         if view.size != before.size:
             sizes = " and ".join(f"{each.name} {each.size[0]}x{each.size[1]}" for each in (before, view))
             raise InputError(f"layout: photographs of different sizes ({sizes}); give those of the same camera")

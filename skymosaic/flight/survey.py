@@ -143,10 +143,9 @@ def survey(
         raise InputError(f"a mosaic takes at least two photographs, not {len(sources)}")
     clock = Stopwatch()
     surveyor = Surveyor(settings, seed, workers, cache)
-    view_of, left_out = _describe(surveyor, sources)
+    usable, views, left_out = _describe(surveyor, sources)
     if fixes is not None:
-        view_of = {source: view.with_fix(fixes[source.index]) for source, view in view_of.items()}
-    usable, views = tuple(view_of), tuple(view_of.values())
+        views = tuple(view.with_fix(fixes[source.index]) for source, view in zip(usable, views, strict=True))
     clock.lap("features")
     links = _link(surveyor, usable, views)
     clock.lap("pairs")
@@ -156,9 +155,11 @@ def survey(
     if settings.lens.matrix is None:
         calibration = calibrate(views, parts[0], valid_links(links), settings.lens.mask, cache)
     if calibration is not None:
+        views = tuple(view.light for view in views)
         views, links, calibration = _straighten(
             surveyor, usable, views, links, members=parts[0], calibration=calibration
         )
+    views = surveyor.fetch_thumbnails(views)
     clock.lap("lens")
     layouts, alone = _lay_out_all(views, parts, valid_links(links))
     clock.lap("layout")
@@ -176,8 +177,10 @@ def survey(
     )
 
 
-def _describe(surveyor: Surveyor, sources: Sequence[Source]) -> tuple[dict[Source, View], dict[int, str]]:
-    """The views of all sources that can be used and do not repeat another; why the rest is left out, by index."""
+def _describe(
+    surveyor: Surveyor, sources: Sequence[Source]
+) -> tuple[tuple[Source, ...], tuple[View, ...], dict[int, str]]:
+    """All sources that can be used and do not repeat another, their views, and why the rest is left out, by index."""
     distinct: dict[str, Source] = {}
     left_out: dict[int, str] = {}
     for source in sources:
@@ -197,7 +200,7 @@ def _describe(surveyor: Surveyor, sources: Sequence[Source]) -> tuple[dict[Sourc
             left_out[source.index] = view
     if not views:
         raise InputError(f"none of the {len(sources)} photographs can be used: {next(iter(left_out.values()))}")
-    return views, left_out
+    return tuple(views), tuple(views.values()), left_out
 
 
 def _link(surveyor: Surveyor, sources: Sequence[Source], views: Sequence[View]) -> dict[Candidate, Link]:
@@ -278,7 +281,7 @@ def _lay_out_all(
 
 def _why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:
     """Why no link joins a view to the others, with its best match."""
-    features = len(views[view].features)
+    features = len(views[view].strongest)
     if features < MIN_INLIERS:
         return f"{views[view].name}: too few features ({features}; flat or blurred image?)"
     tried = [link for link in links if view in (link.left, link.right)]

@@ -80,9 +80,18 @@ class Workers:
         return self._cluster is not None
 
     def run(
-        self, stage: str, function: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]
+        self,
+        stage: str,
+        function: Callable[..., Result],
+        arguments: Sequence[tuple[Any, ...]],
+        *,
+        kept: Sequence[str] = (),
     ) -> Iterator[Result]:
-        """Call ``function(*each)`` for each of ``arguments``; results come in order, while workers go on."""
+        """Call ``function(*each)`` for each of ``arguments``; results come in order, while workers go on.
+
+        The attributes ``kept`` of a result stay with the worker of a cluster that computed it. Arguments of later calls
+        may be such attributes, and run near them.
+        """
         pending: deque[Any] = deque()
         submitted = 0
         try:
@@ -91,7 +100,7 @@ class Workers:
                 if done % CALLS_PER_WORKER == 1:
                     ahead = CALLS_PER_WORKER * max(self._count(), 1)
                 for later in arguments[submitted : done - 1 + ahead]:
-                    pending.append(self._submit(function, later))
+                    pending.append(self._submit(function, later, kept))
                 submitted = max(submitted, min(done - 1 + ahead, len(arguments)))
                 yield self._result(pending.popleft(), stage, each)
                 self.progress(stage, done, len(arguments))
@@ -99,9 +108,9 @@ class Workers:
             for future in pending:
                 future.cancel()
 
-    def _submit(self, function: Callable[..., Result], arguments: tuple[Any, ...]) -> Any:
+    def _submit(self, function: Callable[..., Result], arguments: tuple[Any, ...], kept: Sequence[str]) -> Any:
         if self._cluster is not None:
-            return self._cluster.submit(function, arguments)
+            return self._cluster.submit(function, arguments, kept)
         assert self._executor is not None
         return self._executor.submit(function, *arguments)
 

@@ -1,19 +1,24 @@
 """Computes what a flight is laid out from, or takes it from the cache."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Records
 from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache, key_of
 from skymosaic.flight.linking import resemblance
 from skymosaic.flight.linking.links import FIRST_LOOK_SAMPLES, Candidate, Link, link_views
-from skymosaic.flight.linking.view import Settings, View, describe, describe_thumbnail
+from skymosaic.flight.linking.view import HEAVY, Settings, View, describe, describe_thumbnail
 from skymosaic.flight.workers import Workers
+from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import Source
+
+LOOKED_UP_AT_ONCE = 16
+"""Views in one call: neighbours share most of the photographs that they are compared with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,42 +44,44 @@ class Surveyor:
 
     def describe(self, sources: Sequence[Source]) -> list[View | str]:
         """Compute the view of each source, or say why there is none."""
-        views: dict[int, View | str] = {}
-        for index, source in enumerate(sources):
-            key = self.settings.key(source)
-            if arrays := self.cache.load(key):
-                views[index] = View.unpack(arrays, source.name, key)
-        missing = [index for index in range(len(sources)) if index not in views]
-        calls = [(sources[index], self.settings) for index in missing]
-        for index, call, described in zip(missing, calls, self.workers.run("features", _describe, calls), strict=True):
-            # A worker that has joined meanwhile may not see the file.
-            retried = isinstance(described, str) and self.workers.are_elsewhere
-            view = views[index] = _describe(*call) if retried else described
-            if isinstance(view, View):
-                self.cache.save(view.key, view.pack())
-        return [views[index] for index in range(len(sources))]
+        calls = [(source, self.settings, self.cache) for source in sources]
+        described = self.workers.run("features", _describe, calls, kept=HEAVY)
+        # A worker that has joined meanwhile may not see the file.
+        return [
+            _describe(*call) if isinstance(view, str) and self.workers.are_elsewhere else view
+            for call, view in zip(calls, described, strict=True)
+        ]
+
+    def fetch_thumbnails(self, views: Sequence[View]) -> tuple[View, ...]:
+        """Bring the thumbnails to this process; the features are dropped, because linked views do not need them."""
+        parcels = self.workers.run("thumbnails", Parcel, [(view.thumbnail,) for view in views])
+        return tuple(replace(view.light, thumbnail=parcel.pixels) for view, parcel in zip(views, parcels, strict=True))
 
     def describe_thumbnails(self, views: Sequence[View]) -> list[View]:
         """Replace the features of the views by those of their thumbnails."""
-        return list(self.workers.run("thumbnails", describe_thumbnail, [(view, self.settings) for view in views]))
+        calls = [(view.thumbnail, view.light, self.settings) for view in views]
+        return list(self.workers.run("thumbnails", describe_thumbnail, calls, kept=HEAVY))
 
     def count_votes(self, views: Sequence[View], across: Sequence[int] = ()) -> NDArray[np.int64]:
         """Count the votes for pairs of views that share words, (V, V), else 0; see `resemblance`.
 
         If there is an ``across``, only pairs of one of these views with one of the others are counted.
         """
-        compacts = [resemblance.compact(view.features) for view in views]
+        compacts = [view.strongest for view in views]
         partners: dict[int, list[int]] = {view: [] for view in range(len(views))}
         inside = set(across)
         for one, other in resemblance.likely_pairs(compacts):
             if not inside or (one in inside) != (other in inside):
                 partners[one].append(other)
-        calls = [(compacts[one], [compacts[other] for other in others]) for one, others in partners.items()]
+        calls = []
+        for start in range(0, len(views), LOOKED_UP_AT_ONCE):
+            block = {one: partners[one] for one in range(start, min(start + LOOKED_UP_AT_ONCE, len(views)))}
+            calls.append((block, {view: compacts[view] for one, others in block.items() for view in (one, *others)}))
         votes = np.zeros((len(views), len(views)), dtype=np.int64)
-        rows = self.workers.run("look-up", resemblance.count_votes, calls)
-        for (one, others), row in zip(partners.items(), rows, strict=True):
-            # Each pair is counted once, from its first view; the other direction differs by a vote or two.
-            votes[one, others] = votes[others, one] = row
+        for (block, _), rows in zip(calls, self.workers.run("look-up", _count_votes, calls), strict=True):
+            for (one, others), row in zip(block.items(), rows, strict=True):
+                # Each pair is counted once, from its first view; the other direction differs by a vote or two.
+                votes[one, others] = votes[others, one] = row
         return votes
 
     def link(self, views: Sequence[View] | Mapping[int, View], pairs: Iterable[Candidate]) -> dict[Candidate, Link]:
@@ -84,23 +91,39 @@ class Surveyor:
             (left, right): key_of("pair", views[left].key, views[right].key, matcher, self.seed, self.max_samples)
             for left, right in sorted(pairs)
         }
-        links: dict[Candidate, Link] = {}
-        for pair, key in keys.items():
-            if arrays := self.cache.load(key):
-                links[pair] = Link.unpack(arrays, *pair)
-        missing = [pair for pair in keys if pair not in links]
         link_pair = partial(link_views, config=self.settings.config, seed=self.seed, max_samples=self.max_samples)
-        calls = [(pair, *(views[side].features for side in pair)) for pair in missing]
-        for pair, link in zip(missing, self.workers.run("pairs", link_pair, calls), strict=True):
-            links[pair] = link
-            self.cache.save(keys[pair], link.pack())
-        # The sums of the adjustment depend on the order of the links, which must not depend on what was kept.
-        return {pair: links[pair] for pair in keys}
+        calls = [(pair, *(views[side].features for side in pair), key) for pair, key in keys.items()]
+        links = self.workers.run("pairs", partial(_link, compute=link_pair, cache=self.cache), calls)
+        return dict(zip(keys, links, strict=True))
 
 
-def _describe(source: Source, settings: Settings) -> View | str:
-    """`describe`, but returns the reason instead of raising: one bad file does not end a flight."""
+def _describe(source: Source, settings: Settings, cache: ResultCache) -> View | str:
+    """Load or compute a view; returns the reason instead of raising: one bad file does not end a flight."""
     try:
-        return describe(source, settings)
+        key = settings.key(source)
+        if arrays := cache.load(key):
+            return View.unpack(arrays, source.name, key)
+        view = describe(source, settings)
     except InputError as error:
         return str(error)
+    cache.save(key, view.pack())
+    return view
+
+
+def _link(
+    pair: Candidate, left: Records, right: Records, key: str, *, compute: Callable[..., Link], cache: ResultCache
+) -> Link:
+    """Load or compute a link."""
+    if arrays := cache.load(key):
+        return Link.unpack(arrays, *pair)
+    link = compute(pair, left, right)
+    cache.save(key, link.pack())
+    return link
+
+
+def _count_votes(partners: Mapping[int, Sequence[int]], compacts: Mapping[int, Records]) -> list[list[int]]:
+    """Votes of each view for its partners."""
+    return [
+        resemblance.count_votes(compacts[one], [compacts[other] for other in others])
+        for one, others in partners.items()
+    ]

@@ -1,4 +1,4 @@
-"""What a flight keeps in memory of each photograph: features, a thumbnail, GPS and sharpness."""
+"""What a flight keeps of each photograph: features, a thumbnail, GPS and sharpness."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from sim.backends.interface import load_backend
 from skymosaic.errors import InputError
 from skymosaic.features.positions import are_on_ground, feature_points
 from skymosaic.flight.cache import Arrays, key_of
+from skymosaic.flight.linking.resemblance import compact
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.exif import Metadata, Position, read_metadata
 from skymosaic.imagery.images import Photograph, reduce_for_front_end, reduce_to_width
@@ -29,7 +30,9 @@ from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.registration.options import WORKING_WIDTH_PX
 
 THUMBNAIL_WIDTH_PX = 320
-_ARRAYS = ("to_original", "to_thumbnail", "features", "thumbnail", "sample")
+_ARRAYS = ("to_original", "to_thumbnail", "features", "strongest", "thumbnail", "sample")
+HEAVY = ("features", "thumbnail")
+"""Attributes of a view that stay with the worker that computed them, as Dask's futures."""
 _FACTS = ("size", "working_size", "sharpness", "clipped", "notes")
 
 
@@ -48,7 +51,9 @@ class View:
     to_original, to_thumbnail : ndarray of float64, shape (3, 3)
         From working pixels to those of the original and of the thumbnail.
     features : structured ndarray
-        Feature records of the working image.
+        Feature records of the working image; none once the flight is linked.
+    strongest : structured ndarray
+        The strongest of them, see `skymosaic.flight.linking.resemblance`.
     thumbnail : ndarray of uint8, shape (h, w) or (h, w, 3)
     sample : ndarray
         Values of a photograph of more than 8 bits, at evenly spaced places; else empty.
@@ -71,6 +76,7 @@ class View:
     to_original: Array
     to_thumbnail: Array
     features: Records
+    strongest: Records
     thumbnail: Pixels
     sample: NDArray[np.generic]
     value_range: ValueRange | None
@@ -112,9 +118,9 @@ class View:
         return self.taken.position
 
     @property
-    def points(self) -> Array:
-        """Positions of the features, (N, 2), working px."""
-        return feature_points(self.features)
+    def light(self) -> View:
+        """The same view with neither features nor thumbnail."""
+        return dataclasses.replace(self, features=self.strongest[:0], thumbnail=np.zeros((0, 0), np.uint8))
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,20 +172,21 @@ def describe(source: Source, settings: Settings) -> View:
     return make_view(source, photograph, settings, working=working, to_original=to_original, features=features)
 
 
-def describe_thumbnail(view: View, settings: Settings) -> View:
+def describe_thumbnail(thumbnail: Pixels, view: View, settings: Settings) -> View:
     """Take the thumbnail of a view for its working image; without features if the front end cannot take it."""
     try:
-        features = _extract_from_ground(view.thumbnail, settings, view.name)
+        features = _extract_from_ground(thumbnail, settings, view.name)
     except InputError:
-        features = view.features[:0]
+        features = view.strongest[:0]
     from_thumbnail = np.linalg.inv(view.to_thumbnail).astype(np.float64)
     return dataclasses.replace(
         view,
         key=key_of("thumbnail", view.key),
-        working_size=(view.thumbnail.shape[1], view.thumbnail.shape[0]),
+        working_size=(thumbnail.shape[1], thumbnail.shape[0]),
         to_original=view.to_original @ from_thumbnail,
         to_thumbnail=np.eye(3),
         features=features,
+        strongest=compact(features),
     )
 
 
@@ -228,6 +235,7 @@ def make_view(
         to_original=to_original,
         to_thumbnail=np.linalg.inv(from_thumbnail).astype(np.float64),
         features=features,
+        strongest=compact(features),
         thumbnail=thumbnail,
         sample=photograph.sample,
         value_range=photograph.value_range,

@@ -20,6 +20,7 @@ from skymosaic.flight.picture.mapping import NOWHERE, MapPlace
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery.depth import ValueRange, show_in_8_bit
 from skymosaic.imagery.lens import Lens
+from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import Source, decoded_photographs
 
 MEMORY_BYTES = 1 << 30
@@ -161,10 +162,10 @@ class Composition:
         """
         tiles = list(self.canvas.tiles())
         calls = [(self.for_tile(tile), tile, memory_bytes) for tile in tiles]
-        rendered = zip(tiles, workers.run("mosaic", type(self).render, calls), strict=True)
+        rendered = zip(tiles, workers.run("mosaic", _render, calls), strict=True)
         for _, row in groupby(rendered, key=lambda item: item[0].y_px):
             pixels, masks = zip(*(tile for _, tile in row), strict=True)
-            yield np.concatenate(pixels, axis=1), np.concatenate(masks, axis=1)
+            yield _join(pixels), _join(masks)
 
     def render(self, tile: Canvas, memory_bytes: int) -> tuple[Intensities, Mask]:
         """Render one tile: its pixels, 0 where no photograph shows, and a mask of where one does."""
@@ -211,3 +212,14 @@ class Composition:
         """Keep only the placements that change a tile; blending carries some across its border."""
         around = tile.grown(BAND_REACH_PX)
         return replace(self, placements=tuple(p for p in self.placements if p.shows_in(around)))
+
+
+def _render(composition: Composition, tile: Canvas, memory_bytes: int) -> tuple[Parcel, Parcel]:
+    """Render one tile, on a worker: its pixels and its mask."""
+    pixels, mask = composition.render(tile, memory_bytes)
+    return Parcel(pixels), Parcel(mask)
+
+
+def _join(parcels: Sequence[Parcel]) -> Any:
+    """Join the parts of a row of tiles."""
+    return np.concatenate([parcel.pixels for parcel in parcels], axis=1)

@@ -1,5 +1,7 @@
-"""Faults of a cluster, with a real scheduler and real workers, which are processes on this machine."""
+"""Work and faults of a cluster, with a real scheduler and real workers, which are processes on this machine."""
 
+import dataclasses
+import itertools
 import os
 import signal
 import subprocess
@@ -15,12 +17,15 @@ import numpy as np
 import pytest
 
 from golden_model.config import preset_config
+from sim.scene import make_lawnmower
+from skymosaic import mosaic
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.cache import NO_CACHE
 from skymosaic.flight.cluster import LIMIT
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings, View
 from skymosaic.flight.workers import Workers
+from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import list_sources
 
 dask = pytest.importorskip("dask")
@@ -224,3 +229,79 @@ def test_a_call_that_ends_its_worker_is_named(cluster: Processes) -> None:
         pytest.raises(RegistrationError, match=r"^features of a\.jpg: ended 1 workers, .* 286 MB of memory"),
     ):
         list(workers.run("features", end_worker, [(Path("folder/a.jpg"),)]))
+
+
+@dataclasses.dataclass
+class Described:
+    number: int
+    heavy: Any
+
+
+def describe(number: int, folder: Path) -> Described | str:
+    (folder / f"{number}.{os.getpid()}").touch()
+    return Described(number, np.full(1000, number)) if number else "none of these"
+
+
+def add(left: Any, right: Any) -> int:
+    return int((left + right).sum())
+
+
+def test_what_is_kept_stays_with_the_workers_and_outlives_them(cluster: Processes, tmp_path: Path) -> None:
+    both = [cluster.worker() for _ in range(2)]
+    with connect(cluster) as workers:
+        while workers._count() < 2:
+            time.sleep(0.1)
+        calls = [(number, tmp_path) for number in range(8)]
+        none, *described = workers.run("described", describe, calls, kept=("heavy",))
+        assert none == "none of these"
+        assert [each.number for each in described] == list(range(1, 8))
+        assert {type(each.heavy).__name__ for each in described} == {"Future"}
+        pairs = [(left.heavy, right.heavy) for left, right in itertools.pairwise(described)]
+        sums = [1000 * (2 * number + 1) for number in range(1, 7)]
+        assert list(workers.run("added", add, pairs)) == sums
+        assert len(list(tmp_path.glob("?.*"))) == 8
+        both[0].kill()
+        # The other one computes again what was lost.
+        assert list(workers.run("added", add, pairs)) == sums
+        assert [parcel.pixels.sum() for parcel in workers.run("fetched", Parcel, [(described[2].heavy,)])] == [3000]
+
+
+def mosaic_of(folder: Path, cluster: Processes | None) -> Any:
+    # A cache of its own for each: nothing is taken over from another run.
+    scheduler, cache = (None, "own") if cluster is None else (str(cluster.file), "shared")
+    return mosaic([folder / "photographs"], scheduler=scheduler, cache=folder / cache).image
+
+
+def write_flight(folder: Path, count: int, size: tuple[int, int]) -> None:
+    (folder / "photographs").mkdir()
+    for index, image in enumerate(make_lawnmower(3, count, size, k1=-0.1).images):
+        cv2.imwrite(str(folder / "photographs" / f"{index:02}.jpg"), image)
+
+
+def test_workers_make_the_same_mosaic_as_threads(cluster: Processes, tmp_path: Path) -> None:
+    write_flight(tmp_path, 6, (320, 240))
+    cluster.worker()
+    cluster.worker()
+    np.testing.assert_array_equal(mosaic_of(tmp_path, cluster), mosaic_of(tmp_path, None))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cluster", [10], indirect=True)
+def test_workers_that_are_killed_every_five_seconds_make_the_same_mosaic(cluster: Processes, tmp_path: Path) -> None:
+    write_flight(tmp_path, 40, (640, 480))
+    workers = [cluster.worker(), cluster.worker()]
+    ended = threading.Event()
+
+    def replace_workers() -> None:
+        while not ended.wait(5):
+            workers.pop(0).kill()
+            workers.append(cluster.worker())
+
+    thread = threading.Thread(target=replace_workers)
+    thread.start()
+    try:
+        made = mosaic_of(tmp_path, cluster)
+    finally:
+        ended.set()
+        thread.join()
+    np.testing.assert_array_equal(made, mosaic_of(tmp_path, None))

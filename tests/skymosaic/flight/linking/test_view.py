@@ -8,6 +8,7 @@ import pytest
 from golden_model.config import preset_config
 from sim.scene import make_pair
 from skymosaic.errors import InputError
+from skymosaic.features.positions import feature_points
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.linking.view import Settings, View, describe
 from skymosaic.imagery.lens import load_lens
@@ -24,8 +25,8 @@ def test_masked_places_have_no_features(tmp_path: Path) -> None:
     free = describe(source, Settings(preset_config("aerial")))
     masked = describe(source, Settings(preset_config("aerial"), lens=lens))
     assert len(masked.features) < len(free.features)
-    assert masked.points[:, 1].max() < 300
-    assert free.points[:, 1].max() > 400
+    assert feature_points(masked.features)[:, 1].max() < 300
+    assert feature_points(free.features)[:, 1].max() > 400
     assert masked.key != free.key
 
 
