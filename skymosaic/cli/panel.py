@@ -4,6 +4,7 @@ import importlib
 import sys
 import threading
 import webbrowser
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -16,6 +17,9 @@ from skymosaic.errors import InputError
 def panel(
     port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes any free port.")] = 8080,
     board: Annotated[list[str] | None, typer.Option(help="HOST[:PORT] of a board that may be chosen.")] = None,
+    root: Annotated[
+        list[Path] | None, typer.Option(help="Folder whose photographs may be opened in place; default: your home.")
+    ] = None,
     browser: Annotated[bool, typer.Option(help="Open the page in a browser, when started on a terminal.")] = True,
 ) -> None:
     """Serve the front panel, a web page for this machine only: choose, run, and see why."""
@@ -35,4 +39,4 @@ def panel(
         session.end(0)
         sys.stdout.flush()
 
-    server.serve(port, tuple(f"board:{address}" for address in board or ()), announce)
+    server.serve(port, tuple(f"board:{address}" for address in board or ()), root or [Path.home()], announce)

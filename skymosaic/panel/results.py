@@ -20,27 +20,53 @@ SINGLE_FILES = (
 
 
 @dataclass(frozen=True, eq=False)
-class Upload:
-    """An uploaded file that was accepted.
+class Decoded:
+    """A photograph, or a video's first frame, that was decoded.
 
     Attributes
     ----------
-    name : str
-        The sanitised, unique name of the file in the session's folder.
     size : (int, int)
         Width and height of the original, px.
     notes : tuple of str
         What was done to its pixels, or a video's frame rate.
     working : Path
-        The picture as the front end sees it, a PNG whose stem is ``name``.
+        The picture as the front end sees it, a PNG whose stem is the file's name.
     working_size : (int, int)
     """
 
-    name: str
     size: Size
     notes: tuple[str, ...]
     working: Path
     working_size: Size
+
+
+@dataclass(eq=False)
+class InputFile:
+    """A file that a run can take: an upload that was accepted, or a photograph of an opened folder.
+
+    Attributes
+    ----------
+    path : str
+        As a run names it: an upload's sanitised, unique name, or where a folder's photograph lies.
+    thumbnail : Path
+        Picture for lists; that of a folder's photograph is made while the folder is read.
+    decoded : Decoded or None
+        None for a folder's photograph, until it is one of the first two.
+    """
+
+    path: str
+    thumbnail: Path
+    decoded: Decoded | None = None
+
+    @property
+    def name(self) -> str:
+        """The file's name without its folder."""
+        return Path(self.path).name
+
+    @property
+    def is_upload(self) -> bool:
+        """Whether the session keeps the file, and removes it; a folder's photographs are only read."""
+        return self.path == self.name
 
 
 def picture_address(path: Path) -> str:
@@ -125,6 +151,8 @@ class MosaicResult(Run):
     ----------
     options : Options
         The options of the run.
+    paths : dict of str to str
+        Path of each photograph, relative to ``folder`` or absolute, by its name.
     pair : PairView
         The pair that is shown; of a flight, one of its pairs.
     mosaic : ShownMosaic or None
@@ -142,6 +170,7 @@ class MosaicResult(Run):
     """
 
     options: Options
+    paths: dict[str, str]
     pair: PairView
     mosaic: ShownMosaic | None
     left_out: dict[str, str]

@@ -2,7 +2,8 @@
 
 import secrets
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import uvicorn
 from fastapi import FastAPI
@@ -12,9 +13,11 @@ from starlette.middleware.sessions import SessionMiddleware
 
 from skymosaic.errors import InputError
 from skymosaic.panel.file_routes import FileRoutes
+from skymosaic.panel.folders import Roots
 from skymosaic.panel.origin_check import OriginCheck
 from skymosaic.panel.pages.mosaic_page import build_mosaic_page
 from skymosaic.panel.pages.tracking_page import build_tracking_page
+from skymosaic.panel.session import Session
 from skymosaic.panel.sessions import Sessions
 from skymosaic.panel.tasks.jobs import prepare_workers
 
@@ -24,7 +27,7 @@ SECONDS_TO_RECONNECT = 30
 """With the usual 3, a page reloads itself when a busy browser has not answered for 2 seconds."""
 
 
-def serve(port: int, boards: tuple[str, ...], announce: Callable[[str], None]) -> None:
+def serve(port: int, boards: tuple[str, ...], roots: Sequence[Path], announce: Callable[[str], None]) -> None:
     """Run the panel until it is interrupted.
 
     Parameters
@@ -33,22 +36,26 @@ def serve(port: int, boards: tuple[str, ...], announce: Callable[[str], None]) -
         0 takes any free port.
     boards : tuple of str
         Backends that are boards, ``board:HOST``.
+    roots : sequence of Path
+        Folders below which photographs may be opened by whoever comes by the announced address.
     announce : callable
-        Receives the address once browsers can open it.
+        Receives the address, with its token, once browsers can open it.
 
     Raises
     ------
     InputError
-        If the port is taken.
+        If the port is taken, or a root is no folder.
     """
+    sessions = Sessions(boards, Roots(roots))
     listener = _listen(port)
     port = listener.getsockname()[1]
-    sessions = Sessions(boards)
     prepare_workers(sessions.folder)
     # Clean up on shutdown, not after `run`: uvicorn raises the signal that stopped it again, so nothing after runs.
     page_app.on_shutdown(sessions.close)
-    app = _application(sessions, port)
-    announce(f"http://{HOST}:{port}/")
+    # Other users of this machine reach the port too: only who knows the token may open folders.
+    token = secrets.token_urlsafe()
+    app = _application(sessions, port, token)
+    announce(f"http://{HOST}:{port}/?token={token}")
     config = uvicorn.Config(
         OriginCheck(app, port),
         log_level="warning",
@@ -71,7 +78,7 @@ def _listen(port: int) -> socket.socket:
     return listener
 
 
-def _application(sessions: Sessions, port: int) -> FastAPI:
+def _application(sessions: Sessions, port: int, token: str) -> FastAPI:
     """The application: the routes for files, and the pages, which NiceGUI serves."""
     app = FastAPI(openapi_url=None)
     # Cookies do not distinguish ports, so the name does, for two panels on one machine. The key is never stored: the
@@ -82,13 +89,22 @@ def _application(sessions: Sessions, port: int) -> FastAPI:
 
     FileRoutes(sessions).add_to(app)
 
+    def find_session(given: str = "") -> Session:
+        """The visitor's session; the signed cookie remembers that the token was given."""
+        cookie = page_app.storage.browser
+        if secrets.compare_digest(given.encode(), token.encode()):
+            cookie["owner"] = True
+        return sessions.get(cookie["id"], is_owner="owner" in cookie)
+
     @ui.page("/")
-    def mosaic_page() -> None:
-        build_mosaic_page(sessions.get(page_app.storage.browser["id"]))
+    def mosaic_page(token: str = "") -> None:
+        build_mosaic_page(find_session(token))
+        if token:
+            ui.navigate.history.replace("/")
 
     @ui.page("/tracking")
     def tracking_page() -> None:
-        build_tracking_page(sessions.get(page_app.storage.browser["id"]))
+        build_tracking_page(find_session())
 
     # Long work has a bar of its own. Quasar's, for every request of a viewer, has no name for a screen reader.
     page_app.config.quasar_config["loadingBar"]["skipHijack"] = True

@@ -15,14 +15,14 @@ from typing import Any, Concatenate, NamedTuple, ParamSpec
 from nicegui import Event, background_tasks
 from nicegui.binding import BindableProperty
 
+from skymosaic.panel.folders import Roots
 from skymosaic.panel.options import Options
-from skymosaic.panel.results import HardwareResult, MosaicResult, TrackingResult, Upload
+from skymosaic.panel.results import Decoded, HardwareResult, InputFile, MosaicResult, TrackingResult
 from skymosaic.panel.rules_edit import RulesEdit
 from skymosaic.panel.tasks import mosaic_tasks, tracking_tasks, upload_tasks
 from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits, Task
 from skymosaic.panel.uploads import KINDS, MAX_UPLOADS_AT_ONCE, MIN_FREE_BYTES, UploadRefusedError, receive
 
-MAX_PHOTOGRAPHS = 60
 MAX_BYTES = 4 << 30
 """Size of all files of one session, results included."""
 DECODING_LIMITS = Limits(seconds=120, processor_seconds=60, memory_bytes=2 << 30)
@@ -44,21 +44,18 @@ def _only_while_idle(
 
 
 class Queues(NamedTuple):
-    """Limits for all sessions together: workers that run at once, for jobs and for uploads, and uploads under way.
-
-    Uploads have a queue of their own and never wait for long jobs.
-    """
+    """Workers that run at once in all sessions together; jobs, uploads and the reading of folders wait separately."""
 
     jobs: asyncio.Semaphore
     uploads: asyncio.Semaphore
-    arriving: asyncio.Semaphore
+    folders: asyncio.Semaphore
 
 
 class Session:
     """One browser's photographs, options and results, shared by all its tabs and kept when a page is reloaded.
 
     Its folder holds ``uploads``; ``runs``, with a folder of inputs and outputs for each run; and ``pictures``, with
-    what the page shows of the uploads and of each run, in folders of the same names.
+    what the page shows of the uploads and of each run, in folders of the same names, and of an opened folder.
 
     Parameters
     ----------
@@ -70,13 +67,20 @@ class Session:
 
     Attributes
     ----------
-    photographs : list of Upload
+    roots : Roots
+        Which folders may be opened; none unless the visitor came by the address that the panel printed.
+    photographs : list of InputFile
+        Uploads, or the photographs of an opened folder.
+    reading : Job or None
+        Makes the thumbnails of the opened folder, in the order of the photographs.
+    unread : str
+        Which photographs of the folder could not be read; empty if all could.
     options : Options
     mosaic_result, hardware_result, tracking_result
         The latest of each kind; None before the first.
     rules_edit : RulesEdit or None
         Other rules for the pair that is shown; None where no rules decide.
-    template, video : Upload or None
+    template, video : InputFile or None
         The object and the video to track it in.
     job : Job or None
         The running job; controls can be bound to it.
@@ -97,13 +101,16 @@ class Session:
         self._uploads_under_way = 0
         self._mosaic_inputs: tuple[object, ...] = ()
         self.last_active = time.monotonic()
-        self.photographs: list[Upload] = []
+        self.roots = Roots()
+        self.photographs: list[InputFile] = []
+        self.reading: Job | None = None
+        self.unread = ""
         self.options = Options.of_preset("aerial")
         self.mosaic_result: MosaicResult | None = None
         self.hardware_result: HardwareResult | None = None
         self.rules_edit: RulesEdit | None = None
-        self.template: Upload | None = None
-        self.video: Upload | None = None
+        self.template: InputFile | None = None
+        self.video: InputFile | None = None
         self.tracking_result: TrackingResult | None = None
         self.job = None
         self.fault = ""
@@ -158,22 +165,22 @@ class Session:
         UploadRefusedError
             If the file is refused; it is removed completely.
         """
-        # Those that are under way count too: ten uploads at once must not pass the limit together.
-        if slot == "photograph" and len(self.photographs) + self._uploads_under_way >= MAX_PHOTOGRAPHS:
-            raise UploadRefusedError(f"no more than {MAX_PHOTOGRAPHS} photographs can be loaded; remove some", 413)
         if self._uploads_under_way >= MAX_UPLOADS_AT_ONCE:
             raise UploadRefusedError(f"{MAX_UPLOADS_AT_ONCE} files are arriving already; wait for them", 429)
-        if self._queues.arriving.locked():
-            raise UploadRefusedError("too many files are arriving from all visitors; try again", 503)
         self._uploads_under_way += 1
         try:
-            async with self._queues.arriving:
-                path = await self._receive(slot, body, name)
-            uploaded = await self._decode(path, slot)
+            path = await self._receive(slot, body, name)
+            try:
+                decoded = await self._decode(path, slot, self._folder("pictures/uploads"))
+            except JobFailedError as error:
+                path.unlink()
+                raise UploadRefusedError(str(error)) from None
         finally:
             self._uploads_under_way -= 1
             self.last_active = time.monotonic()
+        uploaded = InputFile(path.name, decoded.working, decoded)
         if slot == "photograph":
+            self.keep_photographs(each for each in self.photographs if each.is_upload)
             self.photographs.append(uploaded)
         elif slot == "template":
             self._replace_film((uploaded, self.video))
@@ -190,29 +197,76 @@ class Session:
         part = folder / f"{self._new_number()}.part"
         return await receive(body, name, KINDS[slot], part, room_bytes=room_bytes)
 
-    async def _decode(self, path: Path, slot: str) -> Upload:
-        """Decode an upload in a worker; it is removed if that fails."""
+    async def open_folder(self, path: str) -> None:
+        """Load the photographs of a folder of this machine in place of those that are loaded; nothing is copied.
+
+        Raises
+        ------
+        InputError
+            For a folder outside of the roots or without photographs, or a link that leads out.
+        """
+        folder = await asyncio.to_thread(self.roots.find_folder, path)
+        photographs = await asyncio.to_thread(self.roots.list_photographs, folder)
+        self.keep_photographs(())
+        pictures = self._folder(f"pictures/{self._new_number()}")
+        self.photographs = [InputFile(str(each), pictures / f"{each.name}.jpg") for each in photographs]
+        names = [photograph.name for photograph in self.photographs]
+        self.reading = Job(f"Reading {folder}", upload_tasks.make_thumbnails, folder, names, pictures)
+        background_tasks.create(self._finish_reading(self.reading, len(names)), name="reading")
+        self._show_photographs()
+
+    async def _finish_reading(self, job: Job, photographs: int) -> None:
+        try:
+            faults = await job.run(self._queues.folders)
+        except JobCancelledError:
+            return
+        except JobFailedError as error:
+            faults = [str(error)]
+        if job is self.reading:
+            count = f"{len(faults)} of {photographs} photographs could not be read" if len(faults) > 1 else ""
+            self.reading, self.unread = None, "; the first: ".join(filter(None, (count, *faults[:1])))
+            self.changed.emit()
+
+    def _show_photographs(self) -> None:
+        """Show the photographs as they are now; the first two of a folder are decoded, which their corners need."""
+        for photograph in self.photographs[:2]:
+            if photograph.decoded is None:
+                background_tasks.create(self._decode_in_place(photograph), name="decoding")
+        self.changed.emit()
+
+    async def _decode_in_place(self, photograph: InputFile) -> None:
+        try:
+            photograph.decoded = await self._decode(Path(photograph.path), "photograph", photograph.thumbnail.parent)
+        except JobFailedError as error:
+            self.unread = str(error)
+        self.changed.emit()
+
+    async def _decode(self, path: Path, slot: str, pictures: Path) -> Decoded:
+        """Decode a file in a worker, and save its working picture."""
         inspect_photograph = partial(upload_tasks.inspect_photograph, keep_damaged=self.options.keeps_damaged)
         task = upload_tasks.inspect_video if slot == "video" else inspect_photograph
-        pictures = self._folder("pictures/uploads")
         job = Job(f"Reading {path.name}", task, path.parent, path.name, pictures, limits=DECODING_LIMITS)
-        try:
-            uploaded: Upload = await job.run(self._queues.uploads)
-        except JobFailedError as error:
-            path.unlink()
-            raise UploadRefusedError(str(error)) from None
-        return uploaded
+        decoded: Decoded = await job.run(self._queues.uploads)
+        return decoded
 
-    def keep_photographs(self, kept: Iterable[Upload]) -> None:
-        """Remove all other photographs; results made from them stay."""
+    def keep_photographs(self, kept: Iterable[InputFile]) -> None:
+        """Remove all other photographs from the page; results made from them stay, and so do files of a folder."""
         before, self.photographs = self.photographs, list(kept)
-        self._remove(upload for upload in before if upload not in self.photographs)
-        self.changed.emit()
+        self._remove(set(before).difference(self.photographs))
+        if all(each.is_upload for each in self.photographs):
+            self._stop_reading()
+        self._show_photographs()
 
     def swap_first(self) -> None:
         """Swap the first two photographs."""
         self.photographs[:2] = self.photographs[1::-1]
-        self.changed.emit()
+        self._show_photographs()
+
+    def _stop_reading(self) -> None:
+        """Forget the folder that was opened."""
+        if self.reading is not None:
+            self.reading.cancel()
+        self.reading, self.unread = None, ""
 
     def set_option(self, name: str, value: Any) -> None:
         """Change one of the options."""
@@ -248,8 +302,8 @@ class Session:
             self._mosaic_inputs = inputs
             self._show_result(result)
 
-        names = [upload.name for upload in self.photographs]
-        self._start("Making the mosaic", accept, mosaic_tasks.make_mosaic, run, names, self.options, pictures)
+        paths = [each.path for each in self.photographs]
+        self._start("Making the mosaic", accept, mosaic_tasks.make_mosaic, run, paths, self.options, pictures)
 
     @_only_while_idle
     def look_at_pair(self, names: tuple[str, str]) -> None:
@@ -263,13 +317,14 @@ class Session:
     def compare_hardware(self, backend: str) -> None:
         """Run the pair that is shown through hardware."""
         assert self.mosaic_result is not None
-        names, options = self.mosaic_result.pair.names, self.mosaic_result.options
+        result = self.mosaic_result
+        paths = tuple(result.paths[name] for name in result.pair.names)
 
-        def accept(result: HardwareResult) -> None:
-            self.hardware_result = result
+        def accept(compared: HardwareResult) -> None:
+            self.hardware_result = compared
 
-        task, folder = mosaic_tasks.compare_hardware, self.mosaic_result.folder
-        self._start("Comparing with the golden model", accept, task, folder, names, options, backend)
+        task, title = mosaic_tasks.compare_hardware, "Comparing with the golden model"
+        self._start(title, accept, task, result.folder, paths, result.options, backend)
 
     @_only_while_idle
     def track(self) -> None:
@@ -292,6 +347,7 @@ class Session:
     def close(self) -> None:
         """Cancel the job and remove every file."""
         self.cancel()
+        self._stop_reading()
         if self._root is not None:
             shutil.rmtree(self._root, ignore_errors=True)
             self._root, self.photographs, self.template, self.video = None, [], None, None
@@ -319,27 +375,30 @@ class Session:
         self.mosaic_result, self.hardware_result = result, None
         self.rules_edit = RulesEdit(result) if RulesEdit.applies_to(result) else None
 
-    def _replace_film(self, film: tuple[Upload | None, Upload | None]) -> None:
+    def _replace_film(self, film: tuple[InputFile | None, InputFile | None]) -> None:
         before, (self.template, self.video) = (self.template, self.video), film
-        self._remove(upload for upload in before if upload and upload not in film)
+        self._remove(each for each in before if each and each not in film)
 
-    def _remove(self, uploads: Iterable[Upload]) -> None:
-        for upload in uploads:
-            (self._folder("uploads") / upload.name).unlink(missing_ok=True)
-            upload.working.unlink(missing_ok=True)
+    def _remove(self, inputs: Iterable[InputFile]) -> None:
+        """Remove the files of uploads; those of an opened folder are not the session's."""
+        for upload in inputs:
+            if upload.is_upload:
+                (self._folder("uploads") / upload.name).unlink(missing_ok=True)
+                upload.thumbnail.unlink(missing_ok=True)
 
-    def _new_run(self, uploads: Sequence[Upload]) -> tuple[Path, Path]:
-        """Make a run's folder and that of its pictures; removes those of runs whose results are no longer shown."""
-        shown = {"uploads", *(result.folder.name for result in self.results.values())}
+    def _new_run(self, inputs: Sequence[InputFile]) -> tuple[Path, Path]:
+        """Make a run's folder and that of its pictures; removes those that the page no longer shows."""
+        shown = {"uploads", *(each.thumbnail.parent.name for each in self.photographs)}
+        shown |= {result.pictures.name for result in self.results.values()}
         for path in (*self._folder("runs").iterdir(), *self._folder("pictures").iterdir()):
             if path.name not in shown:
                 shutil.rmtree(path)
         number = self._new_number()
         run, pictures = self._folder(f"runs/{number}"), self._folder(f"pictures/{number}")
-        for upload in uploads:
-            # Hard links: the run keeps its photographs when they are removed from the page, and costs no space.
-            (run / upload.name).hardlink_to(self._folder("uploads") / upload.name)
-            (pictures / upload.working.name).hardlink_to(upload.working)
+        for upload in inputs:
+            if upload.is_upload:
+                # Hard links: the run keeps its photographs when they are removed from the page, and costs no space.
+                (run / upload.name).hardlink_to(self._folder("uploads") / upload.name)
         return run, pictures
 
     def _folder(self, name: str) -> Path:

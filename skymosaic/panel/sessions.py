@@ -6,8 +6,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from weakref import WeakValueDictionary
 
+from skymosaic.panel.folders import Roots
 from skymosaic.panel.session import Queues, Session
-from skymosaic.panel.uploads import MAX_UPLOADS_OF_ALL
 from skymosaic.temporary import temporary_folder
 
 MAX_SESSIONS = 64
@@ -21,6 +21,8 @@ class Sessions:
     ----------
     boards : tuple of str
         Backends that are boards, ``board:HOST``, offered in every session.
+    roots : Roots
+        Folders that owners may open.
 
     Attributes
     ----------
@@ -28,21 +30,22 @@ class Sessions:
         Where all files are; the next start removes it if this process is killed.
     """
 
-    def __init__(self, boards: tuple[str, ...] = ()) -> None:
-        self._boards = boards
-        arriving = asyncio.Semaphore(MAX_UPLOADS_OF_ALL)
-        self._queues = Queues(jobs=asyncio.Semaphore(2), uploads=asyncio.Semaphore(2), arriving=arriving)
+    def __init__(self, boards: tuple[str, ...] = (), roots: Roots | None = None) -> None:
+        self._boards, self._roots = boards, roots or Roots()
+        self._queues = Queues(*(asyncio.Semaphore(count) for count in (2, 2, 1)))
         self._stack = ExitStack()
         self.folder = self._stack.enter_context(temporary_folder())
         # A session without files is forgotten when its page is closed.
         self._open: WeakValueDictionary[str, Session] = WeakValueDictionary()
         self._with_files: list[Session] = []
 
-    def get(self, identifier: str) -> Session:
-        """The session with this identifier; a new one if there is none."""
+    def get(self, identifier: str, *, is_owner: bool = False) -> Session:
+        """The session with this identifier, a new one if there is none; an owner's may open folders from now on."""
         session = self._open.get(identifier)
         if session is None:
             session = self._open[identifier] = Session(self._boards, self._queues, self._make_folder)
+        if is_owner:
+            session.roots = self._roots
         return session
 
     def _make_folder(self, session: Session) -> Path:

@@ -21,6 +21,8 @@ class Steps:
     ----------
     share : float or None
         0 to 1; None while the stage has no steps.
+    done : int
+        Steps that are done.
     """
 
     def __init__(self) -> None:
@@ -28,19 +30,19 @@ class Steps:
         self._stage = ""
         self._started = 0.0
         self._done_at_start = 0
-        self._done = 0
+        self.done = 0
         self._total = 0
 
     def follow(self, stage: str, done: int, total: int) -> None:
         """Note the progress of a stage; ``total`` is 0 if it has no steps."""
-        self._done, self._total = done, total
+        self.done, self._total = done, total
         self.share = done / total if total else None
         if stage != self._stage:
             self._stage, self._started, self._done_at_start = stage, time.monotonic(), done
 
     def seconds_left(self) -> float | None:
         """Estimate the time left from the steps of this stage so far; None without enough of them."""
-        seconds, steps = time.monotonic() - self._started, self._done - self._done_at_start
+        seconds, steps = time.monotonic() - self._started, self.done - self._done_at_start
         if self.share is None or steps < 1 or seconds < MIN_SECONDS:
             return None
-        return seconds / steps * (self._total - self._done)
+        return seconds / steps * (self._total - self.done)

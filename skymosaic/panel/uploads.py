@@ -18,8 +18,6 @@ PROGRESS_BYTES = 1 << 16
 """An upload that brings less in `STALLED_SECONDS` is given up: a byte now and then would hold its place for ever."""
 MAX_UPLOADS_AT_ONCE = 16
 """Of one session. A browser sends six at once."""
-MAX_UPLOADS_OF_ALL = 256
-"""Of all sessions together, whose number is not limited."""
 MIN_FREE_BYTES = 1 << 30
 """Uploads leave this much of the disk free."""
 _HEAD_BYTES = 16

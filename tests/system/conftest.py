@@ -8,10 +8,23 @@ import pytest
 from sim.scene import Flight
 from tests.skymosaic.conftest import IMAGES, SIZE, default_cache, flight
 from tests.skymosaic.flight.bands.conftest import band_folder
-from tests.skymosaic.panel.conftest import browser, panel
+from tests.skymosaic.panel.conftest import browser, owner_address, panel, root
 from tests.skymosaic.tracking.conftest import film, film_frames, roi
 
-__all__ = ["IMAGES", "SIZE", "band_folder", "browser", "default_cache", "film", "film_frames", "flight", "panel", "roi"]
+__all__ = [
+    "IMAGES",
+    "SIZE",
+    "band_folder",
+    "browser",
+    "default_cache",
+    "film",
+    "film_frames",
+    "flight",
+    "owner_address",
+    "panel",
+    "roi",
+    "root",
+]
 
 
 @pytest.fixture(scope="session")

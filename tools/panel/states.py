@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page, expect
 
-from tools.panel.visit import load_built_in_pair, make_mosaic, open_tab, photographs_loaded
+from tools.panel.visit import choose, load_built_in_pair, make_mosaic, open_tab, photographs_loaded
 
 
 def welcome(page: Page) -> None:
@@ -35,8 +35,7 @@ def numbers(page: Page) -> None:
 
 
 def refused_options(page: Page) -> None:
-    page.get_by_role("combobox", name="Descriptor").click()
-    page.get_by_role("option", name="akaze", exact=True).click()
+    choose(page, "Descriptor", "akaze")
     expect(page.get_by_role("option")).to_have_count(0)
     expect(page.get_by_text("the akaze descriptor needs akaze's own scale space")).to_be_visible()
     expect(page.get_by_role("button", name="Make the mosaic")).to_be_disabled()

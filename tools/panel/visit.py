@@ -33,7 +33,7 @@ MAX_CONTROLS = 100
 
 @contextmanager
 def running_panel(folder: Path, *options: str) -> Iterator[str]:
-    """The address of a panel that runs in ``folder``; a traceback in its log fails the test."""
+    """The address of a panel that runs in ``folder``, with its token; a traceback in its log fails the test."""
     log = folder / "log"
     with log.open("w") as output:
         command = [sys.executable, "-u", "-m", "skymosaic", "panel", "--port", "0", *options]
@@ -41,7 +41,7 @@ def running_panel(folder: Path, *options: str) -> Iterator[str]:
         with server:
             try:
                 line = server.stdout.readline() if server.stdout else ""
-                address = re.search(r"http://127\.0\.0\.1:\d+", line)
+                address = re.search(r"http://127\.0\.0\.1:\d+/\?token=\S+", line)
                 assert address, line + log.read_text()
                 yield address.group()
                 assert server.poll() is None, log.read_text()
@@ -98,7 +98,16 @@ def open_tab(page: Page, name: str) -> None:
     expect(page.get_by_role("tabpanel", name=name)).to_be_visible()
 
 
+def open_advanced(page: Page) -> None:
+    """Show every option."""
+    advanced = page.get_by_role("button", name="Advanced")
+    if advanced.get_attribute("aria-expanded") != "true":
+        advanced.click()
+    expect(page.get_by_role("combobox", name="Detector")).to_be_visible()
+
+
 def choose(page: Page, option: str, value: str) -> None:
+    open_advanced(page)
     page.get_by_role("combobox", name=option).click()
     page.get_by_role("option", name=value, exact=True).click()
 
@@ -121,6 +130,7 @@ def threshold_to_corners_ms(page: Page, keys: Sequence[str]) -> list[float]:
     The thumb is set to the middle of its range first. Each key has to change the corners.
     """
     before = corner_counts(page).text_content() or ""
+    open_advanced(page)
     page.get_by_role("slider", name="Harris threshold").click()
     expect(corner_counts(page)).not_to_have_text(before)
     page.evaluate(

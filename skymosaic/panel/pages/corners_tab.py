@@ -14,7 +14,7 @@ from golden_model.arrays import Pixels, Records
 from skymosaic.features.methods import load_backend_for
 from skymosaic.panel.options import Options, fault_of
 from skymosaic.panel.pages import drawings
-from skymosaic.panel.results import Upload, picture_address
+from skymosaic.panel.results import Decoded, picture_address
 from skymosaic.panel.session import Session
 from skymosaic.panel.widgets.viewer import Viewer, side_by_side
 from skymosaic.registration.extraction import extract_within_capacity
@@ -27,7 +27,7 @@ class CornersTab:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._photographs: tuple[Upload, ...] = ()
+        self._photographs: tuple[Decoded, ...] = ()
         self._drawn: tuple[object, ...] = ()
         self._detecting = False
         self._viewer: Viewer | None = None
@@ -41,13 +41,14 @@ class CornersTab:
 
     def update(self) -> None:
         """Show the first two photographs as they are now, and their corners for the current options."""
-        photographs = tuple(self._session.photographs[:2])
+        first = [photograph.decoded for photograph in self._session.photographs[:2]]
+        photographs = tuple(each for each in first if each)
         if photographs != self._photographs:
             self._photographs = photographs
             self._container.clear()
             self._viewer = None
             if photographs:
-                pictures = [(picture_address(upload.working), upload.working_size) for upload in photographs]
+                pictures = [(picture_address(each.working), each.working_size) for each in photographs]
                 with self._container:
                     self._viewer = Viewer("Corners of the photographs", side_by_side(pictures, drawings.GAP_PX))
         if self._viewer is not None and not self._detecting:
@@ -62,7 +63,7 @@ class CornersTab:
         try:
             while (inputs := self._inputs()) != self._drawn and not fault_of(self._session.options):
                 started = time.perf_counter()
-                pictures = [upload.working for upload in self._photographs]
+                pictures = [each.working for each in self._photographs]
                 features = await asyncio.to_thread(detect, pictures, self._session.options)
                 # The photographs may have been replaced meanwhile.
                 if inputs[: len(features)] == self._photographs:
@@ -77,9 +78,9 @@ class CornersTab:
 
     def _draw(self, features: list[Records], seconds: float) -> None:
         offset, drawing = 0, ""
-        for upload, corners in zip(self._photographs, features, strict=True):
+        for decoded, corners in zip(self._photographs, features, strict=True):
             drawing += drawings.draw_corners(corners, offset)
-            offset += upload.working_size[0] + drawings.GAP_PX
+            offset += decoded.working_size[0] + drawings.GAP_PX
         if self._viewer is not None:
             self._viewer.draw(drawing)
         counts = " and ".join(str(len(corners)) for corners in features)

@@ -112,7 +112,7 @@ class ResultTabs:
             matches = MatchesTab(shown, (left, right))
             self._editor = RulesEditor(self._session, matches) if self._session.rules_edit else None
         with self._result_panels["Mosaic"]:
-            build_mosaic_tab(result)
+            build_mosaic_tab(result, {each.name: each.thumbnail for each in self._session.photographs})
         with self._result_panels["Numbers"]:
             build_numbers_tab(result)
         with self._result_panels["Hardware"]:

@@ -1,5 +1,8 @@
 """Shows the mosaic, with zoom and overlays (outlines, seams, links), and the photographs that were left out."""
 
+from collections.abc import Mapping
+from pathlib import Path
+
 from nicegui import ui
 
 from skymosaic.panel.pages import drawings
@@ -8,8 +11,8 @@ from skymosaic.panel.results import MosaicResult, ShownMosaic, picture_address
 from skymosaic.panel.widgets.viewer import Viewer
 
 
-def build_mosaic_tab(result: MosaicResult) -> None:
-    """Show a run's mosaic, or why there is none."""
+def build_mosaic_tab(result: MosaicResult, thumbnails: Mapping[str, Path]) -> None:
+    """Show a run's mosaic, or why there is none; photographs left out with their thumbnails, by name."""
     if result.mosaic is None:
         with ui.element("div").classes("empty"):
             ui.html("No mosaic could be made", tag="h2", sanitize=False)
@@ -17,6 +20,8 @@ def build_mosaic_tab(result: MosaicResult) -> None:
             ui.label("The Matches tab shows the matches and why they were rejected.").classes("hint")
         return
     MosaicTab(result, result.mosaic)
+    if result.left_out:
+        _show_left_out(result, thumbnails)
 
 
 class MosaicTab:
@@ -37,8 +42,6 @@ class MosaicTab:
                 self._build_switch(name)
         self._viewer = Viewer("Mosaic", [mosaic.picture], tiles=mosaic.tiles)
         show_files("mosaic", result.files)
-        if result.left_out:
-            _show_left_out(result)
 
     def _build_switch(self, name: str) -> None:
         def show(shown: bool) -> None:
@@ -48,10 +51,11 @@ class MosaicTab:
         ui.switch(name, on_change=lambda event: show(event.value)).props("dense")
 
 
-def _show_left_out(result: MosaicResult) -> None:
+def _show_left_out(result: MosaicResult, thumbnails: Mapping[str, Path]) -> None:
     """List the photographs that are not in the mosaic, each with the reason."""
     with ui.element("ul").classes("photographs").props('aria-label="Photographs left out"'):
         for name, reason in result.left_out.items():
             with ui.element("li"):
-                ui.element("img").props(f'src="{picture_address(result.pictures / f"{name}.png")}" alt=""')
+                if name in thumbnails:
+                    ui.element("img").props('alt="" loading="lazy"').props["src"] = picture_address(thumbnails[name])
                 ui.label(f"left out: {reason}").classes("fault")

@@ -1,17 +1,19 @@
 """The left column: photographs, options, and the button that starts a run."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 
 from nicegui import ui
 from nicegui.elements.mixins.disableable_element import DisableableElement
 
 from skymosaic.panel.options import OPTION_VALUES, OWN, fault_of
-from skymosaic.panel.results import Upload, picture_address
+from skymosaic.panel.pages.folder_dialog import FolderDialog
+from skymosaic.panel.results import InputFile, picture_address
 from skymosaic.panel.session import Session
 from skymosaic.panel.uploads import MEBIBYTE, PHOTOGRAPH
 from skymosaic.panel.widgets.drop_zone import DropZone
 from skymosaic.panel.widgets.slider import Slider
+from skymosaic.panel.widgets.thumbnails import MAX_TILES, Thumbnails
 
 BUILT_IN = {"Pair": 2, "Flight": 9}
 """Number of photographs in each built-in example."""
@@ -34,12 +36,14 @@ def build_heading(number: str, text: str) -> None:
     ui.html(f'<span class="step">{number}</span>{text}', tag="h2", sanitize=False)
 
 
-def build_upload(upload: Upload) -> None:
-    """Build thumbnail, name, size and notes of an upload."""
-    ui.element("img").props(f'src="{picture_address(upload.working)}" alt=""')
+def build_input(file: InputFile) -> None:
+    """Build thumbnail and name of a file, and size and notes once it is decoded."""
+    image = ui.element("img").props('alt=""')
+    image.props["src"] = picture_address(file.thumbnail)
     with ui.element("div").classes("what"):
-        ui.label(upload.name).classes("name")
-        ui.label(" · ".join(("x".join(map(str, upload.size)), *upload.notes))).classes("hint")
+        ui.label(file.name).classes("name")
+        if file.decoded:
+            ui.label(" · ".join(("x".join(map(str, file.decoded.size)), *file.decoded.notes))).classes("hint")
 
 
 def enable_while_idle(control: DisableableElement, session: Session) -> None:
@@ -52,7 +56,8 @@ class PhotographsCard:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._shown: tuple[list[Upload], dict[str, tuple[str, ...]]] | None = None
+        self._shown: tuple[object, ...] = ()
+        self._tiles: Thumbnails | None = None
         with ui.element("section").classes("card"):
             with ui.element("div").classes("card-head"):
                 build_heading("1", "Photographs")
@@ -61,6 +66,11 @@ class PhotographsCard:
                         button = ui.button(title, icon="flight", on_click=partial(session.load_built_in, count))
                         button.props(f'flat dense no-caps size=sm aria-label="Load the built-in {title.lower()}"')
                         enable_while_idle(button, session)
+            if session.roots.folders:
+                dialog = FolderDialog(session)
+                ui.button("Open a folder", icon="folder_open", on_click=dialog.show).props("outline no-caps")
+            else:
+                ui.label("Folders are opened from the address that the panel printed at its start.").classes("hint")
             DropZone(
                 url="/upload/photograph",
                 accept="image/*,.tif,.tiff",
@@ -69,66 +79,72 @@ class PhotographsCard:
                 title="Drop photographs here, or choose",
                 hint=f"two or more that overlap · up to {PHOTOGRAPH.limit_bytes // MEBIBYTE} MB each",
             )
-            self._list = ui.element("ul").classes("photographs").props('aria-label="Photographs loaded"')
+            self._container = ui.element("div").classes("loaded")
             self._warnings = ui.label().classes("warnings").props('role="status" aria-label="Warnings"')
             with ui.element("div").classes("card-head") as self._summary:
                 self._count = ui.label().classes("hint")
                 ui.button("Remove all", on_click=lambda: session.keep_photographs(())).props(
                     "flat dense no-caps size=sm"
                 )
+        # A folder is read without an event for each photograph, so that is polled.
+        ui.timer(0.25, self._tick)
         self.update()
 
     def update(self) -> None:
         """Show the photographs as they are now."""
-        result = self._session.mosaic_result
+        session, result = self._session, self._session.mosaic_result
         problems = result.problems if result else {}
-        if self._shown == (self._session.photographs, problems):
-            return
-        photographs = list(self._session.photographs)
-        self._shown = photographs, problems
-        self._summary.set_visibility(len(photographs) > 2)
-        self._count.set_text(f"{len(photographs)} photographs")
-        self._list.clear()
-        as_tiles = len(photographs) > MAX_ROWS
-        self._list.classes(add="tiles" if as_tiles else "", remove="" if as_tiles else "tiles")
-        with self._list:
-            for position, upload in enumerate(photographs):
-                if as_tiles:
-                    self._build_tile(upload, problems.get(upload.name, ()))
-                else:
-                    self._build_row(position, upload)
         warnings = [f"{name}: {', '.join(faults)}" for name, faults in problems.items()]
+        warnings += [session.unread] if session.unread else []
         self._warnings.set_text("\n".join(warnings))
         self._warnings.set_visibility(bool(warnings))
+        shown = (problems, session.reading is None, [(each, each.decoded) for each in session.photographs])
+        if self._shown == shown:
+            return
+        self._shown = shown
+        self._summary.set_visibility(len(session.photographs) > 2)
+        self._container.clear()
+        self._tiles = None
+        with self._container:
+            if len(session.photographs) > MAX_ROWS:
+                self._tiles = Thumbnails(session.photographs, problems, self._read(), self._remove)
+            else:
+                with ui.element("ul").classes("photographs").props('aria-label="Photographs loaded"'):
+                    for position, file in enumerate(session.photographs):
+                        self._build_row(position, file)
+        self._tick()
 
-    def _build_row(self, position: int, upload: Upload) -> None:
+    def _read(self) -> int:
+        """How many photographs have a thumbnail."""
+        reading = self._session.reading
+        return reading.steps.done if reading else len(self._session.photographs)
+
+    def _tick(self) -> None:
+        count, read = len(self._session.photographs), self._read()
+        words = [f"{count} photographs"] + ([f"the first {MAX_TILES} are shown"] if count > MAX_TILES else [])
+        self._count.set_text(", ".join(words + ([f"{read} read"] if read < count else [])))
+        if self._tiles is not None and self._session.reading:
+            self._tiles.show(read)
+
+    def _build_row(self, position: int, file: InputFile) -> None:
         session = self._session
         with ui.element("li"):
-            build_upload(upload)
+            build_input(file)
             if position == 0 and len(session.photographs) > 1:
                 ui.button(icon="swap_vert", on_click=session.swap_first).props(
                     'flat round dense size=sm aria-label="Swap the first two photographs"'
                 )
-            ui.button(icon="close", on_click=lambda: self._keep_all_but(upload)).props(
-                f'flat round dense size=sm aria-label="Remove {upload.name}"'
+            remove = ui.button(icon="close", on_click=partial(self._remove, file.name)).props(
+                "flat round dense size=sm"
             )
+            remove.props["aria-label"] = f"Remove {file.name}"
 
-    def _build_tile(self, upload: Upload, problems: Sequence[str]) -> None:
-        """Build a thumbnail; a click removes the photograph. A border marks one that has problems."""
-        with ui.element("li"):
-            tile = ui.element("button").classes("tile").on("click", lambda: self._keep_all_but(upload))
-            words = f"Remove {upload.name}" + (f" ({', '.join(problems)})" if problems else "")
-            tile.props["type"], tile.props["aria-label"], tile.props["title"] = "button", words, words
-            tile.classes("with-problem" if problems else "")
-            with tile:
-                ui.element("img").props(f'src="{picture_address(upload.working)}" alt="" loading="lazy"')
-
-    def _keep_all_but(self, upload: Upload) -> None:
-        self._session.keep_photographs(kept for kept in self._session.photographs if kept is not upload)
+    def _remove(self, name: str) -> None:
+        self._session.keep_photographs(kept for kept in self._session.photographs if kept.name != name)
 
 
 class OptionsCard:
-    """A control for every option, and the threshold slider, which the corners follow at once."""
+    """The preset; behind "Advanced", all other options and the threshold slider, which the corners follow at once."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -137,9 +153,11 @@ class OptionsCard:
             build_heading("2", "Options")
             # Above the options: the lower end of the card may lie behind the button that starts the run.
             self._fault = ui.label().classes("fault").props('role="status"')
-            with ui.element("div").classes("options"):
+            self._selects["preset"] = build_option_select(session, "preset")
+            with ui.expansion("Advanced").classes("advanced"), ui.element("div").classes("options"):
                 for name in LABELS:
-                    self._selects[name] = build_option_select(session, name)
+                    if name not in self._selects:
+                        self._selects[name] = build_option_select(session, name)
                 self._refine = ui.switch(
                     "Refit to the overlap", on_change=lambda event: session.set_option("refine", event.value)
                 )

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from nicegui import ui
 
 from skymosaic.panel.pages.page_layout import page_layout, show_command, show_files
-from skymosaic.panel.pages.sidebar import RunCard, build_heading, build_option_select, build_upload, enable_while_idle
-from skymosaic.panel.results import TrackingResult, Upload, picture_address
+from skymosaic.panel.pages.sidebar import RunCard, build_heading, build_input, build_option_select, enable_while_idle
+from skymosaic.panel.results import InputFile, TrackingResult, picture_address
 from skymosaic.panel.session import Session
 from skymosaic.panel.uploads import KINDS, MEBIBYTE
 from skymosaic.panel.widgets.drop_zone import DropZone
@@ -61,7 +61,7 @@ class _UploadCard:
 
     def __init__(self, session: Session, slot: _Slot) -> None:
         self._session, self._slot = session, slot.name
-        self._shown: Upload | None = None
+        self._shown: InputFile | None = None
         with ui.element("section").classes("card"):
             with ui.element("div").classes("card-head"):
                 build_heading(slot.number, slot.title)
@@ -80,12 +80,12 @@ class _UploadCard:
             self._container = ui.element("ul").classes("photographs").props(f'aria-label="{slot.title} loaded"')
 
     def update(self) -> None:
-        upload: Upload | None = getattr(self._session, self._slot)
+        upload: InputFile | None = getattr(self._session, self._slot)
         if upload is not None and upload is not self._shown:
             self._shown = upload
             self._container.clear()
             with self._container, ui.element("li"):
-                build_upload(upload)
+                build_input(upload)
 
 
 class _ResultCard:

@@ -1,7 +1,7 @@
 """The tasks behind the mosaic page, run in a worker.
 
-Every task reads the photographs in ``folder`` by the names it is given and writes its results there. Results name files
-relative to it, so that the archive works wherever it is unpacked.
+Every task reads photographs by paths, relative to ``folder`` or absolute, and writes its results into ``folder``.
+Results name files relative to it, so that the archive works wherever it is unpacked.
 """
 
 import csv
@@ -22,8 +22,8 @@ from skymosaic.flight.check import check_flight, layout_errors
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.flight.survey import Flight
 from skymosaic.imagery.band_sets import group_band_sets
-from skymosaic.imagery.images import save_bytes
-from skymosaic.imagery.photographs import Source
+from skymosaic.imagery.images import save, save_bytes
+from skymosaic.imagery.photographs import Source, list_sources
 from skymosaic.maps.georeference import MIN_POSITIONS
 from skymosaic.mosaicking.api import open_plan_of_sources
 from skymosaic.mosaicking.plan import MosaicPlan
@@ -34,6 +34,7 @@ from skymosaic.panel.results import RULES, HardwareResult, Link, MosaicResult
 from skymosaic.panel.steps import Progress
 from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, show_mosaic
 from skymosaic.registration.options import FeatureOptions
+from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register
 from skymosaic.reports.flight import describe_bands, describe_map, write_report
 
@@ -42,15 +43,15 @@ MOSAIC, MAP, REPORT, CONFIG = "mosaic.png", "mosaic.tif", "report", "config.toml
 
 
 def make_mosaic(
-    folder: Path, names: list[str], options: Options, pictures: Path, *, progress: Progress
+    folder: Path, paths: list[str], options: Options, pictures: Path, *, progress: Progress
 ) -> MosaicResult:
     """Make a mosaic of two photographs, of a whole flight, or of a flight's multi-band sets.
 
     Parameters
     ----------
     folder : Path
-    names : list of str
-        Names of the photographs, at least two.
+    paths : list of str
+        Paths of the photographs, at least two, with different names.
     options : Options
     pictures : Path
         Folder for what the page shows.
@@ -62,7 +63,9 @@ def make_mosaic(
         If no two photographs of a flight can be linked. A pair that cannot be registered has a result that says why.
     """
     # Reports and reasons name photographs as here, without the folder.
-    photographs = [Source(index, name, folder / name) for index, name in enumerate(names)]
+    by_name = {Path(path).name: path for path in paths}
+    photographs = [Source(index, name, folder / path) for index, (name, path) in enumerate(by_name.items())]
+    words = _shorten(paths)
     unused: list[str] = []
     sources = group_band_sets(photographs, tell=unused.append)
     deliveries, reason, output = [], "", MOSAIC
@@ -75,10 +78,16 @@ def make_mosaic(
             if plan.flight.pair is None:
                 raise
             reason = str(error)
+    pair = plan.flight.pair
+    if pair is None:
+        # A flight keeps no match records, so its pair with the most inliers is registered again.
+        left, right, _ = _links(plan.flight)[0]
+        pair = _register((folder / by_name[left], folder / by_name[right]), options, progress)
+    _save_working(pair, pictures)
     progress("writing")
     # The report is read from the unpacked archive, where the mosaic lies beside it.
     write_report(folder / REPORT, plan.flight, [dataclasses.replace(d, path=Path(output)) for d in deliveries])
-    command = write_command(names, options, output)
+    command = write_command(words, len(paths), options, output)
     config = plan.flight.settings.config
     _write(folder, {CONFIG: to_toml(config), "command.txt": command + "\n"})
     if config.matcher.rules:
@@ -88,7 +97,8 @@ def make_mosaic(
         pictures=pictures,
         command=command,
         options=options,
-        pair=_choose_pair(plan.flight, folder, options, progress),
+        paths=by_name,
+        pair=PairView.from_pair(pair),
         mosaic=show_mosaic(deliveries[0], pictures) if deliveries else None,
         left_out=_left_out(plan.flight, deliveries[0]) if deliveries else {},
         reason=reason,
@@ -120,13 +130,10 @@ def _left_out(flight: Flight, delivery: Delivery) -> dict[str, str]:
     return {flight.names[index]: reason for index, reason in flight.absent_from(delivery.layout).items()}
 
 
-def _choose_pair(flight: Flight, folder: Path, options: Options, progress: Progress) -> PairView:
-    """The pair; of a flight, the pair with the most inliers."""
-    if flight.pair is not None:
-        return PairView.from_pair(flight.pair)
-    # A flight keeps no match records, so the pair that is shown is registered again.
-    left, right, _ = _links(flight)[0]
-    return _register(folder, (left, right), options, progress)
+def _shorten(paths: list[str]) -> list[str]:
+    """What the command line is given: a folder stands for all its photographs."""
+    folder = Path(paths[0]).parent
+    return [str(folder)] if folder.is_absolute() and [x.name for x in list_sources([folder])] == paths else paths
 
 
 def _add_flight(result: MosaicResult, flight: Flight, delivery: Delivery, unused: list[str]) -> MosaicResult:
@@ -150,19 +157,24 @@ def _add_flight(result: MosaicResult, flight: Flight, delivery: Delivery, unused
 
 def look_at_pair(folder: Path, result: MosaicResult, names: tuple[str, str], *, progress: Progress) -> MosaicResult:
     """Show the matches of another pair of a flight."""
-    return dataclasses.replace(result, pair=_register(folder, names, result.options, progress))
+    left, right = (folder / result.paths[name] for name in names)
+    pair = _register((left, right), result.options, progress)
+    _save_working(pair, result.pictures)
+    return dataclasses.replace(result, pair=PairView.from_pair(pair))
 
 
-def _register(folder: Path, names: tuple[str, str], options: Options, progress: Progress) -> PairView:
+def _register(files: tuple[Path, Path], options: Options, progress: Progress) -> Pair:
     progress("finding and matching features")
-    left_file, right_file = (folder / name for name in names)
-    pair = register(left_file, right_file, options, progress=progress)
+    pair = register(*files, options, progress=progress)
     # Report, tables and page name the photographs without the folder.
-    left, right = (
-        dataclasses.replace(photograph, name=name)
-        for photograph, name in zip((pair.left, pair.right), names, strict=True)
-    )
-    return PairView.from_pair(dataclasses.replace(pair, left=left, right=right))
+    left, right = (dataclasses.replace(each, name=Path(each.name).name) for each in (pair.left, pair.right))
+    return dataclasses.replace(pair, left=left, right=right)
+
+
+def _save_working(pair: Pair, pictures: Path) -> None:
+    """Save what the front end saw of a pair, below the lines of its matches."""
+    for photograph, pixels in zip((pair.left, pair.right), pair.working, strict=True):
+        save(pictures / f"{photograph.name}.png", pixels)
 
 
 def _links(flight: Flight) -> tuple[Link, ...]:
@@ -173,11 +185,11 @@ def _links(flight: Flight) -> tuple[Link, ...]:
 
 
 def compare_hardware(
-    folder: Path, names: tuple[str, str], options: Options, backend: str, *, progress: Progress
+    folder: Path, paths: tuple[str, str], options: Options, backend: str, *, progress: Progress
 ) -> HardwareResult:
     """Run a pair through the golden model and through hardware, and write ``hardware.json``."""
     _, config = options.choose_method()
-    left, right = (folder / name for name in names)
+    left, right = (folder / path for path in paths)
     progress("computing with the golden model")
     software = register(left, right, config=config, damaged=options.damaged)
     # Registration may have raised the threshold, so the hardware gets the configuration that it returns.
@@ -187,15 +199,15 @@ def compare_hardware(
     _write(folder, {"hardware.json": json.dumps(comparison.summary(), indent=2) + "\n"})
     sizes = [(image.shape[1], image.shape[0]) for image in software.working]
     size = max(sizes, key=lambda size: size[0] * size[1])
-    words = ["skymosaic", "compare", *names, "--config", CONFIG, "--backend", backend, *_if_damaged(options)]
+    words = ["skymosaic", "compare", *paths, "--config", CONFIG, "--backend", backend, *_if_damaged(options)]
     seconds = software.seconds["features and matches"] / len(sizes)
     return HardwareResult(size, backend, comparison, seconds, shlex.join(words))
 
 
-def write_command(names: list[str], options: Options, output: str = MOSAIC) -> str:
-    """Write the command line that repeats a run in its folder."""
-    words = ["skymosaic", "mosaic", *names, "--config", CONFIG]
-    if len(names) == 2:
+def write_command(inputs: list[str], photographs: int, options: Options, output: str = MOSAIC) -> str:
+    """Write the command line that repeats a run in its folder; ``inputs`` may be a folder of the photographs."""
+    words = ["skymosaic", "mosaic", *inputs, "--config", CONFIG]
+    if photographs == 2:
         # Methods of the host are not in the configuration; flights take none of them.
         words += ["--detector", f"{options.detector}", "--descriptor", f"{options.descriptor}"]
         words += ["--estimator", options.estimator, *(["--refine"] if options.refine else [])]

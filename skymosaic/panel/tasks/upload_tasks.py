@@ -1,4 +1,4 @@
-"""Tasks for uploads, run in a worker: decode a file with every check, or render the built-in examples.
+"""Tasks for inputs, run in a worker: decode a file with every check, reduce a folder's, or render the examples.
 
 Every task reads and writes files in ``folder`` by the names it is given, and saves what the page shows in ``pictures``.
 """
@@ -6,13 +6,16 @@ Every task reads and writes files in ``folder`` by the names it is given, and sa
 from collections.abc import Sequence
 from pathlib import Path
 
+import cv2
+import numpy as np
+
 from golden_model.arrays import Pixels
 from sim.scene import make_lawnmower, make_pair, make_pursuit
 from skymosaic.errors import InputError
-from skymosaic.imagery.decoding import MAX_AREA_PX
+from skymosaic.imagery.decoding import MAX_AREA_PX, read_header
 from skymosaic.imagery.images import load, reduce_to_width, save
 from skymosaic.imagery.video import DEFAULT_RATE, VideoReader, write_video
-from skymosaic.panel.results import Upload
+from skymosaic.panel.results import Decoded, InputFile
 from skymosaic.panel.steps import Progress
 from skymosaic.registration.options import WORKING_WIDTH_PX
 
@@ -22,11 +25,14 @@ PURSUIT_FRAMES = 60
 CAR_MAGNIFICATION = 3.0
 """Makes the car about 90 px long, which is enough for a template."""
 TEMPLATE_MARGIN_PX = 6
+THUMBNAIL_PX = 160
+REDUCTIONS = {8: cv2.IMREAD_REDUCED_COLOR_8, 4: cv2.IMREAD_REDUCED_COLOR_4, 2: cv2.IMREAD_REDUCED_COLOR_2}
+"""Flags that decode a JPEG at a fraction of its size."""
 
 
 def inspect_photograph(
     folder: Path, name: str, pictures: Path, *, progress: Progress, keep_damaged: bool = False
-) -> Upload:
+) -> Decoded:
     """Decode a photograph, or what can be decoded of it, and save its working picture.
 
     Raises
@@ -39,7 +45,7 @@ def inspect_photograph(
     return _describe(name, photograph.pixels, photograph.notes, pictures)
 
 
-def inspect_video(folder: Path, name: str, pictures: Path, *, progress: Progress) -> Upload:
+def inspect_video(folder: Path, name: str, pictures: Path, *, progress: Progress) -> Decoded:
     """Decode a video's first frame and save it.
 
     Raises
@@ -55,19 +61,45 @@ def inspect_video(folder: Path, name: str, pictures: Path, *, progress: Progress
     return _describe(name, first, (f"{float(reader.frame_rate):.3g} frames/s",), pictures)
 
 
-def render_pair(folder: Path, names: Sequence[str], pictures: Path, *, progress: Progress) -> list[Upload]:
+def make_thumbnails(folder: Path, names: Sequence[str], pictures: Path, *, progress: Progress) -> list[str]:
+    """Save a thumbnail, ``NAME.jpg``, of each photograph of a folder in their order; returns why some have none."""
+    faults = []
+    for number, name in enumerate(names, 1):
+        try:
+            save(pictures / f"{name}.jpg", reduce_to_width(_decode_reduced(folder / name), THUMBNAIL_PX)[0])
+        except InputError as error:
+            faults.append(str(error))
+        progress("reading", number, len(names))
+    return faults
+
+
+def _decode_reduced(path: Path) -> Pixels:
+    """A photograph at a fraction of its size if it is a JPEG, which is many times as fast, without checks for damage.
+
+    Raises
+    ------
+    InputError
+        As `skymosaic.imagery.images.load`.
+    """
+    header = read_header(path)
+    flag = next((flag for by, flag in REDUCTIONS.items() if min(header.size) >= by * THUMBNAIL_PX), None)
+    reduced = cv2.imread(str(path), flag) if flag is not None and header.kind in ("JPEG", "MPO") else None
+    return load(path, keep_damaged=True).pixels if reduced is None else reduced.astype(np.uint8, copy=False)
+
+
+def render_pair(folder: Path, names: Sequence[str], pictures: Path, *, progress: Progress) -> list[InputFile]:
     """Render the built-in pair."""
     return _save_all(folder, names, make_pair(seed=BUILT_IN_SEED).images, pictures, progress)
 
 
-def render_flight(folder: Path, names: Sequence[str], pictures: Path, *, progress: Progress) -> list[Upload]:
+def render_flight(folder: Path, names: Sequence[str], pictures: Path, *, progress: Progress) -> list[InputFile]:
     """Render the built-in flight, one photograph for each name."""
     return _save_all(folder, names, make_lawnmower(BUILT_IN_SEED, len(names), FLIGHT_SIZE).images, pictures, progress)
 
 
 def render_pursuit(
     folder: Path, template: str, video: str, pictures: Path, *, progress: Progress
-) -> tuple[Upload, Upload]:
+) -> tuple[InputFile, InputFile]:
     """Render the built-in film of a car, and cut the template out of its first frame."""
     film = make_pursuit(BUILT_IN_SEED, PURSUIT_FRAMES, magnification=CAR_MAGNIFICATION)
     with write_video(folder / video, DEFAULT_RATE) as write:
@@ -77,23 +109,24 @@ def render_pursuit(
     low, high = film.corners[0].min(axis=0), film.corners[0].max(axis=0)
     (left, top), (right, bottom) = low.astype(int) - TEMPLATE_MARGIN_PX, high.astype(int) + TEMPLATE_MARGIN_PX
     save(folder / template, film.images[0][top:bottom, left:right])
-    return inspect_photograph(folder, template, pictures, progress=progress), inspect_video(
-        folder, video, pictures, progress=progress
-    )
+    seen = inspect_photograph(folder, template, pictures, progress=progress)
+    first = inspect_video(folder, video, pictures, progress=progress)
+    return InputFile(template, seen.working, seen), InputFile(video, first.working, first)
 
 
 def _save_all(
     folder: Path, names: Sequence[str], images: Sequence[Pixels], pictures: Path, progress: Progress
-) -> list[Upload]:
+) -> list[InputFile]:
     for number, (name, image) in enumerate(zip(names, images, strict=True), 1):
         progress("rendering photographs", number, len(names))
         save(folder / name, image)
-    return [inspect_photograph(folder, name, pictures, progress=progress) for name in names]
+    decoded = [inspect_photograph(folder, name, pictures, progress=progress) for name in names]
+    return [InputFile(name, each.working, each) for name, each in zip(names, decoded, strict=True)]
 
 
-def _describe(name: str, pixels: Pixels, notes: tuple[str, ...], pictures: Path) -> Upload:
+def _describe(name: str, pixels: Pixels, notes: tuple[str, ...], pictures: Path) -> Decoded:
     """Save a reduced picture for the page, and describe the file."""
     working, _ = reduce_to_width(pixels, WORKING_WIDTH_PX)
     path = pictures / f"{name}.png"
     save(path, working)
-    return Upload(name, (pixels.shape[1], pixels.shape[0]), notes, path, (working.shape[1], working.shape[0]))
+    return Decoded((pixels.shape[1], pixels.shape[0]), notes, path, (working.shape[1], working.shape[0]))

@@ -1,16 +1,23 @@
-// Sends files that were chosen or dropped, one after the other, as raw bodies; the server decides what it accepts.
+// Sends files that were chosen or dropped, one after the other, as raw bodies; the server decides what it accepts. Its
+// reasons for refusing files stay until they are dismissed.
 export default {
   template: `
-    <label class="drop-zone" :class="{over, busy: sending}" @dragover.prevent="over = true" @dragleave="over = false"
-      @drop.prevent="onDrop">
-      <input ref="input" type="file" :accept="accept" :multiple="multiple" :aria-label="label" :disabled="sending !== ''"
-        @change="send($refs.input.files)">
-      <span class="drop-title">{{ sending || title }}</span>
-      <span class="drop-hint">{{ sending ? percent + ' %' : hint }}</span>
-    </label>`,
+    <div class="drop">
+      <label class="drop-zone" :class="{over, busy: sending}" @dragover.prevent="over = true" @dragleave="over = false"
+        @drop.prevent="onDrop">
+        <input ref="input" type="file" :accept="accept" :multiple="multiple" :aria-label="label"
+          :disabled="sending !== ''" @change="send($refs.input.files)">
+        <span class="drop-title">{{ sending || title }}</span>
+        <span class="drop-hint">{{ sending ? percent + ' %' : hint }}</span>
+      </label>
+      <div class="refusals" role="alert" v-if="refusals.length">
+        <p class="fault" v-for="line in refusals">{{ line }}</p>
+        <button type="button" @click="refusals = []">Dismiss</button>
+      </div>
+    </div>`,
   props: { url: String, accept: String, multiple: Boolean, label: String, title: String, hint: String },
   data() {
-    return { over: false, sending: "", percent: 0 };
+    return { over: false, sending: "", percent: 0, refusals: [] };
   },
   methods: {
     onDrop(event) {
@@ -22,7 +29,7 @@ export default {
         this.sending = "Sending " + file.name;
         this.percent = 0;
         const fault = await this.post(file);
-        if (fault) this.$emit("refused", fault);
+        if (fault) this.refusals.push(fault);
       }
       this.sending = "";
       this.$refs.input.value = "";

@@ -4,7 +4,7 @@ from nicegui import ui
 
 
 class DropZone(ui.element, component="drop_zone.js"):
-    """Uploads files to ``url``, one at a time; shows the server's reason if a file is refused.
+    """Uploads files to ``url``, one at a time; the server's reasons for refusing files stay until they are dismissed.
 
     Parameters
     ----------
@@ -20,21 +20,6 @@ class DropZone(ui.element, component="drop_zone.js"):
         Text shown in the area.
     """
 
-    def __init__(
-        self,
-        *,
-        url: str,
-        accept: str,
-        multiple: bool,
-        label: str,
-        title: str,
-        hint: str,
-    ) -> None:
+    def __init__(self, *, url: str, accept: str, multiple: bool, label: str, title: str, hint: str) -> None:
         super().__init__()
         self.props.update(url=url, accept=accept, multiple=multiple, label=label, title=title, hint=hint)
-        self.on("refused", lambda event: _show_refusal(str(event.args)))
-
-
-def _show_refusal(line: str) -> None:
-    """Show why a file was refused."""
-    ui.notify(line, type="negative", timeout=10_000, actions=[{"label": "OK", "color": "white"}])

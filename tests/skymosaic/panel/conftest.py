@@ -17,10 +17,22 @@ from tools.panel.visit import chromium, open_page, running_panel
 
 
 @pytest.fixture(scope="session")
-def panel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address of a running panel, without a slash at the end."""
-    with running_panel(tmp_path_factory.mktemp("panel")) as address:
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The only folder whose photographs the running panel opens."""
+    return tmp_path_factory.mktemp("root")
+
+
+@pytest.fixture(scope="session")
+def owner_address(tmp_path_factory: pytest.TempPathFactory, root: Path) -> Iterator[str]:
+    """The address of a running panel as it prints it, with the token."""
+    with running_panel(tmp_path_factory.mktemp("panel"), "--root", str(root)) as address:
         yield address
+
+
+@pytest.fixture(scope="session")
+def panel(owner_address: str) -> str:
+    """The address of a running panel, without a slash at the end."""
+    return owner_address.partition("/?")[0]
 
 
 @pytest.fixture(scope="session")

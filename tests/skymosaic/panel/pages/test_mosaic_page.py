@@ -17,6 +17,7 @@ from golden_model.config import PRESETS
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import BUILT_SIZES_PX, design_accelerator
 from tools.panel.visit import (
+    PHONE,
     WINDOW,
     choose,
     corner_counts,
@@ -25,6 +26,7 @@ from tools.panel.visit import (
     middle_of,
     mosaic_viewer,
     names_reached_by_tab,
+    open_advanced,
     open_page,
     open_tab,
     photographs_loaded,
@@ -130,6 +132,7 @@ def test_a_dragged_corner_recolours_the_matches(made: Page, tmp_path: Path) -> N
     text.fill(text.input_value().replace("then weight is sure", "then weight is never"))
     expect(rejected).not_to_have_text(at_first)
     made.get_by_role("button", name="Use for the next run").click()
+    open_advanced(made)
     expect(made.get_by_role("combobox", name="Fuzzy rules")).to_have_value("own")
     with made.expect_download() as download:
         made.get_by_role("button", name="Download everything").or_(
@@ -267,6 +270,7 @@ def test_every_tab_fits_the_window(made: Page) -> None:
 
 def test_tab_reaches_every_control_and_each_has_a_name(made: Page) -> None:
     open_tab(made, "Matches")
+    open_advanced(made)
     names = names_reached_by_tab(made)
     for part in (
         "Choose photographs",
@@ -309,6 +313,7 @@ def test_the_threshold_moves_the_corners_within_300_ms(page: Page) -> None:
 
 def test_the_highest_threshold_leaves_no_corner(page: Page) -> None:
     load_built_in_pair(page)
+    open_advanced(page)
     page.get_by_role("slider", name="Harris threshold").click()
     page.keyboard.press("End")
     expect(corner_counts(page)).to_contain_text("0 and 0 corners")
@@ -321,6 +326,22 @@ def test_a_broken_file_is_refused_with_a_reason(page: Page, photographs: list[Pa
     expect(page.get_by_text(re.compile(r"broken\.png: .*truncated"))).to_be_visible()
     expect(photographs_loaded(page)).to_have_count(1)
     expect(page.get_by_role("button", name="Make the mosaic")).to_be_disabled()
+    page.get_by_role("button", name="Dismiss").click()
+    expect(page.get_by_role("alert").filter(has_text="truncated")).to_have_count(0)
+
+
+def test_the_button_that_starts_a_run_is_always_in_reach(page: Page) -> None:
+    load_built_in_pair(page)
+    make_mosaic(page)
+    open_tab(page, "Numbers")
+    open_advanced(page)
+    for size in (WINDOW, PHONE):
+        page.set_viewport_size(size)
+        for place in ("0", "document.documentElement.scrollHeight"):
+            page.evaluate(f"scrollTo(0, {place})")
+            button = page.get_by_role("button", name="Make the mosaic")
+            expect(button).to_be_in_viewport(ratio=1)
+            button.click(trial=True)
 
 
 def test_uploaded_photographs_make_a_mosaic(page: Page, photographs: list[Path]) -> None:

@@ -1,0 +1,66 @@
+"""Which folders of this machine a session may open: those inside its roots, once links are followed."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from skymosaic.errors import InputError
+from skymosaic.imagery.photographs import is_folder, list_folder, list_sources
+from skymosaic.temporary import resolved
+
+
+class Roots:
+    """Folders below which photographs may be opened in place; a session without any may open none.
+
+    Raises
+    ------
+    InputError
+        For a root that is no folder.
+    """
+
+    def __init__(self, folders: Sequence[Path] = ()) -> None:
+        self.folders = tuple(map(resolved, folders))
+        for given, folder in zip(folders, self.folders, strict=True):
+            if not is_folder(folder):
+                raise InputError(f"{given}: no such folder; name another with --root")
+
+    def find_folder(self, path: str) -> Path:
+        """The folder at ``path``, without links; a relative path begins at the first root.
+
+        Raises
+        ------
+        InputError
+            If it lies outside of the roots, whether or not it exists, or is no folder.
+        """
+        try:
+            folder = resolved(Path(*self.folders[:1], Path(path).expanduser()))
+        # A name that no file system can have, or somebody's home who is unknown.
+        except (OSError, ValueError, RuntimeError):
+            raise InputError(f"{path!r}: no such folder; check the path") from None
+        if not self._contain(folder):
+            raise InputError(f"{path}: outside of what this panel may open; end it and start it with --root {path}")
+        if not is_folder(folder):
+            raise InputError(f"{path}: no such folder; check the path")
+        return folder
+
+    def list_folders(self, folder: Path) -> list[Path]:
+        """The folders inside ``folder`` that may be opened, and first the one around it; hidden ones are left out."""
+        inside = [path for path in list_folder(folder) if not path.name.startswith(".") and is_folder(path)]
+        inside.sort(key=lambda path: path.name.lower())
+        return [path for path in (folder.parent, *inside) if self._contain(resolved(path))]
+
+    def list_photographs(self, folder: Path) -> list[Path]:
+        """The photographs of a folder in the order that every command gives them.
+
+        Raises
+        ------
+        InputError
+            If there are none, or one is a link that leads out of the roots.
+        """
+        paths = [Path(source.name) for source in list_sources([folder])]
+        for path in paths:
+            if path.is_symlink() and not self._contain(resolved(path)):
+                raise InputError(f"{path}: a link that leads out of what this panel may open; remove it")
+        return paths
+
+    def _contain(self, path: Path) -> bool:
+        return any(path.is_relative_to(root) for root in self.folders)
