@@ -99,6 +99,7 @@ def test_another_session_sees_nothing_of_an_opened_folder(
     other.context.close()
 
 
+@pytest.mark.slow
 def test_a_folder_that_vanishes_is_one_line_and_loses_nothing(owner: Page, root: Path, folder: Path) -> None:
     """Ten thousand photographs: the page answers meanwhile, and shows the earlier result afterwards."""
     owner.get_by_role("button", name="Try the built-in pair").click()
