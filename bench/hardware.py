@@ -20,7 +20,7 @@ from rich.progress import track
 from bench.pair_sets import public_folder, read_set
 from bench.report import JsonFile, Row, program, report
 from golden_model.arrays import Records
-from golden_model.config import PRESETS, Config
+from golden_model.config import PRESETS, Config, EstimatorConfig
 from golden_model.feature.ilbp import PATTERNS, DescriptorPattern
 from golden_model.feature.orientation import SECTORS
 from golden_model.geometry.estimator import CYCLES, FrameMatches, estimate
@@ -123,7 +123,7 @@ def homography(
         counts = len(left.features), len(right.features)
         work = FrameWork(*size, good=True, left=counts[0], right=counts[1], rows=right.matches["left_index"])
         for line in timelines([work], AERIAL, lanes=max(LANES)):
-            result = estimate(FrameMatches.from_records(right.matches, right.status))
+            result = estimate(FrameMatches.from_records(right.matches, right.status), EstimatorConfig())
             stages["last pixel to last match"].append(line.matches_end - line.last_pixel)
             stages["last match to homography"].append(result.cycles + CYCLES.records)
     stages["last pixel to homography"] = [sum(each) for each in zip(*stages.values(), strict=True)]

@@ -33,7 +33,8 @@ from bench.remembering import RememberingBackend
 from bench.rendered_pairs import HEIGHTS_PX, OVERLAPS, STEPS, ReliefPair, flat_pairs, relief_pairs
 from bench.report import JsonFile, Row, program, report
 from golden_model.arrays import Matrix, Pixels
-from golden_model.geometry.estimator import Estimate, EstimatorSettings, FrameMatches, estimate
+from golden_model.config import EstimatorConfig
+from golden_model.geometry.estimator import Estimate, FrameMatches, estimate
 from skymosaic import register
 from skymosaic.evaluation.known_pairs import KnownPair
 from skymosaic.evaluation.metrics import MISSING_ERROR_PX, grid_error
@@ -152,7 +153,7 @@ def estimate_on_chip(backend: RememberingBackend, left: Pixels, right: Pixels, s
     """The golden model of the whole chip, for a pair of images."""
     _, config = RegistrationOptions().choose_method()
     (_, result), _ = extract_within_capacity(backend, [left, right], config)
-    settings = EstimatorSettings(seed=EstimatorSettings().seed + seed)
+    settings = EstimatorConfig(seed=EstimatorConfig().seed + seed)
     return estimate(FrameMatches.from_records(result.matches, result.status), settings)
 
 

@@ -221,12 +221,38 @@ class MatcherConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EstimatorConfig:
+    """Configuration of the estimator of homographies (`golden_model.geometry.estimator`), all set by registers.
+
+    Parameters
+    ----------
+    passes : int
+        At most so many in each of the 16 steps of the search, two samples each; 8 bits, not 0.
+    seed : int
+        First state of the generator of random numbers; 32 bits, not 0.
+    min_inliers : int
+        Matches within 2 px that an accepted homography has at least; 12 bits.
+    min_cells : int
+        Cells of 8 x 8 in which these lie at least.
+    """
+
+    passes: int = 32
+    seed: int = 0x9E3779B9
+    min_inliers: int = 12
+    min_cells: int = 5
+
+
+@dataclass(frozen=True, kw_only=True)
 class Config:
-    """A complete configuration: front end and matcher, and the name of the preset that it is based on."""
+    """A complete configuration: front end and matcher, and the name of the preset that it is based on.
+
+    With ``estimator``, every frame has a homography as well.
+    """
 
     preset: str = "aerial"
     front_end: FrontEndConfig = field(default_factory=FrontEndConfig)
     matcher: MatcherConfig = field(default_factory=MatcherConfig)
+    estimator: EstimatorConfig | None = None
 
     def rules_summary(self) -> dict[str, str]:
         """Name and digest of the rules that decide matches, for reports."""

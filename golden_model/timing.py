@@ -7,6 +7,7 @@ data: the queue of mutual matches between the walk over the rows and the weighin
 Not predicted are pauses of the streams, the first word of each feature, and
 
 - frames without selection by cells, whose queue may hold pixels back;
+- what follows a frame whose matches wait for the estimator;
 - frames so narrow that a cell row, if its cells are full, has not left when the next one or the frame ends;
 - what follows a frame whose matching delays the features of the next but one.
 """
@@ -15,7 +16,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,9 +31,11 @@ from golden_model.config import (
     MatcherConfig,
 )
 from golden_model.feature.ilbp import DescriptorPattern
+from golden_model.geometry.estimator import CYCLES
+from golden_model.geometry.ordering import BINS
 from golden_model.matching import rule_bases
 from golden_model.matching.fuzzy import SugenoSystem
-from golden_model.records import MATCH, WORD_BYTES
+from golden_model.records import HOMOGRAPHY, MATCH, WORD_BYTES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,6 +133,10 @@ class FrameWork:
     """Number of features of this frame; 0 where there is nothing to match."""
     rows: NDArray[np.integer]
     """Left indices (N,) of the mutual matches, rising."""
+    kept: int = 0
+    """How many of them are kept."""
+    estimate_cycles: int | None = None
+    """``cycles`` of the frame's homography; None without an estimator."""
 
 
 @dataclass(frozen=True)
@@ -154,10 +161,13 @@ class Timeline:
     """First word of each Match record at the output."""
     matches_end: int
     """Last word of the matches' packet."""
+    homography_end: int | None = None
+    """Last word of the homography; None without an estimator."""
 
     def steps(self) -> Iterator[tuple[str, int]]:
         """Return name and clock of each step of the frame, in their order."""
-        return ((name, clock) for name, clock in vars(self).items() if name != "matches")
+        clocks = {name: clock for name, clock in vars(self).items() if name != "matches"}
+        return ((name, clock) for name, clock in clocks.items() if clock is not None)
 
     def delay(self, cycles: int) -> Timeline:
         """Return the same timeline, ``cycles`` clocks later."""
@@ -184,7 +194,8 @@ def timelines(works: Sequence[FrameWork], config: Config, *, lanes: int, pixels_
         return []
     works = list(itertools.takewhile(lambda work: _leaves_in_time(work, config.front_end, pixels_per_clock), works))
     line_cycles = [-(-work.width_px // pixels_per_clock) for work in works]
-    return list(_timelines(works, line_cycles, Latencies.compute(config, lanes=lanes), config.front_end.border_px))
+    lines = _timelines(works, line_cycles, Latencies.compute(config, lanes=lanes), config.front_end.border_px)
+    return list(_add_homographies(lines, works))
 
 
 def steady_pace(work: FrameWork, config: Config, *, lanes: int) -> tuple[int, int] | None:
@@ -229,6 +240,26 @@ def _timelines(
         # A frame that waits for the matcher holds back the features of the next one, which come after its border.
         if number + 1 < len(works) and accepted > first_pixel + border_px * line_cycles[number + 1]:
             return
+
+
+def _add_homographies(lines: Iterator[Timeline], works: Sequence[FrameWork]) -> Iterator[Timeline]:
+    """Add the clocks of the estimator, up to the first frame whose matches wait for it."""
+    idle, stored_until = 0, 0
+    for line, work in zip(lines, works, strict=False):
+        if work.estimate_cycles is None:
+            yield line
+            continue
+        first = line.matches[0] if line.matches else line.matches_end - MATCH.record_bytes // WORD_BYTES
+        if first <= stored_until:
+            return
+        # The matches' gate delays its words, not those for the estimator.
+        begins = max(line.matches_end - 1, idle)
+        sent = begins + work.estimate_cycles + CYCLES.records
+        # Sorting frees the memory of matches; then its counts are cleared.
+        stored_until = begins + CYCLES.accept + CYCLES.sort + CYCLES.place * work.kept + BINS
+        # The next estimate begins while the words of this one leave.
+        idle = sent - 2
+        yield replace(line, homography_end=sent + HOMOGRAPHY.record_bytes // WORD_BYTES - 1)
 
 
 def _leaves_in_time(work: FrameWork, front_end: FrontEndConfig, pixels_per_clock: int) -> bool:

@@ -1,4 +1,4 @@
-"""The whole accelerator: AXI4-Stream video in, features and matches out, registers on AXI4-Lite."""
+"""The whole accelerator: AXI4-Stream video in, features, matches and homographies out, registers on AXI4-Lite."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,18 +8,20 @@ from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.config import Config
+from golden_model.geometry.scoring import MAX_MATCHES
 from golden_model.records import MATCH
 from hdl.axi.axi_lite import AXI_LITE
 from hdl.axi.flat_ports import FlatTop, bus_pins, packet_pins, stream_pins
 from hdl.axi.packet_gate import PacketGate
 from hdl.axi.video_input import video_payload
 from hdl.front_end import FrontEnd
+from hdl.geometry.records import RecordEstimator
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
 from hdl.matching.matcher import Matcher
 from hdl.registers.register_file import RegisterFile
-from hdl.registers.register_map import REGISTERS, Register, built_constants
-from hdl.settings import FRONT_END, KEEP_ABOVE
+from hdl.registers.register_map import Register, built_constants, list_registers
+from hdl.settings import ESTIMATION, FRONT_END, KEEP_ABOVE
 from hdl.streams import WordPayload, fork
 
 MATCHING_SETTINGS = data.StructLayout({KEEP_ABOVE.name: KEEP_ABOVE.bits, "hold_reference": 1, "take_reference": 1})
@@ -27,6 +29,11 @@ MATCHING_SETTINGS = data.StructLayout({KEEP_ABOVE.name: KEEP_ABOVE.bits, "hold_r
 ENDED_FRAMES = 4
 """At least as many as can have ended before the matcher takes the first: one in a bank, one in the front end, and a
 status without features in the buffers between them."""
+
+
+def output_names(config: Config) -> tuple[str, ...]:
+    """The outputs of a build, as registers, ports and DMAs name them."""
+    return ("features", "matches", *(("homographies",) if config.estimator else ()))
 
 
 class Accelerator(wiring.Component):
@@ -39,10 +46,15 @@ class Accelerator(wiring.Component):
     Features go to their output and to the matcher at the same time; the slower of the two sets the pace. An output
     that is disabled discards its packets, so that no DMA has to read it.
 
+    The estimator takes the matches beside their output, and stores a frame's while it works on those before. It needs
+    at most `golden_model.geometry.estimator.MAX_CYCLES`: matches wait for it only where frames of less than 640x480
+    come without pauses.
+
     Parameters
     ----------
     config : Config
-        What is built. Detector, threshold, cells and the limit of the weight are registers instead.
+        What is built. Detector, threshold, cells, the limit of the weight and the estimator's numbers are registers
+        instead.
     lanes : int
         Left descriptors compared at a time.
     max_width_px, max_height_px : int
@@ -62,6 +74,8 @@ class Accelerator(wiring.Component):
     """Stream of `hdl.streams.WordPayload`, one packet per frame: its Feature records, then its FrameStatus."""
     o_matches: stream.Interface
     """Stream of `hdl.streams.WordPayload`, one packet per frame: its Match records, then its FrameStatus."""
+    o_homographies: stream.Interface
+    """Stream of `hdl.streams.WordPayload`, one Homography record per frame; only with ``config.estimator``."""
     control: Any
     """`hdl.registers.register_map`."""
     o_interrupt: Signal
@@ -87,10 +101,8 @@ class Accelerator(wiring.Component):
         self.live = live = bool(shell_registers)
         video = {"max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
         self.registers = RegisterFile(
-            constants=built_constants(
-                front_end=config.front_end, matcher=config.matcher, lanes=lanes, live=live, **video
-            ),
-            registers=(*REGISTERS, *shell_registers),
+            constants=built_constants(config, lanes=lanes, live=live, **video),
+            registers=(*list_registers(config), *shell_registers),
         )
         self._front_end = FrontEnd(config=config.front_end, **video)
         self._matcher = Matcher(
@@ -101,12 +113,16 @@ class Accelerator(wiring.Component):
         )
         self._feature_gate = PacketGate(record_bytes=self.registers.constants["built_feature_bytes"])
         self._match_gate = PacketGate(record_bytes=MATCH.record_bytes)
+        self._estimator = None
+        if config.estimator:
+            self._estimator = RecordEstimator(max_matches=min(config.front_end.max_features, MAX_MATCHES))
         super().__init__(
             {
                 "i_reset": In(1),
                 "i_video": In(stream.Signature(video_payload(video_bits))),
                 "o_features": Out(stream.Signature(WordPayload)),
                 "o_matches": Out(stream.Signature(WordPayload)),
+                **({"o_homographies": Out(stream.Signature(WordPayload))} if config.estimator else {}),
                 "control": In(AXI_LITE),
                 "o_interrupt": Out(1),
             }
@@ -124,6 +140,10 @@ class Accelerator(wiring.Component):
         m.submodules.data_path = ResetInserter(clear)(self._data_path())
         m.submodules.outputs = ResetInserter(reset)(self._outputs(clear))
         m.submodules.status = ResetInserter(clear)(self._status())
+        if self._estimator is not None:
+            m.submodules.estimator = ResetInserter(reset)(self._estimator)
+            m.submodules.estimator_status = ResetInserter(clear)(self._estimator_status(self._estimator))
+            m.d.comb += self._estimator.i_clear.eq(clear)
         wiring.connect(m, wiring.flipped(self.control), registers.bus)
         m.d.comb += self.o_interrupt.eq(registers.o_interrupt)
         self._settings(m)
@@ -144,7 +164,10 @@ class Accelerator(wiring.Component):
         m.submodules.to_matcher = to_matcher = SkidBuffer(shape=WordPayload)
         wiring.connect(m, to_matcher.o, self._matcher.i_features)
         fork(m, self._front_end.o_features, self._feature_gate.i, to_matcher.i)
-        wiring.connect(m, self._matcher.o_matches, self._match_gate.i)
+        if self._estimator is None:
+            wiring.connect(m, self._matcher.o_matches, self._match_gate.i)
+        else:
+            fork(m, self._matcher.o_matches, self._match_gate.i, self._estimator.i_matches)
         self._matching_settings(m)
         return m
 
@@ -223,6 +246,21 @@ class Accelerator(wiring.Component):
             ]
         return m
 
+    def _estimator_status(self, estimator: RecordEstimator) -> Module:
+        """Connect the estimator to its output and its registers."""
+        m = Module()
+        registers, o = self.registers, self.o_homographies
+        wiring.connect(m, estimator.o, wiring.flipped(o))
+        m.d.comb += [
+            estimator.i_enable.eq(registers.o_homographies_enable),
+            *(estimator.i_settings[each.name].eq(getattr(registers, f"o_{each.name}")) for each in ESTIMATION),
+            registers.i_homographies_waiting.eq(o.valid & ~o.ready),
+            registers.i_homography_done.eq(o.valid & o.ready & o.payload.last),
+        ]
+        with m.If(estimator.o_drops):
+            m.d.sync += registers.i_lost_homographies.eq(registers.i_lost_homographies + 1)
+        return m
+
 
 class AcceleratorTop(FlatTop):
     """`Accelerator` with the flat ports of an AMD IP core, in one clock domain.
@@ -232,6 +270,8 @@ class AcceleratorTop(FlatTop):
     aclk, aresetn : In(1)
         Clock of everything, and its synchronous reset, active low.
     s_axis_video_*, m_axis_features_*, m_axis_matches_* : AXI4-Stream
+    m_axis_homographies_* : AXI4-Stream
+        Only where the accelerator estimates homographies.
     s_axi_ctrl_* : AXI4-Lite
     interrupt : Out(1)
         Active high, level.
@@ -247,8 +287,11 @@ class AcceleratorTop(FlatTop):
                 "aclk": (In(1), ClockSignal()),
                 "aresetn": (In(1), self._reset_n),
                 **stream_pins("s_axis_video", video, In, tdata=pixels, tuser=video.payload.first),
-                **packet_pins("m_axis_features", accelerator.o_features),
-                **packet_pins("m_axis_matches", accelerator.o_matches),
+                **{
+                    name: pin
+                    for output in output_names(accelerator.config)
+                    for name, pin in packet_pins(f"m_axis_{output}", getattr(accelerator, f"o_{output}")).items()
+                },
                 **bus_pins("s_axi_ctrl", accelerator.control),
                 "interrupt": (Out(1), accelerator.o_interrupt),
             }

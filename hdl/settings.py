@@ -16,9 +16,11 @@ from golden_model.config import (
     MAX_PER_CELL,
     MIN_FRAME_PX,
     Config,
+    EstimatorConfig,
     FrontEndConfig,
 )
 from golden_model.formats import RESPONSE_CODE, WEIGHT, encode_response
+from golden_model.geometry.acceptance import CELLS
 
 FLAG = range(2)
 _CELL_LOG2 = range(CELL_SIZES_PX[0].bit_length() - 1, CELL_SIZES_PX[-1].bit_length())
@@ -93,6 +95,23 @@ SETTINGS = {
 """Every setting, by name. `hdl.registers.register_map.REGISTERS` gives each its register and bits."""
 
 WORD_VALUES = range(1 << 32)
+ESTIMATION = (
+    Setting("passes", range(1 << 8), EstimatorConfig.passes, "Pairs of samples in each of 16 steps, at most; not 0."),
+    Setting("seed", WORD_VALUES, EstimatorConfig.seed, "First state of the generator of samples; not 0."),
+    Setting("min_inliers", range(1 << 12), EstimatorConfig.min_inliers, "Matches within 2 px that are needed."),
+    Setting("min_cells", range(CELLS**2 + 1), EstimatorConfig.min_cells, "Cells of 8x8 in which these must lie."),
+)
+"""Settings of the estimator, those of `golden_model.config.EstimatorConfig`."""
+ESTIMATOR = {
+    setting.name: setting
+    for setting in (
+        *ESTIMATION,
+        Setting("homographies_enable", FLAG, 0, "Homographies leave; 0: they are discarded at the output."),
+        _mask_setting("homography_done"),
+    )
+}
+"""The settings of a build with an estimator by name; `hdl.registers.register_map` gives each its register and bits."""
+
 RINGS = ("features", "matches")
 """The rings of buffers in memory that a live build writes."""
 PAGE_BYTES = 4096
@@ -157,6 +176,11 @@ def frame_settings(config: FrontEndConfig, width_px: int, height_px: int, *, gra
         "adaptive": 0,
         "target_features": config.max_features - 1,
     }
+
+
+def estimator_settings(config: Config) -> dict[str, int]:
+    """Convert a configuration into `ESTIMATION` settings, and enable the output; nothing without an estimator."""
+    return {"homographies_enable": 1, **vars(config.estimator)} if config.estimator else {}
 
 
 def matched_frame_settings(config: Config, width_px: int, height_px: int, *, gray_input: bool) -> dict[str, int]:

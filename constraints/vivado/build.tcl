@@ -1,4 +1,4 @@
-# Builds the bitstream: the board's system (system.tcl), three DMAs, interrupt controller, skymosaic.
+# Builds the bitstream: the board's system (system.tcl), a DMA per stream, interrupt controller, skymosaic.
 #
 #   vivado -mode batch -source build.tcl                  fabric clock of 150 MHz
 #   vivado -mode batch -source build.tcl -tclargs 125     another one
@@ -36,11 +36,12 @@ make_dma dma_video "
     CONFIG.c_include_mm2s 1 CONFIG.c_include_s2mm 0
     CONFIG.c_m_axis_mm2s_tdata_width $dma_bits CONFIG.c_m_axi_mm2s_data_width 64
 "
-foreach name {dma_features dma_matches} {
-    make_dma $name {
+foreach output $board(outputs) {
+    make_dma dma_$output {
         CONFIG.c_include_mm2s 0 CONFIG.c_include_s2mm 1
         CONFIG.c_s_axis_s2mm_tdata_width 64 CONFIG.c_m_axi_s2mm_data_width 64
     }
+    connect_bd_intf_net [get_bd_intf_pins skymosaic/m_axis_$output] [get_bd_intf_pins dma_$output/S_AXIS_S2MM]
 }
 set clocked $system(clocked)
 set reset $system(reset)
@@ -59,53 +60,66 @@ if {$dma_bits == $board(video_bits)} {
     lappend clocked to_rgb/aclk
     lappend reset to_rgb/aresetn
 }
-connect_bd_intf_net [get_bd_intf_pins skymosaic/m_axis_features] [get_bd_intf_pins dma_features/S_AXIS_S2MM]
-connect_bd_intf_net [get_bd_intf_pins skymosaic/m_axis_matches] [get_bd_intf_pins dma_matches/S_AXIS_S2MM]
 
-# PYNQ serves one fabric interrupt, IRQ_F2P[0]: a controller gathers the four.
+# PYNQ serves one fabric interrupt, IRQ_F2P[0]: a controller gathers all.
 create_bd_cell -type ip -vlnv xilinx.com:ip:axi_intc:4.1 interrupts
 set_property CONFIG.C_IRQ_CONNECTION 1 [get_bd_cells interrupts]
 create_bd_cell -type ip -vlnv xilinx.com:ip:xlconcat:2.1 sources
-set_property CONFIG.NUM_PORTS 4 [get_bd_cells sources]
-connect_bd_net [get_bd_pins skymosaic/interrupt] [get_bd_pins sources/In0]
-connect_bd_net [get_bd_pins dma_video/mm2s_introut] [get_bd_pins sources/In1]
-connect_bd_net [get_bd_pins dma_features/s2mm_introut] [get_bd_pins sources/In2]
-connect_bd_net [get_bd_pins dma_matches/s2mm_introut] [get_bd_pins sources/In3]
+set interrupts {skymosaic/interrupt dma_video/mm2s_introut}
+foreach output $board(outputs) {
+    lappend interrupts dma_$output/s2mm_introut
+}
+set_property CONFIG.NUM_PORTS [llength $interrupts] [get_bd_cells sources]
+set number 0
+foreach pin $interrupts {
+    connect_bd_net [get_bd_pins $pin] [get_bd_pins sources/In$number]
+    incr number
+}
 connect_bd_net [get_bd_pins sources/dout] [get_bd_pins interrupts/intr]
 connect_bd_net [get_bd_pins interrupts/irq] $system(interrupt)
 
 # Registers from the system's manager, memory from the DMAs.
 create_bd_cell -type ip -vlnv xilinx.com:ip:smartconnect:1.0 to_registers
-set_property -dict {CONFIG.NUM_SI 1 CONFIG.NUM_MI 5} [get_bd_cells to_registers]
 create_bd_cell -type ip -vlnv xilinx.com:ip:smartconnect:1.0 to_memory
-set_property -dict {CONFIG.NUM_SI 3 CONFIG.NUM_MI 1} [get_bd_cells to_memory]
 connect_bd_intf_net [get_bd_intf_pins $system(manager)] [get_bd_intf_pins to_registers/S00_AXI]
-connect_bd_intf_net [get_bd_intf_pins to_registers/M00_AXI] [get_bd_intf_pins skymosaic/s_axi_ctrl]
-connect_bd_intf_net [get_bd_intf_pins to_registers/M01_AXI] [get_bd_intf_pins dma_video/S_AXI_LITE]
-connect_bd_intf_net [get_bd_intf_pins to_registers/M02_AXI] [get_bd_intf_pins dma_features/S_AXI_LITE]
-connect_bd_intf_net [get_bd_intf_pins to_registers/M03_AXI] [get_bd_intf_pins dma_matches/S_AXI_LITE]
-connect_bd_intf_net [get_bd_intf_pins to_registers/M04_AXI] [get_bd_intf_pins interrupts/s_axi]
-connect_bd_intf_net [get_bd_intf_pins dma_video/M_AXI_MM2S] [get_bd_intf_pins to_memory/S00_AXI]
-connect_bd_intf_net [get_bd_intf_pins dma_features/M_AXI_S2MM] [get_bd_intf_pins to_memory/S01_AXI]
-connect_bd_intf_net [get_bd_intf_pins dma_matches/M_AXI_S2MM] [get_bd_intf_pins to_memory/S02_AXI]
+set with_registers {skymosaic/s_axi_ctrl dma_video/S_AXI_LITE interrupts/s_axi}
+set with_memory {dma_video/M_AXI_MM2S}
+foreach output $board(outputs) {
+    lappend with_registers dma_$output/S_AXI_LITE
+    lappend with_memory dma_$output/M_AXI_S2MM
+}
+set_property -dict [list CONFIG.NUM_SI 1 CONFIG.NUM_MI [llength $with_registers]] [get_bd_cells to_registers]
+set_property -dict [list CONFIG.NUM_SI [llength $with_memory] CONFIG.NUM_MI 1] [get_bd_cells to_memory]
+set number 0
+foreach pin $with_registers {
+    connect_bd_intf_net [get_bd_intf_pins to_registers/M0${number}_AXI] [get_bd_intf_pins $pin]
+    incr number
+}
+set number 0
+foreach pin $with_memory {
+    connect_bd_intf_net [get_bd_intf_pins $pin] [get_bd_intf_pins to_memory/S0${number}_AXI]
+    incr number
+}
 connect_bd_intf_net [get_bd_intf_pins to_memory/M00_AXI] [get_bd_intf_pins $system(memory)]
 
 # One clock, one reset.
 lappend clocked {*}{
     reset/slowest_sync_clk skymosaic/aclk
     dma_video/s_axi_lite_aclk dma_video/m_axi_mm2s_aclk
-    dma_features/s_axi_lite_aclk dma_features/m_axi_s2mm_aclk
-    dma_matches/s_axi_lite_aclk dma_matches/m_axi_s2mm_aclk
     to_registers/aclk to_memory/aclk interrupts/s_axi_aclk
+}
+lappend reset {*}{
+    skymosaic/aresetn dma_video/axi_resetn
+    to_registers/aresetn to_memory/aresetn interrupts/s_axi_aresetn
+}
+foreach output $board(outputs) {
+    lappend clocked dma_$output/s_axi_lite_aclk dma_$output/m_axi_s2mm_aclk
+    lappend reset dma_$output/axi_resetn
 }
 foreach pin $clocked {
     connect_bd_net [get_bd_pins $system(clock)] [get_bd_pins $pin]
 }
 connect_bd_net [get_bd_pins $system(reset_n)] [get_bd_pins reset/ext_reset_in]
-lappend reset {*}{
-    skymosaic/aresetn dma_video/axi_resetn dma_features/axi_resetn dma_matches/axi_resetn
-    to_registers/aresetn to_memory/aresetn interrupts/s_axi_aresetn
-}
 foreach pin $reset {
     connect_bd_net [get_bd_pins reset/peripheral_aresetn] [get_bd_pins $pin]
 }

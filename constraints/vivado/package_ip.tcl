@@ -25,7 +25,11 @@ set_property supported_families {
 } $core
 
 # Vivado made the interfaces from the attributes X_INTERFACE_INFO in the Verilog.
-foreach interface {s_axis_video m_axis_features m_axis_matches s_axi_ctrl aclk aresetn interrupt} {
+set expected {s_axis_video s_axi_ctrl aclk aresetn interrupt}
+foreach output $board(outputs) {
+    lappend expected m_axis_$output
+}
+foreach interface $expected {
     if {[llength [ipx::get_bus_interfaces $interface -of_objects $core]] == 0} {
         error "no interface $interface was found in skymosaic.v"
     }

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Records
+from golden_model.config import Config, EstimatorConfig
 from golden_model.geometry import ordering, programs, sampling, scoring
 from golden_model.geometry.acceptance import INLIER_GAIN, count_cells
 from golden_model.geometry.floating import MANTISSA_BITS, Floats
@@ -49,20 +50,6 @@ class Cause(enum.IntFlag):
     """No sample keeps the orientation of its triangles, or none has a score."""
     TOO_FEW_INLIERS = 32
     TOO_FEW_CELLS = 64
-
-
-@dataclass(frozen=True, kw_only=True)
-class EstimatorSettings:
-    """What registers set."""
-
-    passes: int = 32
-    """At most so many in each of the 16 steps, two samples each; 1 to 255."""
-    seed: int = 0x9E3779B9
-    """First state of the generator of random numbers, 32 bits; not 0."""
-    min_inliers: int = 12
-    """12 bits."""
-    min_cells: int = 5
-    """7 bits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +124,7 @@ class FrameMatches(NamedTuple):
 
 def estimate(
     frame: FrameMatches,
-    settings: EstimatorSettings = EstimatorSettings(),
+    settings: EstimatorConfig,
     *,
     max_matches: int = scoring.MAX_MATCHES,
 ) -> Estimate:
@@ -196,7 +183,15 @@ def homography_record(result: Estimate, frame: int = 0) -> Records:
     return record
 
 
-def _refusal(matches: int, settings: EstimatorSettings, max_matches: int, *, good: bool) -> Cause:
+def frame_homography(matches: Records, status: np.void, config: Config) -> Records:
+    """The record (1,) that the accelerator sends for a frame, by its Match records and FrameStatus."""
+    assert config.estimator
+    stored = min(config.front_end.max_features, scoring.MAX_MATCHES)
+    result = estimate(FrameMatches.from_records(matches, status), config.estimator, max_matches=stored)
+    return homography_record(result, int(status["frame"]))
+
+
+def _refusal(matches: int, settings: EstimatorConfig, max_matches: int, *, good: bool) -> Cause:
     causes = Cause(0) if good else Cause.BAD_FRAME
     if settings.seed == 0 or settings.passes == 0:
         causes |= Cause.INVALID_SETTINGS
@@ -211,7 +206,7 @@ def _none(causes: Cause, cycles: int) -> Estimate:
     return Estimate(np.zeros((3, 3), dtype=np.int64), 0, 0, 0, 0, int(causes), cycles)
 
 
-def _search(matches: _Matches, settings: EstimatorSettings) -> tuple[Integers, int, int]:
+def _search(matches: _Matches, settings: EstimatorConfig) -> tuple[Integers, int, int]:
     """Best homography of all samples and of the refits, its score, and the clocks."""
     best, best_score, refitted_score = np.zeros((3, 3), dtype=np.int64), 0, 0
     state, cycles = settings.seed, 0

@@ -8,11 +8,11 @@ import numpy as np
 
 from golden_model import front_end as golden_front_end
 from golden_model.arrays import Records
-from golden_model.config import PRESETS, MatcherConfig
+from golden_model.config import PRESETS, EstimatorConfig, MatcherConfig
 from golden_model.feature import ilbp
 from golden_model.formats import encode_response
 from golden_model.geometry import scoring
-from golden_model.geometry.estimator import EstimatorSettings, FrameMatches, estimate, homography_record
+from golden_model.geometry.estimator import FrameMatches, estimate, homography_record
 from golden_model.matching import correlation, rule_bases
 from golden_model.matching.fuzzy import SugenoSystem
 from golden_model.matching.matcher import match
@@ -285,7 +285,7 @@ def _match_packet(count: int, spread: int) -> tuple[Records, np.void]:
 
 def _homography() -> Block:
     matches, status = _match_packet(30, spread=20)
-    settings = EstimatorSettings(passes=1)
+    settings = EstimatorConfig(passes=1)
     result = estimate(FrameMatches.from_records(matches, status), settings)
     return Block(
         RecordEstimator(),
@@ -293,7 +293,7 @@ def _homography() -> Block:
         "each.",
         {"i_matches": rows("i_matches", packet(matches, padded_status(status, MATCH.record_bytes)))},
         {"o": rows("o", packet(homography_record(result)))},
-        flat_values("i_settings", vars(settings)),
+        flat_values("i_settings", vars(settings)) | {"i_enable": 1, "i_clear": 0},
     )
 
 

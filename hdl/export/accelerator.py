@@ -10,9 +10,9 @@ import numpy as np
 from golden_model.config import Config
 from golden_model.formats import POSITION
 from golden_model.geometry.scoring import ENTRY
-from golden_model.records import FRAME_STATUS, HYPOTHESIS, MATCH, SCORE, Tag
+from golden_model.records import FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, Tag
 from golden_model.version import VERSION
-from hdl.accelerator import Accelerator, AcceleratorTop
+from hdl.accelerator import Accelerator, AcceleratorTop, output_names
 from hdl.axi.packet_gate import CLOSING_RECORDS
 from hdl.blocks.export import CORE_LIBRARY, CORE_VENDOR, core_file, module_ports
 from hdl.export import ip_xact, register_docs
@@ -21,9 +21,9 @@ from hdl.export.boards import SOURCES, board_facts
 from hdl.export.bus_interfaces import vivado_attributes
 from hdl.export.live_bench import make_live_bench
 from hdl.netlist import to_verilog
-from hdl.registers.live_register_map import LIVE_REGISTERS
-from hdl.registers.register_map import REGISTERS, Access, Field, Register, built_constants, fields
-from hdl.settings import FLAG, PAGE_BYTES, REQUESTED, SETTINGS, SHELL
+from hdl.registers.live_register_map import SHELL_REGISTERS
+from hdl.registers.register_map import Access, Field, Register, built_constants, fields, list_registers
+from hdl.settings import ESTIMATION, ESTIMATOR, FLAG, PAGE_BYTES, REQUESTED, SETTINGS, SHELL
 from hdl.shell.live import LIVE_VIDEO_BITS, LiveAccelerator, LiveTop
 from hdl.shell.slot import HEADER, HEADER_BYTES
 
@@ -96,12 +96,12 @@ def export(folder: Path, *, board: str, config: Config, **build: Unpack[Build]) 
     write_files(
         folder,
         {
-            **core_files(TOP, verilog(top), REGISTERS),
+            **core_files(TOP, verilog(top), list_registers(config)),
             **{f"sim/{name}": text for name, text in bench.items()},
-            f"{TOP}.xml": ip_xact.component(TOP, ports, f"rtl/{TOP}.v"),
+            f"{TOP}.xml": ip_xact.component(TOP, ports, f"rtl/{TOP}.v", list_registers(config)),
             f"{TOP}.core": core_file(TOP, [f"rtl/{TOP}.v"], [f"sim/{name}" for name in bench]),
             "litex/skymosaic_litex.py": litex.replace("VIDEO_BITS = 32", f"VIDEO_BITS = {video_bits}"),
-            **_vivado_files(board, family, video_bits),
+            **_vivado_files(board, family, video_bits, output_names(config)),
             "README.md": fill_readme(readme, config, build, **facts),
         },
     )
@@ -134,7 +134,7 @@ def export_live(folder: Path, *, config: Config, **build: Unpack[Build]) -> None
     write_files(
         folder,
         {
-            **core_files(LIVE_TOP, verilog, LIVE_REGISTERS),
+            **core_files(LIVE_TOP, verilog, (*list_registers(config), *SHELL_REGISTERS)),
             **{f"sim/{name}": text for name, text in bench.items()},
             f"{LIVE_TOP}.core": core_file(LIVE_TOP, [f"rtl/{LIVE_TOP}.v"], [f"sim/{name}" for name in bench]),
             f"constraints/{LIVE_TOP}.xdc": (SOURCES / "live" / f"{LIVE_TOP}.xdc").read_text(),
@@ -169,11 +169,12 @@ def write_files(folder: Path, texts: Mapping[str, str]) -> None:
         path.write_text(text)
 
 
-def _vivado_files(board: str, family: str, video_bits: int) -> dict[str, str]:
+def _vivado_files(board: str, family: str, video_bits: int, outputs: Sequence[str]) -> dict[str, str]:
     """Scripts and constraints; ``board.tcl`` and ``system.tcl`` describe the board and its family."""
     files = {source.name: source.read_text() for source in (SOURCES / "vivado").iterdir()}
     files["system.tcl"] = (SOURCES / "systems" / f"{family}.tcl").read_text()
     facts = {"video_bits": video_bits, "core": VLNV, "core_version": CORE_VERSION, "core_revision": CORE_REVISION}
+    facts |= {"outputs": "{" + " ".join(outputs) + "}"}
     lines = [f"set board({name}) {value}\n" for name, value in facts.items()]
     files["board.tcl"] = "".join([(SOURCES / "boards" / f"{board}.tcl").read_text(), *lines])
     pins = SOURCES / "boards" / f"{board}.xdc"
@@ -201,10 +202,8 @@ def write_host(folder: Path, kind: Literal["pynq", "serial", "live"], config: Co
 
 def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) -> str:
     """The Python module ``skymosaic_map``: registers, records and build constants for the driver."""
-    registers = LIVE_REGISTERS if live else REGISTERS
-    constants = built_constants(
-        front_end=config.front_end, matcher=config.matcher, live=live, **(DEFAULT_BUILD | build)
-    )
+    registers = (*list_registers(config), *(SHELL_REGISTERS if live else ()))
+    constants = built_constants(config, live=live, **(DEFAULT_BUILD | build))
     # Patch versions have the same registers and records, so the driver accepts all of them.
     del constants["version_patch"]
     pattern = config.front_end.pattern
@@ -215,6 +214,7 @@ def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) ->
         "FEATURE": pattern.record.dtype,
         "MATCH": MATCH.dtype,
         "STATUS": FRAME_STATUS.dtype,
+        **({"HOMOGRAPHY": HOMOGRAPHY.dtype} if config.estimator else {}),
         **({"HEADER": HEADER, "HYPOTHESIS": HYPOTHESIS.dtype, "SCORE": SCORE.dtype} if live else {}),
     }
     tags = (Tag.FRAME_STATUS, *((Tag.HYPOTHESIS, Tag.SCORE) if live else ()))
@@ -230,6 +230,8 @@ def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) ->
         f"CORE = {VLNV!r}",
         "# The fields in a request to the server.",
         f"REQUESTED = {REQUESTED!r}",
+        "# Those besides, in a request for homographies.",
+        f"ESTIMATION = {tuple(setting.name for setting in ESTIMATION)!r}",
         *_dictionary("BUILT", constants, "Values of the constant fields"),
         *_dictionary("REQUEST_BITS", request_bits, "Offset of a register: its bits that are requests"),
         *(f"{tag.name.removeprefix('FRAME_')}_TAG = {int(tag)}" for tag in tags),
@@ -249,7 +251,7 @@ def _dictionary(name: str, entries: Mapping[Any, object], comment: str) -> list[
 
 def _valid_range(field: Field) -> tuple[int, int]:
     """Smallest and largest value that may be written into a field."""
-    values = (SETTINGS | SHELL)[field.name].values if field.access is Access.SETTING else FLAG
+    values = (SETTINGS | ESTIMATOR | SHELL)[field.name].values if field.access is Access.SETTING else FLAG
     return values[0], values[-1]
 
 

@@ -6,17 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Records
-from golden_model.config import MIN_FRAME_PX, Config
+from golden_model.config import MIN_FRAME_PX, Config, EstimatorConfig
 from golden_model.front_end import FrameFeatures, extract
+from golden_model.geometry.estimator import frame_homography
 from golden_model.matching.matcher import match
 from golden_model.records import FRAME_STATUS, WORD_BYTES
 from hdl.axi.video_input import pixels_per_clock
 from hdl.blocks.testbench import Port, VerilogBench
 from hdl.blocks.vectors import Row, packet, padded_status, sample_image
 from hdl.export.bus_interfaces import CLOCK, RESET
-from hdl.registers.live_register_map import LIVE_REGISTERS
+from hdl.registers.live_register_map import ALL_REGISTERS
 from hdl.registers.register_map import IDENTITY, REGISTERS, register_writes
-from hdl.settings import RINGS, RUNNING, matched_frame_settings
+from hdl.settings import RUNNING, estimator_settings, matched_frame_settings
 
 FRAME_PX = MIN_FRAME_PX
 SHIFT_PX = 6
@@ -48,7 +49,7 @@ def make_accelerator_bench(module: str, ports: dict[str, Port], config: Config, 
         inputs={**control_inputs(writes), VIDEO_STREAM: frames.beats(video_bits)},
         outputs={
             **control_outputs(writes),
-            **{f"m_axis_{ring}_t": fill_stream(f"m_axis_{ring}_t", *frames.packets[ring]) for ring in RINGS},
+            **{f"m_axis_{name}_t": fill_stream(f"m_axis_{name}_t", *sent) for name, sent in frames.packets.items()},
         },
         settings={},
         clock=CLOCK,
@@ -58,7 +59,7 @@ def make_accelerator_bench(module: str, ports: dict[str, Port], config: Config, 
 
 
 class SampleFrames:
-    """Two frames that move by `SHIFT_PX`, and the packets that they make."""
+    """Two frames that move by `SHIFT_PX`, and the packets that they make, by the name of their output."""
 
     def __init__(self, config: Config) -> None:
         scene = sample_image(FRAME_PX, FRAME_PX + SHIFT_PX)
@@ -74,6 +75,13 @@ class SampleFrames:
                 _packet(self.statuses[1], self.matches, **counts),
             ],
         }
+        if config.estimator:
+            # So few passes that a slow simulator ends, too; their clocks are known, and compared.
+            self.config = dataclasses.replace(self.config, estimator=EstimatorConfig(passes=1, min_cells=1))
+            self.packets["homographies"] = [
+                packet(frame_homography(matches, status, self.config))
+                for matches, status in zip((self.matches[:0], self.matches), self.statuses, strict=True)
+            ]
 
     def beats(self, video_bits: int) -> list[Row]:
         """The pixels of both frames."""
@@ -114,8 +122,9 @@ def _packet(status: np.void, records: Records, **counts: int) -> list[Row]:
 
 def list_writes(config: Config, **others: int) -> list[tuple[int, int]]:
     """List addresses and words of the settings and of ``others``; CONTROL comes last, because it starts everything."""
-    settings = matched_frame_settings(config, FRAME_PX, FRAME_PX, gray_input=True) | RUNNING | others
-    return sorted(register_writes(settings, registers=LIVE_REGISTERS), key=lambda write: write[0] == _CONTROL)
+    settings = matched_frame_settings(config, FRAME_PX, FRAME_PX, gray_input=True) | RUNNING
+    settings |= estimator_settings(config) | others
+    return sorted(register_writes(settings, registers=ALL_REGISTERS), key=lambda write: write[0] == _CONTROL)
 
 
 def _split_into_beats(image: NDArray[np.uint8], video_bits: int) -> list[Row]:

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 from golden_model.version import VERSION
 from hdl.axi.axi_lite import ADDRESS_BITS
-from hdl.registers.live_register_map import LIVE_REGISTERS, SHELL_OFFSET
-from hdl.registers.register_map import REGISTER_BITS, REGISTERS, Access, Field, Register
+from hdl.registers.live_register_map import ALL_REGISTERS, SHELL_OFFSET
+from hdl.registers.register_map import ESTIMATOR_OFFSET, REGISTER_BITS, REGISTERS, Access, Field, Register
 
 NAME = "skymosaic"
 XML_ACCESS = {
@@ -20,8 +20,8 @@ XML_ACCESS = {
 """The access of a field in the words of CMSIS-SVD and IP-XACT."""
 
 
-def markdown(registers: Sequence[Register] = LIVE_REGISTERS) -> str:
-    """The register map as a Markdown page; `docs/reference/register_map.md` is that of a live build."""
+def markdown(registers: Sequence[Register] = ALL_REGISTERS) -> str:
+    """The register map as a Markdown page; `docs/reference/register_map.md` is that of all builds."""
     lines = [
         "# Register map",
         "",
@@ -31,8 +31,12 @@ def markdown(registers: Sequence[Register] = LIVE_REGISTERS) -> str:
         "`hdl/registers/live_register_map.py`.",
         "",
     ]
-    if registers[-1].offset >= SHELL_OFFSET:
-        lines += [f"Registers from 0x{SHELL_OFFSET:X} on exist in live builds only (`skymosaic export --live`).", ""]
+    if registers[-1].offset >= ESTIMATOR_OFFSET:
+        lines += [
+            f"Registers from 0x{ESTIMATOR_OFFSET:X} on exist in builds with an estimator only (`skymosaic export "
+            f"--homography`), those from 0x{SHELL_OFFSET:X} on in live builds only (`--live`).",
+            "",
+        ]
     for register in registers:
         lines += [f"## 0x{register.offset:02X} {register.name}", "", register.description, ""]
         lines += ["| bits | field | access | after reset | meaning |", "|---|---|---|---|---|"]

@@ -22,7 +22,7 @@ from hdl.lib.line_memory import LineMemory
 from hdl.lib.views import view_signal
 
 SETTINGS = data.StructLayout({"passes": 8, "seed": 32, "min_inliers": 12, "min_cells": range(CELLS**2 + 1)})
-"""See `golden_model.geometry.estimator.EstimatorSettings`."""
+"""See `golden_model.config.EstimatorConfig`."""
 ESTIMATE = data.StructLayout(
     {
         "homography": HYPOTHESIS,

@@ -1,7 +1,7 @@
 """Homography scoring and estimation behind streams of 64-bit words: the matcher's packets in, records out."""
 
 # Annotations are evaluated here: a component takes its ports from them.
-from amaranth import Cat, Module, Mux, Signal, Value
+from amaranth import Cat, Module, Mux, ResetInserter, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -121,7 +121,8 @@ class RecordEstimator(wiring.Component):
     """`HomographyEstimator` with records in and out.
 
     Every packet of matches is answered by a packet of one record, also where there is no homography. While nobody takes
-    the first word of a record, the following ones are dropped: a host that does not read stops nothing.
+    the first word of a record, the following ones are dropped: a host that does not read stops nothing. A record of
+    which words have been taken is waited for.
 
     Parameters
     ----------
@@ -132,11 +133,15 @@ class RecordEstimator(wiring.Component):
     i_matches: In(stream.Signature(WordPayload))
     """Match records and a FrameStatus: the matcher's output."""
     i_settings: In(SETTINGS)
-    """Taken at the end of a packet of matches."""
+    """Taken at the end of a packet of matches, as soon as the estimate before is complete."""
+    i_enable: In(1)
+    """Whether the next record is sent; 0: it is discarded, whoever takes words."""
+    i_clear: In(1)
+    """Forget matches and estimate; ``i_matches`` continues with a new packet. A record that is offered stays whole."""
     o: Out(stream.Signature(WordPayload))
     """`golden_model.records.HOMOGRAPHY`."""
     o_drops: Out(1)
-    """A record is dropped in this clock."""
+    """A record is dropped in this clock because another one waits."""
 
     def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
         self._estimator = HomographyEstimator(max_matches=max_matches)
@@ -145,8 +150,9 @@ class RecordEstimator(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Words to matches, the estimator, its result to words."""
         m = Module()
-        m.submodules.estimator = estimator = self._estimator
-        m.submodules.kept = kept = KeptMatches()
+        estimator, kept = self._estimator, KeptMatches()
+        m.submodules.estimator = ResetInserter(self.i_clear)(estimator)
+        m.submodules.kept = ResetInserter(self.i_clear)(kept)
         wiring.connect(m, wiring.flipped(self.i_matches), kept.i)
         wiring.connect(m, kept.o, estimator.i)
         record = view_signal(record_layout(HOMOGRAPHY))
@@ -167,7 +173,7 @@ class RecordEstimator(wiring.Component):
             self.o_drops.eq(estimator.o.valid & (left == RECORD_WORDS)),
             estimator.o.ready.eq((left == 0) | self.o_drops),
         ]
-        with m.If(left == 0), m.If(estimator.o.valid):
+        with m.If(left == 0), m.If(estimator.o.valid & self.i_enable):
             m.d.sync += [waiting.eq(record), left.eq(RECORD_WORDS)]
         with m.Elif(self.o.ready):
             m.d.sync += [waiting.eq(waiting >> 8 * WORD_BYTES), left.eq(left - 1)]

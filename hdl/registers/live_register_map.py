@@ -2,7 +2,16 @@
 
 import enum
 
-from hdl.registers.register_map import REGISTERS, Access, Field, Register, list_values, setting_field, status_word
+from hdl.registers.register_map import (
+    ESTIMATOR_REGISTERS,
+    REGISTERS,
+    Access,
+    Field,
+    Register,
+    list_values,
+    setting_field,
+    status_word,
+)
 
 SHELL_OFFSET = 0x100
 _STATUS = Access.STATUS
@@ -131,5 +140,5 @@ SHELL_REGISTERS = (
 )
 """The shell's registers, by offset."""
 
-LIVE_REGISTERS = (*REGISTERS, *SHELL_REGISTERS)
-"""Every register of a live build."""
+ALL_REGISTERS = (*REGISTERS, *ESTIMATOR_REGISTERS, *SHELL_REGISTERS)
+"""Every register that a build can have."""

@@ -2,17 +2,18 @@
 
 The hardware (`hdl.registers.register_file`), the Markdown, SVD and C descriptions (`hdl.export.register_docs`) and the
 exported driver's constants (`hdl.export.accelerator.driver_map`) come from `REGISTERS`; the settings in it come from
-`hdl.settings`. A live build has the registers of its shell behind them (`hdl.registers.live_register_map`).
+`hdl.settings`. A build that estimates homographies has `ESTIMATOR_REGISTERS` behind them, a live build those of its
+shell (`hdl.registers.live_register_map`).
 """
 
 import enum
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from golden_model.config import DETECTORS, RULE_BASES, FrontEndConfig, MatcherConfig
+from golden_model.config import DETECTORS, RULE_BASES, Config
 from golden_model.records import MATCH, Cause
 from golden_model.version import VERSION
-from hdl.settings import SETTINGS, SHELL
+from hdl.settings import ESTIMATOR, SETTINGS, SHELL
 
 REGISTER_BITS = 32
 IDENTITY = int.from_bytes(b"SKYM", "big")
@@ -70,7 +71,7 @@ _CONSTANT, _STATUS = Access.CONSTANT, Access.STATUS
 
 def setting_field(name: str, low: int) -> Field:
     """The field of a setting in `hdl.settings`, from bit ``low`` on."""
-    setting = (SETTINGS | SHELL)[name]
+    setting = (SETTINGS | ESTIMATOR | SHELL)[name]
     return Field(setting.name, low, setting.bits, Access.SETTING, setting.description, init=setting.reset)
 
 
@@ -85,7 +86,7 @@ def list_values(members: Iterable[enum.IntEnum]) -> str:
 
 
 # Gaps leave room for more registers of a kind: the build from 0x00, settings from 0x20, status from 0x40, events
-# from 0x60. Released offsets stay.
+# from 0x60; then the estimator's from 0x80. Released offsets stay.
 REGISTERS = (
     Register("ID", 0x00, "Identifies the accelerator.", Field("identity", 0, 32, _CONSTANT, '"SKYM" in ASCII.')),
     Register(
@@ -130,6 +131,12 @@ REGISTERS = (
         0x14,
         "The fuzzy rules that decide matches.",
         Field("built_rules_digest", 0, 32, _CONSTANT, "Digest of their tables, as in every report; 0 without rules."),
+    ),
+    Register(
+        "BUILD_OPTIONS",
+        0x18,
+        "What else was built.",
+        Field("built_homographies", 0, 1, _CONSTANT, "Whether an estimator and the registers from 0x80 on exist."),
     ),
     Register(
         "CONTROL",
@@ -230,16 +237,65 @@ REGISTERS = (
 )
 """Every register that all builds have, in rising offset."""
 
+ESTIMATOR_OFFSET = 0x80
+ESTIMATOR_REGISTERS = (
+    Register(
+        "ESTIMATOR",
+        ESTIMATOR_OFFSET,
+        "The estimator of homographies. It takes its settings when a frame's matches are complete; one that must not "
+        "be 0 makes the record say so.",
+        setting_field("homographies_enable", 0),
+        setting_field("passes", 8),
+    ),
+    Register("SEED", 0x84, "Seed of the samples.", setting_field("seed", 0)),
+    Register(
+        "ACCEPTANCE",
+        0x88,
+        "What a homography needs to be accepted.",
+        setting_field("min_inliers", 0),
+        setting_field("min_cells", 16),
+    ),
+    Register(
+        "ESTIMATOR_STATUS",
+        0x8C,
+        "What waits at the moment.",
+        Field(
+            "homographies_waiting",
+            0,
+            1,
+            _STATUS,
+            "A word waits for its DMA on the homographies' stream; `aresetn` would cut its record.",
+        ),
+    ),
+    status_word(
+        "LOST_HOMOGRAPHIES", 0x90, "Records lost since clear.", "Dropped because the record before was not taken."
+    ),
+    Register(
+        "ESTIMATOR_IRQ_STATUS",
+        0x94,
+        "Events of the estimator; they share the interrupt with IRQ_STATUS.",
+        Field("homography_done", 0, 1, Access.EVENT, "A record has left."),
+    ),
+    Register(
+        "ESTIMATOR_IRQ_MASK", 0x98, "Which events of the estimator interrupt.", setting_field("homography_done_mask", 0)
+    ),
+)
+"""The registers of a build that estimates homographies, behind `REGISTERS`."""
+
 
 def fields(*accesses: Access, registers: Sequence[Register] = REGISTERS) -> Iterator[Field]:
     """Every field with one of ``accesses``, in the order of the map."""
     return (field for register in registers for field in register.fields if field.access in accesses)
 
 
+def list_registers(config: Config) -> tuple[Register, ...]:
+    """The registers of a build, without those of a live build's shell."""
+    return (*REGISTERS, *(ESTIMATOR_REGISTERS if config.estimator else ()))
+
+
 def built_constants(
+    config: Config,
     *,
-    front_end: FrontEndConfig,
-    matcher: MatcherConfig,
     lanes: int,
     max_width_px: int,
     max_height_px: int,
@@ -247,6 +303,7 @@ def built_constants(
     live: bool = False,
 ) -> dict[str, int]:
     """The values of the constant fields for one build."""
+    front_end, matcher = config.front_end, config.matcher
     pattern = front_end.pattern
     return {
         "identity": IDENTITY,
@@ -257,6 +314,7 @@ def built_constants(
         "built_rules_digest": matcher.rules_digest(pattern),
         "built_selection": int(front_end.selection),
         "built_live": int(live),
+        "built_homographies": int(config.estimator is not None),
         "built_descriptor_bytes": pattern.descriptor_bytes,
         "built_lanes": lanes,
         "built_video_bits": video_bits,

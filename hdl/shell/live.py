@@ -55,7 +55,7 @@ class LiveAccelerator(wiring.Component):
     o_scores: Out(stream.Signature(WordPayload))
     """Packets of Score records."""
     control: In(AXI_LITE)
-    """`hdl.registers.live_register_map.LIVE_REGISTERS`."""
+    """`hdl.registers.register_map.list_registers`, and `hdl.registers.live_register_map.SHELL_REGISTERS`."""
     o_interrupt: Out(1)
 
     def __init__(self, **build: Any) -> None:

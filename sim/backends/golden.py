@@ -1,6 +1,7 @@
 """The golden model as a `sim.backends.interface.Backend`; every other backend is compared with it."""
 
 from collections.abc import Hashable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from hashlib import blake2b
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from golden_model.arrays import Records
 from golden_model.config import Config, FrontEndConfig
 from golden_model.front_end import FrameFeatures, extract
+from golden_model.geometry.estimator import frame_homography
 from golden_model.matching.matcher import ReferenceFrame, match
 from golden_model.records import MATCH
 from sim.backends.interface import Backend, BackendError, FrameResult, Progress, Reference
@@ -46,14 +48,16 @@ class GoldenBackend(Backend):
 def add_matches(
     frames: Iterable[tuple[NDArray[np.void], np.void, int | None]], config: Config, reference: Reference
 ) -> Iterator[FrameResult]:
-    """Add the golden matches to the features, status and cycles of each frame."""
+    """Add the golden matches, and the homography if there is an estimator, to each frame's features and status."""
     references: ReferenceFrame[Records] = ReferenceFrame()
     for features, status, cycles in frames:
         left = references.for_frame(features, good=bool(status["good"]), held=reference == "held")
         matches = np.zeros(0, MATCH.dtype)
         if left is not None:
             matches = match(left, features, config.front_end.pattern, config.matcher)
-        yield FrameResult.count_matches(features, matches, status, cycles)
+        result = FrameResult.count_matches(features, matches, status, cycles)
+        homography = frame_homography(matches, status, config)[0] if config.estimator else None
+        yield replace(result, homography=homography)
 
 
 def load(*, progress: Progress, waves: Path | None) -> GoldenBackend:

@@ -53,12 +53,15 @@ class FrameClocks:
         When its first pixel was taken.
     features_end, matches_end : int
         When the last word of each packet was taken.
+    homography_end : int or None
+        The same of its homography; None without an estimator.
     """
 
     segment: int
     first_pixel: int
     features_end: int
     matches_end: int
+    homography_end: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +82,8 @@ class FrameResult:
         Clocks from the first pixel in to the last word of features out; None for backends without a clock.
     clocks : FrameClocks or None
         None unless the result was simulated.
+    homography : structured scalar or None
+        The Homography record (`golden_model.records.HOMOGRAPHY`); None unless the configuration has an estimator.
     """
 
     features: NDArray[np.void]
@@ -87,6 +92,7 @@ class FrameResult:
     match_status: np.void
     cycles: int | None
     clocks: FrameClocks | None = None
+    homography: np.void | None = None
 
     @classmethod
     def count_matches(

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from golden_model.geometry.estimator import Estimate, EstimatorSettings, FrameMatches
+from golden_model.config import EstimatorConfig
+from golden_model.geometry.estimator import Estimate, FrameMatches
 from golden_model.geometry.scoring import MAX_MATCHES
 from hdl.geometry.estimator import HomographyEstimator
 from hdl.geometry.match_gain import PAIR
@@ -17,7 +18,7 @@ from sim.simulators.recording import NO_PAUSES, Pauses
 
 
 def simulate_estimates(
-    frames: Sequence[tuple[FrameMatches, EstimatorSettings]],
+    frames: Sequence[tuple[FrameMatches, EstimatorConfig]],
     *,
     max_matches: int = MAX_MATCHES,
     pauses: Pauses = NO_PAUSES,

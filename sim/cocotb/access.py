@@ -32,8 +32,7 @@ async def the_build_can_be_read(dut: Any) -> None:
     assert await bench.read_word(0) == (AxiResp.OKAY, IDENTITY)
     assert await bench.read_word(4) == (AxiResp.OKAY, int.from_bytes(map(int, VERSION.split(".")), "big"))
     constants = built_constants(
-        front_end=CONFIG.front_end,
-        matcher=CONFIG.matcher,
+        CONFIG,
         lanes=LANES,
         max_width_px=MAX_SIZE_PX[0],
         max_height_px=MAX_SIZE_PX[1],

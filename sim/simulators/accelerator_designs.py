@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import golden_model
 import hdl
-from golden_model.config import Config, FrontEndConfig
+from golden_model.config import Config, EstimatorConfig, FrontEndConfig
 from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.axi.video_input import VIDEO_BITS
 from hdl.front_end import FrontEnd
@@ -23,7 +23,8 @@ from sim.simulators.build_cache import digest_files
 from sim.simulators.design import Design, Ports
 from sim.simulators.front_end_top import SETTINGS, FrontEndTop, Tap
 
-FEATURES, MATCHES, CONTROL = "m_axis_features", "m_axis_matches", "s_axi_ctrl"
+FEATURES, MATCHES, HOMOGRAPHIES = "m_axis_features", "m_axis_matches", "m_axis_homographies"
+CONTROL = "s_axi_ctrl"
 BUILT_SIZES_PX = ((1920, 1080), (4096, 4096))
 """Largest width and height of the builds; a run uses the first one that its frames fit."""
 
@@ -43,7 +44,7 @@ def design_accelerator(
     build |= {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1]}
     return Design(
         "the accelerator",
-        Ports(outputs=(FEATURES, MATCHES), control=CONTROL),
+        Ports(outputs=(FEATURES, MATCHES, *((HOMOGRAPHIES,) if config.estimator else ())), control=CONTROL),
         lambda: AcceleratorTop(Accelerator(config=config, **build)),
         f"{config} {build} {digest_sources()}",
     )
@@ -74,6 +75,7 @@ def strip_settings(config: Config) -> Config:
         preset="any",
         front_end=_strip_front_end_settings(config.front_end),
         matcher=dataclasses.replace(config.matcher, keep_above=0),
+        estimator=EstimatorConfig() if config.estimator else None,
     )
 
 

@@ -11,17 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.config import Config
-from golden_model.records import FRAME_STATUS, MATCH, WORD_BYTES, Record
-from hdl.registers.register_map import register_writes
-from hdl.settings import RUNNING, matched_frame_settings
+from golden_model.geometry.estimator import MAX_CYCLES
+from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, WORD_BYTES, Record
+from hdl.registers.register_map import list_registers, register_writes
+from hdl.settings import RUNNING, estimator_settings, matched_frame_settings
 from sim.backends.interface import Backend, FrameClocks, FrameResult, Mismatch, Progress, Reference
-from sim.simulators.accelerator_designs import FEATURES, MATCHES, choose_build_px, design_accelerator
+from sim.simulators.accelerator_designs import (
+    FEATURES,
+    HOMOGRAPHIES,
+    MATCHES,
+    choose_build_px,
+    design_accelerator,
+)
 from sim.simulators.recording import Recording, Segment, flatten_frame
 from sim.simulators.stages import locate_mismatch
 
 
 class HardwareBackend(Backend):
-    """Features and matches computed by the simulated accelerator.
+    """Features, matches and homographies computed by the simulated accelerator.
 
     Parameters
     ----------
@@ -84,11 +91,13 @@ def _make_segment(
         **RUNNING,
         "hold_reference": held,
         **({"take_reference": held} if first else {}),
+        **estimator_settings(config),
     }
     # A frame takes a clock for each pixel, and its matching at most as long again; a design that takes twice as long
     # hangs.
-    cycle_limit = 2 * data.size + len(frames) * config.front_end.max_features**2
-    return Segment(data, flags, len(frames), cycle_limit, writes=register_writes(values))
+    cycle_limit = 2 * data.size + len(frames) * (config.front_end.max_features**2 + MAX_CYCLES)
+    writes = register_writes(values, registers=list_registers(config))
+    return Segment(data, flags, len(frames), cycle_limit, writes=writes)
 
 
 def decode_recordings(recordings: Sequence[Recording], config: Config) -> list[FrameResult]:
@@ -100,10 +109,15 @@ def _decode(recording: Recording, config: Config, segment: int) -> Iterator[Fram
     features, matches = recording.outputs[FEATURES], recording.outputs[MATCHES]
     ends = zip(recording.starts, features.ends[:, 1], matches.ends[:, 1], strict=True)
     packets = zip(ends, features.packets, matches.packets, strict=True)
-    for (start, features_end, matches_end), feature_words, match_words in packets:
+    homographies = recording.outputs.get(HOMOGRAPHIES)
+    for number, ((start, features_end, matches_end), feature_words, match_words) in enumerate(packets):
         clocks = FrameClocks(segment, int(start), int(features_end), int(matches_end))
+        frame = decode_frame(feature_words, match_words, config)
+        if homographies:
+            clocks = dataclasses.replace(clocks, homography_end=int(homographies.ends[number, 1]))
+            frame = dataclasses.replace(frame, homography=homographies.packets[number].view(HOMOGRAPHY.dtype)[0])
         cycles = clocks.features_end - clocks.first_pixel + 1
-        yield dataclasses.replace(decode_frame(feature_words, match_words, config), cycles=cycles, clocks=clocks)
+        yield dataclasses.replace(frame, cycles=cycles, clocks=clocks)
 
 
 def decode_frame(feature_words: NDArray[np.uint64], match_words: NDArray[np.uint64], config: Config) -> FrameResult:

@@ -24,7 +24,7 @@ POSITION_UNITS_PER_PX = 16
 
 
 def find_mismatch(expected: Sequence[FrameResult], actual: Sequence[FrameResult]) -> Mismatch | None:
-    """The first difference in features, matches or status records, frame by frame and record by record.
+    """The first difference in features, matches, homographies or status records, frame by frame, record by record.
 
     ``cycles`` of the status is left to `find_clock_mismatch`: the golden model's records have no clock.
     """
@@ -34,6 +34,7 @@ def find_mismatch(expected: Sequence[FrameResult], actual: Sequence[FrameResult]
             or _compare_records(number, "match", wanted.matches, got.matches, ("left_x", "left_y"))
             or _compare_fields(number, "feature status", wanted.status, got.status, None)
             or _compare_fields(number, "match status", wanted.match_status, got.match_status, None)
+            or _compare_homographies(number, wanted.homography, got.homography)
         )
         if mismatch:
             return mismatch
@@ -83,7 +84,9 @@ def _measure_works(golden: Sequence[FrameResult], reference: Reference) -> Itera
         size_px = int(result.status["width"]), int(result.status["height"])
         left = references.for_frame(count, good=good, held=reference == "held")
         counts = (0, 0) if left is None else (left, count)
-        yield FrameWork(*size_px, good, *counts, result.matches["left_index"])
+        kept = int(result.match_status["kept"])
+        estimate_cycles = None if result.homography is None else int(result.homography["cycles"])
+        yield FrameWork(*size_px, good, *counts, result.matches["left_index"], kept, estimate_cycles)
 
 
 def find_clock_mismatch(timelines: Sequence[Timeline], simulated: Sequence[FrameResult]) -> Mismatch | None:
@@ -92,7 +95,7 @@ def find_clock_mismatch(timelines: Sequence[Timeline], simulated: Sequence[Frame
     for number, (timeline, result) in enumerate(zip(timelines, simulated, strict=False)):
         if result.clocks is None:
             continue
-        for step in ("first_pixel", "features_end", "matches_end"):
+        for step in ("first_pixel", "features_end", "matches_end", "homography_end"):
             wanted, got = getattr(timeline, step), getattr(result.clocks, step)
             if wanted != got:
                 return Mismatch(number, f"clock of {step.replace('_', ' ')}", None, None, wanted, got)
@@ -119,11 +122,24 @@ def _compare_records(
     return None
 
 
+def _compare_homographies(frame: int, expected: np.void | None, actual: np.void | None) -> Mismatch | None:
+    if expected is None or actual is None:
+        return None if expected is actual else Mismatch(frame, "homography", None, None, expected, actual)
+    # The golden model knows the estimator's clocks.
+    return _compare_fields(frame, "homography", expected, actual, None, unknown=())
+
+
 def _compare_fields(
-    frame: int, kind: str, expected: np.void, actual: np.void, position: tuple[str, str] | None
+    frame: int,
+    kind: str,
+    expected: np.void,
+    actual: np.void,
+    position: tuple[str, str] | None,
+    *,
+    unknown: Sequence[str] = ("cycles",),
 ) -> Mismatch | None:
     for name in expected.dtype.names or ():
-        if name != "cycles" and not np.array_equal(expected[name], actual[name]):
+        if name not in unknown and not np.array_equal(expected[name], actual[name]):
             x, y = (float(expected[axis]) / POSITION_UNITS_PER_PX for axis in position) if position else (None, None)
             return Mismatch(frame, f"{kind}, {name}", x, y, expected[name], actual[name])
     return None
@@ -166,12 +182,14 @@ class Coverage:
     sectors : int
         Number of the 16 orientation sectors that occurred.
     matches : int
+    homographies : int
     """
 
     frames: int
     features: tuple[int, int]
     sectors: int
     matches: int
+    homographies: int = 0
 
     @classmethod
     def of(cls, results: Sequence[FrameResult]) -> Coverage:
@@ -183,6 +201,7 @@ class Coverage:
             features=(int(np.count_nonzero(levels == 0)), int(np.count_nonzero(levels == 1))),
             sectors=len(np.unique(sectors)),
             matches=sum(len(result.matches) for result in results),
+            homographies=sum(result.homography is not None for result in results),
         )
 
     def missing(self, config: FrontEndConfig) -> list[str]:
@@ -203,4 +222,5 @@ class Coverage:
         return (
             f"{self.frames} frames, {self.features[0]} + {self.features[1]} features of levels 0 + 1, "
             f"{self.sectors} of {SECTORS} sectors, {self.matches} matches"
+            + (f", {self.homographies} homographies" if self.homographies else "")
         )

@@ -24,6 +24,9 @@ def compare(
             rich_help_panel=OUTPUT, help="VCD file of the simulated run: tens of kilobytes per clock, for small frames."
         ),
     ] = None,
+    homography: Annotated[
+        bool, typer.Option("--homography", help="Take the build that estimates homographies, and compare them, too.")
+    ] = False,
     overwrite: OverwriteOption = False,
     options: Annotated[FeatureOptions, ("preset", "config", "rules", "backend", "working_width_px", "damaged")] = (
         FeatureOptions(backend="rtl")
@@ -33,7 +36,7 @@ def compare(
     if waves:
         check_unused(waves, overwrite=overwrite)
     with session.working("comparing") as step:
-        result = compare_pair(left, right, options, waves=waves, progress=step)
+        result = compare_pair(left, right, options, homography=homography, waves=waves, progress=step)
     session.numbers = result.summary()
     session.seconds["simulating"] = result.seconds
     session.show(f"NOT EQUAL: {result.mismatch}" if result.mismatch else "equal")

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from golden_model.config import EstimatorConfig
 from golden_model.fuzzy.fll import load_system
 from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD
 from skymosaic.cli.options import OverwriteOption, choice, output_option, read_file, read_rules, with_options
@@ -30,6 +31,9 @@ def export(
         typer.Option(help="One block with a test bench, instead of all: harris, ..., or MODULE:CLASS of your own."),
     ] = None,
     live: Annotated[bool, typer.Option("--live", help="For a camera: packets of every frame go to memory.")] = False,
+    homography: Annotated[
+        bool, typer.Option("--homography", help="With --board: the chip estimates a homography for every frame, too.")
+    ] = False,
     output: Annotated[Path, output_option("Folder to write.")],
     overwrite: OverwriteOption = False,
     options: Annotated[FeatureOptions, ("preset", "config")],
@@ -77,6 +81,8 @@ def export(
     if rules is not None and block is None:
         options = dataclasses.replace(options, rules=read_rules(rules))
         options.check()
+    if homography and board in (None, SERIAL_BOARD):
+        raise InputError(f"--homography needs a --board other than {SERIAL_BOARD}; leave it out, or choose a board")
     check_unused(output, overwrite=overwrite)
 
     def write(folder: Path) -> None:
@@ -95,7 +101,8 @@ def export(
             config = dataclasses.replace(options, config=own).base_config
             _export_serial(folder, {"config": config, **build}, build_it=build_it)
         else:
-            _import_hdl("export.accelerator").export(folder, board=board, config=options.base_config, **build)
+            config = dataclasses.replace(options.base_config, estimator=EstimatorConfig() if homography else None)
+            _import_hdl("export.accelerator").export(folder, board=board, config=config, **build)
 
     with session.working("writing Verilog"):
         _write_completely(output, write)

@@ -1,5 +1,6 @@
 """Compares hardware with the golden model on a pair: whether it is equal, what was compared, and how fast it ran."""
 
+import dataclasses
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from golden_model.arrays import Pixels
+from golden_model.config import EstimatorConfig
 from golden_model.timing import Timeline
 from sim.backends.interface import Mismatch, load_backend, silent
 from sim.simulators.scoreboard import Coverage, find_clock_mismatch, find_mismatch, predict_timelines
@@ -60,6 +62,7 @@ class Comparison:
             "features": list(self.coverage.features),
             "sectors": self.coverage.sectors,
             "matches": self.coverage.matches,
+            "homographies": self.coverage.homographies,
             "cycles_per_frame": list(self.cycles_per_frame),
             "cycles_per_second": round(self.cycles_per_second),
             "mismatch": str(self.mismatch) if self.mismatch else None,
@@ -74,6 +77,7 @@ def compare(
     right: str | Path | Pixels,
     options: FeatureOptions,
     *,
+    homography: bool = False,
     waves: Path | None = None,
     progress: Callable[[str], None] = silent,
 ) -> Comparison:
@@ -83,6 +87,8 @@ def compare(
     ----------
     left, right : path or ndarray of uint8
     options : FeatureOptions
+    homography : bool
+        Whether to take the hardware that also estimates homographies.
     waves : Path or None
         File for the waves (VCD) of a simulation: tens of kilobytes per clock cycle, so for small frames only.
     progress : callable
@@ -97,7 +103,8 @@ def compare(
         reduce_to_width(load(image, name, keep_damaged=options.keeps_damaged).pixels, options.working_width_px)[0]
         for image, name in ((left, "left image"), (right, "right image"))
     ]
-    golden, config = extract_within_capacity(load_backend("golden"), frames, options.base_config)
+    config = dataclasses.replace(options.base_config, estimator=EstimatorConfig() if homography else None)
+    golden, config = extract_within_capacity(load_backend("golden"), frames, config)
     hardware = load_backend(options.backend_name, progress=progress, waves=waves)
     if waves is None:
         # The first run may build the simulator, so only the second one is timed.

@@ -1,12 +1,23 @@
+import dataclasses
 import subprocess
 import sys
 
 import pytest
 
-from golden_model.config import PRESETS
-from hdl.registers.live_register_map import LIVE_REGISTERS
+from golden_model.config import PRESETS, EstimatorConfig
+from hdl.registers.live_register_map import ALL_REGISTERS
 from hdl.registers.register_map import REGISTERS, Access, fields
-from hdl.settings import FRONT_END, REQUESTED, RUNNING, SETTINGS, SHELL, frame_settings, matched_frame_settings
+from hdl.settings import (
+    ESTIMATOR,
+    FRONT_END,
+    REQUESTED,
+    RUNNING,
+    SETTINGS,
+    SHELL,
+    estimator_settings,
+    frame_settings,
+    matched_frame_settings,
+)
 from hdl.streams import FRONT_END_SETTINGS
 from sim.simulators import front_end_top
 
@@ -17,7 +28,7 @@ def test_the_settings_load_without_amaranth() -> None:
 
 
 def test_every_setting_has_one_register_field_that_holds_its_values() -> None:
-    for settings, registers in ((SETTINGS, REGISTERS), (SETTINGS | SHELL, LIVE_REGISTERS)):
+    for settings, registers in ((SETTINGS, REGISTERS), (SETTINGS | ESTIMATOR | SHELL, ALL_REGISTERS)):
         placed = {field.name: (field.bits, field.init) for field in fields(Access.SETTING, registers=registers)}
         assert placed == {setting.name: (setting.bits, setting.reset) for setting in settings.values()}
         assert all(0 <= setting.reset < 1 << setting.bits for setting in settings.values())
@@ -37,4 +48,6 @@ def test_settings_from_a_configuration_are_valid(preset: str, size_px: tuple[int
     assert all(value in SETTINGS[name].values for name, value in values.items())
     assert set(REQUESTED) <= set(values)
     assert set(RUNNING) <= set(SETTINGS)
+    config = dataclasses.replace(config, estimator=EstimatorConfig())
+    assert all(value in ESTIMATOR[name].values for name, value in estimator_settings(config).items())
     assert set(frame_settings(config.front_end, *size_px, gray_input=True)) == {setting.name for setting in FRONT_END}

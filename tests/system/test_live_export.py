@@ -16,7 +16,8 @@ from typer.testing import CliRunner
 
 from golden_model.config import preset_config
 from hdl.export import accelerator as export
-from hdl.registers.live_register_map import LIVE_REGISTERS
+from hdl.registers.live_register_map import SHELL_REGISTERS
+from hdl.registers.register_map import REGISTERS
 from skymosaic.cli import app
 
 THESIS = preset_config("thesis")
@@ -58,7 +59,7 @@ def test_verilator_finds_nothing_but_what_is_allowed(folder: Path) -> None:
     assert result.returncode == 0, result.stderr[:2000]
     assert set(re.findall(r"%Warning-(\w+)", result.stderr)) <= ACCEPTED
     header = (folder / "registers" / "skymosaic_registers.h").read_text()
-    assert all(f"SKYMOSAIC_{register.name} " in header for register in LIVE_REGISTERS)
+    assert all(f"SKYMOSAIC_{register.name} " in header for register in (*REGISTERS, *SHELL_REGISTERS))
     assert {path.name for path in (folder / "host").iterdir()} == {
         "live_bus.py",
         "pynq_overlay.py",

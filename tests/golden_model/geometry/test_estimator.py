@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from golden_model.config import EstimatorConfig
 from golden_model.geometry import programs
 from golden_model.geometry.estimator import (
     CYCLES,
@@ -13,7 +14,6 @@ from golden_model.geometry.estimator import (
     SEARCH_CYCLES,
     Cause,
     Estimate,
-    EstimatorSettings,
     FrameMatches,
     estimate,
     solving_cycles,
@@ -29,7 +29,7 @@ from skymosaic.geometry.homography import apply
 
 SIZE = (640, 480)
 TRUTH = np.array([[1.02, 0.05, 30.0], [-0.04, 0.97, 10.0], [5e-5, 2e-5, 1.0]])
-FEW = EstimatorSettings(passes=8)
+FEW = EstimatorConfig(passes=8)
 
 
 def matches(count: int, wrong: float, seed: int = 1) -> FrameMatches:
@@ -103,9 +103,9 @@ def bad_input(name: str) -> FrameMatches:
     ],
 )
 def test_bad_input_has_its_cause_and_is_never_accepted(name: str, cause: Cause) -> None:
-    settings = {"seed": EstimatorSettings(seed=0), "passes": EstimatorSettings(passes=0)}
+    settings = {"seed": EstimatorConfig(seed=0), "passes": EstimatorConfig(passes=0)}
     max_matches = 59 if name == "memory" else MAX_MATCHES
-    result = estimate(bad_input(name), settings.get(name, EstimatorSettings(passes=2)), max_matches=max_matches)
+    result = estimate(bad_input(name), settings.get(name, EstimatorConfig(passes=2)), max_matches=max_matches)
     assert result.causes
     assert result.causes & cause or result.causes == Cause.NO_HYPOTHESIS
     assert result.cycles < MAX_CYCLES
@@ -122,7 +122,7 @@ def test_one_weight_for_all_is_as_good() -> None:
 
 def test_an_estimate_depends_on_its_seed_alone() -> None:
     given = matches(150, 0.6)
-    one, again, other = (estimate(given, EstimatorSettings(passes=2, seed=seed)) for seed in (7, 7, 8))
+    one, again, other = (estimate(given, EstimatorConfig(passes=2, seed=seed)) for seed in (7, 7, 8))
     np.testing.assert_array_equal(one.homography, again.homography)
     assert (one.score, one.cycles) == (again.score, again.cycles)
     assert other.cycles != one.cycles

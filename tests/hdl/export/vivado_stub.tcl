@@ -66,8 +66,10 @@ array set known_pins {
     xilinx.com:ip:jtag_axi:1.2 {M_AXI aclk aresetn}
     xilinx.com:ip:axi_bram_ctrl:4.1 {S_AXI BRAM_PORTA s_axi_aclk s_axi_aresetn}
     xilinx.com:ip:blk_mem_gen:8.4 {BRAM_PORTA}
-    xilinx.com:ip:xlconcat:2.1 {In0 In1 In2 In3 dout}
-    xilinx.com:ip:smartconnect:1.0 {S00_AXI S01_AXI S02_AXI M00_AXI M01_AXI M02_AXI M03_AXI M04_AXI aclk aresetn}
+    xilinx.com:ip:xlconcat:2.1 {In0 In1 In2 In3 In4 dout}
+    xilinx.com:ip:smartconnect:1.0 {
+        S00_AXI S01_AXI S02_AXI S03_AXI M00_AXI M01_AXI M02_AXI M03_AXI M04_AXI M05_AXI aclk aresetn
+    }
     xilinx.com:ip:proc_sys_reset:5.0 {slowest_sync_clk ext_reset_in peripheral_aresetn}
 }
 # Clock outputs, the parameter that asks for their frequency in MHz, and what the generator divides: the Zynq's and

@@ -6,9 +6,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from golden_model.config import PRESETS
+from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.geometry import estimator as golden
-from golden_model.geometry.estimator import CYCLES, Cause, Estimate, EstimatorSettings, FrameMatches
+from golden_model.geometry.estimator import CYCLES, Cause, Estimate, FrameMatches
 from hdl.geometry.estimator import GATHER_CYCLES, TURN_CYCLES, HomographyEstimator
 from hdl.geometry.sweep import Sweep
 from sim.backends.golden import GoldenBackend
@@ -19,7 +19,7 @@ from sim.simulators.recording import NO_PAUSES, Pauses
 TRUTH = np.array([[1.02, 0.05, 30], [-0.04, 0.97, 10], [1e-5, 2e-5, 1]])
 MAX_MATCHES = 40
 
-Given = tuple[FrameMatches, EstimatorSettings]
+Given = tuple[FrameMatches, EstimatorConfig]
 
 
 def frame(count: int, seed: int) -> Given:
@@ -31,7 +31,7 @@ def frame(count: int, seed: int) -> Given:
     is_wrong = rng.random(count) < 0.3
     right[is_wrong] = rng.integers(0, 16 * size, (is_wrong.sum(), 2))
     matches = FrameMatches(left, right, rng.integers(1, 256, count), (320, 241))
-    return matches, EstimatorSettings(passes=1, seed=seed)
+    return matches, EstimatorConfig(passes=1, seed=seed)
 
 
 def assert_equal(results: list[Estimate], frames: list[Given]) -> None:
@@ -59,8 +59,8 @@ def test_frames_without_a_homography_have_their_cause(pauses: Pauses) -> None:
         frame(3, 2),
         frame(MAX_MATCHES + 1, 4),
         (some._replace(good=False), settings),
-        (some, EstimatorSettings(seed=0)),
-        (some, EstimatorSettings(passes=0)),
+        (some, EstimatorConfig(seed=0)),
+        (some, EstimatorConfig(passes=0)),
         (line, settings),
     ]
     results = simulate_estimates(frames, max_matches=MAX_MATCHES, pauses=pauses, cycle_limit=40_000)
@@ -90,7 +90,7 @@ def test_an_impossible_memory_is_refused(max_matches: int) -> None:
 def test_the_demo_pair_gives_the_golden_homography() -> None:
     left, right = GoldenBackend().run(list(make_pair(seed=5, size=(320, 240)).images), PRESETS["aerial"])
     frame = FrameMatches.from_records(right.matches, right.status)
-    settings = EstimatorSettings(passes=3)
+    settings = EstimatorConfig(passes=3)
     assert len(left.features) > 100
     (result,) = simulate_estimates([(frame, settings)], max_matches=len(frame.weight))
     expected = golden.estimate(frame, settings)

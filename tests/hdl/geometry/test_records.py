@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from golden_model.config import EstimatorConfig
 from golden_model.geometry import estimator
-from golden_model.geometry.estimator import EstimatorSettings, FrameMatches, estimate, homography_record
+from golden_model.geometry.estimator import FrameMatches, estimate, homography_record
 from golden_model.geometry.scoring import Cause, Scores, hypothesis_records, quantise, score_records
 from golden_model.geometry.scoring import answers as golden_answers
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, SCORE, Tag
@@ -141,7 +142,7 @@ def test_a_memory_that_is_too_small_is_a_cause() -> None:
     assert answers(steps, max_matches=small + 1) == expected(records)
 
 
-SETTINGS = EstimatorSettings(passes=1)
+SETTINGS = EstimatorConfig(passes=1)
 
 
 def estimates(packets: list[list[dict[str, int]]], *, reads: bool = True) -> tuple[NDArray[np.void], int]:
@@ -150,7 +151,7 @@ def estimates(packets: list[list[dict[str, int]]], *, reads: bool = True) -> tup
     Without ``reads`` nothing is taken before all has been sent and computed.
     """
     dut = RecordEstimator(max_matches=32)
-    bench = BlockBench(dut, settings={"i_settings": vars(SETTINGS)}, cycle_limit=60_000)
+    bench = BlockBench(dut, settings={"i_settings": vars(SETTINGS), "i_enable": 1}, cycle_limit=60_000)
     received: list[Any] = []
     drops = [0]
 
@@ -194,6 +195,43 @@ def test_every_packet_of_matches_is_answered_by_its_homography() -> None:
     assert records["score"][3] > 0
     assert (records["causes"][4], records["frame"][4]) == (estimator.Cause.TOO_FEW_MATCHES, 9)
     assert drops == 0
+
+
+def test_a_record_that_is_not_wanted_is_not_lost() -> None:
+    """Disabled, the output discards; a clear forgets matches, but completes the record that is offered."""
+    dut = RecordEstimator(max_matches=32)
+    bench = BlockBench(dut, settings={"i_settings": vars(SETTINGS)}, cycle_limit=60_000)
+    few = [packet(match_records(3), status(frame=n)) for n in range(4)]
+    received: list[int] = []
+
+    async def send(ctx: Any, *words: dict[str, int]) -> None:
+        for word in words:
+            await bench.stream_put(ctx, dut.i_matches, word)
+        for _ in range(600):
+            assert not ctx.get(dut.o_drops)
+            await ctx.tick()
+
+    async def run(ctx: Any) -> None:
+        await send(ctx, *few[0])
+        assert not ctx.get(dut.o.valid)
+        ctx.set(dut.i_enable, 1)
+        await send(ctx, *few[1])
+        received.append((await bench.stream_get(ctx, dut.o)).data)
+        # In the middle of a record, and of a packet of matches.
+        await send(ctx, *few[2][:4])
+        ctx.set(dut.i_clear, 1)
+        await ctx.tick()
+        ctx.set(dut.i_clear, 0)
+        while len(received) < 8:
+            received.append((await bench.stream_get(ctx, dut.o)).data)
+        await send(ctx, *few[3])
+        while len(received) < 16:
+            received.append((await bench.stream_get(ctx, dut.o)).data)
+
+    bench.run(run)
+    records = np.array(received, dtype=np.uint64).view(HOMOGRAPHY.dtype)
+    assert records["frame"].tolist() == [1, 3]
+    assert records["causes"].tolist() == [estimator.Cause.TOO_FEW_MATCHES] * 2
 
 
 def test_a_host_that_does_not_read_stops_nothing() -> None:

@@ -5,17 +5,15 @@ from typing import Any
 import pytest
 from amaranth.lib.wiring import FlippedInterface
 
-from golden_model.config import FrontEndConfig, MatcherConfig
+from golden_model.config import Config
 from hdl.axi.axi_lite import Response
-from hdl.registers.live_register_map import LIVE_REGISTERS
+from hdl.registers.live_register_map import ALL_REGISTERS
 from hdl.registers.register_file import RegisterFile
 from hdl.registers.register_map import REGISTERS, Access, built_constants, fields
 from sim.benches.block_bench import BlockBench
 
 CYCLE_LIMIT = 200
-CONSTANTS = built_constants(
-    front_end=FrontEndConfig(), matcher=MatcherConfig(), lanes=16, max_width_px=1920, max_height_px=1080
-)
+CONSTANTS = built_constants(Config(), lanes=16, max_width_px=1920, max_height_px=1080)
 OFFSETS = {register.name: register.offset for register in REGISTERS}
 
 
@@ -87,10 +85,10 @@ def simulate(testbench: Callable[..., Any]) -> None:
 
 
 def test_names_and_offsets_are_unique_and_fields_do_not_overlap() -> None:
-    names = [field.name for register in LIVE_REGISTERS for field in register.fields]
+    names = [field.name for register in ALL_REGISTERS for field in register.fields]
     assert len(set(names)) == len(names)
-    assert [r.offset for r in LIVE_REGISTERS] == sorted({r.offset for r in LIVE_REGISTERS})
-    for register in LIVE_REGISTERS:
+    assert [r.offset for r in ALL_REGISTERS] == sorted({r.offset for r in ALL_REGISTERS})
+    for register in ALL_REGISTERS:
         assert sum(field.mask for field in register.fields) == sum({f.mask for f in register.fields})
         assert sum(field.bits for field in register.fields) == sum(f.mask for f in register.fields).bit_count()
         assert all(field.low + field.bits <= 32 for field in register.fields)

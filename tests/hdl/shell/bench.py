@@ -13,7 +13,7 @@ from amaranth.hdl import Elaboratable
 from amaranth.sim import Simulator
 
 from golden_model.records import WORD_BYTES, Tag
-from hdl.registers.live_register_map import LIVE_REGISTERS
+from hdl.registers.live_register_map import ALL_REGISTERS
 from hdl.registers.register_map import Access, fields
 from hdl.settings import PAGE_BYTES, RINGS
 from hdl.shell.shell import Shell
@@ -58,7 +58,7 @@ class Run:
 def registers(**values: int) -> Any:
     """The signals of the register file, which the testbench sets."""
     found = SimpleNamespace()
-    for each in fields(*Access, registers=LIVE_REGISTERS):
+    for each in fields(*Access, registers=ALL_REGISTERS):
         setattr(found, f"i_{each.name}", Signal(each.bits, name=f"i_{each.name}"))
         setattr(
             found, f"o_{each.name}", Signal(each.bits, name=f"o_{each.name}", init=values.get(each.name, each.init))

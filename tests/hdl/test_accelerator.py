@@ -1,0 +1,95 @@
+"""The accelerator with an estimator: pixels in, a homography per frame out, equal to the golden model."""
+
+import contextlib
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from golden_model.config import PRESETS, EstimatorConfig
+from hdl.registers.register_map import list_registers, register_writes
+from sim.backends.golden import GoldenBackend
+from sim.backends.interface import FrameResult
+from sim.scene import make_pair
+from sim.simulators.accelerator_designs import HOMOGRAPHIES, design_accelerator
+from sim.simulators.compiled import Bench
+from sim.simulators.hardware import decode_recordings, make_segments
+from sim.simulators.recording import NO_PAUSES, Pauses
+from sim.simulators.scoreboard import find_clock_mismatch, find_mismatch, predict_timelines
+from sim.simulators.verilator import build_library
+
+SIZE_PX = WIDTH_PX, HEIGHT_PX = 192, 96
+LANES = 4
+AERIAL = PRESETS["aerial"]
+CONFIG = dataclasses.replace(
+    AERIAL,
+    front_end=dataclasses.replace(AERIAL.front_end, max_features=128),
+    estimator=EstimatorConfig(passes=4, seed=5, min_cells=28),
+)
+DESIGN = design_accelerator(CONFIG, SIZE_PX, lanes=LANES)
+
+
+@pytest.fixture(scope="module")
+def library() -> Path:
+    return build_library(DESIGN)
+
+
+def views(count: int) -> list[np.ndarray]:
+    """Views of a scene that move."""
+    scene = np.ascontiguousarray(make_pair(seed=9, size=(240, 140)).images[0][..., 1])
+    return [scene[n : n + HEIGHT_PX, 3 * n : 3 * n + WIDTH_PX].copy() for n in range(count)]
+
+
+def simulate(library: Path, frames: list[np.ndarray], pauses: Pauses) -> tuple[list[FrameResult], list[FrameResult]]:
+    """The golden model's results of frames that follow each other, and the simulation's."""
+    with contextlib.closing(Bench(library, DESIGN.ports)) as bench:
+        recordings = [bench.run(segment, pauses) for segment in make_segments(frames, CONFIG, "previous")]
+    return GoldenBackend().run(frames, CONFIG, reference="previous"), decode_recordings(recordings, CONFIG)
+
+
+@pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=60, stalls=90, seed=3)], ids=["free", "pauses"])
+def test_every_frame_has_its_homography(library: Path, pauses: Pauses) -> None:
+    """The frames come faster than the estimator is: matches wait, and nothing is lost."""
+    golden, simulated = simulate(library, views(4), pauses)
+    assert find_mismatch(golden, simulated) is None
+    homographies = np.array([each.homography for each in simulated])
+    assert homographies["inliers"][0] == 0
+    assert (homographies["inliers"][1:] > 12).all()
+    assert (homographies["causes"] == 0).tolist() == [False, False, False, True]
+
+
+def test_its_clocks_are_predicted_up_to_the_first_frame_that_waits(library: Path) -> None:
+    golden, simulated = simulate(library, views(4), NO_PAUSES)
+    timelines = predict_timelines(golden, simulated, CONFIG, "previous", lanes=LANES)
+    assert find_clock_mismatch(timelines, simulated) is None
+    # The third estimate begins when the second is complete; the fourth frame's matches wait.
+    assert len(timelines) == 3
+    starts = [line.matches_end for line in timelines]
+    ends = [line.homography_end or 0 for line in timelines]
+    assert starts[2] < ends[1] < ends[2]
+
+
+def test_a_clear_forgets_what_is_being_estimated(library: Path) -> None:
+    first, second = views(4)[:2], views(4)[2:]
+    registers = list_registers(CONFIG)
+    with contextlib.closing(Bench(library, DESIGN.ports)) as bench:
+        (segment,) = make_segments(first, CONFIG, "previous")
+        _, recording = bench.stream(dataclasses.replace(segment, cycle_limit=45_000), NO_PAUSES)
+        assert [len(output.packets) for output in recording.outputs.values()] == [2, 2, 1]
+        for address, value in register_writes({"clear": 1}, registers=registers):
+            bench.write(address, value)
+        recordings = [bench.run(segment) for segment in make_segments(second, CONFIG, "previous")]
+    golden = GoldenBackend().run(second, CONFIG, reference="previous")
+    assert find_mismatch(golden, decode_recordings(recordings, CONFIG)) is None
+
+
+def test_an_output_that_is_off_discards_its_records(library: Path) -> None:
+    with contextlib.closing(Bench(library, DESIGN.ports)) as bench:
+        (segment,) = make_segments(views(2), CONFIG, "previous")
+        ((address, _),) = register_writes({"homographies_enable": 0}, registers=list_registers(CONFIG))
+        writes = [write for write in segment.writes if write[0] != address]
+        is_done, recording = bench.stream(dataclasses.replace(segment, writes=writes, cycle_limit=400_000), NO_PAUSES)
+    assert not is_done
+    assert recording.outputs[HOMOGRAPHIES].words.size == 0
+    assert [len(output.packets) for output in recording.outputs.values()] == [2, 2, 0]
