@@ -163,14 +163,14 @@ def _builds(_folder: Path, rng: np.random.Generator) -> str:
 
 def _records(_folder: Path, rng: np.random.Generator) -> str:
     """The answer of a board, after the server has accepted the request."""
-    config = preset_config("aerial").front_end
-    feature = config.pattern.record.dtype
+    config = preset_config("aerial")
+    feature = config.front_end.pattern.record.dtype
     status = np.zeros((), FRAME_STATUS.dtype)
     status["tag"], status["good"], status["width"], status["height"] = Tag.FRAME_STATUS, 1, 96, 64
     parts = [np.zeros(3, feature).tobytes(), status.tobytes(), np.zeros(2, MATCH.dtype).tobytes(), status.tobytes()]
     header, body = json.dumps({"lengths": [*map(len, parts)]}).encode() + b"\n", b"".join(parts)
     answer = mutated(header, rng) + body if rng.random() < 0.5 else header + mutated(body, rng)
-    limits = board._limit_packets(config.max_features, feature)
+    limits = board._limit_packets(config, feature)
     packets = board._read_packets(io.BytesIO(answer), "board", limits)
     result = board._decode_packets(tuple(packets), feature)
     board._check_status(result, 0, (64, 96), "board")

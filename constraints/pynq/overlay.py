@@ -1,7 +1,7 @@
 """Writes a device-tree overlay for Linux without PYNQ: python3 overlay.py skymosaic.hwh > skymosaic.dtso.
 
 It takes the addresses that Vivado assigned from the .hwh file. The overlay binds the registers of the accelerator and
-of the three DMAs to the driver generic-uio, and memory for a frame and its packets to u-dma-buf.
+of its DMAs to the driver generic-uio, and memory for a frame and its packets to u-dma-buf.
 """
 
 import argparse
@@ -10,7 +10,8 @@ import xml.etree.ElementTree as ET
 
 import skymosaic_map as register_map
 
-BLOCKS = ("skymosaic", "dma_video", "dma_features", "dma_matches")
+OUTPUTS = ("features", "matches", *(("homographies",) if register_map.BUILT["built_homographies"] else ()))
+BLOCKS = ("skymosaic", "dma_video", *("dma_" + output for output in OUTPUTS))
 PARENT_CELLS = {"zynq": 1, "zynquplus": 2}
 """Cells of an address at the root of the board's device tree, by family."""
 MAX_TRANSFER_BYTES = (1 << 26) - 1
@@ -28,6 +29,8 @@ def buffer_sizes():
         "features": capacity * register_map.FEATURE.itemsize,
         "matches": capacity * register_map.MATCH.itemsize,
     }
+    if "homographies" in OUTPUTS:
+        sizes["homographies"] = register_map.HOMOGRAPHY.itemsize
     return {name: -(-size >> 20) << 20 for name, size in sizes.items()}
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import skymosaic_map as register_map
 from skymosaic_registers import AcceleratorError, Registers, split_packet
 
-CHANNELS = ("features", "matches")
+CHANNELS = ("features", "matches", *(("homographies",) if register_map.BUILT["built_homographies"] else ()))
 TIMEOUT_SECONDS = 5.0
 MAX_FRAME_BYTES = (1 << 26) - 1
 """A DMA's register LENGTH has 26 bits: 2^26 bytes, a frame of 4096x4096 in colour, would be 0."""
@@ -32,11 +32,14 @@ class Frame:
         Records of `skymosaic_map.FEATURE` and `skymosaic_map.MATCH`.
     status, match_status : structured scalar
         `skymosaic_map.STATUS`, from the end of the feature packet and of the match packet.
+    homography : structured scalar or None
+        `skymosaic_map.HOMOGRAPHY`; None where the build estimates none.
     """
 
-    def __init__(self, feature_packet, match_packet):
+    def __init__(self, feature_packet, match_packet, homography_packet=None):
         self.features, self.status = split_packet(feature_packet, register_map.FEATURE)
         self.matches, self.match_status = split_packet(match_packet, register_map.MATCH)
+        self.homography = None if homography_packet is None else homography_packet.view(register_map.HOMOGRAPHY)[0]
 
 
 class Accelerator(Registers):
@@ -64,6 +67,8 @@ class Accelerator(Registers):
             "features": bus.allocate(capacity * register_map.FEATURE.itemsize),
             "matches": bus.allocate(capacity * register_map.MATCH.itemsize),
         }
+        if "homographies" in CHANNELS:
+            self._received["homographies"] = bus.allocate(register_map.HOMOGRAPHY.itemsize)
         # With two pixels per clock, a line of odd width has one more.
         self._sent = bus.allocate(4 * (self.max_width_px + 1) * self.max_height_px)
 
@@ -75,7 +80,8 @@ class Accelerator(Registers):
         frames : iterable of uint8 ndarray, shape (H, W) or (H, W, 3) BGR
             At least one, all of one shape; taken one at a time, so that a server need not keep them all.
         settings : dict
-            Values of the register fields in `skymosaic_map.REQUESTED`.
+            Values of the register fields in `skymosaic_map.REQUESTED`, and of those in `skymosaic_map.ESTIMATION`
+            that are not to keep theirs.
         hold_reference : bool
             Match every frame with the first; otherwise each with the previous one.
         """
@@ -89,8 +95,7 @@ class Accelerator(Registers):
             **settings,
             memory_mode=1,
             gray_input=int(first.ndim == 2),
-            features_enable=1,
-            matches_enable=1,
+            **{channel + "_enable": 1 for channel in CHANNELS},
             hold_reference=int(hold_reference),
             enable=1,
         )

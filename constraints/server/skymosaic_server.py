@@ -120,7 +120,7 @@ class Handler(socketserver.BaseRequestHandler):
 
     def _serve(self):
         line = self.client.line()
-        shape, count, settings, hold_reference, rules = self._parse(line)
+        shape, count, settings, hold_reference, rules, estimates = self._parse(line)
         # Before the frames arrive: a client that is still sending would not read the error.
         self._check(shape, count, settings, rules)
         announced = self._authenticate(line) if self.server.key else None
@@ -132,9 +132,10 @@ class Handler(socketserver.BaseRequestHandler):
         results = self.server.accelerator.run(frames, settings, hold_reference)
         if announced is not None and not hmac.compare_digest(announced, sent.hexdigest()):
             raise ValueError("the frames differ from the announced ones")
-        parts = [
-            part for frame in results for part in (frame.features, frame.status, frame.matches, frame.match_status)
-        ]
+        parts = []
+        for frame in results:
+            parts += [frame.features, frame.status, frame.matches, frame.match_status]
+            parts += [frame.homography] if estimates else []
         self.client.answer({"lengths": [part.nbytes for part in parts]}, *(part.tobytes() for part in parts))
 
     def _parse(self, line):
@@ -142,13 +143,17 @@ class Handler(socketserver.BaseRequestHandler):
             request = json.loads(line)
             shape = tuple(_require_type(side, int) for side in request["shape"])
             count = _require_type(request["frames"], int)
-            settings = {name: _require_type(request["settings"][name], int) for name in register_map.REQUESTED}
+            estimates = _require_type(request.get("homographies", False), bool)
+            names = register_map.REQUESTED + (register_map.ESTIMATION if estimates else ())
+            settings = {name: _require_type(request["settings"][name], int) for name in names}
             hold_reference = _require_type(request["hold_reference"], bool)
             rules = _require_type(request["rules_digest"], int)
         # RecursionError: JSON that is nested thousands of times.
         except (KeyError, TypeError, ValueError, RecursionError) as error:
             raise ValueError(f"the request is malformed: {error}") from None
-        return shape, count, settings, hold_reference, rules
+        if estimates and not register_map.BUILT["built_homographies"]:
+            raise ValueError("the board estimates no homographies; export again with --homography")
+        return shape, count, settings, hold_reference, rules, estimates
 
     def _check(self, shape, count, settings, rules):
         built = register_map.BUILT["built_rules_digest"]

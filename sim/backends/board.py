@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.config import Config
-from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag
+from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, Cause, Tag
 from golden_model.text import one_line
-from hdl.settings import matched_frame_settings
+from hdl.settings import estimator_settings, matched_frame_settings
 from sim.backends.interface import Backend, BackendError, FrameResult, Reference
 
 PORT = 7020
@@ -28,7 +28,7 @@ KEY_VARIABLE = "SKYMOSAIC_BOARD_KEY"
 
 
 class BoardBackend(Backend):
-    """Features and matches computed by a board.
+    """Features, matches and homographies computed by a board.
 
     Parameters
     ----------
@@ -62,16 +62,18 @@ class BoardBackend(Backend):
         request = {
             "shape": list(shape),
             "frames": len(frames),
-            "settings": matched_frame_settings(config, shape[1], shape[0], gray_input=len(shape) == 2),
+            "settings": matched_frame_settings(config, shape[1], shape[0], gray_input=len(shape) == 2)
+            | estimator_settings(config),
+            "homographies": config.estimator is not None,
             "hold_reference": reference == "held",
             "rules_digest": config.matcher.rules_digest(config.front_end.pattern),
         }
         pattern = config.front_end.pattern
         feature = pattern.record.dtype
-        limits = _limit_packets(config.front_end.max_features, feature)
+        limits = _limit_packets(config, feature)
         parts = self._exchange(json.dumps(request).encode(), frames, limits * len(frames))
         try:
-            results = [_decode_packets(packet, feature) for packet in zip(*[iter(parts)] * 4, strict=True)]
+            results = [_decode_packets(packet, feature) for packet in zip(*[iter(parts)] * len(limits), strict=True)]
         except ValueError as error:
             raise BackendError(
                 f"the board was built for other records: {error}; export the design again and rebuild it"
@@ -139,11 +141,14 @@ def _prove_key(challenge: str, header: bytes, frames: Sequence[NDArray[np.uint8]
     return json.dumps({"frames": digest.hexdigest(), "hmac": code}).encode() + b"\n"
 
 
-def _limit_packets(max_features: int, feature: np.dtype[np.void]) -> list[tuple[int, int]]:
-    """Largest length, and size of a record, of a frame's four packets: features, status, matches, status."""
+def _limit_packets(config: Config, feature: np.dtype[np.void]) -> list[tuple[int, int]]:
+    """Largest length, and size of a record, of a frame's packets: features, status, matches, status, homography."""
+    max_features = config.front_end.max_features
     status = FRAME_STATUS.dtype.itemsize
     features, matches = (max_features * size for size in (feature.itemsize, MATCH.dtype.itemsize))
-    return [(features, feature.itemsize), (status, status), (matches, MATCH.dtype.itemsize), (status, status)]
+    homographies = [(HOMOGRAPHY.record_bytes, HOMOGRAPHY.record_bytes)] if config.estimator else []
+    packets = [(features, feature.itemsize), (status, status), (matches, MATCH.dtype.itemsize), (status, status)]
+    return packets + homographies
 
 
 def _read_packets(link: BufferedIOBase, where: str, limits: Sequence[tuple[int, int]]) -> list[bytes]:
@@ -166,7 +171,7 @@ def _read_packets(link: BufferedIOBase, where: str, limits: Sequence[tuple[int, 
 
 
 def _decode_packets(parts: tuple[bytes, ...], feature: np.dtype[np.void]) -> FrameResult:
-    features, status, matches, match_status = parts
+    features, status, matches, match_status, *homographies = parts
     (status_record,) = np.frombuffer(status, FRAME_STATUS.dtype)
     (match_record,) = np.frombuffer(match_status, FRAME_STATUS.dtype)
     return FrameResult(
@@ -175,6 +180,7 @@ def _decode_packets(parts: tuple[bytes, ...], feature: np.dtype[np.void]) -> Fra
         status=status_record,
         match_status=match_record,
         cycles=int(status_record["cycles"]),
+        homography=np.frombuffer(homographies[0], HOMOGRAPHY.dtype)[0] if homographies else None,
     )
 
 
@@ -183,6 +189,9 @@ def _check_status(result: FrameResult, number: int, shape: tuple[int, ...], wher
 
     A frame with too many features is bad too, but complete; the caller raises the threshold and sends it again.
     """
+    found = result.homography
+    if found is not None and (found["tag"] != Tag.HOMOGRAPHY or found["frame"] != result.status["frame"]):
+        raise BackendError(f"the board at {where} sent another frame's homography; restart serve.py on it")
     for status in (result.status, result.match_status):
         if status["tag"] != Tag.FRAME_STATUS:
             fault = "an answer without a frame's status"

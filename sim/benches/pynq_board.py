@@ -17,7 +17,7 @@ from sim.benches.axi_dma import Dma, MemoryFaultError, ReceiveChannel, SendChann
 from sim.benches.live import BASE, LiveBench
 from sim.benches.pynq_package import NEWEST, import_pynq
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import BUILT_SIZES_PX, FEATURES, MATCHES, design_accelerator
+from sim.simulators.accelerator_designs import BUILT_SIZES_PX, design_accelerator
 from sim.simulators.compiled import Bench
 from sim.simulators.recording import END_OF_LINE, Segment
 
@@ -195,10 +195,10 @@ class AcceleratorSystem:
         self.bench = bench
         self.board = board = Board(np.zeros(DRAM_BYTES, np.uint8), DRAM_BASE)
         self.video = Dma(send=SendChannel(board))
-        self.features, self.matches = Dma(receive=ReceiveChannel(board)), Dma(receive=ReceiveChannel(board))
+        self.receiving = {output: Dma(receive=ReceiveChannel(board)) for output in bench.ports.outputs}
         board.add("skymosaic", ACCELERATOR_ADDRESS, VLNV, bench, {})
-        dmas = {"dma_video": self.video, "dma_features": self.features, "dma_matches": self.matches}
-        for number, (name, dma) in enumerate(dmas.items()):
+        dmas = {port.replace("m_axis", "dma"): dma for port, dma in self.receiving.items()}
+        for number, (name, dma) in enumerate([("dma_video", self.video), *dmas.items()]):
             board.add_dma(name, DMA_ADDRESS + number * REGISTER_RANGE, dma, _Polled(dma, self))
 
         board.on_download = self._start
@@ -206,7 +206,7 @@ class AcceleratorSystem:
     def _start(self) -> None:
         """The state of a design that has just been loaded."""
         self.bench.reset()
-        for dma in (self.video, self.features, self.matches):
+        for dma in (self.video, *self.receiving.values()):
             dma.restart()
 
     def advance(self) -> None:
@@ -219,7 +219,7 @@ class AcceleratorSystem:
             flags = np.zeros(data.size, np.uint8)
             if data.size and send.ends_packet:
                 flags[-1] = END_OF_LINE
-            channels = {FEATURES: self.features.receive, MATCHES: self.matches.receive}
+            channels = {port: dma.receive for port, dma in self.receiving.items()}
             rooms = [channel.room_words for channel in channels.values() if channel]
             sent, recording = self.bench.run_to_packet(Segment(data, flags, 1, clocks), rooms)
             for name, channel in channels.items():

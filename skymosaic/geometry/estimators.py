@@ -5,7 +5,7 @@ import numpy as np
 
 from golden_model.arrays import Array, Mask
 from skymosaic.geometry import fuzzy_ransac
-from skymosaic.geometry.fabric import estimate_as_in_fabric
+from skymosaic.geometry.fabric import estimate_as_in_fabric, homography_in_pixels
 from skymosaic.geometry.homography import DegenerateError, dlt, transfer_error
 from skymosaic.geometry.prosac import CONFIDENCE, INLIER_PX, MIN_INLIERS, Scoring, estimate_homography, transfer_scorer
 from skymosaic.geometry.scored import integer_scorer
@@ -32,6 +32,7 @@ def estimate(
     *,
     size: tuple[int, int],
     rng: np.random.Generator,
+    record: np.void | None = None,
 ) -> tuple[Array | None, Mask]:
     """Estimate the homography of matches, of which many may be wrong.
 
@@ -49,6 +50,8 @@ def estimate(
         Width and height of the right image, px; only ``fabric`` uses it.
     rng : numpy.random.Generator
         Source of the samples of ``prosac``, ``scored`` and ``fabric``; OpenCV's estimators use a fixed seed.
+    record : structured scalar or None
+        What the estimator on the chip has sent for these matches; ``fabric`` then computes nothing.
 
     Returns
     -------
@@ -67,6 +70,8 @@ def estimate(
         # RANSAC needs all matches here: the rules count the ones that only one of the two checks accepts.
         H, decision = fuzzy(left, right, verified)
         inliers = inliers if decision is None else decision.inliers
+    elif name == FABRIC and record is not None:
+        H = homography_in_pixels(record)
     elif name == FABRIC:
         H = estimate_as_in_fabric(left[verified], right[verified], weight[verified], size, rng=rng)
     else:

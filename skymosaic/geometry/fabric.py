@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Matrix, Points
+from golden_model.config import EstimatorConfig
 from golden_model.formats import POSITION
-from golden_model.geometry.estimator import EstimatorSettings, FrameMatches
+from golden_model.geometry.estimator import FrameMatches
 from golden_model.geometry.estimator import estimate as estimate_in_integers
 
 UNITS_PX = np.array([1 << POSITION.integer_bits, 1 << POSITION.integer_bits, 1])
@@ -40,8 +41,19 @@ def estimate_as_in_fabric(
     stored = ((positions >= 0) & (positions <= POSITION.max_raw)).all(axis=1)
     weights = np.rint(weight[stored]).astype(np.int64)
     matches = FrameMatches(positions[stored, :2], positions[stored, 2:], weights, size)
-    result = estimate_in_integers(matches, EstimatorSettings(seed=int(rng.integers(1, 1 << 32))))
+    result = estimate_in_integers(matches, draw_config(rng))
     return None if result.causes else in_pixels(result.homography)
+
+
+def draw_config(rng: np.random.Generator) -> EstimatorConfig:
+    """The estimator's configuration with a seed."""
+    return EstimatorConfig(seed=int(rng.integers(1, 1 << 32)))
+
+
+def homography_in_pixels(record: np.void) -> Matrix | None:
+    """Convert a Homography record to a homography of pixels; None where it is not accepted."""
+    elements = np.array([record[f"h{row}{column}"] for row, column in np.ndindex(3, 3)], np.uint32)
+    return None if record["causes"] else in_pixels(elements.view(np.int32).astype(np.int64).reshape(3, 3))
 
 
 def in_pixels(homography: NDArray[np.int64]) -> Matrix:

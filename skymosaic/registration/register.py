@@ -13,7 +13,8 @@ from golden_model.matching.matcher import match
 from sim.backends.interface import Progress, silent
 from skymosaic.features.positions import are_on_ground, match_points, select_ground_matches
 from skymosaic.features.standing import STANDS_STILL, are_still, remove_still, stands_on_still_parts
-from skymosaic.geometry.estimators import SCORINGS, estimate
+from skymosaic.geometry.estimators import FABRIC, SCORINGS, estimate
+from skymosaic.geometry.fabric import draw_config
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end
 from skymosaic.imagery.lens import Lens
 from skymosaic.registration.confidence import fits_throughout
@@ -21,7 +22,7 @@ from skymosaic.registration.dense import refit_pair
 from skymosaic.registration.extraction import Features, extract_within_capacity, share_features
 from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
 from skymosaic.registration.pair import Pair, map_to_originals
-from skymosaic.registration.passes import Evidence, Search, SearchState, explain_refusal
+from skymosaic.registration.passes import Evidence, Search, explain_refusal
 from skymosaic.stopwatch import Stopwatch
 
 INVERTED_NOTE = "it matches only as its negative, as thermal and infrared photographs may"
@@ -106,6 +107,7 @@ def register_photographs(
         )
     else:
         (left, to_left), (right, to_right) = ((each.working.image, each.to_original) for each in features)
+    estimated = None
     # A threshold that was raised for one photograph alone is raised for both.
     if features is not None and features[0].config.front_end == features[1].config.front_end:
         config = dataclasses.replace(config, front_end=features[0].config.front_end)
@@ -113,8 +115,11 @@ def register_photographs(
         matches = match(*records, config.front_end.pattern, config.matcher)
     else:
         # The left frame is held as the reference, so the matches come with the right one.
+        if options.estimator == FABRIC and lens is None:
+            config = dataclasses.replace(config, estimator=draw_config(np.random.default_rng(options.seed)))
         (left_result, right_result), config = extract_within_capacity(front_end, [left, right], config)
         records, matches = (left_result.features, right_result.features), right_result.matches
+        estimated = right_result.homography
     if np.array_equal(photographs[0].pixels, photographs[1].pixels):
         photographs = photographs[0], photographs[1].with_note(f"the same picture as {photographs[0].name}")
     masks = [lens.visible_mask((image.shape[1], image.shape[0])) if lens else None for image in (left, right)]
@@ -126,7 +131,9 @@ def register_photographs(
     if features is not None:
         make_search = partial(make_search, shared=(features[0].working, features[1].working))
     first_pass = Evidence(records, remove_masked(matches))
-    state = _search(make_search(remove_masked), first_pass, options.estimator, effort, rng)
+    estimate_first = partial(_estimate, options.estimator, (right.shape[1], right.shape[0]), rng)
+    search = make_search(remove_masked)
+    state = search.run(effort, search.accept(first_pass, *estimate_first(first_pass.matches, estimated), passes=1))
     stands_still = state.homography is not None and stands_on_still_parts(
         *match_points(state.evidence.matches[state.inliers]), state.evidence.features
     )
@@ -134,7 +141,7 @@ def register_photographs(
         photographs = photographs[0], photographs[1].with_note(STANDS_STILL)
         first_pass = dataclasses.replace(first_pass, matches=remove_still(first_pass.matches))
         search = make_search(lambda matches: remove_still(remove_masked(matches)))
-        state = _search(search, first_pass, options.estimator, effort, rng)
+        state = search.run(effort, search.accept(first_pass, *estimate_first(first_pass.matches), passes=1))
     to_original, homography = (to_left, to_right), state.homography
     if state.inverted:
         photographs, right = (photographs[0], photographs[1].with_note(INVERTED_NOTE)), ~right
@@ -187,16 +194,17 @@ def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Po
     return pair.refused(f"{confidence.reason}; --accept-poor delivers it nevertheless")
 
 
-def _search(search: Search, first_pass: Evidence, estimator: str, effort: str, rng: np.random.Generator) -> SearchState:
-    """Estimate from the first pass, and search further as far as ``effort`` allows."""
-    homography, inliers = _estimate(estimator, first_pass.matches, search.sizes[1], rng)
-    return search.run(effort, search.accept(first_pass, homography, inliers, passes=1))
-
-
 def _estimate(
-    estimator: str, matches: Records, right_size: tuple[int, int], rng: np.random.Generator
+    estimator: str,
+    right_size: tuple[int, int],
+    rng: np.random.Generator,
+    matches: Records,
+    estimated: np.void | None = None,
 ) -> tuple[Matrix | None, Mask]:
-    """The homography of the first pass, by any of the estimators; further passes are for PROSAC alone."""
+    """The homography of the first pass, by any of the estimators, unless it is ``estimated`` already.
+
+    Further passes are for PROSAC alone.
+    """
     left, right = match_points(matches)
     weight, verified = matches["weight"].astype(np.float64), matches["verdict"] == 1
-    return estimate(estimator, left, right, weight, verified, size=right_size, rng=rng)
+    return estimate(estimator, left, right, weight, verified, size=right_size, rng=rng, record=estimated)

@@ -47,6 +47,18 @@ def test_compare_finds_every_field_equal(photographs: tuple[str, str], backend: 
     assert found["cycles_per_frame"] == predicted or preset == "thesis"
 
 
+@pytest.mark.slow
+def test_the_chip_estimates_what_the_golden_model_does(photographs: tuple[str, str]) -> None:
+    found = json.loads(run("compare", *photographs, "--homography", "--json"))
+    assert found["equal"], found["mismatch"]
+    assert found["homographies"] == 2
+    assert 0 < found["timelines"][1]["homography_end"] - found["timelines"][1]["matches_end"] <= 300_000
+    options = ("register", *photographs, "--estimator", "fabric", "--json")
+    golden, simulated = (json.loads(run(*options, "--backend", backend)) for backend in ("golden", "rtl"))
+    assert golden["accepted"]
+    assert golden["homography"] == simulated["homography"]
+
+
 def test_the_mosaic_is_the_same_byte_for_byte(photographs: tuple[str, str], tmp_path: Path) -> None:
     mosaics = {name: tmp_path / f"{name}.png" for name in ("golden", "rtl")}
     for backend, path in mosaics.items():

@@ -25,7 +25,7 @@ from sim.benches.exported import host_programs
 from sim.benches.pynq_board import AcceleratorSystem, open_board
 from sim.benches.pynq_package import OLDER, remove_pynq
 from sim.scene import make_pair
-from sim.simulators.accelerator_designs import BUILT_SIZES_PX
+from sim.simulators.accelerator_designs import BUILT_SIZES_PX, MATCHES
 from skymosaic.cli import main
 from tests.system.command_line import only_error
 
@@ -252,7 +252,7 @@ def test_a_halted_channel_is_named(system: AcceleratorSystem, device: Any, monke
     start = device.bus.start_send
 
     def stop_and_start(buffer: Any, length: int) -> None:
-        system.matches.receive.reset()
+        system.receiving[MATCHES].receive.reset()
         start(buffer, length)
 
     monkeypatch.setattr(device.bus, "start_send", stop_and_start)
@@ -263,9 +263,9 @@ def test_a_halted_channel_is_named(system: AcceleratorSystem, device: Any, monke
 
 def test_every_wait_has_a_limit(system: AcceleratorSystem, device: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.modules["pynq_overlay"], "RESET_SECONDS", 0.5)
-    system.matches.is_stuck = True
+    system.receiving[MATCHES].is_stuck = True
     run_failing(device, "DMA of the matches does not reset")
-    system.matches.is_stuck = False
+    system.receiving[MATCHES].is_stuck = False
     monkeypatch.undo()
     # No pixel is taken: nothing answers.
     write = device.write

@@ -83,6 +83,8 @@ def test_frames_are_answered_one_by_one(serve: Serve) -> None:
         (request(settings={"detector": -1}), "detector is -1"),
         (request(settings={"threshold_code": 1 << 40}), "threshold_code"),
         (request(settings={"width_px": 97}), "differ"),
+        (request(homographies=1), "malformed"),
+        (request(homographies=True), "estimates no homographies; export again with --homography"),
     ],
 )
 def test_a_bad_request_is_answered_in_one_line(serve: Serve, data: bytes, says: str) -> None:
