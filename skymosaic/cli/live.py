@@ -30,7 +30,9 @@ from skymosaic.options import INPUT, options_of
 
 PREVIEW_WIDTH_PX = 1280
 PREVIEW_SECONDS = 1.0
-LIVE_OPTIONS = ("preset", "config", "rules", "backend", "working_width_px", "seed", "band", "scale", "canvas_limit_px")
+LIVE_OPTIONS = (
+    "preset", "config", "rules", "backend", "working_width_px", "estimator", "seed", "band", "scale", "canvas_limit_px"
+)  # fmt: skip
 """The fields of `MosaicOptions` that apply to a live mosaic."""
 
 IdleOption = Annotated[
@@ -115,6 +117,7 @@ def write_live_mosaic(
     mosaic = LiveMosaic(
         options.base_config,
         backend=options.backend_name,
+        estimator=options.estimator,
         seed=options.seed,
         working_width_px=options.working_width_px,
         scale=options.scale,

@@ -4,6 +4,9 @@ Only the features of past frames are kept. A new frame is registered against sev
 against the last one, so that parallel legs of a flight constrain each other. From time to time the layout of all frames
 is recomputed and the painted pixels are moved accordingly. A frame that matches nothing starts a separate submap, which
 is merged with another one when a later frame overlaps both.
+
+With the estimator ``fabric``, frames are laid out by the homographies that the chip sends, each from the frame before
+(`skymosaic.live.record_chain`); features and matches play no part.
 """
 
 import contextlib
@@ -26,9 +29,11 @@ from skymosaic.flight.linking.links import Candidate, Link, link_views
 from skymosaic.flight.linking.resemblance import count_votes
 from skymosaic.flight.picture.mapping import Camera, MapPlace, place_cameras
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES
+from skymosaic.geometry.estimators import FABRIC
 from skymosaic.geometry.homography import apply, estimate, resize_matrix
 from skymosaic.imagery.exif import Metadata, read_metadata
 from skymosaic.imagery.images import check_output, load, reduce_for_front_end, save
+from skymosaic.live.record_chain import RecordChain
 from skymosaic.live.submap import Frame, Placement, Submap
 from skymosaic.maps.geotiff import write_geotiff
 from skymosaic.registration.extraction import extract_within_capacity
@@ -36,6 +41,7 @@ from skymosaic.registration.options import WORKING_WIDTH_PX
 
 LATEST = 3
 """A new frame is first matched with this many of the latest frames; if these fail, with the most similar older ones."""
+ESTIMATORS = ("prosac", FABRIC)
 MIN_FEATURES = 50
 """A frame with fewer features does not start a submap."""
 
@@ -103,6 +109,7 @@ class LiveMosaic:
     preset : str
     backend : str
         Name of the backend that computes the features.
+    estimator : {"prosac", "fabric"}
     seed : int
         Seed of the robust estimator.
     working_width_px : int
@@ -122,7 +129,7 @@ class LiveMosaic:
     Raises
     ------
     InputError
-        For a scale out of range.
+        For a scale out of range, or another estimator.
 
     Examples
     --------
@@ -143,6 +150,7 @@ class LiveMosaic:
         *,
         preset: str = "aerial",
         backend: str = "golden",
+        estimator: str = "prosac",
         seed: int = 0,
         working_width_px: int = WORKING_WIDTH_PX,
         scale: float = 1.0,
@@ -151,8 +159,13 @@ class LiveMosaic:
     ) -> None:
         if not 0 < scale <= 1:
             raise InputError(f"scale is {scale}; it must be more than 0 and at most 1")
+        if estimator not in ESTIMATORS:
+            raise InputError(
+                f"estimator {estimator}: a live mosaic takes {' or '.join(ESTIMATORS)}; choose one of them"
+            )
         self._config = config or preset_config(preset)
         self._front_end = load_backend(backend)
+        self._chain = RecordChain(self._front_end, self._config, seed) if estimator == FABRIC else None
         self._seed = seed
         self.stands_still = False
         self._working_width_px = working_width_px
@@ -283,6 +296,8 @@ class LiveMosaic:
         return Submap(self._link, self._canvas_limit_px)
 
     def _link(self, pair: Candidate, left: Records, right: Records) -> Link:
+        if self._chain:
+            return self._chain.link(pair)
         link = link_views(pair, left, right, config=self._config, seed=self._seed)
         self.stands_still |= link.standing
         return link
@@ -290,7 +305,9 @@ class LiveMosaic:
     def _describe(self, pixels: Pixels, features: Records | None, name: str, taken: Metadata) -> Frame:
         """Reduce a frame to the working width, and compute its features unless they are given."""
         working, to_original = reduce_for_front_end(pixels, self._working_width_px, "frame")
-        if features is None:
+        if features is None and self._chain:
+            features = self._chain.describe(len(self._frames), working)
+        elif features is None:
             results, _ = extract_within_capacity(self._front_end, [working], self._config)
             features = results[0].features
         size = working.shape[1], working.shape[0]

@@ -43,6 +43,24 @@ def test_every_frame_is_registered_on_arrival(flight: Flight, frames: list[NDArr
         assert np.median(np.abs(shown[inside].astype(int) - live.image[inside])) < 12
 
 
+def test_the_homographies_of_the_chip_alone_lay_the_frames_out(
+    flight: Flight, frames: list[NDArray[np.uint8]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each frame follows from the one before it; nothing else of the flight is matched."""
+    monkeypatch.setattr("skymosaic.live.mosaic.link_views", None)
+    live = LiveMosaic(CONFIG, estimator="fabric")
+    updates = [live.add(frame) for frame in frames]
+    assert [update.placement.neighbours for update in updates[1:] if update.placement] == [
+        (number,) for number in range(IMAGES - 1)
+    ]
+    errors = pair_errors_px(live.transforms, flight)
+    assert len(errors) > IMAGES
+    assert errors.mean() < 0.8
+    assert errors.max() < 2.5
+    with pytest.raises(InputError, match="prosac or fabric"):
+        LiveMosaic(CONFIG, estimator="magsac")
+
+
 def test_given_features_make_the_same_mosaic_as_computed_ones(frames: list[NDArray[np.uint8]]) -> None:
     results = load_backend("golden").run(frames[:4], CONFIG, reference="previous")
     given, computed = LiveMosaic(CONFIG), LiveMosaic(CONFIG)

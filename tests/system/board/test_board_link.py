@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from golden_model.config import Config, MatcherConfig
+from golden_model.config import Config, EstimatorConfig, MatcherConfig
 from golden_model.fuzzy.rules import MatchRules, read_shipped
 from golden_model.records import FRAME_STATUS
 from hdl.settings import REQUESTED
@@ -84,7 +84,8 @@ def test_frames_are_answered_one_by_one(serve: Serve) -> None:
         (request(settings={"threshold_code": 1 << 40}), "threshold_code"),
         (request(settings={"width_px": 97}), "differ"),
         (request(homographies=1), "malformed"),
-        (request(homographies=True), "estimates no homographies; export again with --homography"),
+        (request(homographies=True), "malformed"),
+        (request(homographies=True, settings=vars(EstimatorConfig())), "estimates no homographies; export again"),
     ],
 )
 def test_a_bad_request_is_answered_in_one_line(serve: Serve, data: bytes, says: str) -> None:
