@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from platformdirs import user_data_path
 
 from golden_model.text import how_to_install
 from skymosaic.cli.session import session
@@ -19,6 +20,9 @@ def panel(
     board: Annotated[list[str] | None, typer.Option(help="HOST[:PORT] of a board that may be chosen.")] = None,
     root: Annotated[
         list[Path] | None, typer.Option(help="Folder whose photographs may be opened in place; default: your home.")
+    ] = None,
+    runs: Annotated[
+        Path | None, typer.Option(help="Folder of finished runs; default: in your data folder.", show_default=False)
     ] = None,
     browser: Annotated[bool, typer.Option(help="Open the page in a browser, when started on a terminal.")] = True,
 ) -> None:
@@ -39,4 +43,6 @@ def panel(
         session.end(0)
         sys.stdout.flush()
 
-    server.serve(port, tuple(f"board:{address}" for address in board or ()), root or [Path.home()], announce)
+    boards = tuple(f"board:{address}" for address in board or ())
+    kept = runs or user_data_path("skymosaic", appauthor=False) / "runs"
+    server.serve(port, boards, root or [Path.home()], kept, announce)

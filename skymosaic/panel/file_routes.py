@@ -25,6 +25,7 @@ class FileRoutes:
         app.get("/picture/{folder}/{name}")(self.picture)
         app.get("/file/{kind}/{name}")(self.file)
         app.get("/archive")(self.archive)
+        app.get("/run/{name}/{path:path}")(self.kept_file)
 
     async def upload(self, request: Request, slot: Literal["photograph", "template", "video"], name: str) -> Response:
         """Receive the body as a file, or refuse it with the reason."""
@@ -59,6 +60,12 @@ class FileRoutes:
             return PlainTextResponse("no such file", status_code=404)
         return FileResponse(path, filename=name)
 
+    async def kept_file(self, request: Request, name: str, path: str) -> Response:
+        """Send a file of a finished run to an owner; its report is a page."""
+        session = self._session(request)
+        file = session.runs.find_file(name, path) if session and session.runs else None
+        return FileResponse(file) if file else PlainTextResponse("no such file", status_code=404)
+
     async def archive(self, request: Request) -> Response:
         """Send all results in one file."""
         session = self._session(request)
@@ -69,4 +76,4 @@ class FileRoutes:
 
     def _session(self, request: Request) -> Session | None:
         identifier = request.session.get("id")
-        return self._sessions.get(identifier) if identifier else None
+        return self._sessions.get(identifier, is_owner="owner" in request.session) if identifier else None

@@ -119,6 +119,11 @@ class Link(NamedTuple):
     inliers: int
 
 
+def find_single_files(folder: Path) -> list[Path]:
+    """The files of a run's folder that are offered singly."""
+    return [path for name in SINGLE_FILES if (path := folder / name).exists()]
+
+
 @dataclass(frozen=True)
 class Run:
     """A finished run.
@@ -140,7 +145,7 @@ class Run:
     @property
     def files(self) -> list[Path]:
         """The files that can be downloaded one by one."""
-        return [path for name in SINGLE_FILES if (path := self.folder / name).exists()]
+        return find_single_files(self.folder)
 
 
 @dataclass(frozen=True)

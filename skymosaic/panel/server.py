@@ -16,6 +16,7 @@ from skymosaic.panel.file_routes import FileRoutes
 from skymosaic.panel.folders import Roots
 from skymosaic.panel.origin_check import OriginCheck
 from skymosaic.panel.pages.mosaic_page import build_mosaic_page
+from skymosaic.panel.pages.runs_page import build_runs_page
 from skymosaic.panel.pages.tracking_page import build_tracking_page
 from skymosaic.panel.session import Session
 from skymosaic.panel.sessions import Sessions
@@ -27,7 +28,9 @@ SECONDS_TO_RECONNECT = 30
 """With the usual 3, a page reloads itself when a busy browser has not answered for 2 seconds."""
 
 
-def serve(port: int, boards: tuple[str, ...], roots: Sequence[Path], announce: Callable[[str], None]) -> None:
+def serve(
+    port: int, boards: tuple[str, ...], roots: Sequence[Path], runs: Path, announce: Callable[[str], None]
+) -> None:
     """Run the panel until it is interrupted.
 
     Parameters
@@ -38,16 +41,18 @@ def serve(port: int, boards: tuple[str, ...], roots: Sequence[Path], announce: C
         Backends that are boards, ``board:HOST``.
     roots : sequence of Path
         Folders below which photographs may be opened by whoever comes by the announced address.
+    runs : Path
+        Folder in which their finished runs are kept.
     announce : callable
         Receives the address, with its token, once browsers can open it.
 
     Raises
     ------
     InputError
-        If the port is taken, or a root is no folder.
+        If the port is taken, a root is no folder, or the folder of the runs cannot be made.
     """
-    sessions = Sessions(boards, Roots(roots))
     listener = _listen(port)
+    sessions = Sessions(boards, Roots(roots), runs)
     port = listener.getsockname()[1]
     prepare_workers(sessions.folder)
     # Clean up on shutdown, not after `run`: uvicorn raises the signal that stopped it again, so nothing after runs.
@@ -105,6 +110,10 @@ def _application(sessions: Sessions, port: int, token: str) -> FastAPI:
     @ui.page("/tracking")
     def tracking_page() -> None:
         build_tracking_page(find_session())
+
+    @ui.page("/runs")
+    def runs_page() -> None:
+        build_runs_page(find_session())
 
     # Long work has a bar of its own. Quasar's, for every request of a viewer, has no name for a screen reader.
     page_app.config.quasar_config["loadingBar"]["skipHijack"] = True

@@ -8,17 +8,20 @@ import time
 import zipfile
 from collections.abc import AsyncIterator, Callable, Iterable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial, wraps
 from pathlib import Path
-from typing import Any, Concatenate, NamedTuple, ParamSpec
+from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
 
 from nicegui import Event, background_tasks
 from nicegui.binding import BindableProperty
 
+from skymosaic.errors import InputError
 from skymosaic.panel.folders import Roots
 from skymosaic.panel.options import Options
 from skymosaic.panel.results import Decoded, HardwareResult, InputFile, MosaicResult, TrackingResult
 from skymosaic.panel.rules_edit import RulesEdit
+from skymosaic.panel.runs import Runs
 from skymosaic.panel.tasks import mosaic_tasks, tracking_tasks, upload_tasks
 from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits, Task
 from skymosaic.panel.uploads import KINDS, MAX_UPLOADS_AT_ONCE, MIN_FREE_BYTES, UploadRefusedError, receive
@@ -28,6 +31,7 @@ MAX_BYTES = 4 << 30
 DECODING_LIMITS = Limits(seconds=120, processor_seconds=60, memory_bytes=2 << 30)
 
 _Arguments = ParamSpec("_Arguments")
+AnyRun = TypeVar("AnyRun", MosaicResult, TrackingResult)
 
 
 def _only_while_idle(
@@ -69,6 +73,8 @@ class Session:
     ----------
     roots : Roots
         Which folders may be opened; none unless the visitor came by the address that the panel printed.
+    runs : Runs or None
+        Where finished runs are kept; None for other visitors, whose runs go with the session.
     photographs : list of InputFile
         Uploads, or the photographs of an opened folder.
     reading : Job or None
@@ -102,6 +108,7 @@ class Session:
         self._mosaic_inputs: tuple[object, ...] = ()
         self.last_active = time.monotonic()
         self.roots = Roots()
+        self.runs: Runs | None = None
         self.photographs: list[InputFile] = []
         self.reading: Job | None = None
         self.unread = ""
@@ -300,9 +307,11 @@ class Session:
 
         def accept(result: MosaicResult) -> None:
             self._mosaic_inputs = inputs
-            self._show_result(result)
+            self._show_result(self._keep(result, title))
 
         paths = [each.path for each in self.photographs]
+        place = ", ".join(paths[:2]) if self.photographs[0].is_upload else Path(paths[0]).parent
+        title = f"{len(paths)} photographs: {place}"
         self._start("Making the mosaic", accept, mosaic_tasks.make_mosaic, run, paths, self.options, pictures)
 
     @_only_while_idle
@@ -331,12 +340,12 @@ class Session:
         """Follow the template through the video."""
         assert self.template is not None
         assert self.video is not None
+        names = self.template.name, self.video.name
         run, pictures = self._new_run([self.template, self.video])
 
         def accept(result: TrackingResult) -> None:
-            self.tracking_result = result
+            self.tracking_result = self._keep(result, " in ".join(names))
 
-        names = self.template.name, self.video.name
         self._start("Tracking", accept, tracking_tasks.follow, run, *names, self.options, pictures)
 
     def cancel(self) -> None:
@@ -370,6 +379,14 @@ class Session:
         finally:
             self.job, self.last_active = None, time.monotonic()
             self.changed.emit()
+
+    def _keep(self, result: AnyRun, title: str) -> AnyRun:
+        """Keep a run beyond the session, if it is one of this machine's user."""
+        try:
+            return replace(result, folder=self.runs.keep(result.folder, title)) if self.runs else result
+        except (InputError, OSError) as error:
+            self.fault = f"the run is shown, but could not be kept: {error}"
+            return result
 
     def _show_result(self, result: MosaicResult) -> None:
         self.mosaic_result, self.hardware_result = result, None

@@ -6,7 +6,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from weakref import WeakValueDictionary
 
+from skymosaic.errors import InputError
 from skymosaic.panel.folders import Roots
+from skymosaic.panel.runs import Runs
 from skymosaic.panel.session import Queues, Session
 from skymosaic.temporary import temporary_folder
 
@@ -23,6 +25,13 @@ class Sessions:
         Backends that are boards, ``board:HOST``, offered in every session.
     roots : Roots
         Folders that owners may open.
+    runs : Path or None
+        Folder in which the runs of owners are kept, and all files meanwhile; None: they are not kept.
+
+    Raises
+    ------
+    InputError
+        If the folder of the runs cannot be made.
 
     Attributes
     ----------
@@ -30,11 +39,17 @@ class Sessions:
         Where all files are; the next start removes it if this process is killed.
     """
 
-    def __init__(self, boards: tuple[str, ...] = (), roots: Roots | None = None) -> None:
+    def __init__(self, boards: tuple[str, ...] = (), roots: Roots | None = None, runs: Path | None = None) -> None:
         self._boards, self._roots = boards, roots or Roots()
         self._queues = Queues(*(asyncio.Semaphore(count) for count in (2, 2, 1)))
         self._stack = ExitStack()
-        self.folder = self._stack.enter_context(temporary_folder())
+        try:
+            if runs:
+                runs.mkdir(mode=0o700, parents=True, exist_ok=True)
+            self.folder = self._stack.enter_context(temporary_folder(runs))
+        except OSError as error:
+            raise InputError(f"{runs}: cannot be made ({error.strerror}); name another folder with --runs") from None
+        self.runs = Runs(runs, self.folder) if runs else None
         # A session without files is forgotten when its page is closed.
         self._open: WeakValueDictionary[str, Session] = WeakValueDictionary()
         self._with_files: list[Session] = []
@@ -45,7 +60,7 @@ class Sessions:
         if session is None:
             session = self._open[identifier] = Session(self._boards, self._queues, self._make_folder)
         if is_owner:
-            session.roots = self._roots
+            session.roots, session.runs = self._roots, self.runs
         return session
 
     def _make_folder(self, session: Session) -> Path:

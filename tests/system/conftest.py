@@ -8,7 +8,7 @@ import pytest
 from sim.scene import Flight
 from tests.skymosaic.conftest import IMAGES, SIZE, default_cache, flight
 from tests.skymosaic.flight.bands.conftest import band_folder
-from tests.skymosaic.panel.conftest import browser, owner_address, panel, root
+from tests.skymosaic.panel.conftest import browser, kept, owner_address, panel, root
 from tests.skymosaic.tracking.conftest import film, film_frames, roi
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "film",
     "film_frames",
     "flight",
+    "kept",
     "owner_address",
     "panel",
     "roi",

@@ -33,7 +33,7 @@ def temp() -> Iterator[Path]:
 def panel(tmp_path: Path, temp: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A panel whose temporary files are below ``temp``; yields its process and its address."""
     environment = {**os.environ, "TMPDIR": str(temp), "PYTHONPATH": str(Path(__file__).parents[2])}
-    words = [sys.executable, "-u", "-m", "skymosaic", "panel", "--port", "0"]
+    words = [sys.executable, "-u", "-m", "skymosaic", "panel", "--port", "0", "--runs", str(temp)]
     log = tmp_path / "log"
     with log.open("w") as output:
         process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=output, text=True, env=environment)

@@ -36,7 +36,7 @@ def running_panel(folder: Path, *options: str) -> Iterator[str]:
     """The address of a panel that runs in ``folder``, with its token; a traceback in its log fails the test."""
     log = folder / "log"
     with log.open("w") as output:
-        command = [sys.executable, "-u", "-m", "skymosaic", "panel", "--port", "0", *options]
+        command = [sys.executable, "-u", "-m", "skymosaic", "panel", "--port", "0", "--runs", "runs", *options]
         server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=output, text=True, cwd=folder)
         with server:
             try:

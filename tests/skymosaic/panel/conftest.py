@@ -23,9 +23,16 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def owner_address(tmp_path_factory: pytest.TempPathFactory, root: Path) -> Iterator[str]:
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the running panel's finished runs."""
+    return tmp_path_factory.mktemp("kept")
+
+
+@pytest.fixture(scope="session")
+def owner_address(tmp_path_factory: pytest.TempPathFactory, root: Path, kept: Path) -> Iterator[str]:
     """The address of a running panel as it prints it, with the token."""
-    with running_panel(tmp_path_factory.mktemp("panel"), "--root", str(root)) as address:
+    folders = "--root", str(root), "--runs", str(kept)
+    with running_panel(tmp_path_factory.mktemp("panel"), *folders) as address:
         yield address
 
 

@@ -1,0 +1,39 @@
+"""The page that lists finished runs, with their files, and deletes them."""
+
+from pathlib import Path
+
+from nicegui import ui
+
+from skymosaic.panel.pages.page_layout import page_layout
+from skymosaic.panel.results import find_single_files
+from skymosaic.panel.session import Session
+from skymosaic.temporary import PAGE
+
+
+def build_runs_page(session: Session) -> None:
+    """Build the list of finished runs; it is made anew whenever the page is loaded."""
+    with page_layout(session, "/runs"), ui.element("section").classes("stack runs").props('aria-label="Finished runs"'):
+        ui.html("Finished runs", tag="h2", sanitize=False)
+        ui.label("They are kept on this machine until they are deleted.").classes("hint")
+        for folder, title, finished in session.runs or ():
+            _build_run(session, folder, title, finished)
+
+
+def _build_run(session: Session, folder: Path, title: str, finished: str) -> None:
+    def delete() -> None:
+        if button.text == "Delete":
+            button.set_text("Delete for good")
+        elif session.runs is not None:
+            session.runs.delete(folder.name)
+            card.delete()
+
+    with ui.element("div").classes("card") as card:
+        with ui.element("div").classes("card-head"):
+            ui.label(title).classes("name")
+            button = ui.button("Delete", icon="delete", on_click=delete).props("flat dense no-caps size=sm")
+        ui.label(finished).classes("hint")
+        with ui.element("div").classes("bar"):
+            if (folder / "report" / PAGE).exists():
+                ui.link("report", f"/run/{folder.name}/report/{PAGE}").classes("file")
+            for path in find_single_files(folder):
+                ui.link(path.name, f"/run/{folder.name}/{path.name}").classes("file")

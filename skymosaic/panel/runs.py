@@ -1,0 +1,50 @@
+"""The finished runs of this machine's user, kept until they are deleted."""
+
+import json
+import shutil
+from collections.abc import Iterator
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+
+from skymosaic.imagery.images import save_bytes
+
+MANIFEST = "run.json"
+
+
+class Runs:
+    """A folder with a folder for each run, of the same disk as ``unfinished``.
+
+    A run is written in ``unfinished`` and renamed when it is complete, and renamed back before it is removed: whenever
+    the panel is killed, a run is whole or gone.
+    """
+
+    def __init__(self, folder: Path, unfinished: Path) -> None:
+        self._folder, self._unfinished = folder, unfinished
+
+    def keep(self, folder: Path, title: str) -> Path:
+        """Move a finished run's folder here; returns its new place."""
+        now = datetime.now().astimezone()
+        save_bytes(folder / MANIFEST, json.dumps({"title": title, "finished": f"{now:%Y-%m-%d %H:%M}"}).encode())
+        return folder.rename(self._folder / f"{now:%Y%m%d-%H%M%S-%f}")
+
+    def __iter__(self) -> Iterator[tuple[Path, str, str]]:
+        """Folder, title and time of each run, the latest first."""
+        for manifest in sorted(self._folder.glob(f"[0-9]*/{MANIFEST}"), reverse=True):
+            # Whatever else lies here is somebody's own.
+            with suppress(OSError, ValueError, KeyError, TypeError):
+                read = json.loads(manifest.read_text(encoding="utf-8"))
+                yield manifest.parent, str(read["title"]), str(read["finished"])
+
+    def delete(self, name: str) -> None:
+        """Remove a run; nothing happens to one that is gone."""
+        if folder := self.find_file(name, MANIFEST):
+            shutil.rmtree(folder.parent.rename(self._unfinished / f"deleted-{name}"), ignore_errors=True)
+
+    def find_file(self, name: str, path: str) -> Path | None:
+        """A file of a run; None for whatever lies elsewhere, links followed."""
+        with suppress(OSError, ValueError):
+            run, file = (self._folder / name).resolve(), (self._folder / name / path).resolve()
+            is_run = run.parent == self._folder.resolve() and (run / MANIFEST).is_file()
+            return file if is_run and file.is_relative_to(run) and file.is_file() else None
+        return None
