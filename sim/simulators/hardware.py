@@ -60,12 +60,8 @@ class HardwareBackend(Backend):
         return locate_mismatch(image, config.front_end, self.simulate, frame=frame, progress=self._progress)
 
 
-def make_segments(
-    frames: Sequence[NDArray[np.uint8]], config: Config, reference: Reference, *, pair_bits: int = 0
-) -> list[Segment]:
+def make_segments(frames: Sequence[NDArray[np.uint8]], config: Config, reference: Reference) -> list[Segment]:
     """Frames as segments for the accelerator; consecutive frames of one shape share a segment and follow without a gap.
-
-    ``pair_bits`` is the width of an input that takes two pixels per clock, as in `flatten_frame`.
 
     Raises
     ------
@@ -73,18 +69,12 @@ def make_segments(
         For a frame that the configuration cannot process.
     """
     groups = [list(group) for _, group in itertools.groupby(frames, key=lambda image: image.shape)]
-    return [
-        _make_segment(group, config, reference, first=number == 0, pair_bits=pair_bits)
-        for number, group in enumerate(groups)
-    ]
+    return [_make_segment(group, config, reference, first=number == 0) for number, group in enumerate(groups)]
 
 
-def _make_segment(
-    frames: list[NDArray[np.uint8]], config: Config, reference: Reference, *, first: bool, pair_bits: int
-) -> Segment:
+def _make_segment(frames: list[NDArray[np.uint8]], config: Config, reference: Reference, *, first: bool) -> Segment:
     height_px, width_px = frames[0].shape[:2]
-    beats = [flatten_frame(frame, pair_bits=pair_bits) for frame in frames]
-    data, flags = (np.concatenate(parts) for parts in zip(*beats, strict=True))
+    data, flags = (np.concatenate(parts) for parts in zip(*map(flatten_frame, frames), strict=True))
     held = int(reference == "held")
     values = {
         **matched_frame_settings(config, width_px, height_px, gray_input=frames[0].ndim == 2),

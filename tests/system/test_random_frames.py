@@ -22,7 +22,7 @@ from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
 from sim.simulators.compiled import Bench
 from sim.simulators.hardware import decode_recordings, make_segments
-from sim.simulators.recording import NO_PAUSES, Pauses, Segment
+from sim.simulators.recording import NO_PAUSES, Pauses, Segment, flatten_frame
 from sim.simulators.scoreboard import find_clock_mismatch, find_mismatch, predict_timelines
 
 TEXTURE_PX, BUILT_PX, MAX_FEATURES, RUNS = 440, (200, 321), 256, 25
@@ -102,13 +102,18 @@ def test_clocks_of_narrow_frames_are_predicted_or_left_out(seed: int, video_bits
             size_px = [int(rng.integers(MIN_FRAME_PX, side_px + 1)) for side_px in built_px]
             config = draw_settings(rng, built, *size_px)
             frames = draw_frames(rng, texture, *size_px)
-            segments = make_segments(frames, config, "previous", pair_bits=video_bits if pixels > 1 else 0)
+            # The frames have one size, and make one segment.
+            (segment,) = make_segments(frames, config, "previous")
+            if pixels > 1:
+                beats = [flatten_frame(frame, pair_bits=video_bits) for frame in frames]
+                data, flags = (np.concatenate(parts) for parts in zip(*beats, strict=True))
+                segment = dataclasses.replace(segment, data=data, flags=flags)
             bench.reset()
             event = rng.choice(["none", "pauses", "cut off"], p=[0.5, 0.2, 0.3])
             if event == "cut off":
-                cut_off(bench, segments[0], rng)
+                cut_off(bench, segment, rng)
             pauses = Pauses(*rng.integers(1, 160, 3).tolist()) if event == "pauses" else NO_PAUSES
-            results = decode_recordings([bench.run(each, pauses) for each in segments], config)
+            results = decode_recordings([bench.run(segment, pauses)], config)
             golden = load_backend("golden").run(frames, config, reference="previous")
             assert find_mismatch(golden, results) is None, (run, event, size_px, config)
             features, matches = (
