@@ -22,6 +22,7 @@ from golden_model.geometry.scoring import (
     TERM_SHIFT,
 )
 from hdl.lib.delay import delayed, port_register
+from hdl.lib.multiplier import multiply_wide
 
 PAIR = data.StructLayout(dict.fromkeys(("left_x", "left_y", "right_x", "right_y"), POSITION.bits))
 """Positions of a match, as match records have them."""
@@ -58,9 +59,9 @@ class MatchGain(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Terms, errors, squares, comparisons. No register has a reset or waits."""
         m = Module()
-        *terms, depth = (self._term(m, row) for row in range(3))
+        *terms, depth = (self._term(m, platform, row) for row in range(3))
         right = [delayed(m, self.i_match[name], TERM_CYCLES) for name in ("right_x", "right_y")]
-        error_x, error_y = (self._error(m, *each, depth) for each in zip(terms, right, strict=True))
+        error_x, error_y = (self._error(m, platform, *each, depth) for each in zip(terms, right, strict=True))
         in_front = Signal(range(MAX_DEPTH + 1), reset_less=True)
         # A depth of 0 makes every error too large: behind the camera no match counts.
         m.d.sync += in_front.eq(Mux(depth < 0, 0, depth >> DEPTH_SHIFT))
@@ -76,11 +77,11 @@ class MatchGain(wiring.Component):
         self._compare(m, squared_error, squared_depth)
         return m
 
-    def _term(self, m: Module, row: int) -> Signal:
+    def _term(self, m: Module, platform: object, row: int) -> Signal:
         """Compute ``h0 x + h1 y + h2 2^16`` for a row of the hypothesis, rounded."""
         h0, h1, h2 = (self.i_hypothesis[3 * row + column] for column in range(3))
-        product_x = delayed(m, h0 * self.i_match.left_x, PRODUCT_CYCLES)
-        product_y = delayed(m, h1 * self.i_match.left_y, PRODUCT_CYCLES)
+        product_x = multiply_wide(m, platform, h0, self.i_match.left_x)
+        product_y = multiply_wide(m, platform, h1, self.i_match.left_y)
         linear = delayed(m, product_x + product_y, 1)
         constant = delayed(m, h2, PRODUCT_CYCLES + 1)
         half = 1 << TERM_SHIFT - 1
@@ -91,9 +92,9 @@ class MatchGain(wiring.Component):
         return term
 
     @staticmethod
-    def _error(m: Module, term: Value, right: Value, depth: Value) -> Signal:
+    def _error(m: Module, platform: object, term: Value, right: Value, depth: Value) -> Signal:
         """Compute the error of one coordinate times the depth, limited."""
-        product = delayed(m, right * depth, PRODUCT_CYCLES)
+        product = multiply_wide(m, platform, depth, right)
         waiting = delayed(m, term, PRODUCT_CYCLES)
         miss = Signal(_shape(MAX_MISS), reset_less=True)
         m.d.sync += miss.eq((waiting << POSITION.bits) - product)

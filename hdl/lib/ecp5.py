@@ -33,6 +33,8 @@ _BLOCK_MODES = {
 class Ecp5:
     """The `Technology` of the ECP5 family: MULT18X18D and DP16KD."""
 
+    factor_bits = FACTOR_BITS
+
     def multiplier(self, m: Module, *, a: Value, b: Value, loads: tuple[Value, Value, Value], product: Signal) -> None:
         """Add a MULT18X18D with its input, pipeline and output registers.
 

@@ -1,6 +1,6 @@
 """A multiplier with the registers that a DSP slice has."""
 
-from amaranth import Module, Shape, Signal
+from amaranth import Module, Shape, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
@@ -53,3 +53,20 @@ class Multiplier(wiring.Component):
         with m.If(multiplied):
             m.d.sync += product.eq(multiplier)
         return m
+
+
+def multiply_wide(m: Module, platform: object, wide: Value, narrow: Value) -> Value:
+    """Return ``wide`` × ``narrow``, two clocks later; a product per clock, no resets. The factors come from registers.
+
+    A factor of 25 bits fits a DSP48 of xc7. For a `Technology` with narrower multipliers it is cut in two: a register
+    follows each product, and one their sum, since an adder right behind a multiplier limits the clock there.
+    """
+    if isinstance(platform, Technology) and len(wide) > platform.factor_bits:
+        low_bits = platform.factor_bits - 1
+        low = delayed(m, wide[:low_bits] * narrow, 1)
+        high = delayed(m, (wide >> low_bits) * narrow, 1)
+        # The sum has a bit more than the product needs.
+        product = delayed(m, (low + (high << low_bits))[: len(wide) + len(narrow)].as_signed(), 1)
+    else:
+        product = delayed(m, wide * narrow, 2)
+    return product

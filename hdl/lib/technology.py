@@ -17,6 +17,9 @@ class Technology(Protocol):
     Without one, the tools infer multipliers and memories. The latency is the same.
     """
 
+    factor_bits: int
+    """Widest factor of its multiplier, with the sign."""
+
     def multiplier(self, m: Module, *, a: Value, b: Value, loads: tuple[Value, Value, Value], product: Signal) -> None:
         """Add ``product`` = ``a`` × ``b``; ``loads`` enable the operand, multiplier and product registers."""
 
