@@ -1,6 +1,7 @@
 """The report of a flight: one page with its mosaics, the graph of its links, the photographs left out, the numbers."""
 
 import dataclasses
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -232,17 +233,18 @@ def _render_page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: di
     rows = [
         ("photographs", f"{len(flight.names)}, {placed} placed"),
         ("pairs", f"{numbers['pairs_tried']} tried, {numbers['links']} linked"),
-        ("seconds", ", ".join(f"{stage} {value:.1f}" for stage, value in flight.seconds.items())),
+        ("time", ", ".join(f"{stage} {value:.1f} s" for stage, value in flight.seconds.items())),
     ]
     return pages.render(
         "flight.html",
-        title=f"flight of {len(flight.names)} photographs",
+        title=f"Flight of {len(flight.names)} photographs",
         rows=rows,
-        left_out=list(flight.left_out.values()),
-        advice=_problems(check),
+        left_out=[_without_folder(reason, flight) for reason in flight.left_out.values()],
+        advice=[_without_folder(problem, flight) for problem in _problems(check)],
         mosaics=[
             {
-                "rows": _mosaic_rows(delivery),
+                "rows": [(name, _without_folder(value, flight)) for name, value in _mosaic_rows(delivery)],
+                "photographs": _photographs_worst_first(delivery),
                 "graph": _graph_drawing(delivery),
                 "links": _links_worst_first(delivery),
                 "residuals": _residuals_worst_first(delivery),
@@ -257,7 +259,7 @@ def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
     errors = layout_errors(flight, layout)
     ground = "flat" if layout.relief < MAX_FLAT_RELIEF else "with relief: expect breaks at objects above the ground"
     rows = [
-        ("file", f"{delivery.path}, {delivery.composition.size[0]}x{delivery.composition.size[1]}"),
+        ("file", f"{delivery.path.name}, {delivery.composition.size[0]}x{delivery.composition.size[1]}"),
         ("photographs", str(len(layout.members))),
         ("frame", f"{flight.views[layout.reference].name}, without its tilt"),
         ("model", f"{layout.model} ({layout.reason})"),
@@ -279,6 +281,21 @@ def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
     return rows + ([("map note", delivery.map_note)] if delivery.map_note else [])
 
 
+def _without_folder(text: str, flight: Flight) -> str:
+    """A line with the photographs' names as they are in the folder that has all of them."""
+    common = os.path.commonpath([Path(name).parent for name in flight.names])
+    return text if common == os.curdir else text.replace(f"{common}{os.sep}", "")
+
+
+def _photographs_worst_first(delivery: Delivery) -> list[tuple[str, float, float, int]]:
+    """Name, median and 90th percentile of the errors, px, and number of matches that the layout did not use."""
+    accuracy = delivery.layout.accuracy
+    if accuracy is None:
+        return []
+    names = short_names([view.name for view in delivery.flight.views])
+    return [(names[view], x.median_px, x.ninety_px, x.matches) for view, x in accuracy.photographs.items()]
+
+
 def _problems(check: FlightCheck) -> list[str]:
     single = [f"{photo.name}: {', '.join(photo.problems)}" for photo in check.photographs if photo.problems]
     return [*check.problems, *single]
@@ -286,7 +303,8 @@ def _problems(check: FlightCheck) -> list[str]:
 
 def _graph_drawing(delivery: Delivery) -> dict[str, Any]:
     """What the template draws: outlines on the canvas, and links between their centres."""
-    layout, views, composition = delivery.layout, delivery.flight.views, delivery.composition
+    layout, composition = delivery.layout, delivery.composition
+    shown = short_names([view.name for view in delivery.flight.views])
     outlines = dict(zip(layout.members, outline_photographs(composition), strict=True))
     centres = {member: corners.mean(axis=0).round().astype(int).tolist() for member, corners in outlines.items()}
     lines = []
@@ -294,10 +312,10 @@ def _graph_drawing(delivery: Delivery) -> dict[str, Any]:
         (x1, y1), (x2, y2) = centres[link.left], centres[link.right]
         strength = min(1.0, link.ties / _STRONG_TIES)
         colour = "#c33" if link in layout.contradicting else f"hsl({120 * strength:.0f} 60% 40%)"
-        title = f"{views[link.left].name} and {views[link.right].name}: {link.inliers} inliers"
+        title = f"{shown[link.left]} and {shown[link.right]}: {link.inliers} inliers"
         ends = {"x1": x1, "y1": y1, "x2": x2, "y2": y2}
         lines.append({**ends, "colour": colour, "width": f"{1 + 4 * strength:.1f}", "title": title})
-    names = [(Path(views[member].name).stem, x, y) for member, (x, y) in centres.items()]
+    names = [(Path(shown[member]).stem, x, y) for member, (x, y) in centres.items()]
     return {"size": composition.size, "outlines": list(outlines.values()), "lines": lines, "names": names}
 
 

@@ -25,7 +25,7 @@ def write_pair_report(folder: Path, pair: Pair, mosaic: Pixels | None) -> Path:
     numbers = collect_pair_numbers(pair)
     captions = {name: caption for name, (caption, _) in pictures.items()}
     title = f"{Path(pair.left.name).name} and {Path(pair.right.name).name}"
-    page = pages.render("pair.html", title=title, rows=_table_rows(numbers), pictures=captions)
+    page = pages.render("pair.html", title=title, rows=_table_rows(pair), pictures=captions)
     with pages.staged_report(folder) as staged:
         for name, (_, picture) in pictures.items():
             save(staged / name, picture)
@@ -54,17 +54,34 @@ def _photograph_numbers(pair: Pair, side: int) -> dict[str, Any]:
     }
 
 
-def _table_rows(numbers: dict[str, Any]) -> list[tuple[str, str]]:
-    """Format the page's table as names and values."""
-    shown = {key: value for key, value in numbers.items() if key not in ("configuration", "homography")}
-    if numbers["homography"]:
-        shown["homography"] = "\n".join("  ".join(f"{h:.8g}" for h in row) for row in numbers["homography"])
-    return [(key, _format_value(value)) for key, value in shown.items()]
-
-
-def _format_value(value: object) -> str:
-    if isinstance(value, dict):
-        return "\n".join(f"{key}: {_format_value(inner)}" for key, inner in value.items())
-    if isinstance(value, list):
-        return ", ".join(map(_format_value, value)) or "none"
-    return str(value)
+def _table_rows(pair: Pair) -> list[tuple[str, str]]:
+    """What the page says about a pair, as names and words."""
+    sides = [(photograph.name, photograph) for photograph in (pair.left, pair.right)]
+    rows = [
+        (
+            side,
+            f"{Path(name).name}, {'x'.join(map(str, photograph.size))} px"
+            + "".join(f"; {x}" for x in photograph.notes),
+        )
+        for side, (name, photograph) in zip(("left", "right"), sides, strict=True)
+    ]
+    rows.append(("verdict", "accepted" if pair.accepted else f"refused: {pair.reason}"))
+    if pair.confidence is not None:
+        rows.append(("confidence", f"{pair.confidence.verdict}: {pair.confidence.reason}"))
+    left, right = map(len, pair.features)
+    rows += [
+        ("corners", f"{left} and {right}"),
+        ("matches", f"{len(pair.matches)}, {len(pair.kept)} kept by the rules, {len(pair.inliers)} on the homography"),
+    ]
+    if pair.refined_inliers:
+        rows.append(("refit", f"to {pair.refined_inliers} points of dense flow"))
+    if pair.homography is not None:
+        matrix = "\n".join("  ".join(f"{value:.8g}" for value in row) for row in pair.homography)
+        rows.append(("homography, left to right, px", matrix))
+    method = pair.method
+    return [
+        *rows,
+        ("method", f"{method.detector} + {method.descriptor}, {pair.estimator}; passes: {pair.passes} ({pair.effort})"),
+        ("computed by", pair.backend),
+        ("time", ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in pair.seconds.items())),
+    ]
