@@ -2,8 +2,9 @@
 
     python -m bench.synthesis area [NAME ...]
     python -m bench.synthesis clock NAME ...
+    python -m bench.synthesis netlists [NAME ...]
 
-NAMEs choose among the designs; a part of the name is enough.
+NAMEs choose among the designs, or the blocks whose netlists are simulated; a part of the name is enough.
 """
 
 import dataclasses
@@ -18,6 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 from graphlib import TopologicalSorter
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
+from xml.etree import ElementTree
 
 import typer
 from amaranth.lib import wiring
@@ -64,6 +66,7 @@ ECP5 = ("--85k", "--speed", "8", "--package", "CABGA756", "--lpf-allow-unconstra
 TARGET_MHZ = 150
 RECORDED = MEASURED / "synthesis.json"
 COMMAND = "python -m bench.synthesis area"
+NETLIST_TESTS = "tests/system/test_netlists.py"
 
 
 class Design(NamedTuple):
@@ -328,6 +331,33 @@ def clock(names: Names = None, json_file: JsonFile = None) -> None:
         }
 
     report("ECP5-85, speed grade 8", run_designs(names, figures), json_file, keep_others=bool(names))
+
+
+@app.command()
+def netlists(names: Names = None, json_file: JsonFile = None) -> None:
+    """Yosys's netlists for xc7 and the ECP5 in simulation against the golden model: the results of their tests."""
+    with tempfile.TemporaryDirectory() as folder:
+        results = Path(folder) / "results.xml"
+        # The other family of files has no properties.
+        options = ("-n", "0", "-m", "", "-k", " or ".join(names or ()), "-o", "junit_family=xunit1")
+        command = [sys.executable, "-m", "pytest", "-q", NETLIST_TESTS, *options, f"--junitxml={results}"]
+        subprocess.run(command, check=False)
+        rows = [row for case in ElementTree.parse(results).iter("testcase") if (row := _netlist_row(case))]
+    report("netlists against the golden model", rows, json_file, keep_others=bool(names))
+
+
+def _netlist_row(case: ElementTree.Element) -> Row | None:
+    """What a test records of a netlist; None for other tests."""
+    recorded = {str(each.get("name")): str(each.get("value")) for each in case.iter("property")}
+    if not recorded:
+        return None
+    return {
+        "netlist": recorded["netlist"],
+        "cells": int(recorded.get("cells", 0)),
+        "simulator": recorded["simulator"],
+        "equal": "no" if case.find("failure") is not None else "yes",
+        "processor s": int(recorded.get("processor_s", 0)),
+    }
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ os.environ[QUICK_COMPILE] = "1"
 LONGEST_FIRST = (
     "tests/system/test_ulx3s.py::test_open_tools_build_the_bitstream",
     "tests/sim/cocotb/test_runner.py::test_every_case_passes[icarus",
+    "tests/system/test_netlists.py::test_the_netlist_of_a_block_equals_the_golden_model[accelerator",
     "tests/bench/test_synthesis.py",
     "tests/hdl/test_front_end.py",
     "tests/system/test_accelerator.py",

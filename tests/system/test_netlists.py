@@ -5,22 +5,31 @@ The blocks are those of `test_export`, for lines of 64 px; those for the ECP5 in
 RAMs, as in `bench.synthesis`.
 """
 
+import os
+import re
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import pytest
 
 from bench.rules import largest_rules
-from golden_model.config import MatcherConfig
+from golden_model.config import MIN_FRAME_PX, Config, FrontEndConfig, MatcherConfig
+from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.blocks import catalogue
-from hdl.blocks.export import export_block
+from hdl.blocks.export import export_block, module_ports
 from hdl.blocks.flat import FlatBlock
+from hdl.export.accelerator_bench import make_accelerator_bench
 from hdl.lib.ecp5 import Ecp5
 from hdl.netlist import to_verilog
 from tests.hdl.lib.test_ecp5 import raw_response
-from tests.hdl.netlists import SYNTHESIS, models, run_bench, synthesise
+from tests.hdl.netlists import SYNTHESIS, models, run_bench, run_compiled_bench, synthesise
 
-pytestmark = pytest.mark.needs("icarus")
+Recorder = Callable[[str, object], None]
+
+pytestmark = [pytest.mark.needs("icarus"), pytest.mark.needs("compiler")]
+COMPILED = ("harris", "corners", "matcher", "scoring", "homography", "accelerator")
+"""Simulated by Verilator: Icarus takes minutes or hours."""
 QUICK = {"raw_response": "xc7", "half": "ecp5"}
 """The others are slow tests."""
 LOSES_AN_OPERAND = """
@@ -54,32 +63,66 @@ def narrow(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(catalogue.CATALOGUE, "raw_response", raw_response)
 
 
+def export_accelerator(folder: Path, platform: object) -> None:
+    """Write the accelerator at its smallest, and its test bench."""
+    front_end = FrontEndConfig(descriptor="thesis-ilbp-1", levels=1, border_px=10, max_features=64)
+    config, side_px = Config(front_end=front_end), MIN_FRAME_PX
+    build = Accelerator(config=config, lanes=2, video_bits=8, max_width_px=side_px, max_height_px=side_px)
+    top = AcceleratorTop(build)
+    files = make_accelerator_bench("accelerator", module_ports(top), config, video_bits=8).files()
+    for name, text in {**files, "accelerator.v": to_verilog(top, name="accelerator", platform=platform)}.items():
+        (folder / name).write_text(text)
+
+
+def processor_s() -> float:
+    """Processor time of this process and of those that it has waited for."""
+    return sum(os.times()[:4])
+
+
+def assert_equal(folder: Path, name: str, family: str, record_property: Recorder, title: str) -> None:
+    """Synthesise and simulate; `python -m bench.synthesis netlists` makes its table of what is recorded."""
+    record_property("netlist", f"{title}, {family}")
+    record_property("simulator", "Verilator" if name in COMPILED else "Icarus")
+    start_s = processor_s()
+    platform = Ecp5() if family == "ecp5" else None
+    source = folder / f"{name}.v"
+    if name == "accelerator":
+        export_accelerator(folder, platform)
+    else:
+        export_block(folder, name)
+        if platform:
+            block = FlatBlock(catalogue.CATALOGUE[name]().component)
+            source.write_text(to_verilog(block, name=name, platform=platform))
+    netlist = synthesise(folder, name, family, source)
+    record_property("cells", len(re.findall(r"^  [A-Z]\w+ ", netlist.read_text(), re.MULTILINE)))
+    simulate = run_compiled_bench if name in COMPILED else run_bench
+    printed = simulate(folder, name, [netlist, *models(folder, family)])
+    record_property("processor_s", round(processor_s() - start_s))
+    assert printed.startswith("PASS"), printed
+
+
 @pytest.mark.parametrize(
     ("name", "family"),
     [
         pytest.param(name, family, marks=[] if QUICK.get(name) == family else [pytest.mark.slow])
-        for name in ("raw_response", *catalogue.CATALOGUE)
+        for name in ("raw_response", *catalogue.CATALOGUE, "accelerator")
         for family in SYNTHESIS
     ],
 )
-def test_the_netlist_of_a_block_equals_the_golden_model(tmp_path: Path, name: str, family: str) -> None:
-    export_block(tmp_path, name)
-    source = tmp_path / f"{name}.v"
-    if family == "ecp5":
-        source.write_text(to_verilog(FlatBlock(catalogue.CATALOGUE[name]().component), name=name, platform=Ecp5()))
-    netlist = synthesise(tmp_path, name, family, source)
-    printed = run_bench(tmp_path, name, [netlist, *models(tmp_path, family)])
-    assert printed.startswith("PASS"), printed
+def test_the_netlist_of_a_block_equals_the_golden_model(
+    tmp_path: Path, record_property: Recorder, name: str, family: str
+) -> None:
+    assert_equal(tmp_path, name, family, record_property, name.replace("_", " "))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("family", SYNTHESIS)
 def test_the_netlist_of_the_matcher_with_own_rules_equals_the_golden_model(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, family: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, record_property: Recorder, family: str
 ) -> None:
     block = partial(catalogue.matcher, MatcherConfig(rule_base=largest_rules()))
     monkeypatch.setitem(catalogue.CATALOGUE, "matcher", block)
-    test_the_netlist_of_a_block_equals_the_golden_model(tmp_path, "matcher", family)
+    assert_equal(tmp_path, "matcher", family, record_property, "matcher, largest rules")
 
 
 @pytest.mark.slow
