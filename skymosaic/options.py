@@ -9,9 +9,9 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from skymosaic.errors import InputError
 
-GROUPS = ("Input", "Registration", "Picture", "Map", "Output", "Machine")
+GROUPS = ("Input", "Registration", "Picture", "Map", "Hardware", "Output", "Machine")
 """Headings in the help, in this order."""
-INPUT, REGISTRATION, PICTURE, MAP, OUTPUT, MACHINE = GROUPS
+INPUT, REGISTRATION, PICTURE, MAP, HARDWARE, OUTPUT, MACHINE = GROUPS
 
 Class = TypeVar("Class", bound=type[Any])
 Default = TypeVar("Default")

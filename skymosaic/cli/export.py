@@ -18,6 +18,7 @@ from skymosaic.cli.session import session
 from skymosaic.errors import InputError
 from skymosaic.fuzzy.golden import ENTRIES, quantise
 from skymosaic.imagery.images import check_unused
+from skymosaic.options import HARDWARE, OUTPUT
 from skymosaic.registration.options import FeatureOptions
 from skymosaic.temporary import existing_parent, temporary_folder
 
@@ -32,7 +33,12 @@ def export(
     ] = None,
     live: Annotated[bool, typer.Option("--live", help="For a camera: packets of every frame go to memory.")] = False,
     homography: Annotated[
-        bool, typer.Option("--homography", help="With --board: the chip estimates a homography for every frame, too.")
+        bool,
+        typer.Option(
+            "--homography",
+            rich_help_panel=HARDWARE,
+            help="With --board: the chip estimates a homography for every frame, too.",
+        ),
     ] = False,
     output: Annotated[Path, output_option("Folder to write.")],
     overwrite: OverwriteOption = False,
@@ -45,25 +51,34 @@ def export(
         ),
     ] = None,
     lanes: Annotated[
-        int | None, typer.Option(help="Descriptors compared at a time, a power of two: usually 16, on the ulx3s 4.")
+        int | None,
+        typer.Option(
+            rich_help_panel=HARDWARE, help="Descriptors compared at a time, a power of two: usually 16, on the ulx3s 4."
+        ),
     ] = None,
     max_width_px: Annotated[
-        int | None, typer.Option("--max-width", help="Widest frame: usually 1920, on the ulx3s 320.")
+        int | None,
+        typer.Option("--max-width", rich_help_panel=HARDWARE, help="Widest frame: usually 1920, on the ulx3s 320."),
     ] = None,
     max_height_px: Annotated[
-        int | None, typer.Option("--max-height", help="Tallest frame: usually 1080, on the ulx3s 240.")
+        int | None,
+        typer.Option("--max-height", rich_help_panel=HARDWARE, help="Tallest frame: usually 1080, on the ulx3s 240."),
     ] = None,
     video_bits: Annotated[
         int | None,
         typer.Option(
+            rich_help_panel=HARDWARE,
             help="Video input: 32 bits for a DMA (usual for a board), 24 RGB (usual live), 8 gray; with two pixels "
-            "per clock 48 RGB, 16 gray."
+            "per clock 48 RGB, 16 gray.",
         ),
     ] = None,
     build_it: Annotated[
-        bool, typer.Option("--build", help=f"With --board {SERIAL_BOARD}: make the bitstream, too.")
+        bool,
+        typer.Option("--build", rich_help_panel=OUTPUT, help=f"With --board {SERIAL_BOARD}: make the bitstream, too."),
     ] = False,
-    entries: Annotated[int, typer.Option(min=2, help="With --block fuzzy: table entries of each input.")] = ENTRIES,
+    entries: Annotated[
+        int, typer.Option(min=2, rich_help_panel=HARDWARE, help="With --block fuzzy: table entries of each input.")
+    ] = ENTRIES,
 ) -> None:
     """Write Verilog, register map and more: for a kit with its driver, for a live camera, or of one block."""
     if (board is not None) + (block is not None) + live != 1:
