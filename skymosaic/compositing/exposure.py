@@ -113,13 +113,11 @@ def _anchor(thumbnails: Sequence[Layer], tones: Sequence[Tone]) -> list[Tone]:
     for shoulder in SHOULDERS:
         anchored = [replace(tone, shoulder=shoulder) for tone in tones]
         for _ in range(ANCHORINGS):
-            toned = [_apply_tone(layer, tone) for layer, tone in zip(thumbnails, anchored, strict=True)]
-            kept = [
-                after.mean() / max(layer.image.mean(), 1e-6) for after, layer in zip(toned, thumbnails, strict=True)
-            ]
+            measured = [_measure_toned(layer, tone) for layer, tone in zip(thumbnails, anchored, strict=True)]
+            kept, white = zip(*measured, strict=True)
             factor = 1 / float(np.median(kept))
             anchored = [replace(tone, gain=tuple(factor * gain for gain in tone.gain)) for tone in anchored]
-        if np.mean([_white_share(after) for after in toned]) <= unchanged + MAX_MORE_WHITE:
+        if np.mean(white) <= unchanged + MAX_MORE_WHITE:
             break
     return anchored
 
@@ -129,9 +127,10 @@ def _white_share(pixels: Intensities) -> float:
     return float(cv2.inRange(pixels, (NEARLY_WHITE * white + 1,) * 3, (white,) * 3).mean() / 255)
 
 
-def _apply_tone(layer: Layer, tone: Tone) -> Intensities:
-    """Apply a tone to a whole photograph."""
-    return tone.apply(layer.image, tone.factors(layer.size, Canvas(0, 0, *layer.size)))
+def _measure_toned(layer: Layer, tone: Tone) -> tuple[float, float]:
+    """The share of its brightness that a toned photograph keeps, and the share of it that is white."""
+    toned = tone.apply(layer.image, tone.factors(layer.size, Canvas(0, 0, *layer.size)))
+    return float(toned.mean() / max(layer.image.mean(), 1e-6)), _white_share(toned)
 
 
 def _design(overlaps: Overlaps, number: int) -> sparse.csr_array:

@@ -5,6 +5,7 @@ by its detail there, and by their distance from its border. Within the overlaps 
 where the colours differ least.
 """
 
+from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -40,23 +41,26 @@ def find_seams(thumbnails: Sequence[Layer], scale: float, values: ValueRange | N
         One per thumbnail.
     """
     canvases = [layer.footprint for layer in thumbnails]
-    claims = [layer.claim(canvas) for layer, canvas in zip(thumbnails, canvases, strict=True)]
+    claims = deque(layer.claim(canvas) for layer, canvas in zip(thumbnails, canvases, strict=True))
     whole = enclosing(canvases)
     strongest = np.zeros((whole.height_px, whole.width_px), dtype=np.float32)
     for canvas, claim in zip(canvases, claims, strict=True):
         where = canvas.within(whole)
         strongest[where] = np.maximum(strongest[where], claim)
+    # Any, because OpenCV's type hints do not accept arrays here.
+    finder: Any = cv2.detail.DpSeamFinder("COLOR_GRAD")
+    to_opencv: Any = cv2.UMat
     parts, allowed, pixels = [], [], []
-    for layer, canvas, claim in zip(thumbnails, canvases, claims, strict=True):
+    for layer, canvas in zip(thumbnails, canvases, strict=True):
+        # Removed while the pictures are made: neither all claims nor a copy of all pictures is in memory with them.
+        claim = claims.popleft()
         near_enough = (claim > 0) & (claim >= NEARLY_FARTHEST * strongest[canvas.within(whole)])
         # The finder compares whole rectangles, but in a dense flight most of a photograph is far from all its seams.
         part = _surround(near_enough, canvas)
         parts.append(part)
         allowed.append(near_enough[part.within(canvas)].astype(np.uint8) * 255)
-        pixels.append(show_in_8_bit(layer.pixels(part, cv2.INTER_LINEAR), values).astype(np.float32))
+        pixels.append(to_opencv(show_in_8_bit(layer.pixels(part, cv2.INTER_LINEAR), values).astype(np.float32)))
     corners = [(part.x_px, part.y_px) for part in parts]
-    # Any, because OpenCV's type hints do not accept lists of arrays here.
-    finder: Any = cv2.detail.DpSeamFinder("COLOR_GRAD")
     masks = finder.find(pixels, corners, allowed)
     return [SeamMask(mask.get(), part, scale) for mask, part in zip(masks, parts, strict=True)]
 

@@ -41,6 +41,8 @@ COOLING = 0.5
 """Factor of the annealed scale from one step to the next."""
 ANCHOR_SCALE = 4.0
 """Scale of the robust loss of anchors, in their standard deviations."""
+LINKS_AT_ONCE = 256
+"""Links whose derivatives are in memory together: of all links, they would take a megabyte per view."""
 MAX_STEPS = 15
 CONVERGED_PX = 0.01
 MAX_DISTORTION = 0.25
@@ -188,15 +190,20 @@ class Network:
         """Compute the motions (V, 8) of one Gauss-Newton step, and the change of the distortion."""
         (predicted, derivative), residual = self._residuals(transforms)
         root = self._root_weights(residual, least_px)
-        # Left points are mapped into the right view, not both onto the ground: there, shrinking all views would help.
-        # A motion of the right view moves its point away from under the mapped one.
-        by_left, by_right = _times(derivative, generators(self._left, free)), -generators(predicted, free)
-        jacobian = np.concatenate([by_left, by_right], axis=3) * root[..., None]
         residual = residual * root
         bending = self._bending(derivative) * root if lens else np.zeros_like(residual)
-        links = len(self._pairs)
-        targets = np.stack([residual, bending], axis=-1).reshape(links, -1, 2)
-        system = _BlockSystem(self._views, self._pairs, jacobian.reshape(links, -1, 2 * free), targets)
+        targets = np.stack([residual, bending], axis=-1).reshape(len(self._pairs), -1, 2)
+        blocks = []
+        for first in range(0, len(self._pairs), LINKS_AT_ONCE):
+            part = slice(first, first + LINKS_AT_ONCE)
+            # Left points are mapped into the right view, not both onto the ground: there, shrinking all views would
+            # help. A motion of the right view moves its point away from under the mapped one.
+            by_left = _times(derivative[part], generators(self._left[part], free))
+            by_right = -generators(predicted[part], free)
+            jacobian = np.concatenate([by_left, by_right], axis=3) * root[part, ..., None]
+            blocks.append(_normal_blocks(jacobian.reshape(len(jacobian), -1, 2 * free), targets[part]))
+        normal, target = map(np.concatenate, zip(*blocks, strict=True))
+        system = _BlockSystem(self._views, self._pairs, normal, target)
         if anchors is not None:
             system.add_observations(anchors.views, *_anchor_rows(transforms, anchors, free))
         if free > MODELS["similarity"]:
@@ -260,6 +267,12 @@ def _times(left: Array, right: Array) -> Array:
     return np.asarray(left[..., :1] * right[..., :1, :] + left[..., 1:] * right[..., 1:, :])
 
 
+def _normal_blocks(rows: Array, targets: Array) -> tuple[Array, Array]:
+    """Normal equations of each link: derivatives (L, N, 2 free), and what they should explain, (L, N, 2)."""
+    transposed = rows.transpose(0, 2, 1)
+    return transposed @ rows, transposed @ targets
+
+
 class _BlockSystem:
     """Normal equations of a network: one block of unknowns per view, and two right-hand sides.
 
@@ -268,17 +281,14 @@ class _BlockSystem:
     views : int
     pairs : ndarray of int, shape (L, 2)
         Left and right view of each link.
-    rows : ndarray of float64, shape (L, N, 2 free)
-        Derivatives of the residuals by the unknowns of the left and of the right view.
-    targets : ndarray of float64, shape (L, N, 2)
-        What the rows should explain.
+    normal : ndarray of float64, shape (L, 2 free, 2 free)
+        From `_normal_blocks`: the unknowns of the left and of the right view.
+    target : ndarray of float64, shape (L, 2 free, 2)
     """
 
-    def __init__(self, views: int, pairs: NDArray[np.intp], rows: Array, targets: Array) -> None:
+    def __init__(self, views: int, pairs: NDArray[np.intp], normal: Array, target: Array) -> None:
         self._pairs = pairs
-        free = rows.shape[2] // 2
-        transposed = rows.transpose(0, 2, 1)
-        normal, target = transposed @ rows, transposed @ targets
+        free = normal.shape[1] // 2
         self._diagonal = np.zeros((views, free, free))
         self.target = np.zeros((views, free, 2))
         for side in (0, 1):
