@@ -1,5 +1,6 @@
 """The editor of the fuzzy rules: curves with corners to drag, the text, and what a change does to the pair shown."""
 
+import asyncio
 from collections.abc import Callable
 from functools import partial
 
@@ -25,7 +26,8 @@ class RulesEditor:
         self._session, self._edit, self._matches = session, session.rules_edit, matches
         self._first = self._edit.view
         self._wanted: tuple[str, int | None] | None = None
-        self._is_busy = False
+        # What was done first is tried first, an undo after the drag before it.
+        self._turn = asyncio.Lock()
         # The rules and their version when a drag began: each of its steps moves the corner of these.
         self._dragged: tuple[str, int] | None = None
         with ui.expansion("Edit the rules", icon="tune").classes("rules-editor"):
@@ -56,6 +58,9 @@ class RulesEditor:
         edit = self._edit
         self._fault.set_text(edit.fault)
         self._undo_button.set_enabled(edit.versions > 1 or bool(edit.fault))
+        if self._dragged is None and self._wanted is None:
+            for _, curves in self._curves:
+                curves.release()
         if edit.view is self._shown:
             return
         self._shown = edit.view
@@ -76,22 +81,20 @@ class RulesEditor:
             curves.show(variable.name, variable.high, drawn, placed)
 
     def _build_curves(self, number: int) -> Curves:
-        return Curves(partial(self._move, number), self._drop)
+        return Curves(partial(self._move, number), partial(self._move, number, is_last=True))
 
-    async def _move(self, number: int, corner: int, x: float, y: float) -> None:
-        self._dragged = self._dragged or (self._edit.rules.text, self._edit.versions)
-        text, version = self._dragged
+    async def _move(self, number: int, corner: int, x: float, y: float, *, is_last: bool = False) -> None:
+        text, version = self._dragged or (self._edit.rules.text, self._edit.versions)
+        self._dragged = None if is_last else (text, version)
         await self._change(move_corner(text, number, corner, x, y), after=version)
-
-    def _drop(self) -> None:
-        self._dragged = None
 
     async def _type(self, text: str) -> None:
         if text != self._edit.rules.text:
             await self._change(text)
 
     async def _apply(self, change: Callable[[], None]) -> None:
-        await run.io_bound(change)
+        async with self._turn:
+            await run.io_bound(change)
         self._session.changed.emit()
 
     def _use(self) -> None:
@@ -100,13 +103,12 @@ class RulesEditor:
     async def _change(self, text: str, *, after: int | None = None) -> None:
         """Try the rules that were wanted last; steps of a drag that come meanwhile are left out."""
         self._wanted = text, after
-        if self._is_busy:
-            return
-        self._is_busy = True
-        while self._wanted is not None:
-            (text, after), self._wanted = self._wanted, None
-            await self._apply(partial(self._edit.change, text, after=after))
-        self._is_busy = False
+        await self._apply(self._try_wanted)
+
+    def _try_wanted(self) -> None:
+        wanted, self._wanted = self._wanted, None
+        if wanted is not None:
+            self._edit.change(wanted[0], after=wanted[1])
 
 
 def _describe(view: PairView) -> str:

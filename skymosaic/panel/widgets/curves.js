@@ -1,6 +1,7 @@
 // Membership curves with corners to drag; a corner is a slider, so that keys move it and screen readers name it.
 const WIDTH = 240, HEIGHT = 76, LEFT = 14, RIGHT = 10, TOP = 8, BOTTOM = 16;
 const STEPS = 200;
+const INTERVAL_MS = 50;
 
 export default {
   template: `
@@ -18,24 +19,35 @@ export default {
     </svg>`,
   props: { label: String, high: Number, curves: Array, corners: Array },
   data() {
-    return { held: -1, place: [0, 0] };
+    // A corner is "taken", "moved" and "dropped"; then it stays where it was put until its rules are shown.
+    return { held: -1, state: "", place: [0, 0], timer: null };
   },
   methods: {
     x(value) { return LEFT + (WIDTH - LEFT - RIGHT) * value / this.high; },
     y(degree) { return TOP + (HEIGHT - TOP - BOTTOM) * (1 - degree); },
     kind(n) { return ["first", "second", "third"][n % 3]; },
+    hold(n) {
+      if (this.held !== n) this.place = this.corners[n].slice(0, 2);
+      this.held = n;
+    },
     move(at, degree) {
+      this.state = "moved";
       this.place = [Math.min(Math.max(at, 0), this.high), Math.min(Math.max(degree, 0), 1)];
-      this.$emit("move", [this.held, ...this.place]);
+      this.timer ??= setTimeout(() => this.tell("move"), INTERVAL_MS);
+    },
+    tell(event) {
+      clearTimeout(this.timer);
+      this.timer = null;
+      this.$emit(event, [this.held, ...this.place]);
     },
     take(n, event) {
-      this.held = n;
-      this.place = this.corners[n].slice(0, 2);
+      this.hold(n);
+      this.state = "taken";
       event.target.focus();
       event.target.setPointerCapture(event.pointerId);
     },
     drag(event) {
-      if (this.held < 0) return;
+      if (!["taken", "moved"].includes(this.state)) return;
       const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(this.$refs.svg.getScreenCTM().inverse());
       this.move((at.x - LEFT) / (WIDTH - LEFT - RIGHT) * this.high, 1 - (at.y - TOP) / (HEIGHT - TOP - BOTTOM));
     },
@@ -43,14 +55,17 @@ export default {
       const step = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
       if (!step) return;
       event.preventDefault();
-      if (this.held !== n) this.place = this.corners[n].slice(0, 2);
-      this.held = n;
+      this.hold(n);
       this.move(this.place[0] + step[0] * this.high / STEPS, this.place[1] + step[1] / 100);
     },
     drop() {
-      if (this.held < 0) return;
+      if (this.state === "moved") this.tell("drop");
+      this.state = this.state === "moved" ? "dropped" : "";
+    },
+    release() {
+      if (["taken", "moved"].includes(this.state)) return;
       this.held = -1;
-      this.$emit("drop");
+      this.state = "";
     },
   },
 };
