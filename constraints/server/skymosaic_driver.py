@@ -80,8 +80,8 @@ class Accelerator(Registers):
         frames : iterable of uint8 ndarray, shape (H, W) or (H, W, 3) BGR
             At least one, all of one shape; taken one at a time, so that a server need not keep them all.
         settings : dict
-            Values of the register fields in `skymosaic_map.REQUESTED`, and of those in `skymosaic_map.ESTIMATION`
-            that are not to keep theirs.
+            Values of the register fields in `skymosaic_map.REQUESTED`; those in `skymosaic_map.ESTIMATION` keep theirs
+            if they are left out.
         hold_reference : bool
             Match every frame with the first; otherwise each with the previous one.
         """

@@ -19,6 +19,7 @@ from sim.benches.pynq_package import NEWEST, import_pynq
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import BUILT_SIZES_PX, design_accelerator
 from sim.simulators.compiled import Bench
+from sim.simulators.design import Design
 from sim.simulators.recording import END_OF_LINE, Segment
 
 POLL_CLOCKS = 2000
@@ -258,9 +259,11 @@ class LiveSystem:
             receive.receive(scores, last=True)
 
 
-def open_board(config: Config = PRESETS["aerial"], version: str = NEWEST) -> AcceleratorSystem:
-    """Start the default build, and put PYNQ's package ``pynq`` in front of it."""
-    design = design_accelerator(config, BUILT_SIZES_PX[0])
+def open_board(
+    config: Config = PRESETS["aerial"], version: str = NEWEST, *, design: Design | None = None
+) -> AcceleratorSystem:
+    """Start a design, usually the default build, and put PYNQ's package ``pynq`` in front of it."""
+    design = design or design_accelerator(config, BUILT_SIZES_PX[0])
     system = AcceleratorSystem(Bench(verilator.build_library(design), design.ports))
     import_pynq(version, system.board)
     return system

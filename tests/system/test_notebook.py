@@ -1,16 +1,19 @@
 """The notebook of the export, executed as it is by a Jupyter kernel on the simulated accelerator, and its page."""
 
+import dataclasses
 import re
+from typing import Any
 
 import nbformat
 import numpy as np
 import pytest
 
 from bench import pictures
-from golden_model.config import PRESETS
+from golden_model.config import PRESETS, EstimatorConfig
 from sim.backends.interface import load_backend
 from sim.benches.pynq_package import NEWEST, OLDER
 from sim.scene import make_pair
+from skymosaic.geometry.fabric import homography_in_pixels
 
 SIZE_PX = (160, 120)
 SOURCES = [cell.source for cell in nbformat.read(pictures.NOTEBOOK, as_version=4).cells]
@@ -44,3 +47,16 @@ def test_the_page_in_docs_has_every_cell_and_its_pictures() -> None:
     assert len(drawn) == 3
     assert all((pictures.PAGE.parent / picture).is_file() for picture in drawn)
     assert "not yet run on a board" in text
+
+
+def test_the_notebook_shows_the_homography_in_pixels(capsys: pytest.CaptureFixture[str]) -> None:
+    config = dataclasses.replace(PRESETS["aerial"], estimator=EstimatorConfig(passes=2))
+    second = load_backend("golden").run(make_pair(seed=9, size=SIZE_PX).images, config)[1]
+    (source,) = [source for source in SOURCES if "second.homography" in source]
+    names: dict[str, Any] = {"second": second, "np": np}
+    exec(source, names)
+    assert second.homography is not None
+    expected = homography_in_pixels(second.homography)
+    assert expected is not None
+    np.testing.assert_allclose(names["homography"], expected)
+    assert f"{second.homography['inliers']} inliers, causes 0\n" in capsys.readouterr().out
