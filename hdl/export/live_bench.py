@@ -23,7 +23,7 @@ from hdl.shell.slot import HEADER, HEADER_BYTES
 
 RING_ADDRESSES = {"features": 0x1000_0000, "matches": 0x2000_0000}
 SLOT_PAGES = 256
-_HYPOTHESES = "s_axis_hypotheses_t"
+_HYPOTHESES, _HOMOGRAPHIES = "s_axis_hypotheses_t", "m_axis_homographies_t"
 
 
 def make_live_bench(module: str, ports: dict[str, Port], config: Config, *, video_bits: int) -> VerilogBench:
@@ -59,6 +59,9 @@ def make_live_bench(module: str, ports: dict[str, Port], config: Config, *, vide
             **{f"{prefix}aw": addresses for prefix, (addresses, _) in bursts.items()},
             **{f"{prefix}w": words for prefix, (_, words) in bursts.items()},
             "m_axis_scores_t": fill_stream("m_axis_scores_t", packet(scores)),
+            **(
+                {_HOMOGRAPHIES: fill_stream(_HOMOGRAPHIES, *frames.packets["homographies"])} if config.estimator else {}
+            ),
         },
         settings={},
         clocks={VIDEO_STREAM: "video_aclk"},

@@ -54,6 +54,8 @@ class LiveAccelerator(wiring.Component):
     """Packets of Hypothesis records, see `RecordScoring`."""
     o_scores: Out(stream.Signature(WordPayload))
     """Packets of Score records."""
+    o_homographies: Out(stream.Signature(WordPayload))
+    """A Homography record for every frame; none without an estimator."""
     control: In(AXI_LITE)
     """`hdl.registers.register_map.list_registers`, and `hdl.registers.live_register_map.SHELL_REGISTERS`."""
     o_interrupt: Out(1)
@@ -92,6 +94,8 @@ class LiveAccelerator(wiring.Component):
         wiring.connect(m, wiring.flipped(self.control), inner.control)
         for ring in RINGS:
             wiring.connect(m, getattr(shell, ring), wiring.flipped(getattr(self, ring)))
+        if inner.config.estimator:
+            wiring.connect(m, inner.o_homographies, wiring.flipped(self.o_homographies))
         self._score(m, reset)
         m.d.comb += [
             inner.i_reset.eq(self.i_reset),
@@ -130,6 +134,8 @@ class LiveTop(FlatTop):
     m_axi_features_*, m_axi_matches_* : AXI4, writes only
     s_axis_hypotheses_*, m_axis_scores_* : AXI4-Stream
         64 bits wide, for a DMA.
+    m_axis_homographies_* : AXI4-Stream
+        Only where the accelerator estimates homographies.
     s_axi_ctrl_* : AXI4-Lite
     interrupt : Out(1)
         Active high, level.
@@ -139,6 +145,7 @@ class LiveTop(FlatTop):
         self.live = live
         self._reset_n = Signal(name="reset_n")
         camera, hypotheses = live.i_camera, live.i_hypotheses
+        estimates = live.accelerator.config.estimator is not None
         super().__init__(
             {
                 "aclk": (In(1), ClockSignal()),
@@ -151,6 +158,7 @@ class LiveTop(FlatTop):
                 "s_axis_video_tready": (Out(1), Const(1)),
                 **stream_pins("s_axis_hypotheses", hypotheses, In, tdata=hypotheses.payload.data),
                 **packet_pins("m_axis_scores", live.o_scores),
+                **(packet_pins("m_axis_homographies", live.o_homographies) if estimates else {}),
                 **bus_pins("s_axi_ctrl", live.control),
                 **bus_pins("m_axi_features", live.features),
                 **bus_pins("m_axi_matches", live.matches),

@@ -37,7 +37,7 @@ def export(
         typer.Option(
             "--homography",
             rich_help_panel=HARDWARE,
-            help="With --board: the chip estimates a homography for every frame, too.",
+            help="The chip estimates a homography for every frame, too.",
         ),
     ] = False,
     output: Annotated[Path, output_option("Folder to write.")],
@@ -96,9 +96,11 @@ def export(
     if rules is not None and block is None:
         options = dataclasses.replace(options, rules=read_rules(rules))
         options.check()
-    if homography and board in (None, SERIAL_BOARD):
-        raise InputError(f"--homography needs a --board other than {SERIAL_BOARD}; leave it out, or choose a board")
+    if homography and (block is not None or board == SERIAL_BOARD):
+        raise InputError(f"--homography needs --live or a --board other than {SERIAL_BOARD}; leave it out")
     check_unused(output, overwrite=overwrite)
+
+    config = dataclasses.replace(options.base_config, estimator=EstimatorConfig() if homography else None)
 
     def write(folder: Path) -> None:
         if rules is not None and block is not None:
@@ -108,15 +110,14 @@ def export(
             sys.path.insert(0, str(Path.cwd()))
             _import_hdl("blocks.export").export_block(folder, block)
         elif board is None:
-            _import_hdl("export.accelerator").export_live(folder, config=options.base_config, **build)
+            _import_hdl("export.accelerator").export_live(folder, config=config, **build)
         elif board == SERIAL_BOARD:
             # The board has a configuration of its own, which only an explicit one replaces.
             is_own = options == FeatureOptions(rules=options.rules)
             own = _import_hdl("export.ulx3s").DEFAULT_CONFIG if is_own else options.config
-            config = dataclasses.replace(options, config=own).base_config
-            _export_serial(folder, {"config": config, **build}, build_it=build_it)
+            serial_config = dataclasses.replace(options, config=own).base_config
+            _export_serial(folder, {"config": serial_config, **build}, build_it=build_it)
         else:
-            config = dataclasses.replace(options.base_config, estimator=EstimatorConfig() if homography else None)
             _import_hdl("export.accelerator").export(folder, board=board, config=config, **build)
 
     with session.working("writing Verilog"):

