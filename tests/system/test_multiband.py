@@ -1,5 +1,6 @@
 """Multi-band sets by command, in the panel and in a live mosaic."""
 
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -65,6 +66,19 @@ def test_a_live_mosaic_shows_one_named_band(band_folder: Path) -> None:
         shown("thermal")
     with pytest.raises(InputError, match="only a folder can hold multi-band sets"):
         shown("nir", "0")
+
+
+def test_a_damaged_band_leaves_out_its_capture(band_folder: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(band_folder, tmp_path / "bands")
+    path = folder / "IMG_0004_NIR.TIF"
+    cv2.imwrite(str(path), cv2.imread(str(path), cv2.IMREAD_UNCHANGED), [cv2.IMWRITE_TIFF_COMPRESSION, 8])
+    data = bytearray(path.read_bytes())
+    data[len(data) // 3 : len(data) // 3 + 400] = bytes(400)
+    path.write_bytes(data)
+    made = skymosaic("mosaic", folder, "-o", "m.tif", cwd=tmp_path)
+    assert made.returncode == 0, made.stderr
+    assert re.search(r"left out: .*IMG_0004_NIR\.TIF: the TIFF is damaged \(", made.stderr)
+    assert f"{CAPTURES - 1} photographs of {CAPTURES}" in made.stdout
 
 
 @pytest.mark.parametrize(

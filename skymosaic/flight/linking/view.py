@@ -147,7 +147,8 @@ class Settings:
     def key(self, source: Source) -> str:
         """Cache key of the view that `describe` makes of ``source``."""
         how = self.lens.key, self.config.front_end, self.backend, self.working_width_px
-        return key_of("view", source.digest, source.keep_damaged, *how)
+        bands = [band.digest for band in source.bands.values()]
+        return key_of("view", source.digest, *bands, source.keep_damaged, *how)
 
     def with_more_features(self) -> Settings | None:
         """Twice the features and descriptor bits, by the golden model; None if the preset cannot have more."""
@@ -164,9 +165,13 @@ def describe(source: Source, settings: Settings) -> View:
     Raises
     ------
     InputError
-        For a photograph that cannot be used.
+        For a photograph that cannot be used, or a set of which a band cannot be.
     """
     photograph = source.read_photograph(settings.lens)
+    for band in source.bands.values():
+        if band.content != source.content:
+            # Read here, a damaged band leaves out its capture; later, it would end the run.
+            band.read_photograph(settings.lens)
     working, to_original = reduce_for_front_end(photograph.pixels, settings.working_width_px, source.name)
     features = _extract_from_ground(working, settings, source.name)
     return make_view(source, photograph, settings, working=working, to_original=to_original, features=features)
