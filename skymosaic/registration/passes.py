@@ -337,8 +337,10 @@ def explain_refusal(state: SearchState) -> str:
         cause = f"too few inliers, {MIN_PLACES} needed (do the images overlap?)"
     else:
         cause = "the inliers cover too little of the overlap"
-    matches = len(state.evidence.matches)
-    return f"{cause}: features {left} and {right}, matches {matches}, kept {kept}, inliers {state.places}"
+    # Inliers at one place, of neighbouring corners, count once: both numbers, as `Pair.inliers` has the first.
+    matches, inliers = len(state.evidence.matches), np.count_nonzero(state.inliers)
+    counts = f"matches {matches}, kept {kept}, inliers {inliers} at {state.places} places"
+    return f"{cause}: features {left} and {right}, {counts}"
 
 
 def _swap(matches: Records) -> Records:

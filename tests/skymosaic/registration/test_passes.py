@@ -85,6 +85,8 @@ def test_unrelated_images_are_refused_at_every_effort(near: tuple[CameraPose, ND
         assert not pair.accepted
         assert pair.confidence is None
         assert "too few" in pair.reason
+        # One number everywhere, though several inliers at one place count once.
+        assert f"kept {len(pair.kept)}, inliers {len(pair.inliers)} at " in pair.reason
 
 
 def test_the_seed_hardly_matters(
