@@ -41,7 +41,7 @@ class Cluster:
     address : str
         Of the scheduler (``tcp://host:8786``), or a scheduler file.
     tell : callable
-        Receives a line when workers have to be waited for.
+        Receives a line when workers have to be waited for, and the address of the dashboard.
     sources : sequence of Source
         Photographs that every worker must be able to read, and have memory for.
     memory_bytes : int
@@ -67,6 +67,9 @@ class Cluster:
             self._await_workers(InputError, "start a worker")
             self._check_workers(sources)
             self._check_memory(sources, memory_bytes)
+            # A scheduler may run without one.
+            with contextlib.suppress(KeyError):
+                tell(f"{address}: dashboard {self._client.dashboard_link}")
         except BaseException:
             self.close()
             raise

@@ -30,7 +30,7 @@ from skymosaic.imagery.photographs import list_sources
 
 dask = pytest.importorskip("dask")
 psutil = pytest.importorskip("psutil")
-pytest.importorskip("distributed")
+distributed = pytest.importorskip("distributed")
 ROOT = Path(__file__).parents[3]
 
 
@@ -124,6 +124,16 @@ def test_a_scheduler_without_workers_is_waited_for_and_said(cluster: Processes) 
         assert list(workers.run("powers", pow, [(2, n) for n in range(30)])) == [2**n for n in range(30)]
         assert not [each for each in psutil.Process().net_connections() if each.status == psutil.CONN_LISTEN]
     late.join()
+
+
+def test_the_dashboard_is_named() -> None:
+    local: Any = distributed.LocalCluster
+    lines: list[str] = []
+    with (
+        local(processes=False, n_workers=1, host="127.0.0.1", protocol="tcp", dashboard_address=":0") as cluster,
+        Workers(cluster.scheduler_address, progress=lambda line, *_: lines.append(line)),
+    ):
+        assert lines == [f"{cluster.scheduler_address}: dashboard {cluster.dashboard_link}"]
 
 
 def test_a_signal_ends_the_wait_for_a_worker(cluster: Processes) -> None:
