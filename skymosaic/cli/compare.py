@@ -9,7 +9,7 @@ from skymosaic.cli.options import OverwriteOption, with_options
 from skymosaic.cli.session import session
 from skymosaic.evaluation.hardware import compare as compare_pair
 from skymosaic.imagery.images import check_unused
-from skymosaic.options import OUTPUT
+from skymosaic.options import HARDWARE, OUTPUT
 from skymosaic.registration.options import FeatureOptions
 
 
@@ -25,7 +25,12 @@ def compare(
         ),
     ] = None,
     homography: Annotated[
-        bool, typer.Option("--homography", help="Take the build that estimates homographies, and compare them, too.")
+        bool,
+        typer.Option(
+            "--homography",
+            rich_help_panel=HARDWARE,
+            help="Take the build that estimates homographies, and compare them, too.",
+        ),
     ] = False,
     overwrite: OverwriteOption = False,
     options: Annotated[FeatureOptions, ("preset", "config", "rules", "backend", "working_width_px", "damaged")] = (
