@@ -242,8 +242,8 @@ ESTIMATOR_REGISTERS = (
     Register(
         "ESTIMATOR",
         ESTIMATOR_OFFSET,
-        "The estimator of homographies. It takes its settings when a frame's matches are complete; one that must not "
-        "be 0 makes the record say so.",
+        "The estimator of homographies. It takes its settings when a frame's matches are complete. With passes or seed "
+        "0, its records have a cause instead of a homography.",
         setting_field("homographies_enable", 0),
         setting_field("passes", 8),
     ),

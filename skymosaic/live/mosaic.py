@@ -110,6 +110,7 @@ class LiveMosaic:
     backend : str
         Name of the backend that computes the features.
     estimator : {"prosac", "fabric"}
+        Whether the host links frames by their matches, or the chip by a homography of each frame.
     seed : int
         Seed of the robust estimator.
     working_width_px : int
