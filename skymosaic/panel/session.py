@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import shutil
-import time
+import tempfile
 import zipfile
 from collections.abc import AsyncIterator, Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial, wraps
+from functools import partial
 from pathlib import Path
-from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from nicegui import Event, background_tasks
 from nicegui.binding import BindableProperty
@@ -24,27 +24,13 @@ from skymosaic.panel.rules_edit import RulesEdit
 from skymosaic.panel.runs import Runs
 from skymosaic.panel.tasks import mosaic_tasks, tracking_tasks, upload_tasks
 from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits, Task
-from skymosaic.panel.uploads import KINDS, MAX_UPLOADS_AT_ONCE, MIN_FREE_BYTES, UploadRefusedError, receive
+from skymosaic.panel.uploads import KINDS, MIN_FREE_BYTES, UploadRefusedError, receive
 
 MAX_BYTES = 4 << 30
 """Size of all files of one session, results included."""
 DECODING_LIMITS = Limits(seconds=120, processor_seconds=60, memory_bytes=2 << 30)
 
-_Arguments = ParamSpec("_Arguments")
 AnyRun = TypeVar("AnyRun", MosaicResult, TrackingResult)
-
-
-def _only_while_idle(
-    start: Callable[Concatenate[Session, _Arguments], None],
-) -> Callable[Concatenate[Session, _Arguments], None]:
-    """Make a method that starts a job do nothing while another job runs."""
-
-    @wraps(start)
-    def start_if_idle(session: Session, /, *args: _Arguments.args, **kwargs: _Arguments.kwargs) -> None:
-        if session.job is None:
-            start(session, *args, **kwargs)
-
-    return start_if_idle
 
 
 class Queues(NamedTuple):
@@ -66,8 +52,8 @@ class Session:
     boards : tuple of str
         Backends that are boards.
     queues : Queues
-    make_folder : callable
-        Makes the session's folder when it gets its first file.
+    parent : Path
+        Where the session makes its folder when it gets its first file.
 
     Attributes
     ----------
@@ -98,15 +84,13 @@ class Session:
 
     job = BindableProperty()
 
-    def __init__(self, boards: tuple[str, ...], queues: Queues, make_folder: Callable[[Session], Path]) -> None:
+    def __init__(self, boards: tuple[str, ...], queues: Queues, parent: Path) -> None:
         self.boards = boards
         self._queues = queues
-        self._make_folder = make_folder
+        self._parent = parent
         self._root: Path | None = None
         self._names_given = 0
-        self._uploads_under_way = 0
         self._mosaic_inputs: tuple[object, ...] = ()
-        self.last_active = time.monotonic()
         self.roots = Roots()
         self.runs: Runs | None = None
         self.photographs: list[InputFile] = []
@@ -128,11 +112,6 @@ class Session:
         """The results that have a folder, by the names of these folders in the archive."""
         results = {"mosaic": self.mosaic_result, "tracking": self.tracking_result}
         return {name: result for name, result in results.items() if result}
-
-    @property
-    def is_busy(self) -> bool:
-        """Whether a job or an upload is running."""
-        return self.job is not None or self._uploads_under_way > 0
 
     @property
     def is_outdated(self) -> bool:
@@ -172,19 +151,12 @@ class Session:
         UploadRefusedError
             If the file is refused; it is removed completely.
         """
-        if self._uploads_under_way >= MAX_UPLOADS_AT_ONCE:
-            raise UploadRefusedError(f"{MAX_UPLOADS_AT_ONCE} files are arriving already; wait for them", 429)
-        self._uploads_under_way += 1
+        path = await self._receive(slot, body, name)
         try:
-            path = await self._receive(slot, body, name)
-            try:
-                decoded = await self._decode(path, slot, self._folder("pictures/uploads"))
-            except JobFailedError as error:
-                path.unlink()
-                raise UploadRefusedError(str(error)) from None
-        finally:
-            self._uploads_under_way -= 1
-            self.last_active = time.monotonic()
+            decoded = await self._decode(path, slot, self._folder("pictures/uploads"))
+        except JobFailedError as error:
+            path.unlink()
+            raise UploadRefusedError(str(error)) from None
         uploaded = InputFile(path.name, decoded.working, decoded)
         if slot == "photograph":
             self.keep_photographs(each for each in self.photographs if each.is_upload)
@@ -282,7 +254,6 @@ class Session:
             self.options = options
             self.changed.emit()
 
-    @_only_while_idle
     def load_built_in(self, count: int) -> None:
         """Replace the photographs by the built-in pair, or by a built-in flight of more than two."""
         names = [f"{self._new_number()}_built-in.png" for _ in range(count)]
@@ -290,7 +261,6 @@ class Session:
         folder, pictures = self._folder("uploads"), self._folder("pictures/uploads")
         self._start(f"Rendering the built-in {title}", self.keep_photographs, task, folder, names, pictures)
 
-    @_only_while_idle
     def load_built_in_film(self) -> None:
         """Replace template and video by the built-in film of a car."""
         names = f"{self._new_number()}_car.png", f"{self._new_number()}_film.mp4"
@@ -298,9 +268,10 @@ class Session:
         task = upload_tasks.render_pursuit
         self._start("Rendering the built-in film", self._replace_film, task, folder, *names, pictures)
 
-    @_only_while_idle
     def make_mosaic(self) -> None:
         """Make a mosaic of the photographs with the options as they are."""
+        if self.job is not None:
+            return
         # As they are now: both may change while the job runs.
         inputs = self.options, *self.photographs
         run, pictures = self._new_run(self.photographs)
@@ -314,7 +285,6 @@ class Session:
         title = f"{len(paths)} photographs: {place}"
         self._start("Making the mosaic", accept, mosaic_tasks.make_mosaic, run, paths, self.options, pictures)
 
-    @_only_while_idle
     def look_at_pair(self, names: tuple[str, str]) -> None:
         """Register one pair of a flight again, to show its matches."""
         assert self.mosaic_result is not None
@@ -322,7 +292,6 @@ class Session:
         folder, task = self.mosaic_result.folder, mosaic_tasks.look_at_pair
         self._start("Matching the pair", self._show_result, task, folder, self.mosaic_result, names)
 
-    @_only_while_idle
     def compare_hardware(self, backend: str) -> None:
         """Run the pair that is shown through hardware."""
         assert self.mosaic_result is not None
@@ -335,9 +304,10 @@ class Session:
         task, title = mosaic_tasks.compare_hardware, "Comparing with the golden model"
         self._start(title, accept, task, result.folder, paths, result.options, backend)
 
-    @_only_while_idle
     def track(self) -> None:
         """Follow the template through the video."""
+        if self.job is not None:
+            return
         assert self.template is not None
         assert self.video is not None
         names = self.template.name, self.video.name
@@ -364,7 +334,9 @@ class Session:
             self.changed.emit()
 
     def _start(self, title: str, accept: Callable[[Any], None], task: Task, folder: Path, *arguments: object) -> None:
-        """Run ``task`` in a worker and hand its result to ``accept``."""
+        """Run ``task`` in a worker and hand its result to ``accept``; nothing happens while another job runs."""
+        if self.job is not None:
+            return
         self.job, self.fault = Job(title, task, folder, *arguments), ""
         background_tasks.create(self._finish(self.job, accept), name=title)
         self.changed.emit()
@@ -377,7 +349,7 @@ class Session:
         except JobFailedError as error:
             self.fault = str(error)
         finally:
-            self.job, self.last_active = None, time.monotonic()
+            self.job = None
             self.changed.emit()
 
     def _keep(self, result: AnyRun, title: str) -> AnyRun:
@@ -420,7 +392,7 @@ class Session:
 
     def _folder(self, name: str) -> Path:
         if self._root is None:
-            self._root = self._make_folder(self)
+            self._root = Path(tempfile.mkdtemp(dir=self._parent))
         folder = self._root / name
         folder.mkdir(parents=True, exist_ok=True)
         return folder

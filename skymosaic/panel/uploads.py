@@ -13,11 +13,6 @@ from pathlib import Path
 import anyio
 
 MEBIBYTE = 1 << 20
-STALLED_SECONDS = 20.0
-PROGRESS_BYTES = 1 << 16
-"""An upload that brings less in `STALLED_SECONDS` is given up: a byte now and then would hold its place for ever."""
-MAX_UPLOADS_AT_ONCE = 16
-"""Of one session. A browser sends six at once."""
 MIN_FREE_BYTES = 1 << 30
 """Uploads leave this much of the disk free."""
 _HEAD_BYTES = 16
@@ -121,31 +116,11 @@ async def receive(body: AsyncIterator[bytes], name: str, kind: Kind, part: Path,
         part.unlink(missing_ok=True)
 
 
-async def _without_stalls(body: AsyncIterator[bytes], stem: str) -> AsyncIterator[bytes]:
-    """Pass on the body; refuse it when less than `PROGRESS_BYTES` arrive in `STALLED_SECONDS`."""
-    chunks, awaited_bytes, deadline = aiter(body), 0, 0.0
-    while True:
-        if awaited_bytes <= 0:
-            awaited_bytes, deadline = PROGRESS_BYTES, anyio.current_time() + STALLED_SECONDS
-        try:
-            with anyio.fail_after(deadline - anyio.current_time()):
-                chunk = await anext(chunks)
-        except StopAsyncIteration:
-            return
-        except TimeoutError:
-            raise UploadRefusedError(
-                f"{stem}: hardly anything arrived for {STALLED_SECONDS:g} s; check the connection and load it again",
-                408,
-            ) from None
-        awaited_bytes -= len(chunk)
-        yield chunk
-
-
 async def _store(body: AsyncIterator[bytes], path: Path, limit_bytes: int, stem: str) -> bytes:
     """Write the body to ``path`` as it arrives; return its first bytes."""
     head, size = b"", 0
     async with await anyio.open_file(path, "wb") as file:
-        async for chunk in _without_stalls(body, stem):
+        async for chunk in body:
             size += len(chunk)
             if size > limit_bytes:
                 raise UploadRefusedError(

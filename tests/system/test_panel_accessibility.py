@@ -1,13 +1,14 @@
 """Every state of the panel without barriers that axe-core finds, in light and dark, and without sideways scrolling."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from axe_playwright_python.base import AXE_SCRIPT
 from playwright.sync_api import Browser, Page
 
-from tools.panel.states import LONG_STATES, STATES
-from tools.panel.visit import PHONE, WINDOW, open_page
+from tools.panel.states import LONG_STATES, OWNER_STATES, STATES, write_flight
+from tools.panel.visit import PHONE, WINDOW, open_page, running_panel
 
 
 def barriers(page: Page, *rules: str) -> list[str]:
@@ -60,6 +61,14 @@ def test_the_states_of_a_pair_have_no_barriers(browser: Browser, panel: str) -> 
 @pytest.mark.slow
 def test_the_states_of_a_flight_and_a_film_have_no_barriers(browser: Browser, panel: str) -> None:
     found = walk(browser, panel, LONG_STATES)
+    assert found == [], "\n".join(found)
+
+
+@pytest.mark.slow
+def test_folders_and_runs_have_no_barriers(browser: Browser, tmp_path: Path) -> None:
+    write_flight(tmp_path / "flight")
+    with running_panel(tmp_path, "--root", "flight") as address:
+        found = walk(browser, address, OWNER_STATES)
     assert found == [], "\n".join(found)
 
 

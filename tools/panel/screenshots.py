@@ -14,9 +14,9 @@ from typing import Annotated, Literal
 import cv2
 import numpy as np
 import typer
-from playwright.sync_api import Page, ViewportSize, expect
+from playwright.sync_api import Browser, Page, ViewportSize, expect
 
-from tools.panel.states import LONG_STATES, STATES
+from tools.panel.states import LONG_STATES, OWNER_STATES, STATES, write_flight
 from tools.panel.visit import (
     PHONE,
     WINDOW,
@@ -93,19 +93,26 @@ def show_pages(folder: Path) -> None:
 
 def show_states(folder: Path) -> None:
     """Save ``STATE-WIDTH-SCHEME.webp`` for every state, size of the window and colour scheme."""
-    with tempfile.TemporaryDirectory() as log_folder, running_panel(Path(log_folder)) as address, chromium() as browser:
-        for states in (STATES, LONG_STATES):
-            page = open_page(browser, address)
-            for name, reach in states.items():
-                reach(page)
-                for scheme in SCHEMES:
-                    page.emulate_media(color_scheme=scheme)
-                    for size in SIZES:
-                        page.set_viewport_size(size)
-                        shoot(page, folder, f"{name.replace(' ', '_')}-{size['width']}-{scheme}", whole_page=True)
-                page.emulate_media(color_scheme="light")
-                page.set_viewport_size(WINDOW)
-            page.context.close()
+    with tempfile.TemporaryDirectory() as log_folder, chromium() as browser:
+        write_flight(Path(log_folder) / "flight")
+        with running_panel(Path(log_folder), "--root", "flight") as address:
+            shoot_states(browser, address, folder)
+
+
+def shoot_states(browser: Browser, address: str, folder: Path) -> None:
+    """Save the pictures of one panel's states."""
+    for states in (STATES, LONG_STATES, OWNER_STATES):
+        page = open_page(browser, address)
+        for name, reach in states.items():
+            reach(page)
+            for scheme in SCHEMES:
+                page.emulate_media(color_scheme=scheme)
+                for size in SIZES:
+                    page.set_viewport_size(size)
+                    shoot(page, folder, f"{name.replace(' ', '_')}-{size['width']}-{scheme}", whole_page=True)
+            page.emulate_media(color_scheme="light")
+            page.set_viewport_size(WINDOW)
+        page.context.close()
 
 
 def main(

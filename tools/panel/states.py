@@ -1,9 +1,12 @@
 """Every state of the panel's pages, each reached from the one before."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 from playwright.sync_api import Page, expect
 
+from sim.scene import make_lawnmower
+from skymosaic.imagery.images import save
 from tools.panel.visit import choose, load_built_in_pair, make_mosaic, open_tab, photographs_loaded
 
 
@@ -82,3 +85,43 @@ LONG_STATES: dict[str, Callable[[Page], None]] = {
     "tracked": tracked,
 }
 """States of a flight and of a film, which take longer."""
+
+
+def write_flight(folder: Path) -> None:
+    """Make a folder of eight rendered photographs."""
+    folder.mkdir()
+    for number, image in enumerate(make_lawnmower(3, 8, (400, 300)).images):
+        save(folder / f"DJI_{number:04}.png", image)
+
+
+def folder_picker(page: Page) -> None:
+    page.get_by_role("button", name="Open a folder").click()
+    expect(page.get_by_role("textbox", name="Folder")).not_to_have_value("")
+
+
+def refused_folder(page: Page) -> None:
+    page.get_by_role("textbox", name="Folder").fill("/")
+    page.get_by_role("button", name="Open", exact=True).click()
+    expect(page.get_by_text("outside of what this panel may open")).to_be_visible()
+
+
+def opened_folder(page: Page) -> None:
+    page.get_by_role("textbox", name="Folder").fill("")
+    page.get_by_role("button", name="Open", exact=True).click()
+    expect(photographs_loaded(page).first).to_be_visible()
+
+
+def finished_runs(page: Page) -> None:
+    make_mosaic(page)
+    page.get_by_role("link", name="Runs").click()
+    page.get_by_role("button", name="Delete").first.click()
+    expect(page.get_by_role("button", name="Delete for good")).to_be_visible()
+
+
+OWNER_STATES: dict[str, Callable[[Page], None]] = {
+    "folder picker": folder_picker,
+    "refused folder": refused_folder,
+    "opened folder": opened_folder,
+    "finished runs": finished_runs,
+}
+"""States of who came by the printed address; the panel's root is that of `write_flight`."""

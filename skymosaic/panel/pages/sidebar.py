@@ -7,7 +7,7 @@ from nicegui import ui
 from nicegui.elements.mixins.disableable_element import DisableableElement
 
 from skymosaic.panel.options import OPTION_VALUES, OWN, fault_of
-from skymosaic.panel.pages.folder_dialog import FolderDialog
+from skymosaic.panel.pages.folder_picker import FolderPicker
 from skymosaic.panel.results import InputFile, picture_address
 from skymosaic.panel.session import Session
 from skymosaic.panel.uploads import MEBIBYTE, PHOTOGRAPH
@@ -67,8 +67,7 @@ class PhotographsCard:
                         button.props(f'flat dense no-caps size=sm aria-label="Load the built-in {title.lower()}"')
                         enable_while_idle(button, session)
             if session.roots.folders:
-                dialog = FolderDialog(session)
-                ui.button("Open a folder", icon="folder_open", on_click=dialog.show).props("outline no-caps")
+                FolderPicker(session)
             else:
                 ui.label("Folders are opened from the address that the panel printed at its start.").classes("hint")
             DropZone(

@@ -32,14 +32,9 @@ class Thumbnails(ui.element, component="thumbnails.js"):
         remove: Callable[[str], None],
     ) -> None:
         super().__init__()
-        self.props["photographs"] = [
-            {
-                "name": each.name,
-                "address": picture_address(each.thumbnail),
-                "problem": ", ".join(problems.get(each.name, ())),
-            }
-            for each in photographs[:MAX_TILES]
-        ]
+        shown = photographs[:MAX_TILES]
+        self.props["photographs"] = [{"name": x.name, "address": picture_address(x.thumbnail)} for x in shown]
+        self.props["problems"] = {name: ", ".join(faults) for name, faults in problems.items()}
         self.props["read"] = read
         self.on("remove", lambda event: remove(str(event.args)))
 

@@ -1,9 +1,8 @@
 """A session runs one job at a time, has limits, and keeps no file that is not shown."""
 
-import asyncio
 import errno
 import zipfile
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from types import SimpleNamespace
 
 import pytest
@@ -159,30 +158,5 @@ def test_uploads_leave_room_on_the_disk(
         with pytest.raises(UploadRefusedError, match="disk is almost full") as refused:
             await session.upload("photograph", body(picture(1)), "field.png")
         assert refused.value.status == 507
-        assert not session.is_busy
-
-    run_in_loop(scenario)
-
-
-def test_a_session_has_a_limited_number_of_uploads_under_way(
-    sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("skymosaic.panel.session.MAX_UPLOADS_AT_ONCE", 1)
-    one, two = sessions.get("one"), sessions.get("two")
-
-    async def slow() -> AsyncIterator[bytes]:
-        yield b"RIFF"
-        await asyncio.sleep(60)
-
-    async def scenario() -> None:
-        stalled = asyncio.create_task(one.upload("video", slow(), "film.avi"))
-        await asyncio.sleep(0.05)
-        with pytest.raises(UploadRefusedError, match="arriving already") as caught:
-            await one.upload("video", slow(), "second.avi")
-        assert caught.value.status == 429
-        await two.upload("photograph", body(noise_png(96, 1)), "field.png")
-        assert len(two.photographs) == 1
-        stalled.cancel()
-        await asyncio.gather(stalled, return_exceptions=True)
 
     run_in_loop(scenario)

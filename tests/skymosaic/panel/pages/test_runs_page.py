@@ -25,12 +25,13 @@ def test_a_run_is_listed_read_and_deleted(browser: Browser, owner_address: str, 
     page = open_page(browser, owner_address)
     page.get_by_role("link", name="Runs").click()
     expect(page.get_by_text(TITLE)).to_be_visible()
-    expect(page.get_by_role("link", name="mosaic.png")).to_be_visible()
-    report = page.get_by_role("link", name="report").get_attribute("href")
+    card = page.locator(".card", has_text=TITLE)
+    expect(card.get_by_role("link", name="mosaic.png")).to_be_visible()
+    report = card.get_by_role("link", name="report").get_attribute("href")
     assert page.evaluate("address => fetch(address).then(answer => answer.text())", report) == "<title>a report</title>"
-    page.get_by_role("button", name="Delete").click()
+    card.get_by_role("button", name="Delete").click()
     assert run.exists(), "once is not enough"
-    page.get_by_role("button", name="Delete for good").click()
+    card.get_by_role("button", name="Delete for good").click()
     expect(page.get_by_text(TITLE)).to_have_count(0)
     assert not run.exists()
     page.context.close()

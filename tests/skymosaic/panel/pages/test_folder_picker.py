@@ -37,7 +37,9 @@ def owner(browser: Browser, owner_address: str) -> Iterator[Page]:
 
 
 def open_folder(page: Page, path: str) -> None:
-    page.get_by_role("button", name="Open a folder").click()
+    if not page.get_by_role("textbox", name="Folder").is_visible():
+        page.get_by_role("button", name="Open a folder").click()
+        expect(page.get_by_role("textbox", name="Folder")).not_to_have_value("")
     page.get_by_role("textbox", name="Folder").fill(path)
     page.get_by_role("button", name="Open", exact=True).click()
 
@@ -74,7 +76,6 @@ def test_a_folder_outside_is_refused_and_the_reason_stays(owner: Page) -> None:
     for path in ("/etc", "../..", "no such folder"):
         open_folder(owner, path)
         expect(owner.get_by_role("alert").filter(has_text=f"{path}: ")).to_be_visible()
-        owner.get_by_role("button", name="Cancel").click()
     expect(photographs_loaded(owner)).to_have_count(0)
 
 

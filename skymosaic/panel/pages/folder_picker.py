@@ -1,4 +1,4 @@
-"""The dialog that opens a folder of this machine."""
+"""What opens a folder of this machine: a path to type, and the folders to go to from there."""
 
 import asyncio
 from pathlib import Path
@@ -12,26 +12,24 @@ MAX_FOLDERS = 500
 """A folder with more folders in it shows the first ones; the others are opened by their path."""
 
 
-class FolderDialog:
-    """A path to type, the folders to go to from there, and the button that opens the photographs of that folder."""
+class FolderPicker:
+    """A part of the page that unfolds, with the button that opens the photographs of the folder it shows."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        with ui.dialog() as self._dialog, ui.card().classes("folder-dialog").props('aria-label="Open a folder"'):
-            ui.html("Open a folder of this machine", tag="h2", sanitize=False)
-            ui.label("Its photographs are read where they are; nothing is copied.").classes("hint")
-            self._path = ui.input("Folder").props("outlined dense").classes("path")
+        with ui.expansion("Open a folder", icon="folder_open", on_value_change=self._unfold) as self._expansion:
+            self._path = ui.input("Folder").props("outlined dense")
             self._path.on("keydown.enter", lambda: self._look(self._path.value))
             self._folders = ui.element("ul").classes("folders").props('aria-label="Folders"')
             self._fault = ui.label().classes("fault").props('role="alert"')
-            with ui.element("div").classes("bar"):
-                ui.button("Cancel", on_click=self._dialog.close).props("flat no-caps")
-                ui.button("Open", icon="folder_open", on_click=self._open).props("unelevated no-caps")
+            ui.button("Open", on_click=self._open).props("outline no-caps")
+            ui.label("Photographs are read where they are; nothing is copied.").classes("hint")
+        self._expansion.classes("advanced folder-picker")
 
-    async def show(self) -> None:
-        """Open the dialog at the folder that it showed last, at first at the first root."""
-        self._dialog.open()
-        await self._look(self._path.value or str(self._session.roots.folders[0]))
+    async def _unfold(self) -> None:
+        """Show the first root, unless another folder was shown before."""
+        if self._expansion.value and not self._path.value:
+            await self._look(str(self._session.roots.folders[0]))
 
     async def _look(self, path: str) -> None:
         """Show the folders inside the one at ``path``."""
@@ -60,4 +58,5 @@ class FolderDialog:
         except InputError as error:
             self._fault.set_text(str(error))
         else:
-            self._dialog.close()
+            self._fault.set_text("")
+            self._expansion.set_value(False)
