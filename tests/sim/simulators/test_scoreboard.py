@@ -11,6 +11,7 @@ from golden_model.arrays import Pixels
 from golden_model.config import PRESETS
 from golden_model.front_end import trace
 from golden_model.pixel.harris import TENSOR_SHIFT
+from golden_model.records import HOMOGRAPHY
 from sim.backends.interface import FrameClocks, FrameResult, Mismatch, load_backend
 from sim.scene import make_pair
 from sim.simulators import pysim
@@ -102,6 +103,17 @@ def test_a_byte_of_a_descriptor_counts(results: list[FrameResult]) -> None:
     descriptor[15] ^= 128
     found = expect_mismatch(results, changed(results, 0, "features", "descriptor", row=3, value=descriptor))
     assert found.stage == "feature 3, descriptor"
+
+
+@pytest.mark.parametrize("field", ["h02", "causes", "cycles"])
+def test_every_field_of_a_homography_counts(results: list[FrameResult], field: str) -> None:
+    """Its clocks, too: the golden model knows them."""
+    record = np.zeros(1, HOMOGRAPHY.dtype)[0]
+    estimated = [dataclasses.replace(result, homography=record) for result in results]
+    assert find_mismatch(estimated, estimated) is None
+    found = expect_mismatch(estimated, changed(estimated, 1, "homography", field, row=None, value=7))
+    assert str(found) == f"frame 1, homography, {field}: expected 0, got 7"
+    assert expect_mismatch(estimated, [estimated[0], results[1]]).stage == "homography"
 
 
 def test_a_missing_feature_is_a_mismatch(results: list[FrameResult]) -> None:
