@@ -12,7 +12,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from golden_model.config import CELL_SIZES_PX, DETECTORS, MAX_PER_CELL, MIN_FRAME_PX, PRESETS, Config, FrontEndConfig
+from golden_model.config import (
+    CELL_SIZES_PX,
+    DETECTORS,
+    MAX_PER_CELL,
+    MIN_FRAME_PX,
+    PRESETS,
+    Config,
+    EstimatorConfig,
+    FrontEndConfig,
+)
 from golden_model.feature.ilbp import PATTERNS
 from hdl.axi.video_input import pixels_per_clock
 from hdl.registers.register_map import register_writes
@@ -44,7 +53,8 @@ def draw_build(rng: np.random.Generator) -> tuple[Config, dict[str, int], tuple[
     # Two pixels per clock need three more than the smallest.
     front_end = dataclasses.replace(smallest, border_px=smallest.min_border_px + int(rng.integers(3, 6)))
     width_px, height_px = rng.integers(*BUILT_PX, 2).tolist()
-    config = dataclasses.replace(PRESETS["aerial"], front_end=front_end)
+    estimator = EstimatorConfig() if rng.random() < 0.7 else None
+    config = dataclasses.replace(PRESETS["aerial"], front_end=front_end, estimator=estimator)
     return config, {"lanes": int(rng.choice([2, 4, 8]))}, (width_px, height_px)
 
 
@@ -60,7 +70,13 @@ def draw_settings(rng: np.random.Generator, config: Config, width_px: int, heigh
         cell_px=cell_px,
         per_cell=int(rng.integers(1, min(fitting, MAX_PER_CELL) + 1)),
     )
-    return dataclasses.replace(config, front_end=front_end)
+    estimator = config.estimator and EstimatorConfig(
+        passes=int(rng.integers(0, 5)),
+        seed=int(rng.integers(0, 1 << 32)),
+        min_inliers=int(rng.integers(0, 40)),
+        min_cells=int(rng.integers(0, 20)),
+    )
+    return dataclasses.replace(config, front_end=front_end, estimator=estimator)
 
 
 def draw_frames(
@@ -96,7 +112,7 @@ def test_clocks_of_narrow_frames_are_predicted_or_left_out(seed: int, video_bits
     built, lanes, built_px = draw_build(rng)
     pixels = pixels_per_clock(video_bits)
     design = design_accelerator(built, built_px, **lanes, video_bits=video_bits)
-    predicted, features, matches = 0, 0, 0
+    predicted, features, matches, homographies = 0, 0, 0, 0
     with contextlib.closing(Bench(verilator.build_library(design, progress=print), design.ports)) as bench:
         for run in range(RUNS):
             size_px = [int(rng.integers(MIN_FRAME_PX, side_px + 1)) for side_px in built_px]
@@ -120,10 +136,12 @@ def test_clocks_of_narrow_frames_are_predicted_or_left_out(seed: int, video_bits
                 total + sum(len(getattr(frame, name)) for frame in golden)
                 for total, name in ((features, "features"), (matches, "matches"))
             )
+            homographies += sum(bool(each.homography is not None and each.homography["score"]) for each in golden)
             if event != "pauses":
                 timelines = predict_timelines(golden, results, config, "previous", **lanes, pixels_per_clock=pixels)
                 predicted += len(timelines)
                 assert find_clock_mismatch(timelines, results) is None, (run, event, size_px, config)
-    print(predicted, features, matches, built, lanes, built_px)
+    print(predicted, features, matches, homographies, built, lanes, built_px)
     assert predicted
+    assert homographies or not built.estimator
     assert min(features, matches) > RUNS
