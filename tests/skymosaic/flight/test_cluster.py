@@ -21,7 +21,7 @@ from sim.scene import make_lawnmower
 from skymosaic import mosaic
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.cache import NO_CACHE
-from skymosaic.flight.cluster import LIMIT
+from skymosaic.flight.cluster import LIMIT, inspect_worker
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings, View
 from skymosaic.flight.workers import Workers
@@ -298,14 +298,19 @@ def test_workers_make_the_same_mosaic_as_threads(cluster: Processes, tmp_path: P
 @pytest.mark.slow
 @pytest.mark.parametrize("cluster", [10], indirect=True)
 def test_workers_that_are_killed_every_five_seconds_make_the_same_mosaic(cluster: Processes, tmp_path: Path) -> None:
-    write_flight(tmp_path, 40, (640, 480))
+    write_flight(tmp_path, 24, (640, 480))
     workers = [cluster.worker(), cluster.worker()]
     ended = threading.Event()
 
     def replace_workers() -> None:
+        client: Any = distributed.Client(scheduler_file=str(cluster.file), set_as_default=False)
         while not ended.wait(5):
             workers.pop(0).kill()
             workers.append(cluster.worker())
+            # On a busy machine it takes longer than that to start one and to import the package there.
+            client.wait_for_workers(2, timeout=60)
+            client.run(inspect_worker, [], on_error="ignore")
+        client.close()
 
     thread = threading.Thread(target=replace_workers)
     thread.start()
