@@ -1,17 +1,11 @@
-"""Configurations: immutable, validated, with named presets, read from and written to TOML."""
+"""Configurations: immutable, validated, with named presets."""
 
 from __future__ import annotations
 
-import dataclasses
-import re
-import tomllib
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 from golden_model.feature.ilbp import PATTERNS, DescriptorPattern
-from golden_model.fuzzy.rules import MatchRules, load_rules, shipped_rules
-from golden_model.small_files import read_small_file
+from golden_model.fuzzy.rules import MatchRules, shipped_rules
 
 DETECTORS = ("harris", "fast")
 RULE_BASES = ("aerial", "ilbp", "none")
@@ -163,7 +157,7 @@ class FrontEndConfig:
             fitting = self.max_features // self.count_cells(width_px, height_px, cell_px)
             if fitting >= min_per_cell:
                 max_per_cell = self.per_cell or (5 if cell_px == CELL_SIZES_PX[0] else MAX_PER_CELL)
-                return dataclasses.replace(self, cell_px=cell_px, per_cell=min(fitting, max_per_cell))
+                return replace(self, cell_px=cell_px, per_cell=min(fitting, max_per_cell))
         raise ValueError(
             f"{width_px}x{height_px}: no cell size keeps the features within {self.max_features}; "
             "use a larger cell_px or fewer per_cell"
@@ -285,8 +279,6 @@ PRESETS = {
     ),
 }
 """The named configurations: `aerial` is the default, `thesis` follows the thesis."""
-TABLES = ("front_end", "matcher")
-"""The tables of a configuration file."""
 
 
 def preset_config(name: str) -> Config:
@@ -299,83 +291,3 @@ def preset_config(name: str) -> Config:
     """
     _check_choice("preset", name, tuple(PRESETS))
     return PRESETS[name]
-
-
-def load_config(path: str | Path, preset: str = "aerial") -> Config:
-    """Read a configuration from a TOML file.
-
-    The file changes values of a preset in the tables ``[front_end]`` and ``[matcher]``. The preset is the one that the
-    file names under ``preset``, otherwise the argument.
-
-    Raises
-    ------
-    ValueError
-        If the file cannot be read, is not TOML, or has an unknown key or an impossible value. The message is one line
-        with the file, the key and the valid values.
-    """
-    try:
-        tables = tomllib.loads(read_small_file(path).decode())
-        _read_rules(tables, Path(path))
-        return _replace_tables(preset_config(tables.pop("preset", preset)), tables)
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be read ({error.strerror}); give a TOML file") from error
-    # RecursionError: arrays that are nested hundreds of times.
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ValueError(f"{path}: not valid TOML: {error}") from error
-    # Last, because TOMLDecodeError is a ValueError, too.
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
-
-
-def to_toml(config: Config) -> str:
-    """TOML text from which `load_config` restores an equal configuration; values that are None are omitted."""
-    lines = [f"preset = {_toml_value(config.preset)}"]
-    for table in TABLES:
-        values = vars(getattr(config, table))
-        lines += ["", f"[{table}]"]
-        lines += [f"{key} = {_toml_value(value)}" for key, value in values.items() if value is not None]
-    return "\n".join(lines) + "\n"
-
-
-def _read_rules(tables: dict[str, Any], path: Path) -> None:
-    """Replace a rule base that is FLL, or an ``.fll`` file beside the configuration, by its rules."""
-    matcher = tables.get("matcher")
-    if type(matcher) is not dict or type(written := matcher.get("rule_base")) is not str:
-        return
-    if "\n" in written:
-        matcher["rule_base"] = MatchRules(written, "matcher.rule_base")
-    elif written.endswith(".fll"):
-        matcher["rule_base"] = load_rules(path.parent / written)
-
-
-def _replace_tables(config: Config, tables: dict[str, Any]) -> Config:
-    _check_keys("", tables, ("preset", *TABLES))
-    changed: dict[str, Any] = {name: _replace_values(name, getattr(config, name), tables[name]) for name in tables}
-    return dataclasses.replace(config, **changed)
-
-
-def _replace_values(table: str, defaults: Any, values: Any) -> Any:
-    """A copy of the dataclass instance ``defaults`` with the ``values`` of a table of the file."""
-    if type(values) is not dict:
-        raise ValueError(f"{table} is {values!r}; it must be a table, [{table}]")
-    _check_keys(f"{table}.", values, tuple(field.name for field in dataclasses.fields(defaults)))
-    try:
-        return dataclasses.replace(defaults, **values)
-    except ValueError as error:
-        raise ValueError(f"{table}.{error}") from error
-
-
-def _check_keys(prefix: str, values: dict[str, Any], known: tuple[str, ...]) -> None:
-    for key in values:
-        if key not in known:
-            raise ValueError(f"unknown key {prefix}{key}; valid: {', '.join(known)}")
-
-
-def _toml_value(value: bool | int | str | MatchRules) -> str:
-    if isinstance(value, MatchRules):
-        # Escaped are what ends or changes a string of several lines.
-        text = re.sub(r'[\\"\x00-\x08\x0b-\x1f\x7f]', lambda found: f"\\u{ord(found[0]):04x}", value.text)
-        return f'"""\n{text}"""'
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f'"{value}"' if isinstance(value, str) else str(value)

@@ -18,7 +18,8 @@ import numpy as np
 from PIL import Image as PillowImage
 from PIL.ExifTags import IFD
 
-from golden_model.config import load_config, preset_config, to_toml
+from golden_model.config import preset_config
+from golden_model.config_file import load_config, to_toml
 from golden_model.fuzzy.fll import load_system
 from golden_model.fuzzy.rules import SHIPPED
 from golden_model.records import FRAME_STATUS, MATCH, Tag

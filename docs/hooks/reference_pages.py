@@ -11,7 +11,8 @@ from mkdocs.structure.files import File, Files
 from typer.cli import get_docs_for_click
 from typer.main import get_command
 
-from golden_model.config import PRESETS, to_toml
+from golden_model.config import PRESETS
+from golden_model.config_file import to_toml
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import FRAME_STATUS, HYPOTHESIS, MATCH, SCORE, Record, feature_record
 from skymosaic.cli import app
@@ -22,7 +23,7 @@ from skymosaic.registration.options import FeatureOptions, RegistrationOptions
 TOP = Path(__file__).parents[2]
 BLOCK_PACKAGES = {"golden_model": "golden_model.md", "hdl": "hardware.md"}
 """The packages whose modules are all documented, and their pages."""
-DOCUMENTED_ELSEWHERE = ("golden_model.config",)
+DOCUMENTED_ELSEWHERE = ("golden_model.config", "golden_model.config_file")
 """Modules with a page of their own, `docs/reference/configuration.md`."""
 _TITLES = {"golden_model": "Golden model", "hdl": "Hardware"}
 

@@ -10,7 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Unpack
 
-from golden_model.config import PRESETS, Config, to_toml
+from golden_model.config import PRESETS, Config
+from golden_model.config_file import to_toml
 from golden_model.text import how_to_install
 from hdl.accelerator import Accelerator
 from hdl.export.accelerator import Build, core_files, fill_readme, write_files, write_host

@@ -14,7 +14,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from golden_model.config import load_config
+from golden_model.config_file import load_config
 from golden_model.fuzzy.rules import MatchRules, load_rules
 from golden_model.text import how_to_install, one_line
 from skymosaic.cli.session import session

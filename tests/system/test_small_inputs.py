@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from golden_model.config import load_config
+from golden_model.config_file import load_config
 from golden_model.fuzzy.fll import load_system
 from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from golden_model.config import PRESETS, Config, load_config
+from golden_model.config import PRESETS, Config
+from golden_model.config_file import load_config
 from hdl.export import ulx3s as export
 from hdl.export.accelerator import Build
 from hdl.export.boards import SOURCES

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from golden_model.config import to_toml
+from golden_model.config_file import to_toml
 from golden_model.formats import POSITION, decode_response
 from skymosaic.errors import RegistrationError
 from skymosaic.evaluation.hardware import compare

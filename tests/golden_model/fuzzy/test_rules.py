@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from golden_model.config import Config, MatcherConfig, load_config, to_toml
+from golden_model.config import Config, MatcherConfig
+from golden_model.config_file import load_config, to_toml
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.formats import POSITION
 from golden_model.fuzzy.fll import load_system

@@ -17,7 +17,8 @@ import cv2
 import numpy as np
 import pytest
 
-from golden_model.config import PRESETS, Config, to_toml
+from golden_model.config import PRESETS, Config
+from golden_model.config_file import to_toml
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends import board
 from sim.backends.interface import BUILT_LANES, BackendError, Reference, load_backend
