@@ -6,7 +6,7 @@ photograph to the next.
 """
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,7 +19,7 @@ from rich.progress import track
 
 from bench.report import JsonFile, Row, report
 from bench.stitcher_runs import MEMORY_GB, WORKING_WIDTH_PX, run_stitcher
-from golden_model.arrays import Array
+from golden_model.arrays import Array, Pixels
 from sim.scene import Flight, make_lawnmower
 from skymosaic.geometry.homography import apply, estimate
 
@@ -94,12 +94,9 @@ def run_case(case: Case, seed: int) -> dict[str, float]:
     """Our mosaic of one flight, against its true poses."""
     flight = case.render(seed)
     camera = flight.camera
-    names = [f"{index:05}.jpg" for index in range(case.images)]
     with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        for name, image in zip(names, flight.images, strict=True):
-            cv2.imwrite(str(folder / name), image, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))
-        result = run_stitcher("skymosaic", folder, WORKING_WIDTH_PX, MEMORY_GB)
+        names = write_images(Path(temporary), flight.images)
+        result = run_stitcher("skymosaic", Path(temporary), WORKING_WIDTH_PX, MEMORY_GB)
     if result["failure"]:
         raise SystemExit(f"no mosaic of a rendered flight, seed {seed}: {result['failure']}")
     errors, places = position_errors(result["transforms"], flight, names)
@@ -114,6 +111,15 @@ def run_case(case: Case, seed: int) -> dict[str, float]:
         "cpu_seconds": result["cpu_seconds"],
         "peak_mb": result["peak_mb"],
     }
+
+
+def write_images(folder: Path, images: Iterable[Pixels]) -> list[str]:
+    """Write photographs as JPEG; returns their names."""
+    names = []
+    for index, image in enumerate(images):
+        names.append(f"{index:05}.jpg")
+        cv2.imwrite(str(folder / names[-1]), image, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))
+    return names
 
 
 def position_errors(transforms: dict[str, Any], truth: Flight, names: Sequence[str]) -> tuple[Array, Array]:
