@@ -27,7 +27,7 @@ from rich.console import Console
 
 from bench.report import MEASURED, JsonFile, Row, program, report, write
 from bench.rules import largest_rules
-from golden_model.config import PRESETS, Config, FrontEndConfig, MatcherConfig
+from golden_model.config import PRESETS, Config, EstimatorConfig, FrontEndConfig, MatcherConfig
 from hdl.accelerator import Accelerator, AcceleratorTop
 from hdl.feature.extractor import CandidateFeatures
 from hdl.feature.ring_window import RingWindow
@@ -149,6 +149,7 @@ def designs() -> dict[str, Design]:
         "camera gate": block(CameraGate),
         "ring writer": block(RingWriter, record_words=6, max_words=6 * (config.max_features + 2)),
         "accelerator": accelerator(AERIAL),
+        "accelerator, homography": accelerator(dataclasses.replace(AERIAL, estimator=EstimatorConfig())),
         "accelerator, largest rules": accelerator(
             dataclasses.replace(AERIAL, matcher=MatcherConfig(rule_base=largest_rules()))
         ),
