@@ -45,7 +45,7 @@ class FileRoutes:
     async def picture(self, request: Request, folder: str, name: str) -> Response:
         """Send a picture that the session's page shows."""
         session = self._session(request)
-        path = session.find_picture(folder, name) if session else None
+        path = session.files.find_picture(folder, name) if session else None
         if path is None:
             return PlainTextResponse("no such picture", status_code=404)
         # A name is free again when its photograph is removed, so a browser must ask each time.
@@ -71,7 +71,7 @@ class FileRoutes:
         session = self._session(request)
         if session is None or not session.results:
             return PlainTextResponse("there is no result yet", status_code=404)
-        path = await asyncio.to_thread(session.write_archive)
+        path = await asyncio.to_thread(session.files.write_archive, session.results)
         return FileResponse(path, filename="skymosaic.zip", background=BackgroundTask(path.unlink))
 
     def _session(self, request: Request) -> Session | None:

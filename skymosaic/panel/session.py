@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import shutil
-import tempfile
-import zipfile
-from collections.abc import AsyncIterator, Callable, Iterable, Sequence
-from contextlib import suppress
+import time
+from collections.abc import AsyncIterator, Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -22,9 +20,10 @@ from skymosaic.panel.options import Options
 from skymosaic.panel.results import Decoded, HardwareResult, InputFile, MosaicResult, TrackingResult
 from skymosaic.panel.rules_edit import RulesEdit
 from skymosaic.panel.runs import Runs
+from skymosaic.panel.session_files import SessionFiles
 from skymosaic.panel.tasks import mosaic_tasks, tracking_tasks, upload_tasks
 from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits, Task
-from skymosaic.panel.uploads import KINDS, MIN_FREE_BYTES, UploadRefusedError, receive
+from skymosaic.panel.uploads import KINDS, MIN_FREE_BYTES, Arrivals, UploadRefusedError, receive
 
 MAX_BYTES = 4 << 30
 """Size of all files of one session, results included."""
@@ -34,29 +33,33 @@ AnyRun = TypeVar("AnyRun", MosaicResult, TrackingResult)
 
 
 class Queues(NamedTuple):
-    """Workers that run at once in all sessions together; jobs, uploads and the reading of folders wait separately."""
+    """Limits for all sessions together: workers that run at once, for jobs, uploads and folders, and uploads under way.
+
+    Uploads and folders have queues of their own and never wait for long jobs.
+    """
 
     jobs: asyncio.Semaphore
     uploads: asyncio.Semaphore
     folders: asyncio.Semaphore
+    arriving: asyncio.Semaphore
 
 
 class Session:
     """One browser's photographs, options and results, shared by all its tabs and kept when a page is reloaded.
-
-    Its folder holds ``uploads``; ``runs``, with a folder of inputs and outputs for each run; and ``pictures``, with
-    what the page shows of the uploads and of each run, in folders of the same names, and of an opened folder.
 
     Parameters
     ----------
     boards : tuple of str
         Backends that are boards.
     queues : Queues
-    parent : Path
-        Where the session makes its folder when it gets its first file.
+    make_folder : callable
+        Makes the session's folder when it gets its first file.
 
     Attributes
     ----------
+    files : SessionFiles
+    last_active : float
+        When the last job or upload ended, s of the monotonic clock.
     roots : Roots
         Which folders may be opened; none unless the visitor came by the address that the panel printed.
     runs : Runs or None
@@ -84,12 +87,12 @@ class Session:
 
     job = BindableProperty()
 
-    def __init__(self, boards: tuple[str, ...], queues: Queues, parent: Path) -> None:
+    def __init__(self, boards: tuple[str, ...], queues: Queues, make_folder: Callable[[Session], Path]) -> None:
         self.boards = boards
         self._queues = queues
-        self._parent = parent
-        self._root: Path | None = None
-        self._names_given = 0
+        self._arrivals = Arrivals(queues.arriving)
+        self.files = SessionFiles(partial(make_folder, self))
+        self.last_active = time.monotonic()
         self._mosaic_inputs: tuple[object, ...] = ()
         self.roots = Roots()
         self.runs: Runs | None = None
@@ -108,6 +111,11 @@ class Session:
         self.changed: Event[[]] = Event()
 
     @property
+    def is_busy(self) -> bool:
+        """Whether a job or an upload is running."""
+        return self.job is not None or self._arrivals.count > 0
+
+    @property
     def results(self) -> dict[str, MosaicResult | TrackingResult]:
         """The results that have a folder, by the names of these folders in the archive."""
         results = {"mosaic": self.mosaic_result, "tracking": self.tracking_result}
@@ -117,23 +125,6 @@ class Session:
     def is_outdated(self) -> bool:
         """Whether options or photographs have changed since the mosaic was made."""
         return self.mosaic_result is not None and self._mosaic_inputs != (self.options, *self.photographs)
-
-    def find_picture(self, folder: str, name: str) -> Path | None:
-        """Find a picture that is shown; None for any other name, so no request can read another file."""
-        if self._root is None:
-            return None
-        pictures = (self._root / "pictures").resolve()
-        path = (pictures / folder / name).resolve()
-        return path if path.parent.parent == pictures and path.is_file() else None
-
-    def write_archive(self) -> Path:
-        """Pack the folders of all results into a zip file, which the caller removes."""
-        path = self._folder("archives") / f"{self._new_number()}.zip"
-        with zipfile.ZipFile(path, "w") as archive:
-            for name, result in self.results.items():
-                for file in sorted(result.folder.rglob("*")):
-                    archive.write(file, f"{name}/{file.relative_to(result.folder)}")
-        return path
 
     async def upload(self, slot: str, body: AsyncIterator[bytes], name: str) -> None:
         """Receive a file, check its kind and decode it.
@@ -151,12 +142,14 @@ class Session:
         UploadRefusedError
             If the file is refused; it is removed completely.
         """
-        path = await self._receive(slot, body, name)
-        try:
-            decoded = await self._decode(path, slot, self._folder("pictures/uploads"))
-        except JobFailedError as error:
-            path.unlink()
-            raise UploadRefusedError(str(error)) from None
+        async with self._arrivals.admit():
+            path = await self._receive(slot, body, name)
+            try:
+                decoded = await self._decode(path, slot, self.files.folder("pictures/uploads"))
+            except JobFailedError as error:
+                path.unlink()
+                raise UploadRefusedError(str(error)) from None
+        self.last_active = time.monotonic()
         uploaded = InputFile(path.name, decoded.working, decoded)
         if slot == "photograph":
             self.keep_photographs(each for each in self.photographs if each.is_upload)
@@ -169,11 +162,11 @@ class Session:
 
     async def _receive(self, slot: str, body: AsyncIterator[bytes], name: str) -> Path:
         """Store an upload as far as this session and the disk have room."""
-        folder, room_bytes = self._folder("uploads"), max(0, MAX_BYTES - _bytes_in(self._root))
+        folder, room_bytes = self.files.folder("uploads"), max(0, MAX_BYTES - self.files.size_bytes)
         free_bytes = shutil.disk_usage(folder).free - MIN_FREE_BYTES
         if free_bytes < min(room_bytes, KINDS[slot].limit_bytes):
             raise UploadRefusedError("the panel's disk is almost full; make room on it", 507)
-        part = folder / f"{self._new_number()}.part"
+        part = folder / f"{self.files.new_number()}.part"
         return await receive(body, name, KINDS[slot], part, room_bytes=room_bytes)
 
     async def open_folder(self, path: str) -> None:
@@ -187,7 +180,7 @@ class Session:
         folder = await asyncio.to_thread(self.roots.find_folder, path)
         photographs = await asyncio.to_thread(self.roots.list_photographs, folder)
         self.keep_photographs(())
-        pictures = self._folder(f"pictures/{self._new_number()}")
+        pictures = self.files.folder(f"pictures/{self.files.new_number()}")
         self.photographs = [InputFile(str(each), pictures / f"{each.name}.jpg") for each in photographs]
         names = [photograph.name for photograph in self.photographs]
         self.reading = Job(f"Reading {folder}", upload_tasks.make_thumbnails, folder, names, pictures)
@@ -231,7 +224,7 @@ class Session:
     def keep_photographs(self, kept: Iterable[InputFile]) -> None:
         """Remove all other photographs from the page; results made from them stay, and so do files of a folder."""
         before, self.photographs = self.photographs, list(kept)
-        self._remove(set(before).difference(self.photographs))
+        self.files.remove(set(before).difference(self.photographs))
         if all(each.is_upload for each in self.photographs):
             self._stop_reading()
         self._show_photographs()
@@ -256,15 +249,15 @@ class Session:
 
     def load_built_in(self, count: int) -> None:
         """Replace the photographs by the built-in pair, or by a built-in flight of more than two."""
-        names = [f"{self._new_number()}_built-in.png" for _ in range(count)]
+        names = [f"{self.files.new_number()}_built-in.png" for _ in range(count)]
         task, title = (upload_tasks.render_pair, "pair") if count == 2 else (upload_tasks.render_flight, "flight")
-        folder, pictures = self._folder("uploads"), self._folder("pictures/uploads")
+        folder, pictures = self.files.folder("uploads"), self.files.folder("pictures/uploads")
         self._start(f"Rendering the built-in {title}", self.keep_photographs, task, folder, names, pictures)
 
     def load_built_in_film(self) -> None:
         """Replace template and video by the built-in film of a car."""
-        names = f"{self._new_number()}_car.png", f"{self._new_number()}_film.mp4"
-        folder, pictures = self._folder("uploads"), self._folder("pictures/uploads")
+        names = f"{self.files.new_number()}_car.png", f"{self.files.new_number()}_film.mp4"
+        folder, pictures = self.files.folder("uploads"), self.files.folder("pictures/uploads")
         task = upload_tasks.render_pursuit
         self._start("Rendering the built-in film", self._replace_film, task, folder, *names, pictures)
 
@@ -274,7 +267,7 @@ class Session:
             return
         # As they are now: both may change while the job runs.
         inputs = self.options, *self.photographs
-        run, pictures = self._new_run(self.photographs)
+        run, pictures = self.files.new_run(self.photographs, self._shown_folders)
 
         def accept(result: MosaicResult) -> None:
             self._mosaic_inputs = inputs
@@ -311,7 +304,7 @@ class Session:
         assert self.template is not None
         assert self.video is not None
         names = self.template.name, self.video.name
-        run, pictures = self._new_run([self.template, self.video])
+        run, pictures = self.files.new_run([self.template, self.video], self._shown_folders)
 
         def accept(result: TrackingResult) -> None:
             self.tracking_result = self._keep(result, " in ".join(names))
@@ -327,9 +320,8 @@ class Session:
         """Cancel the job and remove every file."""
         self.cancel()
         self._stop_reading()
-        if self._root is not None:
-            shutil.rmtree(self._root, ignore_errors=True)
-            self._root, self.photographs, self.template, self.video = None, [], None, None
+        if self.files.clear():
+            self.photographs, self.template, self.video = [], None, None
             self.mosaic_result = self.hardware_result = self.tracking_result = self.rules_edit = None
             self.changed.emit()
 
@@ -349,8 +341,15 @@ class Session:
         except JobFailedError as error:
             self.fault = str(error)
         finally:
-            self.job = None
+            self.job, self.last_active = None, time.monotonic()
             self.changed.emit()
+
+    @property
+    def _shown_folders(self) -> set[str]:
+        """Names of the folders of runs and pictures that the page shows."""
+        # A run and its pictures have the same name.
+        shown = {result.pictures.name for result in self.results.values()}
+        return {"uploads", *shown, *(each.thumbnail.parent.name for each in self.photographs)}
 
     def _keep(self, result: AnyRun, title: str) -> AnyRun:
         """Keep a run beyond the session, if it is one of this machine's user."""
@@ -366,47 +365,4 @@ class Session:
 
     def _replace_film(self, film: tuple[InputFile | None, InputFile | None]) -> None:
         before, (self.template, self.video) = (self.template, self.video), film
-        self._remove(each for each in before if each and each not in film)
-
-    def _remove(self, inputs: Iterable[InputFile]) -> None:
-        """Remove the files of uploads; those of an opened folder are not the session's."""
-        for upload in inputs:
-            if upload.is_upload:
-                (self._folder("uploads") / upload.name).unlink(missing_ok=True)
-                upload.thumbnail.unlink(missing_ok=True)
-
-    def _new_run(self, inputs: Sequence[InputFile]) -> tuple[Path, Path]:
-        """Make a run's folder and that of its pictures; removes those that the page no longer shows."""
-        shown = {"uploads", *(each.thumbnail.parent.name for each in self.photographs)}
-        shown |= {result.pictures.name for result in self.results.values()}
-        for path in (*self._folder("runs").iterdir(), *self._folder("pictures").iterdir()):
-            if path.name not in shown:
-                shutil.rmtree(path)
-        number = self._new_number()
-        run, pictures = self._folder(f"runs/{number}"), self._folder(f"pictures/{number}")
-        for upload in inputs:
-            if upload.is_upload:
-                # Hard links: the run keeps its photographs when they are removed from the page, and costs no space.
-                (run / upload.name).hardlink_to(self._folder("uploads") / upload.name)
-        return run, pictures
-
-    def _folder(self, name: str) -> Path:
-        if self._root is None:
-            self._root = Path(tempfile.mkdtemp(dir=self._parent))
-        folder = self._root / name
-        folder.mkdir(parents=True, exist_ok=True)
-        return folder
-
-    def _new_number(self) -> str:
-        """Two digits or more for a file name, different on every call."""
-        self._names_given += 1
-        return f"{self._names_given:02}"
-
-
-def _bytes_in(folder: Path | None) -> int:
-    """Size of the files below a folder; one that vanishes meanwhile does not count."""
-    total = 0
-    for path in folder.rglob("*") if folder else ():
-        with suppress(OSError):
-            total += path.stat().st_size if path.is_file() else 0
-    return total
+        self.files.remove(each for each in before if each and each not in film)

@@ -4,15 +4,26 @@ Files are never decoded in the server's process, only in a worker. A file keeps 
 mean something to a shell or a file system, and with a number if another file has that name.
 """
 
+import asyncio
 import itertools
 import re
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator, AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import anyio
 
 MEBIBYTE = 1 << 20
+MIN_FREE_BYTES = 1 << 30
+"""Uploads leave this much of the disk free."""
+STALLED_SECONDS = 20.0
+PROGRESS_BYTES = 1 << 16
+"""An upload that brings less in `STALLED_SECONDS` is given up: a byte now and then would hold its place for ever."""
+MAX_UPLOADS_AT_ONCE = 16
+"""Of one session. A browser sends six at once."""
+MAX_UPLOADS_OF_ALL = 256
+"""Of all sessions together, whose number is not limited."""
 MIN_FREE_BYTES = 1 << 30
 """Uploads leave this much of the disk free."""
 _HEAD_BYTES = 16
@@ -75,6 +86,45 @@ KINDS = {"photograph": PHOTOGRAPH, "template": PHOTOGRAPH, "video": VIDEO}
 """What a file may be uploaded as."""
 
 
+class Arrivals:
+    """Limits the uploads of one session that are under way, and those of all sessions together.
+
+    Parameters
+    ----------
+    of_all : asyncio.Semaphore
+        Shared by all sessions, `MAX_UPLOADS_OF_ALL` at first.
+
+    Attributes
+    ----------
+    count : int
+        How many are under way.
+    """
+
+    def __init__(self, of_all: asyncio.Semaphore) -> None:
+        self._of_all = of_all
+        self.count = 0
+
+    @asynccontextmanager
+    async def admit(self) -> AsyncGenerator[None]:
+        """Count an upload in while the context lasts.
+
+        Raises
+        ------
+        UploadRefusedError
+            If too many are under way.
+        """
+        if self.count >= MAX_UPLOADS_AT_ONCE:
+            raise UploadRefusedError(f"{MAX_UPLOADS_AT_ONCE} files are arriving already; wait for them", 429)
+        if self._of_all.locked():
+            raise UploadRefusedError("too many files are arriving from all visitors; try again", 503)
+        self.count += 1
+        try:
+            async with self._of_all:
+                yield
+        finally:
+            self.count -= 1
+
+
 def sanitise_stem(name: str) -> str:
     """Make a harmless stem of a file name: its letters, digits, dashes and underscores, at most 40."""
     return re.sub(r"[^A-Za-z0-9-]+", "_", Path(name).stem)[:_MAX_STEM_LENGTH].strip("_-") or "file"
@@ -116,11 +166,31 @@ async def receive(body: AsyncIterator[bytes], name: str, kind: Kind, part: Path,
         part.unlink(missing_ok=True)
 
 
+async def _without_stalls(body: AsyncIterator[bytes], stem: str) -> AsyncIterator[bytes]:
+    """Pass on the body; refuse it when less than `PROGRESS_BYTES` arrive in `STALLED_SECONDS`."""
+    chunks, awaited_bytes, deadline = aiter(body), 0, 0.0
+    while True:
+        if awaited_bytes <= 0:
+            awaited_bytes, deadline = PROGRESS_BYTES, anyio.current_time() + STALLED_SECONDS
+        try:
+            with anyio.fail_after(deadline - anyio.current_time()):
+                chunk = await anext(chunks)
+        except StopAsyncIteration:
+            return
+        except TimeoutError:
+            raise UploadRefusedError(
+                f"{stem}: hardly anything arrived for {STALLED_SECONDS:g} s; check the connection and load it again",
+                408,
+            ) from None
+        awaited_bytes -= len(chunk)
+        yield chunk
+
+
 async def _store(body: AsyncIterator[bytes], path: Path, limit_bytes: int, stem: str) -> bytes:
     """Write the body to ``path`` as it arrives; return its first bytes."""
     head, size = b"", 0
     async with await anyio.open_file(path, "wb") as file:
-        async for chunk in body:
+        async for chunk in _without_stalls(body, stem):
             size += len(chunk)
             if size > limit_bytes:
                 raise UploadRefusedError(

@@ -1,8 +1,9 @@
 """A session runs one job at a time, has limits, and keeps no file that is not shown."""
 
+import asyncio
 import errno
 import zipfile
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from types import SimpleNamespace
 
 import pytest
@@ -21,7 +22,7 @@ def picture(seed: int) -> bytes:
 
 
 def files(session: Session, folder: str) -> set[str]:
-    return {path.name for path in session._folder(folder).rglob("*") if path.is_file()}
+    return {path.name for path in session.files.folder(folder).rglob("*") if path.is_file()}
 
 
 def test_the_files_of_replaced_uploads_are_removed(sessions: Sessions, run_in_loop: Callable[[Scenario], None]) -> None:
@@ -63,7 +64,7 @@ def test_the_archive_contains_every_file_of_the_results(
 
     run_in_loop(scenario)
     folder = session.mosaic_result.folder
-    with zipfile.ZipFile(session.write_archive()) as archive:
+    with zipfile.ZipFile(session.files.write_archive(session.results)) as archive:
         assert archive.testzip() is None
         unpacked = {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")}
     contents = {f"mosaic/{path.relative_to(folder)}": path.read_bytes() for path in folder.rglob("*") if path.is_file()}
@@ -97,12 +98,12 @@ def test_no_second_job_starts_while_one_runs(sessions: Sessions, run_in_loop: Ca
         session.load_built_in(2)
         await idle(session)
         session.make_mosaic()
-        running, (run,) = session.job, session._folder("runs").iterdir()
+        running, (run,) = session.job, session.files.folder("runs").iterdir()
         session.make_mosaic()
         session.load_built_in(9)
         session.load_built_in_film()
         assert session.job is running
-        assert list(session._folder("runs").iterdir()) == [run]
+        assert list(session.files.folder("runs").iterdir()) == [run]
         await idle(session)
         assert session.fault == ""
         assert session.mosaic_result.folder == run
@@ -123,7 +124,7 @@ def test_the_next_run_removes_the_files_of_runs_without_a_result(
             session.cancel()
             await idle(session)
             assert session.fault == "Making the mosaic: cancelled"
-        assert len(list(session._folder("runs").iterdir())) == 1
+        assert len(list(session.files.folder("runs").iterdir())) == 1
 
     run_in_loop(scenario)
 
@@ -158,5 +159,34 @@ def test_uploads_leave_room_on_the_disk(
         with pytest.raises(UploadRefusedError, match="disk is almost full") as refused:
             await session.upload("photograph", body(picture(1)), "field.png")
         assert refused.value.status == 507
+
+    run_in_loop(scenario)
+
+
+def test_a_session_has_a_limited_number_of_uploads_under_way(
+    sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("skymosaic.panel.uploads.MAX_UPLOADS_AT_ONCE", 1)
+    one, two = sessions.get("one"), sessions.get("two")
+
+    async def slow() -> AsyncIterator[bytes]:
+        yield b"RIFF"
+        await asyncio.sleep(60)
+
+    async def scenario() -> None:
+        stalled = asyncio.create_task(one.upload("video", slow(), "film.avi"))
+        await asyncio.sleep(0.05)
+        with pytest.raises(UploadRefusedError, match="arriving already") as caught:
+            await one.upload("video", slow(), "second.avi")
+        assert caught.value.status == 429
+        await two.upload("photograph", body(noise_png(96, 1)), "field.png")
+        assert len(two.photographs) == 1
+        while not two._queues.arriving.locked():
+            await two._queues.arriving.acquire()
+        with pytest.raises(UploadRefusedError, match="from all visitors") as caught:
+            await two.upload("photograph", body(noise_png(96, 2)), "field.png")
+        assert caught.value.status == 503
+        stalled.cancel()
+        await asyncio.gather(stalled, return_exceptions=True)
 
     run_in_loop(scenario)

@@ -1,3 +1,11 @@
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+
+from skymosaic.panel import uploads
 from skymosaic.panel.uploads import PHOTOGRAPH, VIDEO, sanitise_stem
 
 
@@ -16,3 +24,23 @@ def test_stems_have_harmless_characters_only() -> None:
     assert sanitise_stem("-rf.png") == "rf"
     assert sanitise_stem("") == "file"
     assert len(sanitise_stem("x" * 500)) == 40
+
+
+def test_an_upload_without_progress_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(uploads, "STALLED_SECONDS", 0.1)
+
+    async def stalled() -> AsyncIterator[bytes]:
+        # A byte now and then is no progress.
+        for _ in range(100):
+            yield b"\xff\xd8\xff"
+            await asyncio.sleep(0.05)
+
+    async def scenario() -> None:
+        with pytest.raises(uploads.UploadRefusedError, match=r"field: hardly anything arrived for 0\.1 s") as caught:
+            await uploads.receive(stalled(), "field.jpg", PHOTOGRAPH, tmp_path / "1.part", room_bytes=1000)
+        assert caught.value.status == 408
+
+    start = time.monotonic()
+    asyncio.run(scenario())
+    assert time.monotonic() - start < 3
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,94 @@
+"""The files of one session."""
+
+import shutil
+import zipfile
+from collections.abc import Callable, Collection, Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from skymosaic.panel.results import InputFile, MosaicResult, TrackingResult
+
+
+class SessionFiles:
+    """A folder with ``uploads``; ``runs``, a folder of inputs and outputs for each run; and ``pictures``.
+
+    The pictures are what the page shows of the uploads and of each run, in folders of the same names, and of an opened
+    folder.
+
+    Parameters
+    ----------
+    make_root : callable
+        Makes the folder when it gets its first file.
+    """
+
+    def __init__(self, make_root: Callable[[], Path]) -> None:
+        self._make_root = make_root
+        self._root: Path | None = None
+        self._names_given = 0
+
+    def folder(self, name: str) -> Path:
+        """A folder below the session's; it is made where it does not exist."""
+        if self._root is None:
+            self._root = self._make_root()
+        folder = self._root / name
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
+
+    def new_number(self) -> str:
+        """Two digits or more for a file name, different on every call."""
+        self._names_given += 1
+        return f"{self._names_given:02}"
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of all files; one that vanishes meanwhile does not count."""
+        total = 0
+        for path in self._root.rglob("*") if self._root else ():
+            with suppress(OSError):
+                total += path.stat().st_size if path.is_file() else 0
+        return total
+
+    def find_picture(self, folder: str, name: str) -> Path | None:
+        """Find a picture that is shown; None for any other name, so no request can read another file."""
+        if self._root is None:
+            return None
+        pictures = (self._root / "pictures").resolve()
+        path = (pictures / folder / name).resolve()
+        return path if path.parent.parent == pictures and path.is_file() else None
+
+    def write_archive(self, results: Mapping[str, MosaicResult | TrackingResult]) -> Path:
+        """Pack the folders of all results into a zip file, which the caller removes."""
+        path = self.folder("archives") / f"{self.new_number()}.zip"
+        with zipfile.ZipFile(path, "w") as archive:
+            for name, result in results.items():
+                for file in sorted(result.folder.rglob("*")):
+                    archive.write(file, f"{name}/{file.relative_to(result.folder)}")
+        return path
+
+    def new_run(self, inputs: Iterable[InputFile], shown: Collection[str]) -> tuple[Path, Path]:
+        """Make a run's folder and that of its pictures; remove those that are not among the names ``shown``."""
+        for path in (*self.folder("runs").iterdir(), *self.folder("pictures").iterdir()):
+            if path.name not in shown:
+                shutil.rmtree(path)
+        number = self.new_number()
+        run, pictures = self.folder(f"runs/{number}"), self.folder(f"pictures/{number}")
+        for upload in inputs:
+            if upload.is_upload:
+                # Hard links: the run keeps its photographs when they are removed from the page, and costs no space.
+                (run / upload.name).hardlink_to(self.folder("uploads") / upload.name)
+        return run, pictures
+
+    def remove(self, inputs: Iterable[InputFile]) -> None:
+        """Remove the files of uploads; those of an opened folder are not the session's."""
+        for upload in inputs:
+            if upload.is_upload:
+                (self.folder("uploads") / upload.name).unlink(missing_ok=True)
+                upload.thumbnail.unlink(missing_ok=True)
+
+    def clear(self) -> bool:
+        """Remove every file; returns whether there was a folder."""
+        if self._root is None:
+            return False
+        shutil.rmtree(self._root, ignore_errors=True)
+        self._root = None
+        return True
