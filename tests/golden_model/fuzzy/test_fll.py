@@ -213,6 +213,7 @@ def test_fll_is_read_strictly(tmp_path: Path, old: str, new: str, says: str) -> 
     assert str(caught.value).startswith(f"{path}: ")
 
 
+@pytest.mark.slow  # On an idle machine only.
 def test_the_largest_system_is_checked_in_little_memory_and_time() -> None:
     terms = "".join(f"  term: t{n} Discrete 0 1 6 0\n" for n in range(16))
     inputs = "".join(f"InputVariable: x{n}\n  range: 0 6\n{terms}" for n in range(5))

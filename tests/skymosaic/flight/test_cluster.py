@@ -136,6 +136,7 @@ def test_the_dashboard_is_named() -> None:
         assert lines == [f"{cluster.scheduler_address}: dashboard {cluster.dashboard_link}"]
 
 
+@pytest.mark.slow
 def test_a_signal_ends_the_wait_for_a_worker(cluster: Processes) -> None:
     for name in ("a.png", "b.png", "c.png"):
         cv2.imwrite(str(cluster.folder / name), np.zeros((100, 100), np.uint8))
@@ -168,6 +169,7 @@ HIDES = ("unshare", "-rm", "sh", "-c", 'mount -t tmpfs none "$0" && exec "$@"')
 """Starts a command that sees another folder in the place of one: the command's name is the folder, then it follows."""
 
 
+@pytest.mark.slow
 def test_a_worker_that_does_not_see_the_photographs_is_named(cluster: Processes, tmp_path: Path) -> None:
     folder = tmp_path / "photographs"
     folder.mkdir()
@@ -184,6 +186,7 @@ def test_a_worker_that_does_not_see_the_photographs_is_named(cluster: Processes,
         assert [type(view) for view in surveyor.describe(sources)] == [View]
 
 
+@pytest.mark.slow
 def test_a_worker_that_hangs_is_one_line(cluster: Processes) -> None:
     worker = cluster.worker()
     connect(cluster).__exit__(None, None, None)
@@ -194,6 +197,7 @@ def test_a_worker_that_hangs_is_one_line(cluster: Processes) -> None:
     assert time.monotonic() - started < 30
 
 
+@pytest.mark.slow
 def test_lost_workers_cost_their_calls_and_all_of_them_end_the_run(cluster: Processes) -> None:
     lines: list[str] = []
     both = [cluster.worker() for _ in range(2)]
@@ -231,6 +235,7 @@ def test_a_scheduler_that_dies_is_one_line(cluster: Processes) -> None:
     assert time.monotonic() - started < 30
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cluster", [0], indirect=True)
 def test_a_call_that_ends_its_worker_is_named(cluster: Processes) -> None:
     cluster.worker("--memory-limit", "300MB")
@@ -256,6 +261,7 @@ def add(left: Any, right: Any) -> int:
     return int((left + right).sum())
 
 
+@pytest.mark.slow
 def test_what_is_kept_stays_with_the_workers_and_outlives_them(cluster: Processes, tmp_path: Path) -> None:
     both = [cluster.worker() for _ in range(2)]
     with connect(cluster) as workers:
