@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Locator, Page, expect
 
 from golden_model.config import PRESETS
 from sim.simulators import verilator
@@ -100,6 +100,18 @@ def test_some_inliers_are_drawn_first_and_a_slider_draws_more(made: Page) -> Non
     expect(lines).to_have_count(25)
 
 
+def take(corner: Locator) -> tuple[float, float]:
+    """Press the pointer on a corner, which may still move while the editor opens; returns its middle, px."""
+    for _ in range(50):
+        corner.hover()
+        corner.page.mouse.down()
+        box = corner.bounding_box()
+        if box and corner.evaluate("corner => corner === document.activeElement"):
+            return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        corner.page.mouse.up()
+    raise AssertionError("the corner cannot be taken")
+
+
 def test_a_dragged_corner_recolours_the_matches(made: Page, tmp_path: Path) -> None:
     open_tab(made, "Matches")
     made.get_by_role("button", name="Edit the rules").click()
@@ -108,11 +120,8 @@ def test_a_dragged_corner_recolours_the_matches(made: Page, tmp_path: Path) -> N
     corner = made.get_by_role("slider", name="Corner 1 of distance: low, high")
     undo = made.get_by_role("button", name="Undo")
     expect(undo).to_be_disabled()
-    corner.hover()
-    box = corner.bounding_box()
-    assert box
-    made.mouse.down()
-    made.mouse.move(box["x"] - 20, box["y"], steps=5)
+    x, y = take(corner)
+    made.mouse.move(x - 20, y, steps=5)
     made.mouse.up()
     expect(rejected).not_to_have_text(at_first)
     effect = made.get_by_role("status", name="Effect of the rules")
@@ -168,11 +177,7 @@ def test_a_moved_corner_recolours_the_matches_within_a_second(made: Page) -> Non
     )
     milliseconds = []
     for offset_px in (-40, 40) * 5:
-        corner.hover()
-        box = corner.bounding_box()
-        assert box
-        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-        made.mouse.down()
+        x, y = take(corner)
         made.evaluate("window.moved = window.painted = 0")
         made.mouse.move(x + offset_px, y)
         made.wait_for_function("window.moved && window.painted > window.moved")
