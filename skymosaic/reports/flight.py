@@ -230,6 +230,7 @@ def _link_numbers(flight: Flight, layout: Layout, row: int) -> dict[str, Any]:
 def _render_page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: dict[str, Any]) -> bytes:
     flight = deliveries[0].flight
     placed = sum(len(delivery.layout.members) for delivery in deliveries)
+    folder = _common_folder(flight.names)
     rows = [
         ("photographs", f"{len(flight.names)}, {placed} placed"),
         ("pairs", f"{numbers['pairs_tried']} tried, {numbers['links']} linked"),
@@ -239,11 +240,11 @@ def _render_page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: di
         "flight.html",
         title=f"Flight of {len(flight.names)} photographs",
         rows=rows,
-        left_out=[_without_folder(reason, flight) for reason in flight.left_out.values()],
-        advice=[_without_folder(problem, flight) for problem in _problems(check)],
+        left_out=[reason.replace(folder, "") for reason in flight.left_out.values()],
+        advice=[problem.replace(folder, "") for problem in _problems(check)],
         mosaics=[
             {
-                "rows": [(name, _without_folder(value, flight)) for name, value in _mosaic_rows(delivery)],
+                "rows": [(name, value.replace(folder, "")) for name, value in _mosaic_rows(delivery)],
                 "photographs": _photographs_worst_first(delivery),
                 "graph": _graph_drawing(delivery),
                 "links": _links_worst_first(delivery),
@@ -281,10 +282,13 @@ def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
     return rows + ([("map note", delivery.map_note)] if delivery.map_note else [])
 
 
-def _without_folder(text: str, flight: Flight) -> str:
-    """A line with the photographs' names as they are in the folder that has all of them."""
-    common = os.path.commonpath([Path(name).parent for name in flight.names])
-    return text if common == os.curdir else text.replace(f"{common}{os.sep}", "")
+def _common_folder(names: Sequence[str]) -> str:
+    """The folder that has all photographs, with its separator; empty where there is none."""
+    try:
+        common = os.path.commonpath([Path(name).parent for name in names])
+    except ValueError:  # some names are absolute, others relative
+        return ""
+    return f"{common}{os.sep}" if common not in ("", os.curdir) else ""
 
 
 def _photographs_worst_first(delivery: Delivery) -> list[tuple[str, float, float, int]]:

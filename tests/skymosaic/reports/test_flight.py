@@ -9,7 +9,7 @@ import pytest
 from sim.scene import make_lawnmower
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.reports.flight import write_report
+from skymosaic.reports.flight import _common_folder, write_report
 
 
 @pytest.fixture(scope="module")
@@ -44,3 +44,17 @@ def test_the_worst_photographs_of_a_flight_come_first(pages: dict[int, str]) -> 
 def test_the_page_of_a_pair_has_the_words_of_the_command_line(pages: dict[int, str]) -> None:
     for words in ("IMG_0.png, 400x300 px", "accepted", "on the homography", "harris + ilbp-128, prosac", "good: "):
         assert words in pages[2]
+
+
+@pytest.mark.parametrize(
+    ("names", "folder"),
+    [
+        (["/flight/1.jpg", "/flight/rtk/2.jpg"], "/flight/"),
+        (["flight/1.jpg", "flight/2.jpg"], "flight/"),
+        (["1.jpg", "2.jpg"], ""),
+        (["north/1.jpg", "south/2.jpg"], ""),
+        (["/flight/1.jpg", "2.jpg"], ""),
+    ],
+)
+def test_names_lose_only_the_folder_that_has_all_of_them(names: list[str], folder: str) -> None:
+    assert _common_folder(names) == folder
