@@ -56,14 +56,12 @@ def _photograph_numbers(pair: Pair, side: int) -> dict[str, Any]:
 
 def _table_rows(pair: Pair) -> list[tuple[str, str]]:
     """What the page says about a pair, as names and words."""
-    sides = [(photograph.name, photograph) for photograph in (pair.left, pair.right)]
     rows = [
         (
             side,
-            f"{Path(name).name}, {'x'.join(map(str, photograph.size))} px"
-            + "".join(f"; {x}" for x in photograph.notes),
+            "; ".join([f"{Path(photograph.name).name}, {'x'.join(map(str, photograph.size))} px", *photograph.notes]),
         )
-        for side, (name, photograph) in zip(("left", "right"), sides, strict=True)
+        for side, photograph in (("left", pair.left), ("right", pair.right))
     ]
     rows.append(("verdict", "accepted" if pair.accepted else f"refused: {pair.reason}"))
     if pair.confidence is not None:
