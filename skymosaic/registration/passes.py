@@ -168,7 +168,7 @@ class Search:
         self._remove_masked = remove_masked
         self._scoring = scoring
         self._shared = shared
-        self.sizes = tuple((image.shape[1], image.shape[0]) for image in images)
+        self._sizes = tuple((image.shape[1], image.shape[0]) for image in images)
 
     def run(self, effort: str, state: SearchState) -> SearchState:
         """Continue after the first pass as far as ``effort`` allows and the pair needs."""
@@ -178,7 +178,7 @@ class Search:
         if self._is_strong(state):
             return state
         if state.homography is not None:
-            run = _choose_run_between_octaves(state.homography, self.sizes[0])
+            run = _choose_run_between_octaves(state.homography, self._sizes[0])
             return self._search_separately(state, (run,)) if run else state
         state = self._search_separately(state, LADDER)
         if state.homography is None:
@@ -196,7 +196,7 @@ class Search:
         places = acceptance.count_places(left, right)
         if homography is not None and places < MIN_PLACES:
             homography = None
-        if homography is not None and not acceptance.spread_enough(homography, left, right, *self.sizes):
+        if homography is not None and not acceptance.spread_enough(homography, left, right, *self._sizes):
             homography = None
         return SearchState(evidence, homography, inliers, places, passes)
 
@@ -323,7 +323,7 @@ class Search:
         if np.count_nonzero(state.inliers) < STRONG_SHARE_OF_KEPT * len(state.evidence.kept):
             return False
         left, _ = match_points(state.evidence.matches[state.inliers])
-        return acceptance.hull_share(state.homography, left, *self.sizes) >= STRONG_SHARE_OF_OVERLAP
+        return acceptance.hull_share(state.homography, left, *self._sizes) >= STRONG_SHARE_OF_OVERLAP
 
 
 def explain_refusal(state: SearchState) -> str:
