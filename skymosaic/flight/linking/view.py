@@ -22,7 +22,7 @@ from skymosaic.flight.cache import Arrays, key_of
 from skymosaic.flight.linking.resemblance import compact
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.exif import Metadata, Position, read_metadata
-from skymosaic.imagery.images import Photograph, reduce_for_front_end, reduce_to_width
+from skymosaic.imagery.images import Photograph, load, reduce_for_front_end, reduce_to_width
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.maps.positions import Fix
@@ -171,7 +171,7 @@ def describe(source: Source, settings: Settings) -> View:
     for band in source.bands.values():
         if band.content != source.content:
             # Read here, a damaged band leaves out its capture; later, it would end the run.
-            band.read_photograph(settings.lens)
+            load(band.content, band.name, keep_damaged=band.keep_damaged)
     working, to_original = reduce_for_front_end(photograph.pixels, settings.working_width_px, source.name)
     features = _extract_from_ground(working, settings, source.name)
     return make_view(source, photograph, settings, working=working, to_original=to_original, features=features)
