@@ -13,7 +13,7 @@ from sim.scene import make_pair
 from skymosaic.panel.sessions import Sessions
 from skymosaic.panel.tasks.jobs import prepare_workers
 from tests.skymosaic.panel.visitor import Scenario
-from tools.panel.visit import chromium, open_page, running_panel
+from tools.panel.visit import chromium, load_built_in_pair, make_mosaic, open_page, running_panel
 
 
 @pytest.fixture(scope="session")
@@ -71,6 +71,16 @@ def page(browser: Browser, panel: str) -> Iterator[Page]:
     yield opened
     opened.context.close()
     assert complaints == []
+
+
+@pytest.fixture(scope="module")
+def made(browser: Browser, panel: str) -> Iterator[Page]:
+    """A page of a session that has made the mosaic of the built-in pair."""
+    page = open_page(browser, panel)
+    load_built_in_pair(page)
+    make_mosaic(page)
+    yield page
+    page.context.close()
 
 
 @pytest.fixture(scope="session")
