@@ -161,6 +161,9 @@ class Cluster:
         paths = {content.parent: str(content) for content in contents if os.access(content, os.R_OK)}
         mine = describe_environment()
         for worker, found in self._ask(inspect_worker, list(paths.values())).items():
+            if _kind(found) == "CommClosedError":
+                # Lost before it answered, perhaps still starting, as it may be at any time later.
+                continue
             if isinstance(found, BaseException):
                 raise InputError(f"{worker}: skymosaic cannot be imported ({one_line(repr(found))}); install it there")
             theirs, unreadable = found
@@ -242,7 +245,7 @@ def inspect_worker(paths: Sequence[str]) -> tuple[dict[str, str], list[str]]:
     return describe_environment(), [path for path in paths if not os.access(path, os.R_OK)]
 
 
-def _kind(error: Exception) -> str:
+def _kind(error: object) -> str:
     """Name of an error's class; the package that defines it is an extra."""
     return type(error).__name__
 
