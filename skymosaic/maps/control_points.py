@@ -1,6 +1,7 @@
 """Ground control points: surveyed places that photographs show."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from golden_model.arrays import Points
 from golden_model.small_files import read_small_file
 from skymosaic.errors import InputError
 from skymosaic.imagery.exif import Position
+from skymosaic.imagery.photographs import is_named
 from skymosaic.maps.georeference import map_to_globe, project_to_utm
 
 CHECK_PREFIX = "CHK-"
@@ -68,6 +70,11 @@ class ControlPoints:
     def checks(self, point: int) -> bool:
         """Whether a point has no part in the layout and shows how exact it is."""
         return self.names[point].startswith(CHECK_PREFIX)
+
+    def unmatched_names(self, photographs: Sequence[str]) -> list[str]:
+        """Names in the file that are none of the photographs', rising."""
+        names = sorted({sighting.photograph for sighting in self.sightings})
+        return [name for name in names if not any(is_named(photograph, name) for photograph in photographs)]
 
 
 def load_control_points(path: Path) -> ControlPoints:

@@ -52,7 +52,7 @@ class MosaicPlan:
         Checked for this number of photographs.
     workers : Workers
     tell : callable
-        Receives a line if the cache cannot be written.
+        Receives a line if the cache cannot be written, or if control points name other photographs.
     """
 
     def __init__(
@@ -62,6 +62,10 @@ class MosaicPlan:
         self.options = options
         self._workers = workers
         self._tell = tell
+        control = options.control
+        # Unlike a position, a sighting is one of several, and surveys share a file; but it may be misspelt.
+        if control is not None and (unknown := control.unmatched_names([source.name for source in sources])):
+            tell(f"note: {control.name}: no photograph is named {', '.join(unknown)}; these sightings are left out")
 
     @cached_property
     def flight(self) -> Flight:
