@@ -7,7 +7,7 @@ photographs overlap, all of this shows as differences that change slowly across 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import cg
+from scipy.sparse.linalg import LinearOperator, cg
 
 from golden_model.arrays import Array
 from skymosaic.compositing.grid import interpolation, roughness
@@ -69,8 +69,7 @@ def _fit(design: sparse.csr_array, target: Array, number: int) -> Array:
     prior = sparse.kron(sparse.eye_array(number), smooth, format="csr")
     nodes, weight = np.zeros((design.shape[1], 3)), np.full(len(target), 1 / LOG_SIGMA**2)
     for sigma in ROBUST_SIGMAS:
-        weighted = design.T.multiply(weight).tocsr()
-        nodes = _solve((weighted @ design + prior).tocsr(), weighted @ target, nodes)
+        nodes = _solve(design, weight, prior, target, nodes)
         squared = ((target - design @ nodes) ** 2).mean(axis=1)
         weight = 1 / LOG_SIGMA**2 / (1 + squared / sigma**2) ** 2
     return nodes
@@ -82,13 +81,18 @@ def _cost(difference: Array) -> float:
     return float((squared / (1 + squared)).mean())
 
 
-def _solve(system: sparse.csr_array, target: Array, start: Array) -> Array:
-    """Solve for each channel by conjugate gradients, scaled by the diagonal."""
-    # A direct solution takes tens of seconds for a flight.
-    scale = sparse.diags_array(1 / system.diagonal())
+def _solve(design: sparse.csr_array, weight: Array, prior: sparse.csr_array, target: Array, start: Array) -> Array:
+    """Weighted least squares for each channel by conjugate gradients, scaled by the diagonal."""
+
+    def multiply(nodes: Array) -> Array:
+        return np.asarray(design.T @ (weight * (design @ nodes)) + prior @ nodes)
+
+    # The matrix itself would take most of a megabyte per photograph, and a direct solution tens of seconds.
+    system = LinearOperator(prior.shape, multiply, dtype=np.float64)
+    scale = sparse.diags_array(1 / (design.power(2).T @ weight + prior.diagonal()))
     return np.column_stack(
         [
-            cg(system, channel, x0=first, rtol=TOLERANCE, maxiter=MAX_STEPS, M=scale)[0]
+            cg(system, design.T @ (weight * channel), x0=first, rtol=TOLERANCE, maxiter=MAX_STEPS, M=scale)[0]
             for channel, first in zip(target.T, start.T, strict=True)
         ]
     )
