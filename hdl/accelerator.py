@@ -252,7 +252,7 @@ class Accelerator(wiring.Component):
         registers, o = self.registers, self.o_homographies
         wiring.connect(m, estimator.o, wiring.flipped(o))
         m.d.comb += [
-            estimator.i_enable.eq(registers.o_homographies_enable),
+            estimator.i_enable.eq(registers.o_homographies_enable | self.live),
             *(estimator.i_settings[each.name].eq(getattr(registers, f"o_{each.name}")) for each in ESTIMATION),
             registers.i_homographies_waiting.eq(o.valid & ~o.ready),
             registers.i_homography_done.eq(o.valid & o.ready & o.payload.last),

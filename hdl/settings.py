@@ -112,8 +112,8 @@ ESTIMATOR = {
 }
 """The settings of a build with an estimator by name; `hdl.registers.register_map` gives each its register and bits."""
 
-RINGS = ("features", "matches")
-"""The rings of buffers in memory that a live build writes."""
+RINGS = ("features", "matches", "homographies")
+"""The rings of buffers in memory that a live build writes, the last one only with an estimator."""
 PAGE_BYTES = 4096
 """Unit of a ring's base and of its slots; no AXI burst crosses a multiple of it."""
 MIN_SLOTS = 2

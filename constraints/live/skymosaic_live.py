@@ -14,13 +14,12 @@ import skymosaic_map as register_map
 from skymosaic_map import CLOSING_RECORDS, HEADER_BYTES, PAGE_BYTES
 from skymosaic_registers import AcceleratorError, Registers, split_packet
 
-RINGS = ("features", "matches")
+RINGS = {"features": register_map.FEATURE, "matches": register_map.MATCH}
+if register_map.BUILT["built_homographies"]:
+    RINGS["homographies"] = register_map.HOMOGRAPHY
 WAIT_SECONDS = 0.002
 TIMEOUT_SECONDS = 5.0
-COUNTERS = (
-    "camera_frames", "dropped", "cut", "features_errors", "matches_errors", "features_lost", "matches_lost", "scored",
-    "unscored",
-)  # fmt: skip
+COUNTERS = ("camera_frames", "dropped", "cut", "scored", "unscored")
 
 
 class LiveFrame:
@@ -38,12 +37,20 @@ class LiveFrame:
         Records of `skymosaic_map.FEATURE` and `skymosaic_map.MATCH`.
     status, match_status : structured scalar
         `skymosaic_map.STATUS`.
+    homography : structured scalar or None
+        `skymosaic_map.HOMOGRAPHY`; None where the build estimates none.
+    homography_clocks : int or None
+        Clocks from the first pixel until it was in memory.
     """
 
-    def __init__(self, feature_slot, match_slot):
+    def __init__(self, feature_slot, match_slot, homography_slot=None):
         (header, self.features, self.status), (later, self.matches, self.match_status) = feature_slot, match_slot
         self.number, self.time, self.clocks = int(header["number"]), int(header["time"]), int(later["clocks"])
         self.good = bool(self.status["good"])
+        self.homography, self.homography_clocks = None, None
+        if homography_slot is not None:
+            header, _, self.homography = homography_slot
+            self.homography_clocks = int(header["clocks"])
 
 
 class Ring:
@@ -52,16 +59,15 @@ class Ring:
     Parameters
     ----------
     registers : Registers
-    name : {"features", "matches"}
-    dtype : numpy.dtype
-        Type of its records.
+    name : str
+        A key of `RINGS`, where the type of its records is.
     slots : int
     """
 
-    def __init__(self, registers, name, dtype, slots):
-        self.registers, self.name, self.dtype, self.slots = registers, name, dtype, slots
-        longest = HEADER_BYTES + (register_map.BUILT["built_max_features"] + CLOSING_RECORDS) * dtype.itemsize
-        self.slot_pages = -(-longest // PAGE_BYTES)
+    def __init__(self, registers, name, slots):
+        self.registers, self.name, self.dtype, self.slots = registers, name, RINGS[name], slots
+        records = 1 if name == "homographies" else register_map.BUILT["built_max_features"] + CLOSING_RECORDS
+        self.slot_pages = -(-(HEADER_BYTES + records * self.dtype.itemsize) // PAGE_BYTES)
         self.buffer = registers.bus.allocate(slots * self.slot_pages * PAGE_BYTES)
         self.address = registers.bus.address(self.buffer)
         if self.address % PAGE_BYTES:
@@ -88,7 +94,7 @@ class Ring:
         return (self.registers.read(f"{self.name}_written") - self.read) % (1 << 32)
 
     def head(self):
-        """View header, records and status of the oldest packet; None if it is damaged."""
+        """View header, records and status (or the homography) of the oldest packet; None if it is damaged."""
         start = self.read % self.slots * self.slot_pages * PAGE_BYTES
         slot = self.buffer[start : start + self.slot_pages * PAGE_BYTES]
         self.registers.bus.invalidate(self.buffer)
@@ -98,8 +104,13 @@ class Ring:
         is_expected = int(header["sequence"]) == (self.read + 1) % (1 << 32)
         if not is_expected or header["flags"] or end > slot.size:
             return None
+        packet = slot[HEADER_BYTES:end]
+        if self.name == "homographies":
+            # A packet of one record, without a status.
+            is_whole = packet.size == self.dtype.itemsize and packet[0] == register_map.HOMOGRAPHY_TAG
+            return (header, None, packet.view(self.dtype)[0]) if is_whole else None
         try:
-            return header, *split_packet(slot[HEADER_BYTES:end], self.dtype)
+            return header, *split_packet(packet, self.dtype)
         except AcceleratorError:
             return None
 
@@ -110,13 +121,14 @@ class Ring:
 
 
 class Live:
-    """Frames of a camera with their features and matches, as they arrive in memory.
+    """Frames of a camera with their features, matches and homographies, as they arrive in memory.
 
     Parameters
     ----------
     bus : LiveBus or an object with its methods
     settings : dict
-        Values of the register fields in `skymosaic_map.REQUESTED`, and ``gray_input``.
+        Values of the register fields in `skymosaic_map.REQUESTED`, and ``gray_input``; those in
+        `skymosaic_map.ESTIMATION` keep theirs if they are left out.
     slots : int
         Number of frames that fit the memory; with more, the host can pause for longer.
     hold_reference : bool
@@ -133,10 +145,7 @@ class Live:
         self.settings = settings
         self.hold_reference = hold_reference
         self.damaged = 0
-        self._rings = {
-            name: Ring(self.registers, name, dtype, slots)
-            for name, dtype in zip(RINGS, (register_map.FEATURE, register_map.MATCH), strict=True)
-        }
+        self._rings = {name: Ring(self.registers, name, slots) for name in RINGS}
         self.restart()
 
     def restart(self):
@@ -155,14 +164,17 @@ class Live:
         self.registers.write(enable=0, clear=1)
         for _ in range(round(TIMEOUT_SECONDS / WAIT_SECONDS)):
             if not self.registers.read("clearing"):
-                self.registers.write(features_enable=0, matches_enable=0)
+                self.registers.write(**{f"{ring}_enable": 0 for ring in RINGS})
                 return
             self.registers.bus.wait(WAIT_SECONDS)
         raise AcceleratorError("clearing does not become 0; the memory does not answer: restart the board")
 
     def counts(self):
         """Read the shell's counters since its reset, and why the last frame was dropped."""
-        return {name: self.registers.read(name) for name in (*COUNTERS, "dropped_reason", "refused", "camera_stopped")}
+        rings = (f"{ring}_{name}" for ring in RINGS for name in ("errors", "lost"))
+        refusals = ["refused", *(["homographies_refused"] if "homographies" in RINGS else [])]
+        names = (*COUNTERS, *rings, "dropped_reason", *refusals, "camera_stopped")
+        return {name: self.registers.read(name) for name in names}
 
     def __iter__(self):
         """Iterate over the frames until none comes for `TIMEOUT_SECONDS`."""
@@ -177,11 +189,11 @@ class Live:
         """Wait for the oldest frame, or return None if none comes in time; `release` frees its memory."""
         waits = round(timeout_seconds / WAIT_SECONDS)
         while True:
-            # A frame is there when both of its packets are.
+            # A frame is there when all of its packets are.
             if all(ring.waiting() for ring in self._rings.values()):
                 slots = [ring.head() for ring in self._rings.values()]
                 numbers = [None if slot is None else int(slot[0]["number"]) for slot in slots]
-                if None not in numbers and numbers[0] == numbers[1]:
+                if None not in numbers and len(set(numbers)) == 1:
                     return LiveFrame(*slots)
                 self._skip_damaged(numbers)
             elif waits:
@@ -191,11 +203,10 @@ class Live:
                 return None
 
     def _skip_damaged(self, numbers):
-        """Release both packets where one is damaged, or the older one where the other ring has lost its own."""
+        """Release all packets where one is damaged, or the older ones where a ring has lost its own."""
         self.damaged += 1
-        ahead = None not in numbers and numbers[0] > numbers[1]
-        for position, ring in enumerate(self._rings.values()):
-            if None in numbers or position == ahead:
+        for number, ring in zip(numbers, self._rings.values(), strict=True):
+            if None in numbers or number < max(numbers):
                 ring.release()
 
     def release(self):

@@ -21,7 +21,7 @@ from hdl.export.boards import SOURCES, board_facts
 from hdl.export.bus_interfaces import vivado_attributes
 from hdl.export.live_bench import make_live_bench
 from hdl.netlist import to_verilog
-from hdl.registers.live_register_map import SHELL_REGISTERS
+from hdl.registers.live_register_map import list_shell_registers
 from hdl.registers.register_map import Access, Field, Register, built_constants, fields, list_registers
 from hdl.settings import ESTIMATION, ESTIMATOR, FLAG, PAGE_BYTES, REQUESTED, SETTINGS, SHELL
 from hdl.shell.live import LIVE_VIDEO_BITS, LiveAccelerator, LiveTop
@@ -134,7 +134,7 @@ def export_live(folder: Path, *, config: Config, **build: Unpack[Build]) -> None
     write_files(
         folder,
         {
-            **core_files(LIVE_TOP, verilog, (*list_registers(config), *SHELL_REGISTERS)),
+            **core_files(LIVE_TOP, verilog, (*list_registers(config), *list_shell_registers(config))),
             **{f"sim/{name}": text for name, text in bench.items()},
             f"{LIVE_TOP}.core": core_file(LIVE_TOP, [f"rtl/{LIVE_TOP}.v"], [f"sim/{name}" for name in bench]),
             f"constraints/{LIVE_TOP}.xdc": (SOURCES / "live" / f"{LIVE_TOP}.xdc").read_text(),
@@ -202,7 +202,7 @@ def write_host(folder: Path, kind: Literal["pynq", "serial", "live"], config: Co
 
 def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) -> str:
     """The Python module ``skymosaic_map``: registers, records and build constants for the driver."""
-    registers = (*list_registers(config), *(SHELL_REGISTERS if live else ()))
+    registers = (*list_registers(config), *(list_shell_registers(config) if live else ()))
     constants = built_constants(config, live=live, **(DEFAULT_BUILD | build))
     # Patch versions have the same registers and records, so the driver accepts all of them.
     del constants["version_patch"]
@@ -217,7 +217,8 @@ def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) ->
         **({"HOMOGRAPHY": HOMOGRAPHY.dtype} if config.estimator else {}),
         **({"HEADER": HEADER, "HYPOTHESIS": HYPOTHESIS.dtype, "SCORE": SCORE.dtype} if live else {}),
     }
-    tags = (Tag.FRAME_STATUS, *((Tag.HYPOTHESIS, Tag.SCORE) if live else ()))
+    tags = [Tag.FRAME_STATUS, *((Tag.HYPOTHESIS, Tag.SCORE) if live else ())]
+    tags += [Tag.HOMOGRAPHY] if config.estimator else []
     requests = ((r.offset, sum(f.mask for f in r.fields if f.access is Access.REQUEST)) for r in registers)
     request_bits = {offset: bits for offset, bits in requests if bits}
     lines = [

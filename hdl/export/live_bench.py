@@ -4,7 +4,7 @@ import numpy as np
 
 from golden_model.config import Config
 from golden_model.geometry.scoring import answers, hypothesis_records, quantise
-from golden_model.records import MATCH, WORD_BYTES
+from golden_model.records import HOMOGRAPHY, MATCH, WORD_BYTES
 from hdl.axi.axi_write import BURST_BYTES, BURST_WORDS, INCREMENTING, MODIFIABLE
 from hdl.blocks.testbench import Port, VerilogBench
 from hdl.blocks.vectors import Row, packet
@@ -18,12 +18,12 @@ from hdl.export.accelerator_bench import (
     list_writes,
 )  # fmt: skip
 from hdl.export.bus_interfaces import CLOCK, RESET
-from hdl.settings import MIN_SLOTS, PAGE_BYTES, RINGS
+from hdl.settings import MIN_SLOTS, PAGE_BYTES
 from hdl.shell.slot import HEADER, HEADER_BYTES
 
-RING_ADDRESSES = {"features": 0x1000_0000, "matches": 0x2000_0000}
+RING_ADDRESSES = {"features": 0x1000_0000, "matches": 0x2000_0000, "homographies": 0x3000_0000}
 SLOT_PAGES = 256
-_HYPOTHESES, _HOMOGRAPHIES = "s_axis_hypotheses_t", "m_axis_homographies_t"
+_HYPOTHESES = "s_axis_hypotheses_t"
 
 
 def make_live_bench(module: str, ports: dict[str, Port], config: Config, *, video_bits: int) -> VerilogBench:
@@ -34,15 +34,16 @@ def make_live_bench(module: str, ports: dict[str, Port], config: Config, *, vide
     frames = SampleFrames(config)
     rings = {
         f"{ring}_{name}": value
-        for ring in RINGS
+        for ring in frames.packets
         for name, value in (("base_low", RING_ADDRESSES[ring]), ("slots", MIN_SLOTS), ("slot_pages", SLOT_PAGES))
     }
     writes = list_writes(frames.config, **rings)
     record_words = {
         "features": frames.config.front_end.pattern.record.record_bytes // WORD_BYTES,
         "matches": MATCH.record_bytes // WORD_BYTES,
+        "homographies": HOMOGRAPHY.record_bytes // WORD_BYTES,
     }
-    bursts = {f"m_axi_{ring}_": _write_bursts(ring, frames.packets[ring], record_words[ring]) for ring in RINGS}
+    bursts = {f"m_axi_{ring}_": _write_bursts(ring, sent, record_words[ring]) for ring, sent in frames.packets.items()}
     hypotheses = quantise(np.array([np.eye(3), [[1, 0, -SHIFT_PX], [0, 1, 0], [0, 0, 1]]]))
     scores = answers(hypotheses, frames.matches, int(frames.statuses[-1]["frame"]))
     return VerilogBench(
@@ -59,9 +60,6 @@ def make_live_bench(module: str, ports: dict[str, Port], config: Config, *, vide
             **{f"{prefix}aw": addresses for prefix, (addresses, _) in bursts.items()},
             **{f"{prefix}w": words for prefix, (_, words) in bursts.items()},
             "m_axis_scores_t": fill_stream("m_axis_scores_t", packet(scores)),
-            **(
-                {_HOMOGRAPHIES: fill_stream(_HOMOGRAPHIES, *frames.packets["homographies"])} if config.estimator else {}
-            ),
         },
         settings={},
         clocks={VIDEO_STREAM: "video_aclk"},

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from golden_model.version import VERSION
 from hdl.axi.axi_lite import ADDRESS_BITS
-from hdl.registers.live_register_map import ALL_REGISTERS, SHELL_OFFSET
+from hdl.registers.live_register_map import ALL_REGISTERS, HOMOGRAPHY_RING_OFFSET, SHELL_OFFSET
 from hdl.registers.register_map import ESTIMATOR_OFFSET, REGISTER_BITS, REGISTERS, Access, Field, Register
 
 NAME = "skymosaic"
@@ -34,7 +34,8 @@ def markdown(registers: Sequence[Register] = ALL_REGISTERS) -> str:
     if registers[-1].offset >= ESTIMATOR_OFFSET:
         lines += [
             f"Registers from 0x{ESTIMATOR_OFFSET:X} on exist in builds with an estimator only (`skymosaic export "
-            f"--homography`), those from 0x{SHELL_OFFSET:X} on in live builds only (`--live`).",
+            f"--homography`), those from 0x{SHELL_OFFSET:X} on in live builds only (`--live`), and those from "
+            f"0x{HOMOGRAPHY_RING_OFFSET:X} on in live builds with an estimator.",
             "",
         ]
     for register in registers:

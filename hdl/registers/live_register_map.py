@@ -2,6 +2,7 @@
 
 import enum
 
+from golden_model.config import Config
 from hdl.registers.register_map import (
     ESTIMATOR_REGISTERS,
     REGISTERS,
@@ -13,7 +14,7 @@ from hdl.registers.register_map import (
     status_word,
 )
 
-SHELL_OFFSET = 0x100
+SHELL_OFFSET, HOMOGRAPHY_RING_OFFSET = 0x100, 0x180
 _STATUS = Access.STATUS
 
 
@@ -37,6 +38,14 @@ class Refusal(enum.IntFlag):
     MATCHES_TOO_SMALL = 16
     MATCHES_READ_AHEAD = 32
     MEMORY_MODE = 64
+
+
+class RingFault(enum.IntFlag):
+    """Faults of the settings of one ring, as `Refusal` has them of two."""
+
+    MISALIGNED = 1
+    TOO_SMALL = 2
+    READ_AHEAD = 4
 
 
 def _ring_registers(ring: str, offset: int) -> tuple[Register, ...]:
@@ -119,7 +128,7 @@ SHELL_REGISTERS = (
         "LIVE_IRQ_STATUS",
         0x124,
         "Events of the shell; they share the interrupt with IRQ_STATUS.",
-        Field("frames_ready", 0, 1, Access.EVENT, "Features and matches of frames are in memory."),
+        Field("frames_ready", 0, 1, Access.EVENT, "All packets of frames are in memory."),
         Field("frame_dropped", 1, 1, Access.EVENT, "A frame was dropped or cut, other than by `enable`."),
         Field("camera_stops", 2, 1, Access.EVENT, "The camera has stopped."),
         Field("memory_error", 3, 1, Access.EVENT, "The response to a write was an error."),
@@ -138,7 +147,24 @@ SHELL_REGISTERS = (
     *_ring_registers("features", 0x140),
     *_ring_registers("matches", 0x160),
 )
-"""The shell's registers, by offset."""
+"""The shell's registers that every live build has, by offset."""
 
-ALL_REGISTERS = (*REGISTERS, *ESTIMATOR_REGISTERS, *SHELL_REGISTERS)
+HOMOGRAPHY_RING = (
+    *_ring_registers("homographies", HOMOGRAPHY_RING_OFFSET),
+    Register(
+        "HOMOGRAPHIES_STATUS",
+        0x198,
+        "The state of the ring of homographies, as LIVE_STATUS has it of the others.",
+        Field("homographies_refused", 0, 3, _STATUS, f"Every frame is dropped because of: {list_values(RingFault)}."),
+        Field("homographies_active", 8, 1, _STATUS, "The ring is on, or still writes a record."),
+    ),
+)
+"""The registers of a shell behind an estimator, after `SHELL_REGISTERS`."""
+
+ALL_REGISTERS = (*REGISTERS, *ESTIMATOR_REGISTERS, *SHELL_REGISTERS, *HOMOGRAPHY_RING)
 """Every register that a build can have."""
+
+
+def list_shell_registers(config: Config) -> tuple[Register, ...]:
+    """The shell's registers in a live build."""
+    return (*SHELL_REGISTERS, *(HOMOGRAPHY_RING if config.estimator else ()))

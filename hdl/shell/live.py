@@ -1,4 +1,4 @@
-"""The live build: from a camera to packets of features and matches in memory, without software between."""
+"""The live build: from a camera to packets of features, matches and homographies in memory, without software."""
 
 # Annotations are evaluated here: a component takes its ports from them.
 from typing import Any
@@ -8,17 +8,17 @@ from amaranth.lib import stream, wiring
 from amaranth.lib.cdc import ResetSynchronizer
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import Config
 from golden_model.geometry.scoring import MAX_MATCHES
-from golden_model.records import MATCH, WORD_BYTES
-from hdl.accelerator import Accelerator
+from golden_model.records import HOMOGRAPHY, MATCH, WORD_BYTES
+from hdl.accelerator import Accelerator, output_names
 from hdl.axi.axi_lite import AXI_LITE
 from hdl.axi.axi_write import AXI_WRITE
 from hdl.axi.flat_ports import FlatTop, bus_pins, packet_pins, stream_pins
 from hdl.axi.packet_gate import CLOSING_RECORDS
 from hdl.axi.video_input import VideoPayload
 from hdl.geometry.records import RecordScoring
-from hdl.registers.live_register_map import SHELL_REGISTERS
-from hdl.settings import RINGS
+from hdl.registers.live_register_map import list_shell_registers
 from hdl.shell.shell import Shell
 from hdl.streams import WordPayload
 
@@ -50,33 +50,37 @@ class LiveAccelerator(wiring.Component):
     """The ring of features in memory."""
     matches: Out(AXI_WRITE)
     """The ring of matches in memory."""
+    homographies: Out(AXI_WRITE)
+    """The ring of homographies in memory, a record for every frame; unused without an estimator."""
     i_hypotheses: In(stream.Signature(WordPayload))
     """Packets of Hypothesis records, see `RecordScoring`."""
     o_scores: Out(stream.Signature(WordPayload))
     """Packets of Score records."""
-    o_homographies: Out(stream.Signature(WordPayload))
-    """A Homography record for every frame; none without an estimator."""
     control: In(AXI_LITE)
-    """`hdl.registers.register_map.list_registers`, and `hdl.registers.live_register_map.SHELL_REGISTERS`."""
+    """`hdl.registers.register_map.list_registers`, and `hdl.registers.live_register_map.list_shell_registers`."""
     o_interrupt: Out(1)
 
-    def __init__(self, **build: Any) -> None:
-        self.accelerator = accelerator = Accelerator(shell_registers=SHELL_REGISTERS, **build)
-        capacity = accelerator.config.front_end.max_features + CLOSING_RECORDS
+    def __init__(self, *, config: Config, **build: Any) -> None:
+        registers = list_shell_registers(config)
+        self.accelerator = accelerator = Accelerator(config=config, shell_registers=registers, **build)
+        self.rings = output_names(config)
+        capacity = config.front_end.max_features + CLOSING_RECORDS
         words = {
             "features": accelerator.registers.constants["built_feature_bytes"] // WORD_BYTES,
             "matches": MATCH.record_bytes // WORD_BYTES,
+            "homographies": HOMOGRAPHY.record_bytes // WORD_BYTES,
         }
+        records = {"features": capacity, "matches": capacity, "homographies": 1}
         self._shell = Shell(
             registers=accelerator.registers,
-            record_words=words,
-            max_words={ring: capacity * words[ring] for ring in RINGS},
+            record_words={ring: words[ring] for ring in self.rings},
+            max_words={ring: records[ring] * words[ring] for ring in self.rings},
             video_bits=accelerator.video_bits,
             # A power of two, as the Gray counters of the queue need it.
             camera_depth=1 << (accelerator.max_width_px + CLOSING_PX - 1).bit_length(),
             fifo_words=FIFO_WORDS,
         )
-        self._scoring = RecordScoring(max_matches=min(accelerator.config.front_end.max_features, MAX_MATCHES))
+        self._scoring = RecordScoring(max_matches=min(config.front_end.max_features, MAX_MATCHES))
         super().__init__()
 
     def elaborate(self, platform: object) -> Module:
@@ -89,13 +93,10 @@ class LiveAccelerator(wiring.Component):
         m.submodules.shell = ResetInserter(reset)(self._shell)
         shell = self._shell
         wiring.connect(m, shell.o_video, inner.i_video)
-        wiring.connect(m, inner.o_features, shell.i_features)
-        wiring.connect(m, inner.o_matches, shell.i_matches)
         wiring.connect(m, wiring.flipped(self.control), inner.control)
-        for ring in RINGS:
+        for ring in self.rings:
+            wiring.connect(m, getattr(inner, f"o_{ring}"), getattr(shell, f"i_{ring}"))
             wiring.connect(m, getattr(shell, ring), wiring.flipped(getattr(self, ring)))
-        if inner.config.estimator:
-            wiring.connect(m, inner.o_homographies, wiring.flipped(self.o_homographies))
         self._score(m, reset)
         m.d.comb += [
             inner.i_reset.eq(self.i_reset),
@@ -131,11 +132,10 @@ class LiveTop(FlatTop):
         The camera's pixel clock.
     s_axis_video_* : AXI4-Stream, in ``video_aclk``
         Its TREADY is always 1.
-    m_axi_features_*, m_axi_matches_* : AXI4, writes only
+    m_axi_features_*, m_axi_matches_*, m_axi_homographies_* : AXI4, writes only
+        The last one only where the accelerator estimates homographies.
     s_axis_hypotheses_*, m_axis_scores_* : AXI4-Stream
         64 bits wide, for a DMA.
-    m_axis_homographies_* : AXI4-Stream
-        Only where the accelerator estimates homographies.
     s_axi_ctrl_* : AXI4-Lite
     interrupt : Out(1)
         Active high, level.
@@ -145,7 +145,6 @@ class LiveTop(FlatTop):
         self.live = live
         self._reset_n = Signal(name="reset_n")
         camera, hypotheses = live.i_camera, live.i_hypotheses
-        estimates = live.accelerator.config.estimator is not None
         super().__init__(
             {
                 "aclk": (In(1), ClockSignal()),
@@ -158,10 +157,12 @@ class LiveTop(FlatTop):
                 "s_axis_video_tready": (Out(1), Const(1)),
                 **stream_pins("s_axis_hypotheses", hypotheses, In, tdata=hypotheses.payload.data),
                 **packet_pins("m_axis_scores", live.o_scores),
-                **(packet_pins("m_axis_homographies", live.o_homographies) if estimates else {}),
                 **bus_pins("s_axi_ctrl", live.control),
-                **bus_pins("m_axi_features", live.features),
-                **bus_pins("m_axi_matches", live.matches),
+                **{
+                    name: pin
+                    for ring in live.rings
+                    for name, pin in bus_pins(f"m_axi_{ring}", getattr(live, ring)).items()
+                },
                 "interrupt": (Out(1), live.o_interrupt),
             }
         )

@@ -8,7 +8,7 @@ from amaranth.lib.wiring import In, Out
 from hdl.axi.axi_write import AXI_WRITE
 from hdl.axi.video_input import VideoPayload
 from hdl.registers.register_file import RegisterFile
-from hdl.settings import MIN_SLOTS, PAGE_BYTES, RINGS, TICK_CLOCKS
+from hdl.settings import MIN_SLOTS, PAGE_BYTES, TICK_CLOCKS
 from hdl.shell.camera import CameraCrossing, CameraGate
 from hdl.shell.ring_writer import FRAME_INFO, RingWriter
 from hdl.streams import WordPayload, fork
@@ -20,20 +20,21 @@ CLEARING_CLOCKS = 8
 
 
 class Shell(wiring.Component):
-    """Admits whole frames of a camera while there are buffers for them, and writes their packets into two rings.
+    """Admits whole frames of a camera while there are buffers for them, and writes their packets into rings.
 
     An admitted frame has a free slot in each ring that is on, reserved for it alone. Software frees slots by counting
-    up ``features_read`` and ``matches_read``.
+    up ``features_read``, ``matches_read`` and ``homographies_read``.
 
     Parameters
     ----------
     registers : RegisterFile
         The registers of a live build; the shell drives the fields of its own.
     record_words, max_words : mapping of str to int
-        For each ring, the length of a record and of the longest packet.
+        For each ring that is built, the length of a record and of the longest packet.
     video_bits : {24, 8}
     camera_depth, fifo_words : int
-        Lengths of the queues before and behind the accelerator, in pixels and words.
+        Lengths of the queues before and behind the accelerator, in pixels and words. A ring's queue is shorter where
+        it then holds all packets in flight: its sender, the estimator, never waits, and so drops no record.
     """
 
     i_camera_valid: In(1)
@@ -46,12 +47,16 @@ class Shell(wiring.Component):
     """From the accelerator: a packet for every frame of ``o_video``."""
     i_matches: In(stream.Signature(WordPayload))
     """From the accelerator: a packet for every frame of ``o_video``."""
+    i_homographies: In(stream.Signature(WordPayload))
+    """From the accelerator: a packet for every frame of ``o_video``; unused without this ring."""
     o_matches: Out(stream.Signature(WordPayload))
     """Every word of ``i_matches``, when the ring takes it, too; its ready must not depend on its valid."""
     features: Out(AXI_WRITE)
     """The ring of features in memory."""
     matches: Out(AXI_WRITE)
     """The ring of matches in memory."""
+    homographies: Out(AXI_WRITE)
+    """The ring of homographies in memory; unused without it."""
 
     def __init__(
         self,
@@ -67,8 +72,12 @@ class Shell(wiring.Component):
         self._crossing = CameraCrossing(video_bits=video_bits, depth=camera_depth)
         self._gate = CameraGate()
         self.rings = {
-            ring: RingWriter(record_words=record_words[ring], max_words=max_words[ring], fifo_words=fifo_words)
-            for ring in RINGS
+            ring: RingWriter(
+                record_words=record_words[ring],
+                max_words=max_words[ring],
+                fifo_words=min(fifo_words, MAX_IN_FLIGHT * max_words[ring]),
+            )
+            for ring in record_words
         }
         super().__init__()
 
@@ -83,23 +92,21 @@ class Shell(wiring.Component):
         time = Signal(64)
         m.d.sync += time.eq(time + 1)
         clearing, forgets = self._clear(m)
-        has_room, refused = [], []
-        for ring in RINGS:
-            room, faults = self._ring(m, ring, time, forgets)
-            has_room.append(room)
-            refused.append(faults)
-        refusal = Signal(registers.i_refused.shape())
+        has_room, faults = {}, {}
+        for ring in self.rings:
+            has_room[ring], faults[ring] = self._ring(m, ring, time, forgets)
+        if "homographies" in self.rings:
+            m.d.comb += registers.i_homographies_refused.eq(faults["homographies"])
         m.d.comb += [
             # Memory mode cuts a stream by SIZE and ignores the camera's starts of frame.
-            refusal.eq(Cat(*refused, registers.o_memory_mode)),
-            registers.i_refused.eq(refusal),
+            registers.i_refused.eq(Cat(faults["features"], faults["matches"], registers.o_memory_mode)),
             registers.i_clearing.eq(clearing),
             crossing.i_valid.eq(self.i_camera_valid),
             crossing.i.eq(self.i_camera),
             gate.i_pressed.eq(crossing.o_pressed),
             gate.i_on.eq(registers.o_enable & ~clearing),
-            gate.i_refused.eq(refusal.any()),
-            gate.i_has_room.eq(Cat(has_room).all()),
+            gate.i_refused.eq(Cat(*faults.values(), registers.o_memory_mode).any()),
+            gate.i_has_room.eq(Cat(*has_room.values()).all()),
             gate.i_width_px.eq(registers.o_width_px),
             gate.i_height_px.eq(registers.o_height_px),
             gate.i_time.eq(time),
@@ -123,7 +130,7 @@ class Shell(wiring.Component):
         A clear ends when the packets that the accelerator still offered are in memory.
         """
         clearing, clocks = Signal(), Signal(range(CLEARING_CLOCKS))
-        offered = Cat(self.i_features.valid, self.i_matches.valid).any()
+        offered = Cat(getattr(self, f"i_{ring}").valid for ring in self.rings).any()
         quiet = Cat(ring.o_idle for ring in self.rings.values()).all() & ~offered
         forgets = clearing & (clocks == CLEARING_CLOCKS - 1) & quiet
         with m.If(self._registers.o_clear):
@@ -200,8 +207,8 @@ class Shell(wiring.Component):
     def _coalesce(self, m: Module, tick: Value, forgets: Value) -> None:
         """Raise an event after ``coalesce_count`` complete frames, or when the first has waited long enough."""
         registers = self._registers
-        # Packets that have ended in one ring and not yet in the other.
-        ahead = {ring: Signal(range(MAX_IN_FLIGHT + 2), name=f"{ring}_ahead") for ring in RINGS}
+        # Packets that have ended in one ring and not yet in every other.
+        ahead = {ring: Signal(range(MAX_IN_FLIGHT + 2), name=f"{ring}_ahead") for ring in self.rings}
         complete = Cat(signal.any() for signal in ahead.values()).all()
         pending, waited = (
             Signal(value.shape()) for value in (registers.o_coalesce_count, registers.o_coalesce_timeout)

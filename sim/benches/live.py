@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.config import Config
+from hdl.accelerator import output_names
 from hdl.settings import PAGE_BYTES
 from hdl.shell.live import LiveAccelerator, LiveTop
 from sim.backends.interface import BUILT_LANES, Progress, silent
@@ -76,7 +77,7 @@ def design_live_accelerator(config: Config, max_size_px: tuple[int, int]) -> Des
     build: dict[str, Any] = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1], "lanes": BUILT_LANES}
     return Design(
         "the live accelerator",
-        Ports(outputs=(), control=CONTROL),
+        Ports(outputs=(), control=CONTROL, writers=tuple(f"m_axi_{ring}" for ring in output_names(config))),
         lambda: LiveTop(LiveAccelerator(config=config, video_bits=8, **build)),
         f"live {config} {build} {digest_sources()}",
     )

@@ -1,6 +1,7 @@
 // Runs the live build between a camera with its own clock, a memory that waits and fails at random, and a host.
 //
 // The host is in Python: it reads memory, registers and scores, and sends hypotheses, between calls of live_run().
+// ports.hpp, generated for each design, names the ports that write into memory: WRITERS(X).
 
 #include <cstdint>
 #include <deque>
@@ -74,6 +75,9 @@ struct Camera {
 
 }  // namespace
 
+#define ONE(index, port) +1
+constexpr int WRITER_COUNT = 0 WRITERS(ONE);
+
 struct Bench {
     Model model{""};
     uint64_t cycle = 0, violations = 0, errors = 0;
@@ -81,7 +85,7 @@ struct Bench {
     uint8_t *memory = nullptr;
     uint64_t base = 0, length = 0;
     uint32_t waits = 0, latency = 0, failures = 0;
-    Channel features, matches;
+    Channel channels[WRITER_COUNT];
     Scoring scoring;
     Camera camera;
 
@@ -99,21 +103,19 @@ struct Bench {
         model.reset(false);
     }
 
-#define CHANNELS(X) X(features, m_axi_features_) X(matches, m_axi_matches_)
-
     void settle() {
-#define DRIVE(channel, port)                                                                            \
+#define DRIVE(index, port)                                                                              \
     {                                                                                                   \
-        Channel &c = channel;                                                                           \
+        Channel &c = channels[index];                                                                   \
         c.awready = !random.happens(waits);                                                             \
         c.wready = !random.happens(waits);                                                              \
         c.answered = !c.answers.empty() && c.answers.front().first <= cycle;                            \
-        SET(port##awready, c.awready);                                                                  \
-        SET(port##wready, c.wready);                                                                    \
-        SET(port##bvalid, c.answered);                                                                  \
-        SET(port##bresp, c.answered && c.answers.front().second ? 2 : 0);                               \
+        SET(port(awready), c.awready);                                                                  \
+        SET(port(wready), c.wready);                                                                    \
+        SET(port(bvalid), c.answered);                                                                  \
+        SET(port(bresp), c.answered && c.answers.front().second ? 2 : 0);                               \
     }
-        CHANNELS(DRIVE)
+        WRITERS(DRIVE)
         // What is offered stays until it is taken.
         scoring.valid = !scoring.hypotheses.empty() && (scoring.valid || !random.happens(waits));
         scoring.ready = !random.happens(waits);
@@ -126,18 +128,18 @@ struct Bench {
     }
 
     void edge() {
-#define TAKE(channel, port)                                                                             \
+#define TAKE(index, port)                                                                               \
     {                                                                                                   \
-        Channel &c = channel;                                                                           \
-        hold(c.address, GET(port##awvalid), c.awready, GET(port##awaddr), GET(port##awlen));            \
-        hold(c.data, GET(port##wvalid), c.wready, GET(port##wdata), GET(port##wstrb) << 1 | GET(port##wlast)); \
-        if (c.answered && GET(port##bready)) c.answers.pop_front();                                     \
-        if (c.awready && GET(port##awvalid)) open(c, GET(port##awaddr), GET(port##awlen) + 1);          \
-        if (c.wready && GET(port##wvalid))                                                              \
-            c.words.push_back({GET(port##wdata), static_cast<uint8_t>(GET(port##wstrb)), GET(port##wlast) != 0}); \
+        Channel &c = channels[index];                                                                   \
+        hold(c.address, GET(port(awvalid)), c.awready, GET(port(awaddr)), GET(port(awlen)));            \
+        hold(c.data, GET(port(wvalid)), c.wready, GET(port(wdata)), GET(port(wstrb)) << 1 | GET(port(wlast))); \
+        if (c.answered && GET(port(bready))) c.answers.pop_front();                                     \
+        if (c.awready && GET(port(awvalid))) open(c, GET(port(awaddr)), GET(port(awlen)) + 1);          \
+        if (c.wready && GET(port(wvalid)))                                                              \
+            c.words.push_back({GET(port(wdata)), static_cast<uint8_t>(GET(port(wstrb))), GET(port(wlast)) != 0}); \
         finish(c);                                                                                      \
     }
-        CHANNELS(TAKE)
+        WRITERS(TAKE)
         exchange();
         model.edge();
         cycle++;
@@ -200,10 +202,10 @@ struct Bench {
     // Addresses, words and responses of bursts that have begun and not ended.
     uint64_t open_bursts() {
         uint64_t open = 0;
-#define COUNT(channel, port)                                                                            \
-    open += channel.bursts.size() + channel.words.size() + channel.answers.size();                      \
-    open += GET(port##awvalid) + GET(port##wvalid);
-        CHANNELS(COUNT)
+#define COUNT(index, port)                                                                              \
+    open += channels[index].bursts.size() + channels[index].words.size() + channels[index].answers.size(); \
+    open += GET(port(awvalid)) + GET(port(wvalid));
+        WRITERS(COUNT)
         return open;
     }
 

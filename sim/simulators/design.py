@@ -29,6 +29,8 @@ class Ports:
         Prefix of the AXI4-Lite registers.
     taps : tuple of str
         Prefixes of debugging outputs, which have only ``_tdata`` and ``_tvalid``.
+    writers : tuple of str
+        Prefixes of AXI4 ports with 64 bits that write into memory.
     video : str
         Prefix of the input: up to 48 bits of ``_tdata``, ``_tuser`` at the start of a frame, ``_tlast`` at the end of
         a line, ``_tvalid`` and ``_tready``.
@@ -38,6 +40,7 @@ class Ports:
     settings: Mapping[str, int] = field(default_factory=dict)
     control: str | None = None
     taps: tuple[str, ...] = ()
+    writers: tuple[str, ...] = ()
     video: str = "s_axis_video"
 
     def check(self, settings: Mapping[str, int]) -> None:

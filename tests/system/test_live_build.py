@@ -1,5 +1,6 @@
-"""The whole live build: camera, accelerator, memory and the reader of the rings; delivered frames equal the model."""
+"""The whole live build: camera, accelerator, estimator, memory and reader; delivered frames equal the model."""
 
+import dataclasses
 import sys
 from collections.abc import Iterator
 from typing import Any
@@ -7,17 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from golden_model.config import PRESETS
+from golden_model.config import PRESETS, Config, EstimatorConfig
 from golden_model.front_end import extract
 from golden_model.geometry.scoring import Cause, answers, quantise
-from hdl.settings import REQUESTED, matched_frame_settings
+from hdl.settings import REQUESTED, RINGS, matched_frame_settings
 from sim.backends.golden import add_matches
 from sim.benches.exported import host_programs
 from sim.benches.live import CameraTiming, LiveBench, MemoryRules
 from sim.scene import make_pair
 
 SIZE_PX = (160, 120)
-CONFIG = PRESETS["aerial"]
+CONFIG = dataclasses.replace(PRESETS["aerial"], estimator=EstimatorConfig(passes=2, min_cells=3))
 SLOTS = 3
 SETTINGS = matched_frame_settings(CONFIG, *SIZE_PX, gray_input=True)
 
@@ -35,7 +36,7 @@ def reader() -> Iterator[Any]:
 def opened(reader: Any, **rules: int) -> tuple[LiveBench, Any]:
     camera = CameraTiming(line_blank=20, frame_blank=2000, jitter=9, steps=3, period=4)
     bench = LiveBench(CONFIG, SIZE_PX, length_bytes=1 << 21, camera=camera, rules=MemoryRules(**rules))
-    settings = {name: SETTINGS[name] for name in (*REQUESTED, "gray_input")}
+    settings = {name: SETTINGS[name] for name in (*REQUESTED, "gray_input")} | vars(CONFIG.estimator)
     return bench, reader.Live(bench, settings, slots=SLOTS)
 
 
@@ -45,14 +46,20 @@ def views(count: int) -> list[np.ndarray]:
     return [scene[n % 8 : n % 8 + SIZE_PX[1], 5 * n : 5 * n + SIZE_PX[0]].copy() for n in range(count)]
 
 
-def check(delivered: list[tuple[int, Any, Any]], frames: list[np.ndarray], counts: dict[str, int]) -> None:
+def check(
+    delivered: list[tuple[int, Any, Any, Any]],
+    frames: list[np.ndarray],
+    counts: dict[str, int],
+    config: Config = CONFIG,
+) -> None:
     """Every delivered frame equals the golden model, and every other one is counted as dropped."""
-    front_end = CONFIG.front_end.for_size(*SIZE_PX)
+    front_end = config.front_end.for_size(*SIZE_PX)
     golden = [extract(frames[number - 1], front_end, frame=n) for n, (number, *_) in enumerate(delivered)]
-    results = add_matches(((each.features, each.status, None) for each in golden), CONFIG, "previous")
-    for (_, features, matches), expected in zip(delivered, results, strict=True):
+    results = add_matches(((each.features, each.status, None) for each in golden), config, "previous")
+    for (_, features, matches, homography), expected in zip(delivered, results, strict=True):
         np.testing.assert_array_equal(features, expected.features)
         np.testing.assert_array_equal(matches, expected.matches)
+        assert homography == expected.homography
     assert counts["camera_frames"] == len(frames) == counts["dropped"] + len(delivered)
     assert counts["cut"] == 0
 
@@ -68,14 +75,16 @@ def test_a_host_that_pauses_loses_frames_that_are_reported(reader: Any) -> None:
         if frame is None:
             break
         assert frame.good
-        delivered.append((frame.number, frame.features.copy(), frame.matches.copy()))
+        delivered.append((frame.number, frame.features.copy(), frame.matches.copy(), frame.homography.copy()))
         assert np.shares_memory(frame.features, bench.memory)
+        assert frame.clocks < frame.homography_clocks
         live.release()
     counts = live.counts()
     check(delivered, frames, counts)
     assert counts["dropped"] > 0
-    assert sum(len(matches) for *_, matches in delivered) > 50
-    assert (bench.violations, live.damaged) == (0, 0)
+    assert sum(len(matches) for *_, matches, _ in delivered) > 50
+    assert sum(homography["causes"] == 0 for *_, homography in delivered) > 3
+    assert (bench.violations, live.damaged, live.registers.read("lost_homographies")) == (0, 0, 0)
     bench.close()
 
 
@@ -116,7 +125,7 @@ def test_errors_of_the_memory_cost_packets_and_a_restart_mends_everything(reader
     bench.show(frames)
     seen = [frame.good for frame in iter(lambda: _taken(live), None)]
     counts = live.counts()
-    assert counts["features_errors"] + counts["matches_errors"] == bench.errors > 0
+    assert sum(counts[f"{ring}_errors"] for ring in RINGS) == bench.errors > 0
     assert live.damaged > 0
     assert len(seen) + live.damaged + counts["dropped"] == len(frames)
     live.restart()

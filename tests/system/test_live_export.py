@@ -82,8 +82,8 @@ def test_the_bench_compares_every_burst_and_score(folder: Path, tmp_path: Path, 
 
 @pytest.mark.slow
 @pytest.mark.needs("icarus")
-@pytest.mark.parametrize("fault", ["", "m_axis_homographies_t"])
-def test_a_build_with_an_estimator_sends_homographies(
+@pytest.mark.parametrize("fault", ["", "m_axi_homographies_w"])
+def test_a_build_with_an_estimator_writes_homographies(
     tmp_path_factory: pytest.TempPathFactory, tmp_path: Path, fault: str
 ) -> None:
     folder = tmp_path_factory.mktemp("estimator")

@@ -21,12 +21,12 @@ from hdl.shell.slot import HEADER, HEADER_BYTES
 from sim.benches.axi_memory import AxiMemory
 
 WIDTH_PX, HEIGHT_PX = 8, 4
-RECORD_WORDS = {"features": 3, "matches": 2}
-MAX_RECORDS = 40
+RECORD_WORDS = {"features": 3, "matches": 2, "homographies": 4}
+MAX_RECORDS = {"features": 40, "matches": 40, "homographies": 1}
 SLOTS = 4
-BASES = {"features": 0x9_1000_0000, "matches": 0x9_1000_0000 + SLOTS * PAGE_BYTES}
+BASES = {ring: 0x9_1000_0000 + n * SLOTS * PAGE_BYTES for n, ring in enumerate(RINGS)}
 SYNC_S = 1e-8
-CHECKED = ("refused", "clearing", *(f"{ring}_active" for ring in RINGS))
+CHECKED = ("refused", "homographies_refused", "clearing", *(f"{ring}_active" for ring in RINGS))
 """Fields that only the shell sets."""
 
 Beat = tuple[int, int, int] | dict[str, int] | None
@@ -67,7 +67,7 @@ def registers(**values: int) -> Any:
 
 
 def settings(**changes: int) -> dict[str, int]:
-    """Two rings that work, and a camera that is on."""
+    """Rings that work, and a camera that is on."""
     rings = {
         f"{ring}_{name}": value
         for ring in RINGS
@@ -128,13 +128,13 @@ class ShellBench:
         **changes: int,
     ) -> None:
         self.registers = registers(**settings(**changes))
-        self.memory = memory or AxiMemory(BASES["features"], 2 * SLOTS * PAGE_BYTES, seed=seed)
+        self.memory = memory or AxiMemory(BASES["features"], len(RINGS) * SLOTS * PAGE_BYTES, seed=seed)
         self.camera_s, self.busy, self.reads = camera_s, busy, reads
         self.random = random.Random(seed)
         self.shell = Shell(
             registers=self.registers,
             record_words=RECORD_WORDS,
-            max_words={ring: MAX_RECORDS * RECORD_WORDS[ring] for ring in RINGS},
+            max_words={ring: MAX_RECORDS[ring] * RECORD_WORDS[ring] for ring in RINGS},
             video_bits=8,
             camera_depth=camera_depth,
             fifo_words=64,
@@ -211,9 +211,9 @@ class ShellBench:
                 under_way = False
 
     def _emit(self, pixels: list[int], *, good: int) -> None:
-        """A packet for each ring: records that tell the pixels, then a status."""
+        """A packet for each ring: records that tell the pixels, then a status; a homography is such a last record."""
         for ring in RINGS:
-            count = self.random.randrange(MAX_RECORDS - 1) if good else 0
+            count = self.random.randrange(max(MAX_RECORDS[ring] - 1, 1)) if good else 0
             words = [pixels[n % len(pixels)] << 16 | n << 32 | Tag.FEATURE for n in range(count * RECORD_WORDS[ring])]
             words += [good << 8 | Tag.FRAME_STATUS | pixels[0] << 32, *[0] * (RECORD_WORDS[ring] - 1)]
             self.run.emitted[ring].append(words)
@@ -233,6 +233,7 @@ class ShellBench:
                     taken = False
                     while not taken:
                         *_, taken = await ctx.tick("sync").sample(port.ready)
+                        assert taken or ring != "homographies", "the estimator would drop the next record"
                 ctx.set(port.valid, 0)
 
         return testbench

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from hdl.registers.live_register_map import Reason, Refusal
+from hdl.registers.live_register_map import Reason, Refusal, RingFault
 from hdl.settings import PAGE_BYTES, RINGS
 from hdl.shell.slot import HeaderFlag
 from sim.benches.axi_memory import AxiMemory
@@ -15,7 +15,7 @@ PAUSE = [None] * 60
 
 
 def memory(**rules: Any) -> AxiMemory:
-    return AxiMemory(BASES["features"], 2 * SLOTS * PAGE_BYTES, **rules)
+    return AxiMemory(BASES["features"], len(RINGS) * SLOTS * PAGE_BYTES, **rules)
 
 
 def check(bench: ShellBench, run: Run, *, whole: int | None = None) -> None:
@@ -68,17 +68,20 @@ def test_a_host_that_never_reads_gets_the_oldest_frames_whole() -> None:
 
 def test_settings_that_cannot_work_are_refused() -> None:
     changes = [
-        ({"features_base_low": BASES["features"] + 128 & 0xFFFF_FFFF}, Refusal.FEATURES_MISALIGNED),
-        ({"matches_slots": 1}, Refusal.MATCHES_TOO_SMALL),
-        ({"features_slot_pages": 0}, Refusal.FEATURES_TOO_SMALL),
-        ({"matches_read": 9}, Refusal.MATCHES_READ_AHEAD),
-        ({"memory_mode": 1}, Refusal.MEMORY_MODE),
+        ({"features_base_low": BASES["features"] + 128 & 0xFFFF_FFFF}, {"refused": Refusal.FEATURES_MISALIGNED}),
+        ({"matches_slots": 1}, {"refused": Refusal.MATCHES_TOO_SMALL}),
+        ({"features_slot_pages": 0}, {"refused": Refusal.FEATURES_TOO_SMALL}),
+        ({"matches_read": 9}, {"refused": Refusal.MATCHES_READ_AHEAD}),
+        ({"memory_mode": 1}, {"refused": Refusal.MEMORY_MODE}),
+        ({"homographies_base_low": 1}, {"homographies_refused": RingFault.MISALIGNED}),
+        ({"homographies_slots": 1}, {"homographies_refused": RingFault.TOO_SMALL}),
+        ({"homographies_read": 9}, {"homographies_refused": RingFault.READ_AHEAD}),
     ]
     bench = ShellBench(reads=False)
     beats: list[Any] = []
     for change, refusal in changes:
         usual = {name: settings().get(name, 0) for name in change}
-        beats += [change, *PAUSE[:8], *frame(0), {"refused": refusal}, usual, *PAUSE[:8]]
+        beats += [change, *PAUSE[:8], *frame(0), refusal, usual, *PAUSE[:8]]
     run = bench.simulate(beats, clocks_after=10)
     assert bench.values["dropped"] == len(changes)
     assert bench.values["dropped_reason"] == Reason.REFUSED
@@ -99,6 +102,15 @@ def test_a_ring_is_active_until_nothing_of_it_is_being_written(stuck: bool) -> N
     assert not bench.run.delivered["features"] or not stuck
 
 
+def test_no_homography_waits_for_a_memory_that_hangs() -> None:
+    """The bench's sender of homographies does not accept a wait; the estimator would drop records."""
+    bench = ShellBench(seed=8)
+    bench.memory.stuck = True
+    run = bench.simulate(list(flight(SLOTS + 1)), clocks_after=40)
+    assert len(run.emitted["homographies"]) == SLOTS
+    assert bench.values["dropped"] == 1
+
+
 def test_error_responses_are_counted_and_no_damaged_packet_passes_for_whole() -> None:
     bench = ShellBench(seed=7, memory=memory(errors=60, seed=2))
     run = bench.simulate(list(flight(FRAMES)), clocks_after=250)
@@ -116,7 +128,7 @@ def test_error_responses_are_counted_and_no_damaged_packet_passes_for_whole() ->
 def test_a_camera_that_stops_and_resumes_makes_one_bad_frame() -> None:
     whole, half = frame(1), frame(2)[: WIDTH_PX * 2 + 3]
     bench = ShellBench(camera_timeout=1, coalesce_count=255, coalesce_timeout=1, camera_s=2e-8)
-    run = bench.simulate([*frame(0), *PAUSE, *half, *[None] * 1030, *whole, *PAUSE, *half, *whole], clocks_after=120)
+    run = bench.simulate([*frame(0), *PAUSE, *half, *[None] * 1030, *whole, *PAUSE, *half, *whole], clocks_after=200)
     check(bench, run, whole=5)
     assert bench.values["cut"] == 2
     assert run.events["camera_stops"] == 1

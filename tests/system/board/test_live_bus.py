@@ -7,13 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from golden_model.config import PRESETS
 from golden_model.geometry.scoring import answers, quantise
 from hdl.settings import REQUESTED
 from sim.benches.exported import host_programs
 from sim.benches.live import CameraTiming, LiveBench, MemoryRules
 from sim.benches.pynq_board import ACCELERATOR_ADDRESS, LiveSystem
 from sim.benches.pynq_package import NEWEST, OLDER, import_pynq, remove_pynq
-from tests.system.test_live_build import CONFIG, SETTINGS, SIZE_PX, SLOTS, check, views
+from tests.system.test_live_build import SETTINGS, SIZE_PX, SLOTS, check, views
+
+CONFIG = PRESETS["aerial"]
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs("pynq")]
 
@@ -53,11 +56,11 @@ def test_frames_and_scores_pass_pynqs_own_classes(board: Any) -> None:
     board.system.bench.show(frames)
     while (frame := board.live.next_frame(0.2)) is not None:
         assert frame.good
-        delivered.append((frame.number, frame.features.copy(), frame.matches.copy()))
+        delivered.append((frame.number, frame.features.copy(), frame.matches.copy(), frame.homography))
         newest = int(frame.match_status["frame"])
         board.live.release()
     assert delivered
-    check(delivered, frames, board.live.counts())
+    check(delivered, frames, board.live.counts(), CONFIG)
     matches = delivered[-1][2]
     assert len(matches) > 20
     check_scores(board, matches, newest)
