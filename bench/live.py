@@ -1,15 +1,16 @@
-"""A rendered flight through the whole live build, in simulation.
+"""A rendered flight through the whole live build with its estimator, in simulation.
 
     python -m bench.live [--frames 100] [--size 1280x720] [--seed N]
 
 A camera with its own clock, a memory with random latency and back-pressure, a host that reads the rings through the
 exported reader, has homographies scored, some of them out of range, and pauses from time to time. Every frame that is
-delivered and every score is compared with the golden model; every other frame has to be counted as dropped. Latency is
-from a frame's last pixel at the camera to the end of its matches' header in memory.
+delivered, its homography included, and every score is compared with the golden model; every other frame has to be
+counted as dropped. Latency is from a frame's last pixel at the camera to the end of a header in memory.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Annotated, Any
 
 import cv2
@@ -20,8 +21,9 @@ from rich.progress import track
 
 from bench.report import JsonFile, Row, program, report
 from golden_model.arrays import Pixels, Records
-from golden_model.config import PRESETS
+from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.front_end import extract
+from golden_model.geometry.estimator import MAX_CYCLES
 from golden_model.geometry.scoring import answers, quantise
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends.golden import add_matches
@@ -31,13 +33,15 @@ from sim.scene import make_lawnmower
 
 app = program(__doc__)
 
-AERIAL = PRESETS["aerial"]
+CONFIG = dataclasses.replace(PRESETS["aerial"], estimator=EstimatorConfig())
 SLOTS = 8
 PROPOSED = 20
 """Hypotheses for each frame; there are three more."""
 PAUSE_EVERY, PAUSE_FRAMES = 25, 9
 """After each `PAUSE_EVERY` frames the host stops reading for `PAUSE_FRAMES`, more than the ring holds."""
 FRAME_BLANK_LINES = 20
+WAIT_S_PER_CLOCK = 1e-7
+"""A wait of the reader, 2 ms, lets the simulation run for 20,000 clocks."""
 
 
 @app.command()
@@ -59,25 +63,29 @@ def main(
 def fly(frames: list[Pixels], size_px: tuple[int, int], seed: int) -> dict[str, int]:
     """Send a flight through the live build, and compare what is delivered."""
     width_px, height_px = size_px
-    settings = matched_frame_settings(AERIAL, *size_px, gray_input=True)
+    settings = matched_frame_settings(CONFIG, *size_px, gray_input=True)
+    # Small frames come less often: the estimator takes as long as 640x480 pixels.
+    frame_blank = max(FRAME_BLANK_LINES * width_px, MAX_CYCLES - width_px * height_px)
     # The camera's clock has 99 edges per 100 of the design: 148.5 of 150 MHz, that of 1080p60.
-    camera = CameraTiming(
-        line_blank=width_px // 8, frame_blank=FRAME_BLANK_LINES * width_px, jitter=8, steps=99, period=100
-    )
+    camera = CameraTiming(line_blank=width_px // 8, frame_blank=frame_blank, jitter=8, steps=99, period=100)
     rules = MemoryRules(waits=40, latency_clocks=120, seed=seed)
-    bench = LiveBench(AERIAL, size_px, length_bytes=1 << 22, camera=camera, rules=rules, progress=Console().print)
-    with host_programs("live", AERIAL, max_width_px=width_px, max_height_px=height_px, video_bits=8) as load:
+    bench = LiveBench(CONFIG, size_px, length_bytes=1 << 22, camera=camera, rules=rules, progress=Console().print)
+    with host_programs("live", CONFIG, max_width_px=width_px, max_height_px=height_px, video_bits=8) as load:
         requested = {name: settings[name] for name in (*REQUESTED, "gray_input")}
         live = load("skymosaic_live").Live(bench, requested, slots=SLOTS)
         scorer = load("skymosaic_scores").Scorer(bench)
     bench.show(frames)
     rng = np.random.default_rng(seed)
-    frame_clocks = (width_px + camera.line_blank) * (height_px + FRAME_BLANK_LINES)
-    delivered, latencies, matches, scored = [], [], {}, []
-    while (frame := live.next_frame(2.5e-7 * frame_clocks)) is not None:
+    frame_clocks = (width_px + camera.line_blank) * height_px + frame_blank
+    # Until the slowest homography is there, in the time of the bench's `wait`.
+    patience_s = WAIT_S_PER_CLOCK * (2.5 * frame_clocks + MAX_CYCLES)
+    delivered: list[Any] = []
+    latencies, matches, scored = [], {}, []
+    while (frame := live.next_frame(patience_s)) is not None:
         assert frame.good
-        delivered.append((frame.number, frame.features.copy(), frame.matches.copy()))
-        latencies.append(frame.time + frame.clocks - bench.last_pixels[frame.number - 1])
+        delivered.append((frame.number, frame.features.copy(), frame.matches.copy(), frame.homography.copy()))
+        waited = frame.time - bench.last_pixels[frame.number - 1]
+        latencies.append((waited + frame.clocks, waited + frame.homography_clocks))
         matches[int(frame.match_status["frame"])] = delivered[-1][2]
         live.release()
         hypotheses = propose(delivered[-1][2], rng)
@@ -85,21 +93,26 @@ def fly(frames: list[Pixels], size_px: tuple[int, int], seed: int) -> dict[str, 
         if len(delivered) % PAUSE_EVERY == 0:
             bench.run(PAUSE_FRAMES * frame_clocks)
     counts = live.counts()
+    to_matches, to_homography = np.array(latencies).T
     return {
         "frames sent": counts["camera_frames"],
         "delivered": len(delivered),
         "of these, equal to the golden model in every record": count_equal(frames, delivered),
         "reported as dropped": counts["dropped"],
         "really missing": len(frames) - len({number for number, *_ in delivered}),
-        "features per frame": round(np.mean([len(features) for _, features, _ in delivered])),
+        "features per frame": round(np.mean([len(features) for _, features, *_ in delivered])),
+        "homographies accepted": sum(int(homography["causes"] == 0) for *_, homography in delivered),
+        "homographies lost": live.registers.read("lost_homographies"),
         "homographies answered": sum(len(records) for _, records in scored),
         "of these answers, equal to the golden model": sum(
             count_equal_scores(hypotheses, records, matches) for hypotheses, records in scored
         ),
         "homographies without a score, as counted": counts["unscored"],
         "homographies without a score, as answered": sum(np.count_nonzero(records["causes"]) for _, records in scored),
-        "last pixel to last match in memory, clocks (median)": int(np.median(latencies)),
-        "last pixel to last match in memory, clocks (longest)": max(latencies),
+        "last pixel to last match in memory, clocks (median)": int(np.median(to_matches)),
+        "last pixel to last match in memory, clocks (longest)": int(to_matches.max()),
+        "last pixel to homography in memory, clocks (median)": int(np.median(to_homography)),
+        "last pixel to homography in memory, clocks (longest)": int(to_homography.max()),
         "AXI rules broken": bench.violations,
         "clocks simulated": bench.cycle,
     }
@@ -121,14 +134,14 @@ def propose(matches: Records, rng: np.random.Generator) -> np.ndarray[Any, np.dt
     return hypotheses
 
 
-def count_equal(frames: list[Pixels], delivered: list[tuple[int, Records, Records]]) -> int:
-    """How many frames have the golden model's features and matches."""
-    front_end = AERIAL.front_end.for_size(*frames[0].shape[::-1])
+def count_equal(frames: list[Pixels], delivered: list[tuple[int, Records, Records, np.void]]) -> int:
+    """How many frames have the golden model's features, matches and homography."""
+    front_end = CONFIG.front_end.for_size(*frames[0].shape[::-1])
     golden = (extract(frames[number - 1], front_end, frame=n) for n, (number, *_) in enumerate(delivered))
-    expected = add_matches(((g.features, g.status, None) for g in golden), AERIAL, "previous")
+    expected = add_matches(((g.features, g.status, None) for g in golden), CONFIG, "previous")
     return sum(
-        np.array_equal(features, one.features) and np.array_equal(matches, one.matches)
-        for (_, features, matches), one in zip(delivered, expected, strict=True)
+        np.array_equal(features, one.features) and np.array_equal(matches, one.matches) and homography == one.homography
+        for (_, features, matches, homography), one in zip(delivered, expected, strict=True)
     )
 
 
