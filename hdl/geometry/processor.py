@@ -57,7 +57,7 @@ class Processor(wiring.Component):
     """
 
     i_start: In(1)
-    """Runs ``i_program``; not while ``o_busy``."""
+    """Runs ``i_program``; not while ``o_busy``, nor in the first two clocks, which write the constants."""
     i_program: In(range(len(PROGRAMS)))
     o_busy: Out(1)
     """From the clock after ``i_start`` until the last result is stored."""
@@ -86,10 +86,10 @@ class Processor(wiring.Component):
         m.submodules.arithmetic = arithmetic = MultiplyAdd()
         result = view_signal(FLOAT)
         stored = delayed(m, Mux(issued, instruction.result, ZERO), LATENCY_CYCLES - 1, reset_less=False)
-        # Nothing else is ever written to the registers of the constants: they are restored whenever there is time.
+        # Nothing else is ever written to the registers of the constants. They are restored between programs, which read
+        # them in most clocks: what `LineMemory` reads while it is written is unspecified.
         constant = Signal()
         m.d.sync += constant.eq(~constant)
-        idle = stored == ZERO
         operands: list[Any] = []
         for name in "abc":
             m.submodules[f"registers_{name}"] = registers = LineMemory(shape=FLOAT, depth=REGISTERS)
@@ -97,13 +97,13 @@ class Processor(wiring.Component):
             m.d.comb += [
                 registers.i_read.eq(1),
                 registers.i_read_address.eq(address),
-                registers.i_write.eq(1),
-                registers.i_write_address.eq(Mux(idle, Mux(constant, ONE, ZERO), stored)),
+                registers.i_write.eq(~self.o_busy | (stored != ZERO)),
+                registers.i_write_address.eq(Mux(self.o_busy, stored, Mux(constant, ONE, ZERO))),
                 registers.i_word.eq(result),
             ]
             operands.append(registers.o_word)
         m.d.comb += [result.eq(arithmetic.o), self.o_register.eq(operands[0])]
-        with m.If(idle):
+        with m.If(~self.o_busy):
             m.d.comb += result.eq(Mux(constant, FLOAT.const(CONSTANTS[ONE]), FLOAT.const(CONSTANTS[ZERO])))
         a = view_signal(FLOAT, reset_less=True)
         m.d.sync += a.eq(self._choose(m, instruction, operands[0]))

@@ -3,13 +3,52 @@ from typing import Any
 
 import numpy as np
 import pytest
+from amaranth import Elaboratable, Module, Mux, Signal, Value
 from amaranth.lib import wiring
+from amaranth.lib.memory import Memory
+from amaranth.sim import Simulator
 from numpy.typing import NDArray
 
+from hdl.lib.delay import delayed
+from hdl.lib.line_memory import LineMemory
+from sim.benches import block_bench
 from sim.benches.drivers import Beats, run_beats
 from sim.simulators.recording import Pauses
 
 SHAPE = (19, 23)
+
+
+def elaborate_with_collisions(memory: LineMemory, _platform: object) -> Module:
+    """A `LineMemory` that inverts a word that is read while it is written, where block RAMs return anything."""
+    m = Module()
+    words: Memory
+    m.submodules.memory = words = Memory(shape=memory.shape, depth=memory.depth, init=[])
+    read, write = words.read_port(), words.write_port()
+    m.d.comb += [
+        read.addr.eq(memory.i_read_address),
+        read.en.eq(memory.i_read),
+        write.addr.eq(memory.i_write_address),
+        write.en.eq(memory.i_write),
+        write.data.eq(memory.i_word),
+    ]
+    collides = delayed(m, memory.i_write & (memory.i_read_address == memory.i_write_address), 1)
+    read_word, word = Signal.like(Value.cast(read.data)), Signal.like(Value.cast(read.data), reset_less=True)
+    with m.If(delayed(m, memory.i_read, 1, reset_less=False)):
+        m.d.sync += word.eq(Mux(collides, ~read_word, read_word))
+    m.d.comb += [read_word.eq(read.data), Value.cast(memory.o_word).eq(word)]
+    return m
+
+
+@pytest.fixture(autouse=True)
+def collisions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No block relies on what a block RAM reads while it is written; the Verilog stays as it is."""
+
+    def simulator(dut: Elaboratable) -> Simulator:
+        with monkeypatch.context() as patched:
+            patched.setattr(LineMemory, "elaborate", elaborate_with_collisions)
+            return Simulator(dut)
+
+    monkeypatch.setattr(block_bench, "Simulator", simulator)
 
 
 @pytest.fixture(params=[0, 100], ids=["back_to_back", "gaps"])

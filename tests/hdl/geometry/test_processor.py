@@ -81,6 +81,7 @@ def test_programs_leave_what_the_golden_model_computes() -> None:
     async def run(ctx: Any) -> None:
         for n, side in enumerate(SIZE):
             ctx.set(dut.i_centre[n], side * 8)
+        await ctx.tick().repeat(2)
         cycles = [await run_program(ctx, dut, AREAS, given)]
         results.append(ctx.get(dut.o_passed))
         cycles.append(await run_program(ctx, dut, SOLVE, given))
