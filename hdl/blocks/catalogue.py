@@ -40,6 +40,8 @@ CONFIG = PRESETS["aerial"].front_end
 WIDTH_PX = 1920
 """Longest line that the blocks accept; the test benches send shorter ones."""
 SMALL_FRAME_PX = 64
+MATCHED_FRAME_PX = 160
+"""Has some ninety features, twelve times as many as the matcher compares at once."""
 
 
 def _gray() -> Block:
@@ -221,9 +223,9 @@ def _correlation() -> Block:
 
 
 def _frames() -> list[golden_front_end.FrameFeatures]:
-    scene = sample_image(SMALL_FRAME_PX, SMALL_FRAME_PX + 8)
-    config = dataclasses.replace(CONFIG.for_size(SMALL_FRAME_PX, SMALL_FRAME_PX), levels=1, max_features=256)
-    views = (np.ascontiguousarray(scene[:, shift : shift + SMALL_FRAME_PX]) for shift in (0, 8))
+    scene = sample_image(MATCHED_FRAME_PX, MATCHED_FRAME_PX + 8)
+    config = dataclasses.replace(CONFIG.for_size(MATCHED_FRAME_PX, MATCHED_FRAME_PX), levels=1, max_features=256)
+    views = (np.ascontiguousarray(scene[:, shift : shift + MATCHED_FRAME_PX]) for shift in (0, 8))
     return [golden_front_end.extract(view, config, frame=number) for number, view in enumerate(views)]
 
 
