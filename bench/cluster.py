@@ -29,7 +29,7 @@ from bench.rendered_flights import Case, write_images
 from bench.report import JsonFile, Row, report
 from skymosaic.imagery.photographs import list_sources
 
-START_UP = "import distributed, skymosaic.cli, skymosaic.mosaicking.plan"
+START_UP = "import distributed, skymosaic.cli.mosaic"
 WORKERS = 0, 1, 2, 4
 RENDERED = 100, 200
 DECODED_MB = 64
@@ -39,7 +39,7 @@ moved = Counter[str]()
 
 def main(
     flight: str,
-    count: Annotated[int, typer.Option(help="Use so many of its photographs.")] = 20,
+    count: Annotated[int | None, typer.Option(help="Use so many of its photographs; all by default.")] = None,
     json_file: JsonFile = None,
 ) -> None:
     """Print a row for each run, and how much memory each further photograph takes."""
