@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from golden_model.config import Config
-    from skymosaic.live.mosaic import LiveMosaic, LiveUpdate
+    from skymosaic.live.mosaic import LiveMosaic
+    from skymosaic.live.update import LiveUpdate
     from skymosaic.mosaicking.api import mosaic, mosaics
     from skymosaic.mosaicking.options import MosaicOptions
     from skymosaic.mosaicking.result import Mosaic
@@ -44,7 +45,7 @@ _MODULES = {
     "FeatureOptions": "skymosaic.registration.options",
     "Features": "skymosaic.registration.extraction",
     "LiveMosaic": "skymosaic.live.mosaic",
-    "LiveUpdate": "skymosaic.live.mosaic",
+    "LiveUpdate": "skymosaic.live.update",
     "Mosaic": "skymosaic.mosaicking.result",
     "MosaicOptions": "skymosaic.mosaicking.options",
     "Pair": "skymosaic.registration.pair",

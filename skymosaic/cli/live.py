@@ -23,8 +23,9 @@ from skymosaic.imagery.live_frames import LiveFrame, read_live_frames
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import forget_decoded, is_folder
 from skymosaic.live.composing import flight_of_frames
-from skymosaic.live.mosaic import LiveMosaic, LiveUpdate
+from skymosaic.live.mosaic import LiveMosaic
 from skymosaic.live.pace import Pace
+from skymosaic.live.update import LiveUpdate
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.options import INPUT, options_of
 

@@ -12,14 +12,14 @@ With the estimator ``fabric``, frames are laid out by the homographies that the 
 import contextlib
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
-from golden_model.arrays import Array, Matrix, Pixels, Records
+from golden_model.arrays import Array, Pixels, Records
 from golden_model.config import Config, preset_config
 from sim.backends.interface import load_backend
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, CanvasError
@@ -35,6 +35,7 @@ from skymosaic.imagery.exif import Metadata, read_metadata
 from skymosaic.imagery.images import check_output, load, reduce_for_front_end, save
 from skymosaic.live.record_chain import RecordChain
 from skymosaic.live.submap import Frame, Placement, Submap
+from skymosaic.live.update import LiveUpdate
 from skymosaic.maps.geotiff import write_geotiff
 from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.registration.options import WORKING_WIDTH_PX
@@ -44,56 +45,6 @@ LATEST = 3
 ESTIMATORS = ("prosac", FABRIC)
 MIN_FEATURES = 50
 """A frame with fewer features does not start a submap."""
-
-
-@dataclass(frozen=True, eq=False)
-class LiveUpdate:
-    """Result of adding one frame.
-
-    Attributes
-    ----------
-    number : int
-        The frame's number, from 0.
-    name : str
-    seconds : float
-        When it was placed or left out, since the mosaic was begun.
-    transform : ndarray of float64, shape (3, 3), or None
-        Its original pixels to the reference frame of its submap; None if it was left out. Later frames may refine it.
-    placement : Placement or None
-        Its registration; None if it started a submap or was left out.
-    reason : str
-        Why it was left out; empty if it was painted.
-    submaps : int
-        Number of submaps after this frame.
-    size_px : tuple of int
-        Width and height of the frame as registered.
-    features : structured ndarray or None
-        Its features; None if the frame could not be used.
-    """
-
-    number: int
-    name: str
-    seconds: float
-    transform: Matrix | None
-    placement: Placement | None
-    reason: str
-    submaps: int
-    size_px: tuple[int, int] = (0, 0)
-    features: Records | None = None
-
-    def summary(self) -> dict[str, Any]:
-        """The frame in plain numbers, as ``live --json`` prints it."""
-        return {
-            "frame": self.number,
-            "name": self.name,
-            "seconds": round(self.seconds, 3),
-            "placed": not self.reason,
-            "reason": self.reason,
-            "pose": None if self.transform is None else self.transform.tolist(),
-            "ties": self.placement.ties if self.placement else 0,
-            "error_px": self.placement.error_px if self.placement else None,
-            "parts": self.submaps,
-        }
 
 
 class LiveMosaic:

@@ -10,7 +10,7 @@ from golden_model.config import Config
 from golden_model.matching.matcher import match
 from golden_model.timing import FrameWork, steady_pace
 from sim.backends.interface import BUILT_LANES
-from skymosaic.live.mosaic import LiveUpdate
+from skymosaic.live.update import LiveUpdate
 
 CLOCK_HZ = 150_000_000
 """Clock of the accelerator on the boards of `skymosaic export`."""

@@ -14,8 +14,9 @@ import numpy as np
 
 from golden_model.arrays import Array, Float32, Pixels, Records
 from skymosaic.compositing.warp import Canvas, CanvasError
-from skymosaic.flight.layout.adjustment import MODELS, Network, Ties, shapes
+from skymosaic.flight.layout.adjustment import MODELS, Network, Ties
 from skymosaic.flight.layout.layout import LinkedGroup, normalisation
+from skymosaic.flight.layout.motions import shapes
 from skymosaic.flight.linking.links import TIE_PX, Candidate, Link
 from skymosaic.flight.linking.resemblance import compact
 from skymosaic.geometry.homography import apply, estimate, rescale
@@ -266,6 +267,6 @@ def _fit(guess: Frame, ground: Array, points: Array) -> tuple[Array, Array]:
 
 
 def _deformation(shape: Array) -> Array:
-    """The transformation (3, 3) with a small stretch and tilt (4,), see `skymosaic.flight.layout.adjustment.shapes`."""
+    """The transformation (3, 3) with a small stretch and tilt (4,), see `skymosaic.flight.layout.motions.shapes`."""
     along_axes, along_diagonals, tilt_x, tilt_y = shape
     return np.array([[1 + along_axes, along_diagonals, 0], [along_diagonals, 1 - along_axes, 0], [tilt_x, tilt_y, 1]])

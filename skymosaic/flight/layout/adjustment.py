@@ -18,15 +18,22 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
 
 from golden_model.arrays import Array
+from skymosaic.flight.layout.motions import (
+    bending_of,
+    generators,
+    multiply_small,
+    shapes,
+    squared_lengths,
+    straighten,
+    stretch_of_tilt,
+    to_transforms,
+)
+from skymosaic.flight.layout.normal_equations import BlockSystem, normal_blocks
 
 MODELS = {"similarity": 4, "affine": 6, "homography": 8}
 """Motions that each model leaves free."""
-FOCAL_HALF_DIAGONALS = 1.2
-"""Focal length in half diagonals of the view: common drones have 1.1 to 1.3."""
 STRETCH_SIGMA = 1e-3
 """Expected stretch beside what the tilt explains."""
 STRETCH_ERROR = 0.2
@@ -49,7 +56,6 @@ MAX_DISTORTION = 0.25
 """Bound of the displacement in the corners, as a share of the half diagonal; stronger lenses need a calibration."""
 MAX_DISTORTION_CHANGE = 0.03
 """Bound of one step: far from the solution the ties are not nearly linear in the distortion."""
-STRAIGHTENING_ROUNDS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +136,7 @@ class Network:
     def errors_px(self, transforms: Array) -> list[Array]:
         """Distance of each tie's mapped left point from its right one, by link, in working px of the right view."""
         _, residual = self._residuals(transforms)
-        error_px = np.sqrt(_squared_lengths(residual)[..., 0]) * self._unit_px
+        error_px = np.sqrt(squared_lengths(residual)[..., 0]) * self._unit_px
         return [row[:count] for row, count in zip(error_px, self._counts, strict=True)]
 
     def adjust(
@@ -167,7 +173,7 @@ class Network:
             least_px = max(MIN_SCALE_PX, from_px * COOLING**step)
             motion, change = self._step(transforms, MODELS[model], least_px, lens=lens, anchors=anchors)
             # Motions are of the view's own pixels, so they come first: a tilt is the same wherever the view lies.
-            transforms = transforms @ _motions(motion)
+            transforms = transforms @ to_transforms(motion)
             transforms = transforms / transforms[:, 2:, 2:]
             if lens:
                 self._straighten_ties(float(np.clip(self.distortion + change, -MAX_DISTORTION, MAX_DISTORTION)))
@@ -198,12 +204,12 @@ class Network:
             part = slice(first, first + LINKS_AT_ONCE)
             # Left points are mapped into the right view, not both onto the ground: there, shrinking all views would
             # help. A motion of the right view moves its point away from under the mapped one.
-            by_left = _times(derivative[part], generators(self._left[part], free))
+            by_left = multiply_small(derivative[part], generators(self._left[part], free))
             by_right = -generators(predicted[part], free)
             jacobian = np.concatenate([by_left, by_right], axis=3) * root[part, ..., None]
-            blocks.append(_normal_blocks(jacobian.reshape(len(jacobian), -1, 2 * free), targets[part]))
+            blocks.append(normal_blocks(jacobian.reshape(len(jacobian), -1, 2 * free), targets[part]))
         normal, target = map(np.concatenate, zip(*blocks, strict=True))
-        system = _BlockSystem(self._views, self._pairs, normal, target)
+        system = BlockSystem(self._views, self._pairs, normal, target)
         if anchors is not None:
             system.add_observations(anchors.views, *_anchor_rows(transforms, anchors, free))
         if free > MODELS["similarity"]:
@@ -222,14 +228,14 @@ class Network:
 
     def _root_weights(self, residual: Array, least_px: float) -> Array:
         """Square roots of the robust weights of all ties, (L, N, 1), at a scale of at least ``least_px``."""
-        error_px = np.sqrt(_squared_lengths(residual)[..., 0]) * self._unit_px
+        error_px = np.sqrt(squared_lengths(residual)[..., 0]) * self._unit_px
         scale_px = max(least_px, 2 * float(np.median(error_px[self._valid])))
         return np.asarray(self._valid * self._unit_px / (1 + (error_px / scale_px) ** 2))[..., None]
 
     def _bending(self, derivative: Array) -> Array:
         """How the residuals change with the distortion, (L, N, 2)."""
         left, right = (bending_of(points, self.distortion) for points in (self._left, self._right))
-        return np.asarray(_times(derivative, left[..., None])[..., 0] - right)
+        return np.asarray(multiply_small(derivative, left[..., None])[..., 0] - right)
 
 
 def _distortion_change(residual: Array, bending: Array, target: Array, still: Array, per_change: Array) -> float:
@@ -245,98 +251,6 @@ def _distortion_change(residual: Array, bending: Array, target: Array, still: Ar
     return float(np.clip(change, -MAX_DISTORTION_CHANGE, MAX_DISTORTION_CHANGE))
 
 
-def straighten(points: Array, distortion: float) -> Array:
-    """Take the distortion of the lens out of points (..., 2) about the centre, in half diagonals.
-
-    A point at distance r from the centre, in half diagonals, was displaced outwards by ``distortion * r^2`` of it.
-    """
-    # A fixed-point iteration: the model gives the bent radius from the straight one, and has no simple inverse.
-    straight = points
-    for _ in range(STRAIGHTENING_ROUNDS):
-        before, straight = straight, points / (1 + distortion * _squared_lengths(straight))
-        if np.array_equal(before, straight):
-            break
-    return np.asarray(straight)
-
-
-def bending_of(straight: Array, distortion: float) -> Array:
-    """How straightened points (..., 2) move with the distortion."""
-    squared = _squared_lengths(straight)
-    return np.asarray(-straight * squared / (1 + 3 * distortion * squared))
-
-
-def _squared_lengths(vectors: Array) -> Array:
-    """Squared lengths (..., 1) of vectors (..., 2); numpy's sum along so short an axis takes ten times as long."""
-    return np.asarray(vectors[..., :1] ** 2 + vectors[..., 1:] ** 2)
-
-
-def _times(left: Array, right: Array) -> Array:
-    """Products of matrices (..., 2, 2) and (..., 2, k); numpy's own takes several times as long for so small ones."""
-    return np.asarray(left[..., :1] * right[..., :1, :] + left[..., 1:] * right[..., 1:, :])
-
-
-def _normal_blocks(rows: Array, targets: Array) -> tuple[Array, Array]:
-    """Normal equations of each link: derivatives (L, N, 2 free), and what they should explain, (L, N, 2)."""
-    transposed = rows.transpose(0, 2, 1)
-    return transposed @ rows, transposed @ targets
-
-
-class _BlockSystem:
-    """Normal equations of a network: one block of unknowns per view, and two right-hand sides.
-
-    Parameters
-    ----------
-    views : int
-    pairs : ndarray of int, shape (L, 2)
-        Left and right view of each link.
-    normal : ndarray of float64, shape (L, 2 free, 2 free)
-        From `_normal_blocks`: the unknowns of the left and of the right view.
-    target : ndarray of float64, shape (L, 2 free, 2)
-    """
-
-    def __init__(self, views: int, pairs: NDArray[np.intp], normal: Array, target: Array) -> None:
-        self._pairs = pairs
-        free = normal.shape[1] // 2
-        self._diagonal = np.zeros((views, free, free))
-        self.target = np.zeros((views, free, 2))
-        for side in (0, 1):
-            own = slice(side * free, (side + 1) * free)
-            np.add.at(self._diagonal, pairs[:, side], normal[:, own, own])
-            np.add.at(self.target, pairs[:, side], target[:, own])
-        self._across = normal[:, :free, free:]
-
-    def add_observations(self, views: NDArray[np.intp], rows: Array, residual: Array) -> None:
-        """Add observations of one view each: weighted derivatives (N, 2, free) and weighted residuals (N, 2)."""
-        np.add.at(self._diagonal, views, rows.transpose(0, 2, 1) @ rows)
-        np.add.at(self.target[..., 0], views, (rows * residual[..., None]).sum(axis=1))
-
-    def add_prior(self, values: Array, weights: Array) -> None:
-        """Pull the last unknowns of every view so that ``values`` (V, k) become 0, by ``weights`` (V, k)."""
-        k = values.shape[1]
-        self._diagonal[:, -k:, -k:] += weights[:, :, None] * np.eye(k)
-        self.target[:, -k:, 0] += values * weights
-
-    def solve(self, reference: int) -> tuple[Array, Array]:
-        """Solve for the unknowns (V, free) of each right-hand side; the first four of the reference are 0."""
-        views, free, _ = self.target.shape
-        # One block on the diagonal for each view, and one on either side of it for each link.
-        corners = np.concatenate([np.stack([np.arange(views)] * 2, axis=1), self._pairs, self._pairs[:, ::-1]])
-        blocks = np.concatenate([self._diagonal, self._across, self._across.transpose(0, 2, 1)])
-        inner = np.arange(free)
-        rows = np.broadcast_to(free * corners[:, 0, None, None] + inner[:, None], blocks.shape)
-        columns = np.broadcast_to(free * corners[:, 1, None, None] + inner, blocks.shape)
-        side = views * free
-        matrix = csc_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(side, side))
-        # Ties leave position, rotation and scale of the whole open, so the reference keeps its own.
-        open_unknowns = np.ones(side, dtype=bool)
-        open_unknowns[reference * free : reference * free + 4] = False
-        solution = np.zeros((side, 2))
-        kept = np.flatnonzero(open_unknowns)
-        solution[kept] = -splu(matrix[kept][:, kept]).solve(self.target.reshape(side, 2)[kept])
-        both = solution.reshape(views, free, 2)
-        return both[..., 0], both[..., 1]
-
-
 def _anchor_rows(transforms: Array, anchors: Anchors, free: int) -> tuple[Array, Array]:
     """Derivatives (N, 2, free) and residuals (N, 2) of anchors, in their standard deviations and robustly weighted."""
     matrix = transforms[anchors.views]
@@ -345,52 +259,5 @@ def _anchor_rows(transforms: Array, anchors: Anchors, free: int) -> tuple[Array,
     derivative = (matrix[:, :2, :2] - place[..., None] * matrix[:, 2:, :2]) / mapped[:, 2, None, None]
     residual = (place - anchors.places) / anchors.sigma[:, None]
     root = 1 / (1 + (residual**2).sum(axis=1) / ANCHOR_SCALE**2)
-    rows = _times(derivative, generators(anchors.points, free)) * (root / anchors.sigma)[:, None, None]
+    rows = multiply_small(derivative, generators(anchors.points, free)) * (root / anchors.sigma)[:, None, None]
     return rows, residual * root[:, None]
-
-
-def generators(points: Array, count: int) -> Array:
-    """How each of the first ``count`` motions moves each point: (..., 2) to (..., 2, count).
-
-    Right, down, turn, grow; stretch along the axes and along the diagonals; tilt about y and about x.
-    """
-    x, y = points[..., 0], points[..., 1]
-    one, zero = np.ones_like(x), np.zeros_like(x)
-    along_x = (one, zero, -y, x, x, y, -x * x, -x * y)
-    along_y = (zero, one, x, y, -y, x, -x * y, -y * y)
-    # In memory, all points of a motion follow each other: calculations with short rows take twice the time.
-    return np.moveaxis(np.array([along_x[:count], along_y[:count]]), (0, 1), (-2, -1))
-
-
-def shapes(transforms: Array) -> Array:
-    """Stretch along the axes, along the diagonals, and tilt about y and x of each view at its centre, (V, 4)."""
-    scaled = transforms / transforms[:, 2:, 2:]
-    tilt = scaled[:, 2, :2]
-    affine = scaled[:, :2, :2] - scaled[:, :2, 2:] * tilt[:, None, :]
-    # As complex numbers, an affine map is z -> similar z + stretching z*; their quotient is seen by the view itself.
-    similar = affine[:, 0, 0] + affine[:, 1, 1] + 1j * (affine[:, 1, 0] - affine[:, 0, 1])
-    stretching = affine[:, 0, 0] - affine[:, 1, 1] + 1j * (affine[:, 1, 0] + affine[:, 0, 1])
-    stretch = stretching / similar
-    return np.column_stack([stretch.real, stretch.imag, tilt])
-
-
-def stretch_of_tilt(tilt: Array) -> Array:
-    """Stretch (V, 2), as `shapes` measures it, of a camera whose tilt (V, 2) is the only one it has.
-
-    A camera that leans by an angle a sees a tilt of tan(a) / f, and along it a stretch of tan²(a / 2).
-    """
-    leaning = FOCAL_HALF_DIAGONALS * (tilt[:, 0] + 1j * tilt[:, 1])
-    stretch = leaning**2 / (1 + np.sqrt(1 + np.abs(leaning) ** 2)) ** 2
-    return np.column_stack([stretch.real, stretch.imag])
-
-
-def _motions(motion: Array) -> Array:
-    """The transformations (V, 3, 3) of small motions (V, 8)."""
-    right, down, turn, grow, axes, diagonals, tilt_x, tilt_y = motion.T
-    one = np.ones_like(right)
-    rows = [
-        [1 + grow + axes, diagonals - turn, right],
-        [diagonals + turn, 1 + grow - axes, down],
-        [tilt_x, tilt_y, one],
-    ]
-    return np.stack([np.stack(row, axis=1) for row in rows], axis=1)

@@ -209,7 +209,7 @@ class LinkedGroup:
         max_ties : int or None
             Ties per link that are considered, spread evenly; None: all.
         distortion : float
-            Distortion of the lens, see `skymosaic.flight.layout.adjustment.straighten`.
+            Distortion of the lens, see `skymosaic.flight.layout.motions.straighten`.
         """
         ties = []
         for tie in self._ties:

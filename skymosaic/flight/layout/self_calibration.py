@@ -20,15 +20,9 @@ import numpy as np
 
 from golden_model.arrays import Array, Pixels
 from skymosaic.flight.cache import NO_CACHE, ResultCache, key_of
-from skymosaic.flight.layout.adjustment import (
-    FOCAL_HALF_DIAGONALS,
-    MAX_DISTORTION,
-    MAX_STEPS,
-    MODELS,
-    Network,
-    straighten,
-)
+from skymosaic.flight.layout.adjustment import MAX_DISTORTION, MAX_STEPS, MODELS, Network
 from skymosaic.flight.layout.layout import LinkedGroup, linked_group, normalisation
+from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS, straighten
 from skymosaic.flight.linking.links import Candidate, Link
 from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply

@@ -10,9 +10,9 @@ import numpy as np
 from golden_model.arrays import Array, Matrix, Points
 from skymosaic.compositing.warp import magnification
 from skymosaic.errors import InputError
-from skymosaic.flight.layout.adjustment import FOCAL_HALF_DIAGONALS
 from skymosaic.flight.layout.anchoring import Observation, anchor
 from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS
 from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata

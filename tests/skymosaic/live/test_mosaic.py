@@ -13,7 +13,8 @@ from sim.scene.flight import Flight
 from skymosaic.errors import InputError
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.exif import Metadata, Position
-from skymosaic.live.mosaic import LiveMosaic, LiveUpdate
+from skymosaic.live.mosaic import LiveMosaic
+from skymosaic.live.update import LiveUpdate
 from skymosaic.maps.georeference import project_to_utm
 from tests.skymosaic.conftest import IMAGES, SIZE
 from tests.skymosaic.live.conftest import pair_errors_px

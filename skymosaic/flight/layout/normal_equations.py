@@ -1,0 +1,70 @@
+"""Normal equations of a layout: one block of unknowns for each view, coupled by links."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
+
+from golden_model.arrays import Array
+
+
+def normal_blocks(rows: Array, targets: Array) -> tuple[Array, Array]:
+    """Normal equations of each link: derivatives (L, N, 2 free), and what they should explain, (L, N, 2)."""
+    transposed = rows.transpose(0, 2, 1)
+    return transposed @ rows, transposed @ targets
+
+
+class BlockSystem:
+    """Normal equations of a network: one block of unknowns per view, and two right-hand sides.
+
+    Parameters
+    ----------
+    views : int
+    pairs : ndarray of int, shape (L, 2)
+        Left and right view of each link.
+    normal : ndarray of float64, shape (L, 2 free, 2 free)
+        From `normal_blocks`: the unknowns of the left and of the right view.
+    target : ndarray of float64, shape (L, 2 free, 2)
+    """
+
+    def __init__(self, views: int, pairs: NDArray[np.intp], normal: Array, target: Array) -> None:
+        self._pairs = pairs
+        free = normal.shape[1] // 2
+        self._diagonal = np.zeros((views, free, free))
+        self.target = np.zeros((views, free, 2))
+        for side in (0, 1):
+            own = slice(side * free, (side + 1) * free)
+            np.add.at(self._diagonal, pairs[:, side], normal[:, own, own])
+            np.add.at(self.target, pairs[:, side], target[:, own])
+        self._across = normal[:, :free, free:]
+
+    def add_observations(self, views: NDArray[np.intp], rows: Array, residual: Array) -> None:
+        """Add observations of one view each: weighted derivatives (N, 2, free) and weighted residuals (N, 2)."""
+        np.add.at(self._diagonal, views, rows.transpose(0, 2, 1) @ rows)
+        np.add.at(self.target[..., 0], views, (rows * residual[..., None]).sum(axis=1))
+
+    def add_prior(self, values: Array, weights: Array) -> None:
+        """Pull the last unknowns of every view so that ``values`` (V, k) become 0, by ``weights`` (V, k)."""
+        k = values.shape[1]
+        self._diagonal[:, -k:, -k:] += weights[:, :, None] * np.eye(k)
+        self.target[:, -k:, 0] += values * weights
+
+    def solve(self, reference: int) -> tuple[Array, Array]:
+        """Solve for the unknowns (V, free) of each right-hand side; the first four of the reference are 0."""
+        views, free, _ = self.target.shape
+        # One block on the diagonal for each view, and one on either side of it for each link.
+        corners = np.concatenate([np.stack([np.arange(views)] * 2, axis=1), self._pairs, self._pairs[:, ::-1]])
+        blocks = np.concatenate([self._diagonal, self._across, self._across.transpose(0, 2, 1)])
+        inner = np.arange(free)
+        rows = np.broadcast_to(free * corners[:, 0, None, None] + inner[:, None], blocks.shape)
+        columns = np.broadcast_to(free * corners[:, 1, None, None] + inner, blocks.shape)
+        side = views * free
+        matrix = csc_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(side, side))
+        # Ties leave position, rotation and scale of the whole open, so the reference keeps its own.
+        open_unknowns = np.ones(side, dtype=bool)
+        open_unknowns[reference * free : reference * free + 4] = False
+        solution = np.zeros((side, 2))
+        kept = np.flatnonzero(open_unknowns)
+        solution[kept] = -splu(matrix[kept][:, kept]).solve(self.target.reshape(side, 2)[kept])
+        both = solution.reshape(views, free, 2)
+        return both[..., 0], both[..., 1]
