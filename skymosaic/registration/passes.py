@@ -8,7 +8,6 @@ end and matcher. A homography is accepted by the matches of these passes alone.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -31,8 +30,17 @@ from skymosaic.features.frames import (
 from skymosaic.features.positions import match_points
 from skymosaic.geometry import acceptance
 from skymosaic.geometry.held_out import clearly_better, held_out_agreement
-from skymosaic.geometry.homography import apply, transfer_error
+from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, Estimate, Scoring, estimate_homography
+from skymosaic.registration.front_end_runs import (
+    INVERTED,
+    LADDER,
+    LARGER,
+    SMALLER,
+    TILTS,
+    FrontEndRun,
+    choose_run_between_octaves,
+)
 
 # A result above all three thresholds needs no further passes. Where fewer of the kept matches agree, relief divides
 # them between planes, and more matches settle which plane counts.
@@ -42,44 +50,6 @@ STRONG_SHARE_OF_KEPT = 0.25
 # There are up to ten further passes, and most pairs that need so many are unrelated: one short search for each.
 FURTHER_PASS_SAMPLES = 1000
 MIN_PLACES = 12
-# Two octaves of each frame meet best where the zoom is a power of two; farther from it another ratio is tried.
-MAX_OCTAVES_OFF = 0.19
-
-
-@dataclass(frozen=True)
-class FrontEndRun:
-    """One run of the front end: a frame of one image, the reference, is matched with each of the other's frames.
-
-    Attributes
-    ----------
-    reference : Change
-    others : tuple of Change
-        One pass for each.
-    swapped : bool
-        The reference is a frame of the right image instead of the left one.
-    """
-
-    reference: Change
-    others: tuple[Change, ...]
-    swapped: bool = False
-
-
-# Half an octave either way: what lies between the octaves of the first pass meets best here.
-LARGER, SMALLER = (FrontEndRun(Change(scale), (Change(scale),)) for scale in (math.sqrt(2), math.sqrt(0.5)))
-# Ratios of 2.8, 4 and 5 between the frames: with two octaves each, all zooms from 1.4 to 5.7 are near one of them. The
-# image that shows more ground is enlarged, because little of it shows the other one.
-LADDER = tuple(
-    FrontEndRun(reference, reduced, swapped)
-    for swapped in (False, True)
-    for reference, reduced in ((LARGER.reference, (Change(0.5),)), (Change(2.0), (Change(0.5), Change(0.4))))
-)
-REDUCED = (Change(0.5), Change(math.sqrt(0.125)))
-INVERTED = FrontEndRun(Change(), (Change(inverted=True),))
-# Either image may be the one that looks from the side; the other one is compressed. A frame matches tilts up to about
-# 1.7 times steeper or flatter, in directions that lie the closer the steeper they are (ASIFT).
-TILT_DIRECTIONS = {math.sqrt(2): 3, 2 * math.sqrt(2): 6, 4.0: 8}
-TILTED = tuple(Change(1.0, tilt, 180 / count * i) for tilt, count in TILT_DIRECTIONS.items() for i in range(count))
-TILTS = tuple(FrontEndRun(Change(), TILTED, swapped) for swapped in (False, True))
 # Small frames show in a quarter of the time which tilts are worth a pass at full size: unrelated frames seldom gather
 # more than the four places of a sample.
 SCAN_SCALE = 0.5
@@ -178,7 +148,7 @@ class Search:
         if self._is_strong(state):
             return state
         if state.homography is not None:
-            run = _choose_run_between_octaves(state.homography, self._sizes[0])
+            run = choose_run_between_octaves(state.homography, self._sizes[0])
             return self._search_separately(state, (run,)) if run else state
         state = self._search_separately(state, LADDER)
         if state.homography is None:
@@ -349,20 +319,3 @@ def _swap(matches: Records) -> Records:
     for name in ("turn", "peak_turn"):
         swapped[name] = -swapped[name].astype(np.int16) % SECTORS
     return swapped
-
-
-def _choose_run_between_octaves(homography: Matrix, left_size: tuple[int, int]) -> FrontEndRun | None:
-    """The run whose frames differ by about the zoom between the images; None where those of the first pass do."""
-    x, y = (left_size[0] - 1) / 2, (left_size[1] - 1) / 2
-    centre, across, down = apply(homography, [[x, y], [x + 1, y], [x, y + 1]])
-    # The zoom at the image's centre: the root of the area to which one pixel is mapped.
-    (a, b), (c, d) = across - centre, down - centre
-    area = abs(float(a * d - b * c))
-    octaves = 0.5 * math.log2(area) if area > 0 and math.isfinite(area) else 0.0
-    # Octaves are one apart in each frame, so zooms of 1/2, 1 and 2 meet in the first pass.
-    if abs(octaves - round(octaves)) <= MAX_OCTAVES_OFF and abs(octaves) < 1 + MAX_OCTAVES_OFF:
-        return None
-    offsets = [abs(octaves) - math.log2(math.sqrt(2) / change.scale) for change in REDUCED]
-    reduced = REDUCED[int(np.argmin([abs(offset - round(offset)) for offset in offsets]))]
-    # Where the right image shows more detail it is the one that is reduced.
-    return FrontEndRun(Change(math.sqrt(2)), (reduced,), swapped=octaves < 0)
