@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.sparse.linalg import splu
 
 from golden_model.arrays import Array, Intensities
 from skymosaic.compositing.layer import Layer
@@ -171,10 +172,10 @@ def _fit(design: sparse.csr_array, target: Array, number: int, *, spread: float 
     exposure.
     """
     falloff = np.full(design.shape[1] - number, 1 / FALLOFF_SIGMA**2)
-    prior = np.diag(np.concatenate((np.full(number, CELLS_OF_PRIOR / spread**2), falloff)))
-    weight, fitted = np.full(len(target), 1 / LOG_SIGMA**2), np.zeros(len(prior))
+    prior = sparse.diags_array(np.concatenate((np.full(number, CELLS_OF_PRIOR / spread**2), falloff)))
+    weight, fitted = np.full(len(target), 1 / LOG_SIGMA**2), np.zeros(design.shape[1])
     for _ in range(ROUNDS):
         weighted = design.T.multiply(weight).tocsr()
-        fitted = np.linalg.solve((weighted @ design).toarray() + prior, weighted @ target)
+        fitted = splu((weighted @ design + prior).tocsc()).solve(weighted @ target)
         weight = 1 / LOG_SIGMA**2 / (1 + ((target - design @ fitted) / LOG_SIGMA) ** 2) ** 2
     return np.asarray(fitted)
