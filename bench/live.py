@@ -101,8 +101,8 @@ def fly(frames: list[Pixels], size_px: tuple[int, int], seed: int) -> dict[str, 
         "reported as dropped": counts["dropped"],
         "really missing": len(frames) - len({number for number, *_ in delivered}),
         "features per frame": round(np.mean([len(features) for _, features, *_ in delivered])),
-        "homographies accepted": sum(int(homography["causes"] == 0) for *_, homography in delivered),
-        "homographies lost": live.registers.read("lost_homographies"),
+        "the chip's homographies, accepted": sum(int(homography["causes"] == 0) for *_, homography in delivered),
+        "the chip's homographies, lost": live.registers.read("lost_homographies"),
         "homographies answered": sum(len(records) for _, records in scored),
         "of these answers, equal to the golden model": sum(
             count_equal_scores(hypotheses, records, matches) for hypotheses, records in scored
