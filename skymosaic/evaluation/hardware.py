@@ -1,6 +1,7 @@
 """Compares hardware with the golden model on a pair: whether it is equal, what was compared, and how fast it ran."""
 
 import dataclasses
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -32,6 +33,10 @@ class Comparison:
         Clock cycles from a frame's first pixel to its last word.
     seconds : float
         Wall time of the simulation, without builds.
+    golden_seconds : float
+        Wall time of the golden model, for both frames.
+    size : (int, int)
+        Size of the larger frame, px.
     notes : tuple of str
         Parts of the design that the pair did not exercise; empty if it exercised all.
     timelines : tuple of Timeline
@@ -45,6 +50,8 @@ class Comparison:
     coverage: Coverage
     cycles_per_frame: tuple[int, ...]
     seconds: float
+    golden_seconds: float
+    size: tuple[int, int]
     notes: tuple[str, ...]
     timelines: tuple[Timeline, ...]
     rules: dict[str, str]
@@ -104,7 +111,9 @@ def compare(
         for image, name in ((left, "left image"), (right, "right image"))
     ]
     config = dataclasses.replace(options.base_config, estimator=EstimatorConfig() if homography else None)
+    start = time.perf_counter()
     golden, config = extract_within_capacity(load_backend("golden"), frames, config)
+    golden_seconds = time.perf_counter() - start
     hardware = load_backend(options.backend_name, progress=progress, waves=waves)
     if waves is None:
         # The first run may build the simulator, so only the second one is timed.
@@ -123,6 +132,8 @@ def compare(
         coverage=Coverage.of(golden),
         cycles_per_frame=tuple(result.cycles or 0 for result in results),
         seconds=seconds,
+        golden_seconds=golden_seconds,
+        size=max(((frame.shape[1], frame.shape[0]) for frame in frames), key=math.prod),
         notes=tuple(Coverage.of(golden).missing(config.front_end)),
         timelines=tuple(timelines),
         rules=config.rules_summary(),

@@ -7,18 +7,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from golden_model.arrays import Array
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.feature.orientation import SECTORS
-from golden_model.formats import POSITION
+from golden_model.formats import POSITION, WEIGHT
 from golden_model.matching import correlation, rule_bases
 from golden_model.matching.fuzzy import ONE, SugenoSystem, Variable
 from golden_model.matching.matcher import measure
 from skymosaic.features.descriptors import WINDOWS_PX
+from skymosaic.features.matchers import GOOD_MATCH_ABOVE
+from skymosaic.features.positions import match_points
+from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX
-from skymosaic.panel.pair_view import PairView
+from skymosaic.registration.pair import Pair
 
-WEIGHT_SCALE = 256
-"""Scale of a match record's ``weight``, UQ0.8."""
 _DEGREES_PER_SECTOR = 360 / SECTORS
 
 
@@ -65,67 +67,69 @@ class Explanation:
     rules: tuple[FiredRule, ...] = ()
 
 
-def classify_matches(view: PairView) -> list[str]:
+def classify_matches(pair: Pair) -> list[str]:
     """The verdict on each match, as in `Explanation`, in the order of the match records."""
-    names = np.where(view.inlier, "inlier", np.where(view.kept, "outlier", "rejected"))
+    inlier = np.isin(pair.matches["left_index"], pair.inliers["left_index"])
+    names = np.where(inlier, "inlier", np.where(pair.matches["verdict"] == 1, "outlier", "rejected"))
     return [str(name) for name in names]
 
 
-def explain(view: PairView, index: int) -> Explanation:
+def measure_residuals(pair: Pair) -> Array | None:
+    """Distance of each match, also of those rejected, from the homography, working px; None without a homography."""
+    homography = pair.working_homography
+    return None if homography is None else transfer_error(homography, *match_points(pair.matches))
+
+
+def explain(pair: Pair, index: int) -> Explanation:
     """Explain one match of a pair."""
-    verdict, match = classify_matches(view)[index], view.matches[index]
+    verdict, match, rule_names = classify_matches(pair)[index], pair.matches[index], pair.method.rule_names(pair.config)
     beginning = "Rejected." if verdict == "rejected" else "Kept."
-    facts = _list_facts(view, index)
-    weighing = _find_weighing(view, index)
+    facts, end = _list_facts(pair, index), _describe_residual(pair, index)
+    weighing = _find_weighing(pair, index)
     if weighing is None:
-        reason = f"{beginning} {view.rule_names[match['rule']].capitalize()}."
-        return Explanation(verdict, reason + _describe_residual(view, index), facts)
+        return Explanation(verdict, f"{beginning} {rule_names[match['rule']].capitalize()}.{end}", facts)
     system, values = weighing
     strengths = system.strengths(*(np.array([value]) for value in values))[0] / system.strength_one
     # Beyond the end of a table its last degree applies, as in the hardware.
     degrees = ({name: table[min(v, len(table) - 1)] / ONE for name, table in variable.sets.items()}
                for variable, v in zip(system.inputs, values, strict=True))  # fmt: skip
-    weight, limit = int(match["weight"]), view.keep_above
+    weight = int(match["weight"])
+    limit = GOOD_MATCH_ABOVE if pair.method.descriptor in WINDOWS_PX else pair.config.matcher.keep_above
     comparison = "above" if weight > limit else "not above"
     reason = (
-        f"{beginning} The rules give it the weight {weight / WEIGHT_SCALE:.2f}, {comparison} the limit of "
-        f"{limit / WEIGHT_SCALE:.2f}; the dominant rule: {view.rule_names[match['rule']]}."
+        f"{beginning} The rules give it the weight {weight / WEIGHT.one:.2f}, {comparison} the limit of "
+        f"{limit / WEIGHT.one:.2f}; the dominant rule: {rule_names[match['rule']]}.{end}"
     )
-    return Explanation(
-        verdict,
-        reason + _describe_residual(view, index),
-        facts,
-        tuple(map(Input, system.inputs, values, degrees)),
-        tuple(
-            FiredRule(words, rule.output, float(strength), dominant=number == match["rule"])
-            for number, (words, rule, strength) in enumerate(zip(view.rule_names, system.rules, strengths, strict=True))
-        ),
+    rules = (
+        FiredRule(words, rule.output, float(strength), dominant=number == match["rule"])
+        for number, (words, rule, strength) in enumerate(zip(rule_names, system.rules, strengths, strict=True))
     )
+    return Explanation(verdict, reason, facts, tuple(map(Input, system.inputs, values, degrees)), tuple(rules))
 
 
-def _find_weighing(view: PairView, index: int) -> tuple[SugenoSystem, tuple[int, ...]] | None:
+def _find_weighing(pair: Pair, index: int) -> tuple[SugenoSystem, tuple[int, ...]] | None:
     """The fuzzy system that weighed a match, and its inputs; None if another check decided."""
-    match = view.matches[index]
-    left = view.features[0][match["left_index"]]
-    right = view.features[1][match["right_index"]]
-    if view.method.descriptor in WINDOWS_PX:
+    match = pair.matches[index]
+    left = pair.features[0][match["left_index"]]
+    right = pair.features[1][match["right_index"]]
+    if pair.method.descriptor in WINDOWS_PX:
         scores = correlation.fuzzy_inputs(left["descriptor"][np.newaxis], right["descriptor"][np.newaxis])
         return rule_bases.correlation(), tuple(int(score[0]) for score in scores)
-    rules = view.config.matcher.rules
-    if view.method.descriptor not in PATTERNS or rules is None:
+    rules = pair.config.matcher.rules
+    if pair.method.descriptor not in PATTERNS or rules is None:
         return None
-    tables = rules.tables(PATTERNS[view.method.descriptor].bits)
-    values = measure(view.matches[index : index + 1], *view.features, tables)
+    tables = rules.tables(PATTERNS[pair.method.descriptor].bits)
+    values = measure(pair.matches[index : index + 1], *pair.features, tables)
     return tables, tuple(int(value[0]) for value in values)
 
 
-def _list_facts(view: PairView, index: int) -> tuple[tuple[str, str], ...]:
+def _list_facts(pair: Pair, index: int) -> tuple[tuple[str, str], ...]:
     """Measured quantities of a match and their values; positions in working pixels."""
-    match = view.matches[index]
+    match = pair.matches[index]
     positions = [f"{match[f'{side}_x'] / POSITION.one:.2f}, {match[f'{side}_y'] / POSITION.one:.2f}"
               for side in ("left", "right")]  # fmt: skip
     facts = [("left x, y", positions[0]), ("right x, y", positions[1])]
-    pattern = PATTERNS.get(view.method.descriptor)
+    pattern = PATTERNS.get(pair.method.descriptor)
     if pattern is None:
         facts += [("distance", str(match["distance"])), ("margin", str(match["margin"]))]
     else:
@@ -136,13 +140,13 @@ def _list_facts(view: PairView, index: int) -> tuple[tuple[str, str], ...]:
         if pattern.oriented:
             angles = (match[name] * _DEGREES_PER_SECTOR for name in ("turn", "peak_turn"))
             facts.append(("orientation, most common", ", ".join(f"{angle:.1f}°" for angle in angles)))
-    return (*facts, ("weight", f"{match['weight'] / WEIGHT_SCALE:.3f}"))
+    return (*facts, ("weight", f"{match['weight'] / WEIGHT.one:.3f}"))
 
 
-def _describe_residual(view: PairView, index: int) -> str:
+def _describe_residual(pair: Pair, index: int) -> str:
     """Say how far the match lies from the homography."""
-    if view.residual_px is None:
+    residual_px = measure_residuals(pair)
+    if residual_px is None:
         return " There is no homography to compare it with."
-    distance = view.residual_px[index]
-    side = "within" if distance <= INLIER_PX else "beyond"
-    return f" It lies {distance:.1f} px from the homography, {side} the {INLIER_PX:g} px of an inlier."
+    side = "within" if residual_px[index] <= INLIER_PX else "beyond"
+    return f" It lies {residual_px[index]:.1f} px from the homography, {side} the {INLIER_PX:g} px of an inlier."

@@ -1,7 +1,8 @@
 """Answers requests for files: uploads, pictures, files of results and the archive."""
 
 import asyncio
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 from fastapi import FastAPI, Request
 from starlette.background import BackgroundTask
@@ -46,25 +47,21 @@ class FileRoutes:
         """Send a picture that the session's page shows."""
         session = self._session(request)
         path = session.files.find_picture(folder, name) if session else None
-        if path is None:
-            return PlainTextResponse("no such picture", status_code=404)
         # A name is free again when its photograph is removed, so a browser must ask each time.
-        return FileResponse(path, headers={"cache-control": "private, no-cache"})
+        return _send(path, headers={"cache-control": "private, no-cache"})
 
     async def file(self, request: Request, kind: str, name: str) -> Response:
         """Send one file of a result."""
         session = self._session(request)
         result = session.results.get(kind) if session else None
-        path = next((path for path in result.files if path.name == name), None) if result else None
-        if path is None:
-            return PlainTextResponse("no such file", status_code=404)
-        return FileResponse(path, filename=name)
+        return _send(
+            next((path for path in result.files if path.name == name), None) if result else None, filename=name
+        )
 
     async def kept_file(self, request: Request, name: str, path: str) -> Response:
         """Send a file of a finished run to an owner; its report is a page."""
         session = self._session(request)
-        file = session.runs.find_file(name, path) if session and session.runs else None
-        return FileResponse(file) if file else PlainTextResponse("no such file", status_code=404)
+        return _send(session.runs.find_file(name, path) if session and session.runs else None)
 
     async def archive(self, request: Request) -> Response:
         """Send all results in one file."""
@@ -77,3 +74,7 @@ class FileRoutes:
     def _session(self, request: Request) -> Session | None:
         identifier = request.session.get("id")
         return self._sessions.get(identifier, is_owner="owner" in request.session) if identifier else None
+
+
+def _send(path: Path | None, **options: Any) -> Response:
+    return FileResponse(path, **options) if path else PlainTextResponse("no such file", status_code=404)

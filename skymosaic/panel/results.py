@@ -1,15 +1,17 @@
 """Results of the workers: numbers, records and addresses of pictures, but no pixels, so that little is pickled."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from golden_model.arrays import Array
 from skymosaic.evaluation.hardware import Comparison
 from skymosaic.panel.options import Options
-from skymosaic.panel.pair_view import PairView, Size
+from skymosaic.registration.pair import Pair
 from skymosaic.tracking.output import TrackedCorners
 
+Size = tuple[int, int]
 RULES, EDITED_RULES = "rules.fll", "edited_rules.fll"
 """The rules of a run, and those that were tried afterwards."""
 SINGLE_FILES = (
@@ -17,6 +19,8 @@ SINGLE_FILES = (
     EDITED_RULES,
 )  # fmt: skip
 """Files of a run that are offered singly; the archive contains these and all others."""
+GAP_PX = 12
+"""Gap between pictures in a row, in viewer pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +62,11 @@ class InputFile:
     thumbnail: Path
     decoded: Decoded | None = None
 
+    @classmethod
+    def of_upload(cls, decoded: Decoded) -> Self:
+        """The upload that was decoded."""
+        return cls(decoded.working.stem, decoded.working, decoded)
+
     @property
     def name(self) -> str:
         """The file's name without its folder."""
@@ -84,6 +93,15 @@ class Picture:
     x: float = 0
     y: float = 0
     scale: float = 1
+
+
+def side_by_side(pictures: Iterable[tuple[Path, Size]]) -> tuple[Picture, ...]:
+    """Put pictures in a row, `GAP_PX` apart."""
+    placed: list[Picture] = []
+    for path, size in pictures:
+        before = placed[-1].x + placed[-1].width + GAP_PX if placed else 0
+        placed.append(Picture(picture_address(path), *size, before))
+    return tuple(placed)
 
 
 @dataclass(frozen=True)
@@ -155,17 +173,19 @@ class MosaicResult(Run):
     Attributes
     ----------
     options : Options
-        The options of the run.
     paths : dict of str to str
         Path of each photograph, relative to ``folder`` or absolute, by its name.
-    pair : PairView
-        The pair that is shown; of a flight, one of its pairs.
-    mosaic : ShownMosaic or None
-        None if none could be made; ``reason`` says why.
-    left_out : dict of str to str
-        Why photographs were not placed, by their names.
+    pair : Pair
+        The pair that is shown, without pixels; of a flight, one of its pairs.
+    working : tuple of Picture
+        What the front end saw of that pair, side by side.
     seconds : dict of str to float
         Wall time of each stage.
+    reason : str
+        Why there is no mosaic.
+    mosaic : ShownMosaic or None
+    left_out : dict of str to str
+        Why photographs were not placed, by their names.
     links : tuple of Link
         The pairs of a flight that can be shown, the one with the most inliers first.
     facts : dict of str to str
@@ -176,42 +196,27 @@ class MosaicResult(Run):
 
     options: Options
     paths: dict[str, str]
-    pair: PairView
-    mosaic: ShownMosaic | None
-    left_out: dict[str, str]
-    reason: str
+    pair: Pair
+    working: tuple[Picture, ...]
     seconds: dict[str, float]
+    reason: str = ""
+    mosaic: ShownMosaic | None = None
+    left_out: dict[str, str] = field(default_factory=dict)
     links: tuple[Link, ...] = ()
     facts: dict[str, str] = field(default_factory=dict)
     problems: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
-    def on_accelerator(self) -> bool:
-        """Whether the accelerator can compute these features."""
-        return self.options.choose_method()[0].on_accelerator
+    def pair_names(self) -> tuple[str, str]:
+        """Left and right photograph of the pair that is shown."""
+        return self.pair.left.name, self.pair.right.name
 
 
-@dataclass(frozen=True)
-class HardwareResult:
-    """A pair computed by the golden model and by hardware.
+class HardwareResult(NamedTuple):
+    """A pair computed by the golden model and by a backend, and the command line that repeats it."""
 
-    Attributes
-    ----------
-    size : (int, int)
-        Size of the larger frame, px.
-    backend : str
-        Name of the hardware backend.
-    comparison : Comparison
-    software_seconds : float
-        Time of the golden model for features and matches, per frame.
-    command : str
-        The command line that repeats the comparison.
-    """
-
-    size: Size
     backend: str
     comparison: Comparison
-    software_seconds: float
     command: str
 
 

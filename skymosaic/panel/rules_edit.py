@@ -15,7 +15,6 @@ from golden_model.matching.matcher import weigh
 from sim.backends.interface import Backend, FrameResult, Reference, load_backend
 from skymosaic.errors import InputError
 from skymosaic.imagery.images import save_bytes
-from skymosaic.panel.pair_view import PairView
 from skymosaic.panel.results import EDITED_RULES, MosaicResult
 from skymosaic.registration.register import register
 
@@ -117,7 +116,7 @@ class RulesEdit:
 
     Attributes
     ----------
-    view : PairView
+    pair : Pair
     fault : str
         Why the last change was refused; empty if it was not.
     """
@@ -127,7 +126,7 @@ class RulesEdit:
         assert rules is not None
         self._result, self._texts = result, [rules.text]
         self._backend = RecallingBackend()
-        self.view, self.fault = result.pair, ""
+        self.pair, self.fault = result.pair, ""
 
     @staticmethod
     def applies_to(result: MosaicResult) -> bool:
@@ -169,9 +168,9 @@ class RulesEdit:
 
     def _try(self, rules: MatchRules) -> None:
         """Register the pair's working pictures with other rules, and write these into the result's folder."""
-        names, pictures = self.view.names, self._result.pictures
         options = replace(self._result.options, rule_base=rules, backend=self._backend)
-        left, right = (pictures / f"{name}.png" for name in names)
-        # Their names are those of the photographs, without the folder.
-        self.view = replace(PairView.from_pair(register(left, right, options)), names=names)
+        left, right = (self._result.pictures / f"{name}.png" for name in self._result.pair_names)
+        pair = register(left, right, options)
+        # Named as the photographs are, not as their working pictures.
+        self.pair = replace(pair, left=self.pair.left, right=self.pair.right).without_pixels()
         save_bytes(self._result.folder / EDITED_RULES, rules.text.encode())

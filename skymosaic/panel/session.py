@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import shutil
 import time
 from collections.abc import AsyncIterator, Callable, Iterable
 from dataclasses import replace
@@ -23,10 +22,8 @@ from skymosaic.panel.runs import Runs
 from skymosaic.panel.session_files import SessionFiles
 from skymosaic.panel.tasks import mosaic_tasks, tracking_tasks, upload_tasks
 from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits, Task
-from skymosaic.panel.uploads import KINDS, MIN_FREE_BYTES, Arrivals, UploadRefusedError, receive
+from skymosaic.panel.uploads import Arrivals, UploadRefusedError
 
-MAX_BYTES = 4 << 30
-"""Size of all files of one session, results included."""
 DECODING_LIMITS = Limits(seconds=120, processor_seconds=60, memory_bytes=2 << 30)
 
 AnyRun = TypeVar("AnyRun", MosaicResult, TrackingResult)
@@ -143,31 +140,20 @@ class Session:
             If the file is refused; it is removed completely.
         """
         async with self._arrivals.admit():
-            path = await self._receive(slot, body, name)
+            path = await self.files.receive(slot, body, name)
             try:
                 decoded = await self._decode(path, slot, self.files.folder("pictures/uploads"))
             except JobFailedError as error:
                 path.unlink()
                 raise UploadRefusedError(str(error)) from None
         self.last_active = time.monotonic()
-        uploaded = InputFile(path.name, decoded.working, decoded)
+        uploaded = InputFile.of_upload(decoded)
         if slot == "photograph":
-            self.keep_photographs(each for each in self.photographs if each.is_upload)
-            self.photographs.append(uploaded)
+            self.set_photographs((*(each for each in self.photographs if each.is_upload), uploaded))
         elif slot == "template":
-            self._replace_film((uploaded, self.video))
+            self._set_film((uploaded, self.video))
         else:
-            self._replace_film((self.template, uploaded))
-        self.changed.emit()
-
-    async def _receive(self, slot: str, body: AsyncIterator[bytes], name: str) -> Path:
-        """Store an upload as far as this session and the disk have room."""
-        folder, room_bytes = self.files.folder("uploads"), max(0, MAX_BYTES - self.files.size_bytes)
-        free_bytes = shutil.disk_usage(folder).free - MIN_FREE_BYTES
-        if free_bytes < min(room_bytes, KINDS[slot].limit_bytes):
-            raise UploadRefusedError("the panel's disk is almost full; make room on it", 507)
-        part = folder / f"{self.files.new_number()}.part"
-        return await receive(body, name, KINDS[slot], part, room_bytes=room_bytes)
+            self._set_film((self.template, uploaded))
 
     async def open_folder(self, path: str) -> None:
         """Load the photographs of a folder of this machine in place of those that are loaded; nothing is copied.
@@ -179,13 +165,12 @@ class Session:
         """
         folder = await asyncio.to_thread(self.roots.find_folder, path)
         photographs = await asyncio.to_thread(self.roots.list_photographs, folder)
-        self.keep_photographs(())
+        self._stop_reading()
         pictures = self.files.folder(f"pictures/{self.files.new_number()}")
-        self.photographs = [InputFile(str(each), pictures / f"{each.name}.jpg") for each in photographs]
-        names = [photograph.name for photograph in self.photographs]
+        names = [photograph.name for photograph in photographs]
         self.reading = Job(f"Reading {folder}", upload_tasks.make_thumbnails, folder, names, pictures)
         background_tasks.create(self._finish_reading(self.reading, len(names)), name="reading")
-        self._show_photographs()
+        self.set_photographs(InputFile(str(each), pictures / f"{each.name}.jpg") for each in photographs)
 
     async def _finish_reading(self, job: Job, photographs: int) -> None:
         try:
@@ -198,13 +183,6 @@ class Session:
             count = f"{len(faults)} of {photographs} photographs could not be read" if len(faults) > 1 else ""
             self.reading, self.unread = None, "; the first: ".join(filter(None, (count, *faults[:1])))
             self.changed.emit()
-
-    def _show_photographs(self) -> None:
-        """Show the photographs as they are now; the first two of a folder are decoded, which their corners need."""
-        for photograph in self.photographs[:2]:
-            if photograph.decoded is None:
-                background_tasks.create(self._decode_in_place(photograph), name="decoding")
-        self.changed.emit()
 
     async def _decode_in_place(self, photograph: InputFile) -> None:
         try:
@@ -221,18 +199,21 @@ class Session:
         decoded: Decoded = await job.run(self._queues.uploads)
         return decoded
 
-    def keep_photographs(self, kept: Iterable[InputFile]) -> None:
-        """Remove all other photographs from the page; results made from them stay, and so do files of a folder."""
-        before, self.photographs = self.photographs, list(kept)
+    def set_photographs(self, photographs: Iterable[InputFile]) -> None:
+        """Show other photographs; results made from those before stay, and so do files of a folder."""
+        before, self.photographs = self.photographs, list(photographs)
         self.files.remove(set(before).difference(self.photographs))
         if all(each.is_upload for each in self.photographs):
             self._stop_reading()
-        self._show_photographs()
+        # Of a folder only the first two are decoded, whose corners are shown.
+        for photograph in self.photographs[:2]:
+            if photograph.decoded is None:
+                background_tasks.create(self._decode_in_place(photograph), name="decoding")
+        self.changed.emit()
 
     def swap_first(self) -> None:
         """Swap the first two photographs."""
-        self.photographs[:2] = self.photographs[1::-1]
-        self._show_photographs()
+        self.set_photographs((*self.photographs[1::-1], *self.photographs[2:]))
 
     def _stop_reading(self) -> None:
         """Forget the folder that was opened."""
@@ -250,16 +231,16 @@ class Session:
     def load_built_in(self, count: int) -> None:
         """Replace the photographs by the built-in pair, or by a built-in flight of more than two."""
         names = [f"{self.files.new_number()}_built-in.png" for _ in range(count)]
-        task, title = (upload_tasks.render_pair, "pair") if count == 2 else (upload_tasks.render_flight, "flight")
-        folder, pictures = self.files.folder("uploads"), self.files.folder("pictures/uploads")
-        self._start(f"Rendering the built-in {title}", self.keep_photographs, task, folder, names, pictures)
+        self._render("Rendering photographs", self.set_photographs, upload_tasks.render_photographs, names)
 
     def load_built_in_film(self) -> None:
         """Replace template and video by the built-in film of a car."""
-        names = f"{self.files.new_number()}_car.png", f"{self.files.new_number()}_film.mp4"
+        names = [f"{self.files.new_number()}_{name}" for name in ("car.png", "film.mp4")]
+        self._render("Rendering the film of a car", self._set_film, upload_tasks.render_pursuit, names)
+
+    def _render(self, title: str, accept: Callable[[Any], None], task: Task, names: list[str]) -> None:
         folder, pictures = self.files.folder("uploads"), self.files.folder("pictures/uploads")
-        task = upload_tasks.render_pursuit
-        self._start("Rendering the built-in film", self._replace_film, task, folder, *names, pictures)
+        self._start(title, accept, task, folder, names, pictures)
 
     def make_mosaic(self) -> None:
         """Make a mosaic of the photographs with the options as they are."""
@@ -289,7 +270,7 @@ class Session:
         """Run the pair that is shown through hardware."""
         assert self.mosaic_result is not None
         result = self.mosaic_result
-        paths = tuple(result.paths[name] for name in result.pair.names)
+        paths = tuple(result.paths[name] for name in result.pair_names)
 
         def accept(compared: HardwareResult) -> None:
             self.hardware_result = compared
@@ -363,6 +344,7 @@ class Session:
         self.mosaic_result, self.hardware_result = result, None
         self.rules_edit = RulesEdit(result) if RulesEdit.applies_to(result) else None
 
-    def _replace_film(self, film: tuple[InputFile | None, InputFile | None]) -> None:
+    def _set_film(self, film: Iterable[InputFile | None]) -> None:
         before, (self.template, self.video) = (self.template, self.video), film
-        self.files.remove(each for each in before if each and each not in film)
+        self.files.remove(each for each in before if each and each not in (self.template, self.video))
+        self.changed.emit()

@@ -2,11 +2,15 @@
 
 import shutil
 import zipfile
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import AsyncIterator, Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from skymosaic.panel.results import InputFile, MosaicResult, TrackingResult
+from skymosaic.panel.results import InputFile, Run
+from skymosaic.panel.uploads import KINDS, MIN_FREE_BYTES, UploadRefusedError, receive
+
+MAX_BYTES = 4 << 30
+"""Size of all files of one session, results included."""
 
 
 class SessionFiles:
@@ -39,6 +43,21 @@ class SessionFiles:
         self._names_given += 1
         return f"{self._names_given:02}"
 
+    async def receive(self, slot: str, body: AsyncIterator[bytes], name: str) -> Path:
+        """Store an upload as far as the session and the disk have room.
+
+        Raises
+        ------
+        UploadRefusedError
+            If it is refused; it is removed completely.
+        """
+        folder, room_bytes = self.folder("uploads"), max(0, MAX_BYTES - self.size_bytes)
+        free_bytes = shutil.disk_usage(folder).free - MIN_FREE_BYTES
+        if free_bytes < min(room_bytes, KINDS[slot].limit_bytes):
+            raise UploadRefusedError("the panel's disk is almost full; make room on it", 507)
+        part = folder / f"{self.new_number()}.part"
+        return await receive(body, name, KINDS[slot], part, room_bytes=room_bytes)
+
     @property
     def size_bytes(self) -> int:
         """Size of all files; one that vanishes meanwhile does not count."""
@@ -56,7 +75,7 @@ class SessionFiles:
         path = (pictures / folder / name).resolve()
         return path if path.parent.parent == pictures and path.is_file() else None
 
-    def write_archive(self, results: Mapping[str, MosaicResult | TrackingResult]) -> Path:
+    def write_archive(self, results: Mapping[str, Run]) -> Path:
         """Pack the folders of all results into a zip file, which the caller removes."""
         path = self.folder("archives") / f"{self.new_number()}.zip"
         with zipfile.ZipFile(path, "w") as archive:

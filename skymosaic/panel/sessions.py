@@ -42,7 +42,12 @@ class Sessions:
 
     def __init__(self, boards: tuple[str, ...] = (), roots: Roots | None = None, runs: Path | None = None) -> None:
         self._boards, self._roots = boards, roots or Roots()
-        self._queues = Queues(*(asyncio.Semaphore(count) for count in (2, 2, 1, MAX_UPLOADS_OF_ALL)))
+        self._queues = Queues(
+            jobs=asyncio.Semaphore(2),
+            uploads=asyncio.Semaphore(2),
+            folders=asyncio.Semaphore(1),
+            arriving=asyncio.Semaphore(MAX_UPLOADS_OF_ALL),
+        )
         self._stack = ExitStack()
         try:
             if runs:

@@ -15,8 +15,6 @@ from pathlib import Path
 import anyio
 
 MEBIBYTE = 1 << 20
-MIN_FREE_BYTES = 1 << 30
-"""Uploads leave this much of the disk free."""
 STALLED_SECONDS = 20.0
 PROGRESS_BYTES = 1 << 16
 """An upload that brings less in `STALLED_SECONDS` is given up: a byte now and then would hold its place for ever."""
@@ -51,11 +49,14 @@ class Kind:
     signatures : tuple of (int, bytes, str)
         Offset and bytes that identify a format, and the suffix its files get. Decoders recognise formats by content,
         among them play lists that name other files, so a file without a known signature must never reach them.
+    accept : str
+        Media types and suffixes that the browser's file dialogue offers.
     limit_bytes : int
     """
 
     description: str
     signatures: tuple[tuple[int, bytes, str], ...]
+    accept: str
     limit_bytes: int
 
     def suffix_of(self, head: bytes) -> str | None:
@@ -75,11 +76,13 @@ PHOTOGRAPH = Kind(
         (8, b"WEBP", ".webp"),
         (0, b"BM", ".bmp"),
     ),
+    "image/*,.tif,.tiff",
     64 * MEBIBYTE,
 )
 VIDEO = Kind(
     "a video (MP4, MOV, MKV, WebM or AVI)",
     ((4, b"ftyp", ".mp4"), (0, b"\x1a\x45\xdf\xa3", ".mkv"), (8, b"AVI ", ".avi")),
+    "video/*,.mkv",
     512 * MEBIBYTE,
 )
 KINDS = {"photograph": PHOTOGRAPH, "template": PHOTOGRAPH, "video": VIDEO}

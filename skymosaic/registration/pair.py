@@ -207,11 +207,17 @@ class Pair:
         figure: Figure = match_plot.draw_matches(images, points.left, points.right, points.weights, title=repr(self))
         return figure
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Everything but the pixels, so that processes exchange pairs of 1 MB at most; `plot` reads files again."""
-        photographs = {side: replace(getattr(self, side), pixels=NO_PIXELS) for side in ("left", "right")}
+    def without_pixels(self) -> Pair:
+        """This pair with all its numbers, below 1 MB; `plot` reads files again."""
+        left, right = (replace(photograph, pixels=NO_PIXELS) for photograph in (self.left, self.right))
+        bare = replace(self, left=left, right=right, working=(NO_PIXELS, NO_PIXELS))
         # From here on only what is computed already can be told.
-        return {**vars(self), "confidence": self.confidence, **photographs, "working": (NO_PIXELS, NO_PIXELS)}
+        vars(bare)["confidence"] = self.confidence
+        return bare
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the pixels, so that processes exchange little."""
+        return vars(self.without_pixels())
 
     def _repr_html_(self) -> str:
         """Both photographs with lines between the inliers, for notebooks."""

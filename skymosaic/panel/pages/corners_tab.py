@@ -14,9 +14,9 @@ from golden_model.arrays import Pixels, Records
 from skymosaic.features.methods import load_backend_for
 from skymosaic.panel.options import Options, fault_of
 from skymosaic.panel.pages import drawings
-from skymosaic.panel.results import Decoded, picture_address
+from skymosaic.panel.results import Decoded, Picture, side_by_side
 from skymosaic.panel.session import Session
-from skymosaic.panel.widgets.viewer import Viewer, side_by_side
+from skymosaic.panel.widgets.viewer import Viewer
 from skymosaic.registration.extraction import extract_within_capacity
 
 _AFFECTED_BY = ("preset", "detector", "descriptor", "position")
@@ -28,6 +28,7 @@ class CornersTab:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._photographs: tuple[Decoded, ...] = ()
+        self._pictures: tuple[Picture, ...] = ()
         self._drawn: tuple[object, ...] = ()
         self._detecting = False
         self._viewer: Viewer | None = None
@@ -36,11 +37,14 @@ class CornersTab:
             ui.html(
                 '<i class="key level-0"></i>full size <i class="key level-1"></i>half size', sanitize=False
             ).classes("hint")
-            ui.label("The tick is the orientation. Move the threshold: the corners follow.").classes("hint")
+            self._hint = ui.label().classes("hint")
         self._container = ui.element("div")
 
     def update(self) -> None:
         """Show the first two photographs as they are now, and their corners for the current options."""
+        count = len(self._session.photographs)
+        which = f"The first two of {count} photographs. " if count > 2 else ""
+        self._hint.set_text(f"{which}The tick is the orientation. Move the threshold: the corners follow.")
         first = [photograph.decoded for photograph in self._session.photographs[:2]]
         photographs = tuple(each for each in first if each)
         if photographs != self._photographs:
@@ -48,9 +52,9 @@ class CornersTab:
             self._container.clear()
             self._viewer = None
             if photographs:
-                pictures = [(picture_address(each.working), each.working_size) for each in photographs]
+                self._pictures = side_by_side((each.working, each.working_size) for each in photographs)
                 with self._container:
-                    self._viewer = Viewer("Corners of the photographs", side_by_side(pictures, drawings.GAP_PX))
+                    self._viewer = Viewer("Corners of the photographs", self._pictures)
         if self._viewer is not None and not self._detecting:
             background_tasks.create(self._detect_and_draw(), name="corners")
 
@@ -77,12 +81,9 @@ class CornersTab:
         return (*self._photographs, *(getattr(self._session.options, name) for name in _AFFECTED_BY))
 
     def _draw(self, features: list[Records], seconds: float) -> None:
-        offset, drawing = 0, ""
-        for decoded, corners in zip(self._photographs, features, strict=True):
-            drawing += drawings.draw_corners(corners, offset)
-            offset += decoded.working_size[0] + drawings.GAP_PX
         if self._viewer is not None:
-            self._viewer.draw(drawing)
+            pairs = zip(features, self._pictures, strict=True)
+            self._viewer.draw("".join(drawings.draw_corners(corners, picture.x) for corners, picture in pairs))
         counts = " and ".join(str(len(corners)) for corners in features)
         self._counts.set_text(f"{counts} corners, detected in {1000 * seconds:.0f} ms")
 

@@ -14,10 +14,7 @@ from golden_model.formats import POSITION
 from golden_model.matching.fuzzy import ONE
 from skymosaic.features.positions import match_points
 from skymosaic.panel.explain import Input
-from skymosaic.panel.pair_view import PairView
 
-GAP_PX = 12
-"""Gap between the left and the right picture."""
 MAX_LINK_INLIERS = 200
 """Links with this many inliers or more are drawn as the strongest."""
 _TICK_PX = 7.0
@@ -27,7 +24,7 @@ _PLOT_MARGIN = (16, 6, 8, 14)
 _SET_CLASSES = ("first", "second", "third")
 
 
-def draw_corners(features: Records, offset_px: int) -> str:
+def draw_corners(features: Records, offset_px: float) -> str:
     """Draw a dot and a tick along the orientation for each feature; one path per level, so that thousands draw fast."""
     x, y = features["x"] / POSITION.one + offset_px, features["y"] / POSITION.one
     angle = features["sector"] * (2 * math.pi / SECTORS)
@@ -48,15 +45,10 @@ def _repeat(form: str, numbers: Array) -> str:
     return form * len(numbers) % tuple(numbers.ravel().tolist())
 
 
-def locate_matches(view: PairView) -> Array:
-    """End points of the matches in viewer pixels, (M, 4): left x, y, right x, y."""
-    left, right = match_points(view.matches)
-    return np.hstack((left, right + np.array([right_offset(view), 0])))
-
-
-def right_offset(view: PairView) -> int:
-    """Where the right picture begins, in viewer pixels."""
-    return view.working_sizes[0][0] + GAP_PX
+def locate_matches(matches: Records, offset_px: float) -> Array:
+    """End points of matches, (M, 4): left x, y, right x, y; the right picture begins at ``offset_px``."""
+    left, right = match_points(matches)
+    return np.hstack((left, right + np.array([offset_px, 0])))
 
 
 def draw_matches(lines: Array, verdicts: Sequence[str], shown: Sequence[int]) -> str:

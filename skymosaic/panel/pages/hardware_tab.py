@@ -1,5 +1,6 @@
 """Shows the same pair through the golden model and through hardware, side by side."""
 
+import math
 from html import escape
 
 from nicegui import ui
@@ -20,7 +21,7 @@ class HardwareTab:
     def __init__(self, session: Session, result: MosaicResult) -> None:
         self._session = session
         self._shown: HardwareResult | None = None
-        if not result.on_accelerator:
+        if not result.pair.method.on_accelerator:
             ui.label(
                 "This method runs on the host. The accelerator computes Harris or FAST corners with ILBP descriptors: "
                 "choose these and make the mosaic again."
@@ -57,9 +58,8 @@ def _markup(result: HardwareResult) -> str:
     else:
         verdict = f'<p class="badge different">Not equal</p><p class="fault">{escape(str(comparison.mismatch))}</p>'
     notes = "".join(f'<p class="hint">This proves little: {escape(note)}.</p>' for note in comparison.notes)
-    width, height = result.size
-    pixels, latency = width * height, max(comparison.cycles_per_frame)
-    speed, software_s = comparison.cycles_per_second, result.software_seconds
+    pixels, latency = math.prod(comparison.size), max(comparison.cycles_per_frame)
+    speed, software_s = comparison.cycles_per_second, comparison.golden_seconds / comparison.coverage.frames
     rows = (
         ("time per frame", f"{1000 * software_s:.0f} ms", f"{1000 * pixels / CLOCK_HZ:.2f} ms, one pixel per clock"),
         (

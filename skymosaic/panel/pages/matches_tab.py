@@ -1,13 +1,16 @@
 """Shows the matches of a pair as lines, with an explanation of the one under the pointer."""
 
+from collections.abc import Sequence
+
 from nicegui import ui
 
 from skymosaic.panel.explain import classify_matches, explain
 from skymosaic.panel.pages import drawings
 from skymosaic.panel.pages.explanation import write_html
-from skymosaic.panel.pair_view import PairView
+from skymosaic.panel.results import Picture
 from skymosaic.panel.widgets.slider import Slider
-from skymosaic.panel.widgets.viewer import Pointer, Viewer, side_by_side
+from skymosaic.panel.widgets.viewer import Pointer, Viewer
+from skymosaic.registration.pair import Pair
 
 KINDS = {"inlier": "kept, on the homography", "outlier": "kept, off it", "rejected": "rejected by the rules"}
 REACH_SCREEN_PX = 10
@@ -25,8 +28,9 @@ class MatchesTab:
     slider show more.
     """
 
-    def __init__(self, view: PairView, addresses: tuple[str, str]) -> None:
-        self._take(view)
+    def __init__(self, pair: Pair, pictures: Sequence[Picture]) -> None:
+        self._pictures = pictures
+        self._take(pair)
         self._shown = dict.fromkeys(KINDS, False) | {"inlier": True}
         # Without a homography there are no inliers: show what there is.
         if "inlier" not in self._verdicts:
@@ -46,7 +50,6 @@ class MatchesTab:
                 ui.button(icon="chevron_right", on_click=lambda: self._step(1)).props(
                     'flat round dense aria-label="Next match"'
                 )
-        pictures = side_by_side(list(zip(addresses, view.working_sizes, strict=True)), drawings.GAP_PX)
         self._viewer = Viewer("Matches between the photographs", pictures)
         self._viewer.on_pointer("hover", self._hover)
         self._viewer.on_pointer("pick", self._pick)
@@ -54,18 +57,18 @@ class MatchesTab:
         self._draw()
         self._choose(None)
 
-    def show(self, view: PairView) -> None:
+    def show(self, pair: Pair) -> None:
         """Show the same pair with other verdicts; the chosen match stays."""
-        self._take(view)
+        self._take(pair)
         for kind, checkbox in self._filters.items():
             checkbox.set_text(self._words(kind))
         self._draw()
         self._choose(self._chosen if self._chosen is not None and self._chosen < len(self._verdicts) else None)
 
-    def _take(self, view: PairView) -> None:
-        self._view = view
-        self._lines = drawings.locate_matches(view)
-        self._verdicts = classify_matches(view)
+    def _take(self, pair: Pair) -> None:
+        self._pair = pair
+        self._lines = drawings.locate_matches(pair.matches, self._pictures[1].x)
+        self._verdicts = classify_matches(pair)
 
     def _words(self, kind: str) -> str:
         return f"{self._verdicts.count(kind)} {KINDS[kind]}"
@@ -135,4 +138,4 @@ class MatchesTab:
         self._viewer.highlight(drawings.draw_chosen_match(self._lines[index], self._verdicts[index]))
         pinned = ", pinned" if self._pinned else ""
         self._number.set_text(f"match {index + 1} of {len(self._verdicts)}{pinned}")
-        self._explanation.set_content(write_html(explain(self._view, index)))
+        self._explanation.set_content(write_html(explain(self._pair, index)))

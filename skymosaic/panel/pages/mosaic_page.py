@@ -11,7 +11,7 @@ from skymosaic.panel.pages.numbers_tab import build_numbers_tab
 from skymosaic.panel.pages.page_layout import page_layout
 from skymosaic.panel.pages.rules_editor import RulesEditor
 from skymosaic.panel.pages.sidebar import OptionsCard, PhotographsCard, RunCard, enable_while_idle
-from skymosaic.panel.results import MosaicResult, picture_address
+from skymosaic.panel.results import MosaicResult
 from skymosaic.panel.session import Session
 
 STEPS = (
@@ -105,12 +105,11 @@ class ResultTabs:
                 with panel:
                     ui.label("Make the mosaic first.").classes("hint empty")
             return
-        left, right = (picture_address(result.pictures / f"{name}.png") for name in result.pair.names)
         with self._result_panels["Matches"]:
             self._build_pair_select(result)
-            shown = self._session.rules_edit.view if self._session.rules_edit else result.pair
-            matches = MatchesTab(shown, (left, right))
-            self._editor = RulesEditor(self._session, matches) if self._session.rules_edit else None
+            edit = self._session.rules_edit
+            matches = MatchesTab(edit.pair if edit else result.pair, result.working)
+            self._editor = RulesEditor(self._session, matches) if edit else None
         with self._result_panels["Mosaic"]:
             build_mosaic_tab(result, {each.name: each.thumbnail for each in self._session.photographs})
         with self._result_panels["Numbers"]:
@@ -123,7 +122,7 @@ class ResultTabs:
         if result.links:
             titles = {(left, right): f"{left} and {right}, {inliers} inliers" for left, right, inliers in result.links}
             with ui.element("div").classes("bar"):
-                select = ui.select(titles, label="Pair of the flight", value=result.pair.names)
+                select = ui.select(titles, label="Pair of the flight", value=result.pair_names)
                 select.props("outlined dense options-dense").classes("pair-select")
                 look = ui.button("Look at it", on_click=lambda: self._session.look_at_pair(select.value))
                 enable_while_idle(look.props("outline no-caps"), self._session)

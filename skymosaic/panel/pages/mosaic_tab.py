@@ -19,36 +19,29 @@ def build_mosaic_tab(result: MosaicResult, thumbnails: Mapping[str, Path]) -> No
             ui.label(result.reason).classes("fault")
             ui.label("The Matches tab shows the matches and why they were rejected.").classes("hint")
         return
-    MosaicTab(result, result.mosaic)
+    layers = {"Outlines": drawings.draw_outlines(result.mosaic.outlines.values())}
+    if result.mosaic.seams:
+        layers["Seams"] = drawings.draw_seams(result.mosaic.seams)
+    if result.links:
+        layers["Links"] = drawings.draw_links(result.mosaic.outlines, result.links)
+    _show_mosaic(result.mosaic, layers)
+    show_files("mosaic", result.files)
     if result.left_out:
         _show_left_out(result, thumbnails)
 
 
-class MosaicTab:
-    """The mosaic, switches for its layers, its files, and what is not in it."""
+def _show_mosaic(mosaic: ShownMosaic, layers: Mapping[str, str]) -> None:
+    """Show the mosaic, with a switch for each layer that can be drawn over it."""
 
-    def __init__(self, result: MosaicResult, mosaic: ShownMosaic) -> None:
-        self._layers = {"Outlines": drawings.draw_outlines(mosaic.outlines.values())}
-        if mosaic.seams:
-            self._layers["Seams"] = drawings.draw_seams(mosaic.seams)
-        if result.links:
-            self._layers["Links"] = drawings.draw_links(mosaic.outlines, result.links)
-        self._shown = dict.fromkeys(self._layers, False)
-        with ui.element("div").classes("bar"):
-            ui.label(f"{mosaic.size[0]} x {mosaic.size[1]} px, {len(mosaic.outlines)} photographs").classes("name")
-            ui.label("Wheel or + and - zoom, drag moves.").classes("hint")
-            ui.element("div").classes("grow")
-            for name in self._layers:
-                self._build_switch(name)
-        self._viewer = Viewer("Mosaic", [mosaic.picture], tiles=mosaic.tiles)
-        show_files("mosaic", result.files)
+    def draw() -> None:
+        viewer.draw("".join(layer for name, layer in layers.items() if switches[name].value))
 
-    def _build_switch(self, name: str) -> None:
-        def show(shown: bool) -> None:
-            self._shown[name] = shown
-            self._viewer.draw("".join(self._layers[each] for each in self._layers if self._shown[each]))
-
-        ui.switch(name, on_change=lambda event: show(event.value)).props("dense")
+    with ui.element("div").classes("bar"):
+        ui.label(f"{mosaic.size[0]} x {mosaic.size[1]} px, {len(mosaic.outlines)} photographs").classes("name")
+        ui.label("Wheel or + and - zoom, drag moves.").classes("hint")
+        ui.element("div").classes("grow")
+        switches = {name: ui.switch(name, on_change=draw).props("dense") for name in layers}
+    viewer = Viewer("Mosaic", [mosaic.picture], tiles=mosaic.tiles)
 
 
 def _show_left_out(result: MosaicResult, thumbnails: Mapping[str, Path]) -> None:

@@ -8,9 +8,10 @@ import numpy as np
 from nicegui import ui
 
 from skymosaic.evaluation.metrics import confusion
+from skymosaic.panel.explain import classify_matches, measure_residuals
 from skymosaic.panel.pages.page_layout import show_command
-from skymosaic.panel.pair_view import PairView
 from skymosaic.panel.results import MosaicResult
+from skymosaic.registration.pair import Pair
 
 CORRECT_PX = 3.0
 """A match this close to the homography counts as correct in recall and precision."""
@@ -18,12 +19,12 @@ CORRECT_PX = 3.0
 
 def build_numbers_tab(result: MosaicResult) -> None:
     """Show the numbers of a run and of the pair that is shown."""
-    view = result.pair
+    pair = result.pair
     with ui.element("div").classes("numbers"):
         for title, body in (
-            ("From corners to inliers", _funnel(view)),
-            ("Homography, left to right, in pixels of the originals", _homography(view)),
-            ("Quality", _quality(view)),
+            ("From corners to inliers", _funnel(pair)),
+            ("Homography, left to right, in pixels of the originals", _homography(pair)),
+            ("Quality", _quality(pair)),
             ("Time", _bars(result.seconds, "{:.3f} s")),
             *((("The mosaic", _table(result.facts)),) if result.facts else ()),
         ):
@@ -32,14 +33,14 @@ def build_numbers_tab(result: MosaicResult) -> None:
         show_command(result.command)
 
 
-def _funnel(view: PairView) -> str:
-    left, right = (len(features) for features in view.features)
+def _funnel(pair: Pair) -> str:
+    left, right = map(len, pair.features)
     counts = {
         "corners, left": left,
         "corners, right": right,
-        "mutual matches": len(view.matches),
-        "kept by the rules": int(view.kept.sum()),
-        "inliers at 2 px": int(view.inlier.sum()),
+        "mutual matches": len(pair.matches),
+        "kept by the rules": len(pair.kept),
+        "inliers at 2 px": len(pair.inliers),
     }
     return _bars(counts, "{:.0f}")
 
@@ -55,12 +56,11 @@ def _bars(values: Mapping[str, float], form: str) -> str:
     return f'<table class="bars">{rows}</table>'
 
 
-def _homography(view: PairView) -> str:
-    rows = view.numbers["homography"]
-    if rows is None:
-        return f"<p class='fault'>{escape(view.numbers['reason'])}</p>"
-    cells = "".join("<tr>" + "".join(f"<td>{value: .6g}</td>" for value in row) + "</tr>" for row in rows)
-    return f'<table class="matrix">{cells}</table><p class="hint">{_describe(np.array(rows))}</p>'
+def _homography(pair: Pair) -> str:
+    if pair.homography is None:
+        return f"<p class='fault'>{escape(pair.reason)}</p>"
+    cells = "".join("<tr>" + "".join(f"<td>{value: .6g}</td>" for value in row) + "</tr>" for row in pair.homography)
+    return f'<table class="matrix">{cells}</table><p class="hint">{_describe(pair.homography)}</p>'
 
 
 def _describe(homography: np.ndarray) -> str:
@@ -71,22 +71,21 @@ def _describe(homography: np.ndarray) -> str:
     return f"projective, 8 parameters: rotates by {rotation:.2f}°, scales by {scale:.4f}, shifts by {x:.1f}, {y:.1f} px"
 
 
-def _quality(view: PairView) -> str:
-    if view.residual_px is None:
+def _quality(pair: Pair) -> str:
+    residual_px = measure_residuals(pair)
+    if residual_px is None:
         return "<p class='hint'>Nothing to measure without a homography.</p>"
-    inliers = view.residual_px[view.inlier]
-    counts = confusion(view.kept, view.residual_px <= CORRECT_PX)
+    inlier = [verdict == "inlier" for verdict in classify_matches(pair)]
+    counts = confusion(pair.matches["verdict"] == 1, residual_px <= CORRECT_PX)
     rows = {
-        "RMSE of the inliers": f"{math.sqrt(float(np.mean(inliers**2))):.3f} px",
+        "RMSE of the inliers": f"{math.sqrt(float(np.mean(residual_px[inlier] ** 2))):.3f} px",
         "recall of the rules": f"{counts.recall:.3f}",
         "1 - precision": f"{1 - counts.precision:.3f}",
-        "refined by": f"{view.numbers['refined_inliers']} points of dense flow"
-        if view.numbers["refined_inliers"]
-        else "no dense flow",
-        "computed by": view.numbers["backend"],
+        "refined by": f"{pair.refined_inliers} points of dense flow" if pair.refined_inliers else "no dense flow",
+        "computed by": pair.backend,
     }
-    if confidence := view.numbers["confidence"]:
-        rows |= {"confidence": f"{confidence['verdict']}: {confidence['reason']}"}
+    if pair.confidence:
+        rows |= {"confidence": f"{pair.confidence.verdict}: {pair.confidence.reason}"}
     return f'{_table(rows)}<p class="hint">Correct: within {CORRECT_PX:g} px of the homography.</p>'
 
 

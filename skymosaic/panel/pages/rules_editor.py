@@ -8,11 +8,11 @@ import numpy as np
 from nicegui import run, ui
 
 from skymosaic.panel.pages.matches_tab import MatchesTab
-from skymosaic.panel.pair_view import PairView
 from skymosaic.panel.results import EDITED_RULES
 from skymosaic.panel.rules_edit import find_corners, move_corner
 from skymosaic.panel.session import Session
 from skymosaic.panel.widgets.curves import Curves
+from skymosaic.registration.pair import Pair
 
 CURVE_POINTS = 129
 TYPING_PAUSE_S = 0.5
@@ -24,7 +24,7 @@ class RulesEditor:
     def __init__(self, session: Session, matches: MatchesTab) -> None:
         assert session.rules_edit is not None
         self._session, self._edit, self._matches = session, session.rules_edit, matches
-        self._first = self._edit.view
+        self._first = self._edit.pair
         self._wanted: tuple[str, int | None] | None = None
         # What was done first is tried first, an undo after the drag before it.
         self._turn = asyncio.Lock()
@@ -50,7 +50,7 @@ class RulesEditor:
                 self._text = ui.textarea("Rules, in FLL", on_change=lambda event: self._type(event.value))
                 self._text.props(f"outlined autogrow debounce={1000 * TYPING_PAUSE_S:.0f} spellcheck=false")
                 self._text.classes("rules-text")
-        self._shown: PairView | None = None
+        self._shown: Pair | None = None
         self.update()
 
     def update(self) -> None:
@@ -61,11 +61,11 @@ class RulesEditor:
         if self._dragged is None and self._wanted is None:
             for _, curves in self._curves:
                 curves.release()
-        if edit.view is self._shown:
+        if edit.pair is self._shown:
             return
-        self._shown = edit.view
-        self._effect.set_text(f"{_describe(edit.view)} (at first {_describe(self._first)})")
-        self._matches.show(edit.view)
+        self._shown = edit.pair
+        self._effect.set_text(f"{_describe(edit.pair)} (at first {_describe(self._first)})")
+        self._matches.show(edit.pair)
         self._text.set_value(edit.rules.text)
         system, shares = edit.rules.system, np.linspace(0, 1, CURVE_POINTS)
         for number, ((title, curves), variable) in enumerate(zip(self._curves, system.inputs, strict=True)):
@@ -111,8 +111,6 @@ class RulesEditor:
             self._edit.change(wanted[0], after=wanted[1])
 
 
-def _describe(view: PairView) -> str:
-    kept = int(view.kept.sum())
-    confidence = view.numbers["confidence"]
-    error = f"predicted error {confidence['predicted_px']:.2f} px" if confidence else "no homography"
-    return f"{kept} kept, {len(view.matches) - kept} rejected, {error}"
+def _describe(pair: Pair) -> str:
+    error = f"predicted error {pair.confidence.predicted_px:.2f} px" if pair.confidence else "no homography"
+    return f"{len(pair.kept)} kept, {len(pair.matches) - len(pair.kept)} rejected, {error}"

@@ -10,7 +10,6 @@ from skymosaic.panel.options import OPTION_VALUES, OWN, fault_of
 from skymosaic.panel.pages.folder_picker import FolderPicker
 from skymosaic.panel.results import InputFile, picture_address
 from skymosaic.panel.session import Session
-from skymosaic.panel.uploads import MEBIBYTE, PHOTOGRAPH
 from skymosaic.panel.widgets.drop_zone import DropZone
 from skymosaic.panel.widgets.slider import Slider
 from skymosaic.panel.widgets.thumbnails import MAX_TILES, Thumbnails
@@ -70,19 +69,13 @@ class PhotographsCard:
                 FolderPicker(session)
             else:
                 ui.label("Folders are opened from the address that the panel printed at its start.").classes("hint")
-            DropZone(
-                url="/upload/photograph",
-                accept="image/*,.tif,.tiff",
-                multiple=True,
-                label="Choose photographs",
-                title="Drop photographs here, or choose",
-                hint=f"two or more that overlap · up to {PHOTOGRAPH.limit_bytes // MEBIBYTE} MB each",
-            )
+            title, hint = "Drop photographs here, or choose", "two or more that overlap"
+            DropZone("photograph", "Choose photographs", title, hint, multiple=True)
             self._container = ui.element("div").classes("loaded")
             self._warnings = ui.label().classes("warnings").props('role="status" aria-label="Warnings"')
             with ui.element("div").classes("card-head") as self._summary:
                 self._count = ui.label().classes("hint")
-                ui.button("Remove all", on_click=lambda: session.keep_photographs(())).props(
+                ui.button("Remove all", on_click=lambda: session.set_photographs(())).props(
                     "flat dense no-caps size=sm"
                 )
         # A folder is read without an event for each photograph, so that is polled.
@@ -139,7 +132,7 @@ class PhotographsCard:
             remove.props["aria-label"] = f"Remove {file.name}"
 
     def _remove(self, name: str) -> None:
-        self._session.keep_photographs(kept for kept in self._session.photographs if kept.name != name)
+        self._session.set_photographs(kept for kept in self._session.photographs if kept.name != name)
 
 
 class OptionsCard:

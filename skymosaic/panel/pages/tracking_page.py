@@ -1,41 +1,24 @@
 """The page that follows an object through a video."""
 
-from dataclasses import dataclass
-
 from nicegui import ui
 
 from skymosaic.panel.pages.page_layout import page_layout, show_command, show_files
 from skymosaic.panel.pages.sidebar import RunCard, build_heading, build_input, build_option_select, enable_while_idle
 from skymosaic.panel.results import InputFile, TrackingResult, picture_address
 from skymosaic.panel.session import Session
-from skymosaic.panel.uploads import KINDS, MEBIBYTE
 from skymosaic.panel.widgets.drop_zone import DropZone
 
 CORNERS = ("top left", "top right", "bottom right", "bottom left")
-
-
-@dataclass(frozen=True)
-class _Slot:
-    """An upload area for one file: its key in `skymosaic.panel.uploads.KINDS`, and its texts on the page."""
-
-    name: str
-    number: str
-    title: str
-    hint: str
-    accept: str
-
-
-_SLOTS = (
-    _Slot("template", "1", "Object", "a picture of it, cut out", "image/*"),
-    _Slot("video", "2", "Video", "MP4, MOV, MKV, WebM or AVI", "video/*,.mkv"),
-)
 
 
 def build_tracking_page(session: Session) -> None:
     """Build the page of a session, with the files and results it already has."""
     with page_layout(session, "/tracking"):
         with ui.element("section").classes("stack").props('aria-label="Object, video and options"'):
-            cards = [_UploadCard(session, slot) for slot in _SLOTS]
+            cards = (
+                _UploadCard(session, "template", number="1", title="Object", hint="a picture of it, cut out"),
+                _UploadCard(session, "video", number="2", title="Video", hint="MP4, MOV, MKV, WebM or AVI"),
+            )
             with ui.element("section").classes("card"):
                 build_heading("3", "Options")
                 with ui.element("div").classes("options"):
@@ -57,27 +40,21 @@ def build_tracking_page(session: Session) -> None:
 
 
 class _UploadCard:
-    """A drop zone for one file, and the file that is loaded."""
+    """A drop zone for one file, and the file that is loaded; ``slot`` is its name in the session."""
 
-    def __init__(self, session: Session, slot: _Slot) -> None:
-        self._session, self._slot = session, slot.name
+    def __init__(self, session: Session, slot: str, *, number: str, title: str, hint: str) -> None:
+        self._session, self._slot = session, slot
         self._shown: InputFile | None = None
         with ui.element("section").classes("card"):
             with ui.element("div").classes("card-head"):
-                build_heading(slot.number, slot.title)
-                if slot.name == "template":
+                build_heading(number, title)
+                if slot == "template":
                     button = ui.button("Built-in film", icon="flight", on_click=session.load_built_in_film)
                     button.props('flat dense no-caps size=sm aria-label="Load the built-in film"')
                     enable_while_idle(button, session)
-            DropZone(
-                url=f"/upload/{slot.name}",
-                accept=slot.accept,
-                multiple=False,
-                label=f"Choose {slot.title.lower()}",
-                title=f"Drop the {slot.title.lower()} here, or choose",
-                hint=f"{slot.hint} · up to {KINDS[slot.name].limit_bytes // MEBIBYTE} MB",
-            )
-            self._container = ui.element("ul").classes("photographs").props(f'aria-label="{slot.title} loaded"')
+            what = title.lower()
+            DropZone(slot, f"Choose {what}", f"Drop the {what} here, or choose", hint)
+            self._container = ui.element("ul").classes("photographs").props(f'aria-label="{title} loaded"')
 
     def update(self) -> None:
         upload: InputFile | None = getattr(self._session, self._slot)

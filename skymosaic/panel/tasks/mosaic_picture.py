@@ -11,8 +11,7 @@ from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import save
-from skymosaic.panel.pair_view import Size
-from skymosaic.panel.results import Picture, ShownMosaic, picture_address
+from skymosaic.panel.results import Picture, ShownMosaic, Size, picture_address
 from skymosaic.reports.footprints import outline_photographs
 
 PREVIEW_WIDTH_PX = 8192

@@ -27,10 +27,9 @@ from skymosaic.imagery.photographs import Source, list_sources
 from skymosaic.maps.georeference import MIN_POSITIONS
 from skymosaic.mosaicking.api import open_plan_of_sources
 from skymosaic.mosaicking.plan import MosaicPlan
-from skymosaic.panel.explain import classify_matches
+from skymosaic.panel.explain import classify_matches, measure_residuals
 from skymosaic.panel.options import Options
-from skymosaic.panel.pair_view import PairView
-from skymosaic.panel.results import RULES, HardwareResult, Link, MosaicResult
+from skymosaic.panel.results import RULES, HardwareResult, Link, MosaicResult, Picture, side_by_side
 from skymosaic.panel.steps import Progress
 from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, show_mosaic
 from skymosaic.registration.options import FeatureOptions
@@ -78,17 +77,16 @@ def make_mosaic(
             if plan.flight.pair is None:
                 raise
             reason = str(error)
-    pair = plan.flight.pair
+    flight, pair = plan.flight, plan.flight.pair
     if pair is None:
         # A flight keeps no match records, so its pair with the most inliers is registered again.
-        left, right, _ = _links(plan.flight)[0]
+        left, right, _ = _links(flight)[0]
         pair = _register((folder / by_name[left], folder / by_name[right]), options, progress)
-    _save_working(pair, pictures)
     progress("writing")
     # The report is read from the unpacked archive, where the mosaic lies beside it.
-    write_report(folder / REPORT, plan.flight, [dataclasses.replace(d, path=Path(output)) for d in deliveries])
+    write_report(folder / REPORT, flight, [dataclasses.replace(each, path=Path(output)) for each in deliveries])
     command = write_command(words, len(paths), options, output)
-    config = plan.flight.settings.config
+    config = flight.settings.config
     _write(folder, {CONFIG: to_toml(config), "command.txt": command + "\n"})
     if config.matcher.rules:
         _write(folder, {RULES: config.matcher.rules.text})
@@ -98,17 +96,17 @@ def make_mosaic(
         command=command,
         options=options,
         paths=by_name,
-        pair=PairView.from_pair(pair),
-        mosaic=show_mosaic(deliveries[0], pictures) if deliveries else None,
-        left_out=_left_out(plan.flight, deliveries[0]) if deliveries else {},
+        pair=pair,
+        working=_save_working(pair, pictures),
+        seconds=flight.seconds,
         reason=reason,
-        seconds=plan.flight.seconds,
-        facts=_list_facts(deliveries[0]) if deliveries else {},
     )
-    if plan.flight.pair is not None:
-        _write(folder, {"corners.csv": _list_corners(result.pair), "matches.csv": _list_matches(result.pair)})
-        return result
-    return _add_flight(result, plan.flight, deliveries[0], unused)
+    if deliveries:
+        result = _add_mosaic(result, flight, deliveries[0])
+    if flight.pair is None:
+        return _add_flight(result, flight, deliveries[0], unused)
+    _write(folder, {"corners.csv": _list_corners(pair), "matches.csv": _list_matches(pair)})
+    return result
 
 
 def _choose_output(plan: MosaicPlan) -> str:
@@ -120,14 +118,16 @@ def _choose_output(plan: MosaicPlan) -> str:
     return MAP if on_map >= min(len(views), MIN_POSITIONS) else MOSAIC
 
 
-def _list_facts(delivery: Delivery) -> dict[str, str]:
-    """Bands and place on the map, where the mosaic has them."""
+def _add_mosaic(result: MosaicResult, flight: Flight, delivery: Delivery) -> MosaicResult:
+    """Add the mosaic, its bands and its place on the map, and the photographs that are not in it."""
     bands = {"bands": describe_bands(delivery.composition)} if delivery.composition.band_names else {}
-    return bands | ({"map": describe_map(delivery)} if delivery.georeference is not None else {})
-
-
-def _left_out(flight: Flight, delivery: Delivery) -> dict[str, str]:
-    return {flight.names[index]: reason for index, reason in flight.absent_from(delivery.layout).items()}
+    place = {"map": describe_map(delivery)} if delivery.georeference is not None else {}
+    return dataclasses.replace(
+        result,
+        mosaic=show_mosaic(delivery, result.pictures),
+        left_out={flight.names[index]: reason for index, reason in flight.absent_from(delivery.layout).items()},
+        facts=bands | place,
+    )
 
 
 def _shorten(paths: list[str]) -> list[str]:
@@ -159,8 +159,7 @@ def look_at_pair(folder: Path, result: MosaicResult, names: tuple[str, str], *, 
     """Show the matches of another pair of a flight."""
     left, right = (folder / result.paths[name] for name in names)
     pair = _register((left, right), result.options, progress)
-    _save_working(pair, result.pictures)
-    return dataclasses.replace(result, pair=PairView.from_pair(pair))
+    return dataclasses.replace(result, pair=pair, working=_save_working(pair, result.pictures))
 
 
 def _register(files: tuple[Path, Path], options: Options, progress: Progress) -> Pair:
@@ -171,10 +170,14 @@ def _register(files: tuple[Path, Path], options: Options, progress: Progress) ->
     return dataclasses.replace(pair, left=left, right=right)
 
 
-def _save_working(pair: Pair, pictures: Path) -> None:
+def _save_working(pair: Pair, pictures: Path) -> tuple[Picture, ...]:
     """Save what the front end saw of a pair, below the lines of its matches."""
+    shown = []
     for photograph, pixels in zip((pair.left, pair.right), pair.working, strict=True):
-        save(pictures / f"{photograph.name}.png", pixels)
+        path = pictures / f"{photograph.name}.png"
+        save(path, pixels)
+        shown.append((path, (pixels.shape[1], pixels.shape[0])))
+    return side_by_side(shown)
 
 
 def _links(flight: Flight) -> tuple[Link, ...]:
@@ -190,18 +193,12 @@ def compare_hardware(
     """Run a pair through the golden model and through hardware, and write ``hardware.json``."""
     _, config = options.choose_method()
     left, right = (folder / path for path in paths)
-    progress("computing with the golden model")
-    software = register(left, right, config=config, damaged=options.damaged)
-    # Registration may have raised the threshold, so the hardware gets the configuration that it returns.
-    progress(f"computing with {backend}")
-    as_registered = FeatureOptions(config=software.config, backend=backend, damaged=options.damaged)
-    comparison = compare(left, right, as_registered, progress=progress)
+    progress(f"computing with the golden model and with {backend}")
+    chosen = FeatureOptions(config=config, backend=backend, damaged=options.damaged)
+    comparison = compare(left, right, chosen, progress=progress)
     _write(folder, {"hardware.json": json.dumps(comparison.summary(), indent=2) + "\n"})
-    sizes = [(image.shape[1], image.shape[0]) for image in software.working]
-    size = max(sizes, key=lambda size: size[0] * size[1])
     words = ["skymosaic", "compare", *paths, "--config", CONFIG, "--backend", backend, *_if_damaged(options)]
-    seconds = software.seconds["features and matches"] / len(sizes)
-    return HardwareResult(size, backend, comparison, seconds, shlex.join(words))
+    return HardwareResult(backend, comparison, shlex.join(words))
 
 
 def write_command(inputs: list[str], photographs: int, options: Options, output: str = MOSAIC) -> str:
@@ -225,20 +222,21 @@ def _write(folder: Path, texts: dict[str, str]) -> None:
         save_bytes(folder / name, text.encode())
 
 
-def _list_corners(view: PairView) -> str:
+def _list_corners(pair: Pair) -> str:
     """List the corners of both images as CSV, in working pixels."""
     rows = [
         (name, corner["x"] / POSITION.one, corner["y"] / POSITION.one, corner["level"], corner["sector"],
          decode_response(corner["response"]))
-        for name, features in zip(view.names, view.features, strict=True)
+        for name, features in zip((pair.left.name, pair.right.name), pair.features, strict=True)
         for corner in features
     ]  # fmt: skip
     return _to_csv(("image", "x", "y", "level", "sector", "response"), rows)
 
 
-def _list_matches(view: PairView) -> str:
+def _list_matches(pair: Pair) -> str:
     """List the matches as CSV, in working pixels."""
-    residual = np.full(len(view.matches), np.nan) if view.residual_px is None else view.residual_px
+    measured = measure_residuals(pair)
+    residual_px = np.full(len(pair.matches), np.nan) if measured is None else measured
     names = ("left_x", "left_y", "right_x", "right_y", "distance", "margin", "weight", "rule")
     rows = [
         (
@@ -247,7 +245,7 @@ def _list_matches(view: PairView) -> str:
             verdict,
             f"{distance:.3f}",
         )
-        for match, verdict, distance in zip(view.matches, classify_matches(view), residual, strict=True)
+        for match, verdict, distance in zip(pair.matches, classify_matches(pair), residual_px, strict=True)
     ]
     return _to_csv((*names, "verdict", "residual_px"), rows)
 

@@ -87,41 +87,30 @@ def _decode_reduced(path: Path) -> Pixels:
     return load(path, keep_damaged=True).pixels if reduced is None else reduced.astype(np.uint8, copy=False)
 
 
-def render_pair(folder: Path, names: Sequence[str], pictures: Path, *, progress: Progress) -> list[InputFile]:
-    """Render the built-in pair."""
-    return _save_all(folder, names, make_pair(seed=BUILT_IN_SEED).images, pictures, progress)
+def render_photographs(folder: Path, names: Sequence[str], pictures: Path, *, progress: Progress) -> list[InputFile]:
+    """Render the built-in pair, or a built-in flight if there are more than two names."""
+    is_pair = len(names) == 2
+    scene = make_pair(BUILT_IN_SEED) if is_pair else make_lawnmower(BUILT_IN_SEED, len(names), FLIGHT_SIZE)
+    for name, image in zip(names, scene.images, strict=True):
+        save(folder / name, image)
+    decoded = [inspect_photograph(folder, name, pictures, progress=progress) for name in names]
+    return [InputFile.of_upload(each) for each in decoded]
 
 
-def render_flight(folder: Path, names: Sequence[str], pictures: Path, *, progress: Progress) -> list[InputFile]:
-    """Render the built-in flight, one photograph for each name."""
-    return _save_all(folder, names, make_lawnmower(BUILT_IN_SEED, len(names), FLIGHT_SIZE).images, pictures, progress)
-
-
-def render_pursuit(
-    folder: Path, template: str, video: str, pictures: Path, *, progress: Progress
-) -> tuple[InputFile, InputFile]:
+def render_pursuit(folder: Path, names: Sequence[str], pictures: Path, *, progress: Progress) -> list[InputFile]:
     """Render the built-in film of a car, and cut the template out of its first frame."""
+    template, video = names
     film = make_pursuit(BUILT_IN_SEED, PURSUIT_FRAMES, magnification=CAR_MAGNIFICATION)
     with write_video(folder / video, DEFAULT_RATE) as write:
         for number, frame in enumerate(film.images):
-            progress("rendering the built-in film", number + 1, PURSUIT_FRAMES)
+            progress("rendering", number + 1, PURSUIT_FRAMES)
             write(frame)
     low, high = film.corners[0].min(axis=0), film.corners[0].max(axis=0)
     (left, top), (right, bottom) = low.astype(int) - TEMPLATE_MARGIN_PX, high.astype(int) + TEMPLATE_MARGIN_PX
     save(folder / template, film.images[0][top:bottom, left:right])
     seen = inspect_photograph(folder, template, pictures, progress=progress)
     first = inspect_video(folder, video, pictures, progress=progress)
-    return InputFile(template, seen.working, seen), InputFile(video, first.working, first)
-
-
-def _save_all(
-    folder: Path, names: Sequence[str], images: Sequence[Pixels], pictures: Path, progress: Progress
-) -> list[InputFile]:
-    for number, (name, image) in enumerate(zip(names, images, strict=True), 1):
-        progress("rendering photographs", number, len(names))
-        save(folder / name, image)
-    decoded = [inspect_photograph(folder, name, pictures, progress=progress) for name in names]
-    return [InputFile(name, each.working, each) for name, each in zip(names, decoded, strict=True)]
+    return [InputFile.of_upload(seen), InputFile.of_upload(first)]
 
 
 def _describe(name: str, pixels: Pixels, notes: tuple[str, ...], pictures: Path) -> Decoded:

@@ -2,24 +2,27 @@
 
 from nicegui import ui
 
+from skymosaic.panel.uploads import KINDS, MEBIBYTE
+
 
 class DropZone(ui.element, component="drop_zone.js"):
-    """Uploads files to ``url``, one at a time; the server's reasons for refusing files stay until they are dismissed.
+    """Uploads files, one at a time; the server's reasons for refusing files stay until they are dismissed.
 
     Parameters
     ----------
-    url : str
-        Receives each file as the body of a POST, its name as the query parameter ``name``.
-    accept : str
-        Media types and suffixes that the file dialogue offers.
-    multiple : bool
-        Whether more than one may be chosen.
+    slot : str
+        What the files are: a key of `skymosaic.panel.uploads.KINDS`.
     label : str
         Accessible name.
     title, hint : str
         Text shown in the area.
+    multiple : bool
+        Whether more than one may be chosen.
     """
 
-    def __init__(self, *, url: str, accept: str, multiple: bool, label: str, title: str, hint: str) -> None:
+    def __init__(self, slot: str, label: str, title: str, hint: str, *, multiple: bool = False) -> None:
         super().__init__()
-        self.props.update(url=url, accept=accept, multiple=multiple, label=label, title=title, hint=hint)
+        kind = KINDS[slot]
+        limit = f"up to {kind.limit_bytes // MEBIBYTE} MB{' each' if multiple else ''}"
+        self.props.update(url=f"/upload/{slot}", accept=kind.accept, multiple=multiple)
+        self.props.update(label=label, title=title, hint=f"{hint} · {limit}")

@@ -23,16 +23,6 @@ class Pointer:
     scale: float
 
 
-def side_by_side(pictures: Sequence[tuple[str, tuple[int, int]]], gap_px: int) -> list[Picture]:
-    """Put pictures, given as address and (width, height), in a row with gaps of ``gap_px`` viewer pixels."""
-    placed: list[Picture] = []
-    x = 0
-    for href, (width, height) in pictures:
-        placed.append(Picture(href, width, height, x))
-        x += width + gap_px
-    return placed
-
-
 class Viewer(ui.element, component="viewer.js"):
     """Pictures with an SVG drawing over them.
 

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from golden_model.config import preset_config
+from golden_model.formats import WEIGHT
 from sim.scene import make_pair
 from skymosaic import register
-from skymosaic.panel.explain import WEIGHT_SCALE, classify_matches, explain
+from skymosaic.panel.explain import classify_matches, explain
 from skymosaic.panel.pages.explanation import write_html
-from skymosaic.panel.pair_view import PairView
+from skymosaic.registration.pair import Pair
 
 METHODS = {
     "aerial": {},
@@ -24,25 +25,24 @@ def images() -> list[np.ndarray]:
 
 
 @pytest.fixture(scope="module", params=list(METHODS.values()), ids=list(METHODS))
-def view(request: pytest.FixtureRequest, images: list[np.ndarray]) -> PairView:
+def pair(request: pytest.FixtureRequest, images: list[np.ndarray]) -> Pair:
     left, right = images
-    pair = register(left, right, **request.param)
-    return PairView.from_pair(pair)
+    return register(left, right, **request.param)
 
 
-def test_strengths_and_outputs_give_the_recorded_weight(view: PairView) -> None:
+def test_strengths_and_outputs_give_the_recorded_weight(pair: Pair) -> None:
     """Sugeno's weighted mean of the strengths and outputs shown equals the recorded weight, up to UQ0.8's rounding."""
-    for index in range(len(view.matches)):
-        rules = explain(view, index).rules
+    for index in range(len(pair.matches)):
+        rules = explain(pair, index).rules
         if rules:
             strength = sum(rule.strength for rule in rules)
             mean = sum(rule.strength * rule.output for rule in rules) / max(strength, 1e-9)
-            assert abs(mean - view.matches["weight"][index] / WEIGHT_SCALE) <= 1.5 / WEIGHT_SCALE
+            assert abs(mean - pair.matches["weight"][index] / WEIGHT.one) <= 1.5 / WEIGHT.one
 
 
-def test_the_dominant_rule_is_the_recorded_one(view: PairView) -> None:
-    for index in range(len(view.matches)):
-        explanation = explain(view, index)
+def test_the_dominant_rule_is_the_recorded_one(pair: Pair) -> None:
+    for index in range(len(pair.matches)):
+        explanation = explain(pair, index)
         if explanation.rules:
             strongest = max(explanation.rules, key=lambda rule: rule.strength)
             (dominant,) = [rule for rule in explanation.rules if rule.dominant]
@@ -50,12 +50,12 @@ def test_the_dominant_rule_is_the_recorded_one(view: PairView) -> None:
             assert dominant.words in explanation.reason
 
 
-def test_every_verdict_has_a_reason_that_agrees(view: PairView) -> None:
-    shown = classify_matches(view)
-    assert shown.count("inlier") == view.inlier.sum()
-    assert shown.count("rejected") == (~view.kept).sum()
+def test_every_verdict_has_a_reason_that_agrees(pair: Pair) -> None:
+    shown = classify_matches(pair)
+    assert shown.count("inlier") == len(pair.inliers)
+    assert shown.count("rejected") == len(pair.matches) - len(pair.kept)
     for index, verdict in enumerate(shown):
-        explanation = explain(view, index)
+        explanation = explain(pair, index)
         assert explanation.verdict == verdict
         assert explanation.reason.startswith("Rejected." if verdict == "rejected" else "Kept.")
         if explanation.rules:
@@ -63,9 +63,9 @@ def test_every_verdict_has_a_reason_that_agrees(view: PairView) -> None:
             assert kept == (verdict != "rejected")
 
 
-def test_the_html_shows_values_and_degrees(view: PairView) -> None:
-    index = int(np.argmin(view.matches["verdict"]))
-    explanation, page = explain(view, index), write_html(explain(view, index))
+def test_the_html_shows_values_and_degrees(pair: Pair) -> None:
+    index = int(np.argmin(pair.matches["verdict"]))
+    explanation, page = explain(pair, index), write_html(explain(pair, index))
     for item in explanation.inputs:
         assert f"{item.variable.name} {item.value}" in page
         for name, degree in item.degrees.items():

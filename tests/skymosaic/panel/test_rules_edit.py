@@ -43,24 +43,24 @@ def test_edited_rules_decide_as_a_new_run_with_them(result: MosaicResult, edit: 
     edit.change(STRICT)
     left, right = (result.folder / name for name in NAMES)
     pair = register(left, right, rules=MatchRules(STRICT))
-    np.testing.assert_array_equal(edit.view.matches, pair.matches)
-    assert edit.view.numbers["confidence"] == pair.summary()["confidence"]
-    assert edit.view.numbers["rules_digest"] == pair.summary()["rules_digest"]
-    assert 0 < edit.view.kept.sum() < result.pair.kept.sum()
-    assert edit.view.names == result.pair.names
+    np.testing.assert_array_equal(edit.pair.matches, pair.matches)
+    assert edit.pair.summary()["confidence"] == pair.summary()["confidence"]
+    assert edit.pair.summary()["rules_digest"] == pair.summary()["rules_digest"]
+    assert 0 < len(edit.pair.kept) < len(result.pair.kept)
+    assert (edit.pair.left.name, edit.pair.right.name) == (result.pair.left.name, result.pair.right.name)
     assert (result.folder / "edited_rules.fll").read_text() == STRICT
 
 
 def test_a_change_is_taken_back_and_a_fault_changes_nothing(result: MosaicResult, edit: RulesEdit) -> None:
     edit.change(STRICT)
-    strict = edit.view
+    strict = edit.pair
     edit.change(STRICT.replace("Ramp 0.2 0.1", "Ramp 0.2 nan"))
     assert "line 8: term low: a parameter is not a number" in edit.fault
-    assert (edit.view, edit.rules.text) == (strict, STRICT)
+    assert (edit.pair, edit.rules.text) == (strict, STRICT)
     edit.undo()
     assert (edit.fault, edit.rules.text) == ("", STRICT)
     edit.undo()
-    np.testing.assert_array_equal(edit.view.matches, result.pair.matches)
+    np.testing.assert_array_equal(edit.pair.matches, result.pair.matches)
     assert (edit.rules.text, edit.versions) == (AERIAL, 1)
     edit.undo()
     assert edit.versions == 1
@@ -105,10 +105,10 @@ def test_the_terms_of_a_minimum_move_alone() -> None:
 def test_the_thesis_rules_are_edited_too(tmp_path: Path) -> None:
     edit = RulesEdit(run(tmp_path, "thesis"))
     assert edit.rules.text == preset_config("thesis").matcher.rules.text
-    before = edit.view.kept.sum()
+    before = len(edit.pair.kept)
     edit.change(move_corner(edit.rules.text, 1, 0, 5.0, 0.5))
     assert edit.fault == ""
-    assert edit.view.kept.sum() < before
+    assert len(edit.pair.kept) < before
 
 
 def test_own_rules_are_an_option_until_another_name_is_chosen() -> None:

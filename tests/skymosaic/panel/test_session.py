@@ -8,7 +8,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from skymosaic.panel import session as session_module
 from skymosaic.panel.session import Session
 from skymosaic.panel.sessions import Sessions
 from skymosaic.panel.uploads import UploadRefusedError
@@ -43,7 +42,7 @@ def test_the_files_of_replaced_uploads_are_removed(sessions: Sessions, run_in_lo
         await idle(session)
         run = f"pictures/{session.mosaic_result.folder.name}"
         shown = files(session, run)
-        session.keep_photographs(())
+        session.set_photographs(())
         assert files(session, "uploads") == {"car_2.png"}
         assert files(session, run) == shown, "the mosaic still shows them"
         assert files(session, "pictures/uploads") == {"car_2.png.png"}
@@ -133,7 +132,7 @@ def test_uploads_beyond_the_size_of_a_session_are_refused(
     sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     session = sessions.get("one")
-    monkeypatch.setattr(session_module, "MAX_BYTES", 1)
+    monkeypatch.setattr("skymosaic.panel.session_files.MAX_BYTES", 1)
 
     async def scenario() -> None:
         refusals = []
