@@ -59,7 +59,7 @@ def find_seams(thumbnails: Sequence[Layer], scale: float, values: ValueRange | N
         part = _surround(near_enough, canvas)
         parts.append(part)
         allowed.append(near_enough[part.within(canvas)].astype(np.uint8) * 255)
-        pixels.append(to_opencv(show_in_8_bit(layer.pixels(part, cv2.INTER_LINEAR), values).astype(np.float32)))
+        pixels.append(to_opencv(show_in_8_bit(layer.pixels(part, cv2.INTER_LINEAR), values)))
     corners = [(part.x_px, part.y_px) for part in parts]
     masks = finder.find(pixels, corners, allowed)
     return [SeamMask(mask.get(), part, scale) for mask, part in zip(masks, parts, strict=True)]
