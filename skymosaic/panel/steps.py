@@ -19,24 +19,22 @@ class Steps:
 
     Attributes
     ----------
-    share : float or None
-        0 to 1; None while the stage has no steps.
     done : int
         Steps that are done.
     """
 
     def __init__(self) -> None:
-        self.share: float | None = None
-        self._stage = ""
-        self._started = 0.0
-        self._done_at_start = 0
-        self.done = 0
-        self._total = 0
+        self.done, self._total = 0, 0
+        self._stage, self._started, self._done_at_start = "", 0.0, 0
+
+    @property
+    def share(self) -> float | None:
+        """Share that is done, 0 to 1; None while the stage has no steps."""
+        return self.done / self._total if self._total else None
 
     def follow(self, stage: str, done: int, total: int) -> None:
         """Note the progress of a stage; ``total`` is 0 if it has no steps."""
         self.done, self._total = done, total
-        self.share = done / total if total else None
         if stage != self._stage:
             self._stage, self._started, self._done_at_start = stage, time.monotonic(), done
 

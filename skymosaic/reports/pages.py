@@ -13,20 +13,28 @@ from skymosaic.errors import InputError
 from skymosaic.imagery.images import save_bytes
 from skymosaic.temporary import PAGE, staged_folder
 
-_TEMPLATES = Environment(
-    loader=FileSystemLoader(Path(__file__).parent / "templates"),
-    autoescape=True,
-    finalize=lambda value: encodable(value) if isinstance(value, str) else value,
-    undefined=StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
-)
 OWN_NAMES = (
     rf"{re.escape(PAGE)}|report\.json|mosaic(_\d+)?\.jpg|corners_(left|right)\.png|matches\.png"
     r"|footprints_\d+\.(geojson|kml)"
 )
 """Regular expression of the names of a mosaic report's files."""
+
+
+def open_templates(folder: Path) -> Environment:
+    """The templates of a folder; they escape every value, and a name that is used and not given is an error."""
+    return Environment(
+        loader=FileSystemLoader(folder),
+        autoescape=True,
+        # Not the markup of a macro, whose values are finalized already.
+        finalize=lambda value: encodable(value) if type(value) is str else value,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+
+
+_TEMPLATES = open_templates(Path(__file__).parent / "templates")
 
 
 @contextlib.contextmanager
@@ -57,7 +65,7 @@ def make_folder(folder: Path) -> None:
 
 
 def render(template: str, **values: object) -> bytes:
-    """Fill in a template, in UTF-8; a name that the template uses and ``values`` lacks is an error."""
+    """Fill in a template of this folder, in UTF-8."""
     return _TEMPLATES.get_template(template).render(values).encode()
 
 

@@ -28,7 +28,6 @@ class CornersTab:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._photographs: tuple[Decoded, ...] = ()
-        self._pictures: tuple[Picture, ...] = ()
         self._drawn: tuple[object, ...] = ()
         self._detecting = False
         self._viewer: Viewer | None = None
@@ -52,9 +51,8 @@ class CornersTab:
             self._container.clear()
             self._viewer = None
             if photographs:
-                self._pictures = side_by_side((each.working, each.working_size) for each in photographs)
                 with self._container:
-                    self._viewer = Viewer("Corners of the photographs", self._pictures)
+                    self._viewer = Viewer("Corners of the photographs", self._place())
         if self._viewer is not None and not self._detecting:
             background_tasks.create(self._detect_and_draw(), name="corners")
 
@@ -80,9 +78,12 @@ class CornersTab:
         """Everything the drawing depends on."""
         return (*self._photographs, *(getattr(self._session.options, name) for name in _AFFECTED_BY))
 
+    def _place(self) -> tuple[Picture, ...]:
+        return side_by_side((each.working, each.working_size) for each in self._photographs)
+
     def _draw(self, features: list[Records], seconds: float) -> None:
         if self._viewer is not None:
-            pairs = zip(features, self._pictures, strict=True)
+            pairs = zip(features, self._place(), strict=True)
             self._viewer.draw("".join(drawings.draw_corners(corners, picture.x) for corners, picture in pairs))
         counts = " and ".join(str(len(corners)) for corners in features)
         self._counts.set_text(f"{counts} corners, detected in {1000 * seconds:.0f} ms")

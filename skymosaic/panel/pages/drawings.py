@@ -1,4 +1,4 @@
-"""SVG of corners, matches, outlines and membership curves.
+"""SVG of corners, matches and outlines.
 
 The markup contains numbers and the panel's own words only, never file names: the page inserts it without escaping.
 """
@@ -11,17 +11,11 @@ import numpy as np
 from golden_model.arrays import Array, Records
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import POSITION
-from golden_model.matching.fuzzy import ONE
 from skymosaic.features.positions import match_points
-from skymosaic.panel.explain import Input
 
 MAX_LINK_INLIERS = 200
 """Links with this many inliers or more are drawn as the strongest."""
 _TICK_PX = 7.0
-_PLOT = (210, 54)
-_PLOT_MARGIN = (16, 6, 8, 14)
-"""Left, top, right, bottom."""
-_SET_CLASSES = ("first", "second", "third")
 
 
 def draw_corners(features: Records, offset_px: float) -> str:
@@ -121,35 +115,3 @@ def draw_links(quadrilaterals: Mapping[str, Array], linked: Iterable[tuple[str, 
             style = f"stroke: hsl({120 * strength:.0f} 75% 55%); stroke-width: {1 + 4 * strength:.1f}px"
             parts.append(f'<path class="link" style="{style}" d="M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}"/>')
     return "".join(parts)
-
-
-def plot_membership(item: Input) -> str:
-    """Plot the membership functions of an input's sets, with the match's value and its degrees marked."""
-    width, height = _PLOT
-    left, top, right, bottom = _PLOT_MARGIN
-    last = max(item.variable.entries - 1, 1)
-
-    def point(value: float, degree: float) -> str:
-        return f"{left + (width - left - right) * value / last:.1f},{top + (height - top - bottom) * (1 - degree):.1f}"
-
-    parts = [
-        f'<line class="axis" x1="{left}" y1="{height - bottom}" x2="{width - right}" y2="{height - bottom}"/>',
-        f'<text class="axis-name" x="{left - 4}" y="{top + 8}" text-anchor="end">1</text>',
-        f'<text class="axis-name" x="{left - 4}" y="{height - bottom}" text-anchor="end">0</text>',
-        f'<text class="axis-name" x="{left}" y="{height - 3}">0</text>',
-        f'<text class="axis-name" x="{width - right}" y="{height - 3}" text-anchor="end">{last}</text>',
-    ]
-    for kind, (name, table) in zip(_SET_CLASSES, item.variable.sets.items(), strict=False):
-        curve = " ".join(point(value, degree / ONE) for value, degree in enumerate(table.tolist()))
-        parts.append(f'<polyline class="set {kind}" points="{curve}"/>')
-        x, y = point(min(item.value, last), item.degrees[name]).split(",")
-        parts.append(f'<circle class="degree {kind}" cx="{x}" cy="{y}" r="3.5"/>')
-    # The marker goes first, so that the curves are drawn over it.
-    x = point(min(item.value, last), 0).split(",")[0]
-    parts.insert(0, f'<line class="marker" x1="{x}" y1="{top}" x2="{x}" y2="{height - bottom}"/>')
-    words = f"Curves of {item.variable.name}: the value {item.value} is " + ", ".join(
-        f"{name} {degree:.2f}" for name, degree in item.degrees.items()
-    )
-    return (
-        f'<svg class="membership" viewBox="0 0 {width} {height}" role="img" aria-label="{words}">{"".join(parts)}</svg>'
-    )

@@ -1,12 +1,12 @@
 """Shows the same pair through the golden model and through hardware, side by side."""
 
 import math
-from html import escape
 
 from nicegui import ui
 
+from skymosaic.evaluation.hardware import Comparison
 from skymosaic.panel.options import HARDWARE
-from skymosaic.panel.pages.page_layout import show_command
+from skymosaic.panel.pages.page_layout import fill_in, show_command
 from skymosaic.panel.pages.sidebar import enable_while_idle
 from skymosaic.panel.results import HardwareResult, MosaicResult
 from skymosaic.panel.session import Session
@@ -44,23 +44,20 @@ class HardwareTab:
             self._shown = result
             self._container.clear()
             with self._container:
-                ui.html(_markup(result), sanitize=False).classes("hardware")
+                times = _list_times(result.comparison)
+                markup = fill_in("hardware.html", times=times, **result._asdict())
+                ui.html(markup, sanitize=False).classes("hardware")
                 show_command(result.command)
 
     def _compare(self) -> None:
         self._session.compare_hardware(str(self._backend.value))
 
 
-def _markup(result: HardwareResult) -> str:
-    comparison = result.comparison
-    if comparison.mismatch is None:
-        verdict = f'<p class="badge equal">Equal, bit for bit</p><p>Compared: {escape(str(comparison.coverage))}.</p>'
-    else:
-        verdict = f'<p class="badge different">Not equal</p><p class="fault">{escape(str(comparison.mismatch))}</p>'
-    notes = "".join(f'<p class="hint">This proves little: {escape(note)}.</p>' for note in comparison.notes)
+def _list_times(comparison: Comparison) -> list[tuple[str, str, str]]:
+    """Rows of the table: what is measured, in software, and in hardware."""
     pixels, latency = math.prod(comparison.size), max(comparison.cycles_per_frame)
-    speed, software_s = comparison.cycles_per_second, comparison.golden_seconds / comparison.coverage.frames
-    rows = (
+    software_s, late = comparison.golden_seconds / comparison.coverage.frames, latency - pixels
+    return [
         ("time per frame", f"{1000 * software_s:.0f} ms", f"{1000 * pixels / CLOCK_HZ:.2f} ms, one pixel per clock"),
         (
             "frames per second",
@@ -68,14 +65,10 @@ def _markup(result: HardwareResult) -> str:
             f"{CLOCK_HZ / pixels:.0f}, each matched while the next comes in",
         ),
         ("first pixel to last feature", "", f"{latency:,} clocks, {1000 * latency / CLOCK_HZ:.2f} ms"),
-        ("after the last pixel", "", f"{latency - pixels:,} clocks, {1e6 * (latency - pixels) / CLOCK_HZ:.2f} µs"),
-        ("simulated", "", f"{speed / 1e6:.2f} M clocks/s, both frames in {comparison.seconds:.2f} s"),
-    )
-    body = "".join(
-        f"<tr><th>{name}</th><td>{software}</td><td>{hardware}</td></tr>" for name, software, hardware in rows
-    )
-    return (
-        f"{verdict}{notes}<table class='bars sides'><thead><tr><th></th><th>golden model, this machine</th>"
-        f"<th>hardware at its target of 150 MHz ({escape(result.backend)})</th></tr></thead>"
-        f"<tbody>{body}</tbody></table>"
-    )
+        ("after the last pixel", "", f"{late:,} clocks, {1e6 * late / CLOCK_HZ:.2f} µs"),
+        (
+            "simulated",
+            "",
+            f"{comparison.cycles_per_second / 1e6:.2f} M clocks/s, both frames in {comparison.seconds:.2f} s",
+        ),
+    ]

@@ -31,16 +31,14 @@ class MatchesTab:
     def __init__(self, pair: Pair, pictures: Sequence[Picture]) -> None:
         self._pictures = pictures
         self._take(pair)
-        self._shown = dict.fromkeys(KINDS, False) | {"inlier": True}
-        # Without a homography there are no inliers: show what there is.
-        if "inlier" not in self._verdicts:
-            self._shown = dict.fromkeys(KINDS, True)
         self._density = DEFAULT_DENSITY
         self._chosen: int | None = None
         self._pinned = False
         with ui.element("div").classes("bar"):
             self._filters = {kind: self._build_filter(kind) for kind in KINDS}
-            self._build_density()
+            with ui.element("div").classes("density"):
+                self._density_words = ui.label().classes("hint")
+                self._slider = Slider(self._set_density)
             ui.element("div").classes("grow")
             with ui.element("div").classes("stepper"):
                 ui.button(icon="chevron_left", on_click=lambda: self._step(-1)).props(
@@ -74,17 +72,10 @@ class MatchesTab:
         return f"{self._verdicts.count(kind)} {KINDS[kind]}"
 
     def _build_filter(self, kind: str) -> ui.checkbox:
-        def toggle(shown: bool) -> None:
-            self._shown[kind] = shown
-            self._draw()
-
-        checkbox = ui.checkbox(self._words(kind), value=self._shown[kind], on_change=lambda event: toggle(event.value))
+        # Without a homography there are no inliers: show what there is.
+        shown = kind == "inlier" or "inlier" not in self._verdicts
+        checkbox = ui.checkbox(self._words(kind), value=shown, on_change=self._draw)
         return checkbox.props("dense").classes(f"kind {kind}")
-
-    def _build_density(self) -> None:
-        with ui.element("div").classes("density"):
-            self._density_words = ui.label().classes("hint")
-            self._slider = Slider(self._set_density)
 
     def _set_density(self, position: int) -> None:
         self._density = position
@@ -106,7 +97,7 @@ class MatchesTab:
 
     def _candidates(self) -> list[int]:
         """The matches that are drawn; equal steps through the records spread them over the picture."""
-        shown = [index for index, verdict in enumerate(self._verdicts) if self._shown[verdict]]
+        shown = [index for index, verdict in enumerate(self._verdicts) if self._filters[verdict].value]
         limit = DENSITIES[self._density] if self._density < len(DENSITIES) else len(shown)
         return shown if len(shown) <= limit else [shown[step * len(shown) // limit] for step in range(limit)]
 

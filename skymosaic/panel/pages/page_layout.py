@@ -8,6 +8,7 @@ from pathlib import Path
 from nicegui import ui
 
 from skymosaic.panel.session import Session
+from skymosaic.reports.pages import open_templates
 
 PAGES = {"/": "Mosaic", "/tracking": "Tracking", "/runs": "Runs"}
 """Finished runs are kept for the machine's user only."""
@@ -17,10 +18,17 @@ LOGO = (
     '<rect x="13" y="9" width="16" height="14" rx="2" stroke="#ffb020" transform="rotate(7 21 16)"/></g></svg>'
 )
 
+_TEMPLATES = open_templates(Path(__file__).parent)
+
 
 @cache
 def _style() -> str:
     return Path(__file__).with_name("style.css").read_text(encoding="utf-8")
+
+
+def fill_in(name: str, **values: object) -> str:
+    """Fill in a template of this folder, which escapes every value."""
+    return _TEMPLATES.get_template(name).render(values)
 
 
 def show_command(words: str) -> None:

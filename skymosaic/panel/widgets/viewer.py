@@ -31,28 +31,21 @@ class Viewer(ui.element, component="viewer.js"):
     label : str
         Accessible name.
     pictures : sequence of Picture
-    drawing : str
-        SVG markup in viewer pixels. It is inserted without escaping: numbers and the panel's own words only, never
-        text from a user.
     tiles : sequence of Picture
         Parts in more detail; only those in view are loaded, of the scale that the screen shows.
     """
 
-    def __init__(
-        self, label: str, pictures: Sequence[Picture], drawing: str = "", tiles: Sequence[Picture] = ()
-    ) -> None:
+    def __init__(self, label: str, pictures: Sequence[Picture], tiles: Sequence[Picture] = ()) -> None:
         super().__init__()
-        self.props["label"] = label
-        self.props["pictures"] = [asdict(picture) for picture in pictures]
-        self.props["tiles"] = [asdict(tile) for tile in tiles]
-        self.props["size"] = [
-            max(picture.x + picture.width for picture in pictures),
-            max(picture.y + picture.height for picture in pictures),
-        ]
-        self.props["drawing"] = drawing
+        size = max(each.x + each.width for each in pictures), max(each.y + each.height for each in pictures)
+        self.props.update(label=label, pictures=list(map(asdict, pictures)), tiles=list(map(asdict, tiles)))
+        self.props.update(size=size, drawing="")
 
     def draw(self, drawing: str) -> None:
-        """Replace the drawing."""
+        """Replace the drawing, SVG in viewer pixels.
+
+        It is inserted without escaping: numbers and the panel's own words only, never text from a user.
+        """
         self.props["drawing"] = drawing
 
     def highlight(self, drawing: str) -> None:

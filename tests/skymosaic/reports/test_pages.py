@@ -20,3 +20,8 @@ def test_names_that_are_no_text_are_shown_and_written(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "report.json").read_bytes())["name"] == NAME
     kml = XmlTree.fromstring(_kml(NAME, {NAME: np.zeros((5, 2))}))
     assert [each.text for each in kml.iter() if each.tag.endswith("name")] == ["a\\udcff\\x1b[31m<b>&\\x00.jpg"] * 2
+
+
+def test_values_are_escaped_once_also_in_macros(tmp_path: Path) -> None:
+    (tmp_path / "rows.html").write_text("{% macro row(name) %}<b>{{ name }}</b>{% endmacro %}{{ row(name) }}")
+    assert pages.open_templates(tmp_path).get_template("rows.html").render(name="<i>") == "<b>&lt;i&gt;</b>"
