@@ -1,6 +1,7 @@
 """The stages of a mosaic: the plan that the API, the command line and the panel share."""
 
 import dataclasses
+import os
 import re
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -18,7 +19,7 @@ from skymosaic.flight.bands.spectrum import in_all_bands
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition, Room
-from skymosaic.flight.picture.mapping import explain_absence, fit_layout, place_on_map
+from skymosaic.flight.picture.mapping import MapPlace, explain_absence, fit_layout, place_on_map
 from skymosaic.flight.picture.output import PLAIN, PREVIEW_WIDTH_PX, Delivery, OutputForm, deliver, room_for
 from skymosaic.flight.picture.preparation import compose
 from skymosaic.flight.repetition import repeat_flight
@@ -26,6 +27,7 @@ from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.two_photographs import flight_of_pair
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery import images as pictures
+from skymosaic.imagery.exif import read_metadata
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import Source, decoded_photographs
@@ -146,6 +148,8 @@ class MosaicPlan:
         InputError
             For an output that cannot be written, is one of the photographs, or exists and must not be overwritten;
             for a form that does not suit it.
+        RegistrationError
+            For a map that is required where nothing can give the mosaic a place.
         """
         form.check(output, len(self.sources[0].bands))
         if form.tiles is not None:
@@ -155,6 +159,9 @@ class MosaicPlan:
         room = self.room(output)
         if self.options.canvas_limit_px is None and room.area_px < MIN_ROOM_PX:
             raise InputError(f"{output}: {room.reason}, too little for a mosaic; free some, or choose another folder")
+        if form.require_map and not self._may_have_place():
+            place = MapPlace(note=f"0 of {len(self.sources)} photographs have GPS")
+            raise RegistrationError(f"{explain_absence(output, place)}; nothing was written")
         if self.options.all_groups:
             # How many groups there are is not known yet.
             for base in (output, form.tiles):
@@ -163,6 +170,14 @@ class MosaicPlan:
                     for path in sorted(base.parent.glob("*")):
                         if numbered.fullmatch(path.name):
                             pictures.check_unused(path, overwrite=overwrite)
+
+    def _may_have_place(self) -> bool:
+        """Whether there is anything by which the mosaic could be placed on the map."""
+        if self.options.control is not None or self.options.positions is not None or self.options.layout is not None:
+            return True
+        files = [source.content for source in self.sources if isinstance(source.content, Path)]
+        # What cannot be read is said when it is read.
+        return any(not os.access(file, os.R_OK) or read_metadata(file).position for file in files)
 
     def write(
         self,

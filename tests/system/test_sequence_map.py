@@ -86,3 +86,5 @@ def test_a_map_that_is_required_is_made_or_refused(folder: Path, tmp_path: Path,
     assert reason in only_error(result.stderr)
     assert result.returncode == (3 if output == "m.tif" else 2)
     assert not (tmp_path / output).exists()
+    # Refused before the first feature.
+    assert not list((tmp_path / "cache").glob("*"))

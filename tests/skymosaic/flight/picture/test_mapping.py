@@ -10,7 +10,7 @@ import rasterio
 
 from sim.scene import make_lawnmower
 from sim.scene.flight import Flight
-from skymosaic.errors import InputError
+from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.picture.mapping import camera_positions, place_on_map, scale_for
 from skymosaic.flight.picture.output import OutputForm
 from skymosaic.geometry.homography import apply
@@ -102,6 +102,12 @@ def test_a_file_of_positions_puts_a_flight_without_gps_on_the_map(flight: Flight
     assert place.georeference is not None
     assert place.georeference.metres_per_pixel == pytest.approx(METRES, rel=0.01)
     assert place.georeference.residual_m < 3 * METRES
+    (tmp_path / "geo.txt").write_text("\n".join(lines[:3]))
+    with (
+        open_plan([tmp_path], MosaicOptions(positions=load_positions(tmp_path / "geo.txt"))) as plan,
+        pytest.raises(RegistrationError, match=r"2 of 4 .* 3 are needed; .* nothing was written"),
+    ):
+        plan.write(tmp_path / "m.tif", OutputForm(require_map=True))
 
 
 def flown(folders: tuple[str, ...], position: Position | None = None) -> tuple[Any, Any]:
