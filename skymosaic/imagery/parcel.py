@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -34,5 +35,8 @@ class Parcel:
 
 def _unpack(data: bytes, kind: str, shape: tuple[int, ...]) -> Parcel:
     dtype = np.dtype(kind)
-    differences = np.frombuffer(zlib.decompress(data), np.uint8 if dtype == np.bool_ else dtype).reshape(shape)
-    return Parcel(np.add.accumulate(differences, axis=0, dtype=differences.dtype).view(dtype))
+    numbers = np.frombuffer(bytearray(zlib.decompress(data)), np.uint8 if dtype == np.bool_ else dtype).reshape(shape)
+    # numpy's own accumulation along the first axis takes eight times as long. The last axis makes rows of numbers, too.
+    for above, row in pairwise(numbers[..., None]):
+        np.add(above, row, out=row)
+    return Parcel(numbers.view(dtype))

@@ -17,6 +17,7 @@ RNG = np.random.default_rng(0)
         RNG.random((6, 4)) > 0.5,
         RNG.integers(0, 256, (9, 8), np.uint8)[:, ::2],
         (RNG.random((9, 8)) > 0.5)[1:, ::2],
+        RNG.integers(0, 65536, 9),
         np.zeros((0, 0), np.uint8),
     ],
     ids=lambda pixels: f"{pixels.dtype} {pixels.shape}",
