@@ -80,15 +80,10 @@ class ResultTabs:
         self._tabs_card.set_visibility(not self._welcome.visible)
         self._corners.update()
         if session.mosaic_result is not self._result:
-            # Looking at another pair of the flight is not a new run: the Matches tab stays open.
-            is_new_run = (
-                self._result is None
-                or session.mosaic_result is None
-                or session.mosaic_result.folder != self._result.folder
-            )
-            self._result = session.mosaic_result
+            before, self._result = self._result, session.mosaic_result
             self._fill()
-            if is_new_run:
+            # Looking at another pair of the flight is not a new run: the Matches tab stays open.
+            if not (before and self._result and before.folder == self._result.folder):
                 self._panels.set_value("Mosaic")
         if self._hardware is not None:
             self._hardware.update()

@@ -86,10 +86,7 @@ def make_mosaic(
     # The report is read from the unpacked archive, where the mosaic lies beside it.
     write_report(folder / REPORT, flight, [dataclasses.replace(each, path=Path(output)) for each in deliveries])
     command = write_command(words, len(paths), options, output)
-    config = flight.settings.config
-    _write(folder, {CONFIG: to_toml(config), "command.txt": command + "\n"})
-    if config.matcher.rules:
-        _write(folder, {RULES: config.matcher.rules.text})
+    _write(folder, {"command.txt": command + "\n", **_describe_run(flight)})
     result = MosaicResult(
         folder=folder,
         pictures=pictures,
@@ -103,10 +100,15 @@ def make_mosaic(
     )
     if deliveries:
         result = _add_mosaic(result, flight, deliveries[0])
-    if flight.pair is None:
-        return _add_flight(result, flight, deliveries[0], unused)
-    _write(folder, {"corners.csv": _list_corners(pair), "matches.csv": _list_matches(pair)})
-    return result
+    return result if flight.pair else _add_flight(result, flight, deliveries[0], unused)
+
+
+def _describe_run(flight: Flight) -> dict[str, str]:
+    """Configuration and rules, and of two photographs corners and matches, by the names of their files."""
+    config, pair = flight.settings.config, flight.pair
+    rules = {RULES: config.matcher.rules.text} if config.matcher.rules else {}
+    tables = {"corners.csv": _list_corners(pair), "matches.csv": _list_matches(pair)} if pair else {}
+    return {CONFIG: to_toml(config), **rules, **tables}
 
 
 def _choose_output(plan: MosaicPlan) -> str:
