@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import re
-from collections import OrderedDict
+from collections import OrderedDict, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -130,10 +130,22 @@ def short_names(names: Sequence[str]) -> list[str]:
     return list(names)
 
 
-def is_named(photograph: str, name: str) -> bool:
-    """Whether a photograph's path ends in a name, which may have folders; upper and lower case are the same."""
-    wanted = Path(name.lower().replace("\\", "/")).parts
-    return Path(photograph.lower()).parts[-len(wanted) :] == wanted
+def index_names(photographs: Sequence[str]) -> Callable[[str], list[int]]:
+    """Make a function that finds the photographs whose paths end in a name.
+
+    The name may have folders; upper and lower case are the same.
+    """
+    paths = [Path(photograph.lower()) for photograph in photographs]
+    by_file: defaultdict[str, list[int]] = defaultdict(list)
+    for index, path in enumerate(paths):
+        by_file[path.name].append(index)
+
+    def find(name: str) -> list[int]:
+        wanted = Path(name.lower().replace("\\", "/"))
+        length = len(wanted.parts)
+        return [index for index in by_file.get(wanted.name, ()) if paths[index].parts[-length:] == wanted.parts]
+
+    return find
 
 
 def is_folder(path: Path) -> bool:

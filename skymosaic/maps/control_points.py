@@ -14,7 +14,7 @@ from golden_model.arrays import Points
 from golden_model.small_files import read_small_file
 from skymosaic.errors import InputError
 from skymosaic.imagery.exif import Position
-from skymosaic.imagery.photographs import is_named
+from skymosaic.imagery.photographs import index_names
 from skymosaic.maps.georeference import map_to_globe, project_to_utm
 
 CHECK_PREFIX = "CHK-"
@@ -73,8 +73,8 @@ class ControlPoints:
 
     def unmatched_names(self, photographs: Sequence[str]) -> list[str]:
         """Names in the file that are none of the photographs', rising."""
-        names = sorted({sighting.photograph for sighting in self.sightings})
-        return [name for name in names if not any(is_named(photograph, name) for photograph in photographs)]
+        find = index_names(photographs)
+        return [name for name in sorted({sighting.photograph for sighting in self.sightings}) if not find(name)]
 
 
 def load_control_points(path: Path) -> ControlPoints:

@@ -8,7 +8,7 @@ import numpy as np
 
 from skymosaic.errors import InputError
 from skymosaic.imagery.exif import Position
-from skymosaic.imagery.photographs import is_named
+from skymosaic.imagery.photographs import index_names
 from skymosaic.maps.control_points import read_lines, read_system
 from skymosaic.maps.georeference import map_to_globe
 
@@ -50,8 +50,9 @@ class Positions:
             For a name that is no photograph's, or that of several.
         """
         found: list[Fix | None] = [None] * len(photographs)
+        find = index_names(photographs)
         for fix in self.fixes:
-            indices = [index for index, name in enumerate(photographs) if is_named(name, fix.photograph)]
+            indices = find(fix.photograph)
             if len(indices) != 1:
                 count = "no photograph" if not indices else f"{len(indices)} photographs; add their folders"
                 raise InputError(f"{self.name}: {fix.photograph} is {count}")

@@ -16,7 +16,7 @@ from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS
 from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata
-from skymosaic.imagery.photographs import is_named, short_names
+from skymosaic.imagery.photographs import index_names, short_names
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map, project_to_utm, reproject
 
@@ -186,8 +186,9 @@ def _fit_to_control_points(control: ControlPoints, flight: Flight, layout: Layou
 
 def _sightings(control: ControlPoints, flight: Flight, layout: Layout) -> Iterator[tuple[int, int, Points]]:
     """The view, the point and the straightened pixel (2,) of each sighting in a layout's photographs."""
+    find = index_names([flight.views[member].name for member in layout.members])
     for sighting in control.sightings:
-        members = [member for member in layout.members if is_named(flight.views[member].name, sighting.photograph)]
+        members = [layout.members[index] for index in find(sighting.photograph)]
         if len(members) > 1:
             raise InputError(f"{control.name}: {sighting.photograph} is {len(members)} photographs; add their folders")
         for member in members:

@@ -6,7 +6,7 @@ import pytest
 
 from skymosaic.errors import InputError
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.photographs import DecodedPhotographs, Source, list_sources
+from skymosaic.imagery.photographs import DecodedPhotographs, Source, index_names, list_sources
 
 
 def test_a_folder_gives_its_pictures_by_number(tmp_path: Path) -> None:
@@ -46,3 +46,19 @@ def test_an_unreadable_folder_is_one_line(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(Path, "iterdir", refuse)
     with pytest.raises(InputError, match="Permission denied"):
         list_sources([tmp_path])
+
+
+@pytest.mark.parametrize(
+    ("name", "indices"),
+    [
+        ("img_1.jpg", [0, 1]),
+        ("B/IMG_1.JPG", [1]),
+        ("b\\img_1.jpg", [1]),
+        ("/flight/a/IMG_1.JPG", [0]),
+        ("g_1.jpg", []),
+        ("c/img_1.jpg", []),
+        ("", []),
+    ],
+)
+def test_a_name_finds_the_photographs_whose_paths_end_in_it(name: str, indices: list[int]) -> None:
+    assert index_names(["/flight/a/IMG_1.JPG", "/flight/b/IMG_1.jpg", "/flight/b/IMG_2.jpg"])(name) == indices
