@@ -11,6 +11,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
 
+from threadpoolctl import threadpool_limits
+
 from skymosaic.flight.cluster import Cluster
 from skymosaic.imagery.photographs import Source
 
@@ -66,6 +68,8 @@ class Workers:
             self._executor = ThreadPoolExecutor(_cores())
 
     def __enter__(self) -> Workers:
+        # Each core has a thread of ours. More of them would wait in turns, and a BLAS spins while it waits.
+        self._blas = threadpool_limits(1, user_api="blas")
         return self
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, _: TracebackType | None) -> None:
@@ -73,6 +77,7 @@ class Workers:
             self._cluster.close()
         if self._executor is not None:
             self._executor.shutdown()
+        self._blas.restore_original_limits()
 
     @property
     def are_elsewhere(self) -> bool:

@@ -3,6 +3,7 @@ import threading
 from typing import Any
 
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from skymosaic.errors import InputError
 from skymosaic.flight import workers as flight_workers
@@ -61,3 +62,15 @@ def test_what_does_not_speak_its_protocol_is_no_scheduler(monkeypatch: pytest.Mo
         address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
         with pytest.raises(InputError, match="nothing that speaks its protocol within 1 s"):
             Workers(address)
+
+
+def test_a_call_gets_one_blas_thread_and_the_caller_its_own_back() -> None:
+    def blas_threads() -> list[int]:
+        return [each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"]
+
+    with threadpool_limits(2, user_api="blas"):
+        before = blas_threads()
+        with Workers() as workers:
+            (inside,) = workers.run("stage", blas_threads, [()])
+        assert before == blas_threads() == [2] * len(inside)
+        assert set(inside) == {1}
