@@ -138,7 +138,8 @@ def _design(overlaps: Overlaps, number: int) -> sparse.csr_array:
     """The matrix (N, number) that takes logarithms of gains to differences between photographs: 1 for i, -1 for j."""
     count = len(overlaps.i)
     values, columns = np.tile([1.0, -1.0], count), np.column_stack((overlaps.i, overlaps.j)).ravel()
-    return sparse.csr_array((values, columns, np.arange(0, 2 * count + 1, 2)), shape=(count, number))
+    starts = np.arange(0, 2 * count + 1, 2, dtype=np.int32)
+    return sparse.csr_array((values, columns, starts), shape=(count, number))
 
 
 def _fit_exposure(overlaps: Overlaps, design: sparse.csr_array) -> tuple[Array, Array]:
@@ -175,7 +176,7 @@ def _fit(design: sparse.csr_array, target: Array, number: int, *, spread: float 
     prior = sparse.diags_array(np.concatenate((np.full(number, CELLS_OF_PRIOR / spread**2), falloff)))
     weight, fitted = np.full(len(target), 1 / LOG_SIGMA**2), np.zeros(design.shape[1])
     for _ in range(ROUNDS):
-        weighted = design.T.multiply(weight).tocsr()
+        weighted = (sparse.diags_array(weight) @ design).T
         fitted = splu((weighted @ design + prior).tocsc()).solve(weighted @ target)
         weight = 1 / LOG_SIGMA**2 / (1 + ((target - design @ fitted) / LOG_SIGMA) ** 2) ** 2
     return np.asarray(fitted)

@@ -5,11 +5,10 @@ photographs overlap, all of this shows as differences that change slowly across 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, cg
 
-from golden_model.arrays import Array
+from golden_model.arrays import Array, Mask
 from skymosaic.compositing.grid import interpolation, roughness
 from skymosaic.compositing.overlaps import Overlaps
 
@@ -47,20 +46,29 @@ def estimate_light(overlaps: Overlaps, residual: Array, number: int) -> Array | 
     odd = overlaps.pair % 2 == 1
     if odd.all() or not odd.any():
         return None
-    # Photograph i is darker than j by the residual, so i's gain less j's gain has to equal it.
-    design = _design(overlaps.i, overlaps.at_i, number) - _design(overlaps.j, overlaps.at_j, number)
-    left = residual[odd] - design[odd] @ _fit(design[~odd], residual[~odd], number)
+    left = residual[odd] - _design(overlaps, odd, number) @ _fit(
+        _design(overlaps, ~odd, number), residual[~odd], number
+    )
     # The mean cost, because the median would miss clouds that pass over a few photographs only.
     if _cost(left) > MAX_HELD_OUT_COST * _cost(residual[odd]):
         return None
-    return _fit(design, residual, number).reshape(number, *GRID, 3)
+    return _fit(_design(overlaps, np.ones_like(odd), number), residual, number).reshape(number, *GRID, 3)
 
 
-def _design(photograph: NDArray[np.intp], places: Array, number: int) -> sparse.csr_array:
-    """Weights (N, number * NODES) of all photographs' nodes at one place of one photograph each."""
-    weights = interpolation(places, GRID)
-    nodes = weights.indices + NODES * np.repeat(photograph, 4)
-    return sparse.csr_array((weights.data, nodes, weights.indptr), shape=(len(places), NODES * number))
+def _design(overlaps: Overlaps, chosen: Mask, number: int) -> sparse.csr_array:
+    """The matrix (N, number * NODES) that takes the photographs' nodes to gains of i less those of j, in chosen cells.
+
+    Photograph i is darker than j by the residual, so this difference has to equal it.
+    """
+    at_i, at_j = (interpolation(places[chosen], GRID) for places in (overlaps.at_i, overlaps.at_j))
+    nodes = (
+        weights.indices + NODES * np.repeat(photograph[chosen], 4)
+        for weights, photograph in ((at_i, overlaps.i), (at_j, overlaps.j))
+    )
+    columns = np.hstack([each.reshape(-1, 4) for each in nodes])
+    values = np.hstack([at_i.data.reshape(-1, 4), -at_j.data.reshape(-1, 4)])
+    starts = np.arange(0, values.size + 1, 8, dtype=np.int32)
+    return sparse.csr_array((values.ravel(), columns.ravel(), starts), shape=(len(values), NODES * number))
 
 
 def _fit(design: sparse.csr_array, target: Array, number: int) -> Array:

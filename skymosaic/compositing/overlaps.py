@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Array, Float32
+from golden_model.arrays import Float32
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.tone import squared_radius
 from skymosaic.compositing.warp import Canvas
@@ -28,36 +28,43 @@ class Overlaps(NamedTuple):
 
     Attributes
     ----------
-    i, j : ndarray of int, shape (N,)
+    i, j : ndarray of int32, shape (N,)
         The two photographs of each cell.
-    difference : ndarray of float64, shape (N, 3)
+    difference : ndarray of float32, shape (N, 3)
         Logarithms of the channels in j less those in i.
-    at_i, at_j : ndarray of float64, shape (N, 2)
+    at_i, at_j : ndarray of float32, shape (N, 2)
         The cell's place in each photograph, from (0, 0) at the first pixel to (1, 1) at the last one.
-    falloff : ndarray of float64, shape (N, 2)
+    falloff : ndarray of float32, shape (N, 2)
         r^2 and r^4 in i less those in j, with r the distance from the photograph's centre in half diagonals.
-    pair : ndarray of int, shape (N,)
+    pair : ndarray of int32, shape (N,)
         Number of the pair of photographs, from 0.
     """
 
-    i: NDArray[np.intp]
-    j: NDArray[np.intp]
-    difference: Array
-    at_i: Array
-    at_j: Array
-    falloff: Array
-    pair: NDArray[np.intp]
+    i: NDArray[np.int32]
+    j: NDArray[np.int32]
+    difference: Float32
+    at_i: Float32
+    at_j: Float32
+    falloff: Float32
+    pair: NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
 class _Cells:
     """The cells of one photograph."""
 
+    layer: Layer
     window: Canvas  # on the grid of cells
     logs: Float32  # (h, w, 3) logarithms of the channels' means
-    places: Array  # (h, w, 2), see Overlaps.at_i
-    powers: Array  # (h, w, 2), see Overlaps.falloff
     valid: NDArray[np.bool_]
+
+    def locate(self, cells: NDArray[np.intp]) -> tuple[Float32, Float32]:
+        """The places of cells (N, 2) in the photograph (N, 2), see `Overlaps.at_i`, and r^2 and r^4 there (N, 2)."""
+        size = self.layer.size
+        points = apply(np.asarray(np.linalg.inv(self.layer.transform)), CELL_PX * (cells + 0.5) - 0.5)
+        squared = squared_radius(points, size)
+        powers = np.stack((squared, squared**2), axis=-1)
+        return (points / (np.array(size) - 1)).astype(np.float32), powers.astype(np.float32)
 
 
 def compare_overlaps(thumbnails: Sequence[Layer], black: float, white: float) -> Overlaps:
@@ -71,9 +78,9 @@ def compare_overlaps(thumbnails: Sequence[Layer], black: float, white: float) ->
         The camera's numbers for black and white.
     """
     cells = [_measure_cells(layer, black, white) for layer in thumbnails]
-    none = np.zeros(0, dtype=np.intp)
-    nowhere = np.zeros((0, 2))
-    parts = [Overlaps(none, none, np.zeros((0, 3)), nowhere, nowhere, nowhere, none)]
+    none = np.zeros(0, dtype=np.int32)
+    nowhere = np.zeros((0, 2), dtype=np.float32)
+    parts = [Overlaps(none, none, np.zeros((0, 3), np.float32), nowhere, nowhere, nowhere, none)]
     for i, j in combinations(range(len(cells)), 2):
         common = cells[i].window.intersection(cells[j].window)
         if common is None:
@@ -84,10 +91,10 @@ def compare_overlaps(thumbnails: Sequence[Layer], black: float, white: float) ->
         if len(rows) == 0:
             continue
         difference = (cells[j].logs[in_j] - cells[i].logs[in_i])[rows, columns]
-        at_i, at_j = cells[i].places[in_i][rows, columns], cells[j].places[in_j][rows, columns]
-        falloff = (cells[i].powers[in_i] - cells[j].powers[in_j])[rows, columns]
-        first, second, pair = (np.full(len(rows), value) for value in (i, j, len(parts) - 1))
-        parts.append(Overlaps(first, second, difference, at_i, at_j, falloff, pair))
+        chosen = np.column_stack((columns + common.x_px, rows + common.y_px))
+        (at_i, powers_i), (at_j, powers_j) = cells[i].locate(chosen), cells[j].locate(chosen)
+        first, second, pair = (np.full(len(rows), value, np.int32) for value in (i, j, len(parts) - 1))
+        parts.append(Overlaps(first, second, difference, at_i, at_j, powers_i - powers_j, pair))
     return Overlaps._make(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
 
 
@@ -105,9 +112,4 @@ def _measure_cells(layer: Layer, black: float, white: float) -> _Cells:
     means = cv2.resize(shown.astype(np.float32), size, interpolation=cv2.INTER_AREA) - np.float32(black)
     # Every pixel of a cell has to be usable; averaging rounds.
     valid = cv2.resize(usable.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 1 - 1e-3
-    columns, rows = (CELL_PX * (first + np.arange(count) + 0.5) - 0.5 for first, count in ((x, size[0]), (y, size[1])))
-    centres = np.stack(np.meshgrid(columns, rows), axis=-1)
-    points = apply(np.asarray(np.linalg.inv(layer.transform)), centres)
-    places, squared = points / (np.array(layer.size) - 1), squared_radius(points, layer.size)
-    powers = np.stack((squared, squared**2), axis=-1)
-    return _Cells(window, np.log(np.maximum(means, 1)), places, powers, np.asarray(valid))
+    return _Cells(layer, window, np.log(np.maximum(means, 1)), np.asarray(valid))

@@ -5,7 +5,6 @@ by its detail there, and by their distance from its border. Within the overlaps 
 where the colours differ least.
 """
 
-from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -41,19 +40,18 @@ def find_seams(thumbnails: Sequence[Layer], scale: float, values: ValueRange | N
         One per thumbnail.
     """
     canvases = [layer.footprint for layer in thumbnails]
-    claims = deque(layer.claim(canvas) for layer, canvas in zip(thumbnails, canvases, strict=True))
     whole = enclosing(canvases)
     strongest = np.zeros((whole.height_px, whole.width_px), dtype=np.float32)
-    for canvas, claim in zip(canvases, claims, strict=True):
+    for layer, canvas in zip(thumbnails, canvases, strict=True):
         where = canvas.within(whole)
-        strongest[where] = np.maximum(strongest[where], claim)
+        strongest[where] = np.maximum(strongest[where], layer.claim(canvas))
     # Any, because OpenCV's type hints do not accept arrays here.
     finder: Any = cv2.detail.DpSeamFinder("COLOR_GRAD")
     to_opencv: Any = cv2.UMat
     parts, allowed, pixels = [], [], []
     for layer, canvas in zip(thumbnails, canvases, strict=True):
-        # Removed while the pictures are made: neither all claims nor a copy of all pictures is in memory with them.
-        claim = claims.popleft()
+        # Computed again, which takes less than the memory of all claims is worth.
+        claim = layer.claim(canvas)
         near_enough = (claim > 0) & (claim >= NEARLY_FARTHEST * strongest[canvas.within(whole)])
         # The finder compares whole rectangles, but in a dense flight most of a photograph is far from all its seams.
         part = _surround(near_enough, canvas)
