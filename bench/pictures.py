@@ -1,6 +1,7 @@
-"""The documentation's pictures of the algorithm, and its page of the board's notebook.
+"""The documentation's pictures of the algorithm and of further passes, and its page of the board's notebook.
 
     python -m bench.pictures algorithm
+    python -m bench.pictures passes
     python -m bench.pictures notebook
 
 The notebook is executed as it is exported, on the simulated accelerator, by a Jupyter kernel of its own in a folder
@@ -21,15 +22,16 @@ import typer
 from matplotlib.figure import Figure
 from nbclient import NotebookClient
 
+from bench.rendered_pairs import flat_pair, relief_pair
 from bench.report import program
-from golden_model.arrays import Pixels
+from golden_model.arrays import Matrix, Pixels
 from golden_model.config import PRESETS
 from golden_model.feature.ilbp import ILBP_128
 from hdl.export.accelerator import write_host
 from hdl.export.boards import SOURCES
 from sim.benches.pynq_package import NEWEST
 from sim.scene import make_pair
-from skymosaic import Pair, mosaic
+from skymosaic import Pair, mosaic, register
 from skymosaic.reports import figures
 from skymosaic.reports.fuzzy_plots import draw_system
 from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS
@@ -41,6 +43,7 @@ PICTURES = ROOT / "docs" / "images"
 PAGE = ROOT / "docs" / "how-to" / "notebook.md"
 SEED = 9
 QUALITY = 70
+CAPTION_PX = 48
 DRAWN_BYTE = 0
 """The byte of the descriptor whose eight comparisons are drawn."""
 NOTEBOOK = SOURCES / "pynq" / "skymosaic.ipynb"
@@ -103,6 +106,48 @@ def draw_outline(pair: Pair, image: Pixels) -> Pixels:
     placed -= np.minimum(placed.min(axis=1), 0)
     cv2.polylines(result, [np.round(placed).astype(np.int32)], True, (255, 255, 255), 2, cv2.LINE_AA)
     return result
+
+
+@app.command()
+def passes(folder: Folder = PICTURES) -> None:
+    """Draw what passes after the first one change: a steep view, a zoom, and ground with relief."""
+    relief = relief_pair(12, 0.55, 0)
+    rows = [
+        draw_efforts("seen from 75 degrees", *flat_pair("tilt", 75, 0)[:2]),
+        draw_efforts("five times as high", *flat_pair("zoom", 5, 0)[:2]),
+        draw_efforts("relief", relief.left, relief.right),
+    ]
+    save(folder / "registration-passes.webp", np.concatenate(rows))
+
+
+def draw_efforts(title: str, left: Pixels, right: Pixels) -> Pixels:
+    """A pair, and how its overlap fits after one pass and by the default effort, side by side."""
+    pictures = [caption(np.concatenate((left, right), axis=1), title)]
+    for words, effort in (("one pass", "fast"), ("normal", "normal")):
+        pair = register(left, right, effort=effort)
+        if pair.homography is None or pair.confidence is None:
+            pictures.append(caption(np.zeros_like(left), f"{words}: refused"))
+        else:
+            predicted = f"{words}: predicted error {pair.confidence.predicted_px:.1f} px"
+            pictures.append(caption(draw_overlap(left, right, pair.homography), predicted))
+    row = np.concatenate(pictures, axis=1)
+    return cv2.resize(row, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA).astype(np.uint8)
+
+
+def draw_overlap(left: Pixels, right: Pixels, homography: Matrix) -> Pixels:
+    """The gray left photograph in red and the right one, warped onto it, in cyan: gray where they agree."""
+    width, height = left.shape[1], left.shape[0]
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    warped = cv2.warpPerspective(right, homography, (width, height), flags=flags)
+    return np.asarray(cv2.merge((warped, warped, left)), dtype=np.uint8)
+
+
+def caption(picture: Pixels, words: str) -> Pixels:
+    """A picture in colour with a line of text above it."""
+    coloured = picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+    line = np.full((CAPTION_PX, picture.shape[1], 3), 255, np.uint8)
+    cv2.putText(line, words, (12, CAPTION_PX - 14), cv2.FONT_HERSHEY_SIMPLEX, 1.1, (30, 30, 30), 2, cv2.LINE_AA)
+    return np.concatenate((line, coloured)).astype(np.uint8)
 
 
 def save(path: Path, pixels: Pixels) -> None:

@@ -28,6 +28,7 @@ LABELS = {
     "backend": "Backend",
     "damaged": "Damaged file",
 }
+SWITCHES = {"refine": "Refit to the overlap", "accept_poor": "Deliver a poor pair"}
 
 
 def build_heading(number: str, text: str) -> None:
@@ -150,10 +151,7 @@ class OptionsCard:
                 for name in LABELS:
                     if name not in self._selects:
                         self._selects[name] = build_option_select(session, name)
-                self._refine = ui.switch(
-                    "Refit to the overlap", on_change=lambda event: session.set_option("refine", event.value)
-                )
-                self._refine.props("dense")
+                self._switches = {name: build_option_switch(session, name) for name in SWITCHES}
                 self._build_slider()
         self.update()
 
@@ -164,7 +162,8 @@ class OptionsCard:
         rules.set_options([*OPTION_VALUES["rule_base"], *([OWN] if options.shown("rule_base") == OWN else [])])
         for name, select in self._selects.items():
             select.set_value(options.shown(name))
-        self._refine.set_value(options.refine)
+        for name, switch in self._switches.items():
+            switch.set_value(options.shown(name))
         scale = options.slider_scale
         self._slider_title.set_text(scale.title)
         # A thin space separates thousands.
@@ -192,6 +191,12 @@ def build_option_select(session: Session, name: str) -> ui.select:
     values = [*OPTION_VALUES[name], *(session.boards if name == "backend" else ())]
     select = ui.select(values, label=LABELS[name], on_change=lambda event: session.set_option(name, event.value))
     return select.props("outlined dense options-dense").classes("option")
+
+
+def build_option_switch(session: Session, name: str) -> ui.switch:
+    """Build the switch of an option that is on or off."""
+    switch = ui.switch(SWITCHES[name], on_change=lambda event: session.set_option(name, event.value))
+    return switch.props("dense")
 
 
 class RunCard:
