@@ -286,18 +286,21 @@ def record(rows: list[Row]) -> None:
 
 
 def run_designs(names: list[str] | None, figures: Callable[[Design, Path], dict[str, Any]]) -> list[Row]:
-    """A row for each design whose name contains one of ``names`` (None: all), printed as it is ready."""
+    """A row for each design with one of ``names``, or with such a part of its name (None: all), printed when ready."""
     console = Console()
     rows: list[Row] = []
-    for name, design in designs().items():
-        if not names or any(part in name for part in names):
+    known = designs()
+    for name, design in known.items():
+        if not names or any(part == name if part in known else part in name for part in names):
             with tempfile.TemporaryDirectory() as folder, console.status(name):
                 rows.append({"design": name, **figures(design, Path(folder))})
             console.print(rows[-1])
     return rows
 
 
-Names = Annotated[list[str] | None, typer.Argument(help="Parts of names of designs; all by default.", metavar="NAME")]
+Names = Annotated[
+    list[str] | None, typer.Argument(help="Designs, by name or a part of it; all by default.", metavar="NAME")
+]
 
 
 @app.command()

@@ -33,6 +33,17 @@ def test_every_recorded_design_has_its_area(name: str) -> None:
     assert done.returncode == 0, done.stderr
 
 
+def test_a_whole_name_chooses_one_design_and_a_part_all_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(synthesis, "designs", lambda: dict.fromkeys(("gray", "gray, wide", "sobel")))
+
+    def chosen(*names: str) -> list[object]:
+        return [row["design"] for row in synthesis.run_designs(list(names), lambda *_: {})]
+
+    assert chosen("gray") == ["gray"]
+    assert chosen("gra") == ["gray", "gray, wide"]
+    assert chosen("sobel", "wide") == ["gray, wide", "sobel"]
+
+
 def test_a_changed_and_an_unrecorded_figure_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     gray: dict[str, Any] = dict(RECORDED["gray"])
     recorded = tmp_path / "synthesis.json"
