@@ -54,6 +54,8 @@ class Header:
         Width and height as stored, px.
     orientation : int
         EXIF orientation, 1 to 8; 1 if it is missing or invalid.
+    sample_bytes : int
+        Size of a decoded value; 2 for 16 bits.
     decoded_bytes : int
         Size of the decoded pixels.
     """
@@ -61,6 +63,7 @@ class Header:
     kind: str
     size: tuple[int, int]
     orientation: int
+    sample_bytes: int
     decoded_bytes: int
 
 
@@ -125,7 +128,7 @@ def read_header(path: Path) -> Header:
     try:
         with open_header(path) as header:
             # Pillow parses some chunks of PNG and WebP while it opens the file, but EXIF only on request.
-            declared = Header(str(header.format), header.size, _orientation(header), _decoded_bytes(header, path))
+            declared = Header(str(header.format), header.size, _orientation(header), *_decoded_sizes(header, path))
     except UnidentifiedImageError:
         raise InputError(f"{path}: not an image that can be read; give PNG, JPEG or TIFF") from None
     except (PillowImage.DecompressionBombError, PillowImage.DecompressionBombWarning):
@@ -170,7 +173,8 @@ def _orientation(header: PillowImage.Image) -> int:
         return UPRIGHT
 
 
-def _decoded_bytes(header: PillowImage.Image, path: Path) -> int:
+def _decoded_sizes(header: PillowImage.Image, path: Path) -> tuple[int, int]:
+    """Sizes of a decoded value and of all of them."""
     width_px, height_px = header.size
     channels, depth_bytes = len(header.getbands()), 1
     if header.format == "TIFF":
@@ -182,7 +186,7 @@ def _decoded_bytes(header: PillowImage.Image, path: Path) -> int:
             depth_bytes = -(-file.read(25)[24] // 8)
     elif header.mode.startswith(("I", "F")):
         depth_bytes = 4
-    return width_px * height_px * channels * depth_bytes
+    return depth_bytes, width_px * height_px * channels * depth_bytes
 
 
 def _tiff_tag(header: PillowImage.Image, tag: int) -> tuple[int, ...]:

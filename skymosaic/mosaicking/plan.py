@@ -1,5 +1,6 @@
 """The stages of a mosaic: the plan that the API, the command line and the panel share."""
 
+import contextlib
 import dataclasses
 import os
 import re
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.arrays import Intensities, Mask
+from golden_model.config import MIN_FRAME_PX
 from sim.simulators.build_cache import cache_folder
 from skymosaic.compositing.mesh import fit_mesh, fit_useful_mesh
 from skymosaic.errors import InputError, RegistrationError
@@ -20,13 +22,22 @@ from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition, Room
 from skymosaic.flight.picture.mapping import MapPlace, explain_absence, fit_layout, place_on_map
-from skymosaic.flight.picture.output import PLAIN, PREVIEW_WIDTH_PX, Delivery, OutputForm, deliver, room_for
-from skymosaic.flight.picture.preparation import compose
+from skymosaic.flight.picture.output import (
+    PLAIN,
+    PREVIEW_WIDTH_PX,
+    Delivery,
+    OutputForm,
+    deliver,
+    room_for,
+    too_deep_for_jpeg,
+)
+from skymosaic.flight.picture.preparation import check_scale, compose
 from skymosaic.flight.repetition import repeat_flight
 from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.two_photographs import flight_of_pair
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery import images as pictures
+from skymosaic.imagery.decoding import read_header
 from skymosaic.imagery.exif import read_metadata
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.own_outputs import record_output
@@ -152,6 +163,7 @@ class MosaicPlan:
             For a map that is required where nothing can give the mosaic a place.
         """
         form.check(output, len(self.sources[0].bands))
+        self._check_headers(output, form)
         if form.tiles is not None:
             pictures.check_output_folder(form.tiles, overwrite=overwrite)
         inputs = tuple(name for source in self.sources for name in source.files)
@@ -170,6 +182,21 @@ class MosaicPlan:
                     for path in sorted(base.parent.glob("*")):
                         if numbered.fullmatch(path.name):
                             pictures.check_unused(path, overwrite=overwrite)
+
+    def _check_headers(self, output: Path, form: OutputForm) -> None:
+        """Refuse what the sizes and depths that the photographs declare already forbid."""
+        if form.compress != "jpeg" and self.options.scale * MIN_FRAME_PX >= 1:
+            return
+        headers = []
+        for source in self.sources:
+            # What cannot be read is said when it is read.
+            with contextlib.suppress(InputError):
+                headers += [read_header(source.content)] if isinstance(source.content, Path) else []
+        if len(headers) < len(self.sources):
+            return
+        check_scale(self.options.scale, [header.size for header in headers])
+        if form.compress == "jpeg" and all(header.sample_bytes == 2 for header in headers):
+            raise too_deep_for_jpeg(output)
 
     def _may_have_place(self) -> bool:
         """Whether there is anything by which the mosaic could be placed on the map."""

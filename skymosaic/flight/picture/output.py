@@ -136,6 +136,11 @@ def room_for(path: Path, planes: int) -> Room:
     return Room()
 
 
+def too_deep_for_jpeg(path: Path) -> InputError:
+    """The error for a mosaic of 16 bits that is to be compressed as JPEG."""
+    return InputError(f"{path}: JPEG holds 8 bits, the photographs have 16; leave out the compression")
+
+
 def deliver(
     path: Path,
     flight: Flight,
@@ -172,7 +177,7 @@ def deliver(
     start = time.perf_counter()
     values, on_map = composition.values, composition.place.georeference
     if form.compress == "jpeg" and values is not None and values.deep:
-        raise InputError(f"{path}: JPEG holds 8 bits, the photographs have 16; leave out the compression")
+        raise too_deep_for_jpeg(path)
     previews: list[Pixels] = []
     # Every band is rendered once: on its way into the file it also fills the preview and the raster for tiles.
     bands = _collect_previews(bands, composition, min(1.0, preview_width_px / composition.size[0]), previews)

@@ -115,8 +115,7 @@ def _place_on_canvas(
 ) -> Composition:
     """Lay the photographs of a layout on a canvas, without tones and seams; parameters as of `compose`."""
     views = [flight.views[member] for member in layout.members]
-    if scale * max(max(view.size) for view in views) < 1:
-        raise InputError("each photograph would be smaller than a pixel; raise --scale, or lower --gsd")
+    check_scale(scale, [view.size for view in views])
     to_reference = layout.to_reference(flight.views).values()
     is_pair, on_map, usual = flight.pair is not None, place.georeference, usual_magnification(flight, layout)
     least = [0.0] * len(views) if is_pair else least_nearness(flight.views, layout)
@@ -155,6 +154,12 @@ def _place_on_canvas(
     coloured = any(view.thumbnail.ndim == 3 for view in views)
     values = measure_common_range([view.sample for view in views])
     return Composition(placements, canvas, coloured, blending, flight.lens, values, place, reduced=reduced)
+
+
+def check_scale(scale: float, sizes: Sequence[tuple[int, int]]) -> None:
+    """Raise InputError for a scale that leaves no pixel of any photograph."""
+    if scale * max(max(size) for size in sizes) < 1:
+        raise InputError("each photograph would be smaller than a pixel; raise --scale, or lower --gsd")
 
 
 def least_nearness(views: Sequence[View], layout: Layout) -> list[float]:

@@ -3,12 +3,13 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas
 from skymosaic.errors import InputError
-from skymosaic.flight.picture.output import room_for
+from skymosaic.flight.picture.output import OutputForm, room_for
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 
@@ -38,3 +39,21 @@ def test_a_full_disk_is_refused_before_the_first_feature(tmp_path: Path, monkeyp
         with pytest.raises(InputError, match=r"m\.tif: the disk has 19 MB left, too little for a mosaic; free some"):
             plan.check_outputs(tmp_path / "m.tif")
         plan.check_outputs(tmp_path / "m.jpg")
+
+
+def test_what_headers_forbid_is_refused_before_the_first_feature(tmp_path: Path) -> None:
+    photographs = [tmp_path / f"{number}.png" for number in range(3)]
+    for number, path in enumerate(photographs):
+        cv2.imwrite(str(path), np.full((80, 100), 1000 * number, np.uint16))
+    smaller = pytest.raises(InputError, match="smaller than a pixel; raise --scale")
+    with open_plan(photographs, MosaicOptions(scale=0.009)) as plan, smaller:
+        plan.check_outputs(tmp_path / "m.tif")
+    with open_plan(photographs, MosaicOptions(scale=0.011)) as plan:
+        plan.check_outputs(tmp_path / "m.tif")
+        with pytest.raises(InputError, match=r"m\.tif: JPEG holds 8 bits, the photographs have 16"):
+            plan.check_outputs(tmp_path / "m.tif", OutputForm(compress="jpeg"))
+    # One of 8 bits makes a mosaic of 8 bits; a damaged one is judged when it is read.
+    for content in (cv2.imencode(".png", np.zeros((80, 100), np.uint8))[1].tobytes(), b"damaged"):
+        photographs[0].write_bytes(content)
+        with open_plan(photographs, MosaicOptions()) as plan:
+            plan.check_outputs(tmp_path / "m.tif", OutputForm(compress="jpeg"))
