@@ -31,6 +31,10 @@ def progress_bars() -> Iterator[Progress]:
 
         def show(stage: str, done: int, total: int) -> None:
             if stage not in tasks or bars.tasks[tasks[stage]].finished:
+                # Of a stage without steps, nothing else says that it has ended.
+                for task in bars.tasks:
+                    if task.total is None:
+                        bars.update(task.id, total=1, completed=1)
                 tasks[stage] = bars.add_task(stage, total=total or None)
             bars.update(tasks[stage], completed=done)
 

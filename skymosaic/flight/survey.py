@@ -151,6 +151,7 @@ def survey(
     clock.lap("pairs")
     parts = groups(len(views), valid_links(links))
     calibration = None
+    workers.progress("lens", 0, 0)
     # A lens that was given is trusted: photographs through it are straight already.
     if settings.lens.matrix is None:
         calibration = calibrate(views, parts[0], valid_links(links), settings.lens.mask, cache)
@@ -161,6 +162,7 @@ def survey(
         )
     views = surveyor.fetch_thumbnails(views)
     clock.lap("lens")
+    workers.progress("layout", 0, 0)
     layouts, alone = _lay_out_all(views, parts, valid_links(links))
     clock.lap("layout")
     left_out |= {usable[view].index: _why_alone(view, views, links.values()) for view in alone}

@@ -125,6 +125,8 @@ class MosaicPlan:
             As in `skymosaic.flight.picture.preparation.compose`.
         """
         options = self.options
+        if self.flight.pair is None:
+            self._workers.progress("exposure and seams", 0, 0)
         composition = compose(
             self.flight,
             layout,
