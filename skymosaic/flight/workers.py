@@ -66,10 +66,10 @@ class Workers:
             self._cluster = Cluster(address, lambda line: progress(line, 0, 0), sources, memory_bytes)
         else:
             self._executor = ThreadPoolExecutor(_cores())
-
-    def __enter__(self) -> Workers:
         # Each core has a thread of ours. More of them would wait in turns, and a BLAS spins while it waits.
         self._blas = threadpool_limits(1, user_api="blas")
+
+    def __enter__(self) -> Workers:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, _: TracebackType | None) -> None:

@@ -28,7 +28,7 @@ from tests.hdl.netlists import SYNTHESIS, models, run_bench, run_compiled_bench,
 Recorder = Callable[[str, object], None]
 
 pytestmark = [pytest.mark.needs("icarus"), pytest.mark.needs("compiler")]
-COMPILED = ("harris", "corners", "matcher", "scoring", "homography", "accelerator")
+COMPILED = ("harris", "corners", "ilbp", "matcher", "scoring", "homography", "accelerator")
 """Simulated by Verilator: Icarus takes minutes or hours."""
 QUICK = {"raw_response": "xc7", "half": "ecp5"}
 """The others are slow tests."""
