@@ -14,11 +14,11 @@ inside the right image.
 import json
 import random
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from itertools import chain, combinations
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -27,53 +27,31 @@ from rich.console import Console
 from rich.progress import track
 
 from bench import flight_pairs
+from bench.methods import ON_CHIP, REFERENCE, Method, chosen_methods, estimate_on_chip, read_gray
 from bench.pair_sets import public_folder, read_set, write_set
-from bench.peers import METHODS, Peer
 from bench.remembering import RememberingBackend
 from bench.rendered_pairs import HEIGHTS_PX, OVERLAPS, STEPS, ReliefPair, flat_pairs, relief_pairs
 from bench.report import JsonFile, Row, program, report
-from golden_model.arrays import Matrix, Pixels
-from golden_model.config import EstimatorConfig
-from golden_model.geometry.estimator import Estimate, FrameMatches, estimate
+from golden_model.arrays import Matrix
 from skymosaic import register
 from skymosaic.evaluation.known_pairs import KnownPair
 from skymosaic.evaluation.metrics import MISSING_ERROR_PX, grid_error
-from skymosaic.geometry.fabric import in_pixels
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX, estimate_homography
 from skymosaic.imagery.images import load, reduce_to_width
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.registration.confidence import correlate_overlap
 from skymosaic.registration.dense import match_densely
-from skymosaic.registration.extraction import extract_within_capacity
-from skymosaic.registration.options import EFFORTS, RegistrationOptions
+from skymosaic.registration.options import EFFORTS
 
 app = program(__doc__)
 progress = Console(stderr=True)
 
 LIMITS_PX = (1, 3, 5)
 WRONG_PX = 20.0
-FEW_FEATURES, MANY_FEATURES = 1000, 8000
 WIDTH_PX = 640
 CORRELATES_BETTER = 0.1
 """From this much on, a result that correlates better than the recorded homography shows that to be worse."""
-OURS: dict[str, tuple[str, dict[str, Any]]] = {
-    "normal": ("skymosaic", {}),
-    "fast": ("skymosaic, `--effort fast`", {"effort": "fast"}),
-    "thorough": ("skymosaic, `--effort thorough`", {"effort": "thorough"}),
-    "refine": ("skymosaic, `--refine`", {"refine": True}),
-    "scored": ("skymosaic, `--estimator scored`", {"estimator": "scored"}),
-    "scored-fast": ("skymosaic, `--estimator scored --effort fast`", {"estimator": "scored", "effort": "fast"}),
-    "fast-corners": ("skymosaic, FAST corners", {"detector": "fast"}),
-    "thesis": ("skymosaic, preset `thesis`", {"preset": "thesis"}),
-}
-"""What ``--method`` names: the row's heading, and the options of `skymosaic.register` behind it."""
-ON_CHIP = "on the chip alone"
-REFERENCE = f"SIFT, {FEW_FEATURES} features"
-"""The row whose processor time is 1."""
-
-Method = Callable[[KnownPair | ReliefPair, int], Iterator[tuple[Matrix | None, int]]]
-"""Takes a pair and the number of seeds; yields homography and inliers for each seed."""
 Sets = Annotated[list[str], typer.Argument(help="Folders of pairs; several are joined.", metavar="SET...")]
 
 
@@ -116,61 +94,10 @@ def methods(
     report(f"{len(pairs)} pairs, {seeds} seeds; under {'/'.join(map(str, LIMITS_PX))} px in %", rows, json_file)
 
 
-def chosen_methods(wanted: list[str] | None) -> dict[str, Method]:
-    """The methods to run, by the heading of their row; ``wanted`` are names of methods (None: all)."""
-    named = {name: {heading: ours(**options)} for name, (heading, options) in OURS.items()}
-    named["chip"] = {ON_CHIP: chip}
-    named |= {name: {f"{title}, {FEW_FEATURES} features": peer(name, FEW_FEATURES)} for name, title in METHODS.items()}
-    named["sift"] |= {f"SIFT, {MANY_FEATURES}": peer("sift", MANY_FEATURES)}
-    named["rootsift"] = {f"RootSIFT, {MANY_FEATURES}": peer("rootsift", MANY_FEATURES)}
-    if unknown := [name for name in wanted or () if name not in named]:
-        raise typer.BadParameter(f"no method {', '.join(unknown)}; valid: {', '.join(named)}")
-    return {heading: run for name in wanted or named for heading, run in named[name].items()}
-
-
-def ours(**options: Any) -> Method:
-    """The project's own registration; features and matches are kept for the other seeds."""
-
-    def run(pair: KnownPair | ReliefPair, seeds: int) -> Iterator[tuple[Matrix | None, int]]:
-        backend = RememberingBackend() if "detector" not in options and "preset" not in options else "golden"
-        for seed in range(seeds):
-            registered = register(pair.left, pair.right, seed=seed, backend=backend, **options)
-            yield registered.homography, len(registered.inliers)
-
-    return run
-
-
-def chip(pair: KnownPair | ReliefPair, seeds: int) -> Iterator[tuple[Matrix | None, int]]:
-    """Front end, matcher and estimator of the hardware, with nothing of the host's."""
-    images = (load(pair.left).pixels, load(pair.right).pixels)
-    backend = RememberingBackend()
-    for seed in range(seeds):
-        result = estimate_on_chip(backend, *images, seed)
-        yield None if result.causes else in_pixels(result.homography), result.inliers
-
-
-def estimate_on_chip(backend: RememberingBackend, left: Pixels, right: Pixels, seed: int) -> Estimate:
-    """The golden model of the whole chip, for a pair of images."""
-    _, config = RegistrationOptions().choose_method()
-    (_, result), _ = extract_within_capacity(backend, [left, right], config)
-    settings = EstimatorConfig(seed=EstimatorConfig().seed + seed)
-    return estimate(FrameMatches.from_records(result.matches, result.status), settings)
-
-
-def peer(name: str, count: int) -> Method:
-    """An OpenCV method on the same files; its seed is fixed."""
-    method = Peer(name, count)
-
-    def run(pair: KnownPair | ReliefPair, _seeds: int) -> Iterator[tuple[Matrix | None, int]]:
-        yield method.homography(*map(_gray, (pair.left, pair.right)))
-
-    return run
-
-
 def measure(method: Method, pairs: list[KnownPair], seeds: int, heading: str) -> Iterator[Outcome]:
     """Run a method on every pair."""
     for pair in track(pairs, description=heading, console=progress, transient=True):
-        sizes = [_gray(path).shape[::-1] for path in (pair.left, pair.right)]
+        sizes = [read_gray(path).shape[::-1] for path in (pair.left, pair.right)]
         errors: list[float] = []
         inliers, seconds = 0, 0.0
         start = time.process_time()
@@ -180,12 +107,6 @@ def measure(method: Method, pairs: list[KnownPair], seeds: int, heading: str) ->
             error = min(grid_error(homography, pair.truth, *sizes), MISSING_ERROR_PX - 1)
             errors.append(error if homography is not None else MISSING_ERROR_PX)
         yield Outcome(pair.name, pair.group, tuple(errors), inliers, seconds)
-
-
-def _gray(image: Path | Pixels) -> Pixels:
-    if isinstance(image, np.ndarray):
-        return image
-    return np.asarray(cv2.imread(str(image), cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
 
 
 def method_row(results: dict[str, list[Outcome]], heading: str) -> Row:
@@ -258,7 +179,7 @@ def relief(
 
 def flow_truth(pair: KnownPair) -> ReliefPair:
     """The pair with positions by two-way flow instead of its recorded homography."""
-    left, right = _gray(pair.left), _gray(pair.right)
+    left, right = read_gray(pair.left), read_gray(pair.right)
     start, found = pair.truth, register(left, right, accept_poor=True).homography
     if found is not None:
         recorded, ours = (correlate_overlap((left, right), H) for H in (pair.truth, found))

@@ -1,0 +1,121 @@
+"""Every design whose area and clock are recorded: blocks, levels, front ends and whole accelerators."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from amaranth.lib import wiring
+
+from bench.rules import largest_rules
+from golden_model.config import PRESETS, Config, EstimatorConfig, FrontEndConfig, MatcherConfig
+from hdl.accelerator import Accelerator, AcceleratorTop
+from hdl.feature.extractor import CandidateFeatures
+from hdl.feature.ring_window import RingWindow
+from hdl.front_end import FrontEnd
+from hdl.geometry.records import RecordEstimator, RecordScoring
+from hdl.level import Level
+from hdl.matching.correlation import WindowCorrelation
+from hdl.matching.fuzzy_correlation import FuzzyCorrelation
+from hdl.matching.matcher import Matcher
+from hdl.pixel.corners import Corners
+from hdl.pixel.fast import Fast
+from hdl.pixel.gradients import GradientColumns
+from hdl.pixel.gray import Gray
+from hdl.pixel.half import Half
+from hdl.pixel.harris import RawResponse, ResponseCode, StructureTensor
+from hdl.pixel.nms import Suppression
+from hdl.pixel.smooth import Binomial
+from hdl.pixel.sobel import Sobel
+from hdl.selection.selection import CellSelection
+from hdl.shell.camera import CameraCrossing, CameraGate
+from hdl.shell.ring_writer import RingWriter
+
+AERIAL, THESIS = PRESETS["aerial"], PRESETS["thesis"]
+WIDTH_PX, HEIGHT_PX = 1920, 1080
+
+
+class Design(NamedTuple):
+    """What is synthesised, and how many bits of line memory it cannot do without."""
+
+    build: Callable[[], wiring.Component]
+    memory_bits: int = 0
+
+
+def front_end(config: FrontEndConfig, width_px: int, levels: int, video_bits: int = 32) -> Design:
+    """The front end for frames up to ``width_px`` wide."""
+    config = dataclasses.replace(config, levels=levels)
+    size = {"max_width_px": width_px, "max_height_px": max(HEIGHT_PX, width_px * 9 // 16)}
+    return Design(
+        lambda: FrontEnd(config=config, video_bits=video_bits, **size),
+        sum(line_memory_bits(config, width_px >> level) for level in range(levels)),
+    )
+
+
+def line_memory_bits(config: FrontEndConfig, width_px: int) -> int:
+    """What a level's line buffers hold: gray, smoothed gray, gradients, responses, ring pixels."""
+    pattern, window_px, radius_px = config.pattern, config.tensor_window_px, config.suppression_radius_px
+    corner_lag_px = config.response_support_px + radius_px
+    gray_lines = max(corner_lag_px, pattern.support_px) - corner_lag_px + 2
+    bits = 8 * gray_lines + 8 * 2 * config.smoothed_gradients + 22 * (window_px - 1) + 15 * 2 * radius_px
+    return width_px * (bits + 8 * 2 * max(pattern.radii_px))
+
+
+def block(component: type[wiring.Component], **parameters: Any) -> Design:
+    """A block of the aerial preset."""
+    return Design(lambda: component(**parameters))
+
+
+def accelerator(config: Config) -> Design:
+    """The whole accelerator with two levels."""
+    return Design(
+        lambda: AcceleratorTop(Accelerator(config=config, max_width_px=WIDTH_PX, max_height_px=HEIGHT_PX)),
+        front_end(config.front_end, WIDTH_PX, 2).memory_bits,
+    )
+
+
+def designs() -> dict[str, Design]:
+    """Every design by name."""
+    config, wide = AERIAL.front_end, {"width_px": WIDTH_PX}
+    pattern = config.pattern
+    return {
+        "gray": block(Gray),
+        "half": block(Half, **wide),
+        "binomial 3x3": block(Binomial, window_px=3),
+        "binomial 5x5": block(Binomial, window_px=5),
+        "sobel": block(Sobel),
+        "gradient columns": block(GradientColumns, smoothed=True, **wide),
+        "structure tensor": block(StructureTensor, window_px=5),
+        "raw response": block(RawResponse, k_numerator=1, k_shift=4),
+        "response code": block(ResponseCode),
+        "fast": block(Fast),
+        "suppression": block(Suppression, radius_px=3, **wide),
+        "corners": block(Corners, config=config, **wide),
+        "ring window": block(RingWindow, pattern=pattern, **wide),
+        "candidate features": block(CandidateFeatures, pattern=pattern, spacing_cycles=2, level=0, lag_px=17),
+        "cell selection": block(CellSelection, pattern=pattern, **wide),
+        "level 0": block(Level, config=config, level=0, **wide),
+        "level 1": block(Level, config=config, level=1, width_px=WIDTH_PX // 2),
+        **{
+            f"front end, {width_px} wide, {levels} level{'s' * (levels > 1)}": front_end(config, width_px, levels)
+            for width_px in (640, WIDTH_PX)
+            for levels in (1, 2)
+        },
+        **{
+            f"front end, {width_px} wide, two pixels per clock": front_end(config, width_px, 2, video_bits=48)
+            for width_px in (WIDTH_PX, 2 * WIDTH_PX)
+        },
+        "front end, thesis, 1920 wide": front_end(THESIS.front_end, WIDTH_PX, 1),
+        "window correlation": block(WindowCorrelation),
+        "fuzzy correlation": block(FuzzyCorrelation),
+        "matcher": block(Matcher, config=AERIAL.matcher, pattern=pattern, lanes=16, max_features=config.max_features),
+        "homography scoring": block(RecordScoring),
+        "homography estimator": block(RecordEstimator),
+        "camera crossing": block(CameraCrossing, video_bits=24, depth=4096),
+        "camera gate": block(CameraGate),
+        "ring writer": block(RingWriter, record_words=6, max_words=6 * (config.max_features + 2)),
+        "accelerator": accelerator(AERIAL),
+        "accelerator, homography": accelerator(dataclasses.replace(AERIAL, estimator=EstimatorConfig())),
+        "accelerator, largest rules": accelerator(
+            dataclasses.replace(AERIAL, matcher=MatcherConfig(rule_base=largest_rules()))
+        ),
+    }
