@@ -110,18 +110,20 @@ def _write_mosaics(
 ) -> list[Delivery]:
     """Write the mosaics and their report; of a pair that cannot be registered, the report alone, which shows why."""
     deliveries: list[Delivery] = []
+    # An error of the survey itself leaves nothing to report.
+    flight = plan.flight
     try:
         layouts = plan.layouts
-        absent = plan.flight.left_out if plan.options.all_groups else plan.flight.absent_from(layouts[0])
+        absent = flight.left_out if plan.options.all_groups else flight.absent_from(layouts[0])
         report_absent(absent, strict=strict)
         deliveries = plan.write(output, form, overwrite=overwrite)
     except RegistrationError:
         # The report of two photographs shows what was matched, and so why they were refused.
         if report:
-            write_report(report, plan.flight, deliveries)
+            write_report(report, flight, deliveries)
         raise
     if report:
-        write_report(report, plan.flight, deliveries)
+        write_report(report, flight, deliveries)
     return deliveries
 
 
@@ -142,8 +144,8 @@ def _show(deliveries: Sequence[Delivery], output: Path, report: Path | None) -> 
     if flight.pair is not None:
         session.numbers["pair"] = flight.pair.summary()
         print_pair(flight.pair)
-        if flight.sources[0].bend is not None:
-            session.show("warp: a mesh bends the left photograph to follow the relief")
+        if flight.sources[0].warp is not None:
+            session.show("warp: a mesh warps the left photograph to follow the relief")
     if any(link.standing for link in flight.links):
         session.warn(f"{STANDS_STILL}; --mask hides it")
     for delivery in deliveries:

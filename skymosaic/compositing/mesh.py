@@ -1,8 +1,8 @@
 """A smooth grid of displacements on top of a homography, for ground with relief.
 
 No homography fits two views of ground that is not flat. Where there is relief, matches deviate from the homography by a
-few pixels. Their residuals, spread over a coarse grid and smoothed, bend one photograph so that the homography fits it
-better; to all later stages, the bent photograph is an ordinary one. (Zaragoza and others, As-projective-as-possible
+few pixels. Their residuals, spread over a coarse grid and smoothed, warp one photograph so that the homography fits it
+better; to all later stages, the warped photograph is an ordinary one. (Zaragoza and others, As-projective-as-possible
 image stitching, 2013, move the homography instead. A grid of residuals is smaller, and falls back to the homography
 where there are no matches.)
 """
@@ -31,7 +31,7 @@ MIN_MATCHES = 30
 CHECK_CELLS = 10
 """Held-out matches lie in alternate fields of a chessboard with this many fields along a side."""
 MIN_GAIN = 0.03
-"""Rise of the share of held-out matches within 2 px from which bending a photograph is worthwhile."""
+"""Rise of the share of held-out matches within 2 px from which warping a photograph is worthwhile."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class Mesh:
     size : (int, int)
         Width and height of the image, px.
     nodes_px : ndarray of float64, shape (rows, columns, 2)
-        Added to a position in the bent image, they give the position in the image. The outermost nodes are at the
+        Added to a position in the warped image, they give the position in the image. The outermost nodes are at the
         image's corner pixels.
     """
 
@@ -51,13 +51,13 @@ class Mesh:
     nodes_px: Array
 
     def displacement(self, points: Points) -> Points:
-        """Displacements (N, 2) at points (N, 2) of the bent image."""
+        """Displacements (N, 2) at points (N, 2) of the warped image."""
         rows, columns, _ = self.nodes_px.shape
         weights = interpolation(points / (np.array(self.size) - 1), (rows, columns))
         return np.asarray(weights @ self.nodes_px.reshape(-1, 2))
 
-    def bend(self, image: Intensities) -> Intensities:
-        """Bend an image of any size; the grid is stretched over it."""
+    def apply(self, image: Intensities) -> Intensities:
+        """Warp an image of any size; the grid is stretched over it."""
         height, width = image.shape[:2]
         stretch = np.array([width, height]) / self.size
         # Not cv2.resize, which would put the outermost nodes half a pixel outside instead of at the corner pixels.
@@ -67,8 +67,20 @@ class Mesh:
         offsets = np.moveaxis(cv2.remap(nodes, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR), -1, 0)
         grid = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
         source_x, source_y = (axis + offset for axis, offset in zip(grid, offsets, strict=True))
-        bent = cv2.remap(image, source_x, source_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-        return np.asarray(bent, dtype=image.dtype)
+        warped = cv2.remap(image, source_x, source_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(warped, dtype=image.dtype)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the other mesh moves all pixels alike."""
+        return isinstance(other, Mesh) and self._content == other._content
+
+    def __hash__(self) -> int:
+        """Hash of the displacements."""
+        return hash(self._content)
+
+    @property
+    def _content(self) -> tuple[tuple[int, int], bytes]:
+        return self.size, self.nodes_px.tobytes()
 
 
 def fit_mesh(homography: Matrix, left: Points, right: Points, size: tuple[int, int]) -> Mesh | None:

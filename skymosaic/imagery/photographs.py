@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 from threading import Lock
+from typing import Protocol
 
 import numpy as np
 
@@ -22,6 +23,13 @@ from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.images import PICTURE_SUFFIXES, Photograph, load, load_intensities
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.own_outputs import exclude_recorded
+
+
+class Warp(Protocol):
+    """Moves the pixels of a photograph, for instance `skymosaic.compositing.mesh.Mesh`; equal if it does the same."""
+
+    def apply(self, image: Intensities) -> Intensities:
+        """The warped image, of the same shape."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +45,8 @@ class Source:
     content : Path or ndarray of uint8, shape (H, W) or (H, W, 3) BGR
     keep_damaged : bool
         Use a damaged file as far as it can be decoded.
-    bend : callable or None
-        Applied to the straightened pixels, for instance `skymosaic.compositing.mesh.Mesh.bend`; keeps their shape.
+    warp : Warp or None
+        Applied to the straightened pixels.
     bands : mapping of str to Source
         All bands of a multi-band set, in the order of the output; empty for a photograph.
     """
@@ -47,7 +55,7 @@ class Source:
     name: str
     content: Path | Pixels
     keep_damaged: bool = False
-    bend: Callable[[Intensities], Intensities] | None = None
+    warp: Warp | None = None
     bands: Mapping[str, Source] = field(default_factory=dict)
 
     @property
@@ -97,7 +105,7 @@ class Source:
 
     def _straighten(self, pixels: Intensities, lens: Lens) -> Intensities:
         straight = lens.straighten(pixels)
-        return straight if self.bend is None else self.bend(straight)
+        return straight if self.warp is None else self.warp.apply(straight)
 
 
 def list_sources(images: Sequence[str | Path | Pixels]) -> list[Source]:
@@ -184,11 +192,11 @@ def _natural_order(name: str) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]
 
 
-_Key = tuple[str, str, bool, ValueRange | None]
+_Key = tuple[str, str, bool, Warp | None, ValueRange | None]
 
 
 def _key(source: Source, lens: Lens, values: ValueRange | None) -> _Key:
-    return source.digest, lens.key, source.keep_damaged, values
+    return source.digest, lens.key, source.keep_damaged, source.warp, values
 
 
 class DecodedPhotographs:

@@ -47,7 +47,7 @@ class MosaicOptions(RegistrationOptions):
     scale: float = option(1.0, "Canvas pixels per pixel of the reference photograph.", PICTURE, above=0, maximum=1)
     warp: str = option(
         "homography",
-        "A mesh bends the left photograph over relief; auto: only if held-out matches gain by it.",
+        "A mesh warps the left photograph over relief; auto: only if held-out matches gain by it.",
         PICTURE,
         choices=("homography", "mesh", "auto"),
         not_for_more="more than two photographs are laid out by homographies",

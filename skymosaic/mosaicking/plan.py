@@ -14,7 +14,7 @@ import numpy as np
 from golden_model.arrays import Intensities, Mask
 from golden_model.config import MIN_FRAME_PX
 from sim.simulators.build_cache import cache_folder
-from skymosaic.compositing.mesh import fit_mesh, fit_useful_mesh
+from skymosaic.compositing.mesh import Mesh, fit_mesh, fit_useful_mesh
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.features.positions import match_points
 from skymosaic.flight.bands.spectrum import in_all_bands
@@ -40,7 +40,6 @@ from skymosaic.imagery import images as pictures
 from skymosaic.imagery.decoding import read_header
 from skymosaic.imagery.exif import read_metadata
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import Source, decoded_photographs
 from skymosaic.mosaicking.options import MEGAPIXEL, MosaicOptions
 from skymosaic.mosaicking.result import Mosaic
@@ -127,18 +126,29 @@ class MosaicPlan:
         options = self.options
         if self.flight.pair is None:
             self._workers.progress("exposure and seams", 0, 0)
+        place = self._place(layout)
         composition = compose(
             self.flight,
             layout,
             blending=options.blending,
             scale=options.scale,
             room=self.room(path),
-            place=place_on_map(self.flight, layout, options.control),
-            gsd_m=options.gsd_m,
+            place=place,
+            # A group without a place has the resolution of its photographs.
+            gsd_m=options.gsd_m if place.georeference is not None or layout is self.layouts[0] else None,
         )
         if not self.sources[0].bands:
             return composition
         return in_all_bands(composition, self.flight, layout, self._workers)
+
+    def _place(self, layout: Layout) -> MapPlace:
+        """The place of a layout on the map; none for a further group that the control points do not reach."""
+        try:
+            return place_on_map(self.flight, layout, self.options.control)
+        except InputError as error:
+            if layout is self.layouts[0]:
+                raise
+            return MapPlace(note=str(error))
 
     def bands(self, composition: Composition) -> Iterator[tuple[Intensities, Mask]]:
         """Render the picture in bands of whole rows from the top, each with a mask of what shows a photograph."""
@@ -233,7 +243,6 @@ class MosaicPlan:
             for composition in compositions:
                 if composition.place.georeference is None:
                     raise RegistrationError(f"{explain_absence(output, composition.place)}; nothing was written")
-        photographs = [source.content for source in self.sources if isinstance(source.content, Path)]
         deliveries = []
         for number, (layout, composition) in enumerate(zip(layouts, compositions, strict=True), start=1):
             path = output if number == 1 else output.with_stem(f"{output.stem}_{number}")
@@ -241,8 +250,6 @@ class MosaicPlan:
             deliveries.append(
                 deliver(path, self.flight, layout, composition, bands, form=numbered, preview_width_px=preview_width_px)
             )
-        for delivery in deliveries:
-            record_output(delivery.path, photographs)
         return deliveries
 
     def _register(self) -> Flight:
@@ -251,6 +258,8 @@ class MosaicPlan:
         self._workers.progress("registering", 0, 0)
         clock = Stopwatch()
         left, right = (source.read_photograph(lens) for source in self.sources)
+        for photograph in (left, right):
+            lens.check((photograph.pixels.shape[1], photograph.pixels.shape[0]), photograph.name)
         clock.lap("reading")
         pair = register_photographs(
             (left, right),
@@ -259,11 +268,11 @@ class MosaicPlan:
             seconds=clock.seconds,
             progress=lambda line: self._workers.progress(line, 0, 0),
         )
-        bend = fit_bend(pair, options.warp)
-        if bend is not None:
-            # Blending decodes the left photograph again where memory is short, and bends it again.
-            self.sources = [dataclasses.replace(self.sources[0], bend=bend), self.sources[1]]
-            left = dataclasses.replace(left, pixels=np.asarray(bend(left.pixels), dtype=np.uint8))
+        mesh = choose_mesh(pair, options.warp)
+        if mesh is not None:
+            # Blending decodes the left photograph again where memory is short, and warps it again.
+            self.sources = [dataclasses.replace(self.sources[0], warp=mesh), self.sources[1]]
+            left = dataclasses.replace(left, pixels=np.asarray(mesh.apply(left.pixels), dtype=np.uint8))
         for source, photograph in zip(self.sources, (left, right), strict=True):
             decoded_photographs(options.memory_bytes).keep(source, lens, photograph.pixels)
         return flight_of_pair(pair, self.sources, lens)
@@ -292,8 +301,8 @@ def open_cache(options: MosaicOptions, tell: Callable[[str], None]) -> ResultCac
     return ResultCache(cache_folder() / "flights", tell=tell, limit_bytes=DEFAULT_CACHE_BYTES)
 
 
-def fit_bend(pair: Pair, warp: str) -> Callable[[Intensities], Intensities] | None:
-    """Fit what bends the left photograph of a pair to follow the relief; None where nothing is to be bent.
+def choose_mesh(pair: Pair, warp: str) -> Mesh | None:
+    """Fit the mesh that warps the left photograph of a pair to follow the relief; None where it keeps its shape.
 
     Parameters
     ----------
@@ -306,5 +315,4 @@ def fit_bend(pair: Pair, warp: str) -> Callable[[Intensities], Intensities] | No
     left, right = match_points(pair.kept)
     size = pair.working[0].shape[1], pair.working[0].shape[0]
     fit = fit_useful_mesh if warp == "auto" else fit_mesh
-    mesh = fit(pair.working_homography, left, right, size)
-    return None if mesh is None else mesh.bend
+    return fit(pair.working_homography, left, right, size)

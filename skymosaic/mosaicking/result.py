@@ -102,8 +102,7 @@ class Mosaic:
 
     def _repr_html_(self) -> str:
         """The mosaic, reduced, for notebooks."""
-        image = self.image[..., 0] if self.composition.band_names else self.image
-        return describe_in_html(repr(self), self.composition.in_8_bit(image))
+        return describe_in_html(repr(self), self.composition.in_8_bit(self.image))
 
     def __repr__(self) -> str:
         """One line with the size and the counts."""

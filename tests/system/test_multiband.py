@@ -12,6 +12,7 @@ import pytest
 import rasterio
 import rasterio.errors
 
+from skymosaic import mosaic
 from skymosaic.errors import InputError
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.live_frames import read_live_frames
@@ -129,3 +130,7 @@ def test_names_tell_the_bands(tmp_path: Path) -> None:
     assert bands(*dji) == [[f"DJI_2_000{n}_MS_G.TIF", "green", "red", "nir"] for n in (1, 2, 3)]
     photographs = ["a_1.tif", "b_2.tif", "c_NIR.tif", "d_NIR.tif", "e_NIR.tif"]
     assert bands(*photographs) == [[name] for name in photographs]
+
+
+def test_a_notebook_shows_the_registering_band(band_folder: Path) -> None:
+    assert "<img" in mosaic([band_folder], band="red")._repr_html_()

@@ -18,6 +18,7 @@ from skymosaic.flight.picture.composition import Composition, Room
 from skymosaic.flight.survey import Flight
 from skymosaic.imagery.band_writer import write_bands
 from skymosaic.imagery.images import save
+from skymosaic.imagery.own_outputs import record_output
 from skymosaic.maps.georeference import Georeference
 from skymosaic.maps.geotiff import COMPRESSIONS, tee_to_raster, write_cog
 from skymosaic.maps.tiles import write_tiles
@@ -132,7 +133,8 @@ def room_for(path: Path, planes: int) -> Room:
         free_bytes = shutil.disk_usage(path.parent).free
         return Room(free_bytes / (BYTES_PER_SAMPLE * planes), reason=f"the disk has {free_bytes >> 20} MB left")
     if suffix in MAX_SIDES_PX:
-        return Room(side_px=MAX_SIDES_PX[suffix], reason=f"{suffix} files have limits and the picture is in memory")
+        reason = f"{suffix} files have limits and the picture is in memory; a .tif has room for more"
+        return Room(side_px=MAX_SIDES_PX[suffix], reason=reason)
     return Room()
 
 
@@ -191,6 +193,8 @@ def deliver(
             write_cog(path, raster, form.compress)
         else:
             _write_picture(path, flight, composition, (composition.in_8_bit(pixels) for pixels, _ in bands))
+        # At once: if the tiles fail, the next run must not take the mosaic for a photograph.
+        record_output(path, [source.content for source in flight.sources if isinstance(source.content, Path)])
         if form.tiles is not None:
             write_tiles(form.tiles, raster, path.stem, values)
     note = composition.place.note

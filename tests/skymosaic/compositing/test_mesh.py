@@ -55,8 +55,8 @@ def test_bending_undoes_the_relief_at_any_size() -> None:
     mesh = fit_mesh(HOMOGRAPHY, left, right, SIZE)
     noise = np.random.default_rng(1).integers(0, 256, (SIZE[1], SIZE[0]), dtype=np.uint8)
     texture = cv2.GaussianBlur(noise, (0, 0), 3)
-    assert mesh.bend(texture).shape == texture.shape
+    assert mesh.apply(texture).shape == texture.shape
     large = cv2.resize(texture, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-    small_again = cv2.resize(mesh.bend(large), SIZE, interpolation=cv2.INTER_AREA)
+    small_again = cv2.resize(mesh.apply(large), SIZE, interpolation=cv2.INTER_AREA)
     inner = (slice(20, -20), slice(20, -20))
-    assert np.abs(small_again[inner].astype(int) - mesh.bend(texture)[inner]).mean() < 2
+    assert np.abs(small_again[inner].astype(int) - mesh.apply(texture)[inner]).mean() < 2
