@@ -6,7 +6,6 @@ from dataclasses import replace
 from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.linking.surveyor import Surveyor
-from skymosaic.flight.linking.view import View
 from skymosaic.flight.survey import Flight
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery.photographs import Source
@@ -33,12 +32,8 @@ def repeat_flight(known: Flight, sources: Sequence[Source], seed: int, workers: 
     used = tuple(sources[source.index] for source in known.sources)
     settings = replace(known.settings, lens=known.lens)
     surveyor = Surveyor(settings, seed, workers, cache)
-    described = surveyor.describe(used)
-    if reason := next((view for view in described if isinstance(view, str)), None):
-        raise InputError(f"layout: {reason}")
     views = []
-    thumbnails = surveyor.fetch_thumbnails([view for view in described if isinstance(view, View)])
-    for view, before in zip(thumbnails, known.views, strict=True):
+    for view, before in zip(surveyor.fetch_thumbnails(surveyor.describe_all(used)), known.views, strict=True):
         if view.size != before.size:
             sizes = " and ".join(f"{each.name} {each.size[0]}x{each.size[1]}" for each in (before, view))
             raise InputError(f"layout: photographs of different sizes ({sizes}); give those of the same camera")

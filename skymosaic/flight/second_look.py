@@ -57,8 +57,7 @@ def link_by_more_features(
             pairs |= {(min(view, other), max(view, other)) for other in np.concatenate([alike, before, after]).tolist()}
     involved = sorted({view for pair in pairs for view in pair})
     surveyor = replace(surveyor, settings=settings, max_samples=MAX_SAMPLES)
-    described = surveyor.describe([sources[view] for view in involved])
-    closer = dict(zip(involved, (view for view in described if isinstance(view, View)), strict=True))
+    closer = dict(zip(involved, surveyor.describe_all([sources[view] for view in involved]), strict=True))
     return surveyor.link(closer, pairs)
 
 

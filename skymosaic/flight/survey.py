@@ -196,10 +196,14 @@ def _describe(
             left_out[source.index] = f"{source.name}: the same photograph as {same.name}"
     views: dict[Source, View] = {}
     for source, view in zip(distinct.values(), surveyor.describe(list(distinct.values())), strict=True):
-        if isinstance(view, View):
-            views[source] = view
-        else:
+        if isinstance(view, str):
             left_out[source.index] = view
+            continue
+        try:
+            surveyor.settings.lens.check(view.size, source.name)
+            views[source] = view
+        except InputError as error:
+            left_out[source.index] = str(error)
     if not views:
         raise InputError(f"none of the {len(sources)} photographs can be used: {next(iter(left_out.values()))}")
     return tuple(views), tuple(views.values()), left_out
@@ -240,25 +244,22 @@ def _straighten(
 ) -> tuple[tuple[View, ...], dict[Candidate, Link], Calibration]:
     """Describe and link the photographs again without their distortion, and measure what distortion remains.
 
-    Near the border of a bent photograph a corner looks different from what it is in the middle of a neighbour, and its
-    position is off, so features are computed anew. Where the new ones do not link two views, the old ties stay.
+    Near the border of a distorted photograph a corner looks different from what it is in the middle of a neighbour, and
+    its position is off, so features are computed anew. Where the new ones do not link two views, the old ties stay.
     """
     surveyor = replace(surveyor, settings=replace(surveyor.settings, lens=calibration.lens))
-    described = surveyor.describe(sources)
-    if (reason := next((view for view in described if isinstance(view, str)), None)) is not None:
-        raise InputError(reason)
-    # Positions may come from a file instead of the photographs.
-    straight_views = tuple(
-        replace(straight, taken=bent.taken)
-        for straight, bent in zip(described, views, strict=True)
-        if isinstance(straight, View)
-    )
-    straight = straighten_links(valid_links(links), views, calibration.distortion)
+    # Photographs of another camera, which no link joins to these, stay as they are.
+    through = [index for index, view in enumerate(views) if calibration.lens.fits(view.size)]
+    straight_views = list(views)
+    for index, view in zip(through, surveyor.describe_all([sources[index] for index in through]), strict=True):
+        # Positions may come from a file instead of the photographs.
+        straight_views[index] = replace(view, taken=views[index].taken)
+    straight = straighten_links(valid_links(links), views, dict.fromkeys(through, calibration.distortion))
     straight |= {pair: link for pair, link in surveyor.link(straight_views, straight).items() if link.holds}
-    # Features of bent photographs made the coefficient 0.1 to 0.3 % too small.
+    # Features of distorted photographs made the coefficient 0.1 to 0.3 % too small.
     remaining = measure_remaining_distortion(straight_views, members, valid_links(straight), surveyor.cache)
-    straight = straighten_links(valid_links(straight), straight_views, remaining)
-    return straight_views, {**links, **straight}, calibration.with_remaining(remaining)
+    straight = straighten_links(valid_links(straight), straight_views, dict.fromkeys(through, remaining))
+    return tuple(straight_views), {**links, **straight}, calibration.with_remaining(remaining)
 
 
 def _lay_out_all(

@@ -19,6 +19,8 @@ _REQUIRED = ("width_px", "height_px", "focal_x_px", "focal_y_px", "centre_x_px",
 _DISTORTION = ("k1", "k2", "p1", "p2", "k3")
 MAX_NUMBER = 1e9
 """Limit of the numbers in a camera file; it excludes infinities, and integers too large for a float."""
+SAME_SHAPE = 0.02
+"""Shapes (shorter side / longer side) that differ by less are the same, but for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +30,8 @@ class Lens:
     Attributes
     ----------
     size : (int, int) or None
-        Width and height of the calibration images; photographs of another size are assumed to be resized.
+        Width and height of the calibration images; photographs of another size are assumed to be resized, and to have
+        been turned if they are upright.
     matrix : ndarray of float64, shape (3, 3), or None
         Calibration matrix K at that size, pixel centres at integers; None: no distortion.
     distortion : ndarray of float64, shape (5,), or None
@@ -50,21 +53,37 @@ class Lens:
             state.update(b"none" if part is None else repr(part.shape).encode() + part.tobytes())
         return state.hexdigest()
 
+    def fits(self, size: tuple[int, int]) -> bool:
+        """Whether a photograph of ``size`` (width, height) has the shape of the calibration images, upright or not."""
+        if self.size is None:
+            return True
+        shape, own_shape = (min(each) / max(each) for each in (size, self.size))
+        return abs(shape / own_shape - 1) < SAME_SHAPE
+
+    def check(self, size: tuple[int, int], name: str) -> None:
+        """Raise InputError if the photograph ``name`` of this size does not fit."""
+        if self.size is not None and not self.fits(size):
+            shapes = "{}x{} px, and the camera file is for {}x{} px".format(*size, *self.size)
+            raise InputError(f"{name}: {shapes}, which is another shape; give the file of this camera")
+
     def straighten(self, pixels: Intensities, interpolation: int = cv2.INTER_CUBIC) -> Intensities:
-        """Remove distortion, as if a pinhole camera with the same matrix had taken the photograph."""
-        if self.matrix is None:
-            return pixels
+        """Remove distortion, as if a pinhole camera with the same matrix had taken the photograph.
+
+        Pixels of another camera, see `fits`, are returned as they are; so are points by `straighten_points`.
+        """
         size = (pixels.shape[1], pixels.shape[0])
-        matrix = self._matrix_at(size)
-        maps = cv2.initUndistortRectifyMap(matrix, self.distortion, None, matrix, size, cv2.CV_16SC2)
+        if self.matrix is None or not self.fits(size):
+            return pixels
+        matrix, distortion = self._camera_at(size)
+        maps = cv2.initUndistortRectifyMap(matrix, distortion, None, matrix, size, cv2.CV_16SC2)
         return np.asarray(cv2.remap(pixels, *maps, interpolation), dtype=pixels.dtype)
 
     def straighten_points(self, points: Points, size: tuple[int, int]) -> Points:
         """Move points (N, 2), px, to where the straightened photograph of ``size`` (width, height) shows them."""
-        if self.matrix is None:
+        if self.matrix is None or not self.fits(size):
             return points
-        matrix = self._matrix_at(size)
-        straight = cv2.undistortPoints(points.reshape(-1, 1, 2), matrix, self.distortion, P=matrix)
+        matrix, distortion = self._camera_at(size)
+        straight = cv2.undistortPoints(points.reshape(-1, 1, 2), matrix, distortion, P=matrix)
         return np.asarray(straight, dtype=np.float64).reshape(-1, 2)
 
     def visible_mask(self, size: tuple[int, int]) -> Pixels | None:
@@ -89,11 +108,17 @@ class Lens:
         """Hash of the key."""
         return hash(self.key)
 
-    def _matrix_at(self, size: tuple[int, int]) -> Array:
-        """The calibration matrix, resized with a photograph of ``size``, which may be reduced."""
+    def _camera_at(self, size: tuple[int, int]) -> tuple[Array, Array]:
+        """Calibration matrix and distortion for a photograph of ``size``, which may be reduced, or upright."""
         assert self.size is not None
         assert self.matrix is not None
-        return np.asarray(resize_matrix(size[0] / self.size[0], size[1] / self.size[1]) @ self.matrix)
+        assert self.distortion is not None
+        (width, height), matrix, distortion = self.size, self.matrix, self.distortion
+        if (size[0] > size[1]) != (width > height):
+            # The axes change places: x and y of the matrix, and p1 and p2 of the distortion.
+            width, height, distortion = height, width, distortion[[0, 1, 3, 2, 4]]
+            matrix = matrix[np.ix_([1, 0, 2], [1, 0, 2])]
+        return np.asarray(resize_matrix(size[0] / width, size[1] / height) @ matrix), distortion
 
 
 # Cached, because each tile asks for it once per photograph.

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -181,15 +181,18 @@ def _fit(network: Network, start: Array, *, lens: bool) -> Array:
     return transforms
 
 
-def straighten_links(links: Sequence[Link], views: Sequence[View], distortion: float) -> dict[Candidate, Link]:
-    """Move the ties to where a lens without distortion would have shown them; the links by their pairs."""
-    return {
-        (link.left, link.right): link.move(
-            partial(_straighten_pixels, view=views[link.left], distortion=distortion),
-            partial(_straighten_pixels, view=views[link.right], distortion=distortion),
-        )
-        for link in links
+def straighten_links(
+    links: Sequence[Link], views: Sequence[View], distortion: Mapping[int, float]
+) -> dict[Candidate, Link]:
+    """Move the ties to where a lens without distortion would have shown them; the links by their pairs.
+
+    ``distortion`` is that of each view's lens; views without one keep their ties.
+    """
+    moves = {
+        member: partial(_straighten_pixels, view=view, distortion=distortion.get(member, 0.0))
+        for member, view in enumerate(views)
     }
+    return {(link.left, link.right): link.move(moves[link.left], moves[link.right]) for link in links}
 
 
 def _straighten_pixels(points: Array, *, view: View, distortion: float) -> Array:

@@ -52,6 +52,21 @@ class Surveyor:
             for call, view in zip(calls, described, strict=True)
         ]
 
+    def describe_all(self, sources: Sequence[Source]) -> list[View]:
+        """Compute the view of each source that could be used before.
+
+        Raises
+        ------
+        InputError
+            If one of them no longer can.
+        """
+        views: list[View] = []
+        for view in self.describe(sources):
+            if isinstance(view, str):
+                raise InputError(view)
+            views.append(view)
+        return views
+
     def fetch_thumbnails(self, views: Sequence[View]) -> tuple[View, ...]:
         """Bring the thumbnails to this process; the features are dropped, because linked views do not need them."""
         parcels = self.workers.run("thumbnails", Parcel, [(view.thumbnail,) for view in views])

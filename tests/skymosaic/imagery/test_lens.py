@@ -6,6 +6,8 @@ import pytest
 
 from skymosaic.errors import InputError
 from skymosaic.imagery.lens import load_lens
+from skymosaic.mosaicking.api import mosaic
+from skymosaic.mosaicking.options import MosaicOptions
 
 CAMERA = """width_px = 640
 height_px = 480
@@ -50,3 +52,25 @@ def test_bad_camera_files_are_one_line(tmp_path: Path, text: str, says: str) -> 
     (tmp_path / "camera.toml").write_text(text)
     with pytest.raises(InputError, match=says):
         load_lens(tmp_path / "camera.toml", None)
+
+
+@pytest.mark.parametrize("size", [(240, 320), (480, 640)])
+def test_an_upright_photograph_has_the_same_lens(tmp_path: Path, size: tuple[int, int]) -> None:
+    (tmp_path / "camera.toml").write_text(CAMERA)
+    lens = load_lens(tmp_path / "camera.toml", None)
+    points = np.random.default_rng(0).uniform(0, min(size), (20, 2))
+    lying = lens.straighten_points(points[:, ::-1], size[::-1])
+    np.testing.assert_allclose(lens.straighten_points(points, size), lying[:, ::-1], atol=1e-6)
+    noise = np.random.default_rng(1).integers(0, 256, size[::-1], dtype=np.uint8)
+    picture = cv2.GaussianBlur(noise, (0, 0), 3)
+    np.testing.assert_allclose(lens.straighten(picture).astype(int), lens.straighten(picture.T).T, atol=1)
+
+
+def test_photographs_of_another_shape_are_of_another_camera(tmp_path: Path) -> None:
+    (tmp_path / "camera.toml").write_text(CAMERA)
+    lens = load_lens(tmp_path / "camera.toml", None)
+    picture = np.random.default_rng(1).integers(0, 256, (360, 640), dtype=np.uint8)
+    np.testing.assert_array_equal(lens.straighten(picture), picture)
+    cv2.imwrite(str(tmp_path / "wide.png"), picture)
+    with pytest.raises(InputError, match=r"wide.png: 640x360 px, and the camera file is for 640x480 px"):
+        mosaic([tmp_path / "wide.png"] * 2, MosaicOptions(lens=lens))
