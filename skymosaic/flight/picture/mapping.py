@@ -284,9 +284,17 @@ def _turned_deg(cameras: Sequence[Camera], to_map: Matrix) -> float | None:
         middle = (np.array(camera.size) - 1) / 2
         start, top = apply(to_map @ camera.to_reference, np.array([middle, middle - [0, 1]]))
         yaw_deg = np.degrees(np.arctan2(*(top - start)))
-        # The shorter way round, -180 to 180.
-        differences.append(float((yaw_deg - camera.taken.yaw_deg + 180) % 360 - 180))
-    return _median(differences)
+        differences.append(yaw_deg - camera.taken.yaw_deg)
+    if not differences:
+        return None
+    # Around their mean direction, because +178 and -179 degrees lie three degrees apart.
+    mean_deg = np.degrees(np.angle(np.exp(1j * np.radians(differences)).mean()))
+    return float(_shorter_turn_deg(mean_deg + np.median(_shorter_turn_deg(np.array(differences) - mean_deg))))
+
+
+def _shorter_turn_deg(turn_deg: Array) -> Array:
+    """The same turns the shorter way round, -180 to 180 degrees."""
+    return np.asarray((turn_deg + 180) % 360 - 180)
 
 
 def _median(values: Sequence[float | None]) -> float | None:

@@ -11,7 +11,7 @@ import rasterio
 from sim.scene import make_lawnmower
 from sim.scene.flight import Flight
 from skymosaic.errors import InputError, RegistrationError
-from skymosaic.flight.picture.mapping import camera_positions, place_on_map, scale_for
+from skymosaic.flight.picture.mapping import Camera, camera_positions, place_cameras, place_on_map, scale_for
 from skymosaic.flight.picture.output import OutputForm
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata, Position
@@ -152,3 +152,18 @@ def test_control_points_of_another_site_are_refused(tmp_path: Path) -> None:
 def test_forms_that_cannot_apply_are_refused(form: OutputForm, name: str, says: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=says):
         form.check(tmp_path / name)
+
+
+def test_a_compass_that_is_wrong_by_half_a_turn_is_said_so() -> None:
+    """The differences +178 and -179 degrees have no median near 180 degrees."""
+    cameras = [
+        Camera(
+            f"{number}.jpg",
+            SIZE,
+            np.array([[1.0, 0, 300 * number], [0, 1, 0], [0, 0, 1]]),
+            Metadata(position=Position(45 - 0.001 * number, 8.0), yaw_deg=yaw_deg),
+        )
+        for number, yaw_deg in enumerate((-88.0, -91.0))
+    ]
+    place = place_cameras(cameras)
+    assert "compass, which differs by 180 degrees" in place.note
