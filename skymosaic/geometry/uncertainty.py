@@ -70,7 +70,8 @@ def assess_fit(homography: Matrix, left: Points, right: Points, left_size: Size,
     near, inlier = error_px <= NEAR_PX, error_px <= INLIER_PX
     grid = _grid(overlap(homography, left_size, right_size))
     held_out_px, fits = _cross_validated(homography, left[near], right[near])
-    distances = [transfer_error(fit, grid, apply(homography, grid)).mean() for fit in fits]
+    # Nothing is known of a homography whose horizon crosses the left image, because `overlap` is empty then.
+    distances = [transfer_error(fit, grid, apply(homography, grid)).mean() for fit in fits] if len(grid) else []
     return FitQuality(
         covariance_px=_covariance_error(homography, left[inlier], right[inlier], grid),
         instability_px=float(np.mean(distances)) if distances else NEAR_PX,
