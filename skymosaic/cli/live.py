@@ -174,6 +174,7 @@ def _write_composed(mosaic: LiveMosaic, source: str, output: Path, options: Mosa
             by_name = {each.name: each for each in sources}
             flight = flight_of_frames(mosaic.frames, by_name, options.flight_settings(), options.scale, workers)
             if flight is None:
+                session.tell("note: written as it was painted, because frames were removed or renamed meanwhile")
                 return None
             (layout,) = flight.layouts
             room = room_for(output, planes=4) if options.canvas_limit_px is None else Room(options.canvas_limit_px)

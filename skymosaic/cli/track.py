@@ -12,6 +12,7 @@ from skymosaic.cli.options import OverwriteOption, output_option, with_options
 from skymosaic.cli.session import session
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.imagery import images
+from skymosaic.imagery.key_frames import name_frame
 from skymosaic.imagery.video import OUTPUT_SUFFIXES, VideoReader, write_video
 from skymosaic.registration.options import RegistrationOptions
 from skymosaic.tracking.output import TABLE_SUFFIXES, TrackedCorners, draw_outline, make_row, save_corners
@@ -50,7 +51,7 @@ def track(
         for frame in map(tracker.follow, reader):
             write(draw_outline(frame))
             rows.append(make_row(frame, reader.frame_rate))
-            facts = {"name": f"{video}/frame {frame.number}", "placed": not frame.reason, "reason": frame.reason}
+            facts = {"name": name_frame(video, frame.number), "placed": not frame.reason, "reason": frame.reason}
             pose = None if frame.pose is None else frame.pose.homography.tolist()
             session.stream({**dataclasses.asdict(rows[-1]), **facts, "pose": pose})
             if session.animated or frame.number % LINE_EVERY_FRAMES == 0:

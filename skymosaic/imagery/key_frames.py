@@ -59,7 +59,7 @@ def flight_sources(
             if isinstance(image, str | Path) and Path(image).suffix.lower() in VIDEO_SUFFIXES:
                 frames = folder / str(len(sources))
                 frames.mkdir()
-                sources += _store_key_frames(Path(image), frames, tell)
+                sources += _store_key_frames(image, frames, tell)
             else:
                 sources += list_sources([image])
         if len(sources) == 1 and isinstance(sources[0].content, Path):
@@ -68,14 +68,19 @@ def flight_sources(
         yield [dataclasses.replace(source, index=index) for index, source in enumerate(sources)]
 
 
-def _store_key_frames(video: Path, folder: Path, tell: Callable[[str], None]) -> Iterator[Source]:
+def _store_key_frames(video: str | Path, folder: Path, tell: Callable[[str], None]) -> Iterator[Source]:
     reader = VideoReader(video)
     for frame in select_key_frames(reader):
         path = folder / f"{frame.number}.jpg"
         save(path, frame.pixels)
-        yield Source(0, str(video / f"frame {frame.number}"), path)
+        yield Source(0, name_frame(video, frame.number), path)
     for note in reader.notes:
         tell(f"note {video}: {note}")
+
+
+def name_frame(video: str | Path, number: int) -> str:
+    """The name of a video's frame, with the video as the user gave it."""
+    return f"{video}/frame {number}"
 
 
 class KeyFrame(NamedTuple):

@@ -14,7 +14,7 @@ from skymosaic.errors import InputError
 from skymosaic.imagery.band_sets import select_band
 from skymosaic.imagery.exif import Metadata, read_metadata
 from skymosaic.imagery.images import load
-from skymosaic.imagery.key_frames import select_key_frames
+from skymosaic.imagery.key_frames import name_frame, select_key_frames
 from skymosaic.imagery.photographs import is_folder, list_folder, list_sources
 from skymosaic.imagery.video import VideoReader
 from skymosaic.temporary import resolved
@@ -65,7 +65,7 @@ def read_live_frames(
         raise InputError(f"band {band}: only a folder can hold multi-band sets; leave out --band")
     if source.isdecimal():
         for frame in select_key_frames(_camera(int(source))):
-            yield LiveFrame(f"camera {source}/frame {frame.number}", frame.pixels)
+            yield LiveFrame(name_frame(f"camera {source}", frame.number), frame.pixels)
     elif is_folder(Path(source)):
         # Only a folder that has been read once may later be away for a while.
         list_folder(Path(source))
@@ -73,7 +73,7 @@ def read_live_frames(
     else:
         reader = VideoReader(source)
         for frame in select_key_frames(reader):
-            yield LiveFrame(f"{source}/frame {frame.number}", frame.pixels)
+            yield LiveFrame(name_frame(source, frame.number), frame.pixels)
         for note in reader.notes:
             tell(f"{source}: {note}")
 

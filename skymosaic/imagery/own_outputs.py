@@ -3,6 +3,7 @@
 import contextlib
 import hashlib
 from collections.abc import Collection, Iterable
+from functools import lru_cache
 from pathlib import Path
 
 from golden_model.small_files import read_small_file
@@ -36,7 +37,7 @@ def record_output(output: Path, inputs: Iterable[Path]) -> None:
 def exclude_recorded(folder: Path, pictures: Collection[Path]) -> list[Path]:
     """Leave out the recorded mosaics of a folder; a file that has changed since is no mosaic any more."""
     record = _read_record(folder)
-    return [path for path in pictures if path.name not in record or _digest(path) != record[path.name]]
+    return [path for path in pictures if path.name not in record or _known_digest(path) != record[path.name]]
 
 
 def _read_record(folder: Path) -> dict[str, str]:
@@ -45,6 +46,20 @@ def _read_record(folder: Path) -> dict[str, str]:
         fields = (line.partition(" ") for line in text.split("\n") if line)
         return {name: digest for digest, _, name in fields}
     return {}
+
+
+def _known_digest(path: Path) -> str:
+    """The digest of a picture, computed once: a watched folder is listed several times a second."""
+    try:
+        state = path.stat()
+    except OSError:
+        return ""
+    return _digest_of(path, state.st_size, state.st_mtime_ns)
+
+
+@lru_cache(maxsize=64)
+def _digest_of(path: Path, _size_bytes: int, _changed_ns: int) -> str:
+    return _digest(path)
 
 
 def _digest(path: Path) -> str:

@@ -13,7 +13,7 @@ from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, enclosing_canvas
 
 FEATHER_PX = 16
 """Width over which one photograph fades into the other."""
-UNPAINTED = 65535
+UNPAINTED = -1
 """Stored instead of a photograph's number in pixels that no photograph covers."""
 SPARE_ROOM = 0.15
 """Share of the mosaic's size that is allocated beyond each side, so that growth rarely has to copy the canvas."""
@@ -24,7 +24,7 @@ GAIN_LIMITS = (0.5, 2.0)
 class GrowingCanvas:
     """Photographs painted on top of each other; each pixel shows the one whose border is farthest away.
 
-    Each pixel stores its colour, the distance from that border and the photograph's number, 9 bytes in all.
+    Each pixel stores its colour, the distance from that border and the photograph's number, 11 bytes in all.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class GrowingCanvas:
         self._room = Canvas(0, 0, 0, 0)
         self._pixels = np.zeros((0, 0, 3), np.uint8)
         self._distance = np.zeros((0, 0), np.float32)
-        self._number = np.zeros((0, 0), np.uint16)
+        self._number = np.zeros((0, 0), np.int32)
 
     def paint(self, picture: Pixels, transform: Array, number: int) -> None:
         """Paint a photograph; where it overlaps others, the brighter side is darkened to match.
@@ -54,7 +54,7 @@ class GrowingCanvas:
         transform : ndarray, shape (3, 3)
             Its pixels to the reference frame.
         number : int
-            Number of the photograph, 0 to 65534.
+            Number of the photograph, from 0.
 
         Raises
         ------
@@ -166,7 +166,7 @@ class GrowingCanvas:
         )
         pixels = np.zeros((room.height_px, room.width_px, 3), np.uint8)
         distance = np.zeros(pixels.shape[:2], np.float32)
-        number = np.full(pixels.shape[:2], UNPAINTED, np.uint16)
+        number = np.full(pixels.shape[:2], UNPAINTED, np.int32)
         if old is not None:
             pixels[old.within(room)] = self._pixels[old.within(self._room)]
             distance[old.within(room)] = self._distance[old.within(self._room)]

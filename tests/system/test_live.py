@@ -67,6 +67,14 @@ class FolderClock:
             os.utime(path, ns=(self._now_ns, self._now_ns))
 
 
+def test_a_frame_has_one_name_however_its_video_is_written(video: Path) -> None:
+    """Else the frames of a live mosaic would not be found again, and it could not be composed."""
+    written = f"{video.parent}/./{video.name}"
+    live = [frame.name for frame in read_live_frames(written, idle_seconds=None, tell=print)]
+    with flight_sources([written]) as sources:
+        assert [source.name for source in sources] == live
+
+
 def test_a_folder_is_watched_until_no_more_frames_arrive(
     frames: list[np.ndarray], flight: Flight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

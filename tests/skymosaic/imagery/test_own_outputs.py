@@ -1,5 +1,8 @@
 from pathlib import Path
 
+import pytest
+
+from skymosaic.imagery import own_outputs
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import list_sources
 
@@ -17,3 +20,12 @@ def test_other_folders_of_outputs_stay_as_they_are(tmp_path: Path) -> None:
     (tmp_path / "mosaic.png").write_bytes(b"x")
     record_output(tmp_path / "mosaic.png", [tmp_path / "photographs" / "IMG_1.png"])
     assert [path.name for path in tmp_path.iterdir()] == ["mosaic.png"]
+
+
+def test_a_folder_that_is_listed_again_and_again_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("IMG_1.png", "mosaic.png"):
+        (tmp_path / name).write_bytes(name.encode())
+    record_output(tmp_path / "mosaic.png", [tmp_path / "IMG_1.png"])
+    assert len(list_sources([tmp_path])) == 1
+    monkeypatch.setattr(own_outputs, "_digest", lambda _path: pytest.fail("read again"))
+    assert len(list_sources([tmp_path])) == 1

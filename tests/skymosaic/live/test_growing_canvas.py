@@ -87,3 +87,10 @@ def test_beyond_the_limit_nothing_changes(ground: NDArray[np.uint8]) -> None:
     with pytest.raises(CanvasError, match="limit"):
         canvas.take_over(other, {1: np.eye(3)}, matching=True)
     np.testing.assert_array_equal(canvas.image, before)
+
+
+def test_frames_may_have_any_number(ground: NDArray[np.uint8]) -> None:
+    canvas, copy = GrowingCanvas(), GrowingCanvas()
+    canvas.paint(ground, np.eye(3), 70_000)
+    copy.take_over(canvas, {65_535: np.eye(3), 70_000: np.eye(3)}, matching=False)
+    np.testing.assert_allclose(copy.image, ground, atol=2)
