@@ -4,6 +4,7 @@ import contextlib
 import functools
 import os
 import re
+import secrets
 import shutil
 import socket
 import tempfile
@@ -18,12 +19,13 @@ PAGE = "index.html"
 def temporary_file(folder: Path) -> Iterator[Path]:
     """Context of a new hidden file in ``folder``, removed at the end unless it has been renamed."""
     remove_left_overs(folder, hidden=True)
-    handle, name = tempfile.mkstemp(prefix=_prefix(hidden=True), dir=folder)
-    os.close(handle)
+    path = folder / f"{_prefix(hidden=True)}{secrets.token_hex(8)}"
+    # Not by `tempfile`, whose files are their owner's alone: this one becomes an ordinary file.
+    path.touch(exist_ok=False)
     try:
-        yield Path(name)
+        yield path
     finally:
-        Path(name).unlink(missing_ok=True)
+        path.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager

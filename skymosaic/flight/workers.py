@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Lock
 from types import TracebackType
 from typing import Any, TypeVar
 
@@ -25,6 +26,31 @@ CPU_SHARE = Path("/sys/fs/cgroup/cpu.max")
 Result = TypeVar("Result")
 Progress = Callable[[str, int, int], None]
 """Receives a stage, how many of its steps are done, and how many there are (0: unknown)."""
+
+
+class _BlasLimit:
+    """Keeps BLAS, whose threads are those of the whole process, to one while at least one `Workers` is in use."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._users = 0
+
+    def acquire(self) -> None:
+        """Add a user."""
+        with self._lock:
+            if self._users == 0:
+                self._limits = threadpool_limits(1, user_api="blas")
+            self._users += 1
+
+    def release(self) -> None:
+        """Remove a user; after the last one BLAS has as many threads as before."""
+        with self._lock:
+            self._users -= 1
+            if self._users == 0:
+                self._limits.restore_original_limits()
+
+
+_blas_limit = _BlasLimit()
 
 
 def silent(_stage: str, _done: int, _total: int) -> None:
@@ -67,7 +93,7 @@ class Workers:
         else:
             self._executor = ThreadPoolExecutor(_cores())
         # Each core has a thread of ours. More of them would wait in turns, and a BLAS spins while it waits.
-        self._blas = threadpool_limits(1, user_api="blas")
+        _blas_limit.acquire()
 
     def __enter__(self) -> Workers:
         return self
@@ -77,7 +103,7 @@ class Workers:
             self._cluster.close()
         if self._executor is not None:
             self._executor.shutdown()
-        self._blas.restore_original_limits()
+        _blas_limit.release()
 
     @property
     def are_elsewhere(self) -> bool:

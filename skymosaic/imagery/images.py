@@ -245,11 +245,6 @@ def write_atomically(path: Path) -> Iterator[Path]:
     try:
         with temporary_file(path.parent) as temporary:
             yield temporary
-            # Temporary files are created for their owner only; the result gets the usual permissions. The mask can only
-            # be read by setting it.
-            mask = os.umask(0)
-            os.umask(mask)
-            temporary.chmod(0o666 & ~mask)
             temporary.replace(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose another folder") from None

@@ -74,3 +74,15 @@ def test_a_call_gets_one_blas_thread_and_the_caller_its_own_back() -> None:
             (inside,) = workers.run("stage", blas_threads, [()])
         assert before == blas_threads() == [2] * len(inside)
         assert set(inside) == {1}
+
+
+def test_blas_keeps_to_one_thread_while_any_workers_are_in_use() -> None:
+    def threads() -> set[int]:
+        return {each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"}
+
+    with threadpool_limits(2, user_api="blas"):
+        first, second = Workers(), Workers()
+        first.__exit__(None, None, None)
+        assert threads() == {1}
+        second.__exit__(None, None, None)
+        assert threads() == {2}

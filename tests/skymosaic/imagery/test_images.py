@@ -87,3 +87,9 @@ def test_a_tall_image_is_reduced_by_its_height() -> None:
 def test_an_image_that_becomes_too_narrow_is_named() -> None:
     with pytest.raises(InputError, match=r"pano\.jpg: 16000x700 is reduced to 1280x56"):
         images.reduce_for_front_end(np.zeros((700, 16000), np.uint8), 1280, "pano.jpg")
+
+
+def test_written_files_have_the_permissions_of_the_user(tmp_path: Path) -> None:
+    (tmp_path / "plain").touch()
+    images.save(tmp_path / "picture.png", np.zeros((4, 4), np.uint8))
+    assert (tmp_path / "picture.png").stat().st_mode == (tmp_path / "plain").stat().st_mode
