@@ -165,8 +165,13 @@ class Layer:
         return np.where(self._covers(part), share, 0).astype(np.float32)
 
     def _covers(self, part: Canvas) -> Mask:
-        whole = np.full(self.image.shape[:2], 255, np.uint8) if self.visible is None else self.visible
-        return np.asarray(warp_backward(whole, self.transform, part) == 255) & self._is_near(part)
+        source = source_window(self.size, self.transform, part)
+        if self.visible is None:
+            window = np.full((source.height_px, source.width_px), 255, np.uint8)
+        else:
+            window = self.visible[source.within(Canvas(0, 0, *self.size))]
+        warped = warp_tile(window, self.transform, source, part, border=cv2.BORDER_CONSTANT)
+        return np.asarray(warped == 255) & self._is_near(part)
 
     def _is_near(self, part: Canvas) -> Mask:
         """Where the ground is near enough to be shown."""

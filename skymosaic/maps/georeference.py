@@ -170,6 +170,15 @@ def fit_to_map(
     return Georeference(crs, to_map, residual, tuple(all_offsets.tolist()), disagreeing, sigma), ""
 
 
+def _pairs(count: int) -> Array:
+    """Pairs of positions that are tried (N, 2): all of them, or `MAX_TRIALS` at random."""
+    if count * (count - 1) // 2 <= MAX_TRIALS:
+        return np.stack(np.triu_indices(count, 1), axis=1)
+    rng = np.random.default_rng(0)
+    first = rng.integers(0, count, MAX_TRIALS)
+    return np.stack([first, (first + rng.integers(1, count, MAX_TRIALS)) % count], axis=1)
+
+
 def _spread(points: Points) -> float:
     """Root mean square distance from the centroid."""
     return float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
@@ -186,15 +195,12 @@ def _fit_agreeing(points: Points, targets: Points) -> tuple[NDArray[np.bool_], A
         If no two positions determine a similarity.
     """
     count = len(points)
-    pairs = np.stack(np.triu_indices(count, 1), axis=1)
-    if len(pairs) > MAX_TRIALS:
-        pairs = pairs[np.random.default_rng(0).choice(len(pairs), MAX_TRIALS, replace=False)]
     best, least = estimate(points, targets, model="similarity"), np.inf
     agreeing = np.ones(count, dtype=np.bool_)
     offsets = transfer_error(best, points, targets)
     if offsets.max() <= FAR_OFF * np.median(offsets):
         return agreeing, best
-    for pair in pairs:
+    for pair in _pairs(count):
         try:
             similarity = estimate(points[pair], targets[pair], model="similarity")
         except DegenerateError:

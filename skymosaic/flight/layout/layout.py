@@ -1,8 +1,7 @@
 """Layout of a flight: groups of linked views, a first pose of each view on the ground, and its refinement."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -129,7 +128,7 @@ def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]
         sure = [member for member in members if member not in doubtful]
         layout = lay_out(views, sure, group.links)
         known = [link for link in false if link.left in sure and link.right in sure]
-        return dataclasses.replace(layout, contradicting=(*known, *layout.contradicting))
+        return replace(layout, contradicting=(*known, *layout.contradicting))
     return Layout(
         members=tuple(members),
         reference=members[group.reference],
@@ -226,7 +225,7 @@ class LinkedGroup:
 
 
 def trust_by_loops(pairs: Mapping[tuple[int, int], int], motions: Sequence[Array]) -> Array:
-    """How far loops of three links confirm each of them: 0.01 for a link in no loop, 2 where two of two close, (L,).
+    """How far loops of three links confirm each of them: 0.01 for a link in no loop, 1.5 where two of two close, (L,).
 
     Parameters
     ----------
@@ -271,12 +270,6 @@ def outline(view: View, transform: Array) -> Array:
     return apply(transform, Canvas(0, 0, *view.working_size).corners)
 
 
-def _parts(group: LinkedGroup, links: Sequence[Link]) -> list[list[int]]:
-    """The parts of a group that some of its links join."""
-    row = {member: index for index, member in enumerate(group.members)}
-    return groups(len(row), [dataclasses.replace(link, left=row[link.left], right=row[link.right]) for link in links])
-
-
 def overlap(one: Array, other: Array) -> float:
     """Common area of two convex outlines (4, 2), as a share of the smaller."""
     one, other = one.astype(np.float32), other.astype(np.float32)
@@ -317,32 +310,41 @@ def _choose_model(group: LinkedGroup) -> tuple[str, str, Array]:
 def _contradicting(group: LinkedGroup, errors_px: Sequence[Array]) -> list[Link]:
     """The links that the layout does not explain, without those that alone join parts of the group."""
     middle_px = {link: float(np.median(error)) for link, error in zip(group.links, errors_px, strict=True)}
+    row = {member: index for index, member in enumerate(group.members)}
     kept = [link for link in group.links if middle_px[link] <= FALSE_LINK_PX]
+    _, part = connected_components(_joined(group, kept), directed=False)
     false = []
     # Where parts would fall apart, the least wrong links between them stay.
-    parts = len(_parts(group, kept))
-    for link in sorted((link for link in group.links if link not in kept), key=lambda link: middle_px[link]):
-        if parts > 1 and len(_parts(group, [*kept, link])) < parts:
-            kept.append(link)
-            parts -= 1
-        else:
+    for link in sorted(group.links, key=middle_px.__getitem__)[len(kept) :]:
+        one, other = part[row[link.left]], part[row[link.right]]
+        if one == other:
             false.append(link)
+        part[part == other] = one
     return false
 
 
 def _doubtful_part(group: LinkedGroup, false: Sequence[Link]) -> set[int]:
     """The smaller one of two parts of a group that a single link joins and another contradicts; empty without such."""
     row = {member: index for index, member in enumerate(group.members)}
-    pairs = np.array([(row[link.left], row[link.right]) for link in group.links])
-    ones = np.ones(len(pairs), dtype=np.int32)
-    joined = csr_array((ones, pairs.T), shape=(len(row),) * 2)
-    joined = csr_array(joined + joined.T)
+    joined = _joined(group, group.links)
     for link in false:
-        if maximum_flow(joined, row[link.left], row[link.right]).flow_value > 1:
+        flow = maximum_flow(joined, row[link.left], row[link.right])
+        if flow.flow_value > 1:
             continue
-        # Nothing joins the two sides once the one link between them is gone.
-        for bridge in group.links:
-            parts = _parts(group, [other for other in group.links if other is not bridge])
-            if len(parts) > 1 and (row[link.left] in parts[1]) != (row[link.right] in parts[1]):
-                return {group.members[index] for index in parts[1]}
+        # What each end still reaches once the one link, or one of several in a row, carries all that it can.
+        spare = csr_array(joined - flow.flow)
+        spare.eliminate_zeros()
+        sides = [
+            breadth_first_order(residual, row[end], return_predecessors=False)
+            for residual, end in ((spare, link.left), (csr_array(spare.T), link.right))
+        ]
+        return {group.members[index] for index in min(sides, key=len).tolist()}
     return set()
+
+
+def _joined(group: LinkedGroup, links: Sequence[Link]) -> csr_array:
+    """Which members of a group some of its links join, as a symmetric matrix of 0 and 1."""
+    row = {member: index for index, member in enumerate(group.members)}
+    pairs = np.array([(row[link.left], row[link.right]) for link in links], dtype=np.intp).reshape(-1, 2)
+    joined = csr_array((np.ones(len(pairs), dtype=np.int32), pairs.T), shape=(len(row),) * 2)
+    return csr_array(joined + joined.T)

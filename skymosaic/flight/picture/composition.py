@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import groupby
 from typing import Any
 
@@ -81,6 +82,11 @@ class Placement:
     seam: SeamMask | None = None
     least_nearness: float = 0.0
 
+    @cached_property
+    def footprint(self) -> Canvas:
+        """The rectangle of the reference frame that it may cover."""
+        return footprint(self.size, self.transform, self.least_nearness)
+
     @property
     def outline(self) -> Array:
         """Corners (N, 2) of what may be shown of it, its pixels."""
@@ -94,7 +100,7 @@ class Placement:
 
     def shows_in(self, part: Canvas) -> bool:
         """Whether it shows in a part of the reference frame."""
-        shown = footprint(self.size, self.transform, self.least_nearness).intersection(part)
+        shown = self.footprint.intersection(part)
         return shown is not None and (self.seam is None or self.seam.touches(shown))
 
 

@@ -139,7 +139,7 @@ def _place_on_canvas(
         to_canvas, transforms, canvas = lay(scale * share)
         reduced = (
             f"reduced from {full.width_px}x{full.height_px} to {canvas.width_px}x{canvas.height_px} px, because "
-            f"{room.reason}; a .tif has room for more, --scale or --canvas-limit choose the size"
+            f"{room.reason}; --scale or --canvas-limit choose the size"
         )
     if on_map is not None:
         to_layout = np.asarray(np.linalg.inv(canvas.translation @ to_canvas))
