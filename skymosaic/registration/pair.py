@@ -120,7 +120,7 @@ class Pair:
 
     @property
     def accepted(self) -> bool:
-        """Whether the homography can be trusted (at least 12 inliers at 2 px)."""
+        """Whether there is a homography: enough inliers at different places, and spread widely enough."""
         return self.homography is not None
 
     @property

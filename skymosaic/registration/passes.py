@@ -47,7 +47,7 @@ from skymosaic.registration.front_end_runs import (
 STRONG_INLIERS = 60
 STRONG_SHARE_OF_OVERLAP = 0.25
 STRONG_SHARE_OF_KEPT = 0.25
-# There are up to ten further passes, and most pairs that need so many are unrelated: one short search for each.
+# Most pairs that need many further passes are unrelated: one short search for each.
 FURTHER_PASS_SAMPLES = 1000
 MIN_PLACES = 12
 # Small frames show in a quarter of the time which tilts are worth a pass at full size: unrelated frames seldom gather

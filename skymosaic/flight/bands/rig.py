@@ -168,6 +168,11 @@ def _fit(band: str, reference: str, places: Sequence[Places], to_original: Matri
         for own, other, _ in places
         if len(own) >= MIN_PLACES_PER_CAPTURE
     ]
+    if not errors:
+        raise RegistrationError(
+            f"{failed} none of {len(places)} captures shows {MIN_PLACES_PER_CAPTURE} places in both; name another "
+            "--band, or leave its files out"
+        )
     if max(errors) > MAX_DRIFT_PX:
         raise RegistrationError(
             f"{failed} it lies {max(errors):.1f} px off in one capture; the cameras of a rig must be "

@@ -209,7 +209,8 @@ def write_command(inputs: list[str], photographs: int, options: Options, output:
     if photographs == 2:
         # Methods of the host are not in the configuration; flights take none of them.
         words += ["--detector", f"{options.detector}", "--descriptor", f"{options.descriptor}"]
-        words += ["--estimator", options.estimator, *(["--refine"] if options.refine else [])]
+        words += ["--estimator", options.estimator]
+        words += [*(["--refine"] if options.refine else []), *(["--accept-poor"] if options.accept_poor else [])]
     words += [] if options.blending is None else ["--blend", options.blending]
     words += _if_damaged(options)
     return shlex.join([*words, "--backend", options.backend_name, "--report", REPORT, "-o", output, "--overwrite"])

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from sim.scene import make_lawnmower, make_pair
 from skymosaic.cli import app
 from skymosaic.panel.options import Options
-from skymosaic.panel.tasks.mosaic_tasks import compare_hardware, make_mosaic
+from skymosaic.panel.tasks.mosaic_tasks import compare_hardware, make_mosaic, write_command
 
 METRES_PER_PIXEL = 0.15
 NORTH_DEG, EAST_DEG = 46.0, 7.0
@@ -117,3 +117,9 @@ def write_flight_with_gps(folder: Path) -> list[str]:
         exif.get_ifd(IFD.GPSInfo).update({1: "N", 2: minutes[0], 3: "E", 4: minutes[1]})
         Image.fromarray(image[..., ::-1]).save(folder / name, quality=92, exif=exif)
     return names
+
+
+def test_the_command_delivers_a_poor_pair_where_the_panel_did() -> None:
+    options = Options.of_preset("aerial")
+    assert "--accept-poor" not in write_command(["a.png", "b.png"], 2, options)
+    assert "--accept-poor" in write_command(["a.png", "b.png"], 2, options.changed("accept_poor", True))
