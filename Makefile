@@ -58,7 +58,7 @@ lint: $(VENV)/installed
 $(VENV)/runs: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(INSTALL) --upgrade pip
-	$(INSTALL) --editable '.[sim]' $(if $(VERSIONS),--constraint $(VERSIONS))
+	$(INSTALL) --editable '.[sim,plots]' $(if $(VERSIONS),--constraint $(VERSIONS))
 	touch $@
 
 $(VENV)/installed: $(VENV)/runs

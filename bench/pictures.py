@@ -43,7 +43,6 @@ PICTURES = ROOT / "docs" / "images"
 PAGE = ROOT / "docs" / "how-to" / "notebook.md"
 SEED = 9
 QUALITY = 70
-CAPTION_PX = 48
 DRAWN_BYTE = 0
 """The byte of the descriptor whose eight comparisons are drawn."""
 NOTEBOOK = SOURCES / "pynq" / "skymosaic.ipynb"
@@ -54,7 +53,7 @@ NOTE = """<!-- Written by `python -m bench.pictures notebook`. -->
 
 !!! note
     This is `pynq/skymosaic.ipynb` of `skymosaic export --board pynq_z2`, run on the simulated accelerator by
-    `python -m bench.pictures notebook`. It has not yet run on a board."""
+    `python -m bench.pictures notebook`."""
 
 Folder = Annotated[Path, typer.Option(help="Where the pictures are written.")]
 
@@ -122,16 +121,19 @@ def passes(folder: Folder = PICTURES) -> None:
 
 def draw_efforts(title: str, left: Pixels, right: Pixels) -> Pixels:
     """A pair, and how its overlap fits after one pass and by the default effort, side by side."""
-    pictures = [caption(np.concatenate((left, right), axis=1), title)]
+    pictures = [(np.concatenate((left, right), axis=1), title)]
     for words, effort in (("one pass", "fast"), ("normal", "normal")):
         pair = register(left, right, effort=effort)
         if pair.homography is None or pair.confidence is None:
-            pictures.append(caption(np.zeros_like(left), f"{words}: refused"))
+            pictures.append((np.zeros_like(left), f"{words}: refused"))
         else:
             predicted = f"{words}: predicted error {pair.confidence.predicted_px:.1f} px"
-            pictures.append(caption(draw_overlap(left, right, pair.homography), predicted))
-    row = np.concatenate(pictures, axis=1)
-    return cv2.resize(row, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA).astype(np.uint8)
+            pictures.append((draw_overlap(left, right, pair.homography), predicted))
+    return np.concatenate([figures.add_header(_halve(picture), words) for picture, words in pictures], axis=1)
+
+
+def _halve(picture: Pixels) -> Pixels:
+    return np.asarray(cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def draw_overlap(left: Pixels, right: Pixels, homography: Matrix) -> Pixels:
@@ -140,14 +142,6 @@ def draw_overlap(left: Pixels, right: Pixels, homography: Matrix) -> Pixels:
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     warped = cv2.warpPerspective(right, homography, (width, height), flags=flags)
     return np.asarray(cv2.merge((warped, warped, left)), dtype=np.uint8)
-
-
-def caption(picture: Pixels, words: str) -> Pixels:
-    """A picture in colour with a line of text above it."""
-    coloured = picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
-    line = np.full((CAPTION_PX, picture.shape[1], 3), 255, np.uint8)
-    cv2.putText(line, words, (12, CAPTION_PX - 14), cv2.FONT_HERSHEY_SIMPLEX, 1.1, (30, 30, 30), 2, cv2.LINE_AA)
-    return np.concatenate((line, coloured)).astype(np.uint8)
 
 
 def save(path: Path, pixels: Pixels) -> None:

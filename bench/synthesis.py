@@ -212,7 +212,7 @@ def area(
 
 @app.command()
 def clock(names: Names = None, json_file: JsonFile = None) -> None:
-    """Clock on the ECP5, the median of three placements; takes the extra ``bench``."""
+    """Clock on the ECP5, the median of three placements; takes the extra ``ulx3s``."""
 
     def figures(design: Design, folder: Path) -> dict[str, str]:
         clocks = place(design, folder)

@@ -11,6 +11,7 @@ import shutil
 from collections import Counter
 from collections.abc import Callable
 from importlib.util import find_spec
+from pathlib import Path
 from typing import NamedTuple
 
 import pytest
@@ -38,7 +39,9 @@ NEEDS = {
     "tcl": Need("Tcl", lambda: find_spec("_tkinter") is not None, "sudo apt-get install python3-tk"),
     "pynq": Need("modules of PYNQ", is_fetched, "make tools, with a connection to the package index"),
     "data": Need(
-        "public photographs", lambda: bool(os.environ.get("SKYMOSAIC_DATA")), "export SKYMOSAIC_DATA=their folder"
+        "public photographs",
+        lambda: Path(os.environ.get("SKYMOSAIC_DATA") or "absent").is_dir(),
+        "export SKYMOSAIC_DATA=their folder",
     ),
 }
 FIXTURES = {"browser": "chromium", "public_data": "data"}

@@ -26,7 +26,7 @@ COMMANDS = {
     "panel": "Serve the front panel, a web page for this machine only.",
     "fuzzy": "Print the rules of the fuzzy systems, and draw them.",
     "thesis": "Repeat the thesis's experiments.",
-    "export": "Write Verilog and more: for a Xilinx kit, for a live camera, or of one block.",
+    "export": "Write Verilog and more: for a board, for a live camera, or of one block.",
     "compare": "Compare the hardware with the golden model on a pair of photographs.",
 }
 """Each command, which is a function of the same name in the module of that name, and its line in the help."""

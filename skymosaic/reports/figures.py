@@ -38,7 +38,7 @@ def draw_corners(image: Pixels, features: Records) -> Pixels:
         color = LEVEL_COLORS[int(feature["level"])]
         cv2.circle(canvas, (x, y), radius, color, 1, cv2.LINE_AA, _SUBPIXEL_SHIFT)
         cv2.line(canvas, (x, y), tip, color, 1, cv2.LINE_AA, _SUBPIXEL_SHIFT)
-    return _add_header(
+    return add_header(
         canvas, f"{len(features)} features", (("full size", LEVEL_COLORS[0]), ("half size", LEVEL_COLORS[1]))
     )
 
@@ -74,7 +74,7 @@ def _draw_panel(pair: Pair, shown: Records, ringed: Records, title: str, rule_na
         _draw_ring(panel, right_point, _right_offset(pair))
     count = np.bincount(shown["rule"], minlength=len(rule_names))
     legend = [(f"{name} {count[rule]}", rule_color(rule)) for rule, name in enumerate(rule_names) if count[rule]]
-    return _add_header(panel, title, legend)
+    return add_header(panel, title, legend)
 
 
 def _right_offset(pair: Pair) -> int:
@@ -88,12 +88,15 @@ def _draw_ring(panel: Pixels, point: Array, offset_px: int) -> None:
 
 def _dim(image: Pixels) -> Pixels:
     """Copy an image in colour at 60 % brightness, so that lines stand out."""
-    colour = image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
-    return np.asarray(cv2.convertScaleAbs(colour, alpha=0.6), dtype=np.uint8)
+    return np.asarray(cv2.convertScaleAbs(_in_colour(image), alpha=0.6), dtype=np.uint8)
 
 
-def _add_header(picture: Pixels, title: str, legend: Sequence[tuple[str, Color]]) -> Pixels:
-    """Put a title and a legend above a picture; they wrap at its width."""
+def _in_colour(image: Pixels) -> Pixels:
+    return image if image.ndim == 3 else np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+
+
+def add_header(picture: Pixels, title: str, legend: Sequence[tuple[str, Color]] = ()) -> Pixels:
+    """Put a title and a legend above a gray or BGR picture; they wrap at its width."""
     rows: list[list[tuple[str, Color, int]]] = [[]]
     x = _TEXT_GAP_PX
     for text, color in ((title, TEXT_COLOR), *legend):
@@ -108,4 +111,4 @@ def _add_header(picture: Pixels, title: str, legend: Sequence[tuple[str, Color]]
         for text, color, left in row:
             baseline = (left, _HEADER_ROW_PX * index + 18)
             cv2.putText(header, text, baseline, _FONT, _FONT_SCALE, color, 1, cv2.LINE_AA)
-    return np.concatenate((header, picture), axis=0)
+    return np.concatenate((header, _in_colour(picture)), axis=0)

@@ -6,9 +6,10 @@ Needs matplotlib, which the extra ``plots`` installs.
 import io
 
 import numpy as np
-from matplotlib import rc_context
+from matplotlib import colormaps, rc_context
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -16,8 +17,8 @@ from golden_model.formats import WEIGHT
 from golden_model.matching.fuzzy import ONE, SugenoSystem, Variable
 from skymosaic.reports.fuzzy_systems import Axis, PlottedSystem
 
-SET_COLORS = ("#2a7f62", "#d99a2b", "#b03a48")
-"""Colours of the first, second and third set of an input."""
+SET_COLORS = ("#2a7f62", "#d99a2b", "#b03a48", *map(to_hex, colormaps["tab20"](range(20))))
+"""Colours of the sets of an input, of which there may be 16."""
 BEYOND = 1.25
 """Curves extend to this multiple of the table's length, since the last entry applies to all larger values."""
 FEW_ENTRIES = 8
@@ -54,7 +55,7 @@ def _plotted_entries(variable: Variable) -> NDArray[np.int64]:
 def _plot_membership(plot: Axes, variable: Variable, axis: Axis) -> None:
     entries = _plotted_entries(variable)
     style = "o:" if variable.entries <= FEW_ENTRIES else "-"
-    for (name, table), color in zip(variable.sets.items(), SET_COLORS, strict=False):
+    for (name, table), color in zip(variable.sets.items(), SET_COLORS[: len(variable.sets)], strict=True):
         degree = table[np.minimum(entries, variable.entries - 1)] / ONE
         plot.plot(axis.units(entries), degree, style, label=name, color=color, linewidth=2)
     plot.set(xlabel=axis.label, ylabel="degree of membership", ylim=(-0.04, 1.04))

@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -37,12 +38,16 @@ def start(folders: Path, *words: object) -> subprocess.Popen[str]:
 
 def kill_again_and_again(run: Callable[[], subprocess.Popen[str]], check: Callable[[], None]) -> None:
     """Kill runs at random moments and check what is there; the last one must end by itself."""
+    killed = 0
     for seconds in np.random.default_rng(16).uniform(0.1, MAX_SECONDS, KILLS):
         process = run()
         time.sleep(seconds)
         process.kill()
         process.communicate()
+        killed += process.returncode == -signal.SIGKILL
         check()
+    # Most runs were still at work.
+    assert killed > KILLS / 2
     last = run()
     errors = last.communicate()[1]
     assert last.returncode == 0, errors

@@ -1,6 +1,7 @@
 """The ULX3S: its top at the pins, through the exported driver, and what `export --board ulx3s` writes and builds."""
 
 import dataclasses
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -152,9 +153,16 @@ def test_the_export_has_what_its_readme_names(tmp_path: Path, monkeypatch: pytes
         *("README.md", "ulx3s.lpf", "config.toml", f"rtl/{export.TOP}.v", *(f"host/{name}.py" for name in host)),
         *(f"registers/{name}" for name in ("register_map.md", "skymosaic.svd", "skymosaic_registers.h")),
     }
+    # The Verilog is made for the ECP5.
     assert (tmp_path / "rtl" / f"{export.TOP}.v").read_text() == "True"
     assert load_config(tmp_path / "config.toml") == export.DEFAULT_CONFIG
     readme = (tmp_path / "README.md").read_text()
+    named = {
+        name for cell in re.findall(r"^\| (`.*?) \|", readme, re.MULTILINE) for name in re.findall("`(.*?)`", cell)
+    }
+    assert len(named) > 4
+    # The bitstream is built by another test.
+    assert {name for name in named if not (tmp_path / name).exists()} == {"build/skymosaic.bit"}
     assert "Not yet run on a board" in readme
     assert all(f"\n{tool} " in readme for tool, *_ in export.STEPS)
     # Every port has a pin.

@@ -7,23 +7,16 @@ import numpy as np
 import pytest
 
 from golden_model.arrays import Pixels
-from sim.scene import Camera, CameraPose, Photometry, render_ground, render_view
-from sim.scene.camera import find_visible_box
+from sim.scene import CameraPose
 from skymosaic import register
 from skymosaic.features.positions import match_points
 from skymosaic.registration.confidence import Confidence, fits_throughout
+from tests.skymosaic.registration.rendering import CAMERA, view
 
-CAMERA = Camera(width_px=480, height_px=360, focal_px=384)
 
-
-def view(x_px: int, seed: int) -> Pixels:
+def view_at(x_px: int, seed: int) -> Pixels:
     """What the camera sees from 384 px above the ground, so that ``x_px`` moves the picture by as many pixels."""
-    pose = CameraPose(x_px=x_px, y_px=40, altitude_px=384)
-    left, top, width, height = find_visible_box(pose, CAMERA)
-    ground = render_ground(1, width, height, (left, top))
-    photometry = Photometry(blur_sigma_px=0.4, noise_sigma=1.5)
-    image = render_view(ground, pose, CAMERA, photometry, np.random.default_rng(seed), origin=(left, top))
-    return image[..., 1].copy()
+    return view(CameraPose(x_px=x_px, y_px=40, altitude_px=384), seed)
 
 
 def with_relief(image: Pixels, parallax_px: float) -> Pixels:
@@ -45,12 +38,12 @@ def assert_rising(values: list[float]) -> None:
 
 @pytest.fixture(scope="module")
 def left() -> Pixels:
-    return view(60, seed=0)
+    return view_at(60, seed=0)
 
 
 def test_confidence_falls_with_the_overlap(left: Pixels) -> None:
     # Shared by both: 92, 54 and 21 % of the width.
-    views = [confidence(left, view(x_px, seed=3)) for x_px in (100, 280, 440)]
+    views = [confidence(left, view_at(x_px, seed=3)) for x_px in (100, 280, 440)]
     assert_rising([each.predicted_px for each in views])
     assert [each.verdict for each in views] == ["good"] * 3
     assert all(each.correlation > 0.7 and each.held_out_share > 0.9 for each in views)
@@ -58,7 +51,7 @@ def test_confidence_falls_with_the_overlap(left: Pixels) -> None:
 
 
 def test_confidence_falls_with_relief(left: Pixels) -> None:
-    right = view(100, seed=3)
+    right = view_at(100, seed=3)
     hills = [confidence(left, with_relief(right, parallax_px)) for parallax_px in (0, 2, 4, 8, 12)]
     assert_rising([each.predicted_px for each in hills])
     assert_rising([-each.held_out_share for each in hills])
@@ -69,7 +62,7 @@ def test_confidence_falls_with_relief(left: Pixels) -> None:
 
 
 def test_a_poor_pair_on_little_of_the_overlap_is_refused(left: Pixels, monkeypatch: pytest.MonkeyPatch) -> None:
-    right = view(280, seed=3)
+    right = view_at(280, seed=3)
     monkeypatch.setattr("skymosaic.registration.confidence.POOR_PX", 0.0)
     monkeypatch.setattr("skymosaic.registration.confidence.GOOD_PX", 0.0)
     monkeypatch.setattr("skymosaic.registration.confidence.CLEAR_INLIERS", 10_000)
@@ -88,7 +81,7 @@ def test_a_poor_pair_on_little_of_the_overlap_is_refused(left: Pixels, monkeypat
 
 
 def test_a_clear_pair_is_good_without_a_closer_look(left: Pixels, monkeypatch: pytest.MonkeyPatch) -> None:
-    pair, hills = (register(left, image) for image in (view(100, seed=3), with_relief(view(100, seed=3), 8)))
+    pair, hills = (register(left, image) for image in (view_at(100, seed=3), with_relief(view_at(100, seed=3), 8)))
     clear = [
         fits_throughout(each.working_homography, *match_points(each.kept), (480, 360), (480, 360))
         for each in (pair, hills)
@@ -96,4 +89,4 @@ def test_a_clear_pair_is_good_without_a_closer_look(left: Pixels, monkeypatch: p
     ]
     assert clear == [True, False]
     monkeypatch.setattr("skymosaic.registration.pair.assess", lambda *_: pytest.fail("assessed"))
-    assert register(left, view(100, seed=3)).accepted
+    assert register(left, view_at(100, seed=3)).accepted

@@ -10,23 +10,14 @@ from bench.rendered_pairs import flat_pair
 from golden_model.config import Config
 from sim.backends.golden import GoldenBackend
 from sim.backends.interface import FrameResult, Reference
-from sim.scene import Camera, CameraPose, Photometry, render_ground, render_view
-from sim.scene.camera import find_visible_box
+from sim.scene import CameraPose
 from skymosaic import register
 from skymosaic.errors import InputError
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.registration.passes import Evidence, Search, SearchState
+from tests.skymosaic.registration.rendering import CAMERA, view
 
-SIZE = (480, 360)
-CAMERA = Camera(width_px=SIZE[0], height_px=SIZE[1], focal_px=384)
-
-
-def view(pose: CameraPose, seed: int) -> NDArray[np.uint8]:
-    left, top, width, height = find_visible_box(pose, CAMERA)
-    ground = render_ground(1, width, height, (left, top))
-    photometry = Photometry(blur_sigma_px=0.4, noise_sigma=1.5)
-    image = render_view(ground, pose, CAMERA, photometry, np.random.default_rng(seed), origin=(left, top))
-    return image[..., 1].copy()
+SIZE = (CAMERA.width_px, CAMERA.height_px)
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,10 @@
 
 import importlib
 import importlib.util
+import json
 import re
 import shlex
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -24,13 +26,14 @@ SOURCES = [
 ]
 SPAN = r"``([^`\n]+)``|`([^`\n]+)`"
 """Quoted in a sentence."""
-BLOCK_LINE = r"^ *(?:\$ |\.venv/bin/)?((?:skymosaic|python|make|pytest) .*)$"
+BLOCK_LINE = r"^ *(?:\$ |\.venv/bin/)?((?:skymosaic|python|make|pip|pytest) .*)$"
 """Quoted in a block of a page."""
 ENDS = {"|", "||", "&&", "&", ">", ">>", ";", "#", "..."}
 """Words of a shell behind which another command, a file or a comment comes."""
 USAGE_ERROR: Any = typer.BadParameter.__base__
 """Typer's own; it has no public name."""
 MAKEFILE = (ROOT / "Makefile").read_text()
+EXTRAS = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"])
 
 
 def quoted(text: str, pattern: str = SPAN) -> Iterator[list[str]]:
@@ -51,19 +54,33 @@ def quoted(text: str, pattern: str = SPAN) -> Iterator[list[str]]:
 
 def why_wrong(words: list[str]) -> str | None:
     """What is wrong with a command; None for one that exists, and for what is none of the project's commands."""
+    reasons: list[str | None]
     match words:
         case ["skymosaic", *rest]:
             return wrong_arguments(get_command(skymosaic), rest)
         case ["python" | "python3", "-m", module, *rest] if module.split(".")[0] in {"bench", "tools", "hdl", "tests"}:
             return wrong_module(module, rest)
         case ["python" | "python3", script, *_] if script.startswith(("bench/", "tools/")):
-            return None if (ROOT / script).is_file() else "no such script"
+            reasons = [None if (ROOT / script).is_file() else "no such script"]
+        case ["pip", "install", *rest]:
+            reasons = [why_not_installable(word) for word in rest]
         case ["make", *rest]:
-            return next((f"no {word} in the Makefile" for word in rest if not in_makefile(word)), None)
+            reasons = [None if in_makefile(word) else f"no {word} in the Makefile" for word in rest]
         case ["pytest", *rest]:
             paths = [word.split("::")[0] for word in rest if word.startswith("tests/")]
-            return next((f"no {path}" for path in paths if not (ROOT / path).exists()), None)
-    return None
+            reasons = [None if (ROOT / path).exists() else f"no {path}" for path in paths]
+        case _:
+            reasons = []
+    return next(filter(None, reasons), None)
+
+
+def why_not_installable(word: str) -> str | None:
+    """What is wrong with an argument of ``pip install``: the project is on no index, and an extra must exist."""
+    package, bracket, extras = word.rstrip("]").partition("[")
+    if package == "skymosaic":
+        return "on no package index"
+    unknown = set(extras.split(",")) - EXTRAS if bracket and package in {".", ""} else set()
+    return f"no extra {', '.join(unknown)}" if unknown else None
 
 
 def in_makefile(word: str) -> bool:
@@ -108,6 +125,8 @@ def test_every_quoted_command_exists() -> None:
         pattern = f"{SPAN}|{BLOCK_LINE}" if path.suffix == ".md" else SPAN
         found = quoted(path.read_text(encoding="utf-8"), pattern)
         commands |= {tuple(words): path.relative_to(ROOT) for words in found}
+    for path in ROOT.glob("docs/measured/*.json"):
+        commands[tuple(shlex.split(json.loads(path.read_text(encoding="utf-8"))["command"]))] = path.relative_to(ROOT)
     wrong = [f"{path}: {' '.join(words)}: {why}" for words, path in commands.items() if (why := why_wrong(list(words)))]
     assert not wrong, "\n".join(wrong)
     ours = [words for words in commands if words[0] in {"skymosaic", "python", "make"}]
@@ -124,6 +143,8 @@ def test_every_quoted_command_exists() -> None:
         ("python -m bench.absent", "no such module"),
         ("python bench/absent.py", "no such script"),
         ("make everything", "no everything"),
+        ("pip install 'skymosaic[sim]'", "on no package index"),
+        ("pip install '.[absent]'", "no extra absent"),
         ("make test-soak CLOCKS=5", "no CLOCKS=5"),
         ("pytest tests/absent.py::test_it -k one", "no tests/absent.py"),
     ],

@@ -14,7 +14,8 @@ REFERENCES = {
     "II-7", "II-8 to II-11", "III-1", "III-2", "III-3", "III-4", "III-5", "III.5.1", "III.5.2", "III-8, III-9, IV.2.4",
     "II-12 to II-15", "II-16", "II-17", "II.2.4", "II-18, A-1 to A-4", "III.6.4, III-10", "IV-2", "IV-3 to IV-5",
     "IV-6, IV-7", "Tables III-1, III-2", "fuzzy ILBP", "Table III-3", "Table IV-1", "Table IV-2", "Table IV-3",
-    "Table IV-4", "Table IV-5", "Table IV-6", "Table IV-7", "Figure IV-6", "IV.6", "IV.6.1", "membership curves",
+    "Table IV-4", "Table IV-5", "Table IV-6", "Table IV-7", "Figure IV-6", "IV.6", "IV.6.1", "IV.6.3",
+    "membership curves",
 }  # fmt: skip
 
 
