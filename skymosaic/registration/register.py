@@ -4,13 +4,15 @@ import dataclasses
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Unpack
+from typing import NamedTuple, Unpack
 
 import numpy as np
 
 from golden_model.arrays import Mask, Matrix, Pixels, Points, Records
+from golden_model.config import Config
 from golden_model.matching.matcher import match
-from sim.backends.interface import Progress, silent
+from sim.backends.interface import Backend, Progress, silent
+from skymosaic.features.frames import DescribedImage
 from skymosaic.features.positions import are_on_ground, match_points, select_ground_matches
 from skymosaic.features.standing import STANDS_STILL, are_still, remove_still, stands_on_still_parts
 from skymosaic.geometry.estimators import FABRIC, SCORINGS, estimate
@@ -22,7 +24,7 @@ from skymosaic.registration.dense import refit_pair
 from skymosaic.registration.extraction import Features, extract_within_capacity, share_features
 from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
 from skymosaic.registration.pair import Pair, map_to_originals
-from skymosaic.registration.passes import Evidence, Search, explain_refusal
+from skymosaic.registration.passes import Evidence, Search, SearchState, explain_refusal
 from skymosaic.stopwatch import Stopwatch
 
 INVERTED_NOTE = "it matches only as its negative, as thermal and infrared photographs may"
@@ -75,7 +77,7 @@ def register(
         features = share_features(left, options), share_features(right, options)
         clock.lap("reading")
         photographs = features[0].photograph, features[1].photograph
-        return register_photographs(photographs, options, seconds=clock.seconds, features=features)
+        return register_photographs(photographs, options, seconds=clock.seconds, features=features, progress=progress)
     photographs = (
         load(left, "left image", keep_damaged=options.keeps_damaged),
         load(right, "right image", keep_damaged=options.keeps_damaged),
@@ -102,62 +104,32 @@ def register_photographs(
     effort = options.choose_effort(method)
     front_end = options.open_backend(method, progress)
     if features is None:
-        (left, to_left), (right, to_right) = (
-            reduce_for_front_end(photo.pixels, options.working_width_px, photo.name) for photo in photographs
-        )
+        reduced = [reduce_for_front_end(each.pixels, options.working_width_px, each.name) for each in photographs]
+        (left, to_left), (right, to_right) = reduced
     else:
         (left, to_left), (right, to_right) = ((each.working.image, each.to_original) for each in features)
-    estimated = None
-    # A threshold that was raised for one photograph alone is raised for both.
-    if features is not None and features[0].config.front_end == features[1].config.front_end:
-        config = dataclasses.replace(config, front_end=features[0].config.front_end)
-        records = features[0].records, features[1].records
-        matches = match(*records, config.front_end.pattern, config.matcher)
-    else:
-        # The left frame is held as the reference, so the matches come with the right one.
-        if options.estimator == FABRIC and lens is None:
-            config = dataclasses.replace(config, estimator=draw_config(np.random.default_rng(options.seed)))
-        (left_result, right_result), config = extract_within_capacity(front_end, [left, right], config)
-        records, matches = (left_result.features, right_result.features), right_result.matches
-        estimated = right_result.homography
-    if np.array_equal(photographs[0].pixels, photographs[1].pixels):
-        photographs = photographs[0], photographs[1].with_note(f"the same picture as {photographs[0].name}")
+    first = _match_first(front_end, (left, right), config, options, features=features, masked=lens is not None)
     masks = [lens.visible_mask((image.shape[1], image.shape[0])) if lens else None for image in (left, right)]
-    remove_masked = partial(select_ground_matches, visible=masks)
     clock.lap("features and matches")
-    # One generator for all passes: a result depends on the seed alone.
-    rng = np.random.default_rng(options.seed)
-    make_search = partial(Search, front_end, (left, right), config, rng, scoring=SCORINGS.get(options.estimator))
-    if features is not None:
-        make_search = partial(make_search, shared=(features[0].working, features[1].working))
-    first_pass = Evidence(records, remove_masked(matches))
-    estimate_first = partial(_estimate, options.estimator, (right.shape[1], right.shape[0]), rng)
-    search = make_search(remove_masked)
-    state = search.run(effort, search.accept(first_pass, *estimate_first(first_pass.matches, estimated), passes=1))
-    stands_still = state.homography is not None and stands_on_still_parts(
-        *match_points(state.evidence.matches[state.inliers]), state.evidence.features
+    remove_masked = partial(select_ground_matches, visible=masks)
+    shared = None if features is None else (features[0].working, features[1].working)
+    state, stands_still = _search(
+        first, front_end, (left, right), options, effort=effort, remove_masked=remove_masked, shared=shared
     )
-    if stands_still:
-        photographs = photographs[0], photographs[1].with_note(STANDS_STILL)
-        first_pass = dataclasses.replace(first_pass, matches=remove_still(first_pass.matches))
-        search = make_search(lambda matches: remove_still(remove_masked(matches)))
-        state = search.run(effort, search.accept(first_pass, *estimate_first(first_pass.matches), passes=1))
-    to_original, homography = (to_left, to_right), state.homography
-    if state.inverted:
-        photographs, right = (photographs[0], photographs[1].with_note(INVERTED_NOTE)), ~right
+    homography = None if state.homography is None else map_to_originals(state.homography, (to_left, to_right))
     pair = Pair(
         left=photographs[0],
-        right=photographs[1],
-        to_original=to_original,
-        working=(left, right),
+        right=_with_notes(photographs, stands_still=stands_still, inverted=state.inverted),
+        to_original=(to_left, to_right),
+        working=(left, ~right if state.inverted else right),
         features=state.evidence.features,
         matches=state.evidence.matches,
         kept=state.evidence.kept,
         inliers=state.evidence.matches[state.inliers],
         refined_inliers=0,
-        homography=None if homography is None else map_to_originals(homography, to_original),
+        homography=homography,
         reason="" if homography is not None else explain_refusal(state) + (f"; {STANDS_STILL}" if stands_still else ""),
-        config=config,
+        config=first.config,
         method=method,
         estimator=options.estimator,
         effort=effort,
@@ -175,6 +147,78 @@ def register_photographs(
     pair = _settle(pair, options, shows_ground)
     clock.lap("refinement")
     return pair
+
+
+class _FirstPass(NamedTuple):
+    """Features and matches of the working images, the configuration they took, and a homography from the hardware."""
+
+    features: tuple[Records, Records]
+    matches: Records
+    config: Config
+    homography: np.void | None = None
+
+
+def _match_first(
+    front_end: Backend,
+    images: tuple[Pixels, Pixels],
+    config: Config,
+    options: RegistrationOptions,
+    *,
+    features: tuple[Features, Features] | None,
+    masked: bool,
+) -> _FirstPass:
+    """Match the working images, by the ``features`` that they may have already."""
+    # A threshold that was raised for one photograph alone is raised for both.
+    if features is not None and features[0].config.front_end == features[1].config.front_end:
+        config = dataclasses.replace(config, front_end=features[0].config.front_end)
+        records = features[0].records, features[1].records
+        return _FirstPass(records, match(*records, config.front_end.pattern, config.matcher), config)
+    # The hardware does not know what a lens masks.
+    if options.estimator == FABRIC and not masked:
+        config = dataclasses.replace(config, estimator=draw_config(np.random.default_rng(options.seed)))
+    # The left frame is held as the reference, so the matches come with the right one.
+    (left, right), config = extract_within_capacity(front_end, list(images), config)
+    return _FirstPass((left.features, right.features), right.matches, config, right.homography)
+
+
+def _search(
+    first: _FirstPass,
+    front_end: Backend,
+    images: tuple[Pixels, Pixels],
+    options: RegistrationOptions,
+    *,
+    effort: str,
+    remove_masked: Callable[[Records], Records],
+    shared: tuple[DescribedImage, DescribedImage] | None,
+) -> tuple[SearchState, bool]:
+    """Search; and once more without what stands still in both photographs, where that is all that was found."""
+    # One generator for all passes: a result depends on the seed alone.
+    rng = np.random.default_rng(options.seed)
+
+    def run(evidence: Evidence, remove: Callable[[Records], Records], homography: np.void | None = None) -> SearchState:
+        scoring = SCORINGS.get(options.estimator)
+        search = Search(front_end, images, first.config, rng, remove, scoring=scoring, shared=shared)
+        size = (images[1].shape[1], images[1].shape[0])
+        found = _estimate(options.estimator, size, rng, evidence.matches, homography)
+        return search.run(effort, search.accept(evidence, *found, passes=1))
+
+    evidence = Evidence(first.features, remove_masked(first.matches))
+    state = run(evidence, remove_masked, first.homography)
+    inliers = match_points(state.evidence.matches[state.inliers])
+    if state.homography is None or not stands_on_still_parts(*inliers, state.evidence.features):
+        return state, False
+    moving = dataclasses.replace(evidence, matches=remove_still(evidence.matches))
+    return run(moving, lambda matches: remove_still(remove_masked(matches))), True
+
+
+def _with_notes(photographs: tuple[Photograph, Photograph], *, stands_still: bool, inverted: bool) -> Photograph:
+    """The right photograph with what is to be said of the pair."""
+    left, right = photographs
+    if np.array_equal(left.pixels, right.pixels):
+        right = right.with_note(f"the same picture as {left.name}")
+    if stands_still:
+        right = right.with_note(STANDS_STILL)
+    return right.with_note(INVERTED_NOTE) if inverted else right
 
 
 def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Points, Points], Mask]) -> Pair:
