@@ -65,6 +65,12 @@ def block(component: type[wiring.Component], **parameters: Any) -> Design:
     return Design(lambda: component(**parameters))
 
 
+def matcher(config: MatcherConfig) -> Design:
+    """The matcher with as many features as the aerial preset has."""
+    front_end = AERIAL.front_end
+    return block(Matcher, config=config, pattern=front_end.pattern, lanes=16, max_features=front_end.max_features)
+
+
 def accelerator(config: Config) -> Design:
     """The whole accelerator with two levels."""
     return Design(
@@ -107,7 +113,8 @@ def designs() -> dict[str, Design]:
         "front end, thesis, 1920 wide": front_end(THESIS.front_end, WIDTH_PX, 1),
         "window correlation": block(WindowCorrelation),
         "fuzzy correlation": block(FuzzyCorrelation),
-        "matcher": block(Matcher, config=AERIAL.matcher, pattern=pattern, lanes=16, max_features=config.max_features),
+        "matcher": matcher(AERIAL.matcher),
+        "matcher, largest rules": matcher(MatcherConfig(rule_base=largest_rules())),
         "homography scoring": block(RecordScoring),
         "homography estimator": block(RecordEstimator),
         "camera crossing": block(CameraCrossing, video_bits=24, depth=4096),
@@ -115,7 +122,4 @@ def designs() -> dict[str, Design]:
         "ring writer": block(RingWriter, record_words=6, max_words=6 * (config.max_features + 2)),
         "accelerator": accelerator(AERIAL),
         "accelerator, homography": accelerator(dataclasses.replace(AERIAL, estimator=EstimatorConfig())),
-        "accelerator, largest rules": accelerator(
-            dataclasses.replace(AERIAL, matcher=MatcherConfig(rule_base=largest_rules()))
-        ),
     }
