@@ -70,6 +70,17 @@ def match(
     """
     _check(left_features, right_features, pattern, config)
     distance = hamming.distances(left_features["descriptor"], right_features["descriptor"])
+    return match_by_distance(distance, left_features, right_features, pattern, config)
+
+
+def match_by_distance(
+    distance: NDArray[np.unsignedinteger],
+    left_features: Records,
+    right_features: Records,
+    pattern: DescriptorPattern,
+    config: MatcherConfig,
+) -> Records:
+    """Match as `match` does, by distances (F1, F2) that are known; ``pattern.bits`` forbids a pair."""
     left_index, right_index, best, margin = hamming.mutual_matches(distance, pattern.bits)
     left, right = left_features[left_index], right_features[right_index]
 

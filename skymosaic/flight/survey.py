@@ -1,8 +1,8 @@
 """Lays out a flight: from many photographs to the pose of each on the ground."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -150,20 +150,20 @@ def survey(
     links = _link(surveyor, usable, views)
     clock.lap("pairs")
     parts = groups(len(views), valid_links(links))
-    calibration = None
+    calibration, remaining = None, dict[int, float]()
     workers.progress("lens", 0, 0)
     # A lens that was given is trusted: photographs through it are straight already.
     if settings.lens.matrix is None:
         calibration = calibrate(views, parts[0], valid_links(links), settings.lens.mask, cache)
     if calibration is not None:
         views = tuple(view.light for view in views)
-        views, links, calibration = _straighten(
-            surveyor, usable, views, links, members=parts[0], calibration=calibration
-        )
-    views = surveyor.fetch_thumbnails(views)
+        views, links, remaining = _straighten(surveyor, usable, views, links, members=parts[0], calibration=calibration)
+        calibration = calibration.with_remaining(remaining[parts[0][0]])
     clock.lap("lens")
     workers.progress("layout", 0, 0)
-    layouts, alone = _lay_out_all(views, parts, valid_links(links))
+    link_nearby = partial(_link_nearby, surveyor, views, remaining)
+    layouts, alone = _lay_out_all(views, parts, links, link_nearby)
+    views = surveyor.fetch_thumbnails(views)
     clock.lap("layout")
     left_out |= {usable[view].index: _why_alone(view, views, links.values()) for view in alone}
     return Flight(
@@ -241,8 +241,8 @@ def _straighten(
     *,
     members: Sequence[int],
     calibration: Calibration,
-) -> tuple[tuple[View, ...], dict[Candidate, Link], Calibration]:
-    """Describe and link the photographs again without their distortion, and measure what distortion remains.
+) -> tuple[tuple[View, ...], dict[Candidate, Link], dict[int, float]]:
+    """Describe and link the photographs again without their distortion, and measure what distortion remains in each.
 
     Near the border of a distorted photograph a corner looks different from what it is in the middle of a neighbour, and
     its position is off, so features are computed anew. Where the new ones do not link two views, the old ties stay.
@@ -257,15 +257,22 @@ def _straighten(
     straight = straighten_links(valid_links(links), views, dict.fromkeys(through, calibration.distortion))
     straight |= {pair: link for pair, link in surveyor.link(straight_views, straight).items() if link.holds}
     # Features of distorted photographs made the coefficient 0.1 to 0.3 % too small.
-    remaining = measure_remaining_distortion(straight_views, members, valid_links(straight), surveyor.cache)
-    straight = straighten_links(valid_links(straight), straight_views, dict.fromkeys(through, remaining))
-    return tuple(straight_views), {**links, **straight}, calibration.with_remaining(remaining)
+    distortion = measure_remaining_distortion(straight_views, members, valid_links(straight), surveyor.cache)
+    remaining = dict.fromkeys(through, distortion)
+    straight = straighten_links(valid_links(straight), straight_views, remaining)
+    return tuple(straight_views), {**links, **straight}, remaining
 
 
 def _lay_out_all(
-    views: Sequence[View], parts: Sequence[list[int]], links: Sequence[Link]
+    views: Sequence[View],
+    parts: Sequence[list[int]],
+    links: dict[Candidate, Link],
+    link_nearby: Callable[[Layout], dict[Candidate, Link]],
 ) -> tuple[list[Layout], list[int]]:
-    """The layouts of all parts of a flight, and the views that are in none of them."""
+    """The layouts of all parts of a flight, and the views that are in none of them.
+
+    What ``link_nearby`` finds by a layout is added to ``links``, and the layout made again.
+    """
     layouts: list[Layout] = []
     alone: list[int] = []
     todo = list(parts)
@@ -274,12 +281,30 @@ def _lay_out_all(
         if len(members) == 1:
             alone += members
             continue
-        layouts.append(lay_out(views, members, links))
+        layout = lay_out(views, members, valid_links(links))
+        if added := link_nearby(layout):
+            links |= added
+            layout = lay_out(views, layout.members, valid_links(links))
+        layouts.append(layout)
         # Views whose place is in doubt may still belong together.
-        doubtful = [member for member in members if member not in layouts[-1].transforms]
-        inside = [link for link in links if link.left in doubtful and link.right in doubtful]
+        doubtful = [member for member in members if member not in layout.transforms]
+        inside = [link for link in valid_links(links) if link.left in doubtful and link.right in doubtful]
         todo += [part for part in groups(len(views), inside) if part[0] in doubtful]
     return sorted(layouts, key=lambda layout: -len(layout.members)), alone
+
+
+def _link_nearby(
+    surveyor: Surveyor, views: Sequence[View], remaining: Mapping[int, float], layout: Layout
+) -> dict[Candidate, Link]:
+    """Links of pairs that overlap in a layout, although their features alone did not link them.
+
+    ``remaining`` is the distortion of each view that its features still have.
+    """
+    transforms = layout.transforms
+    known = {(link.left, link.right): link for link in layout.links}
+    pairs = candidates.predicted(views, transforms, known) if known else set()
+    predicted = {(left, right): np.linalg.inv(transforms[right]) @ transforms[left] for left, right in pairs}
+    return straighten_links(valid_links(surveyor.link(views, pairs, predicted)), views, remaining)
 
 
 def _why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:

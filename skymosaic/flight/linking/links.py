@@ -8,14 +8,18 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
+from scipy.spatial.distance import cdist
 
 from golden_model.arrays import Matrix, Points, Records
 from golden_model.config import Config
-from golden_model.matching.matcher import match
-from skymosaic.features.positions import match_points
+from golden_model.formats import WEIGHT
+from golden_model.matching import hamming
+from golden_model.matching.matcher import match, match_by_distance
+from skymosaic.features.positions import feature_points, match_points
 from skymosaic.features.standing import are_still, stands_on_still_parts
 from skymosaic.flight.cache import Arrays
-from skymosaic.geometry.homography import transfer_error
+from skymosaic.geometry.homography import apply, transfer_error
 from skymosaic.geometry.prosac import estimate_homography
 
 TIE_PX = 3.0
@@ -27,6 +31,11 @@ EPIPOLAR_PX, MAX_PARALLAX_PX = 1.2, 100.0
 the lines by chance: one in eight of all that do, over fields, where three quarters of the matches are false."""
 CHECKED = 4
 """Each match of this many becomes a check: it takes no part in the layout, and shows how far that is off."""
+SEARCH_PX = 32.0
+"""Radius of the search around a predicted place: three times what weak links leave a layout off."""
+SURE_WEIGHT = 0.7
+"""Weight that a match found by prediction needs to be a check: lighter ones are wrong three times as often, and so near
+the prediction, epipolar lines do not tell."""
 FIRST_LOOK_SAMPLES = 1000
 """A third of the samples of a single pair: most candidates overlap well or not at all."""
 
@@ -112,6 +121,7 @@ def link_views(
     config: Config,
     seed: int,
     max_samples: int = FIRST_LOOK_SAMPLES,
+    predicted: Matrix | None = None,
 ) -> Link:
     """Match the features of two views and fit a homography.
 
@@ -126,8 +136,13 @@ def link_views(
         Seed of the robust estimator. The same for every pair, so that no link depends on which others are tried.
     max_samples : int
         Samples of the robust estimator, at most.
+    predicted : ndarray of float64, shape (3, 3), or None
+        Left to right working px as a layout has them: features match only within 32 px of their predicted place.
     """
-    matches = match(left, right, config.front_end.pattern, config.matcher)
+    if predicted is None:
+        matches = match(left, right, config.front_end.pattern, config.matcher)
+    else:
+        matches = match_nearby(left, right, predicted, config)
     accepted = matches[matches["verdict"] == 1]
     left_points, right_points = match_points(accepted)
     weight = accepted["weight"].astype(np.float64)
@@ -148,7 +163,25 @@ def link_views(
     checks[::CHECKED] = True
     link = tie_views(pair, left_points[~checks], right_points[~checks], estimate.homography, inliers)
     checks &= are_right(left_points, right_points, estimate.homography)
+    if predicted is not None:
+        checks &= weight > SURE_WEIGHT * WEIGHT.one
     return replace(link, standing=standing, left_checks=left_points[checks], right_checks=right_points[checks])
+
+
+def match_nearby(left: Records, right: Records, predicted: Matrix, config: Config) -> Records:
+    """Match features that lie near each other by a predicted homography.
+
+    On crops, roofs or water many features look alike: their second best matches are about as good as the best, so the
+    rules reject both. Near the predicted place few are left to choose from.
+    """
+    moved, right_points = apply(predicted, feature_points(left)), feature_points(right)
+    has_right = KDTree(right_points).query(moved)[0] <= SEARCH_PX
+    has_left = KDTree(moved).query(right_points)[0] <= SEARCH_PX
+    left, right = left[has_right], right[has_left]
+    pattern = config.front_end.pattern
+    distance = hamming.distances(left["descriptor"], right["descriptor"])
+    distance[cdist(moved[has_right], right_points[has_left]) > SEARCH_PX] = pattern.bits
+    return match_by_distance(distance, left, right, pattern, config.matcher)
 
 
 def are_right(left_points: Points, right_points: Points, homography: Matrix) -> NDArray[np.bool_]:

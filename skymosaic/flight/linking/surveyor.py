@@ -3,11 +3,12 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Records
+from golden_model.arrays import Matrix, Records
 from skymosaic.errors import InputError
 from skymosaic.flight.cache import ResultCache, key_of
 from skymosaic.flight.linking import resemblance
@@ -99,17 +100,26 @@ class Surveyor:
                 votes[one, others] = votes[others, one] = row
         return votes
 
-    def link(self, views: Sequence[View] | Mapping[int, View], pairs: Iterable[Candidate]) -> dict[Candidate, Link]:
-        """Link the views of each pair, in rising order of the pairs; some of the links may not hold."""
-        matcher = self.settings.config.matcher
-        keys = {
-            (left, right): key_of("pair", views[left].key, views[right].key, matcher, self.seed, self.max_samples)
-            for left, right in sorted(pairs)
-        }
+    def link(
+        self,
+        views: Sequence[View] | Mapping[int, View],
+        pairs: Iterable[Candidate],
+        predicted: Mapping[Candidate, Matrix] = MappingProxyType({}),
+    ) -> dict[Candidate, Link]:
+        """Link the views of each pair, in rising order of the pairs; some of the links may not hold.
+
+        ``predicted`` has homographies of pairs that a layout lets overlap, see `link_views`.
+        """
+        how = self.settings.config.matcher, self.seed, self.max_samples
+        calls = []
+        for pair in sorted(pairs):
+            left, right = (views[side] for side in pair)
+            homography = predicted.get(pair)
+            key = key_of("pair", left.key, right.key, *how, None if homography is None else homography.tolist())
+            calls.append((pair, left.features, right.features, homography, key))
         link_pair = partial(link_views, config=self.settings.config, seed=self.seed, max_samples=self.max_samples)
-        calls = [(pair, *(views[side].features for side in pair), key) for pair, key in keys.items()]
         links = self.workers.run("pairs", partial(_link, compute=link_pair, cache=self.cache), calls)
-        return dict(zip(keys, links, strict=True))
+        return dict(zip((pair for pair, *_ in calls), links, strict=True))
 
 
 def _describe(source: Source, settings: Settings, cache: ResultCache) -> View | str:
@@ -126,12 +136,19 @@ def _describe(source: Source, settings: Settings, cache: ResultCache) -> View | 
 
 
 def _link(
-    pair: Candidate, left: Records, right: Records, key: str, *, compute: Callable[..., Link], cache: ResultCache
+    pair: Candidate,
+    left: Records,
+    right: Records,
+    predicted: Matrix | None,
+    key: str,
+    *,
+    compute: Callable[..., Link],
+    cache: ResultCache,
 ) -> Link:
     """Load or compute a link."""
     if arrays := cache.load(key):
         return Link.unpack(arrays, *pair)
-    link = compute(pair, left, right)
+    link = compute(pair, left, right, predicted=predicted)
     cache.save(key, link.pack())
     return link
 
