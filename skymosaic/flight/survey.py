@@ -302,9 +302,15 @@ def _link_nearby(
     """
     transforms = layout.transforms
     known = {(link.left, link.right): link for link in layout.links}
+    # Among repeated textures, a search around a false place would find one more link that confirms it.
+    disputed = {view for link in layout.contradicting for view in (link.left, link.right)}
     pairs = candidates.predicted(views, transforms, known) if known else set()
-    predicted = {(left, right): np.linalg.inv(transforms[right]) @ transforms[left] for left, right in pairs}
-    return straighten_links(valid_links(surveyor.link(views, pairs, predicted)), views, remaining)
+    predicted = {
+        (left, right): np.linalg.inv(transforms[right]) @ transforms[left]
+        for left, right in pairs
+        if disputed.isdisjoint((left, right))
+    }
+    return straighten_links(valid_links(surveyor.link(views, predicted, predicted)), views, remaining)
 
 
 def _why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:

@@ -1,9 +1,12 @@
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from sim.scene import Flight
+from skymosaic.flight import survey
+from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking import surveyor
 from skymosaic.flight.linking.links import Link, link_views
 from skymosaic.mosaicking.api import open_plan
@@ -29,3 +32,22 @@ def test_a_layout_links_what_features_alone_do_not(flight: Flight, monkeypatch: 
     assert (HARD, True) in tried
     assert HARD in {(link.left, link.right) for link in layout.links}
     assert layout.members == tuple(range(len(flight.images)))
+
+
+def test_no_link_is_looked_for_around_a_place_in_dispute() -> None:
+    size_px, ties = (400, 300), np.zeros((50, 2))
+    views: list[Any] = [SimpleNamespace(working_size=size_px)] * 6
+    transforms = {view: np.array([[1.0, 0, 100 * view], [0, 1, 0], [0, 0, 1]]) for view in range(6)}
+    links = tuple(Link(view, view + 1, ties, ties, 50, 50) for view in range(5))
+    asked: list[set[tuple[int, int]]] = []
+
+    class Stub:
+        def link(self, _views: Any, pairs: Any, _predicted: Any) -> dict[tuple[int, int], Link]:
+            asked.append(set(pairs))
+            return {}
+
+    for contradicting in ((), (Link(0, 2, ties, ties, 50, 50),)):
+        layout = Layout(tuple(transforms), 0, transforms, links, contradicting)
+        assert survey._link_nearby(cast(Any, Stub()), views, {}, layout) == {}
+    assert {(0, 2), (1, 3), (3, 5)} <= asked[0]
+    assert asked[1] == {pair for pair in asked[0] if not {0, 2} & set(pair)}
