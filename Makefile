@@ -1,8 +1,8 @@
 # `make demo` and `make test` work on a fresh clone: they make .venv and install what they need.
 PYTHON ?= python3
 VENV := .venv
-# A pip constraints file; without one, the newest versions that pyproject.toml allows are installed.
-VERSIONS ?=
+# The versions that CI installs; `make test VERSIONS=` takes the newest that pyproject.toml allows.
+VERSIONS ?= .ci/versions.txt
 BIN := $(VENV)/bin
 # Of the thousands of modules in the packages few are ever imported: compiled then, not at installation.
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile

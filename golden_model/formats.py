@@ -123,7 +123,7 @@ def encode_response(value: NDArray[np.integer]) -> NDArray[np.uint16]:
     code >>= 13
     code -= (127 + 9) << RESPONSE_FRACTION_BITS
     # Below 2**10 the code is the value itself, which is larger there; from 2**10 on, no code is below 2**10.
-    return np.maximum(code, np.minimum(magnitude, 1 << RESPONSE_FRACTION_BITS)).astype(np.uint16)
+    return np.asarray(np.maximum(code, np.minimum(magnitude, 1 << RESPONSE_FRACTION_BITS)), dtype=np.uint16)
 
 
 def decode_response(code: NDArray[np.integer]) -> NDArray[np.int32]:

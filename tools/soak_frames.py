@@ -73,7 +73,7 @@ class Source:
         values |= {**RUNNING, "memory_mode": memory, "hold_reference": hold}
         is_invalid = rng.random() < INVALID_SHARE
         if is_invalid:
-            name = rng.choice(list(TOO_LARGE))
+            name = str(rng.choice(list(TOO_LARGE)))
             values[name] = TOO_LARGE[name]
             size_px = values["width_px"], values["height_px"]
         frames: list[SentFrame] = []

@@ -105,7 +105,7 @@ class FuzzySystem:
             variable.name: {name: term.degree(value) for name, term in variable.terms.items()}
             for variable, value in zip(self.inputs, values, strict=True)
         }
-        combine = np.min if self.conjunction == "minimum" else np.prod
+        combine = np.minimum.reduce if self.conjunction == "minimum" else np.multiply.reduce
         rules = [[degrees[name][chosen] for name, chosen in rule.conditions.items()] for rule in self.rules]
         return np.stack([combine(np.stack(parts), axis=0) for parts in rules], axis=1)
 

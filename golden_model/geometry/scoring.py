@@ -153,7 +153,7 @@ def score(
     # Only for these are the widths bounded.
     scored = causes == 0
     gains[scored] = gain(h[scored], x, y)
-    return Scores(gains @ w, (gains > 0) @ w, causes)
+    return Scores(gains @ w, np.asarray((gains > 0) @ w, dtype=np.int64), causes)
 
 
 def hypothesis_records(hypotheses: NDArray[np.integer]) -> Records:

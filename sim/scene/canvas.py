@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Mask
+
 Plane = NDArray[np.float32]
 
 
@@ -54,6 +56,6 @@ def bgr(red: float, green: float, blue: float) -> Plane:
     return np.array([blue, green, red], np.float32).reshape(3, 1, 1) / np.float32(255)
 
 
-def lay_over(under: Plane, over: Plane, share: Plane) -> None:
+def lay_over(under: Plane, over: Plane, share: Plane | Mask) -> None:
     """Blend ``over`` onto ``under`` in place, with opacity ``share`` (0..1)."""
     under += (over - under) * share

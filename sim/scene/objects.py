@@ -69,7 +69,7 @@ def _paint_building(box: Box, u: Plane, v: Plane, noise: Plane) -> tuple[Plane, 
         chimney = (np.abs(u - at_u) < 3.2) & (np.abs(v - at_v) < 2.6)
         lay_over(painted, _BRICK * (1 + 0.1 * noise[0]), chimney)
         height += 8 * chimney
-    return height, painted
+    return height.astype(np.float32, copy=False), painted
 
 
 def _paint_car(box: Box, u: Plane, v: Plane, noise: Plane) -> tuple[Plane, Plane]:

@@ -164,7 +164,7 @@ def _lay_over(image: NDArray[np.float32], layer: Layer, to_image: Array) -> None
 def _paint_car(rng: np.random.Generator) -> Layer:
     """A car in a random colour, with windows, lamps, stripes and a number on its roof; its front is to the right."""
     length, width = (round(side * _DETAIL) for side in _CAR_PX)
-    body = rng.choice(_BODIES)
+    body = np.asarray(rng.choice(_BODIES))
     picture = np.full((width, length, 3), body, np.uint8)
     for colour, *outline in _WINDOWS_AND_LAMPS:
         shape = np.array(outline) * (length / 100, width / 2) + (0, width / 2)

@@ -8,6 +8,7 @@ exposures do not explain are left to a smooth light field per photograph, see `s
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -40,7 +41,7 @@ MAX_HELD_OUT_DIFFERENCE = 0.99
 """A lens falloff is used if it lowers the median difference of held-out overlaps below this share."""
 
 
-def estimate_levels(samples: Sequence[NDArray[np.generic]], blacks: Sequence[float | None]) -> tuple[float, float]:
+def estimate_levels(samples: Sequence[NDArray[Any]], blacks: Sequence[float | None]) -> tuple[float, float]:
     """Estimate the camera's numbers for black and white in photographs of 16 bits.
 
     Parameters
@@ -166,7 +167,9 @@ def _fit_balance(overlaps: Overlaps, design: sparse.csr_array) -> Array:
     return np.stack(channels, axis=1)
 
 
-def _fit(design: sparse.csr_array, target: Array, number: int, *, spread: float = EXPOSURE_SIGMA) -> Array:
+def _fit(
+    design: sparse.csr_array, target: NDArray[np.floating], number: int, *, spread: float = EXPOSURE_SIGMA
+) -> Array:
     """Robust least squares for one unknown per photograph, then those of the lens falloff.
 
     Iteratively reweighted with Geman and McClure's weights, since moving things and parallax differ by more than

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +68,7 @@ class ValueRange:
         return np.asarray(self.low + np.arange(256) * (self.high - self.low) / 255)
 
 
-def measure_range(decoded: NDArray[np.generic], name: str) -> ValueRange:
+def measure_range(decoded: NDArray[Any], name: str) -> ValueRange:
     """Measure the range of one photograph: all its values but the tails, as ``np.percentile`` does.
 
     Parameters

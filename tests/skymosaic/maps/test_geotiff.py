@@ -22,7 +22,7 @@ PLACE = Georeference("EPSG:32615", np.array([[0.1, 0, 430_000], [0, -0.1, 5_190_
 
 
 def picture(*channels: int, kind: type = np.uint8) -> np.ndarray:
-    noise = np.random.default_rng(0).integers(1, np.iinfo(kind).max, (700, 600, *channels), dtype=kind)
+    noise: np.ndarray = np.random.default_rng(0).integers(1, np.iinfo(kind).max, (700, 600, *channels), dtype=kind)
     return cv2.GaussianBlur(noise, (0, 0), 3)
 
 

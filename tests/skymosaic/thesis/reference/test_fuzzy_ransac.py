@@ -10,7 +10,7 @@ from skymosaic.thesis.reference.fuzzy_ransac import decide_in_sets_of_four
 SHIFT = np.array([[1.0, 0, 10], [0, 1, 0], [0, 0, 1]])
 
 
-def off_by(errors_px: list[Any] | NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def off_by(errors_px: list[Any] | NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Matches with the given transfer errors under `SHIFT`."""
     left = np.random.default_rng(0).uniform(0, 400, (len(errors_px), 2))
     return left, left + np.column_stack([10 + np.asarray(errors_px, dtype=float), np.zeros(len(errors_px))])
