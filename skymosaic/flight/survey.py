@@ -271,7 +271,7 @@ def _lay_out_all(
 ) -> tuple[list[Layout], list[int]]:
     """The layouts of all parts of a flight, and the views that are in none of them.
 
-    What ``link_nearby`` finds by a layout is added to ``links``, and the layout made again.
+    What ``link_nearby`` finds by a layout is added to ``links``, and the layout is made again.
     """
     layouts: list[Layout] = []
     alone: list[int] = []
@@ -282,15 +282,27 @@ def _lay_out_all(
             alone += members
             continue
         layout = lay_out(views, members, valid_links(links))
-        if added := link_nearby(layout):
-            links |= added
-            layout = lay_out(views, layout.members, valid_links(links))
+        if nearby := link_nearby(layout):
+            layout = _lay_out_again(views, layout, links, nearby)
         layouts.append(layout)
         # Views whose place is in doubt may still belong together.
         doubtful = [member for member in members if member not in layout.transforms]
         inside = [link for link in valid_links(links) if link.left in doubtful and link.right in doubtful]
         todo += [part for part in groups(len(views), inside) if part[0] in doubtful]
     return sorted(layouts, key=lambda layout: -len(layout.members)), alone
+
+
+def _lay_out_again(
+    views: Sequence[View], layout: Layout, links: dict[Candidate, Link], nearby: Mapping[Candidate, Link]
+) -> Layout:
+    """Make a layout again with the links that it led to, and add to ``links`` those of them that it confirms.
+
+    The others were found by chance. They must neither count as contradictions nor put photographs in doubt.
+    """
+    again = lay_out(views, layout.members, valid_links({**links, **nearby}))
+    confirmed = {pair: link for pair, link in nearby.items() if link in again.links}
+    links |= confirmed
+    return again if len(confirmed) == len(nearby) else lay_out(views, layout.members, valid_links(links))
 
 
 def _link_nearby(

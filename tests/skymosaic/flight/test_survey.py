@@ -6,7 +6,7 @@ import pytest
 
 from sim.scene import Flight
 from skymosaic.flight import survey
-from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.layout.layout import Layout, lay_out
 from skymosaic.flight.linking import surveyor
 from skymosaic.flight.linking.links import Link, link_views
 from skymosaic.mosaicking.api import open_plan
@@ -51,3 +51,23 @@ def test_no_link_is_looked_for_around_a_place_in_dispute() -> None:
         assert survey._link_nearby(cast(Any, Stub()), views, {}, layout) == {}
     assert {(0, 2), (1, 3), (3, 5)} <= asked[0]
     assert asked[1] == {pair for pair in asked[0] if not {0, 2} & set(pair)}
+
+
+def test_links_that_a_layout_led_to_and_then_denies_are_dropped() -> None:
+    rng, size_px, step_px = np.random.default_rng(0), (400, 300), 100
+
+    def tie(left: int, right: int, off_px: float = 0) -> Link:
+        points = rng.uniform(0, 300, (40, 2))
+        moved = points - [step_px * (right - left) + off_px, 0]
+        return Link(left, right, points, moved, 40, 40)
+
+    views: list[Any] = [SimpleNamespace(working_size=size_px)] * 5
+    links = {(view, view + 1): tie(view, view + 1) for view in range(4)}
+    layout = lay_out(views, range(5), list(links.values()))
+    # View 4 hangs on one link, so that a link that contradicts it would put its place in doubt.
+    nearby = {(0, 2): tie(0, 2), (1, 3): tie(1, 3), (2, 4): tie(2, 4, off_px=25)}
+    again = survey._lay_out_again(views, layout, links, nearby)
+    assert again.members == layout.members
+    assert again.contradicting == ()
+    assert links.keys() == {(0, 1), (1, 2), (2, 3), (3, 4), (0, 2), (1, 3)}
+    assert set(again.links) == set(links.values())
