@@ -22,7 +22,8 @@ os.environ[QUICK_COMPILE] = "1"
 
 LONGEST_FIRST = (
     "tests/system/test_ulx3s.py::test_open_tools_build_the_bitstream",
-    "tests/sim/cocotb/test_runner.py::test_every_case_passes[icarus",
+    "tests/system/test_netlists.py::test_the_netlist_of_a_block_equals_the_golden_model[ilbp",
+    "tests/sim/cocotb/test_runner.py::test_chosen_cases_pass_on_icarus",
     "tests/system/test_netlists.py::test_the_netlist_of_a_block_equals_the_golden_model[accelerator",
     "tests/bench/test_synthesis.py",
     "tests/hdl/test_front_end.py",

@@ -1,6 +1,7 @@
 """Compiles the accelerator's Verilog for cocotb and runs modules of cases, on Verilator or Icarus."""
 
 import subprocess
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -29,7 +30,14 @@ PUBLIC_PORTS = "`verilator_config\n" + "".join(
 VERILATOR_RUNTIME = ("verilated.cpp", "verilated_dpi.cpp", "verilated_threads.cpp", "verilated_vpi.cpp")
 
 
-def run(cases: str, folder: Path, *, simulator: str = "verilator", progress: Progress = silent) -> Path:
+def run(
+    cases: str,
+    folder: Path,
+    *,
+    only: Sequence[str] | None = None,
+    simulator: str = "verilator",
+    progress: Progress = silent,
+) -> Path:
     """Run the cases of a module; the build is kept in the user's cache.
 
     Parameters
@@ -38,6 +46,8 @@ def run(cases: str, folder: Path, *, simulator: str = "verilator", progress: Pro
         The module, as it is imported: ``sim.cocotb.`` and one of `CASES`.
     folder : Path
         To run in.
+    only : sequence of str, optional
+        Names of the cases to run; without it, all.
     simulator : {"verilator", "icarus"}
     progress : callable
         Receives lines of text about a first build.
@@ -67,6 +77,7 @@ def run(cases: str, folder: Path, *, simulator: str = "verilator", progress: Pro
     what = f"the accelerator for cocotb on {simulator}"
     return runner.test(
         cases,
+        testcase=only,
         hdl_toplevel=TOP,
         hdl_toplevel_lang="verilog",
         build_dir=build_once(f"cocotb-{simulator}-{key}", build, what=what, progress=progress),
