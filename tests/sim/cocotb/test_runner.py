@@ -44,8 +44,9 @@ def test_a_case_that_fails_is_found_out(tmp_path: Path, monkeypatch: pytest.Monk
     (tmp_path / "failing.py").write_text(
         "import cocotb\nfrom sim.cocotb.bench import Bench\n\n"
         "@cocotb.test()\nasync def wrong_identity(dut):\n"
-        "    bench = Bench(dut)\n    await bench.start()\n    assert await bench.read('identity') == 0\n"
+        "    bench = await Bench.open(dut)\n    assert await bench.read('identity') == 0, 'not 0'\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(SystemExit):
         runner.run("failing", tmp_path)
+    assert "not 0" in (tmp_path / "results.xml").read_text()
