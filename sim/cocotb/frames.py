@@ -56,6 +56,12 @@ async def gray_video_with_random_stalls(dut: Any) -> None:
 
 
 @cocotb.test(timeout_time=2, timeout_unit="ms")
+async def gray_video_of_an_odd_size_with_random_stalls(dut: Any) -> None:
+    """Lines and frames whose sizes no cell and no level divides."""
+    await _run(dut, render_scene(ODD_SIZE_PX, gray=True), memory_mode=False, seed=300)
+
+
+@cocotb.test(timeout_time=2, timeout_unit="ms")
 async def gray_memory_of_an_odd_size_with_random_stalls(dut: Any) -> None:
     """Two frames in one transfer; the padding in the last beat of each is dropped."""
     await _run(dut, render_scene(ODD_SIZE_PX, gray=True), memory_mode=True, seed=200)

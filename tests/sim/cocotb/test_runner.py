@@ -8,7 +8,7 @@ import pytest
 from sim.cocotb import runner
 
 ON_ICARUS = {
-    "frames": ("gray_video_with_random_stalls", "gray_memory_of_an_odd_size_with_random_stalls"),
+    "frames": ("gray_video_of_an_odd_size_with_random_stalls", "gray_memory_of_an_odd_size_with_random_stalls"),
     "faults": ("clear_in_mid_frame",),
     "settings": ("size_and_mode_written_in_mid_frame",),
     "access": (
@@ -18,7 +18,7 @@ ON_ICARUS = {
     ),
 }
 """Icarus takes a minute for a frame or two, and knows unknown bits, which Verilator does not. These cases show them
-where they might come out: in registers, in stalls, at an odd size, after a clear and the malformed frame that it
+where they might come out: in registers, in stalls at an odd size, after a clear and the malformed frame that it
 leaves, and after sizes and modes written in mid-frame, colour among them."""
 
 
