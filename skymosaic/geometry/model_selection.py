@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from golden_model.arrays import Array
-from skymosaic.geometry.homography import DegenerateError, apply, estimate
+from skymosaic.geometry.homography import DegenerateError, estimate, transfer_error
 from skymosaic.geometry.prosac import estimate_homography
 
 TOLERANCE_PX = 3.0
@@ -52,7 +52,7 @@ def fit(left: Array, right: Array, weight: Array, *, fewest: int, rng: np.random
     fits = [fit_similarity(left, right, weight, fewest=fewest)]
     projective = estimate_homography(left, right, weight, rng=rng, restarts=1).homography
     if projective is not None:
-        inliers = int((_squared_error(projective, left, right) <= TOLERANCE_PX**2).sum())
+        inliers = int(np.count_nonzero(transfer_error(projective, left, right) <= TOLERANCE_PX))
         fits.append(Fit(projective, "projective", inliers))
     return min((each for each in fits if each), key=lambda each: _criterion(each, left, right), default=None)
 
@@ -86,9 +86,5 @@ def fit_similarity(left: Array, right: Array, weight: Array, *, fewest: int) -> 
 def _criterion(candidate: Fit, left: Array, right: Array) -> float:
     """The information criterion: bounded squared errors plus a penalty per parameter; smaller is better."""
     # A match beyond two standard deviations is an outlier under any model. Each of the N has four coordinates.
-    errors = np.minimum(_squared_error(candidate.matrix, left, right) / NOISE_PX**2, 4)
+    errors = np.minimum((transfer_error(candidate.matrix, left, right) / NOISE_PX) ** 2, 4)
     return float(errors.sum() + PARAMETERS[candidate.model] * np.log(4 * len(left)))
-
-
-def _squared_error(homography: Array, left: Array, right: Array) -> Array:
-    return np.asarray(((apply(homography, left) - right) ** 2).sum(axis=1))
