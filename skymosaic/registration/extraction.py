@@ -171,7 +171,7 @@ def share_features(side: str | Path | Pixels | Features, options: FeatureOptions
         raise InputError(f"features of {method.descriptor} are not shared between pairs; give the photographs")
     if not isinstance(side, Features):
         return extract(side, options)
-    # A threshold that was raised for the photograph is no other configuration.
+    # A threshold that was raised for the photograph is not another configuration.
     front_end = dataclasses.replace(side.config.front_end, threshold=config.front_end.threshold)
     if side.method != method or front_end != config.front_end or side.working_width_px != options.working_width_px:
         raise InputError(

@@ -42,7 +42,7 @@ def draw_matches(images: tuple[Pixels, Pixels], left: Points, right: Points, wei
     plot.add_collection(lines)
     plot.set(xlim=(-0.5, offset[0] + right_width - 0.5), ylim=(max(left_height, right_height) - 0.5, -0.5))
     plot.set_axis_off()
-    # Names of files may hold dollar signs, which are no formulas.
+    # Names of files may hold dollar signs, which are not formulas.
     plot.set_title(title, wrap=True, parse_math=False)
     figure.colorbar(lines, ax=plot, label="weight of the match", shrink=0.8)
     return figure
