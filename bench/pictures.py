@@ -110,7 +110,7 @@ def draw_outline(pair: Pair, image: Pixels) -> Pixels:
 @app.command()
 def passes(folder: Folder = PICTURES) -> None:
     """Draw what passes after the first one change: a steep view, a zoom, and ground with relief."""
-    relief = relief_pair(12, 0.55, 0)
+    relief = relief_pair(25, 0.35, 4)
     rows = [
         draw_efforts("seen from 75 degrees", *flat_pair("tilt", 75, 0)[:2]),
         draw_efforts("five times as high", *flat_pair("zoom", 5, 0)[:2]),

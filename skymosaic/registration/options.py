@@ -144,8 +144,8 @@ class RegistrationOptions(FeatureOptions):
     )
     refine: bool = option(
         False,
-        "Refit to the whole overlap by dense flow, if that predicts held-out matches better; otherwise only where the "
-        "verdict is check or poor.",
+        "Refit to the whole overlap by dense flow, if more of it fits then; otherwise only where the verdict is "
+        "check or poor.",
         not_for_more="the layout of more than two photographs is refined by all links",
     )
     accept_poor: bool = option(

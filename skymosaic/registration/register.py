@@ -20,7 +20,7 @@ from skymosaic.geometry.fabric import draw_config
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end
 from skymosaic.imagery.lens import Lens
 from skymosaic.registration.confidence import fits_throughout
-from skymosaic.registration.dense import refit_pair
+from skymosaic.registration.dense import fits_overlap, refit_pair
 from skymosaic.registration.extraction import Features, extract_within_capacity, share_features
 from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
 from skymosaic.registration.pair import Pair, map_to_originals
@@ -233,7 +233,7 @@ def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Po
     if options.refine or (pair.effort != "fast" and pair.confidence and pair.confidence.verdict != "good"):
         pair = refit_pair(pair, shows_ground)
     confidence = pair.confidence
-    if confidence is None or options.accept_poor or not confidence.extrapolates:
+    if confidence is None or options.accept_poor or not confidence.extrapolates or fits_overlap(pair):
         return pair
     return pair.refused(f"{confidence.reason}; --accept-poor delivers it nevertheless")
 

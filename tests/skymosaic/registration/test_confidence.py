@@ -78,6 +78,9 @@ def test_a_poor_pair_on_little_of_the_overlap_is_refused(left: Pixels, monkeypat
     assert delivered.accepted
     assert delivered.confidence is not None
     assert delivered.confidence.verdict == "poor"
+    # What the flow covers is not extrapolated.
+    monkeypatch.setattr("skymosaic.registration.register.fits_overlap", lambda pair: True)
+    assert register(left, right).accepted
 
 
 def test_a_clear_pair_is_good_without_a_closer_look(left: Pixels, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""The refit to dense flow: it finds the plane of the overlap, and held-out matches decide whether it counts."""
+"""The refit to dense flow: it finds the plane of the overlap, and counts only where more of that fits."""
 
 import dataclasses
 
@@ -11,7 +11,7 @@ from sim.scene import make_pair
 from skymosaic import register
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.geometry.homography import apply, transfer_error
-from skymosaic.registration.dense import match_densely, refit_pair
+from skymosaic.registration.dense import fits_overlap, match_densely, refit_pair
 from skymosaic.registration.pair import Pair
 
 FLIGHT = make_pair(seed=4, size=(480, 360))
@@ -61,10 +61,28 @@ def test_a_homography_that_is_off_is_refitted(pair: Pair) -> None:
     assert len(refitted.inliers) > 0.8 * len(few.kept)
 
 
-def test_matches_that_the_flow_contradicts_keep_the_homography(pair: Pair) -> None:
-    shifted = np.roll(pair.working[1], (4, 4), axis=(0, 1))
-    contradicted = dataclasses.replace(pair, working=(pair.working[0], shifted))
-    assert refit_pair(contradicted, everywhere) is contradicted
+def test_the_plane_of_most_of_the_overlap_is_found_from_that_of_the_corners(
+    pair: Pair, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # How much of the overlap fits is enough to decide.
+    monkeypatch.setattr("skymosaic.registration.dense.held_out_agreement", lambda *_: 1.0)
+    left = pair.working[0]
+    right = left.copy()
+    # The middle, which has all the corners, stands higher and is displaced: a third of the ground.
+    middle = slice(60, 300), slice(120, 360)
+    right[middle] = np.roll(left, 10, axis=1)[middle]
+    of_corners = np.array([[1.0, 0, 10], [0, 1, 0], [0, 0, 1]])
+    planes = dataclasses.replace(pair, working=(left, right)).with_homography(of_corners, refined_inliers=0)
+    assert not fits_overlap(planes)
+    refitted = refit_pair(planes, everywhere)
+    assert refitted.homography is not None
+    assert grid_error(refitted.homography, np.eye(3), (480, 360), (480, 360)) < 0.3
+    assert fits_overlap(refitted)
+
+
+def test_a_homography_that_the_flow_confirms_stays(pair: Pair) -> None:
+    true = pair.with_homography(TRUTH, refined_inliers=0)
+    assert refit_pair(true, everywhere) is true
 
 
 def test_what_does_not_show_the_ground_has_no_vote(pair: Pair) -> None:
