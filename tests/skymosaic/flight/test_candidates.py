@@ -44,7 +44,8 @@ def resistances(links: dict[tuple[int, int], Link]) -> NDArray[np.float64]:
     for (left, right), each in links.items():
         laplacian[[left, right], [right, left]] -= each.ties
         laplacian[[left, right], [left, right]] += each.ties
-    inverse = np.linalg.pinv(laplacian)
+    # One eigenvalue is 0 but for rounding, which depends on the BLAS.
+    inverse = np.linalg.pinv(laplacian, rcond=1e-12, hermitian=True)
     return np.diag(inverse)[:, None] + np.diag(inverse) - 2 * inverse
 
 
