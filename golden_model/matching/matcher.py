@@ -80,7 +80,15 @@ def match_by_distance(
     pattern: DescriptorPattern,
     config: MatcherConfig,
 ) -> Records:
-    """Match as `match` does, by distances (F1, F2) that are known; ``pattern.bits`` forbids a pair."""
+    """Match as `match` does, where the caller has the distances and may have excluded pairs.
+
+    Parameters
+    ----------
+    distance : (F1, F2) unsigned
+        From `golden_model.matching.hamming.distances`; ``pattern.bits``, the largest, for a pair that must not match.
+    left_features, right_features, pattern, config
+        As `match` takes them.
+    """
     left_index, right_index, best, margin = hamming.mutual_matches(distance, pattern.bits)
     left, right = left_features[left_index], right_features[right_index]
 

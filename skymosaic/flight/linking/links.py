@@ -173,6 +173,20 @@ def match_nearby(left: Records, right: Records, predicted: Matrix, config: Confi
 
     On crops, roofs or water many features look alike: their second best matches are about as good as the best, so the
     rules reject both. Near the predicted place few are left to choose from.
+
+    Parameters
+    ----------
+    left, right : structured ndarray
+        Feature records.
+    predicted : ndarray of float64, shape (3, 3)
+        Left to right working px.
+    config : Config
+        The configuration by which the features were computed.
+
+    Returns
+    -------
+    structured ndarray
+        Match records (`golden_model.records.MATCH`). Their indices count only features with a partner in reach.
     """
     moved, right_points = apply(predicted, feature_points(left)), feature_points(right)
     has_right = KDTree(right_points).query(moved)[0] <= SEARCH_PX
