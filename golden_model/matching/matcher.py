@@ -42,6 +42,7 @@ def match(
     right_features: Records,
     pattern: DescriptorPattern,
     config: MatcherConfig,
+    distance: NDArray[np.unsignedinteger] | None = None,
 ) -> Records:
     """Match two feature sets and give every match a weight.
 
@@ -54,6 +55,8 @@ def match(
         The pattern both were described with.
     config : MatcherConfig
         Rule base, and smallest weight that is kept.
+    distance : (F1, F2) unsigned, optional
+        Distances in which the caller has excluded pairs by ``pattern.bits``, the largest; default: Hamming distances.
 
     Returns
     -------
@@ -69,26 +72,8 @@ def match(
         carry.
     """
     _check(left_features, right_features, pattern, config)
-    distance = hamming.distances(left_features["descriptor"], right_features["descriptor"])
-    return match_by_distance(distance, left_features, right_features, pattern, config)
-
-
-def match_by_distance(
-    distance: NDArray[np.unsignedinteger],
-    left_features: Records,
-    right_features: Records,
-    pattern: DescriptorPattern,
-    config: MatcherConfig,
-) -> Records:
-    """Match as `match` does, where the caller has the distances and may have excluded pairs.
-
-    Parameters
-    ----------
-    distance : (F1, F2) unsigned
-        From `golden_model.matching.hamming.distances`; ``pattern.bits``, the largest, for a pair that must not match.
-    left_features, right_features, pattern, config
-        As `match` takes them.
-    """
+    if distance is None:
+        distance = hamming.distances(left_features["descriptor"], right_features["descriptor"])
     left_index, right_index, best, margin = hamming.mutual_matches(distance, pattern.bits)
     left, right = left_features[left_index], right_features[right_index]
 

@@ -15,7 +15,7 @@ from golden_model.arrays import Matrix, Points, Records
 from golden_model.config import Config
 from golden_model.formats import WEIGHT
 from golden_model.matching import hamming
-from golden_model.matching.matcher import match, match_by_distance
+from golden_model.matching.matcher import match
 from skymosaic.features.positions import feature_points, match_points
 from skymosaic.features.standing import are_still, stands_on_still_parts
 from skymosaic.flight.cache import Arrays
@@ -195,7 +195,7 @@ def match_nearby(left: Records, right: Records, predicted: Matrix, config: Confi
     pattern = config.front_end.pattern
     distance = hamming.distances(left["descriptor"], right["descriptor"])
     distance[cdist(moved[has_right], right_points[has_left]) > SEARCH_PX] = pattern.bits
-    return match_by_distance(distance, left, right, pattern, config.matcher)
+    return match(left, right, pattern, config.matcher, distance)
 
 
 def are_right(left_points: Points, right_points: Points, homography: Matrix) -> NDArray[np.bool_]:
