@@ -16,7 +16,6 @@ import pytest
 from sim.scene import make_lawnmower
 
 KILLS = 30
-MAX_SECONDS = 8.0
 pytestmark = pytest.mark.slow
 
 
@@ -36,21 +35,34 @@ def start(folders: Path, *words: object) -> subprocess.Popen[str]:
     return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment)
 
 
-def kill_again_and_again(run: Callable[[], subprocess.Popen[str]], check: Callable[[], None]) -> None:
-    """Kill runs at random moments and check what is there; the last one must end by itself."""
+def finish(process: subprocess.Popen[str]) -> float:
+    """Wait for a run that must end by itself; returns the seconds that it took."""
+    started = time.monotonic()
+    errors = process.communicate()[1]
+    assert process.returncode == 0, errors
+    return time.monotonic() - started
+
+
+def kill_again_and_again(run: Callable[[], subprocess.Popen[str]], check: Callable[[], None], seconds: float) -> None:
+    """Kill runs at random moments and check what is there; the last one must end by itself.
+
+    A whole run takes about so many ``seconds``; later ones find what earlier ones left in the cache.
+    """
     killed = 0
-    for seconds in np.random.default_rng(16).uniform(0.1, MAX_SECONDS, KILLS):
+    for share in np.random.default_rng(16).uniform(0.02, 1, KILLS):
         process = run()
-        time.sleep(seconds)
-        process.kill()
-        process.communicate()
-        killed += process.returncode == -signal.SIGKILL
+        started = time.monotonic()
+        try:
+            process.communicate(timeout=share * seconds)
+            seconds = time.monotonic() - started
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()
+            killed += process.returncode == -signal.SIGKILL
         check()
     # Most runs were still at work.
     assert killed > KILLS / 2
-    last = run()
-    errors = last.communicate()[1]
-    assert last.returncode == 0, errors
+    finish(run())
     check()
 
 
@@ -76,7 +88,7 @@ def test_thirty_kills_of_a_mosaic_with_tiles_and_report(folders: Path) -> None:
         more = ("--tiles", output / "tiles", "--report", output / "report", "--cache", folders / cache)
         return start(folders, "mosaic", photographs, "-o", output / "mosaic.png", *more)
 
-    assert "error" not in run(folders / "fresh", "cache of the fresh one").communicate()[1]
+    seconds = finish(run(folders / "fresh", "cache of the fresh one"))
     fresh, out = folders / "fresh", folders / "out"
     picture, tiles = (fresh / "mosaic.png").read_bytes(), contents(fresh / "tiles")
 
@@ -86,7 +98,7 @@ def test_thirty_kills_of_a_mosaic_with_tiles_and_report(folders: Path) -> None:
         assert not (out / "tiles" / "index.html").exists() or contents(out / "tiles") == tiles
         check_report(out / "report", set(contents(fresh / "report")))
 
-    kill_again_and_again(lambda: run(out, "cache"), check)
+    kill_again_and_again(lambda: run(out, "cache"), check, seconds)
     assert {path.name for path in out.iterdir()} == {"mosaic.png", "tiles", "report"}
     assert contents(out / "tiles") == tiles
     assert not list((folders / "temp").iterdir())
@@ -96,7 +108,7 @@ def test_thirty_kills_of_a_live_mosaic(folders: Path) -> None:
     def run(output: Path) -> subprocess.Popen[str]:
         return start(folders, "live", folders / "photographs", "-o", output / "grown.png", "--idle-seconds", 1)
 
-    assert "error" not in run(folders / "fresh").communicate()[1]
+    seconds = finish(run(folders / "fresh"))
     fresh, out = contents(folders / "fresh"), folders / "out"
 
     def check() -> None:
@@ -105,6 +117,6 @@ def test_thirty_kills_of_a_live_mosaic(folders: Path) -> None:
         if (out / "grown.preview.jpg").exists():
             assert (out / "grown.preview.jpg").read_bytes().endswith(b"\xff\xd9")
 
-    kill_again_and_again(lambda: run(out), check)
+    kill_again_and_again(lambda: run(out), check, seconds)
     assert set(contents(out)) == set(fresh)
     assert not list((folders / "temp").iterdir())
