@@ -12,6 +12,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
 from scipy.spatial import KDTree
 
 from golden_model.arrays import Array
@@ -28,8 +30,11 @@ MAX_PREDICTED = 2
 MIN_OVERLAP, MIN_GAIN = 0.1, 0.2
 """Smallest overlap and w R of a predicted pair; 0.2 is the mean w R of a network with ten links per photograph."""
 
+COLUMNS_AT_ONCE = 256
+"""Columns of an inverse in memory."""
 
-def first_candidates(views: Sequence[View], votes: NDArray[np.int64]) -> set[Candidate]:
+
+def first_candidates(views: Sequence[View], votes: NDArray[np.int16]) -> set[Candidate]:
     """Pairs to try before a layout exists: by order, by GPS, and by votes (V, V)."""
     pairs = [(i, i + step) for step in range(1, NEXT_IN_ORDER + 1) for i in range(len(views) - step)]
     pairs += _nearest_by_gps(views)
@@ -64,15 +69,14 @@ def predicted(
     """
     shares = _overlaps(views, transforms)
     valid = {pair: link for pair, link in links.items() if link.holds and pair[0] in transforms}
-    resistance = _resistances(list(transforms), valid)
-    row = {member: index for index, member in enumerate(transforms)}
     full_overlap_ties = float(np.median([link.ties / max(shares.get(p, 0), MIN_OVERLAP) for p, link in valid.items()]))
+    pairs = [pair for pair, share in shares.items() if share >= MIN_OVERLAP and pair not in links]
     proposals: dict[int, list[tuple[float, Candidate]]] = {member: [] for member in transforms}
-    for (left, right), share in shares.items():
-        gain = float(share * full_overlap_ties * resistance[row[left], row[right]])
-        if share >= MIN_OVERLAP and gain >= MIN_GAIN and (left, right) not in links:
-            proposals[left].append((gain, (left, right)))
-            proposals[right].append((gain, (left, right)))
+    for pair, resistance in zip(pairs, _resistances(list(transforms), valid, pairs), strict=True):
+        gain = float(shares[pair] * full_overlap_ties * resistance)
+        if gain >= MIN_GAIN:
+            for member in pair:
+                proposals[member].append((gain, pair))
     return {pair for offers in proposals.values() for _, pair in sorted(offers, reverse=True)[:MAX_PREDICTED]}
 
 
@@ -86,14 +90,26 @@ def _overlaps(views: Sequence[View], transforms: Mapping[int, Array]) -> dict[Ca
     return {(left, right): overlap(outlines[left], outlines[right]) for left, right in pairs}
 
 
-def _resistances(members: Sequence[int], links: Mapping[Candidate, Link]) -> Array:
-    """Resistance between every two members, (V, V), of a connected network of links."""
+def _resistances(members: Sequence[int], links: Mapping[Candidate, Link], pairs: Sequence[Candidate]) -> Array:
+    """Resistance between the members of each pair, (P,), in a connected network of links.
+
+    Few photographs are linked with each, so the network's matrix is factored as a sparse one, and its inverse is
+    computed some columns at a time: memory grows with the photographs, not with their square.
+    """
     row = {member: index for index, member in enumerate(members)}
-    conductance = np.zeros((len(members), len(members)))
-    for (left, right), link in links.items():
-        conductance[row[left], row[right]] = conductance[row[right], row[left]] = link.ties
-    laplacian = np.diag(conductance.sum(axis=0)) - conductance
-    # The potentials are free by a constant; filling the matrix with another constant fixes their mean.
-    inverse = np.linalg.inv(laplacian + conductance.max() / len(members))
-    own = np.diag(inverse)
-    return np.asarray(own[:, None] + own - 2 * inverse)
+    ends = np.array([[row[left], row[right]] for left, right in links]).T
+    ties = [float(link.ties) for link in links.values()]
+    conductance = sparse.coo_array((ties, ends), shape=(len(row), len(row))).tocsr()
+    conductance += conductance.T
+    laplacian = sparse.diags_array(conductance.sum(axis=0)) - conductance
+    # The potentials are free by a constant: that of the first member is 0.
+    factors = splu(laplacian.tocsc()[1:, 1:], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    left, right = np.array([[row[one], row[other]] for one, other in pairs], dtype=np.intp).reshape(-1, 2).T
+    own, mutual = np.zeros(len(row)), np.zeros(len(left))
+    for start in range(1, len(row), COLUMNS_AT_ONCE):
+        current = np.eye(len(row) - 1, min(COLUMNS_AT_ONCE, len(row) - start), 1 - start)
+        potential = np.vstack((np.zeros(current.shape[1]), factors.solve(current)))
+        own[start : start + COLUMNS_AT_ONCE] = potential[start:].diagonal()
+        here = (left >= start) & (left < start + COLUMNS_AT_ONCE)
+        mutual[here] = potential[right[here], left[here] - start]
+    return own[left] + own[right] - 2 * mutual

@@ -30,7 +30,7 @@ def link_by_more_features(
     sources: Sequence[Source],
     views: Sequence[View],
     links: Mapping[Candidate, Link],
-    votes: NDArray[np.int64],
+    votes: NDArray[np.int16],
 ) -> dict[Candidate, Link]:
     """Links that reconnect isolated groups: with the neighbours in order, and with the most similar views.
 
@@ -42,7 +42,7 @@ def link_by_more_features(
     views : sequence of View
         One for each source.
     links : mapping of (int, int) to Link
-    votes : ndarray of int64, shape (V, V)
+    votes : ndarray of int16, shape (V, V)
         From `Surveyor.count_votes`.
     """
     settings = surveyor.settings.with_more_features()

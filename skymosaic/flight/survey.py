@@ -322,7 +322,7 @@ def _link_nearby(
         for left, right in pairs
         if disputed.isdisjoint((left, right))
     }
-    return straighten_links(valid_links(surveyor.link(views, predicted, predicted)), views, remaining)
+    return straighten_links(valid_links(surveyor.link_nearby(views, predicted)), views, remaining)
 
 
 def _why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +77,7 @@ class Surveyor:
         calls = [(view.thumbnail, view.light, self.settings) for view in views]
         return list(self.workers.run("thumbnails", describe_thumbnail, calls, kept=HEAVY))
 
-    def count_votes(self, views: Sequence[View], across: Sequence[int] = ()) -> NDArray[np.int64]:
+    def count_votes(self, views: Sequence[View], across: Sequence[int] = ()) -> NDArray[np.int16]:
         """Count the votes for pairs of views that share words, (V, V), else 0; see `resemblance`.
 
         If there is an ``across``, only pairs of one of these views with one of the others are counted.
@@ -93,28 +92,25 @@ class Surveyor:
         for start in range(0, len(views), LOOKED_UP_AT_ONCE):
             block = {one: partners[one] for one in range(start, min(start + LOOKED_UP_AT_ONCE, len(views)))}
             calls.append((block, {view: compacts[view] for one, others in block.items() for view in (one, *others)}))
-        votes = np.zeros((len(views), len(views)), dtype=np.int64)
+        votes = np.zeros((len(views), len(views)), dtype=np.int16)
         for (block, _), rows in zip(calls, self.workers.run("look-up", _count_votes, calls), strict=True):
             for (one, others), row in zip(block.items(), rows, strict=True):
                 # Each pair is counted once, from its first view; the other direction differs by a vote or two.
                 votes[one, others] = votes[others, one] = row
         return votes
 
-    def link(
-        self,
-        views: Sequence[View] | Mapping[int, View],
-        pairs: Iterable[Candidate],
-        predicted: Mapping[Candidate, Matrix] = MappingProxyType({}),
-    ) -> dict[Candidate, Link]:
-        """Link the views of each pair, in rising order of the pairs; some of the links may not hold.
+    def link(self, views: Sequence[View] | Mapping[int, View], pairs: Iterable[Candidate]) -> dict[Candidate, Link]:
+        """Link the views of each pair, in rising order of the pairs; some of the links may not hold."""
+        return self.link_nearby(views, dict.fromkeys(pairs))
 
-        ``predicted`` has homographies of pairs that a layout lets overlap, see `link_views`.
-        """
+    def link_nearby(
+        self, views: Sequence[View] | Mapping[int, View], predicted: Mapping[Candidate, Matrix | None]
+    ) -> dict[Candidate, Link]:
+        """Link pairs like `link`, each near its predicted homography if it has one, see `link_views`."""
         how = self.settings.config.matcher, self.seed, self.max_samples
         calls = []
-        for pair in sorted(pairs):
+        for pair, homography in sorted(predicted.items(), key=lambda item: item[0]):
             left, right = (views[side] for side in pair)
-            homography = predicted.get(pair)
             key = key_of("pair", left.key, right.key, *how, None if homography is None else homography.tolist())
             calls.append((pair, left.features, right.features, homography, key))
         link_pair = partial(link_views, config=self.settings.config, seed=self.seed, max_samples=self.max_samples)

@@ -103,7 +103,7 @@ def test_views_of_another_group_are_not_proposed() -> None:
 
 def test_first_candidates_are_neighbours_in_order_by_gps_and_by_votes() -> None:
     views: list[Any] = [SimpleNamespace(gps=None) for _ in range(8)]
-    votes = np.zeros((8, 8), dtype=np.int64)
+    votes = np.zeros((8, 8), dtype=np.int16)
     votes[0, 6] = votes[6, 0] = 9
     votes[0, 7] = votes[7, 0] = 8
     in_order = {(i, i + step) for step in (1, 2) for i in range(8 - step)}
