@@ -30,8 +30,8 @@ MAX_PREDICTED = 2
 MIN_OVERLAP, MIN_GAIN = 0.1, 0.2
 """Smallest overlap and w R of a predicted pair; 0.2 is the mean w R of a network with ten links per photograph."""
 
-COLUMNS_AT_ONCE = 256
-"""Columns of an inverse in memory."""
+COLUMNS_AT_ONCE = 8
+"""Columns of an inverse that are computed together: more take longer, because they leave the processor's cache."""
 
 
 def first_candidates(views: Sequence[View], votes: NDArray[np.int16]) -> set[Candidate]:
