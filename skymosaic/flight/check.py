@@ -121,15 +121,15 @@ def check_flight(flight: Flight) -> FlightCheck:
     sharpness = flight.relative_sharpness.tolist()
     measured = [layout.accuracy.photographs for layout in flight.layouts if layout.accuracy is not None]
     errors = {view: each for photographs in measured for view, each in photographs.items()}
+    links = Counter(end for link in flight.links if link.holds for end in (link.left, link.right))
     photographs = []
     for index, view in enumerate(flight.views):
-        links = sum(link.holds and index in (link.left, link.right) for link in flight.links)
-        problems = _problems(links, overlaps[index], sharpness[index], view.clipped)
+        problems = _problems(links[index], overlaps[index], sharpness[index], view.clipped)
         error = errors.get(index)
         photographs.append(
             PhotographCheck(
                 name=view.name,
-                links=links,
+                links=links[index],
                 overlap=overlaps[index],
                 sharpness=sharpness[index],
                 clipped=view.clipped,

@@ -49,7 +49,7 @@ COOLING = 0.5
 ANCHOR_SCALE = 4.0
 """Scale of the robust loss of anchors, in their standard deviations."""
 LINKS_AT_ONCE = 64
-"""Links whose derivatives are in memory together: of all links, they would take a megabyte per view."""
+"""Links whose ties are in arrays together: derivatives of all links would take a megabyte per view."""
 MAX_STEPS = 15
 CONVERGED_PX = 0.01
 MAX_DISTORTION = 0.25
@@ -95,6 +95,57 @@ class Anchors:
     sigma: Array
 
 
+class _Batch:
+    """Some links of a network. All get the same number of rows, those beyond a link's ties without weight."""
+
+    def __init__(self, ties: Sequence[Ties], unit_px: Array, distortion: float) -> None:
+        self.pairs = np.array([(tie.left, tie.right) for tie in ties], dtype=np.intp)
+        self.counts = np.array([len(tie.left_points) for tie in ties], dtype=np.intp)
+        self.valid = np.arange(self.counts.max()) < self.counts[:, None]
+        self._points = np.zeros((2, *self.valid.shape, 2))
+        for row, tie in enumerate(ties):
+            self._points[:, row, : len(tie.left_points)] = tie.left_points, tie.right_points
+        self._unit_px = unit_px[self.pairs[:, 1], None]
+        self.straighten(distortion)
+
+    def straighten(self, distortion: float) -> None:
+        """Take the distortion of the lens out of the ties."""
+        self.left, self._right = self._points if distortion == 0 else straighten(self._points, distortion)
+
+    def map(self, transforms: Array) -> tuple[Array, Array, Array]:
+        """Map the left points into the right views, (L, N, 2), with their depth (L, N), by matrices (L, 3, 3, 1)."""
+        left, right = transforms[self.pairs[:, 0]], transforms[self.pairs[:, 1]]
+        between = (np.linalg.inv(right) @ left)[..., None]
+        x, y = self.left[..., 0], self.left[..., 1]
+        *place, depth = (between[:, row, 0] * x + between[:, row, 1] * y + between[:, row, 2] for row in range(3))
+        return np.moveaxis(np.array(place) / depth, 0, -1), depth, between
+
+    def errors_px(self, predicted: Array) -> Array:
+        """Distance of each mapped left point from its right one, (L, N), in working px of the right view."""
+        return np.asarray(np.sqrt(squared_lengths(predicted - self._right)[..., 0]) * self._unit_px)
+
+    def equations(
+        self, transforms: Array, free: int, scale_px: float, distortion: float | None
+    ) -> tuple[Array, Array, Array, Array]:
+        """Normal equations of each link, and the weighted residuals and their derivative by the distortion, if any."""
+        predicted, depth, between = self.map(transforms)
+        root = (self.valid * self._unit_px / (1 + (self.errors_px(predicted) / scale_px) ** 2))[..., None]
+        rows = [[between[:, row, k] - predicted[..., row] * between[:, 2, k] for k in (0, 1)] for row in (0, 1)]
+        # In memory, all points of an element follow each other, as those of `generators` do.
+        derivative = np.moveaxis(np.array(rows) / depth, (0, 1), (-2, -1))
+        residual = (predicted - self._right) * root
+        bending = np.zeros_like(residual)
+        if distortion is not None:
+            left, right = (bending_of(points, distortion) for points in (self.left, self._right))
+            bending = (multiply_small(derivative, left[..., None])[..., 0] - right) * root
+        # Left points are mapped into the right view, not both onto the ground: there, shrinking all views would
+        # help. A motion of the right view moves its point away from under the mapped one.
+        by_left = multiply_small(derivative, generators(self.left, free))
+        jacobian = np.concatenate([by_left, -generators(predicted, free)], axis=3) * root[..., None]
+        targets = np.stack([residual, bending], axis=-1).reshape(len(self.pairs), -1, 2)
+        return *normal_blocks(jacobian.reshape(len(jacobian), -1, 2 * free), targets), residual, bending
+
+
 class Network:
     """The ties of a flight, ready for adjustments.
 
@@ -117,27 +168,17 @@ class Network:
     def __init__(
         self, ties: Sequence[Ties], units_px: Sequence[float], reference: int, distortion: float = 0.0
     ) -> None:
-        self._pairs = np.array([(tie.left, tie.right) for tie in ties], dtype=np.intp).reshape(-1, 2)
-        # Every link gets the same number of rows, those beyond its ties without weight: arrays need no loop over links.
-        self._counts = np.array([len(tie.left_points) for tie in ties], dtype=np.intp)
-        self._valid = np.arange(self._counts.max()) < self._counts[:, None]
-        self._points = np.zeros((2, *self._valid.shape, 2))
-        for row, tie in enumerate(ties):
-            self._points[:, row, : len(tie.left_points)] = tie.left_points, tie.right_points
-        self._straighten_ties(distortion)
-        self._views = len(units_px)
-        self._reference = reference
-        self._unit_px = np.asarray(units_px, dtype=np.float64)[self._pairs[:, 1], None]
-
-    def _straighten_ties(self, distortion: float) -> None:
         self.distortion = distortion
-        self._left, self._right = self._points if distortion == 0 else straighten(self._points, distortion)
+        self._unit_px = np.asarray(units_px, dtype=np.float64)
+        self._reference = reference
+        starts = range(0, len(ties), LINKS_AT_ONCE)
+        self._batches = [_Batch(ties[start : start + LINKS_AT_ONCE], self._unit_px, distortion) for start in starts]
+        self._pairs = np.concatenate([batch.pairs for batch in self._batches])
 
     def errors_px(self, transforms: Array) -> list[Array]:
         """Distance of each tie's mapped left point from its right one, by link, in working px of the right view."""
-        _, residual = self._residuals(transforms)
-        error_px = np.sqrt(squared_lengths(residual)[..., 0]) * self._unit_px
-        return [row[:count] for row, count in zip(error_px, self._counts, strict=True)]
+        errors_px = [(batch, batch.errors_px(batch.map(transforms)[0])) for batch in self._batches]
+        return [row[:count] for batch, rows in errors_px for row, count in zip(rows, batch.counts, strict=True)]
 
     def adjust(
         self,
@@ -176,40 +217,27 @@ class Network:
             transforms = transforms @ to_transforms(motion)
             transforms = transforms / transforms[:, 2:, 2:]
             if lens:
-                self._straighten_ties(float(np.clip(self.distortion + change, -MAX_DISTORTION, MAX_DISTORTION)))
+                self.distortion = float(np.clip(self.distortion + change, -MAX_DISTORTION, MAX_DISTORTION))
+                for batch in self._batches:
+                    batch.straighten(self.distortion)
             if step >= annealed and np.abs(motion).max() * self._unit_px.max() < CONVERGED_PX:
                 break
         return transforms
-
-    def _residuals(self, transforms: Array) -> tuple[tuple[Array, Array], Array]:
-        """The left points in the right views with the derivative of that mapping, and their offset from the right."""
-        left, right = transforms[self._pairs[:, 0]], transforms[self._pairs[:, 1]]
-        between = np.linalg.inv(right) @ left
-        mapped = self._left @ between[:, :, :2].transpose(0, 2, 1) + between[:, None, :, 2]
-        predicted = mapped[..., :2] / mapped[..., 2:]
-        derivative = between[:, None, :2, :2] - predicted[..., None] * between[:, None, 2:, :2]
-        return (predicted, derivative / mapped[..., 2, None, None]), predicted - self._right
 
     def _step(
         self, transforms: Array, free: int, least_px: float, *, lens: bool, anchors: Anchors | None
     ) -> tuple[Array, float]:
         """Compute the motions (V, 8) of one Gauss-Newton step, and the change of the distortion."""
-        (predicted, derivative), residual = self._residuals(transforms)
-        root = self._root_weights(residual, least_px)
-        residual = residual * root
-        bending = self._bending(derivative) * root if lens else np.zeros_like(residual)
-        targets = np.stack([residual, bending], axis=-1).reshape(len(self._pairs), -1, 2)
-        blocks = []
-        for first in range(0, len(self._pairs), LINKS_AT_ONCE):
-            part = slice(first, first + LINKS_AT_ONCE)
-            # Left points are mapped into the right view, not both onto the ground: there, shrinking all views would
-            # help. A motion of the right view moves its point away from under the mapped one.
-            by_left = multiply_small(derivative[part], generators(self._left[part], free))
-            by_right = -generators(predicted[part], free)
-            jacobian = np.concatenate([by_left, by_right], axis=3) * root[part, ..., None]
-            blocks.append(normal_blocks(jacobian.reshape(len(jacobian), -1, 2 * free), targets[part]))
+        scale_px = max(least_px, 2 * float(np.median(np.concatenate(self.errors_px(transforms)))))
+        blocks, downhill, curvature = [], 0.0, 0.0
+        for batch in self._batches:
+            *block, residual, bending = batch.equations(transforms, free, scale_px, self.distortion if lens else None)
+            blocks.append(block)
+            # Not BLAS, whose sums depend on the number of its threads, and with them the layout.
+            downhill += float((bending * residual).sum())
+            curvature += float((bending * bending).sum())
         normal, target = map(np.concatenate, zip(*blocks, strict=True))
-        system = BlockSystem(self._views, self._pairs, normal, target)
+        system = BlockSystem(len(self._unit_px), self._pairs, normal, target)
         if anchors is not None:
             system.add_observations(anchors.views, *_anchor_rows(transforms, anchors, free))
         if free > MODELS["similarity"]:
@@ -220,35 +248,16 @@ class Network:
             sigma[:, :2] = np.hypot(STRETCH_SIGMA, STRETCH_ERROR * np.linalg.norm(expected, axis=1))[:, None]
             sigma[:, 2:] = np.maximum(TILT_SIGMA, np.abs(shape[:, 2:]))
             system.add_prior(shape[:, : free - 4], 1 / sigma[:, : free - 4] ** 2)
-        motion = np.zeros((self._views, 8))
+        motion = np.zeros((len(self._unit_px), 8))
         still, per_change = system.solve(self._reference)
-        change = _distortion_change(residual, bending, system.target[..., 1], still, per_change) if lens else 0.0
+        change = 0.0
+        if lens:
+            # The motions are eliminated (Schur complement): `still` if the distortion stays, and per change of it.
+            downhill += float((system.target[..., 1] * still).sum())
+            curvature += float((system.target[..., 1] * per_change).sum())
+            change = float(np.clip(-downhill / curvature, -MAX_DISTORTION_CHANGE, MAX_DISTORTION_CHANGE))
         motion[:, :free] = still + change * per_change
         return motion, change
-
-    def _root_weights(self, residual: Array, least_px: float) -> Array:
-        """Square roots of the robust weights of all ties, (L, N, 1), at a scale of at least ``least_px``."""
-        error_px = np.sqrt(squared_lengths(residual)[..., 0]) * self._unit_px
-        scale_px = max(least_px, 2 * float(np.median(error_px[self._valid])))
-        return np.asarray(self._valid * self._unit_px / (1 + (error_px / scale_px) ** 2))[..., None]
-
-    def _bending(self, derivative: Array) -> Array:
-        """How the residuals change with the distortion, (L, N, 2)."""
-        left, right = (bending_of(points, self.distortion) for points in (self._left, self._right))
-        return np.asarray(multiply_small(derivative, left[..., None])[..., 0] - right)
-
-
-def _distortion_change(residual: Array, bending: Array, target: Array, still: Array, per_change: Array) -> float:
-    """The change of the distortion in one step, once the motions are eliminated (Schur complement).
-
-    ``residual`` and its derivative by the distortion, ``bending``, are weighted, (L, N, 2). ``target`` (V, free) is the
-    motions' right-hand side for the distortion; ``still`` and ``per_change`` (V, free) are the motions if the
-    distortion stays as it is, and what they gain per change of it.
-    """
-    # Not BLAS, whose sums depend on the number of its threads, and with them the layout.
-    downhill = float((bending * residual).sum() + (target * still).sum())
-    change = -downhill / float((bending * bending).sum() + (target * per_change).sum())
-    return float(np.clip(change, -MAX_DISTORTION_CHANGE, MAX_DISTORTION_CHANGE))
 
 
 def _anchor_rows(transforms: Array, anchors: Anchors, free: int) -> tuple[Array, Array]:

