@@ -55,6 +55,7 @@ CASES = {
     "500 of 1600×1200, 60 %": Case(500, 1600, 0.6),
     "50 of 640×480, 60 %": Case(50, 640, 0.6),
     "500 of 640×480, 60 %": Case(500, 640, 0.6),
+    "3,000 of 640×480, 60 %": Case(3000, 640, 0.6),
     "60 of 800×600, buildings and trees with height": Case(60, 800, 0.5, relief=True),
     "the same through a lens, in uneven light": Case(60, 800, 0.5, relief=True, k1=-0.1, uneven_light=True),
     "30 of 640×480, 50 %": Case(30, 640, 0.5, seeds=SEEDS),
