@@ -42,7 +42,7 @@ def test_no_link_is_looked_for_around_a_place_in_dispute() -> None:
     asked: list[set[tuple[int, int]]] = []
 
     class Stub:
-        def link(self, _views: Any, pairs: Any, _predicted: Any) -> dict[tuple[int, int], Link]:
+        def link_nearby(self, _views: Any, pairs: Any) -> dict[tuple[int, int], Link]:
             asked.append(set(pairs))
             return {}
 
