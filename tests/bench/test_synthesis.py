@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,6 @@ import pytest
 from bench import synthesis
 from bench.designs import designs
 from docs.hooks.measured import table
-from hdl.netlist import to_verilog
 
 RECORDED = synthesis.recorded_rows()
 LARGEST_FIRST = sorted(RECORDED, key=lambda name: RECORDED[name]["LUT"], reverse=True)
@@ -26,10 +26,10 @@ def test_a_quick_block_has_its_recorded_area(tmp_path: Path) -> None:
     assert synthesis.differences([{"design": QUICK, **figures}]) == []
 
 
-def test_small_blocks_are_recorded_with_their_verilog() -> None:
-    digests = {name: synthesis.identify(to_verilog(designs()[name].build()))["digest"] for name in SMALL}
-    old = [name for name in SMALL if RECORDED[name]["digest"] != digests[name]]
-    assert not old, f"changed: {', '.join(old)}. Record them and what contains them: {synthesis.COMMAND} NAME --update"
+def test_small_blocks_have_their_recorded_areas() -> None:
+    """Synthesised only where the Verilog is not the recorded one; some names in it depend on the version of Python."""
+    rows = synthesis.run_designs(SMALL, partial(synthesis.measure, known=RECORDED.values()))
+    assert synthesis.differences(rows) == []
 
 
 @pytest.mark.slow
