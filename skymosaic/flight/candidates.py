@@ -13,11 +13,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import splu
 from scipy.spatial import KDTree
 
 from golden_model.arrays import Array
 from skymosaic.flight.layout.layout import outline, overlap
+from skymosaic.flight.layout.normal_equations import factor_symmetric
 from skymosaic.flight.linking.links import Candidate, Link
 from skymosaic.flight.linking.view import View
 
@@ -29,7 +29,6 @@ MAX_PREDICTED = 2
 """Partners that each view proposes per round; the next round sees what these links have changed."""
 MIN_OVERLAP, MIN_GAIN = 0.1, 0.2
 """Smallest overlap and w R of a predicted pair; 0.2 is the mean w R of a network with ten links per photograph."""
-
 COLUMNS_AT_ONCE = 8
 """Columns of an inverse that are computed together: more take longer, because they leave the processor's cache."""
 
@@ -103,7 +102,7 @@ def _resistances(members: Sequence[int], links: Mapping[Candidate, Link], pairs:
     conductance += conductance.T
     laplacian = sparse.diags_array(conductance.sum(axis=0)) - conductance
     # The potentials are free by a constant: that of the first member is 0.
-    factors = splu(laplacian.tocsc()[1:, 1:], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    factors = factor_symmetric(laplacian.tocsc()[1:, 1:])
     left, right = np.array([[row[one], row[other]] for one, other in pairs], dtype=np.intp).reshape(-1, 2).T
     own, mutual = np.zeros(len(row)), np.zeros(len(left))
     for start in range(1, len(row), COLUMNS_AT_ONCE):

@@ -177,8 +177,11 @@ class Network:
 
     def errors_px(self, transforms: Array) -> list[Array]:
         """Distance of each tie's mapped left point from its right one, by link, in working px of the right view."""
-        errors_px = [(batch, batch.errors_px(batch.map(transforms)[0])) for batch in self._batches]
-        return [row[:count] for batch, rows in errors_px for row, count in zip(rows, batch.counts, strict=True)]
+        return [
+            row[:count]
+            for batch in self._batches
+            for row, count in zip(batch.errors_px(batch.map(transforms)[0]), batch.counts, strict=True)
+        ]
 
     def adjust(
         self,
