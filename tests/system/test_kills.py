@@ -40,6 +40,7 @@ def finish(process: subprocess.Popen[str]) -> float:
     started = time.monotonic()
     errors = process.communicate()[1]
     assert process.returncode == 0, errors
+    assert "error" not in errors
     return time.monotonic() - started
 
 
