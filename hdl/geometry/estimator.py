@@ -242,12 +242,15 @@ class HomographyEstimator(wiring.Component):
 
     def _search(self, m: Module) -> None:
         """Draw, solve and score samples, step by step."""
-        step, passes = Signal(range(STEPS + 1)), Signal(self._settings.passes.shape())
+        step = Signal(range(STEPS + 1))
+        passes = Signal(self._settings.passes.shape())
         # Lanes whose sample is worth solving.
         passed = Signal(LANES)
         # The step has had its passes, of which the last is to be scored; and whether it took longer than its share.
-        closes, is_late = Signal(), Signal()
-        elapsed, limit = Signal(range(2 * SEARCH_CYCLES)), Signal(range(SEARCH_CYCLES + 1))
+        closes = Signal()
+        is_late = Signal()
+        elapsed = Signal(range(2 * SEARCH_CYCLES))
+        limit = Signal(range(SEARCH_CYCLES + 1))
         share = SEARCH_CYCLES // STEPS
         m.d.comb += self._draws.i_step.eq(step)
         m.d.sync += elapsed.eq(elapsed + 1)

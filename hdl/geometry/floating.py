@@ -106,7 +106,8 @@ class MultiplyAdd(wiring.Component):
         mantissa = delayed(m, (shifted << fine)[SUM_BITS - MANTISSA_BITS : SUM_BITS], 1)
         normalised = delayed(m, before_fine - fine, 1)
         is_zero = ~mantissa[-1] | (normalised < MIN_EXPONENT)
-        result, is_negative = port_register(m, self.o), delayed(m, negative, 2)
+        result = port_register(m, self.o)
+        is_negative = delayed(m, negative, 2)
         m.d.sync += [
             result.mantissa.eq(Mux(is_zero, 0, mantissa)),
             result.exponent.eq(Mux(is_zero, MIN_EXPONENT, Mux(normalised > MAX_EXPONENT, MAX_EXPONENT, normalised))),

@@ -132,7 +132,8 @@ class MatchOrdering(wiring.Component):
     def _place(self, m: Module, bin_: Signal, phase: Signal) -> None:
         """Turn counts into first ranks, from the largest weight on; then give every match its rank."""
         ranks, delay = self._ranks, self._ranks.latency_cycles
-        total, number = Signal.like(self.o_count), Signal.like(self.o_count)
+        total = Signal.like(self.o_count)
+        number = Signal.like(self.o_count)
         m.d.comb += self._matches.i_read_address.eq(number)
         with m.State("Sum"):
             m.d.comb += [

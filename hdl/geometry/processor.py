@@ -131,7 +131,8 @@ class Processor(wiring.Component):
         read = memory.read_port()
         address = Signal(range(len(words) + 1))
         left = Signal(range(max(len(each.instructions) for each in PROGRAMS) + 1))
-        fetched, issued = Signal(), Signal()
+        fetched = Signal()
+        issued = Signal()
         instruction = view_signal(INSTRUCTION, reset_less=True)
         wait = Signal(range(MAX_WAIT + 1))
         # Clocks until the last result can be read.

@@ -58,7 +58,8 @@ class Quantiser(wiring.Component):
         entry = Signal(ENTRY.bits, reset_less=True)
         m.d.sync += entry.eq(Mux(negative, -magnitude, magnitude))
         cycles = LineMemory.latency_cycles + SHIFT_CYCLES
-        moves, entry_lane = delayed(m, reading, cycles, reset_less=False), delayed(m, lane, cycles)
+        moves = delayed(m, reading, cycles, reset_less=False)
+        entry_lane = delayed(m, lane, cycles)
         for n in range(LANES):
             elements = self.o[n].as_value()
             with m.If(moves & (entry_lane == n)):

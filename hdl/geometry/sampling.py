@@ -79,7 +79,8 @@ class SampleDraws(wiring.Component):
     def _advance(m: Module, state: Signal) -> Value:
         """Next state of the generator."""
         left, right, last = SHIFTS
-        first, second = Signal(RANDOM_BITS), Signal(RANDOM_BITS)
+        first = Signal(RANDOM_BITS)
+        second = Signal(RANDOM_BITS)
         m.d.comb += [first.eq(state ^ (state << left)), second.eq(first ^ (first >> right))]
         return second ^ (second << last)
 

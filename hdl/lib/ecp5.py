@@ -88,7 +88,8 @@ class Ecp5:
         )
         written, word = Value.cast(memory.i_word), Value.cast(memory.o_word)
         for n, first in enumerate(range(0, len(word), width)):
-            data, read = written[first : first + width], Signal(PORT_BITS)
+            data = written[first : first + width]
+            read = Signal(PORT_BITS)
             m.d.comb += word[first : first + width].eq(read)
             m.submodules[f"block{n}"] = Instance(
                 "DP16KD",

@@ -56,7 +56,8 @@ class LineMemory(wiring.Component):
             return m
         words: memory.Memory
         m.submodules.memory = words = memory.Memory(shape=self.shape, depth=self.depth, init=[])
-        read, write = words.read_port(), words.write_port()
+        read = words.read_port()
+        write = words.write_port()
         word = port_register(m, self.o_word)
         with m.If(is_read):
             m.d.sync += word.eq(read.data)

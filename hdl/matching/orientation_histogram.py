@@ -51,7 +51,8 @@ class OrientationHistogram(wiring.Component):
         m = Module()
         bins: Memory = Memory(shape=self._bin, depth=SECTORS, init=[])
         m.submodules.bins = bins
-        read, write = bins.read_port(), bins.write_port()
+        read = bins.read_port()
+        write = bins.write_port()
         step = Signal(range(SECTORS + FIND_CYCLES))
         # A smoothed bin weighs 4 + 3 + 3 bins.
         height = Signal(range(10 * self._bin[-1] + 1), reset_less=True)

@@ -178,7 +178,8 @@ class CellRanking(wiring.Component):
         )
         m.submodules.rankings = rankings
         m.submodules.insertion = insertion = Insertion(spacing_cycles=self.spacing_cycles)
-        read, write = rankings.read_port(domain="comb"), rankings.write_port()
+        read = rankings.read_port(domain="comb")
+        write = rankings.write_port()
         cell = Signal.like(self.o_cell, reset_less=True)
         feature = Signal.like(self.i.feature, reset_less=True)
         ranking = view_signal(RANKING, reset_less=True)
@@ -186,7 +187,8 @@ class CellRanking(wiring.Component):
         # What is compared is also what leaves, unless the next feature may already be compared then.
         current_cell, current_feature = self.o_cell, self.o_feature
         if self.spacing_cycles == 1:
-            current_cell, current_feature = Signal.like(self.o_cell), Signal.like(self.o_feature)
+            current_cell = Signal.like(self.o_cell)
+            current_feature = Signal.like(self.o_feature)
             m.d.comb += self.o_cell.eq(delayed(m, current_cell, 1))
             m.d.comb += self.o_feature.eq(delayed(m, current_feature, 1))
         compared_cell = port_register(m, current_cell)

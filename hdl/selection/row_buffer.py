@@ -76,15 +76,19 @@ class CellRows(wiring.Component):
         filling = Signal()
         with m.If(self.i_close):
             m.d.sync += filling.eq(~filling)
+        order_write = orders.write_port()
+        feature_write = features.write_port()
         for port, address, value in (
-            (orders.write_port(), self.i_cell, self.i_order),
-            (features.write_port(), Cat(self.i_slot, self.i_cell), self.i_feature),
+            (order_write, self.i_cell, self.i_order),
+            (feature_write, Cat(self.i_slot, self.i_cell), self.i_feature),
         ):
             m.d.comb += [port.en.eq(self.i_write), port.addr.eq(Cat(address, filling)), port.data.eq(value)]
 
         requests = stream.Signature(self._request).create()
-        self._walk(m, orders.read_port(), ~filling, requests)
-        self._fetch(m, features.read_port(), ~filling, requests)
+        order_read = orders.read_port()
+        feature_read = features.read_port()
+        self._walk(m, order_read, ~filling, requests)
+        self._fetch(m, feature_read, ~filling, requests)
         m.d.comb += self.o_drained.eq(requests.valid & requests.ready & requests.p.ends_row)
         return m
 

@@ -183,7 +183,8 @@ class SerialLink(wiring.Component):
 
     def _send(self, m: Module, has_answer: Signal, answer: Signal) -> Signal:
         """Send one message after the other; returns a signal that is high when the answer has been taken over."""
-        message, left = Signal(8 * WORD_MESSAGE_BYTES), Signal(range(WORD_MESSAGE_BYTES + 1))
+        message = Signal(8 * WORD_MESSAGE_BYTES)
+        left = Signal(range(WORD_MESSAGE_BYTES + 1))
         taken = Signal()
         free = left == 0
         # The flag goes into the unused upper bits of the response.

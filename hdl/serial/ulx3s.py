@@ -61,7 +61,8 @@ class Ulx3s(wiring.Component):
         m = Module()
         # The board has no reset line; the configuration sets `starting`, and the button sets it again.
         m.domains.sync = ClockDomain(reset_less=True)
-        pressed, starting = Signal(2), Signal(range(RESET_CLOCKS + 1), init=RESET_CLOCKS)
+        pressed = Signal(2)
+        starting = Signal(range(RESET_CLOCKS + 1), init=RESET_CLOCKS)
         m.d.sync += [pressed.eq(Cat(self.btn_fire1, pressed)), starting.eq(starting - starting.any())]
         with m.If(pressed[1]):
             m.d.sync += starting.eq(RESET_CLOCKS)

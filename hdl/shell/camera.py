@@ -1,7 +1,7 @@
 """The camera's side: its pixels cross into the accelerator's clock, and whole frames are admitted or dropped."""
 
 # Annotations are evaluated here: a component takes its ports from them.
-from amaranth import Cat, Module, Mux, Signal, Value
+from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -54,7 +54,8 @@ class CameraCrossing(wiring.Component):
         # The queue is only as wide as its pixels: gray needs 8 of the 24 bits.
         width = CAMERA_BEAT.size - 24 + self.video_bits
         m.submodules.queue = queue = fifo.AsyncFIFO(width=width, depth=self.depth, r_domain="sync", w_domain="camera")
-        lost, number = Signal(), Signal(NUMBER_BITS)
+        lost = Signal()
+        number = Signal(NUMBER_BITS)
         this_number = Signal.like(number)
         m.d.comb += [
             this_number.eq(number + self.i.first),
@@ -123,8 +124,11 @@ class CameraGate(wiring.Component):
         """Decide at each first pixel, check the frame's lines, count frames."""
         m = Module()
         beat = self.i.payload
-        running, settled = Signal(), Signal(init=1)
-        takes, passes, gives_up = Signal(), Signal(), Signal()
+        running = Signal()
+        settled = Signal(init=1)
+        takes = Signal()
+        passes = Signal()
+        gives_up = Signal()
         line_ends, frame_ends, is_surplus = self._track_position(m, takes)
         reason = self._reason(m, is_surplus)
         fits = ~beat.lost & (beat.last == line_ends) & ~is_surplus
@@ -132,7 +136,7 @@ class CameraGate(wiring.Component):
             gives_up.eq(self.i_pressed & ~self.o.ready),
             passes.eq(Mux(beat.first, reason == 0, running & fits & self.i_on) & ~gives_up),
             self.o.valid.eq(self.i.valid & passes & settled),
-            self.o.payload.eq(Cat(beat.data, Signal(8), beat.first, beat.last)),
+            self.o.payload.eq(Cat(beat.data, Const(0, 8), beat.first, beat.last)),
             self.i.ready.eq(settled & (self.o.ready | ~passes)),
             takes.eq(self.i.valid & self.i.ready),
             self.o_admits.eq(takes & beat.first & passes),
@@ -150,8 +154,11 @@ class CameraGate(wiring.Component):
     def _track_position(self, m: Module, takes: Value) -> tuple[Value, Value, Value]:
         """Whether the pixel ends a line, whether it ends the frame, and whether the frame has ended before it."""
         beat = self.i.payload
-        x, y, last_x, last_y = (Signal(range(MAX_FRAME_PX)) for _ in range(4))
-        line_ends, last_line, ended, broken = Signal(), Signal(), Signal(init=1), Signal(init=1)
+        x, y, last_x, last_y = (Signal(range(MAX_FRAME_PX), name=name) for name in ("x", "y", "last_x", "last_y"))
+        line_ends = Signal()
+        last_line = Signal()
+        ended = Signal(init=1)
+        broken = Signal(init=1)
         surplus = Signal()
         m.d.comb += [line_ends.eq(~beat.first & (x == last_x)), last_line.eq(y == last_y)]
         frame_ends = line_ends & last_line & ~ended

@@ -129,7 +129,8 @@ class Shell(wiring.Component):
 
         A clear ends when the packets that the accelerator still offered are in memory.
         """
-        clearing, clocks = Signal(), Signal(range(CLEARING_CLOCKS))
+        clearing = Signal()
+        clocks = Signal(range(CLEARING_CLOCKS))
         offered = Cat(getattr(self, f"i_{ring}").valid for ring in self.rings).any()
         quiet = Cat(ring.o_idle for ring in self.rings.values()).all() & ~offered
         forgets = clearing & (clocks == CLEARING_CLOCKS - 1) & quiet

@@ -307,6 +307,8 @@ def test_registers_have_names_and_lead_to_their_python_line(verilog: str) -> Non
     generic = [name for attributes, name in declared if GENERIC_NAME.match(name) or "src" not in attributes]
     assert len(declared) > 1000
     assert len(generic) < 0.03 * len(declared), generic
+    # Signals that share a statement, as in `x, y = Signal(), Signal()`, would be called `$signal`.
+    assert r"\$" not in verilog
     lines = {}
     for attributes, name in declared:
         if name in generic:
