@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import rasterio
 import rasterio.errors
 import rasterio.warp
 from numpy.typing import NDArray
@@ -32,6 +33,8 @@ MAX_TRIALS = 500
 REFITS = 5
 ROUNDING = 1e-9
 WORST_NAMED = 5
+GDAL_CACHE_BYTES = 64 << 20
+"""By default GDAL takes a twentieth of the machine's memory, and so holds most of a large mosaic once more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +85,9 @@ class Georeference:
 
 
 @contextlib.contextmanager
-def quiet_rasterio() -> Iterator[None]:
-    """Context without rasterio's warnings about files without a georeference."""
-    with warnings.catch_warnings():
+def configured_rasterio() -> Iterator[None]:
+    """Context with a small cache for GDAL, and without rasterio's warnings about files without a georeference."""
+    with warnings.catch_warnings(), rasterio.Env(GDAL_CACHEMAX=GDAL_CACHE_BYTES):
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
         yield
 

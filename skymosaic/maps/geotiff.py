@@ -18,7 +18,7 @@ import rasterio.windows
 from golden_model.arrays import Intensities, Mask
 from skymosaic.errors import InputError
 from skymosaic.imagery.images import write_atomically
-from skymosaic.maps.georeference import Georeference, quiet_rasterio
+from skymosaic.maps.georeference import Georeference, configured_rasterio
 from skymosaic.temporary import temporary_folder
 
 JPEG_QUALITY = 90
@@ -81,7 +81,7 @@ def tee_to_raster(
 @contextlib.contextmanager
 def _writing(path: Path, least_bytes: int = 1 << 20) -> Iterator[None]:
     """Context in which rasterio's errors become one line about ``path``; with less free space the disk is full."""
-    with quiet_rasterio():
+    with configured_rasterio():
         try:
             yield
         # Copies raise the errors of GDAL itself, which are no RasterioError.

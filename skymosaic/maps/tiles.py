@@ -19,7 +19,7 @@ import rasterio.windows
 from golden_model.arrays import Pixels
 from skymosaic.errors import InputError
 from skymosaic.imagery.depth import ValueRange, show_in_8_bit
-from skymosaic.maps.georeference import quiet_rasterio
+from skymosaic.maps.georeference import configured_rasterio
 from skymosaic.temporary import PAGE, staged_folder
 
 TILE_PX = 256
@@ -80,7 +80,7 @@ def write_tiles(folder: Path, raster: Path, title: str, values: ValueRange | Non
     """
     try:
         with staged_folder(folder, OWN_NAMES) as staged:
-            with quiet_rasterio(), rasterio.open(raster) as file:
+            with configured_rasterio(), rasterio.open(raster) as file:
                 pyramid = _plan_pyramid(file)
                 with _warp(file, pyramid) if pyramid.georeferenced else contextlib.nullcontext(file) as source:
                     column, row = (index >> (pyramid.zoom - pyramid.top) for index in pyramid.first)
