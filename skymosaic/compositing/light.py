@@ -46,9 +46,8 @@ def estimate_light(overlaps: Overlaps, residual: Array, number: int) -> Array | 
     odd = overlaps.pair % 2 == 1
     if odd.all() or not odd.any():
         return None
-    left = residual[odd] - _design(overlaps, odd, number) @ _fit(
-        _design(overlaps, ~odd, number), residual[~odd], number
-    )
+    nodes = _fit(_design(overlaps, ~odd, number), residual[~odd], number)
+    left = residual[odd] - _design(overlaps, odd, number) @ nodes
     # The mean cost, because the median would miss clouds that pass over a few photographs only.
     if _cost(left) > MAX_HELD_OUT_COST * _cost(residual[odd]):
         return None
@@ -97,7 +96,10 @@ def _solve(design: sparse.csr_array, weight: Array, prior: sparse.csr_array, tar
 
     # The matrix itself would take most of a megabyte per photograph, and a direct solution tens of seconds.
     system = LinearOperator(prior.shape, multiply, dtype=np.float64)
-    scale = sparse.diags_array(1 / (design.power(2).T @ weight + prior.diagonal()))
+    # Unlike a power of the matrix, this one shares its indices.
+    squares = sparse.csr_array((design.data**2, design.indices, design.indptr), design.shape)
+    scale = sparse.diags_array(1 / (squares.T @ weight + prior.diagonal()))
+    del squares
     return np.column_stack(
         [
             cg(system, design.T @ (weight * channel), x0=first, rtol=TOLERANCE, maxiter=MAX_STEPS, M=scale)[0]

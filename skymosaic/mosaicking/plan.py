@@ -41,6 +41,7 @@ from skymosaic.imagery.decoding import read_header
 from skymosaic.imagery.exif import read_metadata
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source, decoded_photographs
+from skymosaic.memory import release_free_memory
 from skymosaic.mosaicking.options import MEGAPIXEL, MosaicOptions
 from skymosaic.mosaicking.result import Mosaic
 from skymosaic.registration.pair import Pair
@@ -127,6 +128,7 @@ class MosaicPlan:
         if self.flight.pair is None:
             self._workers.progress("exposure and seams", 0, 0)
         place = self._place(layout)
+        release_free_memory()
         composition = compose(
             self.flight,
             layout,
@@ -153,6 +155,7 @@ class MosaicPlan:
     def bands(self, composition: Composition) -> Iterator[tuple[Intensities, Mask]]:
         """Render the picture in bands of whole rows from the top, each with a mask of what shows a photograph."""
         start = time.perf_counter()
+        release_free_memory()
         yield from composition.bands(self._workers, self.options.memory_bytes)
         # A pair counts its blending among its own stages; the time of a flight's is in its delivery.
         if self.flight.pair is not None:
