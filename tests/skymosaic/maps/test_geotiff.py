@@ -1,4 +1,6 @@
 import resource
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -38,6 +40,23 @@ def written(path: Path, image: np.ndarray, place: Georeference | None = PLACE, c
     write_cog(path, path.with_name("raw.tif"), compress)
     assert {each.name for each in path.parent.iterdir()} == {path.name, "raw.tif"}
     return shown
+
+
+def test_memory_does_not_grow_with_the_picture(tmp_path: Path) -> None:
+    """GDAL's own cache would hold all 288 MB of this one, on a machine of 6 GB or more."""
+    program = (
+        "import re, sys\nfrom pathlib import Path\nimport numpy as np\n"
+        "from skymosaic.maps.geotiff import tee_to_raster\n"
+        # What `resource` reports begins with the peak of the process that started this one.
+        "peak_kb = lambda: int(re.search(r'VmHWM:\\s+(\\d+)', Path('/proc/self/status').read_text())[1])\n"
+        "bands = [(np.ones((250, 12000, 3), np.uint8), np.ones((250, 12000), np.bool_))] * 24\n"
+        "before_kb = peak_kb()\n"
+        "for _ in tee_to_raster(Path(sys.argv[1]), (12000, 6000), bands, None):\n    pass\n"
+        "print((peak_kb() - before_kb) // 1024)"
+    )
+    command = [sys.executable, "-c", program, str(tmp_path / "raw.tif")]
+    growth_mb = int(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    assert growth_mb < 150
 
 
 @pytest.mark.parametrize("image", [picture(3), picture(), picture(kind=np.uint16)], ids=["bgr", "gray", "16 bit"])
