@@ -96,10 +96,9 @@ def _solve(design: sparse.csr_array, weight: Array, prior: sparse.csr_array, tar
 
     # The matrix itself would take most of a megabyte per photograph, and a direct solution tens of seconds.
     system = LinearOperator(prior.shape, multiply, dtype=np.float64)
-    # Unlike a power of the matrix, this one shares its indices.
-    squares = sparse.csr_array((design.data**2, design.indices, design.indptr), design.shape)
-    scale = sparse.diags_array(1 / (squares.T @ weight + prior.diagonal()))
-    del squares
+    # Unlike `design.power(2)`, this shares the indices of the design.
+    diagonal = sparse.csr_array((design.data**2, design.indices, design.indptr), design.shape).T @ weight
+    scale = sparse.diags_array(1 / (diagonal + prior.diagonal()))
     return np.column_stack(
         [
             cg(system, design.T @ (weight * channel), x0=first, rtol=TOLERANCE, maxiter=MAX_STEPS, M=scale)[0]
