@@ -13,8 +13,9 @@ k1 in units that need no focal length.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,7 +152,8 @@ class Network:
 
     Parameters
     ----------
-    ties : sequence of Ties
+    ties : iterable of Ties
+        Copied link by link, so that they need not be in memory together.
     units_px : sequence of float
         Half diagonal of each view, in working px.
     reference : int
@@ -166,13 +168,14 @@ class Network:
     """
 
     def __init__(
-        self, ties: Sequence[Ties], units_px: Sequence[float], reference: int, distortion: float = 0.0
+        self, ties: Iterable[Ties], units_px: Sequence[float], reference: int, distortion: float = 0.0
     ) -> None:
         self.distortion = distortion
         self._unit_px = np.asarray(units_px, dtype=np.float64)
         self._reference = reference
-        starts = range(0, len(ties), LINKS_AT_ONCE)
-        self._batches = [_Batch(ties[start : start + LINKS_AT_ONCE], self._unit_px, distortion) for start in starts]
+        ties = iter(ties)
+        batches = iter(lambda: list(islice(ties, LINKS_AT_ONCE)), [])
+        self._batches = [_Batch(batch, self._unit_px, distortion) for batch in batches]
         self._pairs = np.concatenate([batch.pairs for batch in self._batches])
 
     def errors_px(self, transforms: Array) -> list[Array]:

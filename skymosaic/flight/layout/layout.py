@@ -1,6 +1,6 @@
 """Layout of a flight: groups of linked views, a first pose of each view on the ground, and its refinement."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -169,24 +169,19 @@ class LinkedGroup:
         self.members = tuple(sizes)
         self.normalisations = [normalisation(size) for size in sizes.values()]
         self.units_px = [1 / float(matrix[0, 0]) for matrix in self.normalisations]
-        self._ties = []
-        for link in self.links:
-            left, right = row[link.left], row[link.right]
-            left_points = apply(self.normalisations[left], link.left_points)
-            self._ties.append(Ties(left, right, left_points, apply(self.normalisations[right], link.right_points)))
+        self._pairs = [(row[link.left], row[link.right]) for link in self.links]
         if reference is None:
-            pairs = [(tie.left, tie.right) for tie in self._ties]
-            weights = _inlier_matrix(len(sizes), pairs, self.links)
+            weights = _inlier_matrix(len(sizes), self._pairs, self.links)
             reference = int(np.argmax((weights + weights.T).sum(axis=0)))
         self.reference = reference
 
     @cached_property
     def start(self) -> Array:
         """Similarities (V, 3, 3) chained from the reference along strong links that loops confirm, then annealed."""
-        if not self._ties:
+        if not self.links:
             return np.tile(np.eye(3), (len(self.members), 1, 1))
-        motions = [estimate(tie.left_points, tie.right_points, model="similarity") for tie in self._ties]
-        pairs = {(tie.left, tie.right): row for row, tie in enumerate(self._ties)}
+        motions = [estimate(tie.left_points, tie.right_points, model="similarity") for tie in self._ties()]
+        pairs = {pair: row for row, pair in enumerate(self._pairs)}
         # The spanning tree is that of the least cost: one false link in it would displace all that hangs on it.
         strength = np.array([link.inliers for link in self.links]) * trust_by_loops(pairs, motions)
         cost = csr_array((1 / strength, np.array(list(pairs)).T), shape=(len(self.members),) * 2)
@@ -210,12 +205,14 @@ class LinkedGroup:
         distortion : float
             Distortion of the lens, see `skymosaic.flight.layout.motions.straighten`.
         """
-        ties = []
-        for tie in self._ties:
-            count = len(tie.left_points)
-            rows = np.linspace(0, count - 1, min(count, max_ties or count)).astype(np.intp)[chosen]
-            ties.append(Ties(tie.left, tie.right, tie.left_points[rows], tie.right_points[rows]))
-        return Network(ties, self.units_px, self.reference, distortion)
+        return Network(self._ties(chosen, max_ties), self.units_px, self.reference, distortion)
+
+    def _ties(self, chosen: slice = slice(None), max_ties: int | None = None) -> Iterator[Ties]:
+        """Normalise the ties of one link after the other: together, they would take as much memory as the links."""
+        for link, (left, right) in zip(self.links, self._pairs, strict=True):
+            rows = np.linspace(0, link.ties - 1, min(link.ties, max_ties or link.ties)).astype(np.intp)[chosen]
+            left_points = apply(self.normalisations[left], link.left_points[rows])
+            yield Ties(left, right, left_points, apply(self.normalisations[right], link.right_points[rows]))
 
     def to_ground(self, transforms: Array) -> dict[int, Array]:
         """Convert transformations (V, 3, 3) of normalised coordinates to those of pixels, by view."""
