@@ -76,11 +76,8 @@ def estimate_tones(thumbnails: Sequence[Layer], *, black: float = 0.0, white: fl
     """
     number = len(thumbnails)
     overlaps = compare_overlaps(thumbnails, black, white)
-    design = _design(overlaps, number)
-    exposure, falloff = _fit_exposure(overlaps, design)
-    logs = exposure[:, None] + _fit_balance(overlaps, design)
-    explained = design @ logs + (overlaps.falloff @ falloff)[:, None]
-    light = estimate_light(overlaps, overlaps.difference - explained, number)
+    logs, falloff, residual = _fit_gains(overlaps, number)
+    light = estimate_light(overlaps, residual, number)
     joined = np.unique(np.concatenate((overlaps.i, overlaps.j))).tolist()
     if not joined:
         return [NEUTRAL] * number
@@ -133,6 +130,16 @@ def _measure_toned(layer: Layer, tone: Tone) -> tuple[float, float]:
     """The share of its brightness that a toned photograph keeps, and the share of it that is white."""
     toned = tone.apply(layer.image, tone.factors(layer.size, Canvas(0, 0, *layer.size)))
     return float(toned.mean() / max(layer.image.mean(), 1e-6)), _white_share(toned)
+
+
+def _fit_gains(overlaps: Overlaps, number: int) -> tuple[Array, Array, Array]:
+    """Logarithmic gains (number, 3), the lens falloff (2,), and the differences (N, 3) that these do not explain."""
+    design = _design(overlaps, number)
+    exposure, falloff = _fit_exposure(overlaps, design)
+    logs = exposure[:, None] + _fit_balance(overlaps, design)
+    residual = design @ logs
+    residual += (overlaps.falloff @ falloff)[:, None]
+    return logs, falloff, np.subtract(overlaps.difference, residual, out=residual)
 
 
 def _design(overlaps: Overlaps, number: int) -> sparse.csr_array:

@@ -59,15 +59,15 @@ def _design(overlaps: Overlaps, chosen: Mask, number: int) -> sparse.csr_array:
 
     Photograph i is darker than j by the residual, so this difference has to equal it.
     """
-    at_i, at_j = (interpolation(places[chosen], GRID) for places in (overlaps.at_i, overlaps.at_j))
-    nodes = (
-        weights.indices + NODES * np.repeat(photograph[chosen], 4)
-        for weights, photograph in ((at_i, overlaps.i), (at_j, overlaps.j))
-    )
-    columns = np.hstack([each.reshape(-1, 4) for each in nodes])
-    values = np.hstack([at_i.data.reshape(-1, 4), -at_j.data.reshape(-1, 4)])
+    count = int(np.count_nonzero(chosen))
+    columns, values = np.empty((count, 2, 4), np.int32), np.empty((count, 2, 4), np.float32)
+    sides = (overlaps.at_i, overlaps.i, 1), (overlaps.at_j, overlaps.j, -1)
+    for side, (places, photograph, sign) in enumerate(sides):
+        weights = interpolation(places[chosen], GRID)
+        columns[:, side] = weights.indices.reshape(-1, 4) + NODES * photograph[chosen, None]
+        values[:, side] = sign * weights.data.reshape(-1, 4)
     starts = np.arange(0, values.size + 1, 8, dtype=np.int32)
-    return sparse.csr_array((values.ravel(), columns.ravel(), starts), shape=(len(values), NODES * number))
+    return sparse.csr_array((values.ravel(), columns.ravel(), starts), shape=(count, NODES * number))
 
 
 def _fit(design: sparse.csr_array, target: Array, number: int) -> Array:
@@ -77,7 +77,9 @@ def _fit(design: sparse.csr_array, target: Array, number: int) -> Array:
     nodes, weight = np.zeros((design.shape[1], 3)), np.full(len(target), 1 / LOG_SIGMA**2)
     for sigma in ROBUST_SIGMAS:
         nodes = _solve(design, weight, prior, target, nodes)
-        squared = ((target - design @ nodes) ** 2).mean(axis=1)
+        left = design @ nodes
+        left -= target
+        squared = np.square(left, out=left).mean(axis=1)
         weight = 1 / LOG_SIGMA**2 / (1 + squared / sigma**2) ** 2
     return nodes
 

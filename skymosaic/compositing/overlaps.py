@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import NamedTuple
 
 import cv2
@@ -78,24 +77,45 @@ def compare_overlaps(thumbnails: Sequence[Layer], black: float, white: float) ->
         The camera's numbers for black and white.
     """
     cells = [_measure_cells(layer, black, white) for layer in thumbnails]
-    none = np.zeros(0, dtype=np.int32)
-    nowhere = np.zeros((0, 2), dtype=np.float32)
-    parts = [Overlaps(none, none, np.zeros((0, 3), np.float32), nowhere, nowhere, nowhere, none)]
-    for i, j in combinations(range(len(cells)), 2):
-        common = cells[i].window.intersection(cells[j].window)
-        if common is None:
-            continue
-        in_i, in_j = common.within(cells[i].window), common.within(cells[j].window)
+    windows = [each.window for each in cells]
+    pairs = _meeting_pairs(windows)
+    overlaps = _reserve(MAX_CELLS_PER_PAIR * len(pairs))
+    end = number = 0
+    for i, j in pairs:
+        common = windows[i].intersection(windows[j])
+        assert common is not None
+        in_i, in_j = common.within(windows[i]), common.within(windows[j])
         both = np.argwhere(cells[i].valid[in_i] & cells[j].valid[in_j])
         rows, columns = both[np.linspace(0, len(both) - 1, min(len(both), MAX_CELLS_PER_PAIR)).astype(np.intp)].T
         if len(rows) == 0:
             continue
-        difference = (cells[j].logs[in_j] - cells[i].logs[in_i])[rows, columns]
+        part = slice(end, end + len(rows))
+        overlaps.i[part], overlaps.j[part], overlaps.pair[part] = i, j, number
+        overlaps.difference[part] = (cells[j].logs[in_j] - cells[i].logs[in_i])[rows, columns]
         chosen = np.column_stack((columns + common.x_px, rows + common.y_px))
-        (at_i, powers_i), (at_j, powers_j) = cells[i].locate(chosen), cells[j].locate(chosen)
-        first, second, pair = (np.full(len(rows), value, np.int32) for value in (i, j, len(parts) - 1))
-        parts.append(Overlaps(first, second, difference, at_i, at_j, powers_i - powers_j, pair))
-    return Overlaps._make(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        overlaps.at_i[part], powers_i = cells[i].locate(chosen)
+        overlaps.at_j[part], powers_j = cells[j].locate(chosen)
+        overlaps.falloff[part] = powers_i - powers_j
+        end, number = part.stop, number + 1
+    return Overlaps._make(column[:end] for column in overlaps)
+
+
+def _meeting_pairs(windows: Sequence[Canvas]) -> list[tuple[int, int]]:
+    """The pairs of rectangles that overlap, each (i, j) with i < j."""
+    first = np.array([(window.x_px, window.y_px) for window in windows]).reshape(-1, 2)
+    last = first + np.array([(window.width_px, window.height_px) for window in windows]).reshape(-1, 2)
+    pairs = []
+    for i in range(len(windows)):
+        meets = ((first[i + 1 :] < last[i]) & (last[i + 1 :] > first[i])).all(axis=1)
+        pairs += [(i, i + 1 + int(later)) for later in np.flatnonzero(meets)]
+    return pairs
+
+
+def _reserve(count: int) -> Overlaps:
+    """Room for so many cells; what is never written takes no memory."""
+    i, j, pair = (np.empty(count, np.int32) for _ in range(3))
+    at_i, at_j, falloff = (np.empty((count, 2), np.float32) for _ in range(3))
+    return Overlaps(i, j, np.empty((count, 3), np.float32), at_i, at_j, falloff, pair)
 
 
 def _measure_cells(layer: Layer, black: float, white: float) -> _Cells:
