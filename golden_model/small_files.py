@@ -36,7 +36,8 @@ def read_small_file(path: str | Path, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
         For another one, with the reason in ``strerror``.
     """
     with open(path, "rb", opener=open_regular) as file:
-        data = file.read(max_bytes + 1)
+        # Python reserves all that it is asked for at once.
+        data = file.read(min(os.fstat(file.fileno()).st_size, max_bytes) + 1)
     if len(data) > max_bytes:
         raise OSError(errno.EFBIG, f"larger than {max_bytes // 1000} kB", str(path))
     return data
