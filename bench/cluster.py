@@ -31,7 +31,7 @@ from skymosaic.imagery.photographs import list_sources
 
 START_UP = "import distributed, skymosaic.cli.mosaic"
 WORKERS = 0, 1, 2, 4
-RENDERED = 100, 200
+RENDERED = 1000, 3000
 DECODED_MB = 64
 """Decoded photographs have a limit of their own, 1 GB by default, that would hide how the rest grows."""
 moved = Counter[str]()
@@ -48,7 +48,7 @@ def main(
     for number in RENDERED:
         with tempfile.TemporaryDirectory() as folder:
             names = write_images(Path(folder), Case(number, 640, 0.6).render(3).images)
-            rows.append(measure(f"{number} of 640×480", [f"{folder}/{name}" for name in names], 0))
+            rows.append(measure(f"{number:,} of 640×480", [f"{folder}/{name}" for name in names], 0))
     growth_mb = (float(rows[-1]["peak, MB"]) - float(rows[-2]["peak, MB"])) / (RENDERED[1] - RENDERED[0])
     rows.append({**dict.fromkeys(rows[0], ""), "photographs": "each further one", "peak, MB": f"{growth_mb:.2f}"})
     report("beyond one machine", rows, json_file)
@@ -57,7 +57,7 @@ def main(
 def measure(name: str, photographs: Sequence[str], workers: int) -> Row:
     """The row of one mosaic; the scheduler, if there are workers, is in this process."""
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
-        output = Path(folder, "mosaic.png")
+        output = Path(folder, "mosaic.tif")
         options: tuple[object, ...] = ("-o", output, "--cache", Path(folder, "cache"), "--memory", DECODED_MB)
         if workers:
             start: Any = distributed.LocalCluster
