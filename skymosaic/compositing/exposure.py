@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from golden_model.arrays import Array, Intensities
+from golden_model.arrays import Array, Float32, Intensities
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.light import LOG_SIGMA, estimate_light
 from skymosaic.compositing.overlaps import Overlaps, compare_overlaps
@@ -76,8 +76,8 @@ def estimate_tones(thumbnails: Sequence[Layer], *, black: float = 0.0, white: fl
     """
     number = len(thumbnails)
     overlaps = compare_overlaps(thumbnails, black, white)
-    logs, falloff, residual = _fit_gains(overlaps, number)
-    light = estimate_light(overlaps, residual, number)
+    logs, falloff, overlaps = _fit_gains(overlaps, number)
+    light = estimate_light(overlaps, number)
     joined = np.unique(np.concatenate((overlaps.i, overlaps.j))).tolist()
     if not joined:
         return [NEUTRAL] * number
@@ -132,61 +132,67 @@ def _measure_toned(layer: Layer, tone: Tone) -> tuple[float, float]:
     return float(toned.mean() / max(layer.image.mean(), 1e-6)), _white_share(toned)
 
 
-def _fit_gains(overlaps: Overlaps, number: int) -> tuple[Array, Array, Array]:
-    """Logarithmic gains (number, 3), the lens falloff (2,), and the differences (N, 3) that these do not explain."""
-    design = _design(overlaps, number)
-    exposure, falloff = _fit_exposure(overlaps, design)
-    logs = exposure[:, None] + _fit_balance(overlaps, design)
-    residual = design @ logs
-    residual += (overlaps.falloff @ falloff)[:, None]
-    return logs, falloff, np.subtract(overlaps.difference, residual, out=residual)
+def _fit_gains(overlaps: Overlaps, number: int) -> tuple[Array, Array, Overlaps]:
+    """Logarithmic gains (number, 3), the lens falloff (2,), and the overlaps with what neither explains."""
+    exposure, falloff = _fit_exposure(overlaps, number)
+    logs = exposure[:, None] + _fit_balance(overlaps, number)
+    channels = zip(overlaps.difference.T, logs.T, strict=True)
+    left = np.column_stack([channel - _explain(overlaps, gains, falloff) for channel, gains in channels])
+    return logs, falloff, overlaps._replace(difference=left.astype(np.float32))
 
 
-def _design(overlaps: Overlaps, number: int) -> sparse.csr_array:
-    """The matrix (N, number) that takes logarithms of gains to differences between photographs: 1 for i, -1 for j."""
-    count = len(overlaps.i)
-    values, columns = np.tile([1.0, -1.0], count), np.column_stack((overlaps.i, overlaps.j)).ravel()
-    starts = np.arange(0, 2 * count + 1, 2, dtype=np.int32)
-    return sparse.csr_array((values, columns, starts), shape=(count, number))
-
-
-def _fit_exposure(overlaps: Overlaps, design: sparse.csr_array) -> tuple[Array, Array]:
+def _fit_exposure(overlaps: Overlaps, number: int) -> tuple[Array, Array]:
     """Logarithmic exposure of each photograph, and the lens falloff where it explains held-out overlaps."""
-    difference, number = overlaps.difference.mean(axis=1), design.shape[1]
-    with_falloff = sparse.hstack((design, sparse.csr_array(overlaps.falloff)), format="csr")
+    mean = overlaps.difference.mean(axis=1)
     # Every second pair is held out, so that both halves cover the whole flight.
     odd = overlaps.pair % 2 == 1
+    with_falloff = False
     if odd.any() and not odd.all():
+        fitted_to, held_out = (Overlaps._make(column[chosen] for column in overlaps) for chosen in (~odd, odd))
         plain, reduced = (
-            np.median(np.abs(difference[odd] - matrix[odd] @ _fit(matrix[~odd], difference[~odd], number)))
-            for matrix in (design, with_falloff)
+            np.median(np.abs(mean[odd] - _explain(held_out, *_fit(fitted_to, mean[~odd], number, with_falloff=each))))
+            for each in (False, True)
         )
-        if reduced < MAX_HELD_OUT_DIFFERENCE * plain:
-            fitted = _fit(with_falloff, difference, number)
-            return fitted[:number], fitted[number:]
-    return _fit(design, difference, number), np.zeros(2)
+        with_falloff = bool(reduced < MAX_HELD_OUT_DIFFERENCE * plain)
+    return _fit(overlaps, mean, number, with_falloff=with_falloff)
 
 
-def _fit_balance(overlaps: Overlaps, design: sparse.csr_array) -> Array:
+def _fit_balance(overlaps: Overlaps, number: int) -> Array:
     """Logarithmic gain of each channel against the photograph's exposure, (number, 3)."""
     beyond = overlaps.difference - overlaps.difference.mean(axis=1, keepdims=True)
-    channels = [_fit(design, channel, design.shape[1], spread=BALANCE_SIGMA) for channel in beyond.T]
-    return np.stack(channels, axis=1)
+    return np.stack([_fit(overlaps, channel, number, spread=BALANCE_SIGMA)[0] for channel in beyond.T], axis=1)
+
+
+def _explain(overlaps: Overlaps, gains: Array, falloff: Array) -> Array:
+    """The differences (N,) that the gains of one channel and the lens falloff explain."""
+    return np.asarray(gains[overlaps.i] - gains[overlaps.j] + overlaps.falloff @ falloff)
 
 
 def _fit(
-    design: sparse.csr_array, target: NDArray[np.floating], number: int, *, spread: float = EXPOSURE_SIGMA
-) -> Array:
-    """Robust least squares for one unknown per photograph, then those of the lens falloff.
+    overlaps: Overlaps,
+    target: Float32,
+    number: int,
+    *,
+    spread: float = EXPOSURE_SIGMA,
+    with_falloff: bool = False,
+) -> tuple[Array, Array]:
+    """Robust least squares for the gains (number,) of one channel, and for the lens falloff (2,), which may be left 0.
 
     Iteratively reweighted with Geman and McClure's weights, since moving things and parallax differ by more than
-    exposure.
+    exposure. All cells of a pair have the same two gains, so the normal equations take sums over each pair.
     """
-    falloff = np.full(design.shape[1] - number, 1 / FALLOFF_SIGMA**2)
-    prior = sparse.diags_array(np.concatenate((np.full(number, CELLS_OF_PRIOR / spread**2), falloff)))
-    weight, fitted = np.full(len(target), 1 / LOG_SIGMA**2), np.zeros(design.shape[1])
+    first = np.flatnonzero(np.diff(overlaps.pair, prepend=-1))
+    ends, signs = np.column_stack((overlaps.i[first], overlaps.j[first])).ravel(), np.tile([1.0, -1.0], len(first))
+    design = sparse.csr_array((signs, ends, 2 * np.arange(len(first) + 1)), shape=(len(first), number))
+    radii = overlaps.falloff if with_falloff else np.zeros_like(overlaps.falloff)
+    prior = np.concatenate((np.full(number, CELLS_OF_PRIOR / spread**2), np.full(2, 1 / FALLOFF_SIGMA**2)))
+    weight, fitted = np.full(len(target), 1 / LOG_SIGMA**2), np.zeros(number + 2)
     for _ in range(ROUNDS):
-        weighted = (sparse.diags_array(weight) @ design).T
-        fitted = splu((weighted @ design + prior).tocsc()).solve(weighted @ target)
-        weight = 1 / LOG_SIGMA**2 / (1 + ((target - design @ fitted) / LOG_SIGMA) ** 2) ** 2
-    return np.asarray(fitted)
+        sums = np.add.reduceat(weight[:, None] * np.column_stack((np.ones_like(target), target, radii)), first)
+        across, weighted_radii = design.T @ sums[:, 2:], (weight[:, None] * radii).T
+        gains = design.T @ sparse.diags_array(sums[:, 0]) @ design
+        normal = sparse.block_array([[gains, across], [across.T, weighted_radii @ radii]]) + sparse.diags_array(prior)
+        fitted = splu(normal.tocsc()).solve(np.concatenate((design.T @ sums[:, 1], weighted_radii @ target)))
+        left = target - _explain(overlaps, fitted[:number], fitted[number:])
+        weight = 1 / LOG_SIGMA**2 / (1 + (left / LOG_SIGMA) ** 2) ** 2
+    return fitted[:number], fitted[number:]

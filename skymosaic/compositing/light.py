@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, cg
 
-from golden_model.arrays import Array, Mask
+from golden_model.arrays import Float32, Mask
 from skymosaic.compositing.grid import interpolation, roughness
 from skymosaic.compositing.overlaps import Overlaps
 
@@ -27,23 +27,22 @@ MAX_HELD_OUT_COST = 0.95
 """Fields are used if they lower the robust cost of held-out pairs below this share."""
 
 
-def estimate_light(overlaps: Overlaps, residual: Array, number: int) -> Array | None:
+def estimate_light(overlaps: Overlaps, number: int) -> Float32 | None:
     """Estimate the light fields of photographs from differences that exposures do not explain.
 
     Parameters
     ----------
     overlaps : Overlaps
-    residual : ndarray of float64, shape (N, 3)
-        The differences of `overlaps` less those of the exposures.
+        With the differences that exposures do not explain.
     number : int
         Number of photographs.
 
     Returns
     -------
-    ndarray of float64, shape (number, 5, 7, 3), or None
+    ndarray of float32, shape (number, 5, 7, 3), or None
         Logarithms of gains; None where they do not lower the differences of held-out pairs.
     """
-    odd = overlaps.pair % 2 == 1
+    residual, odd = overlaps.difference, overlaps.pair % 2 == 1
     if odd.all() or not odd.any():
         return None
     nodes = _fit(_design(overlaps, ~odd, number), residual[~odd], number)
@@ -70,11 +69,13 @@ def _design(overlaps: Overlaps, chosen: Mask, number: int) -> sparse.csr_array:
     return sparse.csr_array((values.ravel(), columns.ravel(), starts), shape=(count, NODES * number))
 
 
-def _fit(design: sparse.csr_array, target: Array, number: int) -> Array:
+def _fit(design: sparse.csr_array, target: Float32, number: int) -> Float32:
     """Nodes (number * NODES, 3) by least squares, iteratively reweighted with Geman and McClure's weights."""
     smooth = np.eye(NODES) / FIELD_SIGMA**2 + roughness(GRID) / STEP_SIGMA**2
-    prior = sparse.kron(sparse.eye_array(number), smooth, format="csr")
-    nodes, weight = np.zeros((design.shape[1], 3)), np.full(len(target), 1 / LOG_SIGMA**2)
+    # All in 32 bits: SciPy would convert the whole design for each product with 64 bits.
+    prior = sparse.kron(sparse.eye_array(number), smooth, format="csr").astype(np.float32)
+    nodes = np.zeros((design.shape[1], 3), np.float32)
+    weight = np.full(len(target), 1 / LOG_SIGMA**2, np.float32)
     for sigma in ROBUST_SIGMAS:
         nodes = _solve(design, weight, prior, target, nodes)
         left = design @ nodes
@@ -84,20 +85,22 @@ def _fit(design: sparse.csr_array, target: Array, number: int) -> Array:
     return nodes
 
 
-def _cost(difference: Array) -> float:
+def _cost(difference: Float32) -> float:
     """Mean Geman-McClure loss, to which parallax and moving things add at most 1 each."""
     squared = (difference / LOG_SIGMA) ** 2
     return float((squared / (1 + squared)).mean())
 
 
-def _solve(design: sparse.csr_array, weight: Array, prior: sparse.csr_array, target: Array, start: Array) -> Array:
+def _solve(
+    design: sparse.csr_array, weight: Float32, prior: sparse.csr_array, target: Float32, start: Float32
+) -> Float32:
     """Weighted least squares for each channel by conjugate gradients, scaled by the diagonal."""
 
-    def multiply(nodes: Array) -> Array:
+    def multiply(nodes: Float32) -> Float32:
         return np.asarray(design.T @ (weight * (design @ nodes)) + prior @ nodes)
 
     # The matrix itself would take most of a megabyte per photograph, and a direct solution tens of seconds.
-    system = LinearOperator(prior.shape, multiply, dtype=np.float64)
+    system = LinearOperator(prior.shape, multiply, dtype=np.float32)
     # Unlike `design.power(2)`, this shares the indices of the design.
     diagonal = sparse.csr_array((design.data**2, design.indices, design.indptr), design.shape).T @ weight
     scale = sparse.diags_array(1 / (diagonal + prior.diagonal()))

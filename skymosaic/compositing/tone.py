@@ -29,7 +29,7 @@ class Tone:
         undoes that.
     black : float
         The intensity that no gain changes. Above 0 for photographs of 16 bits from a camera with a black level.
-    light : ndarray of float64, shape (rows, columns, 1 or 3), or None
+    light : ndarray of float32, shape (rows, columns, 1 or 3), or None
         Logarithms of further gains, from the photograph's first pixel to its last one, bilinear in between.
     shoulder : float
         Share of white from which highlights are compressed.
@@ -38,7 +38,7 @@ class Tone:
     gain: tuple[float, ...] = (1.0,)
     falloff: tuple[float, float] = (0.0, 0.0)
     black: float = 0.0
-    light: Array | None = None
+    light: Float32 | None = None
     shoulder: float = SHOULDER_START
 
     @property
@@ -112,7 +112,7 @@ class Tone:
         if self.light is not None:
             nodes = np.array(self.light.shape[1::-1]) - 1
             places = (np.clip(points / (np.array(size) - 1), 0, 1) * nodes).astype(np.float32)
-            light = cv2.remap(self.light.astype(np.float32), places[..., 0], places[..., 1], cv2.INTER_LINEAR)
+            light = cv2.remap(self.light, places[..., 0], places[..., 1], cv2.INTER_LINEAR)
             logs = logs + light.reshape(len(y), len(x), -1)
         size = (cells.width_px, cells.height_px)
         enlarged = cv2.resize(np.exp(logs).astype(np.float32), size, interpolation=cv2.INTER_LINEAR)

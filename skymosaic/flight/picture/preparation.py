@@ -22,6 +22,7 @@ from skymosaic.flight.picture.mapping import NOWHERE, MapPlace, north_up, scale_
 from skymosaic.flight.survey import BLURRED, Flight
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.depth import ValueRange, measure_common_range
+from skymosaic.memory import release_free_memory
 
 REMOTE_PERCENTILE = 5
 """Percentile of the nearness of a photograph's ties that counts as its farthest; single ones may be false."""
@@ -85,6 +86,7 @@ def compose(
     composition = equalise(composition, views, thumbnails)
     if blending == "multiband":
         # Seams run where neighbours look alike, so they are cut through thumbnails of equal exposure.
+        release_free_memory()
         toned = [replace(layer, tone=p.tone) for layer, p in zip(thumbnails, composition.placements, strict=True)]
         composition = composition.with_each(seam=find_seams(toned, reduction, composition.values))
     return composition

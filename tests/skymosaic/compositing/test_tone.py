@@ -54,7 +54,7 @@ def test_falloff_brightens_the_corners_as_given() -> None:
 def test_factors_belong_to_places_of_the_source_image() -> None:
     turned = np.array([[0.0, -2.0, 900.0], [2.0, 0.0, 40.0], [1e-5, 2e-5, 1.0]])
     part = Canvas(30, 70, 333, 222)
-    light = np.zeros((3, 5, 3))
+    light = np.zeros((3, 5, 3), np.float32)
     light[..., 1] = np.linspace(-0.3, 0.5, 5)  # along x, green only
     factors = Tone((1.0, 2.0, 1.0), (0.2, 0.0), light=light).factors((640, 480), part, turned)
     for x, y in ((10, 10), (332, 221), (100, 57)):
