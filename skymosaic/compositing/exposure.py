@@ -179,20 +179,32 @@ def _fit(
     """Robust least squares for the gains (number,) of one channel, and for the lens falloff (2,), which may be left 0.
 
     Iteratively reweighted with Geman and McClure's weights, since moving things and parallax differ by more than
-    exposure. All cells of a pair have the same two gains, so the normal equations take sums over each pair.
+    exposure.
     """
-    first = np.flatnonzero(np.diff(overlaps.pair, prepend=-1))
-    ends, signs = np.column_stack((overlaps.i[first], overlaps.j[first])).ravel(), np.tile([1.0, -1.0], len(first))
-    design = sparse.csr_array((signs, ends, 2 * np.arange(len(first) + 1)), shape=(len(first), number))
-    radii = overlaps.falloff if with_falloff else np.zeros_like(overlaps.falloff)
+    powers = overlaps.falloff if with_falloff else np.zeros_like(overlaps.falloff)
     prior = np.concatenate((np.full(number, CELLS_OF_PRIOR / spread**2), np.full(2, 1 / FALLOFF_SIGMA**2)))
     weight, fitted = np.full(len(target), 1 / LOG_SIGMA**2), np.zeros(number + 2)
     for _ in range(ROUNDS):
-        sums = np.add.reduceat(weight[:, None] * np.column_stack((np.ones_like(target), target, radii)), first)
-        across, weighted_radii = design.T @ sums[:, 2:], (weight[:, None] * radii).T
-        gains = design.T @ sparse.diags_array(sums[:, 0]) @ design
-        normal = sparse.block_array([[gains, across], [across.T, weighted_radii @ radii]]) + sparse.diags_array(prior)
-        fitted = splu(normal.tocsc()).solve(np.concatenate((design.T @ sums[:, 1], weighted_radii @ target)))
+        matrix, right = _normal_equations(overlaps._replace(falloff=powers), target, weight, number)
+        fitted = splu((matrix + sparse.diags_array(prior)).tocsc()).solve(right)
         left = target - _explain(overlaps, fitted[:number], fitted[number:])
         weight = 1 / LOG_SIGMA**2 / (1 + (left / LOG_SIGMA) ** 2) ** 2
     return fitted[:number], fitted[number:]
+
+
+def _normal_equations(
+    overlaps: Overlaps, target: Float32, weight: Array, number: int
+) -> tuple[sparse.coo_array, Array]:
+    """The equations (number + 2) of the gains and the falloff, without a matrix of all cells.
+
+    The cells of a pair have the same two gains, so their weights are summed first.
+    """
+    first = np.flatnonzero(np.diff(overlaps.pair, prepend=-1))
+    ends, signs = np.column_stack((overlaps.i[first], overlaps.j[first])).ravel(), np.tile([1.0, -1.0], len(first))
+    pairs = sparse.csr_array((signs, ends, 2 * np.arange(len(first) + 1)), shape=(len(first), number))
+    terms = np.column_stack((np.ones_like(target), target, overlaps.falloff))
+    sums = np.add.reduceat(weight[:, None] * terms, first)
+    gains, across = pairs.T @ sparse.diags_array(sums[:, 0]) @ pairs, pairs.T @ sums[:, 2:]
+    falloff = (weight[:, None] * overlaps.falloff).T
+    matrix = sparse.block_array([[gains, across], [across.T, falloff @ overlaps.falloff]])
+    return matrix, np.concatenate((pairs.T @ sums[:, 1], falloff @ target))
