@@ -156,9 +156,7 @@ class MosaicPlan:
         """Render the picture in bands of whole rows from the top, each with a mask of what shows a photograph."""
         start = time.perf_counter()
         release_free_memory()
-        for band in composition.bands(self._workers, self.options.memory_bytes):
-            yield band
-            release_free_memory()
+        yield from composition.bands(self._workers, self.options.memory_bytes)
         # A pair counts its blending among its own stages; the time of a flight's is in its delivery.
         if self.flight.pair is not None:
             self.flight.pair.seconds["warping and blending"] = time.perf_counter() - start

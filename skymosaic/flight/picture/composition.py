@@ -23,6 +23,7 @@ from skymosaic.imagery.depth import ValueRange, show_in_8_bit
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import Source, decoded_photographs
+from skymosaic.memory import release_free_memory
 
 MEMORY_BYTES = 1 << 30
 """Default limit of the decoded photographs a process keeps."""
@@ -223,6 +224,7 @@ class Composition:
 def _render(composition: Composition, tile: Canvas, memory_bytes: int) -> tuple[Parcel, Parcel]:
     """Render one tile, on a worker: its pixels and its mask."""
     pixels, mask = composition.render(tile, memory_bytes)
+    release_free_memory()
     return Parcel(pixels), Parcel(mask)
 
 
