@@ -181,11 +181,12 @@ def _fit(
     Iteratively reweighted with Geman and McClure's weights, since moving things and parallax differ by more than
     exposure.
     """
-    powers = overlaps.falloff if with_falloff else np.zeros_like(overlaps.falloff)
+    if not with_falloff:
+        overlaps = overlaps._replace(falloff=np.zeros_like(overlaps.falloff))
     prior = np.concatenate((np.full(number, CELLS_OF_PRIOR / spread**2), np.full(2, 1 / FALLOFF_SIGMA**2)))
     weight, fitted = np.full(len(target), 1 / LOG_SIGMA**2), np.zeros(number + 2)
     for _ in range(ROUNDS):
-        matrix, right = _normal_equations(overlaps._replace(falloff=powers), target, weight, number)
+        matrix, right = _normal_equations(overlaps, target, weight, number)
         fitted = splu((matrix + sparse.diags_array(prior)).tocsc()).solve(right)
         left = target - _explain(overlaps, fitted[:number], fitted[number:])
         weight = 1 / LOG_SIGMA**2 / (1 + (left / LOG_SIGMA) ** 2) ** 2

@@ -85,8 +85,8 @@ def compose(
     thumbnails, reduction = thumbnail_layers(composition, views)
     composition = equalise(composition, views, thumbnails)
     if blending == "multiband":
-        # Seams run where neighbours look alike, so they are cut through thumbnails of equal exposure.
         release_free_memory()
+        # Seams run where neighbours look alike, so they are cut through thumbnails of equal exposure.
         toned = [replace(layer, tone=p.tone) for layer, p in zip(thumbnails, composition.placements, strict=True)]
         composition = composition.with_each(seam=find_seams(toned, reduction, composition.values))
     return composition
