@@ -179,7 +179,7 @@ def estimate_homography(
         results.append(_search(matches, scores, rng, max_samples))
         if results[-1][1] > CLEAR_SHARE * matches.weight.sum():
             break
-    results += [(*_optimise_locally(start, 0.0, matches), 0) for start in starts if len(matches.left) >= 4]
+    results += [(*_optimise_locally(start, matches), 0) for start in starts]
     best, _, _ = max(results, key=lambda result: result[1], default=(None, 0.0, 0))
     return matches.polish(best, sum(samples for _, _, samples in results))
 
@@ -217,7 +217,7 @@ def _search(
         if sample is None or sample_score <= best_sample_score:
             continue
         best_sample_score = sample_score
-        improved, score = _optimise_locally(sample, float(matches.score(matches.squared_error(sample))), matches)
+        improved, score = _optimise_locally(sample, matches)
         if score > best_score:
             best, best_score = improved, score
             needed = min(needed, _samples_needed(best, matches))
@@ -283,9 +283,9 @@ def _best_of(homographies: Array, scores: Scorer) -> tuple[Array | None, float]:
     return homographies[best], float(values[best])
 
 
-def _optimise_locally(H: Array, score: float, matches: _Matches) -> tuple[Array, float]:
-    """Refit by DLT to the matches within each band in turn, repeat while the score rises, and return the best."""
-    gain = 1.0
+def _optimise_locally(H: Array, matches: _Matches) -> tuple[Array, float]:
+    """Refit by DLT to the matches within each band in turn, repeat while the score rises; the best and its score."""
+    score, gain = float(matches.score(matches.squared_error(H))), 1.0
     while gain > MIN_GAIN:
         start = score
         refit = H

@@ -81,7 +81,6 @@ def test_unrelated_images_are_refused() -> None:
         left, right, weight, _ = matches(400, 0.0, seed)
         estimate = estimated(left, right, weight)
         assert estimate.homography is None
-        assert estimate.homography is None
         assert estimate.inliers.sum() < MIN_INLIERS
         assert estimate.samples == prosac.RESTARTS * MAX_SAMPLES
 
@@ -105,9 +104,29 @@ def test_local_optimisation_pulls_a_rough_homography_in() -> None:
     sorted_matches = prosac._Matches(left, right, weight)
     rough = TRUTH + np.array([[0.008, 0, 0], [0, -0.008, 3], [0, 0, 0]])
     start = float(sorted_matches.score(sorted_matches.squared_error(rough)))
-    improved, score = prosac._optimise_locally(rough, start, sorted_matches)
+    improved, score = prosac._optimise_locally(rough, sorted_matches)
     assert score > 0.95 * weight[correct].sum() > 2 * start
     assert grid_error(improved, TRUTH, SIZE, SIZE) < 0.3 < grid_error(rough, TRUTH, SIZE, SIZE)
+
+
+@pytest.mark.parametrize("shift_px", [3, 6])
+def test_a_start_from_elsewhere_competes_with_what_the_search_finds(shift_px: float) -> None:
+    left, right, weight, _ = matches(300, 0.4, seed=17)
+    start = np.array([[1.0, 0, shift_px], [0, 1, 0], [0, 0, 1]]) @ TRUTH
+    alone = estimated(left, right, weight, restarts=0, starts=[start])
+    assert alone.samples == 0
+    assert grid_error(alone.homography, TRUTH, SIZE, SIZE) < 0.35
+    hopeless = TRUTH + np.array([[0, 0, 300.0], [0, 0, 0], [0, 0, 0]])
+    both = estimated(left, right, weight, restarts=0, starts=[hopeless, start])
+    np.testing.assert_array_equal(both.homography, alone.homography)
+    assert estimated(left[:3], right[:3], weight[:3], restarts=0, starts=[start]).homography is None
+
+
+def test_a_start_without_a_better_refit_keeps_its_own_score() -> None:
+    left, right, weight, _ = matches(200, 0.6, seed=18, noise_px=0.0)
+    improved, score = prosac._optimise_locally(TRUTH, prosac._Matches(left, right, weight))
+    assert score == pytest.approx(weight @ prosac._gain(((apply(TRUTH, left) - right) ** 2).sum(axis=1)))
+    np.testing.assert_allclose(improved, TRUTH, rtol=1e-6)
 
 
 def test_a_mirrored_view_is_refused() -> None:
