@@ -36,6 +36,8 @@ class BoardBackend(Backend):
         ``HOST`` or ``HOST:PORT`` of the server that the export contains.
     """
 
+    takes_one_size = True
+
     def __init__(self, address: str) -> None:
         host, _, port = address.partition(":")
         if not address:

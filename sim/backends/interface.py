@@ -6,7 +6,7 @@ import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,7 +133,15 @@ class Mismatch:
 
 
 class Backend(Protocol):
-    """Computes features and matches: the golden model, a simulation of the hardware, or a board."""
+    """Computes features and matches: the golden model, a simulation of the hardware, or a board.
+
+    Attributes
+    ----------
+    takes_one_size : bool
+        All frames of a run have one size, so that a pair is registered in one pass.
+    """
+
+    takes_one_size: ClassVar[bool] = False
 
     def run(
         self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
@@ -143,7 +151,7 @@ class Backend(Protocol):
         Parameters
         ----------
         frames : sequence of uint8 ndarray, shape (H, W) or (H, W, 3) BGR
-            Sizes may differ between frames.
+            Sizes may differ between frames, unless the backend takes one size.
         config : Config
             What to compute.
         reference : {"held", "previous"}

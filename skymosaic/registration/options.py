@@ -14,7 +14,7 @@ from sim.backends.interface import BACKENDS, Backend, Progress, silent
 from skymosaic.errors import InputError
 from skymosaic.features.descriptors import DESCRIPTORS
 from skymosaic.features.detectors import DETECTORS
-from skymosaic.features.methods import Method, check_backend, choose_method, load_backend_for
+from skymosaic.features.methods import HostBackend, Method, check_backend, choose_method, load_backend_for
 from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, SCORINGS
 from skymosaic.options import INPUT, MACHINE, document_options, option, options_of
 
@@ -79,9 +79,8 @@ class FeatureOptions:
         for each in options_of(type(self)):
             each.check(getattr(self, each.name))
         method, _ = self.choose_method()
-        # An object of the caller's own computes what it computes.
-        if isinstance(self.backend, str):
-            check_backend(method, self.backend)
+        if not isinstance(self.backend, HostBackend):
+            check_backend(method, self.backend_name)
 
     @property
     def base_config(self) -> Config:
@@ -98,6 +97,13 @@ class FeatureOptions:
     def backend_name(self) -> str:
         """The backend's name; of an object, its class."""
         return self.backend if isinstance(self.backend, str) else type(self.backend).__name__
+
+    @property
+    def takes_one_size(self) -> bool:
+        """Whether the backend takes frames of one size in a run, as a board does."""
+        if isinstance(self.backend, str):
+            return self.backend.partition(":")[0] == "board"
+        return self.backend.takes_one_size
 
     @property
     def keeps_damaged(self) -> bool:
@@ -173,8 +179,8 @@ class RegistrationOptions(FeatureOptions):
         InputError
             For more than one pass with a method or a backend that allows only one.
         """
-        if self.backend_name.partition(":")[0] == "board":
-            # A run on the board has frames of one size; those of further passes have other sizes.
+        if self.takes_one_size:
+            # Frames of further passes have other sizes.
             if self.effort not in (None, "fast"):
                 raise InputError(f"effort {self.effort} needs frames of several sizes, a board takes one; choose fast")
             return "fast"

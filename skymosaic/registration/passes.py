@@ -175,7 +175,7 @@ class Search:
         evidence, passes = state.evidence, state.passes
         for _, further in self._match_frames(runs):
             evidence, passes = evidence.with_pass(further), passes + 1
-        # The homography so far starts one more search, so that further passes never lose it.
+        # The homography so far competes, so that further passes do not lose it.
         starts = [] if state.homography is None else [state.homography]
         found = self._accept_estimate(evidence, self._estimate(evidence, starts=starts), passes)
         return self.choose(state, found)

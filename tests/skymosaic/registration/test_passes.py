@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bench.rendered_pairs import flat_pair
 from golden_model.config import Config
 from sim.backends.golden import GoldenBackend
-from sim.backends.interface import FrameResult, Reference
+from sim.backends.interface import FrameResult, Reference, load_backend
 from sim.scene import CameraPose
 from skymosaic import register
 from skymosaic.errors import InputError
@@ -96,6 +96,8 @@ def test_the_seed_hardly_matters(
         ({"effort": "thorough", "preset": "thesis"}, "oriented ILBP"),
         ({"effort": "normal", "estimator": "magsac"}, "magsac"),
         ({"effort": "normal", "backend": "board:somewhere"}, "a board takes one"),
+        ({"effort": "normal", "backend": load_backend("board:somewhere")}, "a board takes one"),
+        ({"detector": "sift", "backend": load_backend("golden")}, "runs on the host"),
     ],
 )
 def test_an_effort_that_cannot_apply_is_refused(
