@@ -12,7 +12,7 @@ from skymosaic.geometry.scored import integer_scorer
 
 FUZZY_RANSAC = "fuzzy-ransac"
 FABRIC = "fabric"
-"""Everything as on the chip, also what is accepted."""
+"""What the chip computes, which also decides what is accepted; the checks of the host come after it."""
 SCORINGS: dict[str, Scoring] = {"prosac": transfer_scorer, "scored": integer_scorer}
 """Names of the two variants of `skymosaic.geometry.prosac`; samples are ranked in floating point, or by the integers of
 the scoring block."""

@@ -53,7 +53,7 @@ def fit(left: Array, right: Array, weight: Array, *, fewest: int, rng: np.random
     projective = estimate_homography(left, right, weight, rng=rng, restarts=1).homography
     if projective is not None:
         inliers = int(np.count_nonzero(transfer_error(projective, left, right) <= TOLERANCE_PX))
-        fits.append(Fit(projective, "projective", inliers))
+        fits.append(Fit(projective, "projective", inliers) if inliers >= fewest else None)
     return min((each for each in fits if each), key=lambda each: _criterion(each, left, right), default=None)
 
 
@@ -73,14 +73,13 @@ def fit_similarity(left: Array, right: Array, weight: Array, *, fewest: int) -> 
     a = (y[second] - y[first]) / (x[second] - x[first])
     error = np.abs(a[:, None] * (x - x[first, None]) + y[first, None] - y)
     best = np.argmax(np.maximum(0, 1 - (error / TOLERANCE_PX) ** 2) @ weight)
-    inliers = error[best] <= TOLERANCE_PX
-    if inliers.sum() < fewest:
-        return None
+    support = error[best] <= TOLERANCE_PX
     try:
-        matrix = estimate(left[inliers], right[inliers], model="similarity")
+        matrix = estimate(left[support], right[support], model="similarity")
     except DegenerateError:
         return None
-    return Fit(matrix, "similarity", int(inliers.sum()))
+    inliers = int(np.count_nonzero(transfer_error(matrix, left, right) <= TOLERANCE_PX))
+    return Fit(matrix, "similarity", inliers) if inliers >= fewest else None
 
 
 def _criterion(candidate: Fit, left: Array, right: Array) -> float:

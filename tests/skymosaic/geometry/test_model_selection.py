@@ -48,6 +48,13 @@ def test_few_matches_never_make_a_homography() -> None:
     assert result is None or result.model == "similarity"
 
 
+def test_as_many_inliers_are_needed_for_either_model() -> None:
+    assert fit(*matches(TILTED, 30, 0), fewest=31, rng=np.random.default_rng(1)) is None
+    enough = fit(*matches(TILTED, 30, 0), fewest=30, rng=np.random.default_rng(1))
+    assert enough is not None
+    assert (enough.model, enough.inliers) == ("projective", 30)
+
+
 @pytest.mark.parametrize("count", [0, 1])
 def test_too_few_matches_are_refused(count: int) -> None:
     assert fit_similarity(*matches(SIMILAR, count, 0), fewest=1) is None
