@@ -32,13 +32,17 @@ def held_out_agreement(homography: Matrix, fitted: tuple[Points, Points], judges
     Returns
     -------
     float
-        A field counts 1 if its points have no error, and 0 if all are 2 px off or more.
+        A field counts 1 if its points have no error, and 0 if all are 2 px off or more, or if the points outside the
+        fields of its colour determine no homography.
     """
     agreement = np.zeros(len(judges[0]))
     colours, fitted_colours = (np.floor(left / FIELD_PX).sum(axis=1) % 2 for left, _ in (judges, fitted))
     for colour in (0, 1):
         held_out, others = colours == colour, fitted_colours != colour
-        fit = refit(homography, fitted[0][others], fitted[1][others])
+        try:
+            fit = refine_robustly(homography, fitted[0][others], fitted[1][others])
+        except DegenerateError:
+            continue
         error_px = transfer_error(fit, judges[0][held_out], judges[1][held_out])
         agreement[held_out] = np.maximum(0, 1 - (error_px / INLIER_PX) ** 2)
     _, field, count = np.unique(np.floor(judges[0] / FIELD_PX), axis=0, return_inverse=True, return_counts=True)
@@ -48,11 +52,3 @@ def held_out_agreement(homography: Matrix, fitted: tuple[Points, Points], judges
 def clearly_better(agreement: float, other: float) -> bool:
     """Whether one agreement exceeds another by more than noise."""
     return agreement > (1 + MIN_GAIN) * other
-
-
-def refit(homography: Matrix, left: Points, right: Points) -> Matrix:
-    """The homography fitted to the points (N, 2) robustly, or as it is where they do not determine one."""
-    try:
-        return refine_robustly(homography, left, right)
-    except (DegenerateError, np.linalg.LinAlgError):
-        return homography

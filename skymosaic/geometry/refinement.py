@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from golden_model.arrays import Array, Matrix
-from skymosaic.geometry.homography import apply, check_pairs, homogeneous, normalisation, rescale
+from skymosaic.geometry.homography import DegenerateError, apply, check_pairs, homogeneous, normalisation, rescale
 
 ROBUST_SCALES_PX = (3.0, 2.1, 1.5, 1.5)
 """Scales of the robust loss, one for each step; they end below the inlier threshold."""
@@ -40,7 +40,7 @@ def refine_robustly(
     ValueError
         For arrays of wrong shape or values that are not finite.
     skymosaic.geometry.homography.DegenerateError
-        For fewer than 4 pairs or coincident points.
+        For fewer than 4 pairs or coincident points, or if a step maps a point to infinity.
     """
     x, y, root = check_pairs(left, right, None, minimum=4)
     # Normalised coordinates are of magnitude 1, which gives the eight elements of h similar magnitudes.
@@ -52,6 +52,8 @@ def refine_robustly(
         # The square root of the weight multiplies both sides of the least-squares system.
         root = 1 / (1 + (residuals**2).sum(axis=1) / (scale * scale_px) ** 2)
         rows, target = (jacobian * root[:, None, None]).reshape(-1, 8), (residuals * root[:, None]).ravel()
+        if not np.isfinite(rows).all():
+            raise DegenerateError("the homography maps a point to infinity")
         h = h - np.linalg.lstsq(rows, target, rcond=None)[0]
     return rescale(np.linalg.inv(to_y) @ matrix_of(h) @ to_x)
 

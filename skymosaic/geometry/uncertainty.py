@@ -54,7 +54,10 @@ class FitQuality:
 
 
 def assess_fit(homography: Matrix, left: Points, right: Points, left_size: Size, right_size: Size) -> FitQuality:
-    """Measure how good a homography is, by matches of which some may be wrong; at least 4 lie within 12 px.
+    """Measure how good a homography is, by matches of which some may be wrong.
+
+    The worst values, 12 px and a share of 0, stand for what cannot be measured. So does everything of a homography
+    whose horizon crosses the left image, because its overlap has no bounds.
 
     Parameters
     ----------
@@ -65,13 +68,12 @@ def assess_fit(homography: Matrix, left: Points, right: Points, left_size: Size,
     left_size, right_size : (int, int)
         Width and height of the images, px.
     """
-    left, right = _one_per_place(left, right)
+    left, right = one_per_place(left, right)
     error_px = transfer_error(homography, left, right)
     near, inlier = error_px <= NEAR_PX, error_px <= INLIER_PX
     grid = _grid(overlap(homography, left_size, right_size))
-    held_out_px, fits = _cross_validated(homography, left[near], right[near])
-    # Nothing is known of a homography whose horizon crosses the left image, because `overlap` is empty then.
-    distances = [transfer_error(fit, grid, apply(homography, grid)).mean() for fit in fits] if len(grid) else []
+    held_out_px, fits = _cross_validated(homography, left[near], right[near]) if len(grid) else (np.zeros(0), [])
+    distances = [transfer_error(fit, grid, apply(homography, grid)).mean() for fit in fits]
     return FitQuality(
         covariance_px=_covariance_error(homography, left[inlier], right[inlier], grid),
         instability_px=float(np.mean(distances)) if distances else NEAR_PX,
@@ -119,7 +121,6 @@ def _covariance_error(homography: Matrix, left: Points, right: Points, grid: Poi
 
 def _cross_validated(homography: Matrix, left: Points, right: Points) -> tuple[Array, list[Matrix]]:
     """Errors of the matches under fits without them, and these fits."""
-    # Each half determines a homography.
     if len(left) < 8:
         return np.zeros(0), []
     low, high = left.min(axis=0), left.max(axis=0)
@@ -129,15 +130,15 @@ def _cross_validated(homography: Matrix, left: Points, right: Points) -> tuple[A
         held_out: Mask = block % FOLDS == fold
         try:
             fit = refine_robustly(homography, left[~held_out], right[~held_out])
-        except (DegenerateError, ValueError, np.linalg.LinAlgError):
+        except DegenerateError:
             continue
         fits.append(fit)
         error_px[held_out] = transfer_error(fit, left[held_out], right[held_out])
     return error_px[np.isfinite(error_px)], fits
 
 
-def _one_per_place(left: Points, right: Points) -> tuple[Points, Points]:
-    """The first match of each cell, because frames at several scales show the same corner again."""
+def one_per_place(left: Points, right: Points) -> tuple[Points, Points]:
+    """The first match of each cell of the left image, because frames at several scales show the same corner again."""
     _, first = np.unique(np.floor(left / CELL_PX), axis=0, return_index=True)
     return left[first], right[first]
 

@@ -64,5 +64,5 @@ def test_a_horizon_in_the_image_gives_the_worst_values_and_no_error() -> None:
     tilted = np.array([[1.0, 0, 0], [0, 1, 0], [0, -1 / 300, 1]])
     left = np.random.default_rng(0).uniform((0, 0), (640, 200), (60, 2))
     quality = assess_fit(tilted, left, apply(tilted, left), SIZE, SIZE)
-    assert quality.instability_px == NEAR_PX
-    assert quality.hull_share == 0
+    assert quality.covariance_px == quality.instability_px == quality.held_out_px == NEAR_PX
+    assert quality.held_out_share == quality.hull_share == 0
