@@ -3,10 +3,12 @@
     python -m bench.confidence --fit SET [--relief 2] --test SET
 
 It is fitted to the rendered pairs with relief of `bench.rendered_pairs` and to the pairs of the ``--fit`` sets, and
-judged on those of the ``--test`` sets alone. A pair is wrong from a mean error of 5 px on. The AUC is the probability
-that a wrong pair gets a larger predicted error than a right one.
+judged on those of the ``--test`` sets alone; poor pairs, which its verdict would refuse, are among them. A pair is
+wrong from a mean error of 5 px on. The AUC is the probability that a wrong pair gets a larger predicted error than a
+right one; without either kind it is not a number.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
@@ -23,13 +25,12 @@ from bench.report import JsonFile, Row, program, report
 from golden_model.arrays import Array
 from skymosaic import register
 from skymosaic.evaluation.metrics import grid_error
-from skymosaic.geometry.homography import apply
-from skymosaic.registration.confidence import COEFFICIENTS, INTERCEPT, measure_inputs
+from skymosaic.geometry.homography import transfer_error
+from skymosaic.registration.confidence import COEFFICIENTS, GOOD_PX, INTERCEPT, POOR_PX, measure_inputs
 from skymosaic.registration.pair import Pair
 
 app = program(__doc__)
 
-WRONG_PX = 5.0
 MIN_ERROR_PX = 0.3
 """Smaller errors count as this in the fit: whether a good pair is 0.1 or 0.2 px off does not matter."""
 RELIEF_WEIGHT = 3.0
@@ -59,16 +60,15 @@ def predict_relief(each: int) -> Iterator[Prediction]:
     """The rendered pairs; the error is the mean distance to the true positions, relief included."""
     total = each * len(HEIGHTS_PX) * len(OVERLAPS)
     for truth in track(relief_pairs(each), total=total, description="relief"):
-        pair = register(truth.left, truth.right)
+        pair = register(truth.left, truth.right, accept_poor=True)
         if pair.homography is not None:
-            distance_px = np.linalg.norm(apply(pair.homography, truth.left_points) - truth.right_points, axis=1)
-            yield prediction(pair, float(distance_px.mean()))
+            yield prediction(pair, transfer_error(pair.homography, truth.left_points, truth.right_points).mean())
 
 
 def predict_sets(names: list[str]) -> Iterator[Prediction]:
     """The pairs of sets that are accepted."""
     for known in track([pair for name in names for pair in read_set(public_folder(name))], description="sets"):
-        pair = register(known.left, known.right)
+        pair = register(known.left, known.right, accept_poor=True)
         if pair.homography is not None:
             yield prediction(pair, grid_error(pair.homography, known.truth, pair.left.size, pair.right.size))
 
@@ -88,10 +88,12 @@ def fit_coefficients(relief: list[Prediction], others: list[Prediction]) -> tupl
 
 def area_under_curve(pairs: list[Prediction], predicted_px: Array) -> float:
     """The AUC of predicted errors."""
-    wrong = np.array([pair.error_px >= WRONG_PX for pair in pairs])
+    wrong = np.array([pair.error_px >= POOR_PX for pair in pairs])
     order = np.argsort(-predicted_px, kind="stable")
-    caught = np.concatenate([[0], np.cumsum(wrong[order]) / max(wrong.sum(), 1)])
-    doubted = np.concatenate([[0], np.cumsum(~wrong[order]) / max((~wrong).sum(), 1)])
+    if wrong.all() or not wrong.any():
+        return math.nan
+    caught = np.concatenate([[0], np.cumsum(wrong[order]) / wrong.sum()])
+    doubted = np.concatenate([[0], np.cumsum(~wrong[order]) / (~wrong).sum()])
     return float(np.trapezoid(caught, doubted))
 
 
@@ -104,9 +106,9 @@ def verdict_rows(pairs: list[Prediction]) -> list[Row]:
             {
                 "verdict": verdict,
                 "pairs": len(errors),
-                "under 2 px": int((errors < 2).sum()),
-                "2 to 5 px": int(((errors >= 2) & (errors < WRONG_PX)).sum()),
-                "5 px and more": int((errors >= WRONG_PX).sum()),
+                "under 2 px": int((errors < GOOD_PX).sum()),
+                "2 to 5 px": int(((errors >= GOOD_PX) & (errors < POOR_PX)).sum()),
+                "5 px and more": int((errors >= POOR_PX).sum()),
                 "median": f"{np.median(errors):.2g} px" if len(errors) else "",
             }
         )

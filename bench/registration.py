@@ -53,6 +53,8 @@ WIDTH_PX = 640
 CORRELATES_BETTER = 0.1
 """From this much on, a result that correlates better than the recorded homography shows that to be worse."""
 Sets = Annotated[list[str], typer.Argument(help="Folders of pairs; several are joined.", metavar="SET...")]
+Seeds = Annotated[int, typer.Option(min=1, help="Seeds of our estimator; OpenCV's are fixed.")]
+Methods = Annotated[list[str] | None, typer.Option(help="Only these: normal, thorough, refine, sift, ...")]
 
 
 @dataclass(frozen=True)
@@ -70,8 +72,8 @@ class Outcome:
 def methods(
     *,
     sets: Sets,
-    seeds: Annotated[int, typer.Option(min=1, help="Seeds of our estimator; OpenCV's are fixed.")] = 5,
-    method: Annotated[list[str] | None, typer.Option(help="Only these: normal, thorough, refine, sift, ...")] = None,
+    seeds: Seeds = 5,
+    method: Methods = None,
     by_group: Annotated[bool, typer.Option("--by-group", help="A row for each group of pairs.")] = False,
     outcomes_file: Annotated[Path | None, typer.Option("--outcomes", help="Write every pair's outcome here.")] = None,
     json_file: JsonFile = None,
@@ -157,8 +159,8 @@ def relief(
     *,
     sets: Annotated[list[str] | None, typer.Argument(help="Folders of pairs; none: rendered relief.")] = None,
     each: Annotated[int, typer.Option(min=1, help="Rendered pairs for every height and overlap.")] = 2,
-    seeds: Annotated[int, typer.Option(min=1, help="Seeds of our estimator; OpenCV's are fixed.")] = 5,
-    method: Annotated[list[str] | None, typer.Option(help="Only these: normal, thorough, refine, sift, ...")] = None,
+    seeds: Seeds = 5,
+    method: Methods = None,
     json_file: JsonFile = None,
 ) -> None:
     """Share of the overlap within 2 px of each pixel's true position, relief included.
@@ -224,7 +226,10 @@ def unrelated(
     effort: Annotated[list[str] | None, typer.Option(help="Only these; by default all.")] = None,
     on_chip: Annotated[bool, typer.Option("--on-chip", help="The estimator of the hardware instead.")] = False,
 ) -> None:
-    """Try to register photographs of different flights, the same pairs on every run: none may be accepted."""
+    """Try to register photographs of different flights, the same pairs on every run: none may be accepted.
+
+    The inliers are those of the passes that are searched together; single passes are judged, but not counted.
+    """
     cv2.setNumThreads(1)
     photographs = [[source.content for source in list_sources([public_folder(flight)])] for flight in flights]
     every = [(one, other) for a, b in combinations(photographs, 2) for one in a for other in b]

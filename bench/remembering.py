@@ -35,7 +35,7 @@ class RememberingBackend(Backend):
                 both = results[0].features, right.features
                 compute = partial(match, *both, config.front_end.pattern, config.matcher)
                 matches = self._remembered((keys[0], key), compute)
-            results.append(FrameResult(right.features, matches, right.status, right.status, None))
+            results.append(FrameResult.count_matches(right.features, matches, right.status))
         return results
 
     def _remembered(self, key: Hashable, compute: Callable[[], Any]) -> Any:
