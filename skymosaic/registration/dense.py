@@ -31,38 +31,42 @@ ENOUGH_OF_OVERLAP = 1 / 3
 """Share of the overlap that fits by flow and needs no inliers; with a quarter, a rendered pair was 29 px wrong."""
 
 
-def refit_pair(pair: Pair, counts: Callable[[Points, Points], Mask]) -> Pair:
+def refit_pair(pair: Pair, shows_ground: Callable[[Points, Points], Mask]) -> tuple[Pair, bool]:
     """The pair with the homography that fits most of the overlap, or as it is where that gains too little.
 
-    ``counts`` tells which points, left and right, show the ground.
+    ``shows_ground`` tells which points, left and right, count. Also returns whether the flow confirms the homography:
+    over a third of the overlap they differ by less than 2 px.
     """
     homography = pair.working_homography
     if homography is None:
-        return pair
+        return pair, False
     left, right = match_densely(to_gray(pair.working[0]), to_gray(pair.working[1]), homography)
-    shown = counts(left, right)
-    left, right = left[shown], right[shown]
+    counted = shows_ground(left, right)
+    left, right = left[counted], right[counted]
     if len(left) < MIN_GRID_POINTS:
-        return pair
+        return pair, False
+    inliers = int(np.count_nonzero(transfer_error(homography, left, right) <= INLIER_PX))
     rng = np.random.default_rng(0)
     found = estimate_homography(left, right, np.ones(len(left)), rng=rng, starts=[homography])
-    if found.homography is None:
-        return pair
-    inliers = int(np.count_nonzero(found.inliers))
-    if not clearly_better(inliers, int(np.count_nonzero(transfer_error(homography, left, right) <= INLIER_PX))):
+    gained = int(np.count_nonzero(found.inliers))
+    if found.homography is not None and (
+        clearly_better(gained, inliers)
         # Errors that were below 2 px already do not change that count.
-        by_flow = held_out_agreement(found.homography, (left, right), (left, right))
-        if not clearly_better(by_flow, held_out_agreement(homography, match_points(pair.kept), (left, right))):
-            return pair
-    return pair.with_homography(found.homography, refined_inliers=inliers)
+        or clearly_better(
+            held_out_agreement(found.homography, (left, right), (left, right)),
+            held_out_agreement(homography, match_points(pair.kept), (left, right)),
+        )
+    ):
+        pair, inliers = pair.with_homography(found.homography, refined_inliers=gained), gained
+    return pair, _fit_overlap(pair, inliers)
 
 
-def fits_overlap(pair: Pair) -> bool:
-    """Whether the flow of an accepted pair shows that its refitted homography fits a third of the overlap."""
+def _fit_overlap(pair: Pair, inliers: int) -> bool:
+    """Whether so many points of the grid fit a third of an accepted pair's overlap."""
     assert pair.working_homography is not None
     left_size, right_size = ((image.shape[1], image.shape[0]) for image in pair.working)
     area = hull_area(overlap(pair.working_homography, left_size, right_size))
-    return pair.refined_inliers * GRID_STEP_PX**2 > ENOUGH_OF_OVERLAP * area
+    return inliers * GRID_STEP_PX**2 > ENOUGH_OF_OVERLAP * area > 0
 
 
 def match_densely(left: Pixels, right: Pixels, homography: Matrix) -> tuple[Points, Points]:

@@ -44,7 +44,7 @@ class Features:
     angles : ndarray of float64, shape (N,)
         Orientation in radians, in steps of a sixteenth of a circle; 0 without orientation.
     descriptors : ndarray of uint8, shape (N, B)
-        B bytes each; 8 bits per byte of a binary descriptor.
+        B bytes each.
     records : structured array, shape (N,)
         From the front end (`golden_model.records.feature_record`), positions in 1/16 working px.
     working : DescribedImage
@@ -158,7 +158,7 @@ def extract_within_capacity(
         config = dataclasses.replace(config, front_end=raised)
 
 
-def share_features(side: str | Path | Pixels | Features, options: FeatureOptions) -> Features:
+def share_features(side: str | Path | Pixels | Features, options: FeatureOptions, progress: Progress) -> Features:
     """The features of one side, extracted where they are not given.
 
     Raises
@@ -170,7 +170,7 @@ def share_features(side: str | Path | Pixels | Features, options: FeatureOptions
     if not method.on_accelerator:
         raise InputError(f"features of {method.descriptor} are not shared between pairs; give the photographs")
     if not isinstance(side, Features):
-        return extract(side, options)
+        return extract(side, options, progress=progress)
     # A threshold that was raised for the photograph is not another configuration.
     front_end = dataclasses.replace(side.config.front_end, threshold=config.front_end.threshold)
     if side.method != method or front_end != config.front_end or side.working_width_px != options.working_width_px:

@@ -120,7 +120,7 @@ class Pair:
 
     @property
     def accepted(self) -> bool:
-        """Whether there is a homography: enough inliers at different places, and spread widely enough."""
+        """Whether there is a homography."""
         return self.homography is not None
 
     @property

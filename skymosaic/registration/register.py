@@ -20,7 +20,7 @@ from skymosaic.geometry.fabric import draw_config
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end
 from skymosaic.imagery.lens import Lens
 from skymosaic.registration.confidence import fits_throughout
-from skymosaic.registration.dense import fits_overlap, refit_pair
+from skymosaic.registration.dense import refit_pair
 from skymosaic.registration.extraction import Features, extract_within_capacity, share_features
 from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
 from skymosaic.registration.pair import Pair, map_to_originals
@@ -74,8 +74,8 @@ def register(
     options.check()
     clock = Stopwatch()
     if isinstance(left, Features) or isinstance(right, Features):
-        features = share_features(left, options), share_features(right, options)
-        clock.lap("reading")
+        features = share_features(left, options, progress), share_features(right, options, progress)
+        clock.lap("reading and features")
         photographs = features[0].photograph, features[1].photograph
         return register_photographs(photographs, options, seconds=clock.seconds, features=features, progress=progress)
     photographs = (
@@ -230,10 +230,11 @@ def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Po
     clear = fits_throughout(homography, *match_points(pair.kept), sizes[0], sizes[1])
     if clear and not options.refine:
         return pair
+    confirmed = False
     if options.refine or (pair.effort != "fast" and pair.confidence and pair.confidence.verdict != "good"):
-        pair = refit_pair(pair, shows_ground)
+        pair, confirmed = refit_pair(pair, shows_ground)
     confidence = pair.confidence
-    if confidence is None or options.accept_poor or not confidence.extrapolates or fits_overlap(pair):
+    if confidence is None or options.accept_poor or confirmed or not confidence.extrapolates:
         return pair
     return pair.refused(f"{confidence.reason}; --accept-poor delivers it nevertheless")
 

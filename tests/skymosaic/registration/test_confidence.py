@@ -10,7 +10,8 @@ from golden_model.arrays import Pixels
 from sim.scene import CameraPose
 from skymosaic import register
 from skymosaic.features.positions import match_points
-from skymosaic.registration.confidence import Confidence, fits_throughout
+from skymosaic.geometry.homography import apply
+from skymosaic.registration.confidence import Confidence, assess, fits_throughout
 from tests.skymosaic.registration.rendering import CAMERA, view
 
 
@@ -46,7 +47,7 @@ def test_confidence_falls_with_the_overlap(left: Pixels) -> None:
     views = [confidence(left, view_at(x_px, seed=3)) for x_px in (100, 280, 440)]
     assert_rising([each.predicted_px for each in views])
     assert [each.verdict for each in views] == ["good"] * 3
-    assert all(each.correlation > 0.7 and each.held_out_share > 0.9 for each in views)
+    assert all(each.correlation > 0.7 and each.quality.held_out_share > 0.9 for each in views)
     assert set(views[0].summary()) >= {"verdict", "reason", "predicted_px", "held_out_share", "correlation"}
 
 
@@ -54,7 +55,7 @@ def test_confidence_falls_with_relief(left: Pixels) -> None:
     right = view_at(100, seed=3)
     hills = [confidence(left, with_relief(right, parallax_px)) for parallax_px in (0, 2, 4, 8, 12)]
     assert_rising([each.predicted_px for each in hills])
-    assert_rising([-each.held_out_share for each in hills])
+    assert_rising([-each.quality.held_out_share for each in hills])
     assert_rising([-each.correlation for each in hills])
     assert [each.verdict for each in hills] == ["good", "good", "good", "check", "poor"]
     assert hills[-1].reason.startswith("relief: ")
@@ -69,18 +70,36 @@ def test_a_poor_pair_on_little_of_the_overlap_is_refused(left: Pixels, monkeypat
     # Poor, but supported by most of the overlap.
     assert register(left, right).accepted
     monkeypatch.setattr("skymosaic.registration.confidence.SMALL_SHARE_OF_OVERLAP", 1.0)
-    for effort in ("fast", "normal"):
-        refused = register(left, right, effort=effort)
-        assert not refused.accepted
-        assert "--accept-poor" in refused.reason
-        assert "of the overlap" in refused.reason
-    delivered = register(left, right, accept_poor=True)
+    refused = register(left, right, effort="fast")
+    assert not refused.accepted
+    assert "--accept-poor" in refused.reason
+    assert "of the overlap" in refused.reason
+    delivered = register(left, right, effort="fast", accept_poor=True)
     assert delivered.accepted
     assert delivered.confidence is not None
     assert delivered.confidence.verdict == "poor"
-    # What the flow covers is not extrapolated.
-    monkeypatch.setattr("skymosaic.registration.register.fits_overlap", lambda pair: True)
-    assert register(left, right).accepted
+    # What the flow confirms is not extrapolated, even where a refit gains nothing.
+    confirmed = register(left, right)
+    assert confirmed.accepted
+    assert confirmed.refined_inliers == 0
+    monkeypatch.setattr("skymosaic.registration.dense.ENOUGH_OF_OVERLAP", 1.0)
+    assert not register(left, right).accepted
+
+
+def test_a_homography_with_its_horizon_in_the_left_image_is_poor(left: Pixels) -> None:
+    tilted = np.array([[1.0, 0, 0], [0, 1, 0], [0, -1 / 300, 1]])
+    points = np.random.default_rng(0).uniform((0, 0), (480, 200), (120, 2))
+    verdict = assess((left, left), tilted, points, apply(tilted, points))
+    assert verdict.extrapolates
+    assert verdict.predicted_px > 12
+
+
+def test_many_matches_at_few_places_are_not_clear() -> None:
+    places = np.random.default_rng(0).uniform((0, 0), (480, 360), (30, 2))
+    crowded = np.repeat(places, 5, axis=0)
+    assert not fits_throughout(np.eye(3), crowded, crowded, (480, 360), (480, 360))
+    spread = np.random.default_rng(1).uniform((0, 0), (480, 360), (150, 2))
+    assert fits_throughout(np.eye(3), spread, spread, (480, 360), (480, 360))
 
 
 def test_a_clear_pair_is_good_without_a_closer_look(left: Pixels, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,8 +10,9 @@ from golden_model.arrays import Mask, Matrix, Points
 from sim.scene import make_pair
 from skymosaic import register
 from skymosaic.evaluation.metrics import grid_error
+from skymosaic.geometry.acceptance import overlap
 from skymosaic.geometry.homography import apply, transfer_error
-from skymosaic.registration.dense import fits_overlap, match_densely, refit_pair
+from skymosaic.registration.dense import match_densely, refit_pair
 from skymosaic.registration.pair import Pair
 
 FLIGHT = make_pair(seed=4, size=(480, 360))
@@ -55,7 +56,8 @@ def test_a_homography_that_is_off_is_refitted(pair: Pair) -> None:
     off = pair.with_homography(OFF @ TRUTH, refined_inliers=0)
     # All matches together determine the homography as well as the flow does; so few do not.
     few = dataclasses.replace(off, kept=off.kept[::12])
-    refitted = refit_pair(few, everywhere)
+    refitted, confirmed = refit_pair(few, everywhere)
+    assert confirmed
     assert refitted.refined_inliers > 200
     assert error_px(refitted.homography) < 0.3 < error_px(off.homography)
     assert len(refitted.inliers) > 0.8 * len(few.kept)
@@ -73,34 +75,41 @@ def test_the_plane_of_most_of_the_overlap_is_found_from_that_of_the_corners(
     right[middle] = np.roll(left, 10, axis=1)[middle]
     of_corners = np.array([[1.0, 0, 10], [0, 1, 0], [0, 0, 1]])
     planes = dataclasses.replace(pair, working=(left, right)).with_homography(of_corners, refined_inliers=0)
-    assert not fits_overlap(planes)
-    refitted = refit_pair(planes, everywhere)
+    refitted, confirmed = refit_pair(planes, everywhere)
     assert refitted.homography is not None
     assert grid_error(refitted.homography, np.eye(3), (480, 360), (480, 360)) < 0.3
-    assert fits_overlap(refitted)
+    assert confirmed
 
 
 def test_a_homography_that_the_flow_confirms_stays(pair: Pair) -> None:
     true = pair.with_homography(TRUTH, refined_inliers=0)
-    assert refit_pair(true, everywhere) is true
+    assert refit_pair(true, everywhere) == (true, True)
+
+
+def test_a_homography_that_fits_a_quarter_of_the_overlap_is_not_confirmed(pair: Pair) -> None:
+    true = pair.with_homography(TRUTH, refined_inliers=0)
+    visible = overlap(TRUTH, (480, 360), (480, 360))
+    low, high = visible.min(axis=0), visible.max(axis=0)
+    assert refit_pair(true, lambda left, _: left[:, 0] < low[0] + 0.25 * (high - low)[0]) == (true, False)
 
 
 def test_what_does_not_show_the_ground_has_no_vote(pair: Pair) -> None:
-    assert refit_pair(pair.with_homography(OFF @ TRUTH, 0), lambda left, right: left[:, 0] < 0).refined_inliers == 0
+    off = pair.with_homography(OFF @ TRUTH, refined_inliers=0)
+    assert refit_pair(off, lambda left, _: left[:, 0] < 0) == (off, False)
 
 
 def test_a_refused_pair_stays_refused(pair: Pair) -> None:
     refused = pair.refused("no overlap")
-    assert refit_pair(refused, everywhere) is refused
+    assert refit_pair(refused, everywhere) == (refused, False)
     assert (refused.accepted, refused.reason) == (False, "no overlap")
 
 
 def test_the_refit_of_a_good_pair_must_be_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Pair] = []
 
-    def note(pair: Pair, _: object) -> Pair:
+    def note(pair: Pair, _: object) -> tuple[Pair, bool]:
         asked.append(pair)
-        return pair
+        return pair, True
 
     monkeypatch.setattr("skymosaic.registration.register.refit_pair", note)
     good = register(LEFT, RIGHT).confidence
