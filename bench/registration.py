@@ -167,11 +167,13 @@ def relief(
 
     Rendered relief has exact positions, and a last row for the homography that is fitted to them. For the pairs of a
     set, two-way optical flow stands in for them, which starts at the recorded homography; where the result correlates
-    better than that, the recorded homography is named, and flow starts at the result. Refused pairs count 0.
+    better than that, the recorded homography is named, and flow starts at the result. Refused pairs count 0; pairs
+    without flow are left out.
     """
     cv2.setNumThreads(1)
     if sets:
-        pairs = [pair for name in sets for pair in map(flow_truth, read_set(public_folder(name)))]
+        known = [pair for name in sets for pair in map(flow_truth, read_set(public_folder(name)))]
+        pairs = [pair for pair in known if len(pair.left_points)]
     else:
         pairs = list(track(relief_pairs(each), "rendering", len(HEIGHTS_PX) * len(OVERLAPS) * each, console=progress))
     chosen = chosen_methods(method) | ({} if sets else {"the truth's own homography": fit_to_truth})

@@ -31,7 +31,8 @@ CLEAR_SHARE_OF_OVERLAP = 0.5
 HIGH_PASS_SIGMA_PX = 3.0
 # Fewer pixels correlate by chance.
 MIN_OVERLAP_PX = 400
-# Fitted by `python -m bench.confidence` to pairs with known errors, see docs/explanation/registration.md.
+# Fitted by `python -m bench.confidence`, see docs/explanation/registration.md. A fit today gives other coefficients,
+# which judge unseen pairs no better.
 INTERCEPT = 2.749
 COEFFICIENTS = {
     "log_instability": 0.367,
