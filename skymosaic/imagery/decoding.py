@@ -58,6 +58,8 @@ class Header:
         Size of a decoded value; 2 for 16 bits.
     decoded_bytes : int
         Size of the decoded pixels.
+    transparent : bool
+        It has an alpha channel or a transparent colour.
     """
 
     kind: str
@@ -65,6 +67,7 @@ class Header:
     orientation: int
     sample_bytes: int
     decoded_bytes: int
+    transparent: bool
 
 
 class _MeasuredFile(io.FileIO):
@@ -128,7 +131,8 @@ def read_header(path: Path) -> Header:
     try:
         with open_header(path) as header:
             # Pillow parses some chunks of PNG and WebP while it opens the file, but EXIF only on request.
-            declared = Header(str(header.format), header.size, _orientation(header), *_decoded_sizes(header, path))
+            orientation, sizes = _orientation(header), _decoded_sizes(header, path)
+            declared = Header(str(header.format), header.size, orientation, *sizes, header.has_transparency_data)
     except UnidentifiedImageError:
         raise InputError(f"{path}: not an image that can be read; give PNG, JPEG or TIFF") from None
     except (PillowImage.DecompressionBombError, PillowImage.DecompressionBombWarning):

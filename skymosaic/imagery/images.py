@@ -91,12 +91,15 @@ def _read(path: Path, *, keep_damaged: bool) -> Photograph:
     header = read_header(path)
     decoded, damage = decode(path, header, keep_damaged=keep_damaged)
     turned = ("turned upright by its EXIF orientation",) if header.orientation != UPRIGHT else ()
+    opaque = ("transparent pixels count as ground",) if header.transparent else ()
     kept = (f"kept although {damage.removeprefix(f'{path}: ')}",) if damage else ()
     if decoded.dtype == np.uint8:
-        return Photograph(str(path), decoded.astype(np.uint8, copy=False), turned + kept)
+        return Photograph(str(path), decoded.astype(np.uint8, copy=False), turned + opaque + kept)
     values = measure_range(decoded, str(path))
     mapping = (f"{decoded.dtype}: {values.low:g}..{values.high:g} mapped to 0..255",)
-    return Photograph(str(path), values.to_8_bit(decoded), turned + mapping + kept, values, sample_values(decoded))
+    return Photograph(
+        str(path), values.to_8_bit(decoded), turned + opaque + mapping + kept, values, sample_values(decoded)
+    )
 
 
 def load_intensities(

@@ -48,6 +48,17 @@ def test_deep_pixels_are_mapped_to_8_bit_and_the_mapping_is_stated(tmp_path: Pat
     assert "mapped to 0..255" in read.notes[0]
 
 
+@pytest.mark.parametrize("kind", ["alpha.png", "alpha.tif", "palette.png"])
+def test_transparency_that_is_ignored_is_stated(tmp_path: Path, kind: str) -> None:
+    half = np.dstack((np.full((80, 80, 3), 90, np.uint8), np.tile([[0], [255]], (40, 80)).astype(np.uint8)))
+    picture = PillowImage.fromarray(half)
+    path = tmp_path / kind
+    (picture.quantize(8) if kind == "palette.png" else picture).save(path)
+    assert images.load(path).notes == ("transparent pixels count as ground",)
+    picture.convert("RGB").save(path)
+    assert images.load(path).notes == ()
+
+
 def test_an_array_of_the_wrong_kind_is_refused() -> None:
     with pytest.raises(InputError, match="uint8"):
         images.load(np.zeros((100, 100), np.float32), "left image")
