@@ -1,7 +1,7 @@
 """Registers a pair of overlapping photographs: features, matches, homography, or why it failed."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple, Unpack
@@ -103,11 +103,11 @@ def register_photographs(
     method, config = options.choose_method()
     effort = options.choose_effort(method)
     front_end = options.open_backend(method, progress)
-    if features is None:
-        reduced = [reduce_for_front_end(each.pixels, options.working_width_px, each.name) for each in photographs]
-        (left, to_left), (right, to_right) = reduced
-    else:
-        (left, to_left), (right, to_right) = ((each.working.image, each.to_original) for each in features)
+    (left, to_left), (right, to_right) = (
+        [reduce_for_front_end(each.pixels, options.working_width_px, each.name) for each in photographs]
+        if features is None
+        else [(each.working.image, each.to_original) for each in features]
+    )
     first = _match_first(front_end, (left, right), config, options, features=features, masked=lens is not None)
     masks = [lens.visible_mask((image.shape[1], image.shape[0])) if lens else None for image in (left, right)]
     clock.lap("features and matches")
@@ -139,12 +139,7 @@ def register_photographs(
         seconds=clock.seconds,
     )
     clock.lap("homography")
-
-    def shows_ground(left: Points, right: Points) -> Mask:
-        shown = are_on_ground(left, masks[0]) & are_on_ground(right, masks[1])
-        return shown & ~are_still(left, right) if stands_still else shown
-
-    pair = _settle(pair, options, shows_ground)
+    pair = _settle(pair, options, partial(_show_ground, masks=masks, stands_still=stands_still))
     clock.lap("refinement")
     return pair
 
@@ -219,6 +214,12 @@ def _with_notes(photographs: tuple[Photograph, Photograph], *, stands_still: boo
     if stands_still:
         right = right.with_note(STANDS_STILL)
     return right.with_note(INVERTED_NOTE) if inverted else right
+
+
+def _show_ground(left: Points, right: Points, *, masks: Sequence[Pixels | None], stands_still: bool) -> Mask:
+    """Which points (N, 2) show ground in both images: unmasked, and moved where something stands still."""
+    shown = are_on_ground(left, masks[0]) & are_on_ground(right, masks[1])
+    return shown & ~are_still(left, right) if stands_still else shown
 
 
 def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Points, Points], Mask]) -> Pair:
