@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import warnings
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -113,11 +114,16 @@ def reproject(points: Points, source: str, target: str) -> Points:
 
 
 def project_to_utm(positions: Sequence[Position]) -> tuple[str, Points]:
-    """Project positions to the UTM zone of the first; returns its name and (N, 2) metres east and north."""
-    # A longitude of exactly 180 degrees belongs to zone 1.
-    zone = int((positions[0].longitude_deg + 180) // 6) % 60 + 1
-    crs = f"EPSG:{(32700 if positions[0].latitude_deg < 0 else 32600) + zone}"
+    """Project positions to the UTM zone of most of them; returns its name and (N, 2) metres east and north."""
+    # Not of the first: a wrong one, which a fit leaves out, would still stretch the map.
+    ((crs, _),) = Counter(map(_utm_zone, positions)).most_common(1)
     return crs, reproject(np.array([(p.longitude_deg, p.latitude_deg) for p in positions]), "EPSG:4326", crs)
+
+
+def _utm_zone(position: Position) -> str:
+    # A longitude of exactly 180 degrees belongs to zone 1.
+    zone = int((position.longitude_deg + 180) // 6) % 60 + 1
+    return f"EPSG:{(32700 if position.latitude_deg < 0 else 32600) + zone}"
 
 
 def fit_to_map(

@@ -25,6 +25,16 @@ def test_a_turned_and_scaled_layout_is_found_on_the_map(crs: str, false_north: f
     np.testing.assert_allclose(mapped, metres, atol=2e-3)
 
 
+def test_a_wrong_first_position_does_not_choose_the_zone() -> None:
+    good = [Position(45 + 0.001 * i, 12 + 0.001 * (i % 3)) for i in range(12)]
+    _, metres = project_to_utm(good)
+    places = np.vstack([(500, 500), (metres - metres[0]) * [10, -10]])
+    zone, targets = project_to_utm([Position(22.5, 113.9), *good])
+    place, _ = fit_to_map(places, targets, zone)
+    assert (zone, place.disagreeing) == ("EPSG:32633", (0,))
+    assert place.metres_per_pixel == pytest.approx(0.1, rel=1e-6)
+
+
 def scattered(count: int, noise_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Places on a mosaic of 5 cm per pixel, and the same on the map with noise."""
     rng = np.random.default_rng(5)
