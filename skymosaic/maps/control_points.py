@@ -163,13 +163,28 @@ def read_system(path: Path, name: str) -> Any:
     return crs
 
 
+def convert_to_degrees(path: Path, crs: Any, points: Points) -> Points:
+    """Longitudes and latitudes (N, 2) on WGS 84 of a file's points, whatever the datum and unit of its system.
+
+    Raises
+    ------
+    InputError
+        For points that are nowhere on the globe.
+    """
+    try:
+        degrees = map_to_globe(points, crs.to_string())
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    if not (np.abs(degrees) <= (180, 90)).all():
+        raise InputError(f"{path}: a latitude beyond 90 degrees; x is the longitude and comes first")
+    return degrees
+
+
 def _convert_to_metres(path: Path, name: str, points: Points) -> tuple[str, Points]:
     """Convert points to a system in metres: UTM for degrees, feet and Web Mercator; returns its name and the points."""
     crs = read_system(path, name)
     # Metres on this map are metres on the ground, up to the 0.04 % of UTM: neither feet, nor stretched as for the web.
     if crs.is_projected and crs.linear_units_factor[1] == 1 and crs.to_epsg() not in WEB_MERCATOR:
         return crs.to_string(), points
-    degrees = points if crs.is_geographic else map_to_globe(points, crs.to_string())
-    if np.abs(degrees[:, 1]).max() > 90 or np.abs(degrees[:, 0]).max() > 180:
-        raise InputError(f"{path}: a latitude beyond 90 degrees; x is the longitude and comes first")
+    degrees = convert_to_degrees(path, crs, points)
     return project_to_utm([Position(latitude, longitude) for longitude, latitude in degrees.tolist()])

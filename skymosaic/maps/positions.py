@@ -9,8 +9,7 @@ import numpy as np
 from skymosaic.errors import InputError
 from skymosaic.imagery.exif import Position
 from skymosaic.imagery.photographs import index_names
-from skymosaic.maps.control_points import read_lines, read_system
-from skymosaic.maps.georeference import map_to_globe
+from skymosaic.maps.control_points import convert_to_degrees, read_lines, read_system
 
 ACCURACY_COLUMN = 6
 """Column of the horizontal accuracy, after the coordinates x, y and z and three angles."""
@@ -78,9 +77,7 @@ def load_positions(path: Path) -> Positions:
     crs = read_system(path, lines[0][1])
     rows = [_parse_line(path, number, line) for number, line in lines[1:]]
     places = np.array([place for _, place, _ in rows])
-    degrees = places if crs.is_geographic else map_to_globe(places, crs.to_string())
-    if not (np.abs(degrees) <= (180, 90)).all():
-        raise InputError(f"{path}: a latitude beyond 90 degrees; x is the longitude and comes first")
+    degrees = convert_to_degrees(path, crs, places)
     return Positions(
         str(path),
         tuple(

@@ -37,6 +37,19 @@ def test_degrees_become_metres(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("header", "x", "y", "utm"),
+    [("EPSG:4230", 2.0, 48.0, "EPSG:32631"), ("EPSG:4807", 0.0, 53.0, "EPSG:32631")],
+    ids=["European Datum 1950", "grads from Paris"],
+)
+def test_degrees_of_another_datum_or_unit_are_converted(
+    tmp_path: Path, header: str, x: float, y: float, utm: str
+) -> None:
+    points = loaded(tmp_path, header, f"\n{x} {y} 200 10 20 a.jpg\n")
+    assert points.crs == utm
+    np.testing.assert_allclose(points.metres, reproject(np.array([(x, y)]), header, utm), atol=0.01)
+
+
+@pytest.mark.parametrize(
     ("header", "lines", "says"),
     [
         ("EPSG:32610", "", "no control points"),

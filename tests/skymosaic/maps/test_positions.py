@@ -1,9 +1,11 @@
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from skymosaic.errors import InputError
 from skymosaic.imagery.exif import Position
+from skymosaic.maps.georeference import map_to_globe
 from skymosaic.maps.positions import Fix, Positions, load_positions
 
 LINES = """
@@ -31,6 +33,13 @@ def test_maps_in_feet_are_read(tmp_path: Path) -> None:
     assert (fix.position.latitude_deg, fix.position.longitude_deg) == pytest.approx((35.674, -79.0), abs=0.02)
 
 
+def test_degrees_of_another_datum_are_converted(tmp_path: Path) -> None:
+    (fix,) = loaded(tmp_path, "EPSG:4267", "\n1.jpg -92 46.8\n").fixes
+    ((longitude_deg, latitude_deg),) = map_to_globe(np.array([(-92.0, 46.8)]), "EPSG:4267").tolist()
+    assert fix.position == Position(latitude_deg, longitude_deg)
+    assert longitude_deg == pytest.approx(-92.0002, abs=1e-4)
+
+
 @pytest.mark.parametrize(
     ("header", "lines", "says"),
     [
@@ -45,6 +54,7 @@ def test_a_file_of_another_form_is_one_line(tmp_path: Path, header: str, lines: 
     with pytest.raises(InputError) as refused:
         loaded(tmp_path, header, lines)
     assert says in str(refused.value)
+    assert "geo.txt" in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
