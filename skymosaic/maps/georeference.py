@@ -14,6 +14,7 @@ import rasterio
 import rasterio.errors
 import rasterio.warp
 from numpy.typing import NDArray
+from rasterio._err import CPLE_BaseError
 
 from golden_model.arrays import Array, Matrix, Points
 from skymosaic.errors import InputError
@@ -109,7 +110,8 @@ def reproject(points: Points, source: str, target: str) -> Points:
     try:
         x, y = np.asarray(points).reshape(-1, 2).T.tolist()
         return np.column_stack(rasterio.warp.transform(source, target, x, y))
-    except (rasterio.errors.RasterioError, rasterio.errors.CRSError) as error:
+    # For a place where a projection ends, rasterio passes on GDAL's own error.
+    except (rasterio.errors.RasterioError, rasterio.errors.CRSError, CPLE_BaseError) as error:
         raise InputError(f"{source} to {target}: {error}; check the coordinate system") from None
 
 

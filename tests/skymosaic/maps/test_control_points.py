@@ -57,6 +57,7 @@ def test_degrees_of_another_datum_or_unit_are_converted(
         ("EPSG:4978", LINES, "has no map coordinates"),
         ("EPSG:5703", LINES, "has no map coordinates"),
         ("EPSG:4326", "\n46.8 -92 200 10 20 a.jpg\n46.8 -91.9 200 10 20 b.jpg", "a latitude beyond 90 degrees"),
+        ("EPSG:4807", "\n0 -101 200 10 20 a.jpg", "Invalid latitude; check the coordinate system"),
         ("EPSG:32610", "\n1 2 3 4 5", "line 2 is '1 2 3 4 5'"),
         ("EPSG:32610", "\n1 2 3 4 nan a.jpg", "line 2"),
     ],
