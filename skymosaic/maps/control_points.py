@@ -18,10 +18,9 @@ from skymosaic.imagery.photographs import index_names
 from skymosaic.maps.georeference import map_to_globe, project_to_utm
 
 CHECK_PREFIX = "CHK-"
-WEB_MERCATOR = (3857, 3785, 900913)
 MAX_BYTES = 16 << 20
 """Room for a hundred thousand sightings."""
-_UTM = re.compile(r"(?:WGS ?84 )?UTM (?:zone )?(\d{1,2})([NS])", re.IGNORECASE)
+_UTM = re.compile(r"(?:WGS ?84 )?UTM (?:zone )?(0?[1-9]|[1-5]\d|60)([NS])", re.IGNORECASE)
 """A coordinate system as OpenDroneMap's users write it; rasterio reads all other forms."""
 
 
@@ -181,10 +180,11 @@ def convert_to_degrees(path: Path, crs: Any, points: Points) -> Points:
 
 
 def _convert_to_metres(path: Path, name: str, points: Points) -> tuple[str, Points]:
-    """Convert points to a system in metres: UTM for degrees, feet and Web Mercator; returns its name and the points."""
+    """Convert points to a system in metres: UTM for degrees, feet and Mercator; returns its name and the points."""
     crs = read_system(path, name)
     # Metres on this map are metres on the ground, up to the 0.04 % of UTM: neither feet, nor stretched as for the web.
-    if crs.is_projected and crs.linear_units_factor[1] == 1 and crs.to_epsg() not in WEB_MERCATOR:
+    # Transverse and oblique Mercator are true to scale where they are used.
+    if crs.is_projected and crs.linear_units_factor[1] == 1 and 'PROJECTION["Mercator' not in crs.to_wkt():
         return crs.to_string(), points
     degrees = convert_to_degrees(path, crs, points)
     return project_to_utm([Position(latitude, longitude) for longitude, latitude in degrees.tolist()])

@@ -54,6 +54,8 @@ def test_degrees_of_another_datum_or_unit_are_converted(
     [
         ("EPSG:32610", "", "no control points"),
         ("somewhere", LINES, "'somewhere' is no coordinate system"),
+        ("WGS84 UTM 61N", LINES, "'WGS84 UTM 61N' is no coordinate system"),
+        ("UTM 0S", LINES, "'UTM 0S' is no coordinate system"),
         ("EPSG:4978", LINES, "has no map coordinates"),
         ("EPSG:5703", LINES, "has no map coordinates"),
         ("EPSG:4326", "\n46.8 -92 200 10 20 a.jpg\n46.8 -91.9 200 10 20 b.jpg", "a latitude beyond 90 degrees"),
@@ -70,7 +72,15 @@ def test_a_file_of_another_form_is_one_line(tmp_path: Path, header: str, lines: 
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("header", ["EPSG:3857", "EPSG:2264", "+proj=utm +zone=17 +datum=WGS84 +units=us-ft +no_defs"])
+@pytest.mark.parametrize("header", ["EPSG:2056", "EPSG:2154"], ids=["oblique Mercator", "Lambert"])
+def test_maps_in_metres_on_the_ground_stay(tmp_path: Path, header: str) -> None:
+    assert loaded(tmp_path, header).crs == header
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["EPSG:3857", "EPSG:102100", "EPSG:3395", "EPSG:2264", "+proj=utm +zone=17 +datum=WGS84 +units=us-ft +no_defs"],
+)
 def test_feet_and_stretched_metres_become_metres_on_the_ground(tmp_path: Path, header: str) -> None:
     degrees = np.array([(-80.0, 35.5), (-79.99, 35.5)])
     (x1, y1), (x2, y2) = reproject(degrees, "EPSG:4326", CRS.from_user_input(header).to_wkt())
