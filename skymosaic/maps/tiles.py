@@ -76,12 +76,12 @@ def write_tiles(folder: Path, raster: Path, title: str, values: ValueRange | Non
     Raises
     ------
     InputError
-        If a file cannot be written or the raster cannot be read.
+        If a file cannot be written, the raster cannot be read, or it lies beyond Web Mercator.
     """
     try:
         with staged_folder(folder, OWN_NAMES) as staged:
             with configured_rasterio(), rasterio.open(raster) as file:
-                pyramid = _plan_pyramid(file)
+                pyramid = _plan_pyramid(file, folder)
                 with _warp(file, pyramid) if pyramid.georeferenced else contextlib.nullcontext(file) as source:
                     column, row = (index >> (pyramid.zoom - pyramid.top) for index in pyramid.first)
                     _Writer(staged, source, pyramid, values).write(pyramid.top, column, row)
@@ -107,13 +107,22 @@ def _resolution_m(zoom: int) -> float:
     return 2 * _HALF_WORLD_M / TILE_PX / (1 << zoom)
 
 
-def _plan_pyramid(file: Any) -> Pyramid:
-    """The tiles of a raster, at the zoom nearest to its resolution."""
+def _plan_pyramid(file: Any, folder: Path) -> Pyramid:
+    """The tiles of a raster, at the zoom nearest to its resolution; ``folder`` is for the message."""
     if file.crs is None:
         columns, rows = (-(-side // TILE_PX) for side in (file.width, file.height))
         return Pyramid(False, (max(columns, rows) - 1).bit_length(), (0, 0), (columns - 1, rows - 1))
     left, bottom, right, top = rasterio.warp.transform_bounds(file.crs, _MERCATOR, *file.bounds)
-    finest_m = math.sqrt((right - left) * (top - bottom) / (file.width * file.height))
+    # The bounds of what crosses 180 degrees go round the world.
+    if right - left > _HALF_WORLD_M or max(top, -bottom) > _HALF_WORLD_M:
+        raise InputError(
+            f"{folder}: the mosaic reaches beyond Web Mercator (across 180 degrees of longitude, or past 85 of "
+            "latitude), so it has no tiles; leave them out"
+        )
+    # A turned raster fills its bounds only in part.
+    box = file.bounds
+    stretch = (right - left) * (top - bottom) / ((box.right - box.left) * (box.top - box.bottom))
+    finest_m = math.sqrt(stretch * abs(file.transform.determinant))
     # The nearest zoom on a logarithmic scale.
     zoom = min(max(math.ceil(math.log2(_resolution_m(0) / finest_m) - 0.5), 0), MAX_ZOOM)
     side_m = TILE_PX * _resolution_m(zoom)

@@ -1,11 +1,15 @@
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
-from skymosaic.maps.georeference import Georeference, map_to_globe
+from skymosaic.errors import InputError
+from skymosaic.imagery.exif import Position
+from skymosaic.maps.georeference import Georeference, map_to_globe, project_to_utm
 from skymosaic.maps.geotiff import tee_to_raster
 from skymosaic.maps.tiles import TILE_PX, write_tiles
 
@@ -39,6 +43,27 @@ def test_tiles_lie_where_web_mercator_puts_them(tmp_path: Path) -> None:
         tile = np.asarray(cv2.imread(str(tmp_path / str(zoom) / str(column) / f"{row}.webp"), cv2.IMREAD_UNCHANGED))
         np.testing.assert_allclose(red(tile), (world * 2**zoom % 1) * TILE_PX, atol=2)
     assert len(list((tmp_path / str(pyramid.top)).rglob("*.webp"))) == 1
+
+
+# Rasterio computes the bounds of a turned raster with an operator that affine is about to drop.
+@pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning")
+def test_a_turned_mosaic_has_the_zoom_of_its_pixels(tmp_path: Path) -> None:
+    zooms = []
+    for turn in (0, np.pi / 4):
+        across_m, down_m = 1.2 * METRES * np.cos(turn), 1.2 * METRES * np.sin(turn)
+        to_map = np.array([[across_m, down_m, 430_000], [down_m, -across_m, 5_190_000], [0, 0, 1]])
+        pyramid = write_tiles(tmp_path, raster(tmp_path / "m.tif", replace(PLACE, to_map=to_map)), "turned", None)
+        zooms.append(pyramid.zoom)
+    assert zooms == [20, 20]
+
+
+@pytest.mark.parametrize(("longitude_deg", "latitude_deg"), [(179.9998, -16.8), (12.0, -86.0)])
+def test_a_mosaic_beyond_web_mercator_is_refused(tmp_path: Path, longitude_deg: float, latitude_deg: float) -> None:
+    crs, ((x, y),) = project_to_utm([Position(latitude_deg, longitude_deg)])
+    place = Georeference(crs, np.array([[METRES, 0, x], [0, -METRES, y], [0, 0, 1]]), 0.5)
+    with pytest.raises(InputError, match="tiles: the mosaic reaches beyond Web Mercator"):
+        write_tiles(tmp_path / "tiles", raster(tmp_path / "m.tif", place), "far", None)
+    assert not (tmp_path / "tiles").exists()
 
 
 def test_a_mosaic_without_a_place_has_tiles_of_its_own_pixels(tmp_path: Path) -> None:
