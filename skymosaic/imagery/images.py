@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -181,19 +182,34 @@ def check_output(
     check_unused(path, overwrite=overwrite)
 
 
-def check_output_folder(path: Path, *, overwrite: bool = False) -> None:
+def check_output_folder(path: Path, inputs: tuple[str, ...] = (), own: str = "", *, overwrite: bool = False) -> None:
     """Check that a folder can be made or filled, before the work starts.
+
+    Parameters
+    ----------
+    path : Path
+    inputs : tuple of str
+        Files that must stay.
+    own : str
+        Regular expression of the names in the folder that will be replaced.
+    overwrite : bool
 
     Raises
     ------
     InputError
-        For a file, a place where nothing can be written, or a folder with files that must not be overwritten.
+        For a file, a place where nothing can be written, a folder with files that must not be overwritten, or one in
+        which an input would be replaced.
     """
     if os.path.lexists(path) and not path.is_dir():
         raise InputError(f"{path}: is no folder; name another")
     place = path if path.is_dir() else existing_parent(path)
     if not place.is_dir() or not os.access(place, os.W_OK):
         raise InputError(f"{path}: cannot be made in {place}; choose another folder")
+    folder = resolved(path)
+    for source in inputs:
+        file = resolved(Path(source))
+        if folder in file.parents and re.fullmatch(own, name := file.relative_to(folder).parts[0]):
+            raise InputError(f"{path}: its {name} holds {source}, one of the inputs; choose another folder")
     check_unused(path, overwrite=overwrite)
 
 

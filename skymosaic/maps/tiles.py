@@ -29,7 +29,7 @@ MAX_ZOOM = 24
 _HALF_WORLD_M = math.pi * 6_378_137.0
 """Half the side of Web Mercator's square world."""
 _MERCATOR = "EPSG:3857"
-OWN_NAMES = rf"\d+|{re.escape(PAGE)}"
+OWN_NAMES = "|".join([re.escape(PAGE), *map(str, range(MAX_ZOOM + 1))])
 """What a folder of tiles consists of: zooms and the page."""
 
 

@@ -41,6 +41,7 @@ from skymosaic.imagery.decoding import read_header
 from skymosaic.imagery.exif import read_metadata
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source, decoded_photographs
+from skymosaic.maps.tiles import OWN_NAMES
 from skymosaic.memory import release_free_memory
 from skymosaic.mosaicking.options import MEGAPIXEL, MosaicOptions
 from skymosaic.mosaicking.result import Mosaic
@@ -172,16 +173,16 @@ class MosaicPlan:
         Raises
         ------
         InputError
-            For an output that cannot be written, is one of the photographs, or exists and must not be overwritten;
+            For an output that cannot be written, would replace a photograph, or exists and must not be overwritten;
             for a form that does not suit it.
         RegistrationError
             For a map that is required where nothing can give the mosaic a place.
         """
         form.check(output, len(self.sources[0].bands))
         self._check_headers(output, form)
-        if form.tiles is not None:
-            pictures.check_output_folder(form.tiles, overwrite=overwrite)
         inputs = tuple(name for source in self.sources for name in source.files)
+        if form.tiles is not None:
+            pictures.check_output_folder(form.tiles, inputs, OWN_NAMES, overwrite=overwrite)
         pictures.check_output(output, inputs, overwrite=overwrite)
         room = self.room(output)
         if self.options.canvas_limit_px is None and room.area_px < MIN_ROOM_PX:
@@ -191,12 +192,11 @@ class MosaicPlan:
             raise RegistrationError(f"{explain_absence(output, place)}; nothing was written")
         if self.options.all_groups:
             # How many groups there are is not known yet.
-            for base in (output, form.tiles):
-                if base is not None:
-                    numbered = re.compile(re.escape(base.stem) + r"_\d+" + re.escape(base.suffix))
-                    for path in sorted(base.parent.glob("*")):
-                        if numbered.fullmatch(path.name):
-                            pictures.check_unused(path, overwrite=overwrite)
+            for path in _numbered_beside(output):
+                pictures.check_unused(path, overwrite=overwrite)
+            if form.tiles is not None:
+                for path in _numbered_beside(form.tiles):
+                    pictures.check_output_folder(path, inputs, OWN_NAMES, overwrite=overwrite)
 
     def _check_headers(self, output: Path, form: OutputForm) -> None:
         """Refuse what the sizes and depths that the photographs declare already forbid."""
@@ -279,6 +279,12 @@ class MosaicPlan:
         for source, photograph in zip(self.sources, (left, right), strict=True):
             decoded_photographs(options.memory_bytes).keep(source, lens, photograph.pixels)
         return flight_of_pair(pair, self.sources, lens)
+
+
+def _numbered_beside(base: Path) -> list[Path]:
+    """What exists under the names that the outputs of further groups get."""
+    numbered = re.compile(re.escape(base.stem) + r"_\d+" + re.escape(base.suffix))
+    return [path for path in sorted(base.parent.glob("*")) if numbered.fullmatch(path.name)]
 
 
 def survey_sources(

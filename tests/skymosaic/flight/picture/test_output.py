@@ -57,3 +57,16 @@ def test_what_headers_forbid_is_refused_before_the_first_feature(tmp_path: Path)
         photographs[0].write_bytes(content)
         with open_plan(photographs, MosaicOptions()) as plan:
             plan.check_outputs(tmp_path / "m.tif", OutputForm(compress="jpeg"))
+
+
+@pytest.mark.parametrize(("folder", "groups"), [("survey", False), ("survey", True), ("survey_2", True)])
+def test_tiles_replace_no_photographs(tmp_path: Path, folder: str, groups: bool) -> None:
+    photographs = [tmp_path / folder / "7" / f"{number}.png" for number in range(3)]
+    photographs[0].parent.mkdir(parents=True)
+    for path in photographs:
+        cv2.imwrite(str(path), np.zeros((80, 100), np.uint8))
+    form = OutputForm(tiles=tmp_path / "survey")
+    with open_plan(photographs, MosaicOptions(all_groups=groups)) as plan:
+        with pytest.raises(InputError, match=f"{folder}: its 7 holds .*0.png, one of the inputs"):
+            plan.check_outputs(tmp_path / "m.tif", form, overwrite=True)
+        plan.check_outputs(tmp_path / "m.tif", OutputForm(tiles=tmp_path / "tiles"), overwrite=True)
