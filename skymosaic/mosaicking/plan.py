@@ -282,7 +282,15 @@ class MosaicPlan:
 
 
 def _numbered_beside(base: Path) -> list[Path]:
-    """What exists under the names that the outputs of further groups get."""
+    """What exists under the names that the outputs of further groups get.
+
+    Raises
+    ------
+    InputError
+        For a folder such as ".", to whose name no number can be added.
+    """
+    if base.name in ("", ".."):
+        raise InputError(f"{base}: has no name that could be numbered for several groups; name another folder")
     numbered = re.compile(re.escape(base.stem) + r"_\d+" + re.escape(base.suffix))
     return [path for path in sorted(base.parent.glob("*")) if numbered.fullmatch(path.name)]
 

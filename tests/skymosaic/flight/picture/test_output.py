@@ -70,3 +70,11 @@ def test_tiles_replace_no_photographs(tmp_path: Path, folder: str, groups: bool)
         with pytest.raises(InputError, match=f"{folder}: its 7 holds .*0.png, one of the inputs"):
             plan.check_outputs(tmp_path / "m.tif", form, overwrite=True)
         plan.check_outputs(tmp_path / "m.tif", OutputForm(tiles=tmp_path / "tiles"), overwrite=True)
+
+
+@pytest.mark.parametrize("folder", [".", "..", "/"])
+def test_tiles_of_several_groups_need_a_name(tmp_path: Path, folder: str) -> None:
+    form = OutputForm(tiles=Path(folder))
+    refused = pytest.raises(InputError, match="has no name that could be numbered")
+    with open_plan([np.zeros((60, 80), np.uint8)] * 3, MosaicOptions(all_groups=True)) as plan, refused:
+        plan.check_outputs(tmp_path / "m.tif", form, overwrite=True)
