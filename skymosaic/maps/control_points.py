@@ -97,10 +97,15 @@ def load_control_points(path: Path) -> ControlPoints:
         # A point has a line per photograph. Its name is optional, so its coordinates identify it.
         if place not in index:
             index[place] = len(index)
-            names.append(name or f"point {len(index)}")
-        sightings.append(Sighting(index[place], photograph, *pixel))
+            names.append("")
+        point = index[place]
+        # One line that says so makes a check point: it must not take part by mistake.
+        if not names[point] or name.startswith(CHECK_PREFIX):
+            names[point] = name
+        sightings.append(Sighting(point, photograph, *pixel))
     crs, metres = _convert_to_metres(path, lines[0][1], np.array(list(index))[:, :2])
-    return ControlPoints(str(path), crs, metres, tuple(names), tuple(sightings))
+    named = tuple(name or f"point {number}" for number, name in enumerate(names, start=1))
+    return ControlPoints(str(path), crs, metres, named, tuple(sightings))
 
 
 def _parse_line(path: Path, number: int, line: str) -> tuple[tuple[float, float, float], tuple[float, float], str, str]:

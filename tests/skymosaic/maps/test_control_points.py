@@ -30,6 +30,13 @@ def test_points_and_their_sightings_are_read(tmp_path: Path, header: str) -> Non
     assert points.crs == "EPSG:32610" or points.crs.startswith(("+proj", "PROJCS"))
 
 
+def test_a_point_has_its_name_from_any_of_its_lines(tmp_path: Path) -> None:
+    lines = "\n1 2 3 1 1 a.jpg\n1 2 3 1 1 b.jpg CHK-1\n4 5 6 1 1 a.jpg west\n4 5 6 1 1 b.jpg CHK-2\n4 5 6 1 1 c.jpg\n"
+    points = loaded(tmp_path, "EPSG:32610", lines)
+    assert points.names == ("CHK-1", "CHK-2")
+    assert points.checks(0)
+
+
 def test_degrees_become_metres(tmp_path: Path) -> None:
     points = loaded(tmp_path, "EPSG:4326", "\n-92.0 46.8 200 10 20 a.jpg\n-91.99 46.8 200 10 20 b.jpg\n")
     assert points.crs == "EPSG:32615"
