@@ -133,7 +133,7 @@ def read_lines(path: Path, what: str) -> list[tuple[int, str]]:
         For a file that cannot be read, or has fewer than two lines.
     """
     try:
-        text = read_small_file(path, MAX_BYTES).decode()
+        text = read_small_file(path, MAX_BYTES).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{path}: cannot be read ({reason}); give a text file of {what}") from None

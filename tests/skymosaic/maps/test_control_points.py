@@ -37,6 +37,10 @@ def test_a_point_has_its_name_from_any_of_its_lines(tmp_path: Path) -> None:
     assert points.checks(0)
 
 
+def test_a_byte_order_mark_is_no_part_of_the_system(tmp_path: Path) -> None:
+    assert loaded(tmp_path, "\ufeffEPSG:32610").crs == "EPSG:32610"
+
+
 def test_degrees_become_metres(tmp_path: Path) -> None:
     points = loaded(tmp_path, "EPSG:4326", "\n-92.0 46.8 200 10 20 a.jpg\n-91.99 46.8 200 10 20 b.jpg\n")
     assert points.crs == "EPSG:32615"
