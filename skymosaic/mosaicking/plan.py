@@ -193,7 +193,7 @@ class MosaicPlan:
         if self.options.all_groups:
             # How many groups there are is not known yet.
             for path in _numbered_beside(output):
-                pictures.check_unused(path, overwrite=overwrite)
+                pictures.check_output(path, inputs, overwrite=overwrite)
             if form.tiles is not None:
                 for path in _numbered_beside(form.tiles):
                     pictures.check_output_folder(path, inputs, OWN_NAMES, overwrite=overwrite)
