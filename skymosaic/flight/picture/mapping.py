@@ -18,7 +18,7 @@ from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata
 from skymosaic.imagery.photographs import index_names, short_names
 from skymosaic.maps.control_points import ControlPoints
-from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map, project_to_utm, reproject
+from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map, map_to_globe, project_to_utm, reproject
 
 ROUNDS = 3
 """How often the layout is adjusted to its place on the map, and the place to the layout."""
@@ -142,7 +142,7 @@ def place_cameras(cameras: Sequence[Camera]) -> MapPlace:
     georeference, note = fit_to_map(places[:, :2], targets, crs, names)
     if georeference is None:
         return MapPlace(note=note)
-    turned = _turned_deg(cameras, georeference.to_map)
+    turned = _turned_deg(cameras, georeference.to_map, _true_north_deg(np.median(metres, axis=0), crs))
     if len(cameras) == 2:
         note = "two GPS positions fit exactly, so that nothing checks them"
         note += "" if turned is None else f" but the cameras' compass, which differs by {abs(turned):.0f} degrees"
@@ -275,8 +275,14 @@ def _cameras(flight: Flight, layout: Layout) -> list[Camera]:
     return [Camera(view.name, view.size, transform, view.taken, focal) for view, transform in views]
 
 
-def _turned_deg(cameras: Sequence[Camera], to_map: Matrix) -> float | None:
-    """Median clockwise turn of the photographs on the map against the yaw that the cameras recorded."""
+def _true_north_deg(place: Points, crs: str) -> float:
+    """Direction of true north on the map, clockwise: up to 3 degrees from the north of a UTM zone."""
+    north = reproject(map_to_globe(place, crs) + np.array([0, 1e-3]), "EPSG:4326", crs)[0]
+    return float(np.degrees(np.arctan2(*(north - place))))
+
+
+def _turned_deg(cameras: Sequence[Camera], to_map: Matrix, north_deg: float) -> float | None:
+    """Median clockwise turn of the photographs on the map against the yaw, from true north, that was recorded."""
     differences = []
     for camera in cameras:
         if camera.taken.yaw_deg is None:
@@ -284,7 +290,7 @@ def _turned_deg(cameras: Sequence[Camera], to_map: Matrix) -> float | None:
         middle = (np.array(camera.size) - 1) / 2
         start, top = apply(to_map @ camera.to_reference, np.array([middle, middle - [0, 1]]))
         yaw_deg = np.degrees(np.arctan2(*(top - start)))
-        differences.append(yaw_deg - camera.taken.yaw_deg)
+        differences.append(yaw_deg - north_deg - camera.taken.yaw_deg)
     if not differences:
         return None
     # Around their mean direction, because +178 and -179 degrees lie three degrees apart.

@@ -163,7 +163,23 @@ def test_a_compass_that_is_wrong_by_half_a_turn_is_said_so() -> None:
             np.array([[1.0, 0, 300 * number], [0, 1, 0], [0, 0, 1]]),
             Metadata(position=Position(45 - 0.001 * number, 8.0), yaw_deg=yaw_deg),
         )
-        for number, yaw_deg in enumerate((-88.0, -91.0))
+        for number, yaw_deg in enumerate((-88.0, -91.4))
     ]
     place = place_cameras(cameras)
     assert "compass, which differs by 180 degrees" in place.note
+
+
+def test_the_compass_shows_true_north_and_not_that_of_the_map() -> None:
+    """At 69 degrees north and 2.5 degrees from the middle of its UTM zone, they are 2.3 degrees apart."""
+    cameras = [
+        Camera(
+            f"{index}.jpg",
+            SIZE,
+            np.array([[1.0, 0, 1000 * (index % 3)], [0, 1, -1000 * (index // 3)], [0, 0, 1]]),
+            Metadata(
+                position=Position(69 + 100 * (index // 3) / 111_570, 23.5 + 100 * (index % 3) / 40_097), yaw_deg=0.0
+            ),
+        )
+        for index in range(9)
+    ]
+    assert place_cameras(cameras).turned_deg == pytest.approx(0, abs=0.05)
