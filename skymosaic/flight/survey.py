@@ -156,7 +156,7 @@ def survey(
     if settings.lens.matrix is None:
         calibration = calibrate(views, parts[0], valid_links(links), settings.lens.mask, cache)
     if calibration is not None:
-        views = tuple(view.light for view in views)
+        views = tuple(view.light if calibration.lens.fits(view.size) else view for view in views)
         views, links, remaining = _straighten(surveyor, usable, views, links, members=parts[0], calibration=calibration)
         calibration = calibration.with_remaining(remaining[parts[0][0]])
     clock.lap("lens")

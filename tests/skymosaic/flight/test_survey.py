@@ -1,6 +1,7 @@
 from types import SimpleNamespace
 from typing import Any, cast
 
+import cv2
 import numpy as np
 import pytest
 
@@ -32,6 +33,22 @@ def test_a_layout_links_what_features_alone_do_not(flight: Flight, monkeypatch: 
     assert (HARD, True) in tried
     assert HARD in {(link.left, link.right) for link in layout.links}
     assert layout.members == tuple(range(len(flight.images)))
+
+
+def test_photographs_of_another_camera_stay_as_they_are_beside_a_lens_that_bends(flight: Flight) -> None:
+    size_px = (320, 240)
+    camera = np.array([[250.0, 0, 159.5], [0, 250, 119.5], [0, 0, 1]])
+    grid = np.stack(np.meshgrid(*(np.arange(side, dtype=np.float32) for side in size_px)), axis=-1)
+    places = cv2.undistortPoints(grid.reshape(-1, 1, 2), camera, np.array([0.15, 0, 0, 0]), P=camera)
+    small = [cv2.resize(image, size_px, interpolation=cv2.INTER_AREA) for image in flight.images]
+    bent = [cv2.remap(image, places.reshape(grid.shape), None, cv2.INTER_LINEAR) for image in small]
+    # Nothing links mirrored ground to the other photographs.
+    others = [np.ascontiguousarray(image[30:210, ::-1]) for image in small[:2]]
+    with open_plan([*bent, *others], MosaicOptions(all_groups=True)) as plan:
+        assert plan.flight.calibration is not None
+        assert [layout.members for layout in plan.layouts] == [tuple(range(9)), (9, 10)]
+        assert [view.thumbnail.shape[:2] for view in plan.flight.views[9:]] == [(180, 320)] * 2
+        assert all(min(plan.composition(layout).size) > 180 for layout in plan.layouts)
 
 
 def test_no_link_is_looked_for_around_a_place_in_dispute() -> None:
