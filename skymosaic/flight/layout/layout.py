@@ -1,7 +1,7 @@
 """Layout of a flight: groups of linked views, a first pose of each view on the ground, and its refinement."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
@@ -125,10 +125,8 @@ def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]
         # What contradicts weighed next to nothing, so this goes on from where it is.
         refined = network.adjust(refined, model)
     if doubtful := _doubtful_part(group, false):
-        sure = [member for member in members if member not in doubtful]
-        layout = lay_out(views, sure, group.links)
-        known = [link for link in false if link.left in sure and link.right in sure]
-        return replace(layout, contradicting=(*known, *layout.contradicting))
+        # With all links: what contradicts may put another part in doubt.
+        return lay_out(views, [member for member in members if member not in doubtful], links)
     return Layout(
         members=tuple(members),
         reference=members[group.reference],

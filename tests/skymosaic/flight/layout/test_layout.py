@@ -98,6 +98,26 @@ def test_a_photograph_without_a_true_link_is_left_out() -> None:
     assert len(layout.members) == PICTURES
 
 
+def test_each_photograph_whose_single_link_is_contradicted_is_left_out() -> None:
+    rng = np.random.default_rng(0)
+    places_px = np.array([(0, 0), (100, 0), (0, 100), (100, 100), (200, 0), (200, 100), (-100, 0), (300, 0)])
+
+    def tie(left: int, right: int, off_px: float = 0) -> Link:
+        points = rng.uniform(0, 300, (40, 2))
+        moved = points + places_px[left] - places_px[right] + off_px + rng.normal(0, 0.3, (40, 2))
+        return Link(left, right, points, moved, 40, 40)
+
+    square = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (1, 4), (1, 5), (2, 3), (3, 4), (3, 5), (4, 5)]
+    links = [*(tie(*pair) for pair in square), tie(0, 6), tie(2, 6, 60), tie(4, 7), tie(5, 7, 60)]
+    views: list[Any] = [SimpleNamespace(size=(400, 300), working_size=(400, 300))] * len(places_px)
+    layout = lay_out(views, range(len(views)), links)
+    assert layout.members == tuple(range(6))
+    assert layout.contradicting == ()
+    # Among those that stay, a link that contradicts others is still named.
+    false = tie(2, 4, 60)
+    assert lay_out(views, range(len(views)), [*links, false]).contradicting == (false,)
+
+
 def test_a_loop_that_does_not_close_takes_trust_from_its_links() -> None:
     def shifted(x: Any) -> Any:
         return np.array([[1.0, 0, x], [0, 1, 0], [0, 0, 1]])
