@@ -151,7 +151,9 @@ def test_rotated_photographs_are_all_registered_within_a_pixel(public_data: Path
 
 def test_warp_bends_the_left_photograph_only_where_asked() -> None:
     images = list(make_pair(seed=1).images)
-    plain, bent, chosen = (mosaic(images, warp=warp).image for warp in ("homography", "mesh", "auto"))
+    made = {warp: mosaic(images, warp=warp) for warp in ("homography", "mesh", "auto")}
+    plain, bent, chosen = (each.image for each in made.values())
+    assert np.array_equal(mosaic(images, layout=made["mesh"]).image, bent)
     assert plain.shape == bent.shape
     assert np.abs(plain.astype(int) - bent).max() > 0
     assert np.array_equal(plain, chosen)  # flat ground
