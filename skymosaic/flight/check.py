@@ -239,4 +239,5 @@ def _weakly_linked(flight: Flight, layout: Layout) -> Iterator[str]:
         named.add(best)
         left, right = names[best.left], names[best.right]
         shared = f"{best.ties} matches and {overlaps[best]:.0%} overlap"
-        yield f"{len(part)} photographs are joined only by {left} and {right} with {shared}: fly again there"
+        several = f"{len(across)} weak links, the best between " if len(across) > 1 else ""
+        yield f"{len(part)} photographs are joined only by {several}{left} and {right} with {shared}: fly again there"

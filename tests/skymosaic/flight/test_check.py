@@ -62,3 +62,26 @@ def test_a_photograph_that_lies_wrong_is_named_with_its_error() -> None:
     assert next((name, round(error, 6)) for name, error in errors.worst_photographs.items()) == ("3.jpg", 45)
     pairs = [(name, round(error, 6)) for name, error in errors.worst_pairs.items()]
     assert pairs[:2] == [("0.jpg-3.jpg", 50), ("2.jpg-3.jpg", 40)]
+
+
+def test_halves_that_only_weak_links_join_are_named_with_their_number() -> None:
+    def weak_line(across: tuple[tuple[int, int, int], ...]) -> str:
+        ties = {(0, 1): 90, (0, 2): 90, (1, 2): 90, (3, 4): 80} | {(left, right): few for left, right, few in across}
+        links = tuple(Link(*pair, *(np.zeros((many, 2)),) * 2, many, many) for pair, many in ties.items())
+        facts = {"working_size": (400, 300), "clipped": 0.0, "gps": None, "sharpness": 1.0}
+        views = [SimpleNamespace(name=f"folder/{view}.jpg", **facts) for view in range(5)]
+        places = {view: np.array([[1.0, 0, 40 * view], [0, 1, 0], [0, 0, 1]]) for view in range(5)}
+        flight: Any = SimpleNamespace(
+            names=[view.name for view in views],
+            views=views,
+            links=links,
+            layouts=(Layout(tuple(range(5)), 0, places, links),),
+            relative_sharpness=np.ones(5),
+        )
+        (line,) = check_flight(flight).problems
+        return line
+
+    between = "2.jpg and 3.jpg with 30 matches and 90% overlap: fly again there"
+    assert weak_line(((2, 3, 30),)) == f"2 photographs are joined only by {between}"
+    several = ((2, 3, 30), (1, 3, 20), (0, 4, 15))
+    assert weak_line(several) == f"2 photographs are joined only by 3 weak links, the best between {between}"
