@@ -95,13 +95,13 @@ def measure_toned_range(
     Parameters
     ----------
     tones : sequence of Tone
-    samples : sequence of ndarray of uint16, shape (N,)
+    samples : sequence of ndarray of uint16, shape (N,) or (N, 3)
         Values of each photograph.
     values : ValueRange
         The range before toning.
     """
     toned = [tone.apply(np.asarray(sample, np.uint16)[:, None]) for tone, sample in zip(tones, samples, strict=True)]
-    low, high = np.percentile(np.concatenate(toned), (TAIL_PERCENT, 100 - TAIL_PERCENT))
+    low, high = np.percentile(np.concatenate([each.ravel() for each in toned]), (TAIL_PERCENT, 100 - TAIL_PERCENT))
     return replace(values, low=float(low), high=float(high))
 
 

@@ -105,9 +105,12 @@ def measure_range(decoded: NDArray[Any], name: str) -> ValueRange:
 
 
 def sample_values(decoded: NDArray[np.generic]) -> NDArray[np.generic]:
-    """Sample the finite values of a photograph, evenly spread over it."""
+    """Sample the finite values of a photograph, evenly spread over it: (N,), or (N, 3) for colours of 16 bits."""
     down, across = (max(side // SAMPLES_PER_SIDE, 1) for side in decoded.shape[:2])
-    sample = decoded[down // 2 :: down, across // 2 :: across].ravel()
+    sample = decoded[down // 2 :: down, across // 2 :: across]
+    if sample.dtype == np.uint16:
+        # Each channel has its own gain in a mosaic.
+        return np.asarray(sample.reshape(-1, *sample.shape[2:]))
     return np.asarray(sample[np.isfinite(sample)])
 
 
@@ -124,7 +127,7 @@ def measure_common_range(samples: Sequence[NDArray[np.generic]]) -> ValueRange |
     ValueRange or None
         None if all have 8 bits; deep if all have 16.
     """
-    given = [sample for sample in samples if sample.size]
+    given = [sample.ravel() for sample in samples if sample.size]
     if not given:
         return None
     low, high = np.percentile(np.concatenate(given), (TAIL_PERCENT, 100 - TAIL_PERCENT))

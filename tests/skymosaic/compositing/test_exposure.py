@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from skymosaic.compositing.exposure import estimate_levels, estimate_tones
+from skymosaic.compositing.exposure import estimate_levels, estimate_tones, measure_toned_range
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.overlaps import compare_overlaps
 from skymosaic.compositing.tone import NEUTRAL, SHOULDER_START, Tone
 from skymosaic.compositing.warp import Canvas
+from skymosaic.imagery.depth import ValueRange, sample_values
 
 SIZE_PX = (320, 240)
 
@@ -146,3 +147,11 @@ def test_light_that_changes_within_photographs_is_evened_out(sunlit: list[Layer]
 
 def test_even_light_gets_no_fields() -> None:
     assert all(tone.light is None for tone in estimate_tones(strip(np.ones((8, 1)))))
+
+
+def test_each_channel_of_16_bits_has_its_own_gain_in_the_range() -> None:
+    coloured = sample_values(np.full((300, 400, 3), (1000, 2000, 4000), np.uint16))
+    gray = sample_values(np.full((300, 400), 2000, np.uint16))
+    tones = [Tone((1.5, 1.0, 0.7)), Tone((1.0, 1.0, 1.0))]
+    values = measure_toned_range(tones, [coloured, gray], ValueRange(1000, 4000, deep=True))
+    assert values == ValueRange(1500, 2800, deep=True)

@@ -24,6 +24,8 @@ def test_a_flight_has_one_range_and_keeps_16_bits() -> None:
     assert measure_common_range([dark, bright]) == ValueRange(9000, 50_000, deep=True)
     assert measure_common_range([dark, dark[:0].astype(np.uint8)]) == ValueRange(9000, 9000, deep=False)
     assert measure_common_range([dark[:0]]) is None
+    coloured = sample_values(np.full((300, 400, 3), (100, 9000, 9000), np.uint16))
+    assert measure_common_range([coloured, bright]) == ValueRange(100, 50_000, deep=True)
 
 
 def test_a_thumbnail_is_shown_in_another_range() -> None:
