@@ -50,8 +50,10 @@ class Room:
     def share_of(self, canvas: Canvas) -> float:
         """By how much a canvas has to be reduced along its sides, at most 1."""
         longest = max(canvas.width_px, canvas.height_px)
+        if canvas.area_px <= self.area_px and longest <= self.side_px:
+            return 1.0
         # Rounding to whole pixels may add one on each side.
-        return min(1.0, 0.999 * math.sqrt(self.area_px / canvas.area_px), 0.999 * self.side_px / longest)
+        return 0.999 * min(math.sqrt(self.area_px / canvas.area_px), self.side_px / longest)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import pytest
 
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas
 from skymosaic.errors import InputError
+from skymosaic.flight.picture.composition import Room
 from skymosaic.flight.picture.output import OutputForm, room_for
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
@@ -30,6 +31,12 @@ def test_a_mosaic_grows_as_the_file_and_the_disk_allow(tmp_path: Path, monkeypat
     room = room_for(tmp_path / "m.tif", 4)
     assert room.share_of(survey) == pytest.approx(0.5, rel=2e-3)
     assert room.reason == "the disk has 3204 MB left"
+
+
+def test_a_canvas_that_just_fits_is_not_reduced() -> None:
+    room = Room(area_px=1e6, side_px=1000)
+    assert room.share_of(Canvas(0, 0, 1000, 1000)) == 1
+    assert 0.99 < room.share_of(Canvas(0, 0, 1001, 999)) < 0.9991
 
 
 def test_a_full_disk_is_refused_before_the_first_feature(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
