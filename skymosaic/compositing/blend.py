@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Float32, Intensities, Mask
 from skymosaic.compositing.layer import Layer
-from skymosaic.compositing.tone import NEUTRAL, Tone
+from skymosaic.compositing.tone import Tone
 from skymosaic.compositing.warp import Canvas, shrink
 
 METHODS = ("average", "distance", "multiband")
@@ -18,53 +18,31 @@ DETAIL_PX = 32
 TINY = float(np.finfo(np.float32).tiny)
 
 
-def blend(
-    images: Sequence[Intensities],
-    transforms: Sequence[Array],
-    canvas: Canvas,
-    *,
-    method: str = "distance",
-    tones: Sequence[Tone] | None = None,
-) -> Intensities:
-    """Warp images onto a canvas and blend them where they overlap.
+def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: str) -> tuple[Intensities, Mask]:
+    """Warp layers onto a canvas and blend them where they overlap.
 
     Parameters
     ----------
-    images : sequence of (H, W) or (H, W, 3) ndarray
-        All of uint8 or all of uint16, gray or BGR; a mosaic of gray images is gray, any other BGR.
-    transforms : sequence of (3, 3) float64 ndarray
-        Image pixels to reference pixels. Where one shrinks its image, the image is first reduced by area.
+    layers : sequence of Layer
+        All gray or all BGR, and all of uint8 or all of uint16; they may have masks and seams.
     canvas : Canvas
         The rectangle of the reference frame to fill.
     method : {"average", "distance", "multiband"}
         The plain average; the average weighted by the distance to each image's own border (thesis, equation III-10),
         which fades images out towards their borders; or the image with the largest distance in each pixel, blended in
         frequency bands (Burt and Adelson 1983), which keeps detail where the registration is not perfect.
-    tones : sequence of Tone, optional
-        From `skymosaic.compositing.exposure.estimate_tones`; by default the intensities stay as they are.
 
     Returns
     -------
-    (height, width) or (height, width, 3) ndarray
-        The images' type; 0 where there is no image.
+    pixels : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
+        0 where there is no image.
+    shown : ndarray of bool, shape (height, width)
+        Where there is an image.
 
     Raises
     ------
     ValueError
         For an unknown method.
-    """
-    layers = prepare_layers(images, transforms, tones or [NEUTRAL] * len(images))
-    return blend_layers(layers, canvas, method=method)[0]
-
-
-def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: str = "distance") -> tuple[Intensities, Mask]:
-    """Blend layers, which may have masks and seams; all must be gray or all BGR, and of one type.
-
-    Returns
-    -------
-    pixels : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
-    shown : ndarray of bool, shape (height, width)
-        Where there is an image.
     """
     if method not in METHODS:
         raise ValueError(f"blending method is {method!r}; valid: {', '.join(METHODS)}")
@@ -80,20 +58,20 @@ def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: str = "dist
 
 
 def prepare_layers(
-    images: Sequence[Intensities], transforms: Sequence[Array], tones: Sequence[Tone], *, coloured: bool | None = None
+    images: Sequence[Intensities], transforms: Sequence[Array], tones: Sequence[Tone], *, coloured: bool
 ) -> list[Layer]:
     """Prepare images for blending: all gray or all BGR, reduced by area where the transformation shrinks them.
 
     Parameters
     ----------
-    images, transforms
-        As in `blend`.
+    images : sequence of (H, W) or (H, W, 3) ndarray
+        All of uint8 or all of uint16, gray or BGR.
+    transforms : sequence of (3, 3) float64 ndarray
+        Image pixels to reference pixels.
     tones : sequence of Tone
-    coloured : bool or None
-        Whether the layers are BGR; None: BGR if any image is.
+    coloured : bool
+        Whether the layers are BGR; they must be if any image is.
     """
-    if coloured is None:
-        coloured = any(image.ndim == 3 for image in images)
     layers = []
     for image, transform, tone in zip(images, transforms, tones, strict=True):
         pixels, matrix = shrink(image, transform)

@@ -54,7 +54,7 @@ def compose(
     layout : Layout
         One of the flight's.
     blending : {"average", "distance", "multiband"} or None
-        See `skymosaic.compositing.blend.blend`. None: distance for two photographs, multiband for more, because
+        See `skymosaic.compositing.blend.blend_layers`. None: distance for two photographs, multiband for more, because
         averages of the ten photographs that may show the same ground are blurred.
     scale : float
         Canvas pixels per pixel of the median photograph; for two photographs, per pixel of the right one.

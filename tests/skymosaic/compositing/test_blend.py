@@ -5,10 +5,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from skymosaic.compositing.blend import METHODS, blend
+from skymosaic.compositing.blend import METHODS, blend_layers, prepare_layers
+from skymosaic.compositing.tone import NEUTRAL
 from skymosaic.compositing.warp import TILE_PX, Canvas, enclosing_canvas, footprint, warp_backward
 
 TURNED = np.array([[0.96, 0.17, 90.0], [-0.17, 0.98, 70.0], [1e-5, -2e-5, 1]])
+
+
+def blend(images: Any, transforms: Any, canvas: Canvas, method: str = "distance") -> NDArray[Any]:
+    coloured = any(image.ndim == 3 for image in images)
+    layers = prepare_layers(images, transforms, [NEUTRAL] * len(images), coloured=coloured)
+    return blend_layers(layers, canvas, method=method)[0]
 
 
 def shift(x: int, y: int) -> NDArray[np.float64]:
