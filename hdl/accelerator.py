@@ -82,6 +82,8 @@ class Accelerator(wiring.Component):
     """Active high, level; software clears an event by writing 1."""
 
     registers: RegisterFile
+    closing_clocks: int
+    """See `hdl.front_end.FrontEnd`."""
 
     def __init__(
         self,
@@ -105,6 +107,7 @@ class Accelerator(wiring.Component):
             registers=(*list_registers(config), *shell_registers),
         )
         self._front_end = FrontEnd(config=config.front_end, **video)
+        self.closing_clocks = self._front_end.closing_clocks
         self._matcher = Matcher(
             config=config.matcher,
             pattern=config.front_end.pattern,

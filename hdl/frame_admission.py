@@ -20,7 +20,8 @@ class FrameAdmission(wiring.Component):
 
     Every frame that starts also ends. A bad frame goes on with whatever pixels come. If it ends early (at the next
     ``first``, or at the end of a transfer), zeros complete its line, and then only the ends of its last lines, which
-    close the levels: the next frame waits for one line and ``closing_lines`` times ``closing_px`` clocks at most.
+    close the levels: the next frame waits for one line and ``closing_lines`` times ``closing_px`` clocks at most, with
+    one more of either where the side is odd.
 
     Pixels outside of any frame are dropped, and reported as a bad frame without beats (`Cause.MISSING_START`). After a
     good frame the first such pixel is reported. A bad frame may leave pixels behind, so after one they are reported

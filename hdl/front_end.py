@@ -56,6 +56,8 @@ class FrontEnd(wiring.Component):
     FrameStatus."""
 
     levels: tuple[Level, ...]
+    closing_clocks: int
+    """A frame that was cut off delays the next one by the rest of its line and this, at most."""
 
     def __init__(
         self, *, config: FrontEndConfig, max_width_px: int, max_height_px: int, video_bits: int = VIDEO_BITS[0]
@@ -72,6 +74,9 @@ class FrontEnd(wiring.Component):
             Level(config=config, level=level, width_px=max_width_px >> level, pixels_per_clock=self.pixels_per_clock)
             for level in range(config.levels)
         )
+        self._closing_lines = max(level.closing_lines for level in self.levels)
+        # `FrameAdmission` begins at even coordinates, one line and one column early in a frame of odd sides.
+        self.closing_clocks = (self._closing_lines + 1) * (MIN_FRAME_PX + 1)
         super().__init__(
             {
                 "i_video": In(stream.Signature(video_payload(video_bits))),
@@ -89,7 +94,7 @@ class FrontEnd(wiring.Component):
         m.submodules.skid_buffer = skid_buffer = SkidBuffer(shape=self.i_video.payload.shape())
         m.submodules.video_input = video_input = self._video_input
         m.submodules.admission = admission = FrameAdmission(
-            closing_lines=max(level.closing_lines for level in self.levels), pixels_per_clock=self.pixels_per_clock
+            closing_lines=self._closing_lines, pixels_per_clock=self.pixels_per_clock
         )
         m.submodules.gray = gray = Gray(pixels_per_clock=self.pixels_per_clock)
         m.submodules.merge = merge = LevelMerge(

@@ -11,6 +11,8 @@ from hdl.registers.live_register_map import Reason
 from hdl.shell.ring_writer import FRAME_INFO
 
 NUMBER_BITS = 8
+RESERVE_PX = 16
+"""The queue is nearly full this early, so that the gate cuts a frame off before pixels are lost."""
 SETTLING_CLOCKS = 3
 """From an admission to the next decision: by then the shell has counted the buffers that the frame takes."""
 
@@ -69,8 +71,7 @@ class CameraCrossing(wiring.Component):
         with m.If(self.i_valid):
             # The pixel that found the queue full is lost; the next one that finds room says so.
             m.d.camera += [number.eq(this_number), lost.eq(~queue.w_rdy)]
-        # 16 pixels early, so that the gate cuts a frame off before the queue loses pixels.
-        m.d.sync += self.o_pressed.eq(queue.r_level >= self.depth - 16)
+        m.d.sync += self.o_pressed.eq(queue.r_level >= self.depth - RESERVE_PX)
         return m
 
 

@@ -19,14 +19,12 @@ from hdl.axi.packet_gate import CLOSING_RECORDS
 from hdl.axi.video_input import VideoPayload
 from hdl.geometry.records import RecordScoring
 from hdl.registers.live_register_map import list_shell_registers
+from hdl.shell.camera import RESERVE_PX
 from hdl.shell.shell import Shell
 from hdl.streams import WordPayload
 
 LIVE_VIDEO_BITS = (24, 8)
 FIFO_WORDS = 512
-CLOSING_PX = 1024
-"""Before the next frame, a frame that was cut off is closed: the rest of its line, and up to this many pixels. The
-queue holds the next frame's pixels meanwhile; otherwise that frame would be cut off, too, and so on for ever."""
 
 
 class LiveAccelerator(wiring.Component):
@@ -71,13 +69,16 @@ class LiveAccelerator(wiring.Component):
             "homographies": HOMOGRAPHY.record_bytes // WORD_BYTES,
         }
         records = {"features": capacity, "matches": capacity, "homographies": 1}
+        # While a frame that was cut off is closed, the queue holds the next one's pixels; otherwise that one would be
+        # cut off, too, and so on for ever. The second reserve is for the clocks that pixels take from the queue on.
+        held_px = accelerator.max_width_px + accelerator.closing_clocks + 2 * RESERVE_PX
         self._shell = Shell(
             registers=accelerator.registers,
             record_words={ring: words[ring] for ring in self.rings},
             max_words={ring: records[ring] * words[ring] for ring in self.rings},
             video_bits=accelerator.video_bits,
             # A power of two, as the Gray counters of the queue need it.
-            camera_depth=1 << (accelerator.max_width_px + CLOSING_PX - 1).bit_length(),
+            camera_depth=1 << (held_px - 1).bit_length(),
             fifo_words=FIFO_WORDS,
         )
         self._scoring = RecordScoring(max_matches=min(config.front_end.max_features, MAX_MATCHES))

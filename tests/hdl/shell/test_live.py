@@ -1,0 +1,79 @@
+"""From the camera to the front end's admission: a broken frame costs itself alone."""
+
+import dataclasses
+import functools
+import itertools
+from typing import Any
+
+from amaranth import Cat, DomainRenamer, Module
+from amaranth.lib import wiring
+from amaranth.sim import Simulator
+
+from golden_model.config import PRESETS
+from golden_model.records import Cause
+from hdl.axi.video_input import VideoInput
+from hdl.frame_admission import FrameAdmission
+from hdl.lib.skid_buffer import SkidBuffer
+from hdl.shell.camera import CameraCrossing, CameraGate
+from hdl.shell.live import LiveAccelerator
+
+CLOCK_S = 1e-8
+
+
+def causes(size_px: tuple[int, int], *, closing_lines: int, depth: int) -> list[int]:
+    """How a frame ends whose second line is short, and the whole one right behind it, of a camera without pauses."""
+    m = Module()
+    m.submodules.crossing = crossing = DomainRenamer({"camera": "sync"})(CameraCrossing(video_bits=8, depth=depth))
+    m.submodules.gate = gate = CameraGate()
+    m.submodules.skid_buffer = skid_buffer = SkidBuffer(shape=gate.o.payload.shape())
+    m.submodules.video_input = video_input = VideoInput(video_bits=8)
+    m.submodules.admission = admission = FrameAdmission(closing_lines=closing_lines)
+    for source, sink in itertools.pairwise((crossing, gate, skid_buffer, video_input, admission)):
+        wiring.connect(m, source.o, sink.i)
+    high = [gate.i_on, gate.i_has_room, video_input.i_gray_input]
+    high += [admission.i_acceptable, admission.i_may_start, admission.i_may_end]
+    m.d.comb += [gate.i_pressed.eq(crossing.o_pressed), Cat(high).eq(-1)]
+    for block in (gate, admission):
+        m.d.comb += [block.i_width_px.eq(size_px[0]), block.i_height_px.eq(size_px[1])]
+    ended: list[int] = []
+
+    async def camera(ctx: Any) -> None:
+        await ctx.tick().repeat(8)
+        for length_px, first in [(size_px[0], 1), (3, 0), *((size_px[0], n == 0) for n in range(size_px[1]))]:
+            # Steps of many clocks: nothing but the marks at a line's ends changes.
+            for clocks, marks in ((1, first << 1), (length_px - 2, 0), (1, 1 << 2)):
+                ctx.set(Cat(crossing.i_valid, crossing.i.first, crossing.i.last), 1 | marks)
+                await ctx.delay(clocks * CLOCK_S)
+        ctx.set(crossing.i_valid, 0)
+        await ctx.delay(2 * depth * CLOCK_S)
+
+    async def watch(ctx: Any) -> None:
+        while True:
+            await ctx.posedge(admission.o_end)
+            ended.append(ctx.get(admission.o_causes))
+
+    simulator = Simulator(m)
+    simulator.add_clock(CLOCK_S)
+    simulator.add_testbench(camera)
+    simulator.add_testbench(watch, background=True)
+    simulator.run()
+    return ended
+
+
+@functools.cache
+def live_build(border_px: int, max_width_px: int) -> LiveAccelerator:
+    """Kept: Amaranth warns of parts that are built and not used."""
+    config = PRESETS["aerial"]
+    config = dataclasses.replace(config, front_end=dataclasses.replace(config.front_end, border_px=border_px))
+    return LiveAccelerator(config=config, max_width_px=max_width_px, video_bits=8)
+
+
+def test_the_frame_behind_a_short_line_is_whole_where_a_wide_border_takes_long_to_close() -> None:
+    live = live_build(40, 65)
+    closing_lines = max(level.closing_lines for level in live.accelerator._front_end.levels)
+    found = causes((65, 65), closing_lines=closing_lines, depth=live._shell._crossing.depth)
+    assert found == [Cause.EARLY_END, 0]
+
+
+def test_the_default_build_has_the_queue_that_was_synthesised() -> None:
+    assert live_build(20, 1920)._shell._crossing.depth == 4096
