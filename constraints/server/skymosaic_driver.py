@@ -148,9 +148,12 @@ class Accelerator(Registers):
 def as_words(frame, video_bits=32):
     """Convert a frame to the format of memory mode: four gray pixels in a 32-bit word, or one pixel as R, G, B, X.
 
-    An 8-bit input takes gray pixels in the same way; for a 24-bit one, each has a word of its own. An input of 16 or 48
-    bits takes two pixels at once, and every line starts with a new pair: 16 bits of gray, or 64 bits with R, G, B (or
-    gray in their places) of both pixels and two bytes that are dropped.
+    An 8-bit input takes gray pixels as bytes; for a 24-bit one, each has a word of its own. An input of 16 or 48 bits
+    takes two pixels at once, and every line starts with a new pair: two bytes of gray, or 64 bits with R, G, B (or gray
+    in their places) of both pixels and two bytes that are dropped.
+
+    Bytes are returned as they are: only an input of 32 bits drops what fills the last word; on a narrower one it would
+    begin the next frame.
     """
     if frame.ndim == 3 and video_bits in (8, 16):
         raise AcceleratorError(f"this build's {video_bits}-bit input takes gray frames only; convert the frame to gray")
@@ -158,6 +161,8 @@ def as_words(frame, video_bits=32):
         return _as_pairs(frame, video_bits)
     if frame.ndim == 2:
         pixels = frame.reshape(-1)
+        if video_bits == 8:
+            return pixels
         if video_bits == 24:
             return pixels.astype(np.uint32)
         return np.concatenate((pixels, np.zeros(-pixels.size % 4, np.uint8))).view(np.uint32)
@@ -167,15 +172,14 @@ def as_words(frame, video_bits=32):
 
 
 def _as_pairs(frame, video_bits):
-    """Convert a frame to words for an input that takes two pixels at once."""
+    """Convert a frame for an input that takes two pixels at once."""
     height, width = frame.shape[:2]
     if video_bits == 16:
         pairs = np.zeros((height, -(-width // 2) * 2), np.uint8)
         pairs[:, :width] = frame
-    else:
-        pixels = np.zeros((height, -(-width // 2) * 2, 3), np.uint8)
-        pixels[:, :width, : 1 if frame.ndim == 2 else 3] = frame.reshape(height, width, -1)[..., ::-1]
-        pairs = np.zeros((height, pixels.shape[1] // 2, 8), np.uint8)
-        pairs[..., :6] = pixels.reshape(height, -1, 6)
-    words = pairs.reshape(-1)
-    return np.concatenate((words, np.zeros(-words.size % 4, np.uint8))).view(np.uint32)
+        return pairs.reshape(-1)
+    pixels = np.zeros((height, -(-width // 2) * 2, 3), np.uint8)
+    pixels[:, :width, : 1 if frame.ndim == 2 else 3] = frame.reshape(height, width, -1)[..., ::-1]
+    pairs = np.zeros((height, pixels.shape[1] // 2, 8), np.uint8)
+    pairs[..., :6] = pixels.reshape(height, -1, 6)
+    return pairs.reshape(-1).view(np.uint32)
