@@ -103,11 +103,14 @@ class Accelerator(Registers):
         return [self._run_one(frame, size_px) for frame in itertools.chain([first], frames)]
 
     def check_frame(self, shape):
-        """Check that a DMA can send a frame of this shape at once."""
+        """Check that the input takes a frame of this shape, and that a DMA can send it at once."""
+        bits = self.video_bits
+        if len(shape) == 3 and bits in (8, 16):
+            raise AcceleratorError(f"this build's {bits}-bit input takes gray frames only; convert the frame to gray")
         height, width = shape[:2]
-        if self.video_bits in (16, 48):
+        if bits in (16, 48):
             width += width % 2
-        length_bytes = height * width * (4 if len(shape) == 3 or self.video_bits in (24, 48) else 1)
+        length_bytes = height * width * (4 if len(shape) == 3 or bits in (24, 48) else 1)
         if length_bytes > MAX_FRAME_BYTES:
             raise AcceleratorError(
                 f"a frame of {shape[1]}x{height} has {length_bytes} bytes, a DMA sends at most {MAX_FRAME_BYTES}; "
@@ -155,8 +158,6 @@ def as_words(frame, video_bits=32):
     Bytes are returned as they are: only an input of 32 bits drops what fills the last word; on a narrower one it would
     begin the next frame.
     """
-    if frame.ndim == 3 and video_bits in (8, 16):
-        raise AcceleratorError(f"this build's {video_bits}-bit input takes gray frames only; convert the frame to gray")
     if video_bits in (16, 48):
         return _as_pairs(frame, video_bits)
     if frame.ndim == 2:

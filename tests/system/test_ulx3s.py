@@ -98,6 +98,31 @@ def test_packets_that_mix_with_answers_are_sorted(programs: Any) -> None:
     assert buffers["features"][:8].tolist() == list(range(8))
 
 
+class BuiltBus:
+    """The constants of a build, and nothing behind them."""
+
+    def __init__(self, register_map: Any) -> None:
+        self._words: dict[int, int] = {}
+        for name, value in register_map.BUILT.items():
+            offset, low, _ = register_map.FIELDS[name]
+            self._words[offset] = self._words.get(offset, 0) | value << low
+
+    def read(self, offset: int) -> int:
+        return self._words[offset]
+
+    def allocate(self, length_bytes: int) -> np.ndarray:
+        return np.zeros(length_bytes, np.uint8)
+
+
+def test_colour_for_a_gray_input_is_refused_before_anything_is_sent(programs: Any) -> None:
+    driver = programs("skymosaic_driver")
+    accelerator = driver.Accelerator(BuiltBus(programs("skymosaic_map")))
+    for accelerator.video_bits in (8, 16):
+        accelerator.check_frame((64, 64))
+        with pytest.raises(driver.AcceleratorError, match=f"{accelerator.video_bits}-bit input takes gray frames only"):
+            accelerator.check_frame((64, 64, 3))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("config", "build", "size_px"),

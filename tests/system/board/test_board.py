@@ -350,10 +350,7 @@ def test_another_patch_version_is_accepted(driver: Any) -> None:
 def test_frames_fit_the_builds_video_input(driver: Any) -> None:
     as_words, gray = sys.modules["skymosaic_driver"].as_words, np.arange(6, dtype=np.uint8).reshape(2, 3)
     assert as_words(gray, 24).tolist() == gray.ravel().tolist()
-    assert as_words(gray, 8).view(np.uint8)[:6].tolist() == as_words(gray, 32).view(np.uint8)[:6].tolist()
-    for bits in (8, 16):
-        with pytest.raises(sys.modules["skymosaic_driver"].AcceleratorError, match=f"{bits}-bit input"):
-            as_words(np.zeros((2, 3, 3), np.uint8), bits)
+    assert as_words(gray, 8).tolist() == as_words(gray, 32).view(np.uint8)[:6].tolist()
     # Two pixels at once: lines of three pixels get a fourth, and colours come as R, G, B of both.
     assert as_words(gray, 16).view(np.uint8).tolist() == [0, 1, 2, 0, 3, 4, 5, 0]
     pairs = as_words(gray, 48).view(np.uint64).tolist()
