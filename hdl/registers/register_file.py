@@ -29,6 +29,11 @@ class RegisterFile(wiring.Component):
     registers : sequence of Register
         The map.
 
+    Raises
+    ------
+    ValueError
+        For a constant that is larger than its field.
+
     Members
     -------
     bus : In(AXI_LITE)
@@ -47,6 +52,10 @@ class RegisterFile(wiring.Component):
     def __init__(self, *, constants: Mapping[str, int], registers: Sequence[Register] = REGISTERS) -> None:
         self.constants = dict(constants)
         self.registers = tuple(registers)
+        for field in self._fields(Access.CONSTANT):
+            value, largest = self.constants[field.name], field.mask >> field.low
+            if value > largest:
+                raise ValueError(f"{field.name} is {value}; its register holds at most {largest}")
         out: Any = Out  # amaranth-stubs still call init by its old name, reset.
         super().__init__(
             {

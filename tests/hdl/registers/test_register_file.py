@@ -1,3 +1,4 @@
+# amaranth: UnusedElaboratable=no
 import random
 from collections.abc import Callable
 from typing import Any
@@ -142,6 +143,13 @@ def test_an_unknown_address_is_an_error_and_does_nothing(address: int) -> None:
             assert ctx.get(getattr(registers, f"o_{field.name}")) == field.init
 
     simulate(testbench)
+
+
+def test_a_constant_beyond_its_field_is_refused() -> None:
+    """Otherwise the board would read it without its upper bits, and no driver would accept it."""
+    constants = built_constants(Config(), lanes=256, max_width_px=1920, max_height_px=1080)
+    with pytest.raises(ValueError, match="built_lanes is 256; its register holds at most 255"):
+        RegisterFile(constants=constants)
 
 
 def test_a_constant_cannot_be_written() -> None:
