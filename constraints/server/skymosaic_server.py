@@ -16,6 +16,7 @@ import itertools
 import json
 import pathlib
 import secrets
+import socket
 import socketserver
 import time
 
@@ -228,7 +229,7 @@ class Server(socketserver.TCPServer):
     Raises
     ------
     ValueError
-        Without a key where others could reach the server.
+        Without a key where others could reach the server, or if it cannot listen there.
     """
 
     # A restarted server need not wait until old connections have timed out.
@@ -239,7 +240,12 @@ class Server(socketserver.TCPServer):
             raise ValueError(f"others could use the board at {address[0]!r}; give --key FILE, or --host 127.0.0.1")
         self.accelerator, self.key = accelerator, key
         self.idle_seconds, self.request_seconds = idle_seconds, request_seconds
-        super().__init__(address, Handler)
+        if ":" in address[0]:
+            self.address_family = socket.AF_INET6
+        try:
+            super().__init__(address, Handler)
+        except (OSError, OverflowError) as error:
+            raise ValueError(f"cannot listen on {address[0]}:{address[1]}: {error}; see --host and --port") from None
 
 
 def options_parser(description):
@@ -254,12 +260,12 @@ def options_parser(description):
 def serve(parser, open_accelerator):
     """Serve the accelerator that ``open_accelerator`` makes from the options, until the program is interrupted."""
     options = parser.parse_args()
-    key = options.key.read_bytes().strip() if options.key else None
-    if key is not None and len(key) < MIN_KEY_BYTES:
-        parser.error(f"{options.key} has less than {MIN_KEY_BYTES} bytes")
     try:
+        key = options.key.read_bytes().strip() if options.key else None
+        if key is not None and len(key) < MIN_KEY_BYTES:
+            parser.error(f"{options.key} has less than {MIN_KEY_BYTES} bytes")
         server = Server((options.host, options.port), open_accelerator(options), key)
-    except (ValueError, AcceleratorError) as error:
+    except (OSError, ValueError, AcceleratorError) as error:
         parser.error(str(error))
     with server:
         print(f"serving on {options.host}:{options.port}")

@@ -1,7 +1,10 @@
 """The link to a board under attack, from both sides."""
 
+import argparse
 import json
+import re
 import socket
+import sys
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -143,6 +146,48 @@ def test_a_network_needs_a_key(server_module: ModuleType) -> None:
     for host in ("0.0.0.0", "", "192.0.2.1", "board.example"):
         with pytest.raises(ValueError, match="--key"):
             server_module.Server((host, 0), None)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--port", "{used}"), r"cannot listen on 127.0.0.1:\d+: .*in use"),
+        (("--port", "99999"), "cannot listen on 127.0.0.1:99999: .*0-65535"),
+        (("--key", "absent"), "No such file or directory: 'absent'"),
+        (("--tty", "absent"), "could not open port absent"),
+    ],
+)
+def test_a_server_that_cannot_start_says_why_in_one_line(
+    server_module: ModuleType,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: tuple[str, ...],
+    says: str,
+) -> None:
+    def open_accelerator(options: argparse.Namespace) -> None:
+        if options.tty:
+            # As pyserial does.
+            raise OSError(2, f"could not open port {options.tty}: No such file or directory")
+
+    with socket.create_server(("127.0.0.1", 0)) as used:
+        port = used.getsockname()[1]
+        monkeypatch.setattr(sys, "argv", ["serve.py", *(word.format(used=port) for word in words)])
+        parser = server_module.options_parser("serves")
+        parser.add_argument("--tty")
+        with pytest.raises(SystemExit):
+            server_module.serve(parser, open_accelerator)
+    usage, error = capsys.readouterr().err.split("serve.py: error: ")
+    assert usage.startswith("usage: ")
+    assert re.fullmatch(f".*{says}.*\n", error)
+
+
+def test_a_server_listens_on_the_loopback_of_ipv6(server_module: ModuleType) -> None:
+    try:
+        socket.create_server(("::1", 0), family=socket.AF_INET6).close()
+    except OSError:
+        pytest.skip("no IPv6 here")
+    with server_module.Server(("::1", 0), None) as server:
+        assert server.server_address[0] == "::1"
 
 
 @pytest.mark.parametrize(
