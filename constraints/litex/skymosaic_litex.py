@@ -28,19 +28,19 @@ class Skymosaic(LiteXModule):
         Registers.
     video : stream.Endpoint
         AXI4-Stream video: ``data``, ``user`` at the start of a frame, ``last`` at the end of a line.
-    features, matches : stream.Endpoint
-        Packets of 64-bit words.
+    features, matches, homographies : stream.Endpoint
+        Packets of 64-bit words; the last one only where the accelerator estimates homographies.
     interrupt : Signal
         Active high, level.
     """
 
     VIDEO_BITS = 32
+    OUTPUTS = ("features", "matches")
     REGISTERS_BYTES = 4096
 
     def __init__(self, platform):
         self.bus = bus = AXILiteInterface(data_width=32, address_width=32, addressing="byte")
         self.video = stream.Endpoint([("data", self.VIDEO_BITS), ("user", 1)])
-        self.features, self.matches = (stream.Endpoint([("data", 64), ("keep", 8)]) for _ in range(2))
         self.interrupt = Signal()
         ports = {
             "i_aclk": ClockSignal(),
@@ -55,8 +55,9 @@ class Skymosaic(LiteXModule):
             "i_s_axi_ctrl_arprot": Constant(0, 3),
             "o_interrupt": self.interrupt,
         }
-        for name in ("features", "matches"):
-            packets = getattr(self, name)
+        for name in self.OUTPUTS:
+            packets = stream.Endpoint([("data", 64), ("keep", 8)])
+            setattr(self, name, packets)
             ports |= {
                 f"o_m_axis_{name}_tdata": packets.data,
                 f"o_m_axis_{name}_tkeep": packets.keep,

@@ -89,7 +89,10 @@ def export(folder: Path, *, board: str, config: Config, **build: Unpack[Build]) 
     top = top_module(config, build)
     ports, family, video_bits = module_ports(top), facts["family"], build["video_bits"]
     bench = make_accelerator_bench(TOP, ports, config, video_bits=video_bits).files()
+    outputs = output_names(config)
     litex = (SOURCES / "litex" / "skymosaic_litex.py").read_text()
+    litex = litex.replace("VIDEO_BITS = 32", f"VIDEO_BITS = {video_bits}")
+    litex = litex.replace('OUTPUTS = ("features", "matches")', f"OUTPUTS = {outputs!r}")
     facts |= {"board": board, "levels": str(config.front_end.levels), "descriptor": config.front_end.descriptor}
     has_processor = family.startswith("zynq")
     readme = ["README.md", "systems/pynq.md" if has_processor else "systems/jtag.md"]
@@ -100,8 +103,8 @@ def export(folder: Path, *, board: str, config: Config, **build: Unpack[Build]) 
             **{f"sim/{name}": text for name, text in bench.items()},
             f"{TOP}.xml": ip_xact.component(TOP, ports, f"rtl/{TOP}.v", list_registers(config)),
             f"{TOP}.core": core_file(TOP, [f"rtl/{TOP}.v"], [f"sim/{name}" for name in bench]),
-            "litex/skymosaic_litex.py": litex.replace("VIDEO_BITS = 32", f"VIDEO_BITS = {video_bits}"),
-            **_vivado_files(board, family, video_bits, output_names(config)),
+            "litex/skymosaic_litex.py": litex,
+            **_vivado_files(board, family, video_bits, outputs),
             "README.md": fill_readme(readme, config, build, **facts),
         },
     )

