@@ -216,7 +216,7 @@ REGISTERS = (
         Field("last_kept", 16, 16, _STATUS, "Number of matches that the fuzzy weight kept."),
     ),
     status_word(
-        "LAST_CYCLES", 0x58, "Duration of the last frame.", "Clock cycles from the first pixel to the last word."
+        "LAST_CYCLES", 0x58, "Duration of the last frame.", "Clock cycles from the first pixel to the last feature."
     ),
     Register(
         "IRQ_STATUS",
