@@ -93,8 +93,9 @@ def _register(parent: ET.Element, register: Register) -> None:
     for field in register.fields:
         described = _child(element, "field")
         _texts(described, name=field.name, description=field.description, bitOffset=str(field.low))
-        # Between bitOffset and bitWidth, again by the schema.
-        _texts(_child(_child(described, "resets"), "reset"), value=str(field.init))
+        # Between bitOffset and bitWidth, again by the schema; what a build decides has no value here.
+        if field.access is not Access.CONSTANT:
+            _texts(_child(_child(described, "resets"), "reset"), value=str(field.init))
         _texts(described, bitWidth=str(field.bits), access=XML_ACCESS[field.access])
         # Software clears an event by writing 1.
         if field.access is Access.EVENT:

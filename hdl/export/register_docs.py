@@ -76,14 +76,10 @@ def svd(registers: Sequence[Register] = REGISTERS) -> str:
 
 def _svd_register(parent: ET.Element, register: Register) -> None:
     element = ET.SubElement(parent, "register")
-    reset = sum(field.init << field.low for field in register.fields)
-    _texts(
-        element,
-        name=register.name,
-        description=register.description,
-        addressOffset=f"0x{register.offset:X}",
-        resetValue=f"0x{reset:X}",
-    )
+    _texts(element, name=register.name, description=register.description, addressOffset=f"0x{register.offset:X}")
+    # What a build decides has no value here.
+    if all(field.access is not Access.CONSTANT for field in register.fields):
+        _texts(element, resetValue=f"0x{sum(field.init << field.low for field in register.fields):X}")
     # Behind the register's own elements: CMSIS-SVD prescribes the order.
     fields = ET.SubElement(element, "fields")
     for field in register.fields:
