@@ -14,8 +14,6 @@ OUTPUTS = ("features", "matches", *(("homographies",) if register_map.BUILT["bui
 BLOCKS = ("skymosaic", "dma_video", *("dma_" + output for output in OUTPUTS))
 PARENT_CELLS = {"zynq": 1, "zynquplus": 2}
 """Cells of an address at the root of the board's device tree, by family."""
-MAX_TRANSFER_BYTES = (1 << 26) - 1
-"""A DMA's register LENGTH has 26 bits: a frame of 4096x4096 in colour is longer by a byte."""
 
 
 def buffer_sizes():
@@ -25,7 +23,7 @@ def buffer_sizes():
     frame = 4 * (built["built_width_px"] + 1) * built["built_height_px"]
     capacity = built["built_max_features"] + register_map.CLOSING_RECORDS
     sizes = {
-        "frame": min(frame, MAX_TRANSFER_BYTES),
+        "frame": min(frame, register_map.MAX_TRANSFER_BYTES),
         "features": capacity * register_map.FEATURE.itemsize,
         "matches": capacity * register_map.MATCH.itemsize,
     }

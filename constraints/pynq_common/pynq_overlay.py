@@ -12,12 +12,11 @@ import time
 
 import numpy as np
 from pynq import Overlay, allocate
+from skymosaic_map import MAX_TRANSFER_BYTES
 from skymosaic_registers import AcceleratorError
 
 POLL_SECONDS = 0.0002
 RESET_SECONDS = 1.0
-MAX_TRANSFER_BYTES = (1 << 26) - 1
-"""A DMA's register LENGTH has 26 bits."""
 LOCK = pathlib.Path(tempfile.gettempdir()) / "skymosaic.lock"
 # The registers of an AXI DMA (PG021), from the offset of its channel from memory, or of its channel to memory, on.
 SEND, RECEIVE = 0x00, 0x30

@@ -19,8 +19,6 @@ from skymosaic_registers import AcceleratorError, Registers, split_packet
 
 CHANNELS = ("features", "matches", *(("homographies",) if register_map.BUILT["built_homographies"] else ()))
 TIMEOUT_SECONDS = 5.0
-MAX_FRAME_BYTES = (1 << 26) - 1
-"""A DMA's register LENGTH has 26 bits: 2^26 bytes, a frame of 4096x4096 in colour, would be 0."""
 
 
 class Frame:
@@ -111,9 +109,10 @@ class Accelerator(Registers):
         if bits in (16, 48):
             width += width % 2
         length_bytes = height * width * (4 if len(shape) == 3 or bits in (24, 48) else 1)
-        if length_bytes > MAX_FRAME_BYTES:
+        largest = register_map.MAX_TRANSFER_BYTES
+        if length_bytes > largest:
             raise AcceleratorError(
-                f"a frame of {shape[1]}x{height} has {length_bytes} bytes, a DMA sends at most {MAX_FRAME_BYTES}; "
+                f"a frame of {shape[1]}x{height} has {length_bytes} bytes, a DMA sends at most {largest}; "
                 "send a smaller or a gray one"
             )
 

@@ -241,6 +241,8 @@ def driver_map(config: Config, *, live: bool = False, **build: Unpack[Build]) ->
         *(f"{tag.name.removeprefix('FRAME_')}_TAG = {int(tag)}" for tag in tags),
         "# A packet that is ended early is longer by this number of records.",
         f"CLOSING_RECORDS = {CLOSING_RECORDS}",
+        "# A DMA's register LENGTH has 26 bits: 2^26 bytes, a frame of 4096x4096 in colour, would be 0.",
+        "MAX_TRANSFER_BYTES = (1 << 26) - 1",
         *([f"PAGE_BYTES, HEADER_BYTES = {PAGE_BYTES}, {HEADER_BYTES}"] if live else []),
         *([f"UNIT_PX, MAX_ELEMENT = {1 << POSITION.integer_bits}, {ENTRY.max_raw}"] if live else []),
         *(f"{name} = np.dtype({_dtype_text(dtype)})" for name, dtype in records.items()),
