@@ -1,5 +1,6 @@
 """The command that makes a mosaic: of two photographs, of a flight, or of a flight in progress."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -32,6 +33,7 @@ from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.options import INPUT, MAP, OUTPUT
 from skymosaic.reports.flight import describe_bands, describe_cuts, describe_map, flight_numbers, write_report
+from skymosaic.reports.pages import OWN_NAMES
 from skymosaic.temporary import resolved
 
 
@@ -96,13 +98,20 @@ def mosaic(
                 raise InputError("--save-camera: two photographs are too few to estimate the lens; leave it out")
             check_output(save_camera, (str(target), *photographs), (".toml",), overwrite=overwrite)
         if report:
-            check_output_folder(report, overwrite=overwrite)
-            if tiles and resolved(report) == resolved(tiles):
-                raise InputError(f"{report}: is both --report and --tiles; name two folders")
+            _check_report(report, target, tiles, overwrite=overwrite)
         deliveries = _write_mosaics(plan, target, form, report, overwrite=overwrite, strict=strict)
     _show(deliveries, output, report)
     if save_camera:
         _save_camera(save_camera, deliveries[0].flight)
+
+
+def _check_report(report: Path, output: Path, tiles: Path | None, *, overwrite: bool) -> None:
+    check_output_folder(report, overwrite=overwrite)
+    if tiles and resolved(report) == resolved(tiles):
+        raise InputError(f"{report}: is both --report and --tiles; name two folders")
+    # macOS and Windows take MOSAIC.JPG for the same file.
+    if re.fullmatch(OWN_NAMES, output.name, re.IGNORECASE) and resolved(report) == resolved(output.parent):
+        raise InputError(f"{output}: would be replaced by a file of --report {report}; choose another name or folder")
 
 
 def _write_mosaics(
