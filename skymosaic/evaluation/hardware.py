@@ -13,7 +13,7 @@ from golden_model.config import EstimatorConfig
 from golden_model.timing import Timeline
 from sim.backends.interface import Mismatch, load_backend, silent
 from sim.simulators.scoreboard import Coverage, find_clock_mismatch, find_mismatch, predict_timelines
-from skymosaic.imagery.images import load, reduce_to_width
+from skymosaic.imagery.images import load, reduce_for_front_end
 from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.registration.options import FeatureOptions
 
@@ -104,12 +104,18 @@ def compare(
     Returns
     -------
     Comparison
+
+    Raises
+    ------
+    InputError
+        For an unusable photograph or option.
     """
     options.check()
-    frames = [
-        reduce_to_width(load(image, name, keep_damaged=options.keeps_damaged).pixels, options.working_width_px)[0]
+    photographs = [
+        load(image, name, keep_damaged=options.keeps_damaged)
         for image, name in ((left, "left image"), (right, "right image"))
     ]
+    frames = [reduce_for_front_end(each.pixels, options.working_width_px, each.name)[0] for each in photographs]
     config = dataclasses.replace(options.base_config, estimator=EstimatorConfig() if homography else None)
     start = time.perf_counter()
     golden, config = extract_within_capacity(load_backend("golden"), frames, config)

@@ -99,6 +99,11 @@ def test_image_too_small(photographs: tuple[Path, Path], tmp_path: Path) -> None
     assert "10x10" in one_line_error(skymosaic("register", photographs[0], "tiny.png", cwd=tmp_path), 2)
 
 
+def test_a_frame_too_low_for_the_front_end_is_one_line(run: Run, photographs: tuple[Path, Path]) -> None:
+    low = refusal(run, "compare", *photographs, "--working-width", "64", "--backend", "golden")
+    assert "left.png: 640x480 is reduced to 64x48" in low
+
+
 def test_unrelated_photographs_say_why_and_write_no_mosaic(photographs: tuple[Path, Path], tmp_path: Path) -> None:
     other = make_pair(seed=SEED + 100).images[0]
     cv2.imwrite(str(tmp_path / "other.png"), other)
