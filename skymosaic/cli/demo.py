@@ -12,7 +12,7 @@ from sim.backends.interface import BACKENDS, BackendError
 from sim.scene import make_pair
 from skymosaic.cli.options import OverwriteOption, choice, output_option
 from skymosaic.cli.session import session
-from skymosaic.errors import RegistrationError
+from skymosaic.errors import InputError, RegistrationError
 from skymosaic.evaluation.hardware import compare
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.imagery.images import check_unused, save
@@ -23,18 +23,22 @@ from skymosaic.reports.pair import write_pair_report
 from skymosaic.stopwatch import Stopwatch
 
 MAX_ERROR_PX = 0.5
+# A board needs an address: `compare` has an option for it.
+DEMO_BACKENDS = tuple(name for name in BACKENDS if name != "board")
 
 
 def demo(
     output: Annotated[Path, output_option("Folder for mosaic, pictures and report.")] = Path("demo"),
     overwrite: OverwriteOption = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the rendered landscape.")] = 9,
-    backend: Annotated[str, choice(BACKENDS, "Hardware to compare with; golden: none.")] = "rtl",
+    backend: Annotated[str, choice(DEMO_BACKENDS, "Hardware to compare with; golden: none.")] = "rtl",
 ) -> None:
     """Render a synthetic pair, make its mosaic, and compare it with the truth.
 
     The simulated hardware is compared with the golden model bit for bit.
     """
+    if backend not in DEMO_BACKENDS:
+        raise InputError(f"--backend {backend}: the demo takes {', '.join(DEMO_BACKENDS)}")
     check_unused(output, overwrite=overwrite)
     make_folder(output)
     photographs = output / "left.png", output / "right.png"

@@ -76,6 +76,12 @@ def test_demo_measures_itself_against_the_truth(tmp_path: Path) -> None:
         assert (tmp_path / "out" / name).stat().st_size > 0
 
 
+@pytest.mark.parametrize("backend", ["nonsense", "board"])
+def test_the_demo_refuses_a_backend_before_it_begins(run: Run, tmp_path: Path, backend: str) -> None:
+    assert f"--backend {backend}: " in refusal(run, "demo", "-o", "out", "--backend", backend)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_missing_file(photographs: tuple[Path, Path], tmp_path: Path) -> None:
     assert "missing.png" in one_line_error(skymosaic("register", photographs[0], "missing.png", cwd=tmp_path), 2)
 
