@@ -13,7 +13,7 @@ from skymosaic.compositing.warp import CANVAS_LIMIT_PX
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.picture.composition import Room
-from skymosaic.flight.picture.mapping import explain_absence, place_on_map
+from skymosaic.flight.picture.mapping import MapPlace, place_on_map
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, OutputForm, deliver, room_for
 from skymosaic.flight.picture.preparation import compose
 from skymosaic.flight.workers import Workers
@@ -137,12 +137,13 @@ def write_live_mosaic(
     if not mosaic.transforms:
         raise RegistrationError(f"{source}: no frame could be used")
     absent = mosaic.left_out
-    report_absent(absent, strict=strict)
-    place = mosaic.place
-    if place.georeference is None and output.suffix.lower() in GEOTIFF_SUFFIXES:
-        if require_map:
-            raise RegistrationError(f"{explain_absence(output, place)}; nothing was written")
-        session.warn(explain_absence(output, place))
+    try:
+        report_absent(absent, strict=strict)
+        _report_place(output, mosaic.place, require_map=require_map)
+    except RegistrationError:
+        # Nothing is left behind that a second run would not overwrite.
+        preview.unlink(missing_ok=True)
+        raise
     if mosaic.stands_still:
         session.warn(STANDS_STILL)
     # Without a moving display, which a closed terminal would not take.
@@ -209,6 +210,16 @@ def report_absent(absent: Mapping[int, str], *, strict: bool) -> None:
         session.warn(f"left out: {reason}")
     if strict and absent:
         raise RegistrationError(f"{len(absent)} left out, and --strict allows none; nothing was written")
+
+
+def _report_place(output: Path, place: MapPlace, *, require_map: bool) -> None:
+    """Warn of a file without a place on the map, or raise `RegistrationError` where it is required."""
+    if place.georeference is not None or output.suffix.lower() not in GEOTIFF_SUFFIXES:
+        return
+    reason = f"{output} has no place on the map: {place.note}; frames with GPS, or mosaic with --gcp FILE, give it one"
+    if require_map:
+        raise RegistrationError(f"{reason}; nothing was written")
+    session.warn(reason)
 
 
 def grow(mosaic: LiveMosaic, frames: Iterable[LiveFrame], preview: Path) -> None:

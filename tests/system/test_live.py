@@ -25,6 +25,7 @@ from skymosaic.imagery.live_frames import read_live_frames
 from skymosaic.imagery.video import write_video
 from skymosaic.live.mosaic import LiveMosaic
 from skymosaic.live.pace import Pace
+from tests.conftest import Run
 from tests.skymosaic.live.conftest import pair_errors_px
 from tests.system.command_line import skymosaic
 from tests.system.conftest import SIZE
@@ -144,9 +145,18 @@ def test_every_frame_is_a_line_of_json_and_named_as_in_a_mosaic(video: Path, tmp
     assert "m.tif has no place on the map" in whole["warnings"][0]
     with flight_sources([video]) as sources:
         assert [frame["name"] for frame in frames] == [source.name for source in sources]
-    with pytest.raises(RegistrationError, match="nothing was written"):
+    with pytest.raises(RegistrationError, match="mosaic with --gcp FILE, give it one; nothing was written"):
         live_command(source=str(video), output=tmp_path / "n.tif", require_map=True)
-    assert not (tmp_path / "n.tif").exists()
+    assert not list(tmp_path.glob("n.*"))
+
+
+def test_a_strict_mosaic_that_lacks_a_frame_leaves_no_preview(run: Run, frames: list[np.ndarray]) -> None:
+    with write_video(Path("film.mkv"), Fraction(25)) as write:
+        for frame in (frames[0], np.full_like(frames[0], 90), frames[1]):
+            write(np.ascontiguousarray(frame))
+    status, _, errors = run("live", "film.mkv", "-o", "m.png", "--strict")
+    assert status == 3, errors
+    assert [path.name for path in Path().iterdir()] == ["film.mkv"]
 
 
 def test_live_takes_one_source_and_no_report(video: Path, tmp_path: Path) -> None:
