@@ -218,7 +218,6 @@ def print_pair(pair: Pair) -> None:
     table.add_row("passes", f"{pair.passes} ({pair.effort})")
     if pair.confidence is not None:
         table.add_row("confidence", Text(one_line(f"{pair.confidence.verdict}: {pair.confidence.reason}")))
-    for photograph in (pair.left, pair.right):
-        for note in photograph.notes:
-            table.add_row("note", Text(one_line(f"{photograph.name}: {note}")))
+    for note in summary["notes"]:
+        table.add_row("note", Text(one_line(note)))
     session.show(table)

@@ -243,6 +243,7 @@ class Pair:
             "inliers": len(self.inliers),
             "refined_inliers": self.refined_inliers,
             "reason": self.reason,
+            "notes": [f"{side.name}: {note}" for side in (self.left, self.right) for note in side.notes],
             "confidence": None if self.confidence is None else self.confidence.summary(),
             "seconds": {stage: round(value, 4) for stage, value in self.seconds.items()},
             "backend": self.backend,

@@ -73,6 +73,7 @@ def flight_numbers(deliveries: Sequence[Delivery], check: FlightCheck) -> dict[s
     return {
         "photographs": len(flight.names),
         "left_out": {flight.names[index]: reason for index, reason in sorted(flight.left_out.items())},
+        "notes": [f"{view.name}: {note}" for view in flight.views for note in view.notes],
         "pairs_tried": len(flight.links),
         "links": sum(link.holds for link in flight.links),
         "seconds": {stage: round(value, 3) for stage, value in flight.seconds.items()},

@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from sim.scene import make_pair
 from skymosaic.imagery.video import write_video
@@ -67,6 +68,23 @@ def test_json_ends_with_an_object_with_the_documented_keys(run: Run, name: str) 
     total = seconds.pop("total")
     assert sum(seconds.values()) == pytest.approx(total, abs=0.01)
     assert min(seconds.values()) >= 0
+
+
+def test_json_has_the_notes_of_photographs(run: Run) -> None:
+    left = np.asarray(cv2.imread("left.png"))
+    turned = Image.fromarray(np.rot90(left)[..., ::-1])
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    turned.save("turned.png", exif=exif)
+    twice = "left.png: the same picture as left.png"
+    upright = "turned.png: turned upright by its EXIF orientation"
+    assert json.loads(run("register", "left.png", "left.png", "--json")[1])["notes"] == [twice]
+    for photographs, keys in ((("turned.png", "right.png"), ("pair",)), (("turned.png", "right.png", "left.png"), ())):
+        status, out, errors = run("mosaic", *photographs, "-o", "m.png", "--json", "--overwrite")
+        assert status == 0, errors
+        found = json.loads(out)
+        for numbers in (found, *(found[key] for key in keys)):
+            assert upright in numbers["notes"]
 
 
 def test_a_failure_is_an_object_too(run: Run) -> None:
