@@ -32,6 +32,10 @@ COMMANDS = {
 """Each command, which is a function of the same name in the module of that name, and its line in the help."""
 
 
+PIPE_CLOSED = 128 + 13
+"""Exit status where the reader of standard output has gone: as of a program that SIGPIPE ends."""
+
+
 class _Commands(TyperGroup):
     """Imports a command only when it is called: most need OpenCV, some the hardware; ``--help`` needs neither."""
 
@@ -101,8 +105,8 @@ def _run() -> int | str | None:
         finally:
             # Now rather than at Python's end, where a full disk would be a traceback.
             sys.stdout.flush()
-    except SystemExit as end:
-        return end.code
+    except (SystemExit, BrokenPipeError) as end:
+        return _status_of(end)
     except typer.TyperException as error:
         return _fail(_describe_usage(error), 2)
     except (InputError, BackendError, RegistrationError) as error:
@@ -110,11 +114,19 @@ def _run() -> int | str | None:
     except MemoryError:
         return _fail("not enough memory; reduce the photographs, --memory or --scale", 2)
     except OSError as error:
-        # A full disk, or a pipe whose reader has gone.
+        # A full disk.
         abandon_output()
         where = f"{error.filename}: " if error.filename else ""
         return _fail(f"{where}{error.strerror or error}; check the disk and its permissions", 2)
     return status
+
+
+def _status_of(end: SystemExit | BrokenPipeError) -> int | str | None:
+    # Click makes a closed pipe a silent 1, which is the status of `compare` for a difference.
+    if isinstance(end, SystemExit) and not isinstance(end.__context__, BrokenPipeError):
+        return end.code
+    abandon_output()
+    return PIPE_CLOSED
 
 
 def _describe_usage(error: typer.TyperException) -> str:
@@ -126,7 +138,12 @@ def _describe_usage(error: typer.TyperException) -> str:
 
 def _fail(reason: str, status: int) -> int:
     session.error(reason)
-    session.end(status, reason)
+    try:
+        session.end(status, reason)
+        sys.stdout.flush()
+    # The object cannot be printed, but the reason was.
+    except OSError:
+        abandon_output()
     return status
 
 

@@ -100,9 +100,10 @@ def mosaic(
         if report:
             _check_report(report, target, tiles, overwrite=overwrite)
         deliveries = _write_mosaics(plan, target, form, report, overwrite=overwrite, strict=strict)
-    _show(deliveries, output, report)
+    # Before anything is printed, which a closed pipe ends.
     if save_camera:
         _save_camera(save_camera, deliveries[0].flight)
+    _show(deliveries, output, report, save_camera)
 
 
 def _check_report(report: Path, output: Path, tiles: Path | None, *, overwrite: bool) -> None:
@@ -142,11 +143,9 @@ def _save_camera(path: Path, flight: Flight) -> None:
         session.warn("no camera file: correcting the lens does not improve the tie points, or they are too few")
     else:
         save_bytes(path, flight.calibration.camera_file.encode())
-        session.wrote(path)
-        session.show(f"camera {path}")
 
 
-def _show(deliveries: Sequence[Delivery], output: Path, report: Path | None) -> None:
+def _show(deliveries: Sequence[Delivery], output: Path, report: Path | None, camera: Path | None) -> None:
     flight = deliveries[0].flight
     session.seconds = dict(flight.seconds)
     session.numbers = flight_numbers(deliveries, check_flight(flight))
@@ -167,6 +166,9 @@ def _show(deliveries: Sequence[Delivery], output: Path, report: Path | None) -> 
     if report:
         session.wrote(report)
         session.show(f"report {report / 'index.html'}")
+    if camera and lens is not None:
+        session.wrote(camera)
+        session.show(f"camera {camera}")
 
 
 def _show_mosaic(delivery: Delivery, path: Path) -> None:

@@ -27,6 +27,14 @@ PIPED_WIDTH = 1000
 """Columns of a table that is not read on a terminal, where nothing should be wrapped."""
 
 
+class _Console(Console):
+    """Without Rich's answer to a closed pipe, which ends the program with 1 and discards standard output."""
+
+    def on_broken_pipe(self) -> None:
+        """Leave it to whoever prints: a closed standard error must not cost the user the mosaic."""
+        raise BrokenPipeError
+
+
 class Session:
     """One command's conversation with its user.
 
@@ -41,7 +49,7 @@ class Session:
     """
 
     def __init__(self) -> None:
-        self._errors = Console(stderr=True)
+        self._errors = _Console(stderr=True)
         self.begin("", started_s=time.perf_counter(), quiet=False, verbose=False, as_json=False)
 
     def begin(self, command: str, *, started_s: float, quiet: bool, verbose: bool, as_json: bool) -> None:
@@ -85,9 +93,9 @@ class Session:
         """Print a line of text or a table of the result; on standard error if standard output is a file's bytes."""
         if self._as_json:
             return
-        console = self._errors if self._stdout_taken else Console()
+        console = self._errors if self._stdout_taken else _Console()
         if not console.is_terminal:
-            console = Console(stderr=console.stderr, width=PIPED_WIDTH)
+            console = _Console(stderr=console.stderr, width=PIPED_WIDTH)
         # Names of files are not Rich's markup, and stay on one line.
         text = Text(one_line(result)) if isinstance(result, str) else result
         console.print(text, highlight=False, soft_wrap=isinstance(result, str))

@@ -1,14 +1,27 @@
 """The command line in a process of its own."""
 
+import contextlib
+import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 
-def skymosaic(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+@contextlib.contextmanager
+def closed_pipe() -> Iterator[int]:
+    """The end to write to of a pipe whose reader has gone."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    yield writer
+    os.close(writer)
+
+
+def skymosaic(*arguments: object, cwd: Path, **streams: int) -> subprocess.CompletedProcess[str]:
     """Run ``skymosaic`` in ``cwd``. Without a time limit: a busy machine must not fail a test."""
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | streams
     command = [sys.executable, "-m", "skymosaic", *map(str, arguments)]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+    return subprocess.run(command, cwd=cwd, text=True, check=False, **streams)
 
 
 def only_error(stderr: str) -> str:

@@ -23,7 +23,7 @@ from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.imagery.photographs import list_sources
 from tests.conftest import Run
-from tests.system.command_line import skymosaic
+from tests.system.command_line import closed_pipe, skymosaic
 
 IMAGES, SIZE, K1 = 12, (640, 480), -0.12
 SURVEY: dict[str, Any] = {
@@ -122,6 +122,10 @@ def test_the_lens_is_kept_beside_the_links_and_as_a_camera_file(
     assert made.returncode == 0, made.stderr
     lens = load_lens(camera, None)
     assert lens.key == flight.calibration.lens.key
+    words = "mosaic", folder, "-o", "n.png", "--save-camera", "n.toml", "--cache", "cache"
+    with closed_pipe() as pipe:
+        assert skymosaic(*words, cwd=tmp_path, stdout=pipe).returncode == 141
+    assert (tmp_path / "n.toml").read_text() == camera.read_text()
     monkeypatch.setattr(
         "skymosaic.flight.layout.self_calibration._measure", lambda *_args, **_options: pytest.fail("again")
     )

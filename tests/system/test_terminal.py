@@ -15,7 +15,7 @@ import pytest
 from PIL import Image as PillowImage
 
 from sim.scene import make_pair
-from tests.system.command_line import only_error
+from tests.system.command_line import closed_pipe, only_error, skymosaic
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
 
@@ -61,6 +61,26 @@ def test_a_result_does_not_depend_on_standard_error(tmp_path: Path, outputs: str
     words = shlex.join(command("mosaic", tmp_path / "a.png", tmp_path / "b.png", "-o", tmp_path / "m.png"))
     done = subprocess.run(f"{words} {outputs}", shell=True, check=False, env=ENVIRONMENT)
     assert done.returncode == 0
+    assert cv2.imread(str(tmp_path / "m.png")) is not None
+
+
+@pytest.mark.parametrize(
+    ("words", "status"), [("fuzzy ransac", 141), ("fuzzy ransac --json", 141), ("register a b --json", 2)]
+)
+def test_a_closed_pipe_is_not_taken_for_a_difference(tmp_path: Path, words: str, status: int) -> None:
+    with closed_pipe() as pipe:
+        done = skymosaic(*words.split(), cwd=tmp_path, stdout=pipe)
+    assert done.returncode == status
+    assert ("error: a: no such file" in only_error(done.stderr)) if status == 2 else not done.stderr
+
+
+def test_a_closed_standard_error_costs_no_mosaic(tmp_path: Path) -> None:
+    for name, image in zip("ab", make_pair(seed=9, size=(200, 160)).images, strict=True):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), image)
+    with closed_pipe() as pipe:
+        done = skymosaic("mosaic", "a.png", "b.png", "-o", "m.png", cwd=tmp_path, stderr=pipe)
+    assert done.returncode == 0
+    assert "mosaic m.png" in done.stdout
     assert cv2.imread(str(tmp_path / "m.png")) is not None
 
 
