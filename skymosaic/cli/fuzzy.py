@@ -49,7 +49,7 @@ def fuzzy(
         ),
     ] = None,
     plot: Annotated[bool, typer.Option("--plot", help="Draw membership curves and rule surfaces.")] = False,
-    output: Annotated[Path, output_option("Folder for the pictures.")] = Path("fuzzy"),
+    output: Annotated[Path | None, output_option("Folder for the pictures of --plot; by default fuzzy.")] = None,
     write: Annotated[
         Path | None, typer.Option(help="Write the named built-in system to an .fll file; -: to stdout.")
     ] = None,
@@ -63,8 +63,11 @@ def fuzzy(
     For a file, print the integer model's errors against real numbers, too, as shares of the output's range.
     """
     names = systems or list(PLOTTED_SYSTEMS)
-    if plot:
-        check_unused(output, overwrite=overwrite)
+    if entries != ENTRIES and not any(Path(name).suffix for name in names):
+        raise InputError("--entries is the length of the tables of an .fll file; name one, or leave it out")
+    folder = _check_plot(names, output, overwrite=overwrite) if plot else None
+    if output and not plot:
+        raise InputError(f"-o {output} is the folder for pictures; add --plot, or leave it out")
     if write:
         _write(names, write, overwrite=overwrite)
     shown = [_describe_file(Path(name), entries) if Path(name).suffix else _describe_shipped(name) for name in names]
@@ -73,8 +76,20 @@ def fuzzy(
         session.show(each.rules)
         if errors := each.numbers.get("errors"):
             session.show(_describe_errors(each.name, entries, ErrorBounds(**errors)))
-    if plot:
-        _draw(shown, output)
+    if folder:
+        _draw(shown, folder)
+
+
+def _check_plot(names: list[str], output: Path | None, *, overwrite: bool) -> Path:
+    """The folder for the pictures, in which each system needs a name of its own."""
+    drawn: dict[str, str] = {}
+    for name in names:
+        if other := drawn.get(stem := Path(name).stem):
+            raise InputError(f"{name}: its picture would replace that of {other}; draw it into another folder")
+        drawn[stem] = name
+    folder = output or Path("fuzzy")
+    check_unused(folder, overwrite=overwrite)
+    return folder
 
 
 def _describe_shipped(name: str) -> _Description:

@@ -16,6 +16,30 @@ def test_the_command_prints_rules_and_draws(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "fuzzy").iterdir()] == ["ransac.png"]
 
 
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("a/own.fll b/own.fll --plot -o drawn", "b/own.fll: its picture would replace that of a/own.fll"),
+        ("ransac ransac --plot", "ransac: its picture would replace that of ransac"),
+        ("ransac ransac.fll --plot", "ransac.fll: its picture would replace that of ransac"),
+        ("ransac -o drawn", "add --plot"),
+        ("ransac --entries 9", "name one, or leave it out"),
+    ],
+)
+def test_what_would_have_no_effect_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, says: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for path in map(Path, ("a/own.fll", "b/own.fll", "ransac.fll")):
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes((SHIPPED / "ransac.fll").read_bytes())
+    before = sorted(tmp_path.iterdir())
+    result = CliRunner().invoke(app, ["fuzzy", *words.split()])
+    assert isinstance(result.exception, InputError)
+    assert says in str(result.exception)
+    assert sorted(tmp_path.iterdir()) == before
+
+
 def test_an_unknown_system_lists_the_valid_ones() -> None:
     result = CliRunner().invoke(app, ["fuzzy", "psychic"])
     assert "correlation, ilbp, ransac" in str(result.exception)
