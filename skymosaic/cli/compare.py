@@ -8,7 +8,7 @@ import typer
 from skymosaic.cli.options import OverwriteOption, with_options
 from skymosaic.cli.session import session
 from skymosaic.evaluation.hardware import compare as compare_pair
-from skymosaic.imagery.images import check_unused
+from skymosaic.imagery.images import check_output
 from skymosaic.options import HARDWARE, OUTPUT
 from skymosaic.registration.options import FeatureOptions
 
@@ -39,7 +39,7 @@ def compare(
 ) -> None:
     """Run a pair through the golden model and the hardware; every field of every record has to be equal."""
     if waves:
-        check_unused(waves, overwrite=overwrite)
+        check_output(waves, (str(left), str(right)), (".vcd",), overwrite=overwrite)
     with session.working("comparing") as step:
         result = compare_pair(left, right, options, homography=homography, waves=waves, progress=step)
     session.numbers = result.summary()

@@ -105,6 +105,11 @@ def test_image_too_small(photographs: tuple[Path, Path], tmp_path: Path) -> None
     assert "10x10" in one_line_error(skymosaic("register", photographs[0], "tiny.png", cwd=tmp_path), 2)
 
 
+def test_waves_that_cannot_be_written_are_refused_before_the_run(run: Run, photographs: tuple[Path, Path]) -> None:
+    assert "its folder does not exist" in refusal(run, "compare", *photographs, "--waves", "missing/w.vcd")
+    assert "end the name in one of .vcd" in refusal(run, "compare", *photographs, "--waves", "w.png")
+
+
 def test_a_frame_too_low_for_the_front_end_is_one_line(run: Run, photographs: tuple[Path, Path]) -> None:
     low = refusal(run, "compare", *photographs, "--working-width", "64", "--backend", "golden")
     assert "left.png: 640x480 is reduced to 64x48" in low
