@@ -60,7 +60,7 @@ def _print_check(flight: Flight, report: FlightCheck) -> None:
         table.add_row(name, *numbers, "yes" if photo.gps else "no", ", ".join(photo.problems))
     session.show(table)
     for errors in report.errors:
-        session.show(f"error: {errors.description}")
+        session.show(f"accuracy: {errors.description}")
     for problem in (*flight.left_out.values(), *report.problems):
         session.warn(problem)
     if report.complete and not report.problems:

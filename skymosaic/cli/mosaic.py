@@ -181,7 +181,7 @@ def _show_mosaic(delivery: Delivery, path: Path) -> None:
     if flight.pair is None:
         session.show(f"{layout.model}; {layout.reason}")
         if (errors := layout_errors(flight, layout)) is not None:
-            session.show(f"error: {errors.description}")
+            session.show(f"accuracy: {errors.description}")
         for line in doubts(flight, layout):
             session.warn(line)
     if delivery.tiles:

@@ -102,6 +102,14 @@ def test_results_go_to_stdout_and_progress_to_stderr(run: Run) -> None:
     assert "inliers" not in errors
 
 
+def test_only_a_failure_is_an_error(run: Run) -> None:
+    for words in (("mosaic", "left.png", "right.png", "left.png", "-o", "m.png"), ("check", "left.png", "right.png")):
+        status, out, errors = run(*words)
+        assert status == 0
+        assert b"accuracy: median" in out
+        assert "error: " not in errors + out.decode()
+
+
 def test_quiet_prints_results_only(run: Run) -> None:
     loud = run("register", "left.png", "right.png")
     for words in (("-q", "register", "left.png", "right.png"), ("register", "left.png", "right.png", "--quiet")):
