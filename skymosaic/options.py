@@ -38,6 +38,8 @@ class Option:
         On the command line.
     flag_unit : int
         The command line counts in multiples of this.
+    flag_unit_name : str
+        What the help on the command line calls them.
     not_for_two, not_for_more : str
         Why it has no effect on two photographs, or on more; empty where it has one.
     name, type, default
@@ -53,6 +55,7 @@ class Option:
     maximum: float | None = None
     flag: str = ""
     flag_unit: int = 1
+    flag_unit_name: str = ""
     not_for_two: str = ""
     not_for_more: str = ""
     name: str = ""

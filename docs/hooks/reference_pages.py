@@ -77,7 +77,8 @@ def describe_options() -> str:
             words += [f"Only for more than two: {each.not_for_two}."] if each.not_for_two else []
             words += [f"Only for two photographs: {each.not_for_more}."] if each.not_for_more else []
             words += [f"Also of {' and '.join(also)}."] if also else []
-            parts.append(f"| `{each.name}` | `{each.flag}` | `{each.default!r}` | {' '.join(words)} |")
+            flag = f"{each.flag} {each.flag_unit_name.upper()}".rstrip()
+            parts.append(f"| `{each.name}` | `{flag}` | `{each.default!r}` | {' '.join(words)} |")
         parts.append("")
     return "\n".join(parts)
 

@@ -23,7 +23,7 @@ from skymosaic.imagery.live_frames import LiveFrame, read_live_frames
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import forget_decoded, is_folder
 from skymosaic.live.composing import flight_of_frames
-from skymosaic.live.mosaic import LiveMosaic
+from skymosaic.live.mosaic import ESTIMATORS, LiveMosaic
 from skymosaic.live.pace import Pace
 from skymosaic.live.update import LiveUpdate
 from skymosaic.mosaicking.options import MosaicOptions
@@ -51,7 +51,7 @@ def live(
     overwrite: OverwriteOption = False,
     strict: StrictOption = False,
     require_map: RequireMapOption = False,
-    options: Annotated[MosaicOptions, LIVE_OPTIONS],
+    options: Annotated[MosaicOptions, LIVE_OPTIONS, {"estimator": ESTIMATORS}],
 ) -> None:
     """Grow a mosaic frame by frame, with a preview beside it; Ctrl-C or SIGTERM stops and writes it."""
     limits = {"overwrite": overwrite, "strict": strict, "require_map": require_map}

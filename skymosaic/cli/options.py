@@ -84,14 +84,19 @@ MaskOption = Annotated[
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command an option for each field of its parameter ``options``, an object of the library.
 
-    The parameter's annotation names the class and, with ``Annotated``, those of its options that the command has. A
-    default of the parameter holds other defaults than the class.
+    The parameter's annotation names the class and, with ``Annotated``, those of its options that the command has, and
+    the choices of those that have fewer there. A default of the parameter holds other defaults than the class.
     """
     signature = inspect.signature(command, eval_str=True)
     declared = signature.parameters["options"]
-    cls, names = get_args(declared.annotation) or (declared.annotation, None)
+    cls, names, *fewer = get_args(declared.annotation) or (declared.annotation, None)
+    choices: dict[str, tuple[str, ...]] = fewer[0] if fewer else {}
     usual = cls() if declared.default is inspect.Parameter.empty else declared.default
-    options = [each for each in options_of(cls) if names is None or each.name in names]
+    options = [
+        dataclasses.replace(each, choices=choices.get(each.name, each.choices))
+        for each in options_of(cls)
+        if names is None or each.name in names
+    ]
     typed = {name: parameter for each in options for name, parameter in _parameters(each, usual)}
 
     @functools.wraps(command)
@@ -138,7 +143,14 @@ def _typer_option(option: Option) -> Any:
     if option.choices:
         return choice(option.choices, option.help, option.flag, group=option.group)
     minimum = None if option.minimum is None else math.ceil(option.minimum / option.flag_unit)
-    return typer.Option(option.flag, help=option.help, min=minimum, max=option.maximum, rich_help_panel=option.group)
+    return typer.Option(
+        option.flag,
+        help=option.help,
+        metavar=option.flag_unit_name.upper() or None,
+        min=minimum,
+        max=option.maximum,
+        rich_help_panel=option.group,
+    )
 
 
 def _read(usual: FeatureOptions, typed: dict[str, Any]) -> FeatureOptions:

@@ -54,9 +54,10 @@ class MosaicOptions(RegistrationOptions):
     )
     canvas_limit_px: int | None = option(
         None,
-        "Maximum canvas size, by default what the file can hold: pixels, on the command line megapixels.",
+        "Maximum canvas size; by default what the file can hold, or 250 megapixels of a live mosaic.",
         PICTURE,
         flag_unit=MEGAPIXEL,
+        flag_unit_name="megapixels",
         minimum=1,
     )
     all_groups: bool = option(
@@ -80,9 +81,10 @@ class MosaicOptions(RegistrationOptions):
     )
     memory_bytes: int = option(
         MEMORY_BYTES,
-        "Limit of the decoded photographs kept at once: bytes, on the command line megabytes.",
+        "Limit of the decoded photographs kept at once.",
         MACHINE,
         flag_unit=MEGABYTE,
+        flag_unit_name="megabytes",
         minimum=64 * MEGABYTE,
     )
     scheduler: str | None = option(None, "Dask scheduler, tcp://HOST:PORT or a scheduler file.", MACHINE)

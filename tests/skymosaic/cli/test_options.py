@@ -1,5 +1,6 @@
 """The library's options on the command line: each is there, in its group, and what is typed becomes the object."""
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +9,7 @@ import typer
 from typer.testing import CliRunner, Result
 
 from golden_model.config import preset_config
+from skymosaic.cli.live import live as live_command
 from skymosaic.cli.options import with_options
 from skymosaic.errors import InputError
 from skymosaic.mosaicking.options import MosaicOptions
@@ -54,6 +56,16 @@ def test_the_help_has_every_option_in_its_group() -> None:
         panel = shown[begin : shown.index("╰", begin)]
         for flag in each.flag.split(" or "):
             assert f"{flag} " in panel
+
+
+def test_the_help_says_what_is_typed() -> None:
+    shown = run("everything", "--help").output
+    assert re.search(r"--memory +MEGABYTES", shown)
+    assert re.search(r"--canvas-limit +MEGAPIXELS", shown)
+    assert "bytes, on the command line" not in shown
+    live = typer.Typer()
+    live.command()(live_command)
+    assert re.search(r"--estimator +prosac\|fabric ", CliRunner(env={"COLUMNS": "200"}).invoke(live, "--help").output)
 
 
 def test_a_command_has_those_of_the_options_that_it_names() -> None:
