@@ -7,6 +7,7 @@ mean something to a shell or a file system, and with a number if another file ha
 import asyncio
 import itertools
 import re
+import unicodedata
 from collections.abc import AsyncGenerator, AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -129,8 +130,10 @@ class Arrivals:
 
 
 def sanitise_stem(name: str) -> str:
-    """Make a harmless stem of a file name: its letters, digits, dashes and underscores, at most 40."""
-    return re.sub(r"[^A-Za-z0-9-]+", "_", Path(name).stem)[:_MAX_STEM_LENGTH].strip("_-") or "file"
+    """Make a harmless stem of a file name: its letters of any script, digits, dashes and underscores, at most 40."""
+    # Some browsers send a letter and its accent as two characters, and the accent is no letter.
+    stem = unicodedata.normalize("NFC", Path(name).stem)
+    return re.sub(r"[^\w-]+", "_", stem)[:_MAX_STEM_LENGTH].strip("_-") or "file"
 
 
 async def receive(body: AsyncIterator[bytes], name: str, kind: Kind, part: Path, *, room_bytes: int) -> Path:

@@ -62,6 +62,11 @@ def test_a_photograph_is_accepted_and_shown(client: Client) -> None:
     assert client.get(shown).content.startswith(b"\x89PNG")
 
 
+def test_a_name_of_other_letters_stays(client: Client) -> None:
+    assert client.upload("Überflug Süd (2).png", picture()).status_code == 204
+    assert client.get("/picture/uploads/Überflug_Süd_2.png.png").content.startswith(b"\x89PNG")
+
+
 @pytest.mark.parametrize(
     "name",
     [

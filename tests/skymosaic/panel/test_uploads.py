@@ -20,6 +20,8 @@ def test_kinds_are_recognised_by_their_first_bytes() -> None:
 
 def test_stems_have_harmless_characters_only() -> None:
     assert sanitise_stem("DJI 0012 (copy).JPG") == "DJI_0012_copy"
+    assert sanitise_stem("U\u0308berflug Süd (2).jpg") == "Überflug_Süd_2"
+    assert sanitise_stem("飞行_1\u202egpj.png") == "飞行_1_gpj"
     assert sanitise_stem("../../etc/passwd") == "passwd"
     assert sanitise_stem("-rf.png") == "rf"
     assert sanitise_stem("") == "file"
