@@ -69,20 +69,23 @@ class Option:
         words = [f"{limit} {number}" for limit, number in limits.items() if number is not None]
         return ", ".join(self.choices) or " and ".join(words)
 
-    def check(self, value: Any) -> None:
-        """Raise `InputError` for a name or a number that is not valid; None always is."""
+    def check(self, value: Any, called: str = "") -> None:
+        """Raise `InputError` for a name or a number that is not valid; None always is.
+
+        ``called`` is what the message calls the option instead of its name in Python.
+        """
         # None stands for a default that depends on other options or on the photographs.
         if value is None or not self.valid or not self.checked:
             return
         if self.choices and value not in self.choices:
-            raise InputError(f"{self.name} is {value!r}; valid: {self.valid}")
+            raise InputError(f"{called or self.name} is {value!r}; valid: {self.valid}")
         if not self.choices and not (
             math.isfinite(value)
             and (self.above is None or value > self.above)
             and (self.minimum is None or value >= self.minimum)
             and (self.maximum is None or value <= self.maximum)
         ):
-            raise InputError(f"{self.name} is {value}; it must be {self.valid}")
+            raise InputError(f"{called or self.name} is {value}; it must be {self.valid}")
 
 
 def _field_of(describe: Callable[About, Option]) -> Callable[Concatenate[Default, About], Default]:

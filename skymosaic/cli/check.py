@@ -16,7 +16,7 @@ from skymosaic.flight.check import FlightCheck, check_flight
 from skymosaic.flight.survey import Flight
 from skymosaic.flight.workers import Workers
 from skymosaic.imagery.band_sets import group_band_sets
-from skymosaic.imagery.key_frames import flight_sources
+from skymosaic.imagery.key_frames import flight_sources, refuse_single
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.plan import survey_sources
 
@@ -39,6 +39,7 @@ def check(
         flight_sources(photographs, session.tell) as sources,
         Workers(options.scheduler, progress=progress, sources=sources) as workers,
     ):
+        refuse_single(photographs, sources)
         captures = group_band_sets(sources, tell=session.tell)
         captures = [source.with_damaged(keep=options.keeps_damaged) for source in captures]
         flight = survey_sources(captures, options, workers, session.tell)

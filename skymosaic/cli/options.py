@@ -14,6 +14,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from golden_model.config import RULE_BASES
 from golden_model.config_file import load_config
 from golden_model.fuzzy.rules import MatchRules, load_rules
 from golden_model.text import how_to_install, one_line
@@ -182,6 +183,8 @@ def _read(usual: FeatureOptions, typed: dict[str, Any]) -> FeatureOptions:
     if values.get("positions"):
         values["positions"] = load_positions(values["positions"])
     options = dataclasses.replace(usual, **values)
+    for each in options_of(type(usual)):
+        each.check(getattr(options, each.name), called=each.flag)
     options.check()
     return options
 
@@ -192,9 +195,13 @@ def read_rules(given: str) -> str | MatchRules:
     Raises
     ------
     InputError
-        For a file that holds no rules for matches.
+        For a file that holds no rules for matches, or an unknown name.
     """
-    return read_file(load_rules, Path(given)) if Path(given).suffix else given
+    if Path(given).suffix:
+        return read_file(load_rules, Path(given))
+    if given not in RULE_BASES:
+        raise InputError(f"--rules is {given!r}; valid: {', '.join(RULE_BASES)}, or an .fll file")
+    return given
 
 
 def read_file(read: Callable[[Path], Content], path: Path) -> Content:

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Float32, Pixels
+from skymosaic.errors import InputError
 from skymosaic.imagery.decoding import check_file
 from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.imagery.photographs import Source, list_sources
@@ -66,6 +67,17 @@ def flight_sources(
             # A misspelt folder, rather than too few photographs.
             check_file(sources[0].content, "a folder, a video or at least two photographs")
         yield [dataclasses.replace(source, index=index) for index, source in enumerate(sources)]
+
+
+def refuse_single(images: Sequence[str | Path | Pixels], sources: Sequence[Source]) -> None:
+    """Refuse what holds a single photograph, under the name that the user gave.
+
+    Raises
+    ------
+    InputError
+    """
+    if len(sources) == 1 and isinstance(images[0], str | Path):
+        raise InputError(f"{images[0]}: only one photograph; a mosaic takes at least two that overlap, so add others")
 
 
 def _store_key_frames(video: str | Path, folder: Path, tell: Callable[[str], None]) -> Iterator[Source]:

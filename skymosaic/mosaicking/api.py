@@ -11,7 +11,7 @@ from skymosaic.errors import InputError
 from skymosaic.flight.two_photographs import flight_of_pair
 from skymosaic.flight.workers import Progress, Workers, silent
 from skymosaic.imagery.band_sets import group_band_sets
-from skymosaic.imagery.key_frames import flight_sources
+from skymosaic.imagery.key_frames import flight_sources, refuse_single
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source, forget_decoded
 from skymosaic.mosaicking.options import MosaicKeywords, MosaicOptions
@@ -122,6 +122,7 @@ def open_plan(
     """
     progress("reading", 0, 0)
     with flight_sources(images, tell) as sources:
+        refuse_single(images, sources)
         captures = group_band_sets(sources, options.band, tell)
         with open_plan_of_sources(captures, options, progress, tell) as plan:
             yield plan

@@ -1,5 +1,6 @@
 import importlib
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -95,6 +96,13 @@ def test_what_is_named_wrongly_is_one_line_that_fits(run: Run, tmp_path: Path) -
     assert "loop: is no folder" in refusal(run, "mosaic", "loop", "loop", "-o", "m.png", "--report", "loop")
 
 
+def test_a_folder_of_one_photograph_is_named(run: Run, photographs: tuple[Path, Path], tmp_path: Path) -> None:
+    (tmp_path / "one").mkdir()
+    shutil.copy(photographs[0], tmp_path / "one")
+    for words in (("mosaic", "one", "-o", "m.png"), ("check", "one")):
+        assert refusal(run, *words).startswith("error: one: only one photograph; ")
+
+
 def test_text_file_named_png(photographs: tuple[Path, Path], tmp_path: Path) -> None:
     (tmp_path / "text.png").write_text("words, not pixels\n")
     assert "text.png" in one_line_error(skymosaic("register", photographs[0], "text.png", cwd=tmp_path), 2)
@@ -142,10 +150,11 @@ def test_identical_images_give_the_identity(photographs: tuple[Path, Path], tmp_
     [
         (("--preset", "martian"), "aerial, thesis"),
         (("--backend", "abacus"), "golden"),
-        (("--blend", "stirred"), "distance"),
+        (("--blend", "stirred"), "--blend is 'stirred'; valid: average, distance, multiband"),
+        (("--rules", "golden"), "--rules is 'golden'; valid: aerial, ilbp, none, or an .fll file"),
         (("-o", "nowhere/m.png"), "folder does not exist"),
         (("-o", "m.docx"), ".png"),
-        (("--scale", "0"), "scale"),
+        (("--scale", "0"), "--scale is 0.0; it must be more than 0"),
         (("--config", "absent.toml"), "absent.toml"),
         (("--config", "unknown.toml"), "thresold"),
         (("--config", "impossible.toml"), "levels"),
