@@ -15,10 +15,9 @@ from skymosaic.cli.session import session
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.evaluation.hardware import compare
 from skymosaic.evaluation.metrics import grid_error
-from skymosaic.imagery.images import check_unused, save
+from skymosaic.imagery.images import check_output_folder, save
 from skymosaic.mosaicking.api import mosaic
 from skymosaic.registration.options import FeatureOptions
-from skymosaic.reports.pages import make_folder
 from skymosaic.reports.pair import write_pair_report
 from skymosaic.stopwatch import Stopwatch
 
@@ -39,8 +38,8 @@ def demo(
     """
     if backend not in DEMO_BACKENDS:
         raise InputError(f"--backend {backend}: the demo takes {', '.join(DEMO_BACKENDS)}")
-    check_unused(output, overwrite=overwrite)
-    make_folder(output)
+    check_output_folder(output, overwrite=overwrite)
+    output.mkdir(parents=True, exist_ok=True)
     photographs = output / "left.png", output / "right.png"
     _make_mosaic(output, photographs, seed)
     # The golden model is what the hardware is compared with.

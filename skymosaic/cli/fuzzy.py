@@ -23,9 +23,8 @@ from skymosaic.fuzzy.golden import (
     measure_errors,
     quantise,
 )
-from skymosaic.imagery.images import check_output, check_unused, save_bytes
+from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
 from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS, PlottedSystem, plan_plot
-from skymosaic.reports.pages import make_folder
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ def _check_plot(names: list[str], output: Path | None, *, overwrite: bool) -> Pa
             raise InputError(f"{name}: its picture would replace that of {other}; draw it into another folder")
         drawn[stem] = name
     folder = output or Path("fuzzy")
-    check_unused(folder, overwrite=overwrite)
+    check_output_folder(folder, overwrite=overwrite)
     return folder
 
 
@@ -160,7 +159,7 @@ def _write(names: list[str], path: Path, *, overwrite: bool) -> None:
 
 def _draw(systems: list[_Description], folder: Path) -> None:
     draw_system = import_plots("skymosaic.reports.fuzzy_plots").draw_system
-    make_folder(folder)
+    folder.mkdir(parents=True, exist_ok=True)
     for each in systems:
         path = folder / f"{each.name}.png"
         try:

@@ -11,8 +11,7 @@ from skymosaic.cli.options import OverwriteOption, import_plots, output_option
 from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import session
 from skymosaic.flight.workers import Progress
-from skymosaic.imagery.images import check_unused, save_bytes
-from skymosaic.reports.pages import make_folder
+from skymosaic.imagery.images import check_output_folder, save_bytes
 from skymosaic.thesis import dataset, pictures, tables
 from skymosaic.thesis.dataset import Source
 from skymosaic.thesis.experiments import find_best_pair, run_experiments
@@ -29,8 +28,8 @@ def thesis(
     """Repeat the thesis's experiments, tables IV-1 to IV-7 and figure IV-6, beside the published figures."""
     page = import_plots("skymosaic.thesis.page")
     sources = dataset.list_sources(data)
-    check_unused(output, overwrite=overwrite)
-    make_folder(output)
+    check_output_folder(output, overwrite=overwrite)
+    output.mkdir(parents=True, exist_ok=True)
     with progress_bars() as progress:
         measurements = run_experiments(_report_each(sources, progress))
     save_bytes(output / "measurements.csv", measurements.to_csv().encode())

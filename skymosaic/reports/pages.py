@@ -56,14 +56,6 @@ def staged_report(folder: Path) -> Iterator[Path]:
         raise InputError(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
 
 
-def make_folder(folder: Path) -> None:
-    """Make the folder of a report; called before the long work begins, so that a wrong name is reported at once."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made ({error.strerror}); choose another folder") from None
-
-
 def render(template: str, **values: object) -> bytes:
     """Fill in a template of this folder, in UTF-8."""
     return _TEMPLATES.get_template(template).render(values).encode()

@@ -5,14 +5,12 @@ import math
 from nicegui import ui
 
 from skymosaic.evaluation.hardware import Comparison
+from skymosaic.live.pace import CLOCK_HZ
 from skymosaic.panel.options import HARDWARE
 from skymosaic.panel.pages.page_layout import fill_in, show_command
 from skymosaic.panel.pages.sidebar import enable_while_idle
 from skymosaic.panel.results import HardwareResult, MosaicResult
 from skymosaic.panel.session import Session
-
-CLOCK_HZ = 150e6
-"""The design's target on a Zynq-7020, not reached on a board yet; 1080p60 video needs 148.5 MHz."""
 
 
 class HardwareTab:

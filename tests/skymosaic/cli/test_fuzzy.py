@@ -23,6 +23,7 @@ def test_the_command_prints_rules_and_draws(tmp_path: Path) -> None:
         ("ransac ransac --plot", "ransac: its picture would replace that of ransac"),
         ("ransac ransac.fll --plot", "ransac.fll: its picture would replace that of ransac"),
         ("ransac -o drawn", "add --plot"),
+        ("ransac --plot -o ransac.fll --overwrite", "ransac.fll: is no folder"),
         ("ransac --entries 9", "name one, or leave it out"),
     ],
 )
