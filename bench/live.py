@@ -108,7 +108,7 @@ def fly(frames: list[Pixels], size_px: tuple[int, int], seed: int) -> dict[str, 
             count_equal_scores(hypotheses, records, matches) for hypotheses, records in scored
         ),
         "homographies without a score, as counted": counts["unscored"],
-        "homographies without a score, as answered": sum(np.count_nonzero(records["causes"]) for _, records in scored),
+        "homographies without a score, as answered": sum(int((records["causes"] > 0).sum()) for _, records in scored),
         "last pixel to last match in memory, clocks (median)": int(np.median(to_matches)),
         "last pixel to last match in memory, clocks (longest)": int(to_matches.max()),
         "last pixel to homography in memory, clocks (median)": int(np.median(to_homography)),
