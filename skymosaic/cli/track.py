@@ -10,14 +10,14 @@ import typer
 
 from skymosaic.cli.options import OverwriteOption, output_option, with_options
 from skymosaic.cli.session import session
-from skymosaic.errors import InputError, RegistrationError
+from skymosaic.errors import InputError
 from skymosaic.imagery import images
 from skymosaic.imagery.key_frames import name_frame
-from skymosaic.imagery.video import OUTPUT_SUFFIXES, VideoReader, write_video
+from skymosaic.imagery.video import OUTPUT_SUFFIXES, VideoReader
 from skymosaic.registration.options import RegistrationOptions
-from skymosaic.tracking.output import TABLE_SUFFIXES, TrackedCorners, draw_outline, make_row, save_corners
+from skymosaic.tracking.output import TABLE_SUFFIXES, TrackedCorners, follow_video, save_corners
 from skymosaic.tracking.template import Roi
-from skymosaic.tracking.tracker import Tracker
+from skymosaic.tracking.tracker import TrackedFrame, Tracker
 
 # Frames between two lines of progress where it is not drawn in place.
 LINE_EVERY_FRAMES = 100
@@ -45,19 +45,17 @@ def track(
         images.check_output(corners, names, TABLE_SUFFIXES, overwrite=overwrite)
     reader = VideoReader(video)
     tracker = Tracker(template, options.base_config, backend=options.backend_name, seed=options.seed)
-    rows: list[TrackedCorners] = []
     start = time.perf_counter()
-    with session.working("tracking") as step, write_video(output, reader.frame_rate) as write:
-        for frame in map(tracker.follow, reader):
-            write(draw_outline(frame))
-            rows.append(make_row(frame, reader.frame_rate))
+    with session.working("tracking") as step:
+
+        def report(frame: TrackedFrame, row: TrackedCorners) -> None:
             facts = {"name": name_frame(video, frame.number), "placed": not frame.reason, "reason": frame.reason}
             pose = None if frame.pose is None else frame.pose.homography.tolist()
-            session.stream({**dataclasses.asdict(rows[-1]), **facts, "pose": pose})
+            session.stream({**dataclasses.asdict(row), **facts, "pose": pose})
             if session.animated or frame.number % LINE_EVERY_FRAMES == 0:
                 step(f"frame {frame.number}")
-        if not any(each.corners for each in rows):
-            raise RegistrationError(f"{video}: the template was found in none of {len(rows)} frames")
+
+        rows = follow_video(tracker, reader, output, report)
     if corners:
         save_corners(corners, rows)
     session.seconds["tracking"] = time.perf_counter() - start

@@ -3,7 +3,7 @@
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -12,8 +12,10 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Pixels
+from skymosaic.errors import RegistrationError
 from skymosaic.imagery.images import save_bytes
-from skymosaic.tracking.tracker import TrackedFrame
+from skymosaic.imagery.video import VideoReader, write_video
+from skymosaic.tracking.tracker import TrackedFrame, Tracker
 
 TABLE_SUFFIXES = (".csv", ".json")
 OUTLINE_COLOR = (0, 255, 0)
@@ -48,6 +50,28 @@ def make_row(frame: TrackedFrame, frame_rate: Fraction) -> TrackedCorners:
         return TrackedCorners(frame.number, seconds, None, "", 0)
     corners = tuple((round(float(x), 3), round(float(y), 3)) for x, y in frame.corners)
     return TrackedCorners(frame.number, seconds, corners, frame.pose.model, frame.pose.inliers)
+
+
+def follow_video(
+    tracker: Tracker, reader: VideoReader, output: Path, on_frame: Callable[[TrackedFrame, TrackedCorners], None]
+) -> list[TrackedCorners]:
+    """Follow the object through a video, write the video with its outline, and return the rows of the table.
+
+    Raises
+    ------
+    RegistrationError
+        If the object was found in no frame.
+    """
+    rows: list[TrackedCorners] = []
+    with write_video(output, reader.frame_rate) as write:
+        for frame in map(tracker.follow, reader):
+            write(draw_outline(frame))
+            rows.append(make_row(frame, reader.frame_rate))
+            on_frame(frame, rows[-1])
+        # Raised in here, so that no video is left behind.
+        if not any(each.corners for each in rows):
+            raise RegistrationError(f"{reader.name}: the template was found in none of {len(rows)} frames")
+    return rows
 
 
 def save_corners(path: Path, rows: Sequence[TrackedCorners]) -> None:

@@ -17,11 +17,12 @@ def closed_pipe() -> Iterator[int]:
     os.close(writer)
 
 
-def skymosaic(*arguments: object, cwd: Path, **streams: int) -> subprocess.CompletedProcess[str]:
+def skymosaic(
+    *arguments: object, cwd: Path, stdout: int = subprocess.PIPE, stderr: int = subprocess.PIPE
+) -> subprocess.CompletedProcess[str]:
     """Run ``skymosaic`` in ``cwd``. Without a time limit: a busy machine must not fail a test."""
-    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | streams
     command = [sys.executable, "-m", "skymosaic", *map(str, arguments)]
-    return subprocess.run(command, cwd=cwd, text=True, check=False, **streams)
+    return subprocess.run(command, cwd=cwd, text=True, check=False, stdout=stdout, stderr=stderr)
 
 
 def only_error(stderr: str) -> str:

@@ -4,13 +4,12 @@ import shlex
 import time
 from pathlib import Path
 
-from skymosaic.errors import RegistrationError
 from skymosaic.imagery.images import save_bytes
-from skymosaic.imagery.video import VideoReader, write_video
+from skymosaic.imagery.video import VideoReader
 from skymosaic.panel.options import Options
 from skymosaic.panel.results import TrackingResult
 from skymosaic.panel.steps import Progress
-from skymosaic.tracking.output import TrackedCorners, draw_outline, make_row, save_corners
+from skymosaic.tracking.output import follow_video, save_corners
 from skymosaic.tracking.tracker import Tracker
 
 VIDEO, CORNERS = "tracked.mp4", "corners.csv"
@@ -29,17 +28,9 @@ def follow(
         If the object was found in no frame.
     """
     reader = VideoReader(folder / video)
-    rows: list[TrackedCorners] = []
     started = time.perf_counter()
     tracker = Tracker(folder / template, preset=options.preset, backend=options.backend_name)
-    with write_video(folder / VIDEO, reader.frame_rate) as write:
-        for frame in map(tracker.follow, reader):
-            write(draw_outline(frame))
-            rows.append(make_row(frame, reader.frame_rate))
-            progress(f"frame {frame.number + 1}")
-        # Raised in here, so that no video is left behind.
-        if not any(each.corners for each in rows):
-            raise RegistrationError(f"{video}: the object was found in none of {len(rows)} frames")
+    rows = follow_video(tracker, reader, folder / VIDEO, lambda frame, _row: progress(f"frame {frame.number + 1}"))
     seconds = time.perf_counter() - started
     save_corners(folder / CORNERS, rows)
     words = ["skymosaic", "track", template, video, "-o", VIDEO, "--corners", CORNERS, "--overwrite"]
