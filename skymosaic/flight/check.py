@@ -191,7 +191,7 @@ def _problems(links: int, best_overlap: float, sharpness: float, clipped: float)
 def _problems_of_all(flight: Flight) -> Iterator[str]:
     unusable = len(flight.names) - len(flight.views)
     if unusable:
-        yield f"{unusable} photographs cannot be used or repeat another"
+        yield f"{unusable} of {len(flight.names)} photographs cannot be used or repeat another"
     if standing := sum(link.standing for link in flight.links):
         yield f"{standing} pairs: {STANDS_STILL}"
     if len(flight.layouts) > 1:
