@@ -82,8 +82,6 @@ class Accelerator(wiring.Component):
     """Active high, level; software clears an event by writing 1."""
 
     registers: RegisterFile
-    closing_clocks: int
-    """See `hdl.front_end.FrontEnd`."""
 
     def __init__(
         self,
@@ -107,7 +105,6 @@ class Accelerator(wiring.Component):
             registers=(*list_registers(config), *shell_registers),
         )
         self._front_end = FrontEnd(config=config.front_end, **video)
-        self.closing_clocks = self._front_end.closing_clocks
         self._matcher = Matcher(
             config=config.matcher,
             pattern=config.front_end.pattern,
@@ -130,6 +127,11 @@ class Accelerator(wiring.Component):
                 "o_interrupt": Out(1),
             }
         )
+
+    @property
+    def closing_clocks(self) -> int:
+        """See `hdl.front_end.FrontEnd`."""
+        return self._front_end.closing_clocks
 
     def elaborate(self, platform: object) -> Module:
         """The data path and the status, which ``clear`` resets; registers and outputs, which it does not."""
