@@ -13,7 +13,7 @@ from skymosaic.compositing.warp import CANVAS_LIMIT_PX
 from skymosaic.errors import InputError, RegistrationError
 from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.picture.composition import Room
-from skymosaic.flight.picture.mapping import MapPlace, place_on_map
+from skymosaic.flight.picture.mapping import MapPlace, explain_absence, place_on_map
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, OutputForm, deliver, room_for
 from skymosaic.flight.picture.preparation import compose
 from skymosaic.flight.workers import Workers
@@ -216,7 +216,7 @@ def _report_place(output: Path, place: MapPlace, *, require_map: bool) -> None:
     """Warn of a file without a place on the map, or raise `RegistrationError` where it is required."""
     if place.georeference is not None or output.suffix.lower() not in GEOTIFF_SUFFIXES:
         return
-    reason = f"{output} has no place on the map: {place.note}; frames with GPS, or mosaic with --gcp FILE, give it one"
+    reason = explain_absence(output, place, "frames with GPS, or mosaic with --gcp FILE")
     if require_map:
         raise RegistrationError(f"{reason}; nothing was written")
     session.warn(reason)
