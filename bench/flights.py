@@ -24,7 +24,7 @@ from bench.rendered_flights import rendered
 from bench.report import JsonFile, Row, program, report
 from bench.stitcher_runs import peers
 from golden_model.arrays import Points
-from skymosaic.flight.picture.mapping import camera_positions
+from skymosaic.flight.mapping.place import camera_positions
 from skymosaic.geometry.homography import DegenerateError, apply, estimate
 from skymosaic.maps.georeference import fit_to_map, project_to_utm
 from skymosaic.mosaicking.api import open_plan

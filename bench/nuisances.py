@@ -21,7 +21,7 @@ from bench.rendered_flights import grid_over
 from bench.report import JsonFile, Row, report
 from golden_model.arrays import Array
 from sim.scene import Flight, make_lawnmower
-from skymosaic.errors import RegistrationError
+from skymosaic.common.errors import RegistrationError
 from skymosaic.geometry.homography import apply
 from skymosaic.mosaicking.api import mosaic
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.arrays import Matrix, Pixels
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.evaluation.known_pairs import COLUMNS, LIST_NAME, KnownPair, read_pairs
 from skymosaic.imagery.images import save
 

@@ -22,7 +22,7 @@ import typer
 from PIL import Image as PillowImage
 
 from bench.report import JsonFile, Row, program, report
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery import images
 from skymosaic.imagery.exif import read_metadata
 from skymosaic.registration.options import WORKING_WIDTH_PX

@@ -32,9 +32,9 @@ from hdl.export.boards import SOURCES
 from sim.benches.pynq_package import NEWEST
 from sim.scene import make_pair
 from skymosaic import Pair, mosaic, register
+from skymosaic.fuzzy.plots import draw_system
+from skymosaic.fuzzy.plotted_systems import PLOTTED_SYSTEMS
 from skymosaic.reports import figures
-from skymosaic.reports.fuzzy_plots import draw_system
-from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS
 
 app = program(__doc__)
 

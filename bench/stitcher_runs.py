@@ -23,14 +23,14 @@ from bench.pair_sets import public_folder
 from bench.report import JsonFile, Row, report
 from golden_model.arrays import Matrix, Points
 from golden_model.config import preset_config
-from sim.simulators.build_cache import cache_folder
-from skymosaic.flight.cache import ResultCache
+from golden_model.user_cache import cache_folder
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import Flight, survey
-from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import list_sources
+from skymosaic.running.cache import ResultCache
+from skymosaic.running.workers import Workers
 
 METHODS = {
     "skymosaic": "skymosaic",

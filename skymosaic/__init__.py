@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from golden_model.config import Config
-    from skymosaic.live.mosaic import LiveMosaic
-    from skymosaic.live.update import LiveUpdate
     from skymosaic.mosaicking.api import mosaic, mosaics
+    from skymosaic.mosaicking.live.mosaic import LiveMosaic
+    from skymosaic.mosaicking.live.update import LiveUpdate
     from skymosaic.mosaicking.options import MosaicOptions
     from skymosaic.mosaicking.result import Mosaic
     from skymosaic.registration.extraction import Features, extract
@@ -44,8 +44,8 @@ _MODULES = {
     "Config": "golden_model.config",
     "FeatureOptions": "skymosaic.registration.options",
     "Features": "skymosaic.registration.extraction",
-    "LiveMosaic": "skymosaic.live.mosaic",
-    "LiveUpdate": "skymosaic.live.update",
+    "LiveMosaic": "skymosaic.mosaicking.live.mosaic",
+    "LiveUpdate": "skymosaic.mosaicking.live.update",
     "Mosaic": "skymosaic.mosaicking.result",
     "MosaicOptions": "skymosaic.mosaicking.options",
     "Pair": "skymosaic.registration.pair",

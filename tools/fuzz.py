@@ -21,7 +21,7 @@ import numpy as np
 import typer
 
 from sim.backends.interface import BackendError
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from tools.fuzz_targets import TARGETS
 
 app = typer.Typer(help=__doc__, add_completion=False)

@@ -26,7 +26,6 @@ from golden_model.records import FRAME_STATUS, MATCH, Tag
 from sim.backends import board
 from sim.backends.interface import silent
 from sim.simulators.build_cache import build_once
-from skymosaic.flight.cache import ResultCache
 from skymosaic.fuzzy.golden import quantise
 from skymosaic.imagery import images
 from skymosaic.imagery.exif import read_metadata
@@ -34,6 +33,7 @@ from skymosaic.imagery.lens import load_lens
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.maps.control_points import load_control_points
+from skymosaic.running.cache import ResultCache
 from tools.mutators import damage_block, mutated, mutated_text
 
 MAX_WRONG_SHARE = 0.01

@@ -16,8 +16,9 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
+from golden_model.user_cache import cache_folder
 from sim.backends.interface import BackendError, Progress, silent
-from sim.simulators.build_cache import build_once, cache_folder
+from sim.simulators.build_cache import build_once
 
 NEWEST = "4.0.0"
 OLDER = ("3.1.2", "3.0.1")

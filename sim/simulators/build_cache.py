@@ -6,32 +6,19 @@ import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
 from filelock import FileLock, Timeout
-from platformdirs import user_cache_path
 
+from golden_model.user_cache import cache_folder, make_private
 from sim.backends.interface import BackendError, Progress
 
 CHECKSUMS = "checksums"
 """File in each folder of the cache: one line per other file, with its SHA-256 and its path."""
 MIN_FREE_BYTES = 64 << 20
 """A build that fails with less free space than this is tried again in a temporary folder."""
-
-
-def cache_folder() -> Path:
-    """The project's folder in the user's cache: on Linux in ``XDG_CACHE_HOME``, or ``~/.cache`` if that is not set."""
-    return user_cache_path("skymosaic", appauthor=False)
-
-
-def make_private(folder: Path) -> None:
-    """Create a folder for its owner alone, or make it so: who can write to builds can run code as their owner."""
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    # It may be another user's.
-    with suppress(OSError):
-        folder.chmod(0o700)
 
 
 def digest(*parts: str) -> str:

@@ -14,7 +14,7 @@ from sim.backends.interface import BackendError
 from skymosaic.cli.common import QuietOption, VerboseOption, with_common_options
 from skymosaic.cli.session import session
 from skymosaic.cli.terminal import abandon_output, ended_by_signals, open_outputs, without_library_messages
-from skymosaic.errors import InputError, RegistrationError
+from skymosaic.common.errors import InputError, RegistrationError
 
 COMMANDS = {
     "demo": "Render a synthetic pair, make its mosaic, and compare it with the truth.",

@@ -11,14 +11,14 @@ from golden_model.text import one_line
 from skymosaic.cli.options import PhotographsArgument, with_options
 from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import session
-from skymosaic.errors import RegistrationError
+from skymosaic.common.errors import RegistrationError
 from skymosaic.flight.check import FlightCheck, check_flight
 from skymosaic.flight.survey import Flight
-from skymosaic.flight.workers import Workers
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.key_frames import flight_sources, refuse_single
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.plan import survey_sources
+from skymosaic.running.workers import Workers
 
 
 @with_options

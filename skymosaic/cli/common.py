@@ -10,7 +10,7 @@ import typer
 import skymosaic
 from golden_model.text import how_to_install
 from skymosaic.cli.session import session
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print results, warnings and errors only.")]
 VerboseOption = Annotated[

@@ -7,9 +7,9 @@ import typer
 
 from skymosaic.cli.options import OverwriteOption, with_options
 from skymosaic.cli.session import session
+from skymosaic.common.options import HARDWARE, OUTPUT
 from skymosaic.evaluation.hardware import compare as compare_pair
 from skymosaic.imagery.images import check_output
-from skymosaic.options import HARDWARE, OUTPUT
 from skymosaic.registration.options import FeatureOptions
 
 

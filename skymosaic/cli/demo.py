@@ -12,14 +12,14 @@ from sim.backends.interface import BACKENDS, BackendError
 from sim.scene import make_pair
 from skymosaic.cli.options import OverwriteOption, choice, output_option
 from skymosaic.cli.session import session
-from skymosaic.errors import InputError, RegistrationError
+from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.evaluation.hardware import compare
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.imagery.images import check_output_folder, save
 from skymosaic.mosaicking.api import mosaic
 from skymosaic.registration.options import FeatureOptions
 from skymosaic.reports.pair import write_pair_report
-from skymosaic.stopwatch import Stopwatch
 
 MAX_ERROR_PX = 0.5
 # A board needs an address: `compare` has an option for it.

@@ -15,12 +15,12 @@ from golden_model.fuzzy.fll import load_system
 from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD
 from skymosaic.cli.options import OverwriteOption, choice, output_option, read_file, read_rules, with_options
 from skymosaic.cli.session import session
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
+from skymosaic.common.options import HARDWARE, OUTPUT
+from skymosaic.common.temporary import existing_parent, temporary_folder
 from skymosaic.fuzzy.golden import ENTRIES, quantise
 from skymosaic.imagery.images import check_unused
-from skymosaic.options import HARDWARE, OUTPUT
 from skymosaic.registration.options import FeatureOptions
-from skymosaic.temporary import existing_parent, temporary_folder
 
 
 @with_options

@@ -15,7 +15,7 @@ from golden_model.fuzzy.rules import SHIPPED
 from golden_model.text import one_line
 from skymosaic.cli.options import OverwriteOption, import_plots, output_option, read_file
 from skymosaic.cli.session import STDOUT, session
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.fuzzy.golden import (
     ENTRIES,
     MIN_FIRING_STRENGTH,
@@ -23,8 +23,8 @@ from skymosaic.fuzzy.golden import (
     measure_errors,
     quantise,
 )
+from skymosaic.fuzzy.plotted_systems import PLOTTED_SYSTEMS, PlottedSystem, plan_plot
 from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
-from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS, PlottedSystem, plan_plot
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ def _write(names: list[str], path: Path, *, overwrite: bool) -> None:
 
 
 def _draw(systems: list[_Description], folder: Path) -> None:
-    draw_system = import_plots("skymosaic.reports.fuzzy_plots").draw_system
+    draw_system = import_plots("skymosaic.fuzzy.plots").draw_system
     folder.mkdir(parents=True, exist_ok=True)
     for each in systems:
         path = folder / f"{each.name}.png"

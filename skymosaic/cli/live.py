@@ -9,25 +9,25 @@ import typer
 
 from skymosaic.cli.options import OverwriteOption, RequireMapOption, StrictOption, output_option, with_options
 from skymosaic.cli.session import session
+from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.common.options import INPUT, options_of
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX
-from skymosaic.errors import InputError, RegistrationError
 from skymosaic.features.standing import STANDS_STILL
+from skymosaic.flight.mapping.place import MapPlace, explain_absence, place_on_map
 from skymosaic.flight.picture.composition import Room
-from skymosaic.flight.picture.mapping import MapPlace, explain_absence, place_on_map
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, OutputForm, deliver, room_for
 from skymosaic.flight.picture.preparation import compose
-from skymosaic.flight.workers import Workers
 from skymosaic.imagery import images
 from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.imagery.live_frames import LiveFrame, read_live_frames
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import forget_decoded, is_folder
-from skymosaic.live.composing import flight_of_frames
-from skymosaic.live.mosaic import ESTIMATORS, LiveMosaic
-from skymosaic.live.pace import Pace
-from skymosaic.live.update import LiveUpdate
+from skymosaic.mosaicking.live.composing import flight_of_frames
+from skymosaic.mosaicking.live.mosaic import ESTIMATORS, LiveMosaic
+from skymosaic.mosaicking.live.pace import Pace
+from skymosaic.mosaicking.live.update import LiveUpdate
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.options import INPUT, options_of
+from skymosaic.running.workers import Workers
 
 PREVIEW_WIDTH_PX = 1280
 PREVIEW_SECONDS = 1.0

@@ -20,10 +20,12 @@ from skymosaic.cli.options import (
 )
 from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import STDOUT, session
-from skymosaic.errors import InputError, RegistrationError
+from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.common.options import INPUT, MAP, OUTPUT
+from skymosaic.common.temporary import resolved
 from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.check import check_flight, doubts, layout_errors
-from skymosaic.flight.picture.mapping import explain_absence
+from skymosaic.flight.mapping.place import explain_absence
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm
 from skymosaic.flight.survey import Flight
 from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
@@ -31,10 +33,8 @@ from skymosaic.maps.geotiff import COMPRESSIONS
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
-from skymosaic.options import INPUT, MAP, OUTPUT
 from skymosaic.reports.flight import describe_bands, describe_cuts, describe_map, flight_numbers, write_report
 from skymosaic.reports.pages import OWN_NAMES
-from skymosaic.temporary import resolved
 
 
 @with_options

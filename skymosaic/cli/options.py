@@ -19,11 +19,11 @@ from golden_model.config_file import load_config
 from golden_model.fuzzy.rules import MatchRules, load_rules
 from golden_model.text import how_to_install, one_line
 from skymosaic.cli.session import session
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
+from skymosaic.common.options import GROUPS, INPUT, MACHINE, MAP, OUTPUT, Option, options_of
 from skymosaic.imagery.lens import load_lens
 from skymosaic.maps.control_points import load_control_points
 from skymosaic.maps.positions import load_positions
-from skymosaic.options import GROUPS, INPUT, MACHINE, MAP, OUTPUT, Option, options_of
 from skymosaic.registration.options import FeatureOptions
 from skymosaic.registration.pair import Pair
 

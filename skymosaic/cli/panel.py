@@ -12,7 +12,7 @@ from platformdirs import user_data_path
 
 from golden_model.text import how_to_install
 from skymosaic.cli.session import session
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 
 
 def panel(

@@ -8,7 +8,7 @@ from rich import progress as rich_progress
 from rich.console import Console
 
 from skymosaic.cli.session import session
-from skymosaic.flight.workers import Progress
+from skymosaic.running.workers import Progress
 
 # Between two lines of one stage where progress is not drawn in place.
 LINE_EVERY_S = 10.0

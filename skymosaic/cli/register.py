@@ -7,7 +7,7 @@ import typer
 
 from skymosaic.cli.options import print_pair, with_options
 from skymosaic.cli.session import session
-from skymosaic.errors import RegistrationError
+from skymosaic.common.errors import RegistrationError
 from skymosaic.registration.options import RegistrationOptions
 from skymosaic.registration.register import register as register_pair
 

@@ -18,8 +18,8 @@ from rich.text import Text
 
 from golden_model.text import one_line
 from golden_model.version import VERSION
-from skymosaic.errors import InputError
-from skymosaic.temporary import temporary_folder
+from skymosaic.common.errors import InputError
+from skymosaic.common.temporary import temporary_folder
 
 STDOUT = Path("-")
 """The output of this name is standard output."""

@@ -10,8 +10,8 @@ import typer
 from skymosaic.cli.options import OverwriteOption, import_plots, output_option
 from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import session
-from skymosaic.flight.workers import Progress
 from skymosaic.imagery.images import check_output_folder, save_bytes
+from skymosaic.running.workers import Progress
 from skymosaic.thesis import dataset, pictures, tables
 from skymosaic.thesis.dataset import Source
 from skymosaic.thesis.experiments import find_best_pair, run_experiments

@@ -10,7 +10,7 @@ import typer
 
 from skymosaic.cli.options import OverwriteOption, output_option, with_options
 from skymosaic.cli.session import session
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery import images
 from skymosaic.imagery.key_frames import name_frame
 from skymosaic.imagery.video import OUTPUT_SUFFIXES, VideoReader

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.arrays import Array
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 
 LIST_NAME = "pairs.csv"
 ELEMENTS = tuple(f"h{row}{column}" for row in range(3) for column in range(3))

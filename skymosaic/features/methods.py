@@ -20,7 +20,7 @@ from golden_model.matching import matcher, rule_bases
 from golden_model.pixel.gray import to_gray
 from golden_model.records import FRAME_STATUS, MATCH, Tag
 from sim.backends.interface import Backend, FrameResult, Progress, Reference, load_backend, silent
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.features import detectors, matchers
 from skymosaic.features.descriptors import ANGLE_IGNORED, DESCRIPTORS, TRACKED, WINDOWS_PX, describe
 from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS

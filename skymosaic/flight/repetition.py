@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from skymosaic.errors import InputError
-from skymosaic.flight.cache import ResultCache
+from skymosaic.common.errors import InputError
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.survey import Flight
-from skymosaic.flight.workers import Workers
 from skymosaic.imagery.photographs import Source
+from skymosaic.running.cache import ResultCache
+from skymosaic.running.workers import Workers
 
 
 def repeat_flight(known: Flight, sources: Sequence[Source], seed: int, workers: Workers, cache: ResultCache) -> Flight:

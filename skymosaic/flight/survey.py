@@ -7,9 +7,9 @@ from functools import cached_property, partial
 import numpy as np
 
 from golden_model.arrays import Array
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
+from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.flight import candidates
-from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.layout.layout import Layout, groups, lay_out, rough_transforms
 from skymosaic.flight.layout.self_calibration import (
     Calibration,
@@ -21,13 +21,13 @@ from skymosaic.flight.linking.links import Candidate, Link, valid_links
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings, View
 from skymosaic.flight.second_look import link_across_heights, link_by_more_features
-from skymosaic.flight.workers import Workers
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.maps.positions import Positions
 from skymosaic.registration.pair import Pair
-from skymosaic.stopwatch import Stopwatch
+from skymosaic.running.cache import ResultCache
+from skymosaic.running.workers import Workers
 
 MAX_ROUNDS = 6
 """How often a better layout may propose further pairs."""

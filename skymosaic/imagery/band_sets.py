@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.decoding import read_header
 from skymosaic.imagery.photographs import Source
 

@@ -17,7 +17,7 @@ from PIL.ExifTags import Base
 
 from golden_model.config import MIN_FRAME_PX
 from golden_model.small_files import open_regular, read_small_file
-from skymosaic.errors import DamagedError, InputError
+from skymosaic.common.errors import DamagedError, InputError
 from skymosaic.imagery.jpeg import END, decode_strictly
 from skymosaic.imagery.tiff import check_tiff
 

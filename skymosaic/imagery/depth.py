@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Intensities, Pixels
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 
 TAIL_PERCENT = 0.1
 """Share of values that saturate at each end when pixels are mapped to 8 bits."""

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Intensities, Pixels
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
+from skymosaic.common.temporary import existing_parent, resolved, temporary_file
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.decoding import UPRIGHT, check_size, decode, read_header
 from skymosaic.imagery.depth import ValueRange, measure_range, sample_values
-from skymosaic.temporary import existing_parent, resolved, temporary_file
 
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 

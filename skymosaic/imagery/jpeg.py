@@ -10,7 +10,7 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
-from skymosaic.errors import DamagedError, InputError
+from skymosaic.common.errors import DamagedError, InputError
 
 MAX_SCANS = 100
 """Progressive JPEG files have about ten. Every scan costs a pass over the whole picture, however short it is."""

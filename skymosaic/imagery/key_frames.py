@@ -11,12 +11,12 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Float32, Pixels
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
+from skymosaic.common.temporary import temporary_folder
 from skymosaic.imagery.decoding import check_file
 from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.imagery.photographs import Source, list_sources
 from skymosaic.imagery.video import VIDEO_SUFFIXES, VideoReader
-from skymosaic.temporary import temporary_folder
 
 KEY_OVERLAP = 0.65
 """Share of its area that a key frame has in common with the next, or slightly more: enough for reliable registration,

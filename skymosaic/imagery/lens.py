@@ -11,7 +11,7 @@ import numpy as np
 
 from golden_model.arrays import Array, Intensities, Pixels, Points
 from golden_model.small_files import read_small_file
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.images import load
 

@@ -10,14 +10,14 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Pixels
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
+from skymosaic.common.temporary import resolved
 from skymosaic.imagery.band_sets import select_band
 from skymosaic.imagery.exif import Metadata, read_metadata
 from skymosaic.imagery.images import load
 from skymosaic.imagery.key_frames import name_frame, select_key_frames
 from skymosaic.imagery.photographs import is_folder, list_folder, list_sources
 from skymosaic.imagery.video import VideoReader
-from skymosaic.temporary import resolved
 
 POLL_SECONDS = 0.2
 SETTLED_SECONDS = 0.5

@@ -7,8 +7,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from golden_model.small_files import read_small_file
+from skymosaic.common.temporary import resolved
 from skymosaic.imagery.images import save_bytes
-from skymosaic.temporary import resolved
 
 RECORD_NAME = ".skymosaic-outputs"
 """File in the folder of photographs, with a line per mosaic: its SHA-256 and its name."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from golden_model.arrays import Intensities, Pixels
 from golden_model.small_files import open_regular
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.decoding import check_file
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.images import PICTURE_SUFFIXES, Photograph, load, load_intensities

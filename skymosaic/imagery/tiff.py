@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image as PillowImage
 from PIL.TiffTags import TAGS_V2
 
-from skymosaic.errors import DamagedError
+from skymosaic.common.errors import DamagedError
 from skymosaic.imagery.jpeg import decode_strictly
 
 _TAGS = {tag.name: number for number, tag in TAGS_V2.items()}

@@ -10,7 +10,7 @@ import numpy as np
 from av.error import FFmpegError
 
 from golden_model.arrays import Pixels
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.decoding import MAX_AREA_PX, check_file
 from skymosaic.imagery.images import write_atomically
 

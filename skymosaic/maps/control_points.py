@@ -12,7 +12,7 @@ import rasterio.errors
 
 from golden_model.arrays import Points
 from golden_model.small_files import read_small_file
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.exif import Position
 from skymosaic.imagery.photographs import index_names
 from skymosaic.maps.georeference import map_to_globe, project_to_utm

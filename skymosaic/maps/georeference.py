@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rasterio._err import CPLE_BaseError
 
 from golden_model.arrays import Array, Matrix, Points
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.geometry.homography import DegenerateError, estimate, transfer_error
 from skymosaic.imagery.exif import Position
 

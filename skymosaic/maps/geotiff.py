@@ -16,10 +16,10 @@ import rasterio.shutil
 import rasterio.windows
 
 from golden_model.arrays import Intensities, Mask
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
+from skymosaic.common.temporary import temporary_folder
 from skymosaic.imagery.images import write_atomically
 from skymosaic.maps.georeference import Georeference, configured_rasterio
-from skymosaic.temporary import temporary_folder
 
 JPEG_QUALITY = 90
 DEFLATE_LEVEL = 3

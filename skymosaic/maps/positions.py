@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.exif import Position
 from skymosaic.imagery.photographs import index_names
 from skymosaic.maps.control_points import convert_to_degrees, read_lines, read_system

@@ -17,10 +17,10 @@ import rasterio.warp
 import rasterio.windows
 
 from golden_model.arrays import Pixels
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
+from skymosaic.common.temporary import PAGE, staged_folder
 from skymosaic.imagery.depth import ValueRange, show_in_8_bit
 from skymosaic.maps.georeference import configured_rasterio
-from skymosaic.temporary import PAGE, staged_folder
 
 TILE_PX = 256
 WEBP_QUALITY = 85

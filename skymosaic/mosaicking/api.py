@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Unpack
 
 from golden_model.arrays import Pixels
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.flight.two_photographs import flight_of_pair
-from skymosaic.flight.workers import Progress, Workers, silent
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.key_frames import flight_sources, refuse_single
 from skymosaic.imagery.lens import Lens
@@ -18,6 +17,7 @@ from skymosaic.mosaicking.options import MosaicKeywords, MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.mosaicking.result import Mosaic
 from skymosaic.registration.pair import Pair
+from skymosaic.running.workers import Progress, Workers, silent
 
 
 def mosaic(

@@ -3,15 +3,15 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from skymosaic.common.errors import InputError
+from skymosaic.common.options import INPUT, MACHINE, MAP, PICTURE, document_options, option, options_of
 from skymosaic.compositing.blend import METHODS
-from skymosaic.errors import InputError
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.picture.composition import MEMORY_BYTES
 from skymosaic.imagery.lens import Lens
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.positions import Positions
 from skymosaic.mosaicking.result import Mosaic
-from skymosaic.options import INPUT, MACHINE, MAP, PICTURE, document_options, option, options_of
 from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
 
 MEGABYTE = 1 << 20

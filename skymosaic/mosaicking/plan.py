@@ -13,15 +13,16 @@ import numpy as np
 
 from golden_model.arrays import Intensities, Mask
 from golden_model.config import MIN_FRAME_PX
-from sim.simulators.build_cache import cache_folder
+from golden_model.user_cache import cache_folder
+from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.common.memory import release_free_memory
+from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.compositing.mesh import Mesh, fit_mesh, fit_useful_mesh
-from skymosaic.errors import InputError, RegistrationError
 from skymosaic.features.positions import match_points
 from skymosaic.flight.bands.spectrum import in_all_bands
-from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.mapping.place import MapPlace, explain_absence, fit_layout, place_on_map
 from skymosaic.flight.picture.composition import Composition, Room
-from skymosaic.flight.picture.mapping import MapPlace, explain_absence, fit_layout, place_on_map
 from skymosaic.flight.picture.output import (
     PLAIN,
     PREVIEW_WIDTH_PX,
@@ -35,19 +36,18 @@ from skymosaic.flight.picture.preparation import check_scale, compose
 from skymosaic.flight.repetition import repeat_flight
 from skymosaic.flight.survey import Flight, survey
 from skymosaic.flight.two_photographs import flight_of_pair
-from skymosaic.flight.workers import Workers
 from skymosaic.imagery import images as pictures
 from skymosaic.imagery.decoding import read_header
 from skymosaic.imagery.exif import read_metadata
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source, decoded_photographs
 from skymosaic.maps.tiles import OWN_NAMES
-from skymosaic.memory import release_free_memory
 from skymosaic.mosaicking.options import MEGAPIXEL, MosaicOptions
 from skymosaic.mosaicking.result import Mosaic
 from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register_photographs
-from skymosaic.stopwatch import Stopwatch
+from skymosaic.running.cache import ResultCache
+from skymosaic.running.workers import Workers
 
 MIN_ROOM_PX = 1_000_000
 """A disk with less room is refused before the first feature; one with more gets a reduced mosaic."""

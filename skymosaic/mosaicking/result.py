@@ -5,17 +5,17 @@ from functools import cached_property
 from pathlib import Path
 
 from golden_model.arrays import Intensities, Matrix
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, deliver
 from skymosaic.flight.survey import Flight
-from skymosaic.flight.workers import Workers
 from skymosaic.imagery.images import check_output
 from skymosaic.imagery.notebook import describe_in_html
 from skymosaic.imagery.photographs import forget_decoded
 from skymosaic.maps.georeference import Georeference
 from skymosaic.registration.pair import Pair
+from skymosaic.running.workers import Workers
 
 
 @dataclass(frozen=True, repr=False)

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
+from skymosaic.common.temporary import resolved
 from skymosaic.imagery.photographs import is_folder, list_folder, list_sources
-from skymosaic.temporary import resolved
 
 
 class Roots:

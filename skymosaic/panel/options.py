@@ -10,11 +10,11 @@ from typing import Any
 from golden_model.config import RULE_BASES, Config, preset_config
 from golden_model.fuzzy.rules import MatchRules
 from sim.backends.interface import BACKENDS
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
+from skymosaic.common.options import options_of
 from skymosaic.features.detectors import FRONT_END_DETECTORS
 from skymosaic.features.methods import choose_method
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.options import options_of
 
 AUTOMATIC, OWN = "automatic", "own"
 """What the page shows for the library's default blending, which is None, and for rules that are none of the names."""

@@ -13,7 +13,7 @@ from golden_model.fuzzy.rules import MatchRules
 from golden_model.fuzzy.system import FuzzySystem
 from golden_model.matching.matcher import weigh
 from sim.backends.interface import Backend, FrameResult, Reference, load_backend
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.images import save_bytes
 from skymosaic.panel.results import EDITED_RULES, MosaicResult
 from skymosaic.registration.register import register

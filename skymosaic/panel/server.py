@@ -11,7 +11,7 @@ from nicegui import app as page_app
 from nicegui import ui
 from starlette.middleware.sessions import SessionMiddleware
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.panel.file_routes import FileRoutes
 from skymosaic.panel.folders import Roots
 from skymosaic.panel.origin_check import OriginCheck

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 from nicegui import Event, background_tasks
 from nicegui.binding import BindableProperty
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.panel.folders import Roots
 from skymosaic.panel.options import Options
 from skymosaic.panel.results import Decoded, HardwareResult, InputFile, MosaicResult, TrackingResult

@@ -6,12 +6,12 @@ from contextlib import ExitStack
 from pathlib import Path
 from weakref import WeakValueDictionary
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
+from skymosaic.common.temporary import temporary_folder
 from skymosaic.panel.folders import Roots
 from skymosaic.panel.runs import Runs
 from skymosaic.panel.session import Queues, Session
 from skymosaic.panel.uploads import MAX_UPLOADS_OF_ALL
-from skymosaic.temporary import temporary_folder
 
 MAX_SESSIONS = 64
 """Sessions with files; beyond this number, the one that has been idle the longest loses its files."""

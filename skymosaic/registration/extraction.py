@@ -18,7 +18,7 @@ from golden_model.pixel.gray import to_gray
 from golden_model.records import Cause
 from golden_model.text import one_line
 from sim.backends.interface import Backend, FrameResult, Progress, silent
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.features.frames import DescribedImage
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import feature_points
@@ -106,7 +106,7 @@ def extract(
 
     Raises
     ------
-    skymosaic.errors.InputError
+    skymosaic.common.errors.InputError
         For a photograph that cannot be used, an unknown name or an impossible combination.
 
     Examples

@@ -11,12 +11,12 @@ from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, PRESETS, RULE_BASES,
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.fuzzy.rules import MatchRules
 from sim.backends.interface import BACKENDS, Backend, Progress, silent
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
+from skymosaic.common.options import INPUT, MACHINE, document_options, option, options_of
 from skymosaic.features.descriptors import DESCRIPTORS
 from skymosaic.features.detectors import DETECTORS
 from skymosaic.features.methods import HostBackend, Method, check_backend, choose_method, load_backend_for
 from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, SCORINGS
-from skymosaic.options import INPUT, MACHINE, document_options, option, options_of
 
 WORKING_WIDTH_PX = 1280
 EFFORTS = ("fast", "normal", "thorough")

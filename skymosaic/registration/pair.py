@@ -14,7 +14,7 @@ from golden_model.arrays import Array, Matrix, Pixels, Points, Records
 from golden_model.config import Config
 from golden_model.formats import WEIGHT
 from golden_model.text import how_to_install, one_line
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply, rescale, transfer_error

@@ -12,6 +12,7 @@ from golden_model.arrays import Mask, Matrix, Pixels, Points, Records
 from golden_model.config import Config
 from golden_model.matching.matcher import match
 from sim.backends.interface import Backend, Progress, silent
+from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.features.frames import DescribedImage
 from skymosaic.features.positions import are_on_ground, match_points, select_ground_matches
 from skymosaic.features.standing import STANDS_STILL, are_still, remove_still, stands_on_still_parts
@@ -25,7 +26,6 @@ from skymosaic.registration.extraction import Features, extract_within_capacity,
 from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
 from skymosaic.registration.pair import Pair, map_to_originals
 from skymosaic.registration.passes import Evidence, Search, SearchState, explain_refusal
-from skymosaic.stopwatch import Stopwatch
 
 INVERTED_NOTE = "it matches only as its negative, as thermal and infrared photographs may"
 
@@ -58,7 +58,7 @@ def register(
 
     Raises
     ------
-    skymosaic.errors.InputError
+    skymosaic.common.errors.InputError
         For a photograph that cannot be used, an unknown name or an impossible combination; for features that other
         options gave, or of a method that only the host computes.
 

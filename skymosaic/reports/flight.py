@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from skymosaic.common.temporary import PAGE
 from skymosaic.compositing.warp import magnification
 from skymosaic.flight.check import FlightCheck, check_flight, layout_errors
 from skymosaic.flight.layout.layout import Layout
@@ -20,7 +21,6 @@ from skymosaic.imagery.photographs import short_names
 from skymosaic.reports import pages
 from skymosaic.reports.footprints import outline_photographs, write_footprints
 from skymosaic.reports.pair import write_pair_report
-from skymosaic.temporary import PAGE
 
 MAX_FLAT_RELIEF = 0.05
 """Ground counts as flat if less than this share of the matches lies off the plane."""

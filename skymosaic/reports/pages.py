@@ -9,9 +9,9 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from golden_model.text import encodable
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
+from skymosaic.common.temporary import PAGE, staged_folder
 from skymosaic.imagery.images import save_bytes
-from skymosaic.temporary import PAGE, staged_folder
 
 OWN_NAMES = (
     rf"{re.escape(PAGE)}|report\.json|mosaic(_\d+)?\.jpg|corners_(left|right)\.png|matches\.png"

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from golden_model.arrays import Pixels
+from skymosaic.common.temporary import PAGE
 from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.registration.pair import Pair
 from skymosaic.reports import figures, pages
-from skymosaic.temporary import PAGE
 
 MOSAIC_WIDTH_PX = 1600
 

@@ -10,7 +10,7 @@ import numpy as np
 from golden_model.arrays import Matrix, Pixels
 from golden_model.pixel.gray import to_gray
 from sim.scene import Flight, make_lawnmower
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.evaluation.known_pairs import KnownPair, read_pairs
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.imagery.images import load, reduce_to_width
@@ -35,7 +35,7 @@ class DatasetPair:
 
     Raises
     ------
-    skymosaic.errors.InputError
+    skymosaic.common.errors.InputError
         If the images do not overlap under the true homography.
     """
 
@@ -72,7 +72,7 @@ def list_sources(data: Path | None) -> Sequence[Source]:
 
     Raises
     ------
-    skymosaic.errors.InputError
+    skymosaic.common.errors.InputError
         For a list that is missing or malformed.
     """
     if data is not None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from skymosaic.errors import RegistrationError
+from skymosaic.common.errors import RegistrationError
 from skymosaic.mosaicking.api import mosaic
 from skymosaic.thesis.corners import measure_adaptive_threshold, measure_corners
 from skymosaic.thesis.dataset import DatasetPair, Source

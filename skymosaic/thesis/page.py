@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import cv2
 
 from golden_model.arrays import Pixels
+from skymosaic.fuzzy.plots import draw_system
+from skymosaic.fuzzy.plotted_systems import PLOTTED_SYSTEMS
 from skymosaic.imagery.images import reduce_to_width
-from skymosaic.reports import fuzzy_plots
-from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS
 from skymosaic.reports.pages import render
 from skymosaic.thesis import charts, tables
 from skymosaic.thesis.corners import CORNERS, QUALITY_TARGET
@@ -176,7 +176,7 @@ def compose_page(m: Measurements, source: str, pictures: Iterable[tuple[str, Pix
         working_width_px=WORKING_WIDTH_PX,
         trends=tables.check_trends(m),
         sections=[_fill_section(section, m) for section in SECTIONS],
-        systems=[_embed(fuzzy_plots.draw_system(PLOTTED_SYSTEMS[name]), "png") for name in SYSTEMS],
+        systems=[_embed(draw_system(PLOTTED_SYSTEMS[name]), "png") for name in SYSTEMS],
         pair=pair,
         pictures=[(caption, _embed(_encode_jpeg(picture), "jpeg")) for caption, picture in pictures],
     )

@@ -7,7 +7,7 @@ import numpy as np
 
 from golden_model.arrays import Pixels
 from golden_model.config import PRESETS
-from skymosaic.errors import RegistrationError
+from skymosaic.common.errors import RegistrationError
 from skymosaic.mosaicking.api import mosaic_of_pair
 from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register

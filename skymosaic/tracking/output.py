@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Pixels
-from skymosaic.errors import RegistrationError
+from skymosaic.common.errors import RegistrationError
 from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.tracking.tracker import TrackedFrame, Tracker

@@ -20,8 +20,8 @@ import numpy as np
 from golden_model.arrays import Array, Pixels
 from golden_model.config import MIN_FRAME_PX, Config, preset_config
 from sim.backends.interface import Backend, load_backend
+from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.compositing.warp import Canvas
-from skymosaic.errors import InputError, RegistrationError
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
 from skymosaic.imagery.images import load
 from skymosaic.registration.extraction import extract_within_capacity

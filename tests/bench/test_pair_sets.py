@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench.pair_sets import read_set
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 
 SHIFT = np.array([[1.0, 0, 5], [0, 1, -3], [0, 0, 1]])
 

@@ -12,7 +12,7 @@ import pytest
 
 import skymosaic
 from sim.scene import make_lawnmower, make_pair
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.geometry.homography import apply
 from skymosaic.registration.pair import KINDS, Pair
 

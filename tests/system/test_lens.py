@@ -13,15 +13,15 @@ from golden_model.config import preset_config
 from sim.scene import Flight, make_lawnmower
 from skymosaic.compositing.warp import Canvas
 from skymosaic.features.positions import feature_points
-from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.picture.preparation import compose
 from skymosaic.flight.survey import Flight as SurveyedFlight
 from skymosaic.flight.survey import survey
-from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.imagery.photographs import list_sources
+from skymosaic.running.cache import ResultCache
+from skymosaic.running.workers import Workers
 from tests.conftest import Run
 from tests.system.command_line import closed_pipe, skymosaic
 

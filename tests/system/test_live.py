@@ -19,14 +19,14 @@ from sim.scene import Flight
 from skymosaic import mosaic
 from skymosaic.cli.live import grow
 from skymosaic.cli.live import live as live_command
-from skymosaic.errors import InputError, RegistrationError
+from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.imagery.live_frames import read_live_frames
 from skymosaic.imagery.video import write_video
-from skymosaic.live.mosaic import LiveMosaic
-from skymosaic.live.pace import Pace
+from skymosaic.mosaicking.live.mosaic import LiveMosaic
+from skymosaic.mosaicking.live.pace import Pace
 from tests.conftest import Run
-from tests.skymosaic.live.conftest import pair_errors_px
+from tests.skymosaic.mosaicking.live.conftest import pair_errors_px
 from tests.system.command_line import skymosaic
 from tests.system.conftest import SIZE
 

@@ -13,7 +13,7 @@ import rasterio
 import rasterio.errors
 
 from skymosaic import mosaic
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.live_frames import read_live_frames
 from skymosaic.imagery.photographs import list_sources

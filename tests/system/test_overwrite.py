@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from sim.scene import make_pair
 from skymosaic.cli import app
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 
 COMMANDS = {
     "mosaic": ("mosaic", "left.png", "right.png", "-o", "taken.png"),

@@ -8,7 +8,7 @@ import pytest
 from golden_model.records import MATCH
 from sim.scene import Flight, make_pair
 from skymosaic import mosaic, register
-from skymosaic.errors import InputError, RegistrationError
+from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.imagery.lens import Lens
 from skymosaic.mosaicking.api import mosaic_of_pair

@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from golden_model.config import preset_config
 from sim.scene import Flight
 from skymosaic import mosaic
-from skymosaic.errors import InputError
-from skymosaic.flight.cache import ResultCache
+from skymosaic.common.errors import InputError
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import Flight as SurveyedFlight
 from skymosaic.flight.survey import survey
-from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.photographs import list_sources
+from skymosaic.running.cache import ResultCache
+from skymosaic.running.workers import Workers
 from tests.system.command_line import only_error, skymosaic
 from tests.system.conftest import IMAGES, SIZE
 
@@ -244,7 +244,7 @@ def test_a_cluster_of_processes_gives_the_same(folder: Path) -> None:
 
 
 def test_an_absent_scheduler_is_one_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("skymosaic.flight.cluster.CONNECT_TIMEOUT_S", 1)
+    monkeypatch.setattr("skymosaic.running.cluster.CONNECT_TIMEOUT_S", 1)
     with pytest.raises(InputError, match="no Dask scheduler answers"):
         mosaic([folder], scheduler="tcp://127.0.0.1:9")
 

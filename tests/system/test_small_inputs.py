@@ -10,12 +10,12 @@ import pytest
 
 from golden_model.config_file import load_config
 from golden_model.fuzzy.fll import load_system
-from skymosaic.errors import InputError
-from skymosaic.flight.cache import ResultCache
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.lens import load_lens
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.imagery.video import VideoReader
 from skymosaic.maps.control_points import load_control_points
+from skymosaic.running.cache import ResultCache
 
 READERS: dict[str, Callable[[Path], object]] = {
     "a.toml": load_config,

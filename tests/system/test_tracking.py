@@ -12,7 +12,7 @@ import pytest
 
 from sim.scene import Pursuit
 from skymosaic.cli.track import track as track_command
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.tracking.template import Roi
 from tests.skymosaic.tracking.conftest import IMAGES, true_corners

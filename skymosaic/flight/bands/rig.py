@@ -14,14 +14,14 @@ import numpy as np
 
 from golden_model.arrays import Array, Float32, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
-from skymosaic.errors import RegistrationError
-from skymosaic.flight.workers import Workers
+from skymosaic.common.errors import RegistrationError
 from skymosaic.geometry.homography import apply, transfer_error
 from skymosaic.geometry.prosac import estimate_homography
 from skymosaic.imagery.images import reduce_to_width
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.registration.options import WORKING_WIDTH_PX
+from skymosaic.running.workers import Workers
 
 MAX_CAPTURES = 9
 """Captures that are compared, spread over the flight."""

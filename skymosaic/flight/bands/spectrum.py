@@ -8,20 +8,20 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.arrays import Intensities, Mask, Pixels
+from skymosaic.common.errors import InputError
 from skymosaic.compositing.tone import NEUTRAL
 from skymosaic.compositing.warp import Canvas
-from skymosaic.errors import InputError
 from skymosaic.flight.bands.rig import Alignment, align_bands
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.view import THUMBNAIL_WIDTH_PX, Settings, View
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.preparation import equalise, thumbnail_layers
 from skymosaic.flight.survey import Flight
-from skymosaic.flight.workers import Workers
 from skymosaic.imagery.depth import measure_common_range
 from skymosaic.imagery.exif import read_metadata
 from skymosaic.imagery.images import reduce_to_width
 from skymosaic.imagery.photographs import Source
+from skymosaic.running.workers import Workers
 
 
 @dataclass(frozen=True, eq=False)

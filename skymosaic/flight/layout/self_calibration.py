@@ -19,7 +19,6 @@ from functools import partial
 import numpy as np
 
 from golden_model.arrays import Array, Pixels
-from skymosaic.flight.cache import NO_CACHE, ResultCache, key_of
 from skymosaic.flight.layout.adjustment import MAX_DISTORTION, MAX_STEPS, MODELS, Network
 from skymosaic.flight.layout.layout import LinkedGroup, linked_group, normalisation
 from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS, straighten
@@ -27,6 +26,7 @@ from skymosaic.flight.linking.links import Candidate, Link
 from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.lens import Lens
+from skymosaic.running.cache import NO_CACHE, ResultCache, key_of
 
 MIN_VIEWS = 6
 """Fewer views leave the distortion to the tilts: a homography each can absorb most of it."""

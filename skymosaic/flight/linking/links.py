@@ -18,9 +18,9 @@ from golden_model.matching import hamming
 from golden_model.matching.matcher import match
 from skymosaic.features.positions import feature_points, match_points
 from skymosaic.features.standing import are_still, stands_on_still_parts
-from skymosaic.flight.cache import Arrays
 from skymosaic.geometry.homography import apply, transfer_error
 from skymosaic.geometry.prosac import estimate_homography
+from skymosaic.running.cache import Arrays
 
 TIE_PX = 3.0
 """Matches this close to a pair's homography tie the two views together, in working pixels."""

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Matrix, Records
-from skymosaic.errors import InputError
-from skymosaic.flight.cache import ResultCache, key_of
+from skymosaic.common.errors import InputError
 from skymosaic.flight.linking import resemblance
 from skymosaic.flight.linking.links import FIRST_LOOK_SAMPLES, Candidate, Link, link_views
 from skymosaic.flight.linking.view import HEAVY, Settings, View, describe, describe_thumbnail
-from skymosaic.flight.workers import Workers
 from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import Source
+from skymosaic.running.cache import ResultCache, key_of
+from skymosaic.running.workers import Workers
 
 LOOKED_UP_AT_ONCE = 16
 """Views in one call: neighbours share most of the photographs that they are compared with."""

@@ -16,9 +16,8 @@ from golden_model.arrays import Array, Pixels, Records
 from golden_model.config import Config
 from golden_model.pixel.gray import to_gray
 from sim.backends.interface import load_backend
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.features.positions import are_on_ground, feature_points
-from skymosaic.flight.cache import Arrays, key_of
 from skymosaic.flight.linking.resemblance import compact
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.exif import Metadata, Position, read_metadata
@@ -28,6 +27,7 @@ from skymosaic.imagery.photographs import Source
 from skymosaic.maps.positions import Fix
 from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.registration.options import WORKING_WIDTH_PX
+from skymosaic.running.cache import Arrays, key_of
 
 THUMBNAIL_WIDTH_PX = 320
 _ARRAYS = ("to_original", "to_thumbnail", "features", "strongest", "thumbnail", "sample")

@@ -13,17 +13,17 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Intensities, Mask, Pixels
+from skymosaic.common.memory import release_free_memory
 from skymosaic.compositing.blend import blend_layers, prepare_layers
 from skymosaic.compositing.layer import SeamMask
 from skymosaic.compositing.tone import NEUTRAL, Tone
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, TILE_PX, Canvas, footprint, outline
-from skymosaic.flight.picture.mapping import NOWHERE, MapPlace
-from skymosaic.flight.workers import Workers
+from skymosaic.flight.mapping.place import NOWHERE, MapPlace
 from skymosaic.imagery.depth import ValueRange, show_in_8_bit
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import Source, decoded_photographs
-from skymosaic.memory import release_free_memory
+from skymosaic.running.workers import Workers
 
 MEMORY_BYTES = 1 << 30
 """Default limit of the decoded photographs a process keeps."""

@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Intensities, Mask, Pixels
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
+from skymosaic.common.temporary import temporary_folder
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition, Room
 from skymosaic.flight.survey import Flight
@@ -22,7 +23,6 @@ from skymosaic.imagery.own_outputs import record_output
 from skymosaic.maps.georeference import Georeference
 from skymosaic.maps.geotiff import COMPRESSIONS, tee_to_raster, write_cog
 from skymosaic.maps.tiles import write_tiles
-from skymosaic.temporary import temporary_folder
 
 PREVIEW_WIDTH_PX = 1600
 GEOTIFF_SUFFIXES = (".tif", ".tiff")

@@ -10,19 +10,19 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Intensities
+from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.common.memory import release_free_memory
 from skymosaic.compositing.exposure import estimate_levels, estimate_tones, measure_toned_range
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.seams import find_seams
 from skymosaic.compositing.warp import Canvas, CanvasError, enclosing_canvas, magnification, nearness
-from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.view import View
+from skymosaic.flight.mapping.place import NOWHERE, MapPlace, north_up, scale_for, usual_magnification
 from skymosaic.flight.picture.composition import Composition, Placement, Room
-from skymosaic.flight.picture.mapping import NOWHERE, MapPlace, north_up, scale_for, usual_magnification
 from skymosaic.flight.survey import BLURRED, Flight
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.depth import ValueRange, measure_common_range
-from skymosaic.memory import release_free_memory
 
 REMOTE_PERCENTILE = 5
 """Percentile of the nearness of a photograph's ties that counts as its farthest; single ones may be false."""

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from nicegui import ui
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.panel.session import Session
 
 MAX_FOLDERS = 500

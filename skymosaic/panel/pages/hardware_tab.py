@@ -5,7 +5,7 @@ import math
 from nicegui import ui
 
 from skymosaic.evaluation.hardware import Comparison
-from skymosaic.live.pace import CLOCK_HZ
+from skymosaic.mosaicking.live.pace import CLOCK_HZ
 from skymosaic.panel.options import HARDWARE
 from skymosaic.panel.pages.page_layout import fill_in, show_command
 from skymosaic.panel.pages.sidebar import enable_while_idle

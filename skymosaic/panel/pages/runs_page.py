@@ -4,10 +4,10 @@ from pathlib import Path
 
 from nicegui import ui
 
+from skymosaic.common.temporary import PAGE
 from skymosaic.panel.pages.page_layout import page_layout
 from skymosaic.panel.results import find_single_files
 from skymosaic.panel.session import Session
-from skymosaic.temporary import PAGE
 
 
 def build_runs_page(session: Session) -> None:

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from sim.backends.interface import BackendError
-from skymosaic.errors import InputError, RegistrationError
+from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.panel.steps import Steps
 
 # Workers are forked from a helper process that has imported the libraries once and shares nothing else with the server.

@@ -16,7 +16,7 @@ import numpy as np
 
 from golden_model.config_file import to_toml
 from golden_model.formats import POSITION, decode_response
-from skymosaic.errors import RegistrationError
+from skymosaic.common.errors import RegistrationError
 from skymosaic.evaluation.hardware import compare
 from skymosaic.flight.check import check_flight, layout_errors
 from skymosaic.flight.picture.output import Delivery

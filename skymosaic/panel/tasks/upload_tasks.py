@@ -11,7 +11,7 @@ import numpy as np
 
 from golden_model.arrays import Pixels
 from sim.scene import make_lawnmower, make_pair, make_pursuit
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.decoding import MAX_AREA_PX, read_header
 from skymosaic.imagery.images import load, reduce_to_width, save
 from skymosaic.imagery.video import DEFAULT_RATE, VideoReader, write_video

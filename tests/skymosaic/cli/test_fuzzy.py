@@ -6,7 +6,7 @@ from typer.testing import CliRunner
 
 from golden_model.fuzzy.rules import SHIPPED
 from skymosaic.cli import app
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 
 
 def test_the_command_prints_rules_and_draws(tmp_path: Path) -> None:

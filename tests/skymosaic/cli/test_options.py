@@ -11,9 +11,9 @@ from typer.testing import CliRunner, Result
 from golden_model.config import preset_config
 from skymosaic.cli.live import live as live_command
 from skymosaic.cli.options import with_options
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
+from skymosaic.common.options import GROUPS, options_of
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.options import GROUPS, options_of
 from skymosaic.registration.options import FeatureOptions
 
 read: list[FeatureOptions] = []

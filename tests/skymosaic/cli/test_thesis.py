@@ -5,7 +5,7 @@ import pytest
 from typer.testing import CliRunner
 
 from skymosaic.cli import app
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.evaluation.known_pairs import COLUMNS
 from skymosaic.thesis.dataset import list_sources
 

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.evaluation.known_pairs import COLUMNS, read_pairs
 
 HEADER = ",".join(COLUMNS)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from golden_model.config import PRESETS, preset_config
 from golden_model.records import MATCH, feature_record
 from sim.scene import make_pair
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.evaluation.metrics import correct_matches
 from skymosaic.features.detectors import (
     DETECTORS,

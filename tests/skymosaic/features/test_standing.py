@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from skymosaic import mosaics, register
-from skymosaic.errors import RegistrationError
+from skymosaic.common.errors import RegistrationError
 from skymosaic.imagery.key_frames import select_key_frames
-from skymosaic.live.mosaic import LiveMosaic
+from skymosaic.mosaicking.live.mosaic import LiveMosaic
 from skymosaic.tracking.template import Roi
 from skymosaic.tracking.tracker import Tracker
 

@@ -6,14 +6,14 @@ import numpy as np
 
 from golden_model.config import preset_config
 from sim.scene.flight import Flight
-from skymosaic.flight.cache import NO_CACHE
 from skymosaic.flight.check import check_flight, doubts, layout_errors
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import survey
-from skymosaic.flight.workers import Workers
 from skymosaic.imagery.photographs import list_sources
+from skymosaic.running.cache import NO_CACHE
+from skymosaic.running.workers import Workers
 
 
 def test_a_blurred_photograph_is_named(flight: Flight) -> None:

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from golden_model.fuzzy.rules import SHIPPED
 from skymosaic.cli import app
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from tests.golden_model.fuzzy.valve import PRODUCT, VALVE
 from tests.hdl.blocks.test_export import simulate
 

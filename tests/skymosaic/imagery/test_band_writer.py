@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.band_writer import write_bands
 
 

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery import images
 
 

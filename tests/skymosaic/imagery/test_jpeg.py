@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image as PillowImage
 
-from skymosaic.errors import DamagedError, InputError
+from skymosaic.common.errors import DamagedError, InputError
 from skymosaic.imagery import images, jpeg
 
 END = b"\xff\xd9"

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.lens import load_lens
 from skymosaic.mosaicking.api import mosaic
 from skymosaic.mosaicking.options import MosaicOptions

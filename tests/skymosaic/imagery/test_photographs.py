@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from skymosaic.common.errors import InputError
 from skymosaic.compositing.mesh import Mesh
-from skymosaic.errors import InputError
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import DecodedPhotographs, Source, index_names, list_sources
 

@@ -10,7 +10,7 @@ import rasterio
 import rasterio.errors
 from PIL import Image as PillowImage
 
-from skymosaic.errors import DamagedError
+from skymosaic.common.errors import DamagedError
 from skymosaic.imagery import images
 from skymosaic.imagery.decoding import decode, read_header
 from skymosaic.imagery.tiff import check_tiff

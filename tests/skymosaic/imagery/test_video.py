@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.video import VideoReader, write_video
 
 RATE = Fraction(30000, 1001)

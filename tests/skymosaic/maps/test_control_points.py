@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rasterio.crs import CRS
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.maps.control_points import ControlPoints, Sighting, load_control_points
 from skymosaic.maps.georeference import reproject
 

@@ -14,7 +14,7 @@ import rasterio.enums
 import rasterio.errors
 from numpy.typing import NDArray
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.maps.georeference import Georeference
 from skymosaic.maps.geotiff import tee_to_raster, write_cog
 

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.exif import Position
 from skymosaic.maps.georeference import map_to_globe
 from skymosaic.maps.positions import Fix, Positions, load_positions

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.exif import Position
 from skymosaic.maps.georeference import Georeference, map_to_globe, project_to_utm
 from skymosaic.maps.geotiff import tee_to_raster

@@ -6,9 +6,9 @@ from typing import Any, get_type_hints
 
 import pytest
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
+from skymosaic.common.options import GROUPS, options_of
 from skymosaic.mosaicking.options import MosaicKeywords, MosaicOptions
-from skymosaic.options import GROUPS, options_of
 from skymosaic.registration.options import FeatureKeywords, FeatureOptions, RegistrationKeywords, RegistrationOptions
 
 

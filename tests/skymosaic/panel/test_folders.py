@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.panel.folders import Roots
 from tests.skymosaic.panel.visitor import noise_png
 

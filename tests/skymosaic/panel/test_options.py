@@ -6,7 +6,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.panel.options import OPTION_VALUES, SCALES, STRONGEST, Options, SliderScale, fault_of
 from tools.panel.visit import running_panel
 

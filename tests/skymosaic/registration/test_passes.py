@@ -12,7 +12,7 @@ from sim.backends.golden import GoldenBackend
 from sim.backends.interface import FrameResult, Reference, load_backend
 from sim.scene import CameraPose
 from skymosaic import register
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.registration.passes import Evidence, Search, SearchState
 from tests.skymosaic.registration.rendering import CAMERA, view

@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 import pytest
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.evaluation.known_pairs import COLUMNS
 from skymosaic.thesis.dataset import DatasetPair, list_sources
 

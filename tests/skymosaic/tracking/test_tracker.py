@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sim.backends.interface import Reference, load_backend
 from sim.scene.target import Pursuit
 from sim.simulators.scoreboard import find_mismatch
-from skymosaic.errors import InputError, RegistrationError
+from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.tracking.template import Roi
 from skymosaic.tracking.tracker import TrackedFrame, Tracker
 from tests.skymosaic.tracking.conftest import true_corners

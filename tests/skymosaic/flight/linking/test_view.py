@@ -7,12 +7,12 @@ import pytest
 
 from golden_model.config import preset_config
 from sim.scene import make_pair
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.features.positions import feature_points
-from skymosaic.flight.cache import ResultCache
 from skymosaic.flight.linking.view import Settings, View, describe
 from skymosaic.imagery.lens import load_lens
 from skymosaic.imagery.photographs import Source, list_sources
+from skymosaic.running.cache import ResultCache
 
 
 def test_masked_places_have_no_features(tmp_path: Path) -> None:

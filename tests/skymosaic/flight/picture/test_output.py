@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
+from skymosaic.common.errors import InputError
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas
-from skymosaic.errors import InputError
 from skymosaic.flight.picture.composition import Room
 from skymosaic.flight.picture.output import OutputForm, room_for
 from skymosaic.mosaicking.api import open_plan

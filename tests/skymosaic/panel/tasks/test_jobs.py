@@ -24,7 +24,7 @@ pytestmark = pytest.mark.usefixtures("workers")
 
 TASKS = """
 import os, subprocess, sys, time
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 
 def add(folder, one, other, *, progress):
     progress("adding", 1, 2)

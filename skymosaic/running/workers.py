@@ -14,8 +14,8 @@ from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-from skymosaic.flight.cluster import Cluster
 from skymosaic.imagery.photographs import Source
+from skymosaic.running.cluster import Cluster
 
 CALLS_PER_WORKER = 8
 """Calls ahead of the one whose result is awaited: enough to keep all workers busy while the caller writes what is done,
@@ -65,7 +65,7 @@ class Workers:
     Parameters
     ----------
     address : str or None
-        Of a Dask scheduler, see `skymosaic.flight.cluster.Cluster`; None: threads.
+        Of a Dask scheduler, see `skymosaic.running.cluster.Cluster`; None: threads.
     progress : callable
         Called after each call.
     sources, memory_bytes

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skymosaic.errors import InputError
-from skymosaic.flight.cache import ResultCache, key_of
+from skymosaic.common.errors import InputError
+from skymosaic.running.cache import ResultCache, key_of
 
 
 def test_a_damaged_cache_file_counts_as_missing(tmp_path: Path) -> None:
@@ -63,7 +63,7 @@ SHARED = """
 import sys
 from pathlib import Path
 import numpy as np
-from skymosaic.flight.cache import ResultCache
+from skymosaic.running.cache import ResultCache
 cache, found = ResultCache(Path(sys.argv[1])), 0
 for turn in range(300):
     key = turn % 7

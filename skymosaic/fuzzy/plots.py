@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from golden_model.formats import WEIGHT
 from golden_model.matching.fuzzy import ONE, SugenoSystem, Variable
-from skymosaic.reports.fuzzy_systems import Axis, PlottedSystem
+from skymosaic.fuzzy.plotted_systems import Axis, PlottedSystem
 
 SET_COLORS = ("#2a7f62", "#d99a2b", "#b03a48", *map(to_hex, colormaps["tab20"](range(20))))
 """Colours of the sets of an input, of which there may be 16."""

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from skymosaic.reports.fuzzy_plots import _plot_membership, draw_system
-from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS
+from skymosaic.fuzzy.plots import _plot_membership, draw_system
+from skymosaic.fuzzy.plotted_systems import PLOTTED_SYSTEMS
 
 QUICK = ("aerial-turn", "ransac")
 

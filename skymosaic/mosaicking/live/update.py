@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from golden_model.arrays import Matrix, Records
-from skymosaic.live.submap import Placement
+from skymosaic.mosaicking.live.submap import Placement
 
 
 @dataclass(frozen=True, eq=False)

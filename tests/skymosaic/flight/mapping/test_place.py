@@ -10,8 +10,8 @@ import rasterio
 
 from sim.scene import make_lawnmower
 from sim.scene.flight import Flight
-from skymosaic.errors import InputError, RegistrationError
-from skymosaic.flight.picture.mapping import Camera, camera_positions, place_cameras, place_on_map, scale_for
+from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.flight.mapping.place import Camera, camera_positions, place_cameras, place_on_map, scale_for
 from skymosaic.flight.picture.output import OutputForm
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata, Position

@@ -4,7 +4,7 @@ import pytest
 from numpy.typing import NDArray
 
 from skymosaic.compositing.warp import CanvasError
-from skymosaic.live.growing_canvas import FEATHER_PX, GrowingCanvas
+from skymosaic.mosaicking.live.growing_canvas import FEATHER_PX, GrowingCanvas
 
 
 def shift(x: float, y: float) -> np.ndarray:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from skymosaic import temporary
+from skymosaic.common import temporary
 
 
 def test_left_overs_of_killed_processes_are_removed(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 import pytest
 
-from skymosaic.reports.fuzzy_systems import PLOTTED_SYSTEMS
+from skymosaic.fuzzy.plotted_systems import PLOTTED_SYSTEMS
 
 
 @pytest.mark.parametrize("name", PLOTTED_SYSTEMS)

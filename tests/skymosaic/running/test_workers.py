@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from skymosaic.errors import InputError
-from skymosaic.flight import workers as flight_workers
-from skymosaic.flight.workers import Workers
+from skymosaic.common.errors import InputError
+from skymosaic.running import workers as flight_workers
+from skymosaic.running.workers import Workers
 
 
 def test_results_come_in_order_while_further_calls_run(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -57,7 +57,7 @@ def test_an_address_that_dask_cannot_use_is_one_line(address: str) -> None:
 
 def test_what_does_not_speak_its_protocol_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr("skymosaic.flight.cluster.CONNECT_TIMEOUT_S", 1)
+    monkeypatch.setattr("skymosaic.running.cluster.CONNECT_TIMEOUT_S", 1)
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
         with pytest.raises(InputError, match="nothing that speaks its protocol within 1 s"):

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from golden_model.config import preset_config
 from sim.backends.interface import load_backend
 from sim.scene.flight import Flight
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.exif import Metadata, Position
-from skymosaic.live.mosaic import LiveMosaic
-from skymosaic.live.update import LiveUpdate
 from skymosaic.maps.georeference import project_to_utm
+from skymosaic.mosaicking.live.mosaic import LiveMosaic
+from skymosaic.mosaicking.live.update import LiveUpdate
 from tests.skymosaic.conftest import IMAGES, SIZE
-from tests.skymosaic.live.conftest import pair_errors_px
+from tests.skymosaic.mosaicking.live.conftest import pair_errors_px
 
 CONFIG = preset_config("aerial")
 
@@ -48,7 +48,7 @@ def test_the_homographies_of_the_chip_alone_lay_the_frames_out(
     flight: Flight, frames: list[NDArray[np.uint8]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each frame follows from the one before it; nothing else of the flight is matched."""
-    monkeypatch.setattr("skymosaic.live.mosaic.link_views", None)
+    monkeypatch.setattr("skymosaic.mosaicking.live.mosaic.link_views", None)
     live = LiveMosaic(CONFIG, estimator="fabric")
     updates = [live.add(frame) for frame in frames]
     assert [update.placement.neighbours for update in updates[1:] if update.placement] == [

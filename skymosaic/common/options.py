@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
-from skymosaic.errors import InputError
+from skymosaic.common.errors import InputError
 
 GROUPS = ("Input", "Registration", "Picture", "Map", "Hardware", "Output", "Machine")
 """Headings in the help, in this order."""

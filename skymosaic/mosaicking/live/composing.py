@@ -10,11 +10,11 @@ import numpy as np
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.view import Settings, View, make_view
 from skymosaic.flight.survey import Flight
-from skymosaic.flight.workers import Workers
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.images import reduce_for_front_end
 from skymosaic.imagery.photographs import Source
-from skymosaic.live.submap import Frame
+from skymosaic.mosaicking.live.submap import Frame
+from skymosaic.running.workers import Workers
 
 
 def flight_of_frames(

@@ -6,7 +6,7 @@ is recomputed and the painted pixels are moved accordingly. A frame that matches
 is merged with another one when a later frame overlaps both.
 
 With the estimator ``fabric``, frames are laid out by the homographies that the chip sends, each from the frame before
-(`skymosaic.live.record_chain`); features and matches play no part.
+(`skymosaic.mosaicking.live.record_chain`); features and matches play no part.
 """
 
 import contextlib
@@ -22,21 +22,21 @@ import numpy as np
 from golden_model.arrays import Array, Pixels, Records
 from golden_model.config import Config, preset_config
 from sim.backends.interface import load_backend
+from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, CanvasError
-from skymosaic.errors import InputError, RegistrationError
 from skymosaic.flight.candidates import MIN_VOTES, MOST_SIMILAR
 from skymosaic.flight.linking.links import Candidate, Link, link_views
 from skymosaic.flight.linking.resemblance import count_votes
-from skymosaic.flight.picture.mapping import Camera, MapPlace, place_cameras
+from skymosaic.flight.mapping.place import Camera, MapPlace, place_cameras
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES
 from skymosaic.geometry.estimators import FABRIC
 from skymosaic.geometry.homography import apply, estimate, resize_matrix
 from skymosaic.imagery.exif import Metadata, read_metadata
 from skymosaic.imagery.images import check_output, load, reduce_for_front_end, save
-from skymosaic.live.record_chain import RecordChain
-from skymosaic.live.submap import Frame, Placement, Submap
-from skymosaic.live.update import LiveUpdate
 from skymosaic.maps.geotiff import write_geotiff
+from skymosaic.mosaicking.live.record_chain import RecordChain
+from skymosaic.mosaicking.live.submap import Frame, Placement, Submap
+from skymosaic.mosaicking.live.update import LiveUpdate
 from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.registration.options import WORKING_WIDTH_PX
 

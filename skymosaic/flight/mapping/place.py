@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.arrays import Array, Matrix, Points
+from skymosaic.common.errors import InputError
 from skymosaic.compositing.warp import magnification
-from skymosaic.errors import InputError
-from skymosaic.flight.layout.anchoring import Observation, anchor
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS
+from skymosaic.flight.mapping.anchoring import Observation, anchor
 from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata

@@ -19,14 +19,14 @@ import pytest
 from golden_model.config import preset_config
 from sim.scene import make_lawnmower
 from skymosaic import mosaic
-from skymosaic.errors import InputError, RegistrationError
-from skymosaic.flight.cache import NO_CACHE
-from skymosaic.flight.cluster import LIMIT, inspect_worker
+from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings, View
-from skymosaic.flight.workers import Workers
 from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import list_sources
+from skymosaic.running.cache import NO_CACHE
+from skymosaic.running.cluster import LIMIT, inspect_worker
+from skymosaic.running.workers import Workers
 
 dask = pytest.importorskip("dask")
 psutil = pytest.importorskip("psutil")

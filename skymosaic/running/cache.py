@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.small_files import read_small_file
-from sim.simulators.build_cache import make_private
-from skymosaic.errors import InputError
+from golden_model.user_cache import make_private
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.images import save_bytes
 
 PACKAGES = ("skymosaic", "numpy", "opencv-contrib-python-headless", "scipy", "simplejpeg")

@@ -18,10 +18,10 @@ from typing import Any
 
 from golden_model.small_files import read_small_file
 from golden_model.text import how_to_install, one_line
-from skymosaic.errors import InputError, RegistrationError
-from skymosaic.flight.cache import PACKAGES, code_digest
+from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.imagery.decoding import read_header
 from skymosaic.imagery.photographs import Source
+from skymosaic.running.cache import PACKAGES, code_digest
 
 LIMIT = "distributed.comm.timeouts.connect"
 """Dask's own setting for how long to wait, also for a first worker and for the return of lost ones."""

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from golden_model.arrays import Array
-from skymosaic.flight.layout.anchoring import Observation, anchor
 from skymosaic.flight.layout.layout import Layout, lay_out
 from skymosaic.flight.linking.links import Link
+from skymosaic.flight.mapping.anchoring import Observation, anchor
 from skymosaic.geometry.homography import apply
 
 SIZE, STRIP, STEP_PX = (1000, 800), 24, 300.0

@@ -22,7 +22,7 @@ from skymosaic.flight.linking.resemblance import compact
 from skymosaic.geometry.homography import apply, estimate, rescale
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.exif import Metadata
-from skymosaic.live.growing_canvas import GrowingCanvas
+from skymosaic.mosaicking.live.growing_canvas import GrowingCanvas
 
 MAX_NEIGHBOURS = 4
 """A new frame is registered against at most this many frames."""

@@ -10,7 +10,7 @@ from golden_model.config import Config
 from golden_model.matching.matcher import match
 from golden_model.timing import FrameWork, steady_pace
 from sim.backends.interface import BUILT_LANES
-from skymosaic.live.update import LiveUpdate
+from skymosaic.mosaicking.live.update import LiveUpdate
 
 CLOCK_HZ = 150_000_000
 """The accelerator's target on a Zynq-7020, not reached on a board yet; 1080p60 video needs 148.5 MHz."""

@@ -1,0 +1,1 @@
+"""A layout's place on the map: cameras, positions and control points."""
