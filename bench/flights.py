@@ -24,7 +24,7 @@ from bench.rendered_flights import rendered
 from bench.report import JsonFile, Row, program, report
 from bench.stitcher_runs import peers
 from golden_model.arrays import Points
-from skymosaic.flight.mapping.place import camera_positions
+from skymosaic.flight.mapping.cameras import cameras_of
 from skymosaic.geometry.homography import DegenerateError, apply, estimate
 from skymosaic.maps.georeference import fit_to_map, project_to_utm
 from skymosaic.mosaicking.api import open_plan
@@ -58,7 +58,8 @@ def gps_row(folder: Path, options: MosaicOptions) -> Row:
     members = [member for member in layout.members if flight.views[member].gps is not None]
     transforms = layout.to_reference(flight.views)
     centres = np.array([apply(transforms[m], (np.array(flight.views[m].size) - 1) / 2) for m in members])
-    cameras = camera_positions(flight, layout)[[layout.members.index(m) for m in members], :2]
+    placed = dict(zip(layout.members, cameras_of(flight, layout), strict=True))
+    cameras = np.array([placed[member].position[:2] for member in members])
     crs, metres = project_to_utm([gps for m in members if (gps := flight.views[m].gps) is not None])
     spread = np.sqrt(np.mean(np.sum((metres - metres.mean(axis=0)) ** 2, axis=1)))
     fit, _ = fit_to_map(cameras, metres, crs)

@@ -24,8 +24,9 @@ from bench.report import JsonFile, Row, report
 from golden_model.arrays import Matrix, Points
 from golden_model.config import preset_config
 from golden_model.user_cache import cache_folder
+from skymosaic.flight.flight import Flight
 from skymosaic.flight.linking.view import Settings
-from skymosaic.flight.survey import Flight, survey
+from skymosaic.flight.survey import survey
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import list_sources

@@ -13,11 +13,12 @@ from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import session
 from skymosaic.common.errors import RegistrationError
 from skymosaic.flight.check import FlightCheck, check_flight
-from skymosaic.flight.survey import Flight
+from skymosaic.flight.flight import Flight
+from skymosaic.flight.survey import survey
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.key_frames import flight_sources, refuse_single
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.mosaicking.plan import survey_sources
+from skymosaic.running.cache import open_cache
 from skymosaic.running.workers import Workers
 
 
@@ -42,7 +43,8 @@ def check(
         refuse_single(photographs, sources)
         captures = group_band_sets(sources, tell=session.tell)
         captures = [source.with_damaged(keep=options.keeps_damaged) for source in captures]
-        flight = survey_sources(captures, options, workers, session.tell)
+        cache = open_cache(options.cache, session.tell)
+        flight = survey(captures, options.flight_settings(), options.seed, workers, cache)
     report = check_flight(flight)
     session.seconds = flight.seconds
     session.numbers = dataclasses.asdict(report) | {"left_out": flight.left_out}

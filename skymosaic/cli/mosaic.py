@@ -25,13 +25,14 @@ from skymosaic.common.options import INPUT, MAP, OUTPUT
 from skymosaic.common.temporary import resolved
 from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.check import check_flight, doubts, layout_errors
+from skymosaic.flight.flight import Flight
 from skymosaic.flight.mapping.place import explain_absence
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm
-from skymosaic.flight.survey import Flight
 from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
 from skymosaic.maps.geotiff import COMPRESSIONS
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.mosaicking.outputs import check_outputs
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.reports.flight import describe_bands, describe_cuts, describe_map, flight_numbers, write_report
 from skymosaic.reports.pages import OWN_NAMES
@@ -92,7 +93,7 @@ def mosaic(
         progress_bars() as progress,
         open_plan(photographs, options, progress, session.tell) as plan,
     ):
-        plan.check_outputs(target, form, overwrite=overwrite)
+        check_outputs(target, form, plan.sources, options, overwrite=overwrite)
         if save_camera:
             if len(plan.sources) == 2:
                 raise InputError("--save-camera: two photographs are too few to estimate the lens; leave it out")

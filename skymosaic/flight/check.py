@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from skymosaic.features.standing import STANDS_STILL
+from skymosaic.flight.flight import BLURRED, Flight
 from skymosaic.flight.layout.layout import Layout, groups, outline, overlap
 from skymosaic.flight.linking.links import Link
-from skymosaic.flight.survey import BLURRED, Flight
 from skymosaic.imagery.photographs import short_names
 
 MIN_BEST_OVERLAP = 0.3

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from skymosaic.common.errors import InputError
+from skymosaic.flight.flight import Flight
 from skymosaic.flight.linking.surveyor import Surveyor
-from skymosaic.flight.survey import Flight
 from skymosaic.imagery.photographs import Source
 from skymosaic.running.cache import ResultCache
 from skymosaic.running.workers import Workers

@@ -1,15 +1,15 @@
 """Lays out a flight: from many photographs to the pose of each on the ground."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from golden_model.arrays import Array
 from skymosaic.common.errors import InputError
 from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.flight import candidates
+from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout, groups, lay_out, rough_transforms
 from skymosaic.flight.layout.self_calibration import (
     Calibration,
@@ -20,87 +20,17 @@ from skymosaic.flight.layout.self_calibration import (
 from skymosaic.flight.linking.links import Candidate, Link, valid_links
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings, View
+from skymosaic.flight.mapping.anchoring import fit_layout
 from skymosaic.flight.second_look import link_across_heights, link_by_more_features
 from skymosaic.geometry.prosac import MIN_INLIERS
-from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
+from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.positions import Positions
-from skymosaic.registration.pair import Pair
 from skymosaic.running.cache import ResultCache
 from skymosaic.running.workers import Workers
 
 MAX_ROUNDS = 6
 """How often a better layout may propose further pairs."""
-BLURRED = 0.25
-"""Relative sharpness below which a photograph is blurred: a blur of about 0.8 working px."""
-
-
-@dataclass(frozen=True, eq=False)
-class Flight:
-    """A flight laid out.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Names of all photographs, as given.
-    sources : tuple of Source
-        The photographs that could be read, without repetitions.
-    views : tuple of View
-        One for each source. Links and layouts refer to views by their index in this tuple.
-    links : tuple of Link
-        Every pair that was tried.
-    layouts : tuple of Layout
-        Groups of at least two linked views, the largest first.
-    left_out : dict of int to str
-        Photographs in none of the layouts, by their index among those given, with the reason.
-    settings : Settings
-    seconds : dict of str to float
-        Wall time of each stage.
-    pair : Pair or None
-        The registration of two photographs, see `skymosaic.flight.two_photographs`.
-    calibration : Calibration or None
-        The lens estimated from tie points. Views, links and layouts are then those of straightened photographs.
-    """
-
-    names: tuple[str, ...]
-    sources: tuple[Source, ...]
-    views: tuple[View, ...]
-    links: tuple[Link, ...]
-    layouts: tuple[Layout, ...]
-    left_out: dict[int, str]
-    settings: Settings
-    seconds: dict[str, float]
-    pair: Pair | None = None
-    calibration: Calibration | None = None
-
-    @property
-    def lens(self) -> Lens:
-        """The lens that straightens the photographs: as given, or as estimated from tie points."""
-        return self.settings.lens if self.calibration is None else self.calibration.lens
-
-    @cached_property
-    def relative_sharpness(self) -> Array:
-        """Sharpness of each view over the median of the views it is linked with, or of all if it has no link, (V,).
-
-        Sharpness depends more on the ground than on the lens, so only views of the same ground are compared.
-        """
-        neighbours: list[list[float]] = [[] for _ in self.views]
-        for link in self.links:
-            if link.holds:
-                neighbours[link.left].append(self.views[link.right].sharpness)
-                neighbours[link.right].append(self.views[link.left].sharpness)
-        overall = float(np.median([view.sharpness for view in self.views]))
-        expected = [float(np.median(around)) if around else overall for around in neighbours]
-        return np.array([view.sharpness / max(value, 1e-9) for view, value in zip(self.views, expected, strict=True)])
-
-    def absent_from(self, layout: Layout) -> dict[int, str]:
-        """Photographs that are not in a layout, by their index among those given, with the reason."""
-        absent = dict(self.left_out)
-        for other in self.layouts:
-            for source in (self.sources[member] for member in other.members if other is not layout):
-                group = f"another group of {len(other.members)} photographs"
-                absent[source.index] = f"{source.name}: in {group}, which nothing links to this one"
-        return dict(sorted(absent.items()))
 
 
 def survey(
@@ -111,8 +41,9 @@ def survey(
     cache: ResultCache,
     *,
     positions: Positions | None = None,
+    control: ControlPoints | None = None,
 ) -> Flight:
-    """Compute the layouts of a flight.
+    """Lay out a flight: features, links, lens, layouts, and their place on the map.
 
     Parameters
     ----------
@@ -127,6 +58,8 @@ def survey(
         Keeps both for the next run.
     positions : Positions or None
         Where the cameras were, instead of what the photographs contain.
+    control : ControlPoints or None
+        Surveyed points, instead of positions.
 
     Returns
     -------
@@ -166,7 +99,7 @@ def survey(
     views = surveyor.fetch_thumbnails(views)
     clock.lap("layout")
     left_out |= {usable[view].index: _why_alone(view, views, links.values()) for view in alone}
-    return Flight(
+    flight = Flight(
         names=tuple(source.name for source in sources),
         sources=usable,
         views=views,
@@ -177,6 +110,7 @@ def survey(
         seconds=clock.seconds,
         calibration=calibration,
     )
+    return replace(flight, layouts=tuple(fit_layout(flight, layout, control) for layout in layouts))
 
 
 def _describe(

@@ -1,18 +1,84 @@
-"""A registered pair as a flight of two photographs: one link, and a layout in the frame of the right photograph."""
+"""Two photographs are a small flight: one link, and a layout in the frame of the right photograph."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from skymosaic.common.stopwatch import Stopwatch
+from skymosaic.compositing.mesh import Mesh, fit_mesh, fit_useful_mesh
 from skymosaic.features.positions import match_points
+from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link, tie_views
 from skymosaic.flight.linking.view import Settings, make_view
-from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.photographs import Source
+from skymosaic.imagery.photographs import Source, decoded_photographs
+from skymosaic.registration.options import RegistrationOptions
 from skymosaic.registration.pair import Pair
+from skymosaic.registration.register import register_photographs
+from skymosaic.running.workers import Progress
+
+
+def register_two(
+    sources: Sequence[Source],
+    options: RegistrationOptions,
+    lens: Lens,
+    *,
+    warp: str,
+    memory_bytes: int,
+    progress: Progress,
+) -> Flight:
+    """Register two photographs, and keep them decoded for the picture.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        The left and the right photograph.
+    options : RegistrationOptions
+    lens : Lens
+        Distortion and mask of the photographs.
+    warp : {"homography", "mesh", "auto"}
+        See `choose_mesh`.
+    memory_bytes : int
+        Limit of the decoded photographs that are kept.
+    progress : callable
+    """
+    progress("registering", 0, 0)
+    clock = Stopwatch()
+    left, right = (source.read_photograph(lens) for source in sources)
+    for photograph in (left, right):
+        lens.check((photograph.pixels.shape[1], photograph.pixels.shape[0]), photograph.name)
+    clock.lap("reading")
+    pair = register_photographs(
+        (left, right), options, lens=lens, seconds=clock.seconds, progress=lambda line: progress(line, 0, 0)
+    )
+    mesh = choose_mesh(pair, warp)
+    if mesh is not None:
+        # Blending decodes the left photograph again where memory is short, and warps it again.
+        sources = [replace(sources[0], warp=mesh), sources[1]]
+        left = replace(left, pixels=np.asarray(mesh.apply(left.pixels), dtype=np.uint8))
+    for source, photograph in zip(sources, (left, right), strict=True):
+        decoded_photographs(memory_bytes).keep(source, lens, photograph.pixels)
+    return flight_of_pair(pair, sources, lens)
+
+
+def choose_mesh(pair: Pair, warp: str) -> Mesh | None:
+    """Fit the mesh that warps the left photograph of a pair to follow the relief; None where it keeps its shape.
+
+    Parameters
+    ----------
+    pair : Pair
+    warp : {"homography", "mesh", "auto"}
+        auto: a grid of residuals, if held-out matches gain by it.
+    """
+    if warp == "homography" or pair.working_homography is None:
+        return None
+    left, right = match_points(pair.kept)
+    size = pair.working[0].shape[1], pair.working[0].shape[0]
+    fit = fit_useful_mesh if warp == "auto" else fit_mesh
+    return fit(pair.working_homography, left, right, size)
 
 
 def flight_of_pair(pair: Pair, sources: Sequence[Source], lens: Lens) -> Flight:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from golden_model.arrays import Intensities, Matrix
 from skymosaic.common.errors import InputError
+from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, deliver
-from skymosaic.flight.survey import Flight
 from skymosaic.imagery.images import check_output
 from skymosaic.imagery.notebook import describe_in_html
 from skymosaic.imagery.photographs import forget_decoded

@@ -11,10 +11,10 @@ import numpy as np
 from skymosaic.common.temporary import PAGE
 from skymosaic.compositing.warp import magnification
 from skymosaic.flight.check import FlightCheck, check_flight, layout_errors
+from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import PREVIEW_WIDTH_PX, Delivery
-from skymosaic.flight.survey import Flight
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.imagery.photographs import short_names

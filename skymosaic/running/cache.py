@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.small_files import read_small_file
-from golden_model.user_cache import make_private
+from golden_model.user_cache import cache_folder, make_private
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.images import save_bytes
 
@@ -34,6 +34,8 @@ MAX_ENTRY_BYTES = 256 << 20
 """Many times the features of a photograph; a larger file is no entry."""
 CHECKSUM_BYTES = hashlib.sha256().digest_size
 Arrays = dict[str, NDArray[np.generic]]
+DEFAULT_CACHE_BYTES = 2 << 30
+"""About 5,000 photographs of 1280 working px; a folder that the user named has no limit."""
 
 
 class ResultCache:
@@ -129,6 +131,13 @@ class ResultCache:
 
 NO_CACHE = ResultCache(None)
 """Keeps nothing."""
+
+
+def open_cache(folder: Path | None, tell: Callable[[str], None]) -> ResultCache:
+    """The cache in a folder that the user named, or the user's own, whose size is limited."""
+    if folder is not None:
+        return ResultCache(folder, required=True, tell=tell)
+    return ResultCache(cache_folder() / "flights", tell=tell, limit_bytes=DEFAULT_CACHE_BYTES)
 
 
 def _remove_oldest(folder: Path, limit_bytes: int) -> None:

@@ -18,5 +18,5 @@ def flight() -> Flight:
 def default_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     folder = tmp_path_factory.mktemp("user_cache")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("skymosaic.mosaicking.plan.cache_folder", lambda: folder)
+        patch.setattr("skymosaic.running.cache.cache_folder", lambda: folder)
         yield

@@ -13,9 +13,9 @@ from golden_model.config import preset_config
 from sim.scene import Flight, make_lawnmower
 from skymosaic.compositing.warp import Canvas
 from skymosaic.features.positions import feature_points
+from skymosaic.flight.flight import Flight as SurveyedFlight
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.picture.preparation import compose
-from skymosaic.flight.survey import Flight as SurveyedFlight
 from skymosaic.flight.survey import survey
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.lens import Lens, load_lens

@@ -17,8 +17,8 @@ from golden_model.config import preset_config
 from sim.scene import Flight
 from skymosaic import mosaic
 from skymosaic.common.errors import InputError
+from skymosaic.flight.flight import Flight as SurveyedFlight
 from skymosaic.flight.linking.view import Settings
-from skymosaic.flight.survey import Flight as SurveyedFlight
 from skymosaic.flight.survey import survey
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.photographs import list_sources

@@ -12,11 +12,11 @@ from skymosaic.common.errors import InputError
 from skymosaic.compositing.tone import NEUTRAL
 from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.bands.rig import Alignment, align_bands
+from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.view import THUMBNAIL_WIDTH_PX, Settings, View
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.preparation import equalise, thumbnail_layers
-from skymosaic.flight.survey import Flight
 from skymosaic.imagery.depth import measure_common_range
 from skymosaic.imagery.exif import read_metadata
 from skymosaic.imagery.images import reduce_to_width
@@ -92,7 +92,9 @@ def in_all_bands(composition: Composition, flight: Flight, layout: Layout, worke
         _check_gray(band_views)
         band = _replace_band(composition, sources, band_views, alignment)
         # Two captures keep their exposures, as two photographs do; each band of more has exposures of its own.
-        each[name] = equalise(band, band_views, thumbnail_layers(band, band_views)[0]) if flight.pair is None else band
+        each[name] = (
+            equalise(band, band_views, thumbnail_layers(band, band_views)[0]) if flight.treatment.equalises else band
+        )
     ordered = {name: each[name] for name in names}
     _check_one_type(ordered)
     shared = {field.name: getattr(composition, field.name) for field in dataclasses.fields(composition)}

@@ -5,19 +5,31 @@ ties, but their errors do not add up.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from golden_model.arrays import Array, Points
+from skymosaic.common.errors import InputError
+from skymosaic.compositing.warp import magnification
+from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.adjustment import Anchors
 from skymosaic.flight.layout.layout import Layout, linked_group
 from skymosaic.flight.linking.view import View
+from skymosaic.flight.mapping.cameras import cameras_of
+from skymosaic.flight.mapping.place import place_on_map, sightings_of
 from skymosaic.geometry.homography import apply
+from skymosaic.maps.control_points import ControlPoints
+from skymosaic.maps.georeference import reproject
 
 MAX_OUTSIDE = 2.0
 """Points farther from the middle of their view, in half diagonals, are left out, as below a camera that looks ahead."""
+ROUNDS = 3
+"""How often the layout is adjusted to its place on the map, and the place to the layout."""
+CONTROL_M, CLICK_PX = 0.02, 1.0
+"""Standard deviations of a surveyed point and of its place in a photograph."""
+MIN_GPS_M = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +51,49 @@ class Observation:
     point: Points
     place: Points
     sigma_px: float
+
+
+def fit_layout(flight: Flight, layout: Layout, control: ControlPoints | None = None) -> Layout:
+    """Adjust a layout to its ties and to control points or GPS at once; without a place on the map it stays as it is.
+
+    Check points have no part in it.
+    """
+    for _ in range(ROUNDS):
+        try:
+            observations = list(_observe(flight, layout, control))
+        except InputError:
+            # `place_on_map` says why, if a mosaic of this layout is wanted.
+            return layout
+        if not observations:
+            return layout
+        # The place on the map and the positions below the cameras follow from the layout, so both change with it.
+        layout = anchor(layout, flight.views, observations)
+    return layout
+
+
+def _observe(flight: Flight, layout: Layout, control: ControlPoints | None) -> Iterator[Observation]:
+    """What is known of places in a layout."""
+    place = place_on_map(flight, layout, control)
+    if (on_map := place.georeference) is None:
+        return
+    to_ground = np.asarray(np.linalg.inv(on_map.to_map @ flight.views[layout.reference].to_original), np.float64)
+    px_per_m = magnification(flight.views[layout.reference].size, to_ground @ on_map.to_map) / on_map.metres_per_pixel
+    if control is not None:
+        scales = {m: magnification(flight.views[m].size, each) for m, each in layout.to_reference(flight.views).items()}
+        for member, point, pixel in sightings_of(control, flight, layout):
+            if not control.checks(point):
+                seen = apply(np.asarray(np.linalg.inv(flight.views[member].to_original), np.float64), pixel)
+                sigma_m = np.hypot(CONTROL_M, CLICK_PX * scales[member] * on_map.metres_per_pixel)
+                yield Observation(member, seen, apply(to_ground, control.metres[point]), float(sigma_m) * px_per_m)
+        return
+    for member, camera in zip(layout.members, cameras_of(flight, layout), strict=True):
+        if camera.taken.position is not None:
+            metres = reproject(np.array([camera.taken.position.degrees]), "EPSG:4326", on_map.crs)[0]
+            below = apply(to_ground @ on_map.to_map, camera.position[:2])
+            # Without a recorded accuracy, the misfit is the best estimate of it.
+            sigma_m = max(camera.taken.accuracy_m or on_map.residual_m, MIN_GPS_M)
+            seen = apply(np.asarray(np.linalg.inv(layout.transforms[member]), np.float64), below)
+            yield Observation(member, seen, apply(to_ground, metres), sigma_m * px_per_m)
 
 
 def anchor(layout: Layout, views: Sequence[View], observations: Sequence[Observation]) -> Layout:

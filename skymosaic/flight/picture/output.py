@@ -14,9 +14,9 @@ import numpy as np
 from golden_model.arrays import Intensities, Mask, Pixels
 from skymosaic.common.errors import InputError
 from skymosaic.common.temporary import temporary_folder
+from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition, Room
-from skymosaic.flight.survey import Flight
 from skymosaic.imagery.band_writer import write_bands
 from skymosaic.imagery.images import save
 from skymosaic.imagery.own_outputs import record_output
@@ -76,12 +76,15 @@ class OutputForm:
 
     def numbered(self, number: int) -> OutputForm:
         """The form of one of several mosaics, counted from 1."""
-        if self.tiles is None or number == 1:
-            return self
-        return replace(self, tiles=self.tiles.with_stem(f"{self.tiles.stem}_{number}"))
+        return self if self.tiles is None else replace(self, tiles=numbered(self.tiles, number))
 
 
 PLAIN = OutputForm()
+
+
+def numbered(path: Path, number: int) -> Path:
+    """The name of one of several outputs, counted from 1."""
+    return path if number == 1 else path.with_stem(f"{path.stem}_{number}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,8 +220,8 @@ def _collect_previews(
 
 def _write_picture(path: Path, flight: Flight, composition: Composition, pictures: Iterable[Intensities]) -> None:
     """Write a file that is no GeoTIFF."""
-    if flight.pair is not None:
-        # Two photographs fit into memory, and OpenCV's writers compress better than ours that write bands.
+    if flight.treatment.in_memory:
+        # OpenCV's writers compress better than ours that write bands.
         save(path, np.concatenate(list(pictures)))
     else:
         write_bands(path, composition.size, 3 if composition.coloured else 1, pictures)

@@ -2,32 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import cv2
 import numpy as np
 
-from golden_model.arrays import Array, Intensities
-from skymosaic.common.errors import InputError, RegistrationError
+from golden_model.arrays import Intensities
 from skymosaic.common.memory import release_free_memory
 from skymosaic.compositing.exposure import estimate_levels, estimate_tones, measure_toned_range
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.seams import find_seams
-from skymosaic.compositing.warp import Canvas, CanvasError, enclosing_canvas, magnification, nearness
+from skymosaic.compositing.warp import magnification
+from skymosaic.flight.flight import BLURRED, Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.view import View
-from skymosaic.flight.mapping.place import NOWHERE, MapPlace, north_up, scale_for, usual_magnification
-from skymosaic.flight.picture.composition import Composition, Placement, Room
-from skymosaic.flight.survey import BLURRED, Flight
+from skymosaic.flight.mapping.place import NOWHERE, MapPlace
+from skymosaic.flight.picture.canvas import place_on_canvas, scale_for
+from skymosaic.flight.picture.composition import Composition, Room
 from skymosaic.geometry.homography import resize_matrix
-from skymosaic.imagery.depth import ValueRange, measure_common_range
+from skymosaic.imagery.depth import ValueRange
 
-REMOTE_PERCENTILE = 5
-"""Percentile of the nearness of a photograph's ties that counts as its farthest; single ones may be false."""
-BEYOND_TIES = 0.63
-"""Ground is shown if it is at least this near, relative to the farthest ties: there, pixels are twice as large."""
 BLURRED_FAVOUR = 1e-3
 """Weight of a blurred photograph: it loses almost every pixel to a sharp one, and still shows where it is alone."""
 
@@ -46,7 +41,7 @@ def compose(
 
     Two photographs are blended as they are, in the frame of the right one. More of them get a canvas that begins at
     (0, 0) of its own frame, in which north is up where there is a map; equal exposure; blurred photographs show only
-    where no other does; and multi-band blending is cut along seams.
+    where no other does; and multi-band blending is cut along seams: see `skymosaic.flight.flight.Treatment`.
 
     Parameters
     ----------
@@ -54,8 +49,7 @@ def compose(
     layout : Layout
         One of the flight's.
     blending : {"average", "distance", "multiband"} or None
-        See `skymosaic.compositing.blend.blend_layers`. None: distance for two photographs, multiband for more, because
-        averages of the ten photographs that may show the same ground are blurred.
+        See `skymosaic.compositing.blend.blend_layers`; None: as photographs are usually treated.
     scale : float
         Canvas pixels per pixel of the median photograph; for two photographs, per pixel of the right one.
     room : Room
@@ -72,11 +66,11 @@ def compose(
     RegistrationError
         For two photographs, if the canvas would be too large, or one reaches behind the horizon.
     """
-    blending = blending or ("multiband" if flight.pair is None else "distance")
+    blending = blending or flight.treatment.blending
     if gsd_m is not None:
         scale = scale_for(flight, layout, place.georeference, gsd_m)
-    composition = _place_on_canvas(flight, layout, blending, scale=scale, room=room or Room(), place=place)
-    if flight.pair is not None:
+    composition = place_on_canvas(flight, layout, blending, scale=scale, room=room or Room(), place=place)
+    if not flight.treatment.equalises:
         return composition
     sharpness = flight.relative_sharpness[list(layout.members)]
     composition = composition.with_each(favour=[BLURRED_FAVOUR if value < BLURRED else 1.0 for value in sharpness])
@@ -110,80 +104,6 @@ def equalise(composition: Composition, views: Sequence[View], thumbnails: Sequen
     black, white = estimate_levels(samples, [view.taken.black_level for view in views])
     tones = estimate_tones(thumbnails, black=black, white=white)
     return replace(composition.with_each(tone=tones), values=measure_toned_range(tones, samples, values))
-
-
-def _place_on_canvas(
-    flight: Flight, layout: Layout, blending: str, *, scale: float, room: Room, place: MapPlace
-) -> Composition:
-    """Lay the photographs of a layout on a canvas, without tones and seams; parameters as of `compose`."""
-    views = [flight.views[member] for member in layout.members]
-    check_scale(scale, [view.size for view in views])
-    to_reference = layout.to_reference(flight.views).values()
-    is_pair, on_map, usual = flight.pair is not None, place.georeference, usual_magnification(flight, layout)
-    least = [0.0] * len(views) if is_pair else least_nearness(flight.views, layout)
-
-    def lay(scale: float) -> tuple[Array, list[Array], Canvas]:
-        if on_map is not None and not is_pair:
-            to_canvas = north_up(on_map, on_map.metres_per_pixel * usual / scale)
-        else:
-            to_canvas = resize_matrix(scale / usual)
-        transforms = [to_canvas @ transform for transform in to_reference]
-        limit_px = room.area_px if is_pair else math.inf
-        return to_canvas, transforms, enclosing_canvas([v.size for v in views], transforms, least, limit_px=limit_px)
-
-    try:
-        to_canvas, transforms, canvas = lay(scale)
-    except CanvasError as error:
-        raise RegistrationError(f"{len(views)} photographs, the first {views[0].name}: {error}") from None
-    reduced = ""
-    if not is_pair and (share := room.share_of(canvas)) < 1:
-        full = canvas
-        to_canvas, transforms, canvas = lay(scale * share)
-        reduced = (
-            f"reduced from {full.width_px}x{full.height_px} to {canvas.width_px}x{canvas.height_px} px, because "
-            f"{room.reason}; --scale or --canvas-limit choose the size"
-        )
-    if on_map is not None:
-        to_layout = np.asarray(np.linalg.inv(canvas.translation @ to_canvas))
-        place = replace(place, georeference=on_map.for_pixels(to_layout))
-    if flight.pair is None:
-        transforms = [canvas.translation @ transform for transform in transforms]
-        canvas = Canvas(0, 0, canvas.width_px, canvas.height_px)
-    placements = tuple(
-        Placement(flight.sources[member], view.size, transform, least_nearness=nearest)
-        for member, view, transform, nearest in zip(layout.members, views, transforms, least, strict=True)
-    )
-    coloured = any(view.thumbnail.ndim == 3 for view in views)
-    values = measure_common_range([view.sample for view in views])
-    return Composition(placements, canvas, coloured, blending, flight.lens, values, place, reduced=reduced)
-
-
-def check_scale(scale: float, sizes: Sequence[tuple[int, int]]) -> None:
-    """Raise InputError for a scale that leaves no pixel of any photograph."""
-    if scale * max(max(size) for size in sizes) < 1:
-        raise InputError("each photograph would be smaller than a pixel; raise --scale, or lower --gsd")
-
-
-def least_nearness(views: Sequence[View], layout: Layout) -> list[float]:
-    """How near ground has to be that each member of a layout shows, see `skymosaic.compositing.warp.nearness`.
-
-    A photograph that looks to the horizon would cover a village with what it shows of the fields behind. Far beyond
-    its ties it is coarse, and nothing says whether the ground there is where the layout puts it.
-    """
-    tied: dict[int, list[Array]] = {member: [] for member in layout.members}
-    for link in layout.links:
-        tied[link.left].append(link.left_points)
-        tied[link.right].append(link.right_points)
-    least = []
-    for member, points in tied.items():
-        if not points:
-            least.append(0.0)
-            continue
-        size, transform = views[member].working_size, layout.transforms[member]
-        tied_from = float(np.percentile(nearness(size, transform, np.concatenate(points)), REMOTE_PERCENTILE))
-        whole = float(nearness(size, transform, Canvas(0, 0, *size).corners).min())
-        least.append(0.0 if whole >= BEYOND_TIES * tied_from else BEYOND_TIES * tied_from)
-    return least
 
 
 def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[list[Layer], float]:

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.view import Settings, View, make_view
-from skymosaic.flight.survey import Flight
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.images import reduce_for_front_end
 from skymosaic.imagery.photographs import Source

@@ -27,7 +27,8 @@ from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, CanvasError
 from skymosaic.flight.candidates import MIN_VOTES, MOST_SIMILAR
 from skymosaic.flight.linking.links import Candidate, Link, link_views
 from skymosaic.flight.linking.resemblance import count_votes
-from skymosaic.flight.mapping.place import Camera, MapPlace, place_cameras
+from skymosaic.flight.mapping.cameras import Camera
+from skymosaic.flight.mapping.place import MapPlace, place_cameras
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES
 from skymosaic.geometry.estimators import FABRIC
 from skymosaic.geometry.homography import apply, estimate, resize_matrix

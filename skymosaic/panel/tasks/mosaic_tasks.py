@@ -19,8 +19,8 @@ from golden_model.formats import POSITION, decode_response
 from skymosaic.common.errors import RegistrationError
 from skymosaic.evaluation.hardware import compare
 from skymosaic.flight.check import check_flight, layout_errors
+from skymosaic.flight.flight import Flight
 from skymosaic.flight.picture.output import Delivery
-from skymosaic.flight.survey import Flight
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.images import save, save_bytes
 from skymosaic.imagery.photographs import Source, list_sources

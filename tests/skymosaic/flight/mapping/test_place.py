@@ -11,7 +11,9 @@ import rasterio
 from sim.scene import make_lawnmower
 from sim.scene.flight import Flight
 from skymosaic.common.errors import InputError, RegistrationError
-from skymosaic.flight.mapping.place import Camera, camera_positions, place_cameras, place_on_map, scale_for
+from skymosaic.flight.mapping.cameras import Camera, cameras_of
+from skymosaic.flight.mapping.place import place_cameras, place_on_map
+from skymosaic.flight.picture.canvas import scale_for
 from skymosaic.flight.picture.output import OutputForm
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata, Position
@@ -37,7 +39,7 @@ def test_cameras_that_lean_are_found_above_where_they_were(flight: Flight) -> No
     to_ground = {m: np.linalg.inv(flight.homographies[m]) for m in members}
     layout: Any = SimpleNamespace(members=members, to_reference=lambda _views: to_ground)
     leaning: Any = SimpleNamespace(views=views, settings=SimpleNamespace(lens=Lens()))
-    found = camera_positions(leaning, layout)
+    found = np.array([camera.position for camera in cameras_of(leaning, layout)])
     np.testing.assert_allclose(found, [(p.x_px, p.y_px, p.altitude_px) for p in flight.poses], rtol=1e-6, atol=1e-3)
     middles = np.array([apply(np.asarray(to_ground[m], np.float64), (np.array(SIZE) - 1) / 2) for m in members])
     assert np.linalg.norm(middles - found[:, :2], axis=1).max() > 3

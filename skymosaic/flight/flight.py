@@ -1,0 +1,120 @@
+"""A flight laid out: its photographs, the links between them, and their layouts."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from golden_model.arrays import Array
+from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.layout.self_calibration import Calibration
+from skymosaic.flight.linking.links import Link
+from skymosaic.flight.linking.view import Settings, View
+from skymosaic.imagery.lens import Lens
+from skymosaic.imagery.photographs import Source
+from skymosaic.registration.pair import Pair
+
+BLURRED = 0.25
+"""Relative sharpness below which a photograph is blurred: a blur of about 0.8 working px."""
+
+
+@dataclass(frozen=True)
+class Treatment:
+    """How photographs become a picture.
+
+    Attributes
+    ----------
+    blending : str
+        The usual method, see `skymosaic.compositing.blend.blend_layers`.
+    own_frame : bool
+        Whether the canvas has a frame of its own, level and with north up, without ground far beyond the ties; or that
+        of the reference photograph.
+    equalises : bool
+        Whether exposures are made equal, and blurred photographs stand back.
+    in_memory : bool
+        Whether the picture is whole in memory, so that one beyond its limit is refused instead of reduced.
+    """
+
+    blending: str
+    own_frame: bool
+    equalises: bool
+    in_memory: bool
+
+
+TWO_PHOTOGRAPHS = Treatment(blending="distance", own_frame=False, equalises=False, in_memory=True)
+"""Whoever registers two photographs looks for the right one in the result, as it is."""
+WHOLE_FLIGHT = Treatment(blending="multiband", own_frame=True, equalises=True, in_memory=False)
+"""Averages of the ten photographs that may show the same ground would be blurred."""
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """A flight laid out.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of all photographs, as given.
+    sources : tuple of Source
+        The photographs that could be read, without repetitions.
+    views : tuple of View
+        One for each source. Links and layouts refer to views by their index in this tuple.
+    links : tuple of Link
+        Every pair that was tried.
+    layouts : tuple of Layout
+        Groups of at least two linked views, the largest first.
+    left_out : dict of int to str
+        Photographs in none of the layouts, by their index among those given, with the reason.
+    settings : Settings
+    seconds : dict of str to float
+        Wall time of each stage.
+    pair : Pair or None
+        The registration of two photographs, see `skymosaic.flight.two_photographs`.
+    calibration : Calibration or None
+        The lens estimated from tie points. Views, links and layouts are then those of straightened photographs.
+    """
+
+    names: tuple[str, ...]
+    sources: tuple[Source, ...]
+    views: tuple[View, ...]
+    links: tuple[Link, ...]
+    layouts: tuple[Layout, ...]
+    left_out: dict[int, str]
+    settings: Settings
+    seconds: dict[str, float]
+    pair: Pair | None = None
+    calibration: Calibration | None = None
+
+    @property
+    def treatment(self) -> Treatment:
+        """How it becomes a picture."""
+        return WHOLE_FLIGHT if self.pair is None else TWO_PHOTOGRAPHS
+
+    @property
+    def lens(self) -> Lens:
+        """The lens that straightens the photographs: as given, or as estimated from tie points."""
+        return self.settings.lens if self.calibration is None else self.calibration.lens
+
+    @cached_property
+    def relative_sharpness(self) -> Array:
+        """Sharpness of each view over the median of the views it is linked with, or of all if it has no link, (V,).
+
+        Sharpness depends more on the ground than on the lens, so only views of the same ground are compared.
+        """
+        neighbours: list[list[float]] = [[] for _ in self.views]
+        for link in self.links:
+            if link.holds:
+                neighbours[link.left].append(self.views[link.right].sharpness)
+                neighbours[link.right].append(self.views[link.left].sharpness)
+        overall = float(np.median([view.sharpness for view in self.views]))
+        expected = [float(np.median(around)) if around else overall for around in neighbours]
+        return np.array([view.sharpness / max(value, 1e-9) for view, value in zip(self.views, expected, strict=True)])
+
+    def absent_from(self, layout: Layout) -> dict[int, str]:
+        """Photographs that are not in a layout, by their index among those given, with the reason."""
+        absent = dict(self.left_out)
+        for other in self.layouts:
+            for source in (self.sources[member] for member in other.members if other is not layout):
+                group = f"another group of {len(other.members)} photographs"
+                absent[source.index] = f"{source.name}: in {group}, which nothing links to this one"
+        return dict(sorted(absent.items()))

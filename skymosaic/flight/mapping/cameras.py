@@ -1,0 +1,107 @@
+"""The cameras above the photographs of a layout: where they are, and how they are turned."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from golden_model.arrays import Array, Matrix, Points
+from skymosaic.flight.flight import Flight
+from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS
+from skymosaic.geometry.homography import apply
+from skymosaic.imagery.exif import Metadata
+from skymosaic.maps.georeference import map_to_globe, reproject
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A camera above its photograph.
+
+    Attributes
+    ----------
+    name : str
+        Name of the photograph.
+    size : (int, int)
+        Width and height, px.
+    to_reference : ndarray of float64, shape (3, 3)
+        Its pixels to the reference frame of the layout.
+    taken : Metadata
+        What the camera recorded.
+    focal_half_diagonals : float or None
+        Focal length, half diagonals of the photograph; None: as recorded, else that of common drones.
+    """
+
+    name: str
+    size: tuple[int, int]
+    to_reference: Matrix
+    taken: Metadata
+    focal_half_diagonals: float | None = None
+
+    @cached_property
+    def position(self) -> Array:
+        """x and y in the reference frame, and height above it (3,), px.
+
+        A camera that leans sees ground beside the place below it: at a height of 100 m, one degree makes 1.7 m. The
+        position follows from the homography, as for a calibrated camera over a plane (Zhang 2000, section 3.1).
+        """
+        width, height = self.size
+        focal = self.focal_half_diagonals or self.taken.focal_half_diagonals or FOCAL_HALF_DIAGONALS
+        focal_px = focal * float(np.hypot(width, height)) / 2
+        camera = np.array([[focal_px, 0, (width - 1) / 2], [0, focal_px, (height - 1) / 2], [0, 0, 1]])
+        pose = np.linalg.inv(self.to_reference @ camera)
+        pose /= (np.linalg.norm(pose[:, 0]) + np.linalg.norm(pose[:, 1])) / 2
+        # The nearest rotation: noise, and ground that is not quite flat, leave the columns not quite orthogonal.
+        left, _, right = np.linalg.svd(np.column_stack((pose[:, 0], pose[:, 1], np.cross(pose[:, 0], pose[:, 1]))))
+        x, y, z = -(left @ right).T @ pose[:, 2]
+        return np.array([x, y, abs(z)])
+
+
+def cameras_of(flight: Flight, layout: Layout) -> list[Camera]:
+    """The cameras of a layout's members, with the focal length of the camera file where there is one."""
+    lens, focal = flight.settings.lens, None
+    if lens.matrix is not None and lens.size is not None:
+        focal = float(lens.matrix[0, 0] / (np.hypot(*lens.size) / 2))
+    transforms = layout.to_reference(flight.views)
+    views = [(flight.views[member], transforms[member]) for member in layout.members]
+    return [Camera(view.name, view.size, transform, view.taken, focal) for view, transform in views]
+
+
+def measure_turn(cameras: Sequence[Camera], to_map: Matrix, place: Points, crs: str) -> float | None:
+    """Median clockwise turn of the photographs on the map against the recorded yaw, from true north, degrees.
+
+    Parameters
+    ----------
+    cameras : sequence of Camera
+    to_map : ndarray of float64, shape (3, 3)
+        The reference frame of their layout to metres on the map.
+    place : ndarray of float64, shape (2,)
+        Where they are on the map, m; true north is up to 3 degrees from the north of a UTM zone there.
+    crs : str
+    """
+    north_deg = _true_north_deg(place, crs)
+    differences = []
+    for camera in cameras:
+        if camera.taken.yaw_deg is None:
+            continue
+        middle = (np.array(camera.size) - 1) / 2
+        start, top = apply(to_map @ camera.to_reference, np.array([middle, middle - [0, 1]]))
+        yaw_deg = np.degrees(np.arctan2(*(top - start)))
+        differences.append(yaw_deg - north_deg - camera.taken.yaw_deg)
+    if not differences:
+        return None
+    # Around their mean direction, because +178 and -179 degrees lie three degrees apart.
+    mean_deg = np.degrees(np.angle(np.exp(1j * np.radians(differences)).mean()))
+    return float(_shorter_turn_deg(mean_deg + np.median(_shorter_turn_deg(np.array(differences) - mean_deg))))
+
+
+def _true_north_deg(place: Points, crs: str) -> float:
+    """Direction of true north on the map, clockwise: in degrees."""
+    north = reproject(map_to_globe(place, crs) + np.array([0, 1e-3]), "EPSG:4326", crs)[0]
+    return float(np.degrees(np.arctan2(*(north - place))))
+
+
+def _shorter_turn_deg(turn_deg: Array) -> Array:
+    """The same turns the shorter way round, -180 to 180 degrees."""
+    return np.asarray((turn_deg + 180) % 360 - 180)

@@ -1,0 +1,135 @@
+"""The canvas of a mosaic: which way is up, how large it is, and where each photograph lies on it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from golden_model.arrays import Array, Matrix
+from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.compositing.warp import Canvas, CanvasError, enclosing_canvas, magnification, nearness
+from skymosaic.flight.flight import Flight
+from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.linking.view import View
+from skymosaic.flight.mapping.place import MapPlace
+from skymosaic.flight.picture.composition import Composition, Placement, Room
+from skymosaic.geometry.homography import resize_matrix
+from skymosaic.imagery.depth import measure_common_range
+from skymosaic.maps.georeference import Georeference
+
+MIN_GSD = 0.99
+"""A ground resolution is refused below this share of the photographs' own: enlarging them shows nothing new."""
+REMOTE_PERCENTILE = 5
+"""Percentile of the nearness of a photograph's ties that counts as its farthest; single ones may be false."""
+BEYOND_TIES = 0.63
+"""Ground is shown if it is at least this near, relative to the farthest ties: there, pixels are twice as large."""
+
+
+def place_on_canvas(
+    flight: Flight, layout: Layout, blending: str, *, scale: float, room: Room, place: MapPlace
+) -> Composition:
+    """Lay the photographs of a layout on a canvas, without tones and seams; parameters as of `compose`."""
+    views = [flight.views[member] for member in layout.members]
+    check_scale(scale, [view.size for view in views])
+    to_reference = layout.to_reference(flight.views).values()
+    treatment, on_map, usual = flight.treatment, place.georeference, usual_magnification(flight, layout)
+    least = least_nearness(flight.views, layout) if treatment.own_frame else [0.0] * len(views)
+
+    def lay(scale: float) -> tuple[Array, list[Array], Canvas]:
+        if on_map is not None and treatment.own_frame:
+            to_canvas = north_up(on_map, on_map.metres_per_pixel * usual / scale)
+        else:
+            to_canvas = resize_matrix(scale / usual)
+        transforms = [to_canvas @ transform for transform in to_reference]
+        limit_px = room.area_px if treatment.in_memory else math.inf
+        return to_canvas, transforms, enclosing_canvas([v.size for v in views], transforms, least, limit_px=limit_px)
+
+    try:
+        to_canvas, transforms, canvas = lay(scale)
+    except CanvasError as error:
+        raise RegistrationError(f"{len(views)} photographs, the first {views[0].name}: {error}") from None
+    reduced = ""
+    if not treatment.in_memory and (share := room.share_of(canvas)) < 1:
+        full = canvas
+        to_canvas, transforms, canvas = lay(scale * share)
+        reduced = (
+            f"reduced from {full.width_px}x{full.height_px} to {canvas.width_px}x{canvas.height_px} px, because "
+            f"{room.reason}; --scale or --canvas-limit choose the size"
+        )
+    if on_map is not None:
+        to_layout = np.asarray(np.linalg.inv(canvas.translation @ to_canvas))
+        place = replace(place, georeference=on_map.for_pixels(to_layout))
+    if treatment.own_frame:
+        transforms = [canvas.translation @ transform for transform in transforms]
+        canvas = Canvas(0, 0, canvas.width_px, canvas.height_px)
+    placements = tuple(
+        Placement(flight.sources[member], view.size, transform, least_nearness=nearest)
+        for member, view, transform, nearest in zip(layout.members, views, transforms, least, strict=True)
+    )
+    coloured = any(view.thumbnail.ndim == 3 for view in views)
+    values = measure_common_range([view.sample for view in views])
+    return Composition(placements, canvas, coloured, blending, flight.lens, values, place, reduced=reduced)
+
+
+def check_scale(scale: float, sizes: Sequence[tuple[int, int]]) -> None:
+    """Raise InputError for a scale that leaves no pixel of any photograph."""
+    if scale * max(max(size) for size in sizes) < 1:
+        raise InputError("each photograph would be smaller than a pixel; raise --scale, or lower --gsd")
+
+
+def north_up(georeference: Georeference, metres_per_pixel: float) -> Matrix:
+    """Pixels of a georeference to pixels of a map with north up and ``metres_per_pixel``, (3, 3)."""
+    to_canvas = np.diag([1 / metres_per_pixel, -1 / metres_per_pixel, 1.0]) @ georeference.to_map
+    # The origin is arbitrary; small numbers keep their digits.
+    to_canvas[:2, 2] -= np.round(to_canvas[:2, 2])
+    return np.asarray(to_canvas)
+
+
+def usual_magnification(flight: Flight, layout: Layout) -> float:
+    """Pixels of the reference frame per pixel of the median photograph; 1 where the canvas has no frame of its own.
+
+    The reference may have flown lower or higher than most: a mosaic should neither invent detail nor lose it.
+    """
+    if not flight.treatment.own_frame:
+        return 1.0
+    transforms = layout.to_reference(flight.views)
+    return float(np.median([magnification(flight.views[m].size, each) for m, each in transforms.items()]))
+
+
+def scale_for(flight: Flight, layout: Layout, on_map: Georeference | None, gsd_m: float) -> float:
+    """The scale at which canvas pixels are ``gsd_m`` metres wide.
+
+    Raises
+    ------
+    InputError
+        Without a map, or for a resolution finer than that of the photographs.
+    """
+    if on_map is None:
+        raise InputError("gsd: the mosaic has no place on the map, so metres are unknown; use --scale instead")
+    finest_m = on_map.metres_per_pixel * usual_magnification(flight, layout)
+    if gsd_m < MIN_GSD * finest_m:
+        raise InputError(f"gsd is {gsd_m:g} m, finer than the photographs; give at least {finest_m:.3g}")
+    return min(finest_m / gsd_m, 1.0)
+
+
+def least_nearness(views: Sequence[View], layout: Layout) -> list[float]:
+    """How near ground has to be that each member of a layout shows, see `skymosaic.compositing.warp.nearness`.
+
+    A photograph that looks to the horizon would cover a village with what it shows of the fields behind. Far beyond
+    its ties it is coarse, and nothing says whether the ground there is where the layout puts it.
+    """
+    tied: dict[int, list[Array]] = {member: [] for member in layout.members}
+    for link in layout.links:
+        tied[link.left].append(link.left_points)
+        tied[link.right].append(link.right_points)
+    least = []
+    for member, points in tied.items():
+        if not points:
+            least.append(0.0)
+            continue
+        size, transform = views[member].working_size, layout.transforms[member]
+        tied_from = float(np.percentile(nearness(size, transform, np.concatenate(points)), REMOTE_PERCENTILE))
+        whole = float(nearness(size, transform, Canvas(0, 0, *size).corners).min())
+        least.append(0.0 if whole >= BEYOND_TIES * tied_from else BEYOND_TIES * tied_from)
+    return least

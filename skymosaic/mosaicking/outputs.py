@@ -1,0 +1,113 @@
+"""What is refused before the work begins: an output that cannot be written, or cannot be what is required of it."""
+
+import contextlib
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from golden_model.config import MIN_FRAME_PX
+from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.flight.mapping.place import MapPlace, explain_absence
+from skymosaic.flight.picture.canvas import check_scale
+from skymosaic.flight.picture.composition import Composition, Room
+from skymosaic.flight.picture.output import OutputForm, room_for, too_deep_for_jpeg
+from skymosaic.imagery.decoding import read_header
+from skymosaic.imagery.exif import read_metadata
+from skymosaic.imagery.images import check_output, check_output_folder
+from skymosaic.imagery.photographs import Source
+from skymosaic.maps.tiles import OWN_NAMES
+from skymosaic.mosaicking.options import MEGAPIXEL, MosaicOptions
+
+MIN_ROOM_PX = 1_000_000
+"""A disk with less room is refused before the first feature; one with more gets a reduced mosaic."""
+
+
+def check_outputs(
+    output: Path, form: OutputForm, sources: Sequence[Source], options: MosaicOptions, *, overwrite: bool = False
+) -> None:
+    """Check that the mosaics of ``sources`` can be written, before anything is computed.
+
+    Raises
+    ------
+    InputError
+        For an output that cannot be written, would replace a photograph, or exists and must not be overwritten;
+        for a form that does not suit it.
+    RegistrationError
+        For a map that is required where nothing can give the mosaic a place.
+    """
+    form.check(output, len(sources[0].bands))
+    _check_headers(output, form, sources, options.scale)
+    inputs = tuple(name for source in sources for name in source.files)
+    if form.tiles is not None:
+        check_output_folder(form.tiles, inputs, OWN_NAMES, overwrite=overwrite)
+    check_output(output, inputs, overwrite=overwrite)
+    room = room_of(output, sources, options)
+    if options.canvas_limit_px is None and room.area_px < MIN_ROOM_PX:
+        raise InputError(f"{output}: {room.reason}, too little for a mosaic; free some, or choose another folder")
+    if form.require_map and not _may_have_place(sources, options):
+        place = MapPlace(note=f"0 of {len(sources)} photographs have GPS")
+        raise RegistrationError(f"{explain_absence(output, place)}; nothing was written")
+    if options.all_groups:
+        # How many groups there are is not known yet.
+        for path in _numbered_beside(output):
+            check_output(path, inputs, overwrite=overwrite)
+        if form.tiles is not None:
+            for path in _numbered_beside(form.tiles):
+                check_output_folder(path, inputs, OWN_NAMES, overwrite=overwrite)
+
+
+def refuse_without_place(output: Path, compositions: Sequence[Composition]) -> None:
+    """Raise RegistrationError if one of several mosaics has no place on the map."""
+    for composition in compositions:
+        if composition.place.georeference is None:
+            raise RegistrationError(f"{explain_absence(output, composition.place)}; nothing was written")
+
+
+def room_of(path: Path | None, sources: Sequence[Source], options: MosaicOptions) -> Room:
+    """How large a mosaic in this file may become; None: in memory."""
+    if options.canvas_limit_px is not None:
+        limit_px = options.canvas_limit_px
+        return Room(limit_px, reason=f"--canvas-limit is {limit_px / MEGAPIXEL:g} megapixels")
+    if path is None or len(sources) == 2:
+        return Room()
+    return room_for(path, 1 + max(3, len(sources[0].bands)))
+
+
+def _check_headers(output: Path, form: OutputForm, sources: Sequence[Source], scale: float) -> None:
+    """Refuse what the sizes and depths that the photographs declare already forbid."""
+    if form.compress != "jpeg" and scale * MIN_FRAME_PX >= 1:
+        return
+    headers = []
+    for source in sources:
+        # What cannot be read is said when it is read.
+        with contextlib.suppress(InputError):
+            headers += [read_header(source.content)] if isinstance(source.content, Path) else []
+    if len(headers) < len(sources):
+        return
+    check_scale(scale, [header.size for header in headers])
+    if form.compress == "jpeg" and all(header.sample_bytes == 2 for header in headers):
+        raise too_deep_for_jpeg(output)
+
+
+def _may_have_place(sources: Sequence[Source], options: MosaicOptions) -> bool:
+    """Whether there is anything by which the mosaic could be placed on the map."""
+    if options.control is not None or options.positions is not None or options.layout is not None:
+        return True
+    files = [source.content for source in sources if isinstance(source.content, Path)]
+    # What cannot be read is said when it is read.
+    return any(not os.access(file, os.R_OK) or read_metadata(file).position for file in files)
+
+
+def _numbered_beside(base: Path) -> list[Path]:
+    """What exists under the names that the outputs of further groups get.
+
+    Raises
+    ------
+    InputError
+        For a folder such as ".", to whose name no number can be added.
+    """
+    if base.name in ("", ".."):
+        raise InputError(f"{base}: has no name that could be numbered for several groups; name another folder")
+    numbered = re.compile(re.escape(base.stem) + r"_\d+" + re.escape(base.suffix))
+    return [path for path in sorted(base.parent.glob("*")) if numbered.fullmatch(path.name)]
