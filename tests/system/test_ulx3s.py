@@ -19,9 +19,9 @@ from hdl.lib.ecp5 import Ecp5
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends.interface import load_backend
 from sim.benches.exported import host_programs
-from sim.benches.serial import SerialPort
 from sim.scene import make_pair
 from tests.system.command_line import only_error, skymosaic
+from tests.system.serial_port import SerialPort
 
 THESIS = PRESETS["thesis"]
 SMALL_CONFIG = dataclasses.replace(THESIS, front_end=dataclasses.replace(THESIS.front_end, max_features=256))

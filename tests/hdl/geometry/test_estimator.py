@@ -12,9 +12,9 @@ from golden_model.geometry.estimator import CYCLES, Cause, Estimate, FrameMatche
 from hdl.geometry.estimator import GATHER_CYCLES, TURN_CYCLES, HomographyEstimator
 from hdl.geometry.sweep import Sweep
 from sim.backends.golden import GoldenBackend
-from sim.benches.estimator import simulate_estimates
 from sim.scene import make_pair
 from sim.simulators.recording import NO_PAUSES, Pauses
+from tests.hdl.geometry.estimator_bench import simulate_estimates
 
 TRUTH = np.array([[1.02, 0.05, 30], [-0.04, 0.97, 10], [1e-5, 2e-5, 1]])
 MAX_MATCHES = 40

@@ -13,8 +13,8 @@ from golden_model.geometry.scoring import Cause, Scores, finish_cycles, quantise
 from hdl.geometry.scoring import IN_FLIGHT, HomographyScoring
 from sim.benches.block_bench import BlockBench
 from sim.benches.drivers import run_streams
-from sim.benches.scoring import hypothesis_payloads, set_of_matches, simulate_scoring, time_scores
 from sim.simulators.recording import NO_PAUSES, Pauses
+from tests.hdl.geometry.scoring_bench import hypothesis_payloads, set_of_matches, simulate_scoring, time_scores
 
 PAUSES = Pauses(gaps=120, stalls=150, seed=7)
 TRUTH = np.array([[1.02, 0.05, 30], [-0.04, 0.97, 10], [1e-5, 2e-5, 1]])

@@ -18,7 +18,7 @@ from hdl.registers.register_map import Access, fields
 from hdl.settings import PAGE_BYTES, RINGS
 from hdl.shell.shell import Shell
 from hdl.shell.slot import HEADER, HEADER_BYTES
-from sim.benches.axi_memory import AxiMemory
+from tests.hdl.shell.axi_memory import AxiMemory
 
 WIDTH_PX, HEIGHT_PX = 8, 4
 RECORD_WORDS = {"features": 3, "matches": 2, "homographies": 4}

@@ -7,7 +7,7 @@ import pytest
 from hdl.registers.live_register_map import Reason, Refusal, RingFault
 from hdl.settings import PAGE_BYTES, RINGS
 from hdl.shell.slot import HeaderFlag
-from sim.benches.axi_memory import AxiMemory
+from tests.hdl.shell.axi_memory import AxiMemory
 from tests.hdl.shell.bench import BASES, HEIGHT_PX, SLOTS, WIDTH_PX, Run, ShellBench, flight, frame, settings
 
 FRAMES = 6

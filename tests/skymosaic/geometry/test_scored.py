@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Pixels
 from golden_model.geometry.scoring import LEVELS, MAX_MATCHES
-from sim.benches.scoring import simulate_scoring
 from sim.scene import make_pair
 from skymosaic import register
 from skymosaic.geometry import estimators, prosac
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.scored import integer_scorer
+from tests.hdl.geometry.scoring_bench import simulate_scoring
 
 TRUTH = np.array([[0.98, 0.11, 25.0], [-0.09, 1.03, 60.0], [3e-5, -2e-5, 1.0]])
 

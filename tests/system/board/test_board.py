@@ -1,6 +1,6 @@
 """The board's driver, its server and the host's client, on PYNQ's own classes and the accelerator's Verilog.
 
-Between them are the AXI DMAs at the level of their registers (`sim.benches.axi_dma`).
+Between them are the AXI DMAs at the level of their registers (`tests.system.board.axi_dma`).
 """
 
 import dataclasses
@@ -23,11 +23,11 @@ from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends import board
 from sim.backends.interface import BUILT_LANES, BackendError, Reference, load_backend
 from sim.benches.exported import host_programs
-from sim.benches.pynq_board import AcceleratorSystem, open_board
-from sim.benches.pynq_package import OLDER, remove_pynq
 from sim.scene import make_pair
 from sim.simulators.accelerator_designs import BUILT_SIZES_PX, MATCHES
 from skymosaic.cli import main
+from tests.system.board.pynq_board import AcceleratorSystem, open_board
+from tests.system.board.pynq_package import OLDER, remove_pynq
 from tests.system.command_line import only_error
 
 SIZE_PX = (160, 120)

@@ -10,9 +10,9 @@ import pytest
 from sim.backends import board
 from sim.backends.interface import BackendError, load_backend
 from sim.benches.exported import host_programs
-from sim.benches.pynq_board import open_board
-from sim.benches.pynq_package import remove_pynq
 from tests.hdl.test_accelerator import CONFIG, DESIGN, HEIGHT_PX, LANES, WIDTH_PX, views
+from tests.system.board.pynq_board import open_board
+from tests.system.board.pynq_package import remove_pynq
 
 BUILD = {"lanes": LANES, "max_width_px": WIDTH_PX, "max_height_px": HEIGHT_PX}
 pytestmark = pytest.mark.needs("pynq")

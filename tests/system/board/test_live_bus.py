@@ -12,8 +12,8 @@ from golden_model.geometry.scoring import answers, quantise
 from hdl.settings import REQUESTED
 from sim.benches.exported import host_programs
 from sim.benches.live import CameraTiming, LiveBench, MemoryRules
-from sim.benches.pynq_board import ACCELERATOR_ADDRESS, LiveSystem
-from sim.benches.pynq_package import NEWEST, OLDER, import_pynq, remove_pynq
+from tests.system.board.pynq_board import ACCELERATOR_ADDRESS, LiveSystem
+from tests.system.board.pynq_package import NEWEST, OLDER, import_pynq, remove_pynq
 from tests.system.test_live_build import SETTINGS, SIZE_PX, SLOTS, check, views
 
 CONFIG = PRESETS["aerial"]

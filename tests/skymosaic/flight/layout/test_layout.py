@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from sim.scene import make_lawnmower
 from sim.scene.flight import Flight
-from sim.scene.ties import tie_pictures
 from skymosaic.flight.layout.layout import Layout, lay_out, trust_by_loops
 from skymosaic.flight.linking.links import Link
 from skymosaic.geometry.homography import apply, estimate
+from tests.skymosaic.flight.layout.ties import tie_pictures
 
 SIZE_PX = (1280, 960)
 PICTURES = 30

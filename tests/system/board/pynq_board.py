@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from golden_model.config import PRESETS, Config
 from hdl.export.accelerator import VLNV
 from hdl.settings import PAGE_BYTES
-from sim.benches.axi_dma import Dma, MemoryFaultError, ReceiveChannel, SendChannel, Status
 from sim.benches.live import BASE, LiveBench
-from sim.benches.pynq_package import NEWEST, import_pynq
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import BUILT_SIZES_PX, design_accelerator
 from sim.simulators.compiled import Bench
 from sim.simulators.design import Design
 from sim.simulators.recording import END_OF_LINE, Segment
+from tests.system.board.axi_dma import Dma, MemoryFaultError, ReceiveChannel, SendChannel, Status
+from tests.system.board.pynq_package import NEWEST, import_pynq
 
 POLL_CLOCKS = 2000
 """Simulated time of a read of a DMA's register."""
@@ -151,12 +151,12 @@ class Board:
         self._cached[bo][offset:][:length] = self.dram[bo + offset :][:length]
 
     def load(self, address: int, length_bytes: int) -> NDArray[np.uint8]:
-        """See `sim.benches.axi_dma.Memory`."""
+        """See `tests.system.board.axi_dma.Memory`."""
         start, end = self._range(address, length_bytes)
         return self.dram[start:end].copy()
 
     def store(self, address: int, data: NDArray[np.uint8]) -> None:
-        """See `sim.benches.axi_dma.Memory`."""
+        """See `tests.system.board.axi_dma.Memory`."""
         start, end = self._range(address, data.size)
         self.dram[start:end] = data
 

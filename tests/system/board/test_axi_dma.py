@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.benches.axi_dma import (
+from tests.system.board.axi_dma import (
     ADDRESS_HIGH,
     ADDRESS_LOW,
     CONTROL,
@@ -18,7 +18,7 @@ from sim.benches.axi_dma import (
     SendChannel,
     Status,
 )
-from sim.benches.pynq_board import Board
+from tests.system.board.pynq_board import Board
 
 BASE = 0x1_2000_0000
 

@@ -8,10 +8,10 @@ from cocotb.triggers import ClockCycles
 
 from golden_model.arrays import Pixels
 from sim.backends.interface import Reference
-from sim.cocotb.bench import Bench, assert_golden, compute_golden, render_scene
-from sim.cocotb.runner import CONFIG, MAX_SIZE_PX
 from sim.simulators.accelerator_designs import FEATURES, MATCHES
 from sim.simulators.hardware import decode_frame
+from tests.cocotb.bench import Bench, assert_golden, compute_golden, render_scene
+from tests.cocotb.runner import CONFIG, MAX_SIZE_PX
 
 ODD_SIZE_PX = (125, 101)
 MIN_FEATURES, MIN_MATCHES = 60, 15

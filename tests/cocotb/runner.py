@@ -1,4 +1,7 @@
-"""Compiles the accelerator's Verilog for cocotb and runs modules of cases, on Verilator or Icarus."""
+"""Compiles the accelerator's Verilog for cocotb and runs modules of cases, on Verilator or Icarus.
+
+cocotb re-enters Python at every clock, so frames are small here; whole ones belong to `sim.simulators.verilator`.
+"""
 
 import subprocess
 from collections.abc import Sequence
@@ -43,7 +46,7 @@ def run(
     Parameters
     ----------
     cases : str
-        The module, as it is imported: ``sim.cocotb.`` and one of `CASES`.
+        The module, as it is imported: ``tests.cocotb.`` and one of `CASES`.
     folder : Path
         To run in.
     only : sequence of str, optional

@@ -1,11 +1,11 @@
-"""The benches of `sim.cocotb` at the AXI boundary of the Verilog: all cases on Verilator, some on Icarus, too."""
+"""The benches of `tests.cocotb` at the AXI boundary of the Verilog: all cases on Verilator, some on Icarus, too."""
 
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
-from sim.cocotb import runner
+from tests.cocotb import runner
 
 ON_ICARUS = {
     "frames": ("gray_video_of_an_odd_size_with_random_stalls", "gray_memory_of_an_odd_size_with_random_stalls"),
@@ -24,7 +24,7 @@ leaves, and after sizes and modes written in mid-frame, colour among them."""
 
 def run(cases: str, folder: Path, simulator: str, *only: str) -> set[str]:
     """Run the cases of a module, or only some; the names of those that were run."""
-    results = runner.run(f"sim.cocotb.{cases}", folder, only=only or None, simulator=simulator, progress=print)
+    results = runner.run(f"tests.cocotb.{cases}", folder, only=only or None, simulator=simulator, progress=print)
     return {str(case.get("name")) for case in ElementTree.parse(results).iter("testcase")}
 
 
@@ -42,7 +42,7 @@ def test_chosen_cases_pass_on_icarus(tmp_path: Path, cases: str) -> None:
 
 def test_a_case_that_fails_is_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "failing.py").write_text(
-        "import cocotb\nfrom sim.cocotb.bench import Bench\n\n"
+        "import cocotb\nfrom tests.cocotb.bench import Bench\n\n"
         "@cocotb.test()\nasync def wrong_identity(dut):\n"
         "    bench = await Bench.open(dut)\n    assert await bench.read('identity') == 0, 'not 0'\n"
     )

@@ -8,10 +8,10 @@ from cocotb.triggers import ClockCycles
 
 from golden_model.records import Cause
 from hdl.settings import RUNNING
-from sim.cocotb.bench import Bench, assert_golden, compute_golden, render_scene
-from sim.cocotb.faults import assert_bad
-from sim.cocotb.runner import MAX_SIZE_PX
 from sim.simulators.accelerator_designs import MATCHES
+from tests.cocotb.bench import Bench, assert_golden, compute_golden, render_scene
+from tests.cocotb.faults import assert_bad
+from tests.cocotb.runner import MAX_SIZE_PX
 
 SIZE_PX, OTHER_SIZE_PX = (112, 80), (96, 72)
 MID_FRAME_CYCLES = 3000

@@ -11,9 +11,9 @@ from cocotbext.axi import AxiStreamFrame
 from golden_model.arrays import Pixels
 from golden_model.records import WORD_BYTES, Cause, Tag
 from sim.backends.interface import FrameResult
-from sim.cocotb.bench import Bench, assert_golden, make_lines, render_scene
-from sim.cocotb.runner import CONFIG, MAX_SIZE_PX
 from sim.simulators.accelerator_designs import FEATURES
+from tests.cocotb.bench import Bench, assert_golden, make_lines, render_scene
+from tests.cocotb.runner import CONFIG, MAX_SIZE_PX
 
 SIZE_PX = (112, 80)
 FAULTY_LINE = 7

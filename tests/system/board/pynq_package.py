@@ -2,7 +2,7 @@
 
 The source package is fetched into the user's cache, not installed, since it pins an old NumPy:
 
-    python -m sim.benches.pynq_package
+    python -m tests.system.board.pynq_package
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def import_pynq(version: str, device: Any) -> ModuleType:
     version : str
         `NEWEST` or one of `OLDER`.
     device : object
-        What PYNQ asks of a device: see `sim.benches.pynq_board.Board`.
+        What PYNQ asks of a device: see `tests.system.board.pynq_board.Board`.
     """
     remove_pynq()
     folder = fetch_pynq(version) / "pynq"

@@ -8,22 +8,22 @@ import nbformat
 import numpy as np
 import pytest
 
-from bench import pictures
 from golden_model.config import PRESETS, EstimatorConfig
 from sim.backends.interface import load_backend
-from sim.benches.pynq_package import NEWEST, OLDER
 from sim.scene import make_pair
 from skymosaic.geometry.fabric import homography_in_pixels
+from tests.system.board import notebook
+from tests.system.board.pynq_package import NEWEST, OLDER
 
 SIZE_PX = (160, 120)
-SOURCES = [cell.source for cell in nbformat.read(pictures.NOTEBOOK, as_version=4).cells]
+SOURCES = [cell.source for cell in nbformat.read(notebook.NOTEBOOK, as_version=4).cells]
 
 
 @pytest.mark.needs("pynq")
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of Jupyter's own packages
 @pytest.mark.parametrize("version", [NEWEST, *(pytest.param(older, marks=pytest.mark.slow) for older in OLDER)])
 def test_the_notebook_runs_and_gives_what_the_golden_model_gives(version: str) -> None:
-    made = pictures.run_notebook(SIZE_PX, version)
+    made = notebook.run_notebook(SIZE_PX, version)
     assert [cell.source for cell in made.cells] == SOURCES
     outputs = [output for cell in made.cells for output in cell.get("outputs", [])]
     printed = "".join(output.text for output in outputs if output.output_type == "stream")
@@ -37,15 +37,15 @@ def test_the_notebook_runs_and_gives_what_the_golden_model_gives(version: str) -
 
 
 def test_the_page_in_docs_has_every_cell_and_its_pictures() -> None:
-    text = pictures.PAGE.read_text()
+    text = notebook.PAGE.read_text()
     for source in SOURCES:
         # The title stands above the note on the page.
         assert source.removeprefix("# skymosaic on the board\n").strip() in text, (
-            "run: python -m bench.pictures notebook"
+            "run: python -m tests.system.board.notebook"
         )
     drawn = re.findall(r"\]\((\S+\.webp)\)", text)
     assert len(drawn) == 3
-    assert all((pictures.PAGE.parent / picture).is_file() for picture in drawn)
+    assert all((notebook.PAGE.parent / picture).is_file() for picture in drawn)
     assert "not yet run on a board" in text
 
 

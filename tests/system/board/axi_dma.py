@@ -1,6 +1,6 @@
 """AMD's AXI DMA at the level of its registers, in direct register mode, by its product guide (PG021, version 7.1).
 
-Each sentence of the guide that the exported driver relies on has a test in `tests/sim/benches/test_axi_dma.py`.
+Each sentence of the guide that the exported driver relies on has a test in `tests/system/board/test_axi_dma.py`.
 """
 
 from __future__ import annotations

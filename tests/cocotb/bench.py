@@ -28,12 +28,12 @@ from hdl.registers.register_map import REGISTERS, register_writes
 from hdl.settings import RUNNING, matched_frame_settings
 from sim.backends.golden import add_matches
 from sim.backends.interface import FrameResult, Reference
-from sim.cocotb.runner import CONFIG
 from sim.scene import make_pair
 from sim.simulators.accelerator_designs import CONTROL, FEATURES, MATCHES
 from sim.simulators.hardware import decode_frame
 from sim.simulators.recording import flatten_frame
 from sim.simulators.scoreboard import find_mismatch
+from tests.cocotb.runner import CONFIG
 
 CLOCK_NS = 10
 RESET_CYCLES = 4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from pathlib import Path
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from sim.simulators.accelerator_designs import digest_sources, strip_settings
 from sim.simulators.compiled import load_library
 from sim.simulators.design import Design, Ports
 
-HARNESS = "serial.cpp"
+HARNESS = Path(__file__).with_name("serial.cpp")
 PATIENCE_BYTES = 100
 """A read ends after a pause as long as this many bytes."""
 

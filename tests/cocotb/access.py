@@ -8,9 +8,9 @@ from cocotbext.axi import AxiResp
 
 from golden_model.version import VERSION
 from hdl.registers.register_map import IDENTITY, REGISTERS, Access, Register, built_constants
-from sim.cocotb.bench import REGISTER_BYTES, Bench, render_scene
-from sim.cocotb.runner import CONFIG, LANES, MAX_SIZE_PX
 from sim.simulators.accelerator_designs import FEATURES, MATCHES
+from tests.cocotb.bench import REGISTER_BYTES, Bench, render_scene
+from tests.cocotb.runner import CONFIG, LANES, MAX_SIZE_PX
 
 KNOWN_ADDRESSES = {register.offset for register in REGISTERS}
 UNKNOWN_ADDRESSES = sorted({*range(0, max(KNOWN_ADDRESSES) + 8, 4), 0x200, 0xFFC} - KNOWN_ADDRESSES)
