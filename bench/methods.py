@@ -27,8 +27,6 @@ OURS: dict[str, tuple[str, dict[str, Any]]] = {
     "fast": ("skymosaic, `--effort fast`", {"effort": "fast"}),
     "thorough": ("skymosaic, `--effort thorough`", {"effort": "thorough"}),
     "refine": ("skymosaic, `--refine`", {"refine": True}),
-    "scored": ("skymosaic, `--estimator scored`", {"estimator": "scored"}),
-    "scored-fast": ("skymosaic, `--estimator scored --effort fast`", {"estimator": "scored", "effort": "fast"}),
     "fast-corners": ("skymosaic, FAST corners", {"detector": "fast"}),
     "thesis": ("skymosaic, preset `thesis`", {"preset": "thesis"}),
 }

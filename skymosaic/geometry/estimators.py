@@ -7,16 +7,13 @@ from golden_model.arrays import Array, Mask
 from skymosaic.geometry import fuzzy_ransac
 from skymosaic.geometry.fabric import estimate_as_in_fabric, homography_in_pixels
 from skymosaic.geometry.homography import DegenerateError, dlt, transfer_error
-from skymosaic.geometry.prosac import CONFIDENCE, INLIER_PX, MIN_INLIERS, Scoring, estimate_homography, transfer_scorer
-from skymosaic.geometry.scored import integer_scorer
+from skymosaic.geometry.prosac import CONFIDENCE, INLIER_PX, MIN_INLIERS, estimate_homography
 
+PROSAC = "prosac"
 FUZZY_RANSAC = "fuzzy-ransac"
 FABRIC = "fabric"
 """What the chip computes, which also decides what is accepted; the checks of the host come after it."""
-SCORINGS: dict[str, Scoring] = {"prosac": transfer_scorer, "scored": integer_scorer}
-"""Names of the two variants of `skymosaic.geometry.prosac`; samples are ranked in floating point, or by the integers of
-the scoring block."""
-ESTIMATORS = (*SCORINGS, FABRIC, "ransac", "magsac", FUZZY_RANSAC)
+ESTIMATORS = (PROSAC, FABRIC, "ransac", "magsac", FUZZY_RANSAC)
 MIN_MATCHES = 4
 RANSAC_ROUNDS = 2000
 MAGSAC_TOLERANCE_PX = 3.0
@@ -43,13 +40,13 @@ def estimate(
     left, right : (N, 2) float64 ndarray
         Matched points, px.
     weight : (N,) float64 ndarray
-        Confidence of each match, 0 to 255; only ``prosac``, ``scored`` and ``fabric`` use it.
+        Confidence of each match, 0 to 255; only ``prosac`` and ``fabric`` use it.
     verified : (N,) bool ndarray
         Whether the front end accepted the match. Only fuzzy RANSAC also uses the other matches.
     size : (int, int)
         Width and height of the right image, px; only ``fabric`` uses it.
     rng : numpy.random.Generator
-        Source of the samples of ``prosac``, ``scored`` and ``fabric``; OpenCV's estimators use a fixed seed.
+        Source of the samples of ``prosac`` and ``fabric``; OpenCV's estimators use a fixed seed.
     record : structured scalar or None
         What the estimator on the chip has sent for these matches; ``fabric`` then computes nothing.
 
@@ -61,9 +58,8 @@ def estimate(
         The verified matches within 2 px; for fuzzy RANSAC, those that its rules accept.
     """
     inliers = np.zeros(len(left), dtype=bool)
-    if name in SCORINGS:
-        chosen = left[verified], right[verified], weight[verified]
-        result = estimate_homography(*chosen, rng=rng, scoring=SCORINGS[name])
+    if name == PROSAC:
+        result = estimate_homography(left[verified], right[verified], weight[verified], rng=rng)
         inliers[verified] = result.inliers
         return result.homography, inliers
     if name == FUZZY_RANSAC:

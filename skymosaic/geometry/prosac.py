@@ -9,13 +9,13 @@ Where the ground is not flat, several planes explain part of the matches, and a 
 depends on the seed. So the search is restarted, and the homography with the highest score wins.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from golden_model.arrays import Array, Mask, Matrix, Points
+from golden_model.arrays import Array, Mask, Matrix
 from skymosaic.geometry.homography import (
     DegenerateError,
     apply,
@@ -52,11 +52,6 @@ TRIPLES = ((1, 2, 3), (2, 0, 3), (0, 1, 3), (0, 1, 2))
 """The triangles among a sample's four points. The first three leave out point 0, 1 and 2; the ratios of their areas to
 the last give the fourth point as a combination of the first three."""
 
-Scorer = Callable[[Array], Array]
-"""Scores (M,) of homographies (M, 3, 3); higher is better, 0 means no support."""
-Scoring = Callable[[Points, Points, Array], Scorer]
-"""Makes a `Scorer` from left points, right points and weights in falling order."""
-
 
 @dataclass(frozen=True)
 class Estimate:
@@ -84,6 +79,7 @@ class _Matches:
         x, y, root_weight = check_pairs(left, right, weight, minimum=0)
         self.order = np.argsort(-root_weight, kind="stable")
         self.left, self.right, self.weight = x[self.order], y[self.order], root_weight[self.order] ** 2
+        self._lifted = homogeneous(self.left).T
         ones = np.ones(len(x))
         # Without two different points there is nothing to normalise and no sample to fit.
         self._fits = all(len(points) and np.ptp(points, axis=0).any() for points in (x, y))
@@ -98,6 +94,13 @@ class _Matches:
     def score(self, squared_error: Array) -> Array:
         """Sum of w max(0, 1 - e²/2tau²) over the last axis."""
         return np.asarray(_gain(squared_error) @ self.weight)
+
+    def score_all(self, homographies: Array) -> Array:
+        """`score` (M,) of homographies (M, 3, 3)."""
+        x, y, w = (homographies.reshape(-1, 3) @ self._lifted).reshape(len(homographies), 3, -1).transpose(1, 0, 2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            squared_error = (x / w - self.right[:, 0]) ** 2 + (y / w - self.right[:, 1]) ** 2
+        return self.score(squared_error)
 
     def fit(self, chosen: Mask) -> Matrix:
         """Fit the chosen matches by the weighted DLT, from its normal equations.
@@ -141,7 +144,6 @@ def estimate_homography(
     max_samples: int = MAX_SAMPLES,
     restarts: int = RESTARTS,
     starts: Sequence[Matrix] = (),
-    scoring: Scoring | None = None,
 ) -> Estimate:
     """Fit a homography to matches of which many may be wrong.
 
@@ -159,8 +161,6 @@ def estimate_homography(
         Independent searches at most; the homography with the highest score wins. With 0, only ``starts`` compete.
     starts : sequence of (3, 3) ndarray
         Homographies known from elsewhere, which compete after local optimisation.
-    scoring : callable, optional
-        What ranks the samples; default `transfer_scorer`. Local optimisation always works in floating point.
 
     Returns
     -------
@@ -173,10 +173,9 @@ def estimate_homography(
         For wrong shapes, values that are not finite, or negative weights.
     """
     matches = _Matches(left, right, weight)
-    scores = (scoring or transfer_scorer)(matches.left, matches.right, matches.weight)
     results: list[tuple[Array | None, float, int]] = []
     for _ in range(restarts):
-        results.append(_search(matches, scores, rng, max_samples))
+        results.append(_search(matches, rng, max_samples))
         if results[-1][1] > CLEAR_SHARE * matches.weight.sum():
             break
     results += [(*_optimise_locally(start, matches), 0) for start in starts]
@@ -184,27 +183,12 @@ def estimate_homography(
     return matches.polish(best, sum(samples for _, _, samples in results))
 
 
-def transfer_scorer(left: Points, right: Points, weight: Array) -> Scorer:
-    """Make the scorer in floating point: the sum of w max(0, 1 - e²/2tau²), where e is the transfer error."""
-    lifted = homogeneous(left).T
-
-    def score(homographies: Array) -> Array:
-        x, y, w = (homographies.reshape(-1, 3) @ lifted).reshape(len(homographies), 3, -1).transpose(1, 0, 2)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            squared_error = (x / w - right[:, 0]) ** 2 + (y / w - right[:, 1]) ** 2
-        return _gain(squared_error) @ weight
-
-    return score
-
-
 def _gain(squared_error: Array) -> Array:
     """The truncated quadratic max(0, 1 - e²/2tau²); 0 for points that map to infinity."""
     return np.maximum(0, 1 - np.nan_to_num(squared_error, nan=np.inf) / (2 * TOLERANCE_PX**2))
 
 
-def _search(
-    matches: _Matches, scores: Scorer, rng: np.random.Generator, max_samples: int
-) -> tuple[Array | None, float, int]:
+def _search(matches: _Matches, rng: np.random.Generator, max_samples: int) -> tuple[Array | None, float, int]:
     """Search once; returns the homography with the highest score, its score, and the number of samples drawn."""
     subset_sizes = _subset_sizes(len(matches.left), max_samples)
     best, best_score, best_sample_score = None, 0.0, 0.0
@@ -212,7 +196,7 @@ def _search(
     while drawn < needed:
         batch = subset_sizes[drawn : drawn + BATCH]
         drawn += len(batch)
-        sample, sample_score = _best_of(_minimal_homographies(matches, _draw(batch, rng)), scores)
+        sample, sample_score = _best_of(_minimal_homographies(matches, _draw(batch, rng)), matches)
         # Compared with the best sample, which local optimisation has not improved: few would beat the best homography.
         if sample is None or sample_score <= best_sample_score:
             continue
@@ -275,10 +259,10 @@ def _areas(points: Array) -> Array:
     return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
 
 
-def _best_of(homographies: Array, scores: Scorer) -> tuple[Array | None, float]:
+def _best_of(homographies: Array, matches: _Matches) -> tuple[Array | None, float]:
     if len(homographies) == 0:
         return None, 0.0
-    values = scores(homographies)
+    values = matches.score_all(homographies)
     best = int(np.argmax(values))
     return homographies[best], float(values[best])
 

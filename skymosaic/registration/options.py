@@ -16,7 +16,7 @@ from skymosaic.common.options import INPUT, MACHINE, document_options, option, o
 from skymosaic.features.descriptors import DESCRIPTORS
 from skymosaic.features.detectors import DETECTORS
 from skymosaic.features.methods import HostBackend, Method, check_backend, choose_method, load_backend_for
-from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, SCORINGS
+from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, PROSAC
 
 WORKING_WIDTH_PX = 1280
 EFFORTS = ("fast", "normal", "thorough")
@@ -186,10 +186,10 @@ class RegistrationOptions(FeatureOptions):
             return "fast"
         # Other methods search scales themselves, and the thesis's descriptor is measured without help.
         oriented = method.descriptor in PATTERNS and PATTERNS[method.descriptor].oriented
-        has_passes = oriented and self.estimator in SCORINGS
+        has_passes = oriented and self.estimator == PROSAC
         if self.effort not in (None, "fast") and not has_passes:
             raise InputError(
-                f"effort {self.effort} needs an oriented ILBP descriptor and the estimator {' or '.join(SCORINGS)}, "
+                f"effort {self.effort} needs an oriented ILBP descriptor and the estimator {PROSAC}, "
                 f"not {method.descriptor} and {self.estimator}; leave it out or choose fast"
             )
         return self.effort or ("normal" if has_passes else "fast")

@@ -31,7 +31,7 @@ from skymosaic.features.positions import match_points
 from skymosaic.geometry import acceptance
 from skymosaic.geometry.held_out import clearly_better, held_out_agreement
 from skymosaic.geometry.homography import transfer_error
-from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, Estimate, Scoring, estimate_homography
+from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, Estimate, estimate_homography
 from skymosaic.registration.front_end_runs import (
     INVERTED,
     LADDER,
@@ -130,13 +130,11 @@ class Search:
         rng: np.random.Generator,
         remove_masked: Callable[[Records], Records],
         *,
-        scoring: Scoring | None = None,
         shared: tuple[DescribedImage, DescribedImage] | None = None,
     ) -> None:
         """``remove_masked`` drops the match records in what a lens masks; ``shared`` keeps features between pairs."""
         self._front_end, self._images, self._config, self._rng = front_end, images, config, rng
         self._remove_masked = remove_masked
-        self._scoring = scoring
         self._shared = shared
         self._sizes = tuple((image.shape[1], image.shape[0]) for image in images)
 
@@ -285,7 +283,7 @@ class Search:
         kept = evidence.kept
         left, right = match_points(kept)
         weight = kept["weight"].astype(np.float64)
-        return estimate_homography(left, right, weight, rng=self._rng, starts=starts, scoring=self._scoring, **search)
+        return estimate_homography(left, right, weight, rng=self._rng, starts=starts, **search)
 
     def _is_strong(self, state: SearchState) -> bool:
         if state.homography is None or state.places < STRONG_INLIERS:

@@ -16,7 +16,7 @@ from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.features.frames import DescribedImage
 from skymosaic.features.positions import are_on_ground, match_points, select_ground_matches
 from skymosaic.features.standing import STANDS_STILL, are_still, remove_still, stands_on_still_parts
-from skymosaic.geometry.estimators import FABRIC, SCORINGS, estimate
+from skymosaic.geometry.estimators import FABRIC, estimate
 from skymosaic.geometry.fabric import draw_config
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end
 from skymosaic.imagery.lens import Lens
@@ -191,8 +191,7 @@ def _search(
     rng = np.random.default_rng(options.seed)
 
     def run(evidence: Evidence, remove: Callable[[Records], Records], homography: np.void | None = None) -> SearchState:
-        scoring = SCORINGS.get(options.estimator)
-        search = Search(front_end, images, first.config, rng, remove, scoring=scoring, shared=shared)
+        search = Search(front_end, images, first.config, rng, remove, shared=shared)
         size = (images[1].shape[1], images[1].shape[0])
         found = _estimate(options.estimator, size, rng, evidence.matches, homography)
         return search.run(effort, search.accept(evidence, *found, passes=1))

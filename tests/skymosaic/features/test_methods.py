@@ -123,7 +123,7 @@ def test_without_rules_the_configuration_says_so() -> None:
 @pytest.mark.parametrize(("options", "words"), [
     ({"detector": "surfing"}, "surf, sift, orb"),
     ({"descriptor": "brief"}, "sift, orb, akaze"),
-    ({"estimator": "guess"}, "prosac, scored, fabric, ransac, magsac, fuzzy-ransac"),
+    ({"estimator": "guess"}, "prosac, fabric, ransac, magsac, fuzzy-ransac"),
     ({"detector": "freak"}, "not a detector"),
     ({"detector": "orb", "descriptor": "akaze"}, "scale space"),
     ({"detector": "sift", "backend": "rtl"}, "leave out --backend"),
