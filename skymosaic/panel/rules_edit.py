@@ -1,21 +1,17 @@
-"""Other rules for the pair that is shown: tried at once, on features and distances that are kept."""
+"""Other rules for the pair that is shown: tried at once, on features that are kept."""
 
-import hashlib
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from golden_model.config import Config
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.fuzzy.rules import MatchRules
 from golden_model.fuzzy.system import FuzzySystem
-from golden_model.matching.matcher import weigh
-from sim.backends.interface import Backend, FrameResult, Reference, load_backend
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.images import save_bytes
 from skymosaic.panel.results import EDITED_RULES, MosaicResult
+from skymosaic.registration.extraction import Features, extract
 from skymosaic.registration.register import register
 
 DEGREES = {"Ramp": (0.0, 1.0), "Triangle": (0.0, 1.0, 0.0), "Trapezoid": (0.0, 1.0, 1.0, 0.0), "Rectangle": (1.0, 1.0),
@@ -81,31 +77,6 @@ def move_corner(text: str, number: int, corner: int, x: float, y: float) -> str:
     return "\n".join(lines) + "\n"
 
 
-class RecallingBackend(Backend):
-    """The golden model, which computes features and distances of the same frames once; then only the rules decide."""
-
-    def __init__(self) -> None:
-        self._kept: dict[object, list[FrameResult]] = {}
-
-    def run(
-        self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
-    ) -> list[FrameResult]:
-        """See `sim.backends.interface.Backend.run`; frames are matched with the first one."""
-        contents = tuple((frame.shape, hashlib.sha256(frame.tobytes()).digest()) for frame in frames)
-        key = contents, config.front_end
-        if key not in self._kept:
-            self._kept[key] = load_backend("golden").run(frames, config, reference=reference)
-        results = self._kept[key]
-        return [
-            FrameResult.count_matches(
-                result.features,
-                weigh(result.matches, results[0].features, result.features, config.front_end.pattern, config.matcher),
-                result.status,
-            )
-            for result in results
-        ]
-
-
 class RulesEdit:
     """Rules for the pair of a result, as they are changed: every version until now, and the pair as the last decides.
 
@@ -125,7 +96,6 @@ class RulesEdit:
         rules = result.pair.config.matcher.rules
         assert rules is not None
         self._result, self._texts = result, [rules.text]
-        self._backend = RecallingBackend()
         self.pair, self.fault = result.pair, ""
 
     @staticmethod
@@ -166,11 +136,16 @@ class RulesEdit:
         """Go back to the rules of the result; this can be undone, too."""
         self.change(self._texts[0])
 
+    @cached_property
+    def _features(self) -> tuple[Features, Features]:
+        """Those of the working pictures, which every version of the rules matches."""
+        options = replace(self._result.options, backend="golden")
+        left, right = (extract(self._result.pictures / f"{name}.png", options) for name in self._result.pair_names)
+        return left, right
+
     def _try(self, rules: MatchRules) -> None:
         """Register the pair's working pictures with other rules, and write these into the result's folder."""
-        options = replace(self._result.options, rule_base=rules, backend=self._backend)
-        left, right = (self._result.pictures / f"{name}.png" for name in self._result.pair_names)
-        pair = register(left, right, options)
+        pair = register(*self._features, replace(self._result.options, rule_base=rules, backend="golden"))
         # Named as the photographs are, not as their working pictures.
         self.pair = replace(pair, left=self.pair.left, right=self.pair.right).without_pixels()
         save_bytes(self._result.folder / EDITED_RULES, rules.text.encode())
