@@ -9,12 +9,12 @@ import numpy as np
 import typer
 
 from bench.peers import METHODS, Peer
-from bench.remembering import RememberingBackend
 from bench.rendered_pairs import ReliefPair
 from golden_model.arrays import Matrix, Pixels
 from golden_model.config import EstimatorConfig
 from golden_model.geometry.estimator import Estimate, FrameMatches, estimate
-from skymosaic import register
+from sim.backends.interface import load_backend
+from skymosaic import extract, register
 from skymosaic.evaluation.known_pairs import KnownPair
 from skymosaic.geometry.fabric import in_pixels
 from skymosaic.imagery.images import load
@@ -52,12 +52,13 @@ def chosen_methods(wanted: list[str] | None) -> dict[str, Method]:
 
 
 def ours(**options: Any) -> Method:
-    """The project's own registration; features and matches are kept for the other seeds."""
+    """The project's own registration; its features serve all seeds."""
 
     def run(pair: KnownPair | ReliefPair, seeds: int) -> Iterator[tuple[Matrix | None, int]]:
-        backend = RememberingBackend() if "detector" not in options and "preset" not in options else "golden"
+        is_shared = "detector" not in options and "preset" not in options
+        left, right = (extract(side) if is_shared else side for side in (pair.left, pair.right))
         for seed in range(seeds):
-            registered = register(pair.left, pair.right, seed=seed, backend=backend, **options)
+            registered = register(left, right, seed=seed, **options)
             yield registered.homography, len(registered.inliers)
 
     return run
@@ -65,19 +66,17 @@ def ours(**options: Any) -> Method:
 
 def chip(pair: KnownPair | ReliefPair, seeds: int) -> Iterator[tuple[Matrix | None, int]]:
     """Front end, matcher and estimator of the hardware, with nothing of the host's."""
-    images = (load(pair.left).pixels, load(pair.right).pixels)
-    backend = RememberingBackend()
-    for seed in range(seeds):
-        result = estimate_on_chip(backend, *images, seed)
+    for result in estimate_on_chip(load(pair.left).pixels, load(pair.right).pixels, seeds):
         yield None if result.causes else in_pixels(result.homography), result.inliers
 
 
-def estimate_on_chip(backend: RememberingBackend, left: Pixels, right: Pixels, seed: int) -> Estimate:
-    """The golden model of the whole chip, for a pair of images."""
+def estimate_on_chip(left: Pixels, right: Pixels, seeds: int = 1) -> Iterator[Estimate]:
+    """The golden model of the whole chip, for a pair of images and each seed."""
     _, config = RegistrationOptions().choose_method()
-    (_, result), _ = extract_within_capacity(backend, [left, right], config)
-    settings = EstimatorConfig(seed=EstimatorConfig().seed + seed)
-    return estimate(FrameMatches.from_records(result.matches, result.status), settings)
+    (_, result), _ = extract_within_capacity(load_backend("golden"), [left, right], config)
+    matches = FrameMatches.from_records(result.matches, result.status)
+    for seed in range(seeds):
+        yield estimate(matches, EstimatorConfig(seed=EstimatorConfig().seed + seed))
 
 
 def peer(name: str, count: int) -> Method:

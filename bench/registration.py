@@ -29,11 +29,10 @@ from rich.progress import track
 from bench import flight_pairs
 from bench.methods import ON_CHIP, REFERENCE, Method, chosen_methods, estimate_on_chip, read_gray
 from bench.pair_sets import public_folder, read_set, write_set
-from bench.remembering import RememberingBackend
 from bench.rendered_pairs import HEIGHTS_PX, OVERLAPS, STEPS, ReliefPair, flat_pairs, relief_pairs
 from bench.report import JsonFile, Row, program, report
 from golden_model.arrays import Matrix
-from skymosaic import register
+from skymosaic import extract, register
 from skymosaic.evaluation.known_pairs import KnownPair
 from skymosaic.evaluation.metrics import MISSING_ERROR_PX, grid_error
 from skymosaic.geometry.homography import transfer_error
@@ -236,19 +235,16 @@ def unrelated(
     photographs = [[source.content for source in list_sources([public_folder(flight)])] for flight in flights]
     every = [(one, other) for a, b in combinations(photographs, 2) for one in a for other in b]
     tried = random.Random(0).sample(every, min(pairs, len(every)))
-    images = {
-        path: reduce_to_width(load(path).pixels, WIDTH_PX)[0] for path in {path for pair in tried for path in pair}
-    }
-    backend = RememberingBackend(size=12 * len(images))
+    features = {path: extract(reduce_to_width(load(path).pixels, WIDTH_PX)[0]) for path in set(chain(*tried))}
     inliers: dict[str, list[int]] = {level: [] for level in ([ON_CHIP] if on_chip else effort or EFFORTS)}
     accepted = dict.fromkeys(inliers, 0)
     for left, right in track(tried, description="unrelated pairs", console=progress):
         for level, counts in inliers.items():
             if on_chip:
-                result = estimate_on_chip(backend, images[left], images[right], seed=0)
+                (result,) = estimate_on_chip(features[left].photograph.pixels, features[right].photograph.pixels)
                 count, is_accepted = result.inliers, result.causes == 0
             else:
-                pair = register(images[left], images[right], effort=level, backend=backend)
+                pair = register(features[left], features[right], effort=level)
                 count, is_accepted = len(pair.inliers), pair.accepted
             counts.append(count)
             accepted[level] += is_accepted
