@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from golden_model.config import Config
+    from skymosaic.imagery.key_frames import select_key_frames
     from skymosaic.mosaicking.api import mosaic, mosaics
     from skymosaic.mosaicking.live.mosaic import LiveMosaic
     from skymosaic.mosaicking.live.update import LiveUpdate
@@ -37,6 +38,7 @@ __all__ = [
     "mosaic",
     "mosaics",
     "register",
+    "select_key_frames",
 ]
 IMPORTED_S = time.perf_counter()
 """When the program began, for times that add up to its wall time."""
@@ -57,6 +59,7 @@ _MODULES = {
     "mosaic": "skymosaic.mosaicking.api",
     "mosaics": "skymosaic.mosaicking.api",
     "register": "skymosaic.registration.register",
+    "select_key_frames": "skymosaic.imagery.key_frames",
 }
 
 

@@ -1,4 +1,4 @@
-"""The command that makes a mosaic: of two photographs, of a flight, or of a flight in progress."""
+"""The command that makes a mosaic: of two photographs, or of a flight."""
 
 import re
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.live import IdleOption, check_live, report_absent, write_live_mosaic
+from skymosaic.cli.live import report_absent
 from skymosaic.cli.options import (
     OverwriteOption,
     PhotographsArgument,
@@ -21,7 +21,7 @@ from skymosaic.cli.options import (
 from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.common.errors import InputError, RegistrationError
-from skymosaic.common.options import INPUT, MAP, OUTPUT
+from skymosaic.common.options import MAP, OUTPUT
 from skymosaic.common.temporary import resolved
 from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.check import check_flight, doubts, layout_errors
@@ -42,11 +42,6 @@ from skymosaic.reports.pages import OWN_NAMES
 def mosaic(
     *,
     photographs: PhotographsArgument,
-    live: Annotated[
-        bool,
-        typer.Option("--live", rich_help_panel=INPUT, help="Grow while a folder fills, or with a video or camera."),
-    ] = False,
-    idle_seconds: IdleOption = None,
     output: Annotated[Path, output_option("The mosaic: .png, .tif ...; -: PNG on stdout.")],
     report: Annotated[
         Path | None, typer.Option(rich_help_panel=OUTPUT, help="Folder for pictures and numbers.")
@@ -72,19 +67,6 @@ def mosaic(
     options: MosaicOptions,
 ) -> None:
     """Make one mosaic of overlapping photographs: two, or a whole flight."""
-    if live:
-        others = {
-            "--report": report is not None,
-            "--save-camera": save_camera is not None,
-            "--tiles": tiles is not None,
-            "--compress": compress != "deflate",
-        }
-        check_live(photographs, options, others)
-        limits = {"overwrite": overwrite, "strict": strict, "require_map": require_map}
-        write_live_mosaic(photographs[0], output, options, idle_seconds, **limits)
-        return
-    if idle_seconds is not None:
-        raise InputError("--idle-seconds ends a live mosaic; add --live, or leave it out")
     if save_camera and options.lens and options.lens.matrix is not None:
         raise InputError("--save-camera: the lens is given by --camera, so it is not estimated; leave one out")
     form = OutputForm(compress, tiles, require_map)

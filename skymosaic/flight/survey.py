@@ -95,7 +95,7 @@ def survey(
     clock.lap("lens")
     workers.progress("layout", 0, 0)
     link_nearby = partial(_link_nearby, surveyor, views, remaining)
-    layouts, alone = _lay_out_all(views, parts, links, link_nearby)
+    layouts, alone = lay_out_all(views, parts, links, link_nearby)
     views = surveyor.fetch_thumbnails(views)
     clock.lap("layout")
     left_out |= {usable[view].index: _why_alone(view, views, links.values()) for view in alone}
@@ -197,7 +197,7 @@ def _straighten(
     return tuple(straight_views), {**links, **straight}, remaining
 
 
-def _lay_out_all(
+def lay_out_all(
     views: Sequence[View],
     parts: Sequence[list[int]],
     links: dict[Candidate, Link],

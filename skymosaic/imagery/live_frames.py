@@ -25,11 +25,12 @@ SETTLED_SECONDS = 0.5
 
 
 class LiveFrame(NamedTuple):
-    """A frame, its name (that of its file, or of the video with the frame's number) and what the camera recorded."""
+    """A frame; its name is that of its file, or of the video with the frame's number."""
 
     name: str
     pixels: Pixels
     taken: Metadata = Metadata()
+    file: Path | None = None
 
 
 def read_live_frames(
@@ -94,7 +95,7 @@ def _watch_folder(
         for path, changed in new:
             done.add((path, changed))
             try:
-                yield LiveFrame(str(path), load(path).pixels, read_metadata(path))
+                yield LiveFrame(str(path), load(path).pixels, read_metadata(path), path)
             except InputError as error:
                 # A slow copy may have paused. If the file changes again, it is read again.
                 tell(f"left out: {error}")

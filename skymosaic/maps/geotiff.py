@@ -17,7 +17,6 @@ import rasterio.windows
 
 from golden_model.arrays import Intensities, Mask
 from skymosaic.common.errors import InputError
-from skymosaic.common.temporary import temporary_folder
 from skymosaic.imagery.images import write_atomically
 from skymosaic.maps.georeference import Georeference, configured_rasterio
 
@@ -117,15 +116,6 @@ def _create(
     for number, name in enumerate(names, start=1):
         file.set_band_description(number, name)
     return file
-
-
-def write_geotiff(path: Path, pixels: Intensities, shown: Mask, georeference: Georeference | None) -> None:
-    """Write a picture that is in memory as a cloud-optimised GeoTIFF; arguments as of `tee_to_raster`."""
-    with temporary_folder(path.parent) as folder:
-        raster = folder / "mosaic.tif"
-        for _ in tee_to_raster(raster, (pixels.shape[1], len(pixels)), [(pixels, shown)], georeference, mosaic=path):
-            pass
-        write_cog(path, raster)
 
 
 def write_cog(path: Path, raster: Path, compress: str = "deflate") -> None:

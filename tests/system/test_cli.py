@@ -175,8 +175,6 @@ def test_bad_options_are_one_line(
     [
         (("--all-groups",), "two photographs make one mosaic"),
         (("--cache", "kept"), "two photographs are registered anew"),
-        (("--idle-seconds", "3"), "add --live"),
-        (("--live",), "--live takes one folder"),
         (("--address", "192.0.2.7"), "--backend board"),
         (("--detector", "sift", "--backend", "rtl"), "leave out --backend"),
     ],
@@ -186,21 +184,6 @@ def test_options_that_cannot_apply_to_two_photographs_are_one_line(
 ) -> None:
     assert says in refusal(run, "mosaic", *photographs, "-o", "m.png", *options)
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("options", "flag"),
-    [
-        (("--blend", "average"), "--blend"),
-        (("--refine",), "--refine"),
-        (("--memory", "100"), "--memory"),
-        (("--report", "r"), "--report"),
-    ],
-)
-def test_options_that_cannot_apply_to_a_live_mosaic_are_one_line(
-    run: Run, tmp_path: Path, options: tuple[str, ...], flag: str
-) -> None:
-    assert f"{flag}: no effect with --live" in refusal(run, "mosaic", tmp_path, "-o", "m.png", "--live", *options)
 
 
 def test_the_canvas_limit_applies_to_two_photographs(photographs: tuple[Path, Path], tmp_path: Path) -> None:

@@ -17,7 +17,6 @@ import pytest
 from golden_model.config import preset_config
 from sim.scene import Flight
 from skymosaic import mosaic
-from skymosaic.cli.live import grow
 from skymosaic.cli.live import live as live_command
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.imagery.key_frames import flight_sources
@@ -25,6 +24,7 @@ from skymosaic.imagery.live_frames import read_live_frames
 from skymosaic.imagery.video import write_video
 from skymosaic.mosaicking.live.mosaic import LiveMosaic
 from skymosaic.mosaicking.live.pace import Pace
+from skymosaic.mosaicking.live.run import grow
 from tests.conftest import Run
 from tests.skymosaic.mosaicking.live.conftest import pair_errors_px
 from tests.system.command_line import skymosaic
@@ -68,14 +68,6 @@ class FolderClock:
             os.utime(path, ns=(self._now_ns, self._now_ns))
 
 
-def test_a_frame_has_one_name_however_its_video_is_written(video: Path) -> None:
-    """Else the frames of a live mosaic would not be found again, and it could not be composed."""
-    written = f"{video.parent}/./{video.name}"
-    live = [frame.name for frame in read_live_frames(written, idle_seconds=None, tell=print)]
-    with flight_sources([written]) as sources:
-        assert [source.name for source in sources] == live
-
-
 def test_a_folder_is_watched_until_no_more_frames_arrive(
     frames: list[np.ndarray], flight: Flight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -96,7 +88,8 @@ def test_a_folder_is_watched_until_no_more_frames_arrive(
     pace, preview = Pace(CONFIG, "rtl"), tmp_path / "preview.jpg"
     live = LiveMosaic(CONFIG, on_frame=pace.add)
     # The preview lies among the photographs and is none of them.
-    grow(live, read_live_frames(str(tmp_path), idle_seconds=2.0, tell=told.append, made=[preview]), preview)
+    arriving_frames = read_live_frames(str(tmp_path), idle_seconds=2.0, tell=told.append, made=[preview])
+    grow(live, arriving_frames, preview, told.append)
     assert preview.exists()
     assert len(live.transforms) == 4
     assert pair_errors_px(live.transforms, flight).max() < 1.0
@@ -108,13 +101,11 @@ def test_a_folder_is_watched_until_no_more_frames_arrive(
 
 
 @pytest.mark.slow
-def test_both_commands_make_the_same_mosaic_of_a_video(video: Path, tmp_path: Path) -> None:
-    for command in (("live", video), ("mosaic", video, "--live")):
-        result = skymosaic(*command, "-o", f"{command[0]}.png", cwd=tmp_path)
-        assert result.returncode == 0, result.stderr
-        assert "0 left out" in result.stdout
-    live, flagged = (cv2.imread(str(tmp_path / f"{name}.png")) for name in ("live", "mosaic"))
-    np.testing.assert_array_equal(live, flagged)
+def test_live_makes_the_mosaic_of_a_video(video: Path, tmp_path: Path) -> None:
+    result = skymosaic("live", video, "-o", "live.png", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "0 left out" in result.stdout
+    live = cv2.imread(str(tmp_path / "live.png"))
     assert (tmp_path / "live.preview.jpg").exists()
     whole = skymosaic("mosaic", video, "-o", "whole.png", "--cache", "cache", cwd=tmp_path)
     assert whole.returncode == 0, whole.stderr
@@ -157,12 +148,6 @@ def test_a_strict_mosaic_that_lacks_a_frame_leaves_no_preview(run: Run, frames: 
     status, _, errors = run("live", "film.mkv", "-o", "m.png", "--strict")
     assert status == 3, errors
     assert [path.name for path in Path().iterdir()] == ["film.mkv"]
-
-
-def test_live_takes_one_source_and_no_report(video: Path, tmp_path: Path) -> None:
-    result = skymosaic("mosaic", video, "--live", "--report", "r", "-o", "m.png", cwd=tmp_path)
-    assert result.returncode == 2
-    assert "--report: no effect with --live" in result.stderr
 
 
 def test_a_folder_that_cannot_be_read_is_refused_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

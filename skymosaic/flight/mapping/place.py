@@ -56,9 +56,9 @@ class MapPlace:
 NOWHERE = MapPlace()
 
 
-def explain_absence(path: Path, place: MapPlace, remedy: str = "photographs with GPS, or --gcp FILE") -> str:
+def explain_absence(path: Path, place: MapPlace) -> str:
     """Why a file has no place on the map, and what gives it one."""
-    return f"{path} has no place on the map: {place.note}; {remedy}, give it one"
+    return f"{path} has no place on the map: {place.note}; photographs with GPS, or mosaic with --gcp FILE, give it one"
 
 
 def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None = None) -> MapPlace:

@@ -1,62 +1,90 @@
-"""Composes a live mosaic anew from its frames, as a flight is composed, where these still exist.
-
-Painted pixels were moved each time the layout changed, which costs detail, and brightness was matched frame by frame.
-"""
+"""Composes a live mosaic from its frames, as a flight is composed: the frames and links of a submap are a flight."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
-import numpy as np
-
+from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.flight.flight import Flight
-from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.layout.layout import groups
+from skymosaic.flight.linking.links import Candidate, Link, valid_links
 from skymosaic.flight.linking.view import Settings, View, make_view
-from skymosaic.geometry.homography import resize_matrix
+from skymosaic.flight.mapping.anchoring import fit_layout
+from skymosaic.flight.survey import lay_out_all
 from skymosaic.imagery.images import reduce_for_front_end
 from skymosaic.imagery.photographs import Source
+from skymosaic.mosaicking.live.kept_frames import KeptFrames
 from skymosaic.mosaicking.live.submap import Frame
 from skymosaic.running.workers import Workers
 
 
 def flight_of_frames(
-    frames: Sequence[Frame], sources: Mapping[str, Source], settings: Settings, scale: float, workers: Workers
-) -> Flight | None:
-    """Turn the frames of a live mosaic into a flight with one layout; None if one of them no longer exists.
+    frames: Sequence[Frame], links: Sequence[Link], kept: KeptFrames, settings: Settings, workers: Workers
+) -> Flight:
+    """Turn the frames of a submap into a flight with their links, laid out as photographs are.
 
     Parameters
     ----------
     frames : sequence of Frame
-        Those of one submap, the first one first.
-    sources : mapping of str to Source
-        What can be read, by the names of the frames.
+    links : sequence of Link
+        By the numbers of the frames.
+    kept : KeptFrames
+        Frames that can no longer be read there are left out, with the reason.
     settings : Settings
-    scale : float
-        Of the live mosaic.
     workers : Workers
 
     Raises
     ------
-    InputError
-        For a frame that can no longer be read.
+    RegistrationError
+        If no frame can be read.
     """
-    if not frames or any(frame.name not in sources for frame in frames):
-        return None
-    used = tuple(sources[frame.name] for frame in frames)
-    calls = [(source, frame, settings) for source, frame in zip(used, frames, strict=True)]
-    views = tuple(workers.run("frames", _view, calls))
-    # The ground is the first frame without its tilt, in pixels of the mosaic; a layout has working pixels.
-    to_ground = np.linalg.inv(resize_matrix(scale) @ frames[0].to_original)
-    layout = Layout(
-        members=tuple(range(len(frames))),
-        reference=0,
-        transforms={index: np.asarray(to_ground @ frame.transform) for index, frame in enumerate(frames)},
-        model="homography",
-        reason="as the frames came",
+    sources: dict[int, Source] = {}
+    left_out: dict[int, str] = {}
+    for frame in frames:
+        try:
+            sources[frame.number] = kept.read(frame.number)
+        except InputError as error:
+            left_out[frame.number] = str(error)
+    calls = [(sources[frame.number], frame, settings) for frame in frames if frame.number in sources]
+    views: list[View] = []
+    row: dict[int, int] = {}
+    for (_, frame, _), view in zip(calls, workers.run("frames", _view, calls), strict=True):
+        if isinstance(view, str):
+            left_out[frame.number] = view
+            continue
+        row[frame.number] = len(views)
+        views.append(replace(view, taken=frame.taken))
+    if not views:
+        raise RegistrationError(f"none of the {len(frames)} frames can be read again: {next(iter(left_out.values()))}")
+    between = _renumber(links, row)
+    layouts, alone = lay_out_all(views, groups(len(views), valid_links(between)), between, lambda _layout: {})
+    numbers = list(row)
+    left_out |= {numbers[view]: f"{views[view].name}: what linked it was left out" for view in alone}
+    flight = Flight(
+        names=tuple(frame.name for frame in frames),
+        sources=tuple(sources[number] for number in numbers),
+        views=tuple(views),
+        links=tuple(between.values()),
+        layouts=tuple(layouts),
+        left_out=left_out,
+        settings=settings,
+        seconds={},
     )
-    names = tuple(frame.name for frame in frames)
-    return Flight(names, used, views, links=(), layouts=(layout,), left_out={}, settings=settings, seconds={})
+    return replace(flight, layouts=tuple(fit_layout(flight, layout) for layout in layouts))
 
 
-def _view(source: Source, frame: Frame, settings: Settings) -> View:
-    photograph = source.read_photograph(settings.lens)
-    working, to_original = reduce_for_front_end(photograph.pixels, settings.working_width_px, source.name)
+def _renumber(links: Sequence[Link], row: Mapping[int, int]) -> dict[Candidate, Link]:
+    """Links by the rows of their views."""
+    inside = [link for link in links if link.left in row and link.right in row]
+    return {
+        (row[link.left], row[link.right]): replace(link, left=row[link.left], right=row[link.right]) for link in inside
+    }
+
+
+def _view(source: Source, frame: Frame, settings: Settings) -> View | str:
+    """The view of a frame, or why it cannot be read."""
+    try:
+        photograph = source.read_photograph(settings.lens)
+        working, to_original = reduce_for_front_end(photograph.pixels, settings.working_width_px, source.name)
+    except InputError as error:
+        return str(error)
     return make_view(source, photograph, settings, working=working, to_original=to_original, features=frame.features)

@@ -1,9 +1,9 @@
-"""A mosaic made during the flight: every frame is registered and painted when it arrives, and then released.
+"""A mosaic made during the flight: every frame is registered when it arrives, and at the end all are composed.
 
-Only the features of past frames are kept. A new frame is registered against several frames that it overlaps, not only
-against the last one, so that parallel legs of a flight constrain each other. From time to time the layout of all frames
-is recomputed and the painted pixels are moved accordingly. A frame that matches nothing starts a separate submap, which
-is merged with another one when a later frame overlaps both.
+In memory, only the features and a thumbnail of past frames are kept. A new frame is registered against several frames
+that it overlaps, not only against the last one, so that parallel legs of a flight constrain each other. From time to
+time the layout of all frames is recomputed. A frame that matches nothing starts a separate submap, which is merged with
+another one when a later frame overlaps both.
 
 With the estimator ``fabric``, frames are laid out by the homographies that the chip sends, each from the frame before
 (`skymosaic.mosaicking.live.record_chain`); features and matches play no part.
@@ -12,7 +12,6 @@ With the estimator ``fabric``, frames are laid out by the homographies that the 
 import contextlib
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -23,23 +22,30 @@ from golden_model.arrays import Array, Pixels, Records
 from golden_model.config import Config, preset_config
 from sim.backends.interface import load_backend
 from skymosaic.common.errors import InputError, RegistrationError
-from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, CanvasError
+from skymosaic.compositing.warp import Canvas, CanvasError
 from skymosaic.flight.candidates import MIN_VOTES, MOST_SIMILAR
 from skymosaic.flight.linking.links import Candidate, Link, link_views
 from skymosaic.flight.linking.resemblance import count_votes
+from skymosaic.flight.linking.view import THUMBNAIL_WIDTH_PX
 from skymosaic.flight.mapping.cameras import Camera
 from skymosaic.flight.mapping.place import MapPlace, place_cameras
-from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES
+from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.estimators import FABRIC
-from skymosaic.geometry.homography import apply, estimate, resize_matrix
+from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.exif import Metadata, read_metadata
-from skymosaic.imagery.images import check_output, load, reduce_for_front_end, save
-from skymosaic.maps.geotiff import write_geotiff
+from skymosaic.imagery.images import load, reduce_for_front_end, reduce_to_width
+from skymosaic.imagery.photographs import forget_decoded
+from skymosaic.mosaicking.live.composing import flight_of_frames
+from skymosaic.mosaicking.live.kept_frames import FullError, KeptFrames
+from skymosaic.mosaicking.live.preview import paint_preview
 from skymosaic.mosaicking.live.record_chain import RecordChain
 from skymosaic.mosaicking.live.submap import Frame, Placement, Submap
 from skymosaic.mosaicking.live.update import LiveUpdate
+from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.registration.options import WORKING_WIDTH_PX
+from skymosaic.running.workers import Workers
 
 LATEST = 3
 """A new frame is first matched with this many of the latest frames; if these fail, with the most similar older ones."""
@@ -49,10 +55,11 @@ MIN_FEATURES = 50
 
 
 class LiveMosaic:
-    """Registers and paints frames as they arrive; as a context manager it calls `finish` at the end.
+    """Registers frames as they arrive, and composes them when it is saved.
 
-    The mosaic is the submap with the most frames. Its reference frame is that of its first frame without the tilt,
-    with pixel coordinates multiplied by ``scale``.
+    The mosaic is the submap with the most frames. Its reference frame is that of its first frame without the tilt. As a
+    context manager it calls `finish` at the end. Frames without a file are kept losslessly in a temporary folder, at
+    most 32 GB of them, for as long as this object lives.
 
     Parameters
     ----------
@@ -68,9 +75,9 @@ class LiveMosaic:
     working_width_px : int
         Wider frames are reduced by area for registration.
     scale : float
-        Pixels of the mosaic per pixel of the first frame, more than 0 and at most 1.
-    canvas_limit_px : int
-        Largest area of the mosaic; a frame that would exceed it is left out.
+        Pixels of the mosaic per pixel of the median frame, more than 0 and at most 1.
+    canvas_limit_px : int, optional
+        Largest area of the mosaic, which is reduced to it; by default what the file can hold.
     on_frame : callable, optional
         Receives the `LiveUpdate` of each frame. What it raises leaves `add`; the frame stays in the mosaic.
 
@@ -107,7 +114,7 @@ class LiveMosaic:
         seed: int = 0,
         working_width_px: int = WORKING_WIDTH_PX,
         scale: float = 1.0,
-        canvas_limit_px: int = CANVAS_LIMIT_PX,
+        canvas_limit_px: int | None = None,
         on_frame: Callable[[LiveUpdate], object] = lambda _update: None,
     ) -> None:
         if not 0 < scale <= 1:
@@ -121,9 +128,14 @@ class LiveMosaic:
         self._chain = RecordChain(self._front_end, self._config, seed) if estimator == FABRIC else None
         self._seed = seed
         self.stands_still = False
-        self._working_width_px = working_width_px
-        self._scale = scale
-        self._canvas_limit_px = canvas_limit_px
+        self._options = MosaicOptions(
+            config=self._config,
+            backend=backend,
+            working_width_px=working_width_px,
+            scale=scale,
+            canvas_limit_px=canvas_limit_px,
+        )
+        self._kept = KeptFrames()
         self._submaps: list[Submap] = []
         self._frames: list[tuple[str, str]] = []
         """Name of each frame, and why it was left out."""
@@ -138,21 +150,14 @@ class LiveMosaic:
         self.finish()
 
     @property
-    def image(self) -> Pixels:
-        """The mosaic so far, (H, W, 3) uint8 BGR; 0 where nothing was painted; empty before the first frame."""
-        return self._mosaic.canvas.image
-
-    @property
-    def frames(self) -> tuple[Frame, ...]:
-        """The frames in the mosaic."""
-        return tuple(self._mosaic.frames.values())
+    def preview(self) -> Pixels:
+        """The mosaic so far, reduced, (H, W, 3) uint8 BGR; 0 where there is no frame; empty before the first one."""
+        return paint_preview(tuple(self._mosaic.frames.values()))
 
     @property
     def transforms(self) -> dict[int, Array]:
-        """For each frame's number, the transformation (3, 3) from its original pixels to those of `image`."""
-        return {
-            frame.number: self._mosaic.canvas.to_image @ frame.from_original for frame in self._mosaic.frames.values()
-        }
+        """For each frame's number, the transformation (3, 3) from its original pixels to the reference frame."""
+        return {frame.number: frame.from_original for frame in self._mosaic.frames.values()}
 
     @property
     def left_out(self) -> dict[int, str]:
@@ -164,14 +169,9 @@ class LiveMosaic:
 
     @property
     def place(self) -> MapPlace:
-        """Where `image` lies on the map, by the GPS positions of its frames; or why that is not known."""
+        """Where the reference frame lies on the map, by the GPS positions of its frames; or why that is not known."""
         frames = self._mosaic.frames.values()
-        cameras = [Camera(frame.name, frame.size, frame.transform, frame.taken) for frame in frames]
-        place = place_cameras(cameras)
-        if place.georeference is None:
-            return place
-        to_reference = np.asarray(np.linalg.inv(self._mosaic.canvas.to_image), dtype=np.float64)
-        return replace(place, georeference=place.georeference.for_pixels(to_reference))
+        return place_cameras([Camera(frame.name, frame.size, frame.transform, frame.taken) for frame in frames])
 
     def add(
         self,
@@ -180,8 +180,9 @@ class LiveMosaic:
         *,
         name: str = "",
         taken: Metadata | None = None,
+        file: Path | None = None,
     ) -> LiveUpdate:
-        """Register and paint the next frame.
+        """Register the next frame.
 
         Parameters
         ----------
@@ -193,11 +194,18 @@ class LiveMosaic:
             By default that of the file, or "frame N".
         taken : Metadata, optional
             What the camera recorded, above all its position; by default what the file says.
+        file : Path, optional
+            Where these pixels can be read again when the mosaic is composed; else they are kept.
 
         Returns
         -------
         LiveUpdate
-            Of a frame that cannot be used, the reason.
+            With the reason, for a frame that cannot be used.
+
+        Raises
+        ------
+        FullError
+            If there is no room for the frame. Those placed so far can be saved.
         """
         number, path = len(self._frames), Path(image) if isinstance(image, str | Path) else None
         name = name or str(path or f"frame {number}")
@@ -206,8 +214,11 @@ class LiveMosaic:
             pixels = load(image, "frame").pixels
             taken = taken or (read_metadata(path) if path else Metadata())
             frame = self._describe(pixels, features, name, taken)
-            submap, placement = self._place(frame, pixels)
+            self._kept.keep(number, name, pixels, file or path)
+            submap, placement = self._place(frame)
             transform = submap.frames[number].from_original
+        except FullError:
+            raise
         except (CanvasError, InputError) as error:
             placement, reason = None, str(error)
         self._frames.append((name, reason))
@@ -217,8 +228,10 @@ class LiveMosaic:
         self._on_frame(update)
         return update
 
-    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write `image`; with the place on the map into ``.tif``, where frames have GPS.
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Delivery:
+        """Compose the frames as `skymosaic.mosaic` composes photographs, and write the mosaic.
+
+        A ``.tif`` of frames with GPS lies on the map.
 
         Raises
         ------
@@ -227,14 +240,24 @@ class LiveMosaic:
         RegistrationError
             Without a frame.
         """
-        path = Path(path)
-        check_output(path, overwrite=overwrite)
+        with self.open_plan() as plan:
+            return plan.write(Path(path), overwrite=overwrite)[0]
+
+    @contextlib.contextmanager
+    def open_plan(self, tell: Callable[[str], None] = lambda _line: None) -> Iterator[MosaicPlan]:
+        """A plan whose flight is that of the frames, for as long as the context lasts; raises as `save`."""
         if not self.transforms:
-            raise RegistrationError(f"{path}: no frame could be used")
-        if path.suffix.lower() in GEOTIFF_SUFFIXES:
-            write_geotiff(path, self.image, self._mosaic.canvas.shown, self.place.georeference)
-        else:
-            save(path, self.image)
+            raise RegistrationError("no frame could be used")
+        frames = tuple(self._mosaic.frames.values())
+        with Workers(memory_bytes=self._options.memory_bytes) as workers:
+            settings = self._options.flight_settings()
+            flight = flight_of_frames(frames, self._mosaic.links, self._kept, settings, workers)
+            plan = MosaicPlan(flight.sources, self._options, workers, tell)
+            plan.flight = flight
+            try:
+                yield plan
+            finally:
+                forget_decoded()
 
     def finish(self) -> None:
         """Recompute the layout after the last frame."""
@@ -246,7 +269,7 @@ class LiveMosaic:
         return max(self._submaps, key=lambda submap: len(submap.frames), default=self._empty_submap())
 
     def _empty_submap(self) -> Submap:
-        return Submap(self._link, self._canvas_limit_px)
+        return Submap(self._link)
 
     def _link(self, pair: Candidate, left: Records, right: Records) -> Link:
         if self._chain:
@@ -257,17 +280,19 @@ class LiveMosaic:
 
     def _describe(self, pixels: Pixels, features: Records | None, name: str, taken: Metadata) -> Frame:
         """Reduce a frame to the working width, and compute its features unless they are given."""
-        working, to_original = reduce_for_front_end(pixels, self._working_width_px, "frame")
+        working, to_original = reduce_for_front_end(pixels, self._options.working_width_px, "frame")
         if features is None and self._chain:
             features = self._chain.describe(len(self._frames), working)
         elif features is None:
             results, _ = extract_within_capacity(self._front_end, [working], self._config)
             features = results[0].features
         size = working.shape[1], working.shape[0]
-        transform = resize_matrix(self._scale) @ to_original
-        return Frame(len(self._frames), size, features, to_original, transform, name, taken)
+        thumbnail, from_thumbnail = reduce_to_width(working, THUMBNAIL_WIDTH_PX)
+        return Frame(
+            len(self._frames), size, features, to_original, to_original, name, taken, thumbnail, from_thumbnail
+        )
 
-    def _place(self, frame: Frame, pixels: Pixels) -> tuple[Submap, Placement | None]:
+    def _place(self, frame: Frame) -> tuple[Submap, Placement | None]:
         """Add a frame to a submap that it overlaps, or to a new one.
 
         Raises
@@ -280,8 +305,8 @@ class LiveMosaic:
         submap, placement = self._register(frame, self._submaps)
         if submap is not None and placement is not None:
             placed = frame.moved(placement.transform)
-            submap.add(placed, pixels)
-            # Parts that do not fit on one canvas stay apart.
+            submap.add(placed)
+            # Parts stay apart that would look behind the camera together.
             with contextlib.suppress(CanvasError):
                 submap = self._join(submap, placed)
             submap.settle()
@@ -289,7 +314,7 @@ class LiveMosaic:
             raise InputError(f"too few features (flat or blurred?): {len(frame.features)}, {MIN_FEATURES} needed")
         else:
             submap = self._empty_submap()
-            submap.add(frame, pixels)
+            submap.add(frame)
             self._submaps.append(submap)
         return submap, placement
 
@@ -322,7 +347,7 @@ class LiveMosaic:
             return submap
         corners = Canvas(0, 0, *frame.size).corners
         mapped = {submap: apply(frame.transform, corners), other: apply(placement.transform, corners)}
-        # The frame lies in both submaps, so its corners relate them; moving the smaller one blurs fewer pixels.
+        # The frame lies in both submaps, so its corners relate them.
         larger, smaller = (other, submap) if len(other.frames) >= len(submap.frames) else (submap, other)
         larger.absorb(smaller, estimate(mapped[smaller], mapped[larger], model="similarity"))
         self._submaps.remove(smaller)

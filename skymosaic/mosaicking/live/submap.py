@@ -1,10 +1,10 @@
-"""A connected part of a live mosaic: registered frames and their painted pixels."""
+"""A connected part of a live mosaic: registered frames and the links between them."""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Float32, Pixels, Records
-from skymosaic.compositing.warp import Canvas, CanvasError
+from skymosaic.compositing.warp import Canvas, CanvasError, footprint
 from skymosaic.flight.layout.adjustment import MODELS, Network, Ties
 from skymosaic.flight.layout.layout import LinkedGroup, normalisation
 from skymosaic.flight.layout.motions import shapes
@@ -22,7 +22,6 @@ from skymosaic.flight.linking.resemblance import compact
 from skymosaic.geometry.homography import apply, estimate, rescale
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.exif import Metadata
-from skymosaic.mosaicking.live.growing_canvas import GrowingCanvas
 
 MAX_NEIGHBOURS = 4
 """A new frame is registered against at most this many frames."""
@@ -30,8 +29,6 @@ MIN_USE = 0.1
 """Smallest share of the new frame's area that each of them must overlap in addition to the others."""
 GROWTH = 2
 """The layout is recomputed when the number of frames has grown by this factor."""
-WORTH_MOVING_PX = 1.0
-"""Painted pixels are moved only if a frame's corner moves farther than this, in pixels of the reference frame."""
 LEVELLING = (0.2, 0.1, 0.05)
 """Shares of its stretch and tilt of which each frame loses the largest whose cost is at most `LEVELLING_COST_PX`.
 Homographies alone bend a growing mosaic more and more; similarities do not fit a camera that sways."""
@@ -41,7 +38,7 @@ LEVELLING_COST_PX = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """The data kept for a frame; its pixels are not.
+    """What is known of a frame; its pixels are kept elsewhere.
 
     Attributes
     ----------
@@ -57,6 +54,10 @@ class Frame:
     name : str
     taken : Metadata
         What the camera recorded.
+    thumbnail : ndarray of uint8, shape (H, W) or (H, W, 3) BGR
+        For previews.
+    from_thumbnail : ndarray of float64, shape (3, 3)
+        Its pixels to working pixels.
     """
 
     number: int
@@ -66,6 +67,8 @@ class Frame:
     transform: Array
     name: str
     taken: Metadata
+    thumbnail: Pixels
+    from_thumbnail: Array
 
     @cached_property
     def compact(self) -> Records:
@@ -107,30 +110,27 @@ class Placement(NamedTuple):
 
 
 class Submap:
-    """Frames in a common reference frame, and the canvas they are painted on.
+    """Frames in a common reference frame, that of the first without its tilt.
 
-    Each time the number of frames has doubled, their layout is recomputed and the painted pixels are moved.
+    Each time the number of frames has doubled, their layout is recomputed.
 
     Parameters
     ----------
     link_views : callable
         `skymosaic.flight.linking.links.link_views` with the configuration and the seed of the mosaic.
-    limit_px : int
-        Largest area of the canvas.
 
     Attributes
     ----------
     frames : dict of int to Frame
         By their numbers, in order of time.
-    canvas : GrowingCanvas
+    links : list of Link
+        Those that placed the frames.
     """
 
-    def __init__(self, link_views: Callable[[Candidate, Records, Records], Link], limit_px: int) -> None:
+    def __init__(self, link_views: Callable[[Candidate, Records, Records], Link]) -> None:
         self.frames: dict[int, Frame] = {}
-        self.canvas = GrowingCanvas(limit_px)
+        self.links: list[Link] = []
         self._link_views = link_views
-        self._limit_px = limit_px
-        self._links: list[Link] = []
         # So the first layout is computed at four frames.
         self._laid_out = 2
 
@@ -148,50 +148,42 @@ class Submap:
             transform, error_px = _fit(guess, ground, np.concatenate([link.right_points for link in group]))
             ties = int(np.count_nonzero(error_px <= TIE_PX))
             if ties >= MIN_INLIERS:
-                self._links += group
+                self.links += group
                 return Placement(transform, tuple(link.left for link in group), ties, float(np.median(error_px)))
         return None
 
-    def add(self, frame: Frame, pixels: Pixels) -> None:
-        """Paint a frame by its transform and add it to the submap.
+    def add(self, frame: Frame) -> None:
+        """Add a registered frame.
 
         Raises
         ------
         CanvasError
-            If the canvas would become too large; nothing has changed then.
+            If a corner of it would lie behind the camera; nothing has changed then.
         """
-        self.canvas.paint(pixels, frame.from_original, frame.number)
+        _check([frame])
         self.frames[frame.number] = frame
 
     def absorb(self, other: Submap, to_this: Array) -> None:
-        """Add all frames and pixels of another submap, moved by ``to_this`` (3, 3); raises CanvasError as `add`."""
-        self.canvas.take_over(other.canvas, dict.fromkeys(other.frames, to_this), matching=True)
+        """Add all frames and links of another submap, moved by ``to_this`` (3, 3); raises CanvasError as `add`."""
         moved = {number: frame.moved(rescale(to_this @ frame.transform)) for number, frame in other.frames.items()}
+        _check(moved.values())
         self.frames = dict(sorted((self.frames | moved).items()))
-        self._links += other._links
+        self.links += other.links
 
     def settle(self, *, at_last: bool = False) -> None:
-        """Recompute the layout if the number of frames has doubled since the last time, or if ``at_last``.
-
-        Painted pixels are only moved if the layout changes noticeably, because every move costs some sharpness.
-        """
-        if len(self.frames) < (3 if at_last else GROWTH * self._laid_out):
-            return
-        self._laid_out = len(self.frames)
-        moved = self._lay_out()
-        pairs = [(frame, moved[number]) for number, frame in self.frames.items()]
-        if max(np.abs(after.outline - before.outline).max() for before, after in pairs) < WORTH_MOVING_PX:
-            return
-        motions = {old.number: new.transform @ np.linalg.inv(old.transform) for old, new in pairs}
-        canvas = GrowingCanvas(self._limit_px)
-        with contextlib.suppress(CanvasError):  # If the new layout does not fit, the old one is kept.
-            canvas.take_over(self.canvas, motions, matching=False)
-            self.canvas, self.frames = canvas, moved
+        """Recompute the layout if the number of frames has doubled since the last time, or if ``at_last``."""
+        if len(self.frames) >= (3 if at_last else GROWTH * self._laid_out):
+            self._laid_out = len(self.frames)
+            moved = self._lay_out()
+            # A layout in which a frame would look behind the camera is worse than the one before.
+            with contextlib.suppress(CanvasError):
+                _check(moved.values())
+                self.frames = moved
 
     def _lay_out(self) -> dict[int, Frame]:
         """Fit the transformations of all frames to all ties together; position and scale of the first stay fixed."""
-        # Links of a frame that was registered but did not fit on the canvas are ignored: it is not among the frames.
-        group = LinkedGroup({number: frame.size for number, frame in self.frames.items()}, self._links, reference=0)
+        # Links of a frame that was registered but could not be added are ignored: it is not among the frames.
+        group = LinkedGroup({number: frame.size for number, frame in self.frames.items()}, self.links, reference=0)
         network = group.network(slice(None), max_ties=None)
         to_unit = group.normalisations
         frames = zip(self.frames.values(), to_unit, strict=True)
@@ -221,6 +213,12 @@ class Submap:
                 break
             chosen.append(best)
         return chosen[1:]
+
+
+def _check(frames: Iterable[Frame]) -> None:
+    """Raise CanvasError if a corner of a frame would lie behind the camera."""
+    for frame in frames:
+        footprint(frame.size, frame.transform)
 
 
 def _nearest_similarity(transform: Array) -> Array:

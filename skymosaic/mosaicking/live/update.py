@@ -23,7 +23,7 @@ class LiveUpdate:
     placement : Placement or None
         Its registration; None if it started a submap or was left out.
     reason : str
-        Why it was left out; empty if it was painted.
+        Why it was left out; else empty.
     submaps : int
         Number of submaps after this frame.
     size_px : tuple of int

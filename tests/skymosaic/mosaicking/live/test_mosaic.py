@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 from golden_model.config import preset_config
 from sim.backends.interface import load_backend
 from sim.scene.flight import Flight
+from skymosaic import mosaic
 from skymosaic.common.errors import InputError
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.exif import Metadata, Position
+from skymosaic.imagery.live_frames import LiveFrame
 from skymosaic.maps.georeference import project_to_utm
 from skymosaic.mosaicking.live.mosaic import LiveMosaic
+from skymosaic.mosaicking.live.run import grow
 from skymosaic.mosaicking.live.update import LiveUpdate
 from tests.skymosaic.conftest import IMAGES, SIZE
 from tests.skymosaic.mosaicking.live.conftest import pair_errors_px
@@ -34,14 +37,7 @@ def test_every_frame_is_registered_on_arrival(flight: Flight, frames: list[NDArr
     assert len(errors) > IMAGES
     assert errors.mean() < 0.7
     assert errors.max() < 2.0
-    # What is painted is what the frames show there.
-    for number in (0, IMAGES - 1):
-        height, width = live.image.shape[:2]
-        shown = cv2.warpPerspective(frames[number], live.transforms[number], (width, height))
-        inside = (
-            cv2.warpPerspective(np.full(SIZE[::-1], 255, np.uint8), live.transforms[number], (width, height)) == 255
-        )
-        assert np.median(np.abs(shown[inside].astype(int) - live.image[inside])) < 12
+    assert live.preview.any(axis=2).mean() > 0.5
 
 
 def test_the_homographies_of_the_chip_alone_lay_the_frames_out(
@@ -68,7 +64,9 @@ def test_given_features_make_the_same_mosaic_as_computed_ones(frames: list[NDArr
     for frame, result in zip(frames, results, strict=False):
         given.add(frame, result.features)
         computed.add(frame)
-    np.testing.assert_array_equal(given.image, computed.image)
+    assert list(given.transforms) == list(computed.transforms) == [0, 1, 2, 3]
+    for number, transform in computed.transforms.items():
+        np.testing.assert_array_equal(given.transforms[number], transform)
 
 
 def test_the_final_adjustment_brings_all_frames_within_a_third_of_a_pixel(
@@ -86,7 +84,6 @@ def test_the_final_adjustment_brings_all_frames_within_a_third_of_a_pixel(
     )
     aligned = apply(estimate(found, true, model="similarity"), found)
     assert np.linalg.norm(aligned - true, axis=1).mean() < 0.3
-    assert (live.image.any(axis=2)).mean() > 0.8
 
 
 @pytest.mark.slow
@@ -123,20 +120,43 @@ def test_frames_without_overlap_and_flat_frames_are_left_out(frames: list[NDArra
     assert "too few features" in live.left_out[3]
 
 
-def test_a_frame_beyond_the_canvas_limit_is_left_out_and_the_rest_stays(frames: list[NDArray[np.uint8]]) -> None:
-    live = LiveMosaic(CONFIG, canvas_limit_px=int(1.2 * SIZE[0] * SIZE[1]))
-    live.add(frames[0])
-    before = live.image.copy()
-    assert "limit" in live.add(frames[1]).reason
-    np.testing.assert_array_equal(live.image, before)
+def test_a_mosaic_is_reduced_to_the_canvas_limit(frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
+    limit_px = SIZE[0] * SIZE[1] // 4
+    live = LiveMosaic(CONFIG, canvas_limit_px=limit_px)
+    assert [live.add(frame).reason for frame in frames[:3]] == [""] * 3
+    written = live.save(tmp_path / "m.png")
+    height, width = cv2.imread(str(tmp_path / "m.png")).shape[:2]
+    assert 0.95 * limit_px < height * width <= limit_px
+    assert "reduced from" in written.composition.reduced
 
 
-def test_the_layout_is_recomputed_without_a_frame_that_could_not_be_painted(frames: list[NDArray[np.uint8]]) -> None:
-    live = LiveMosaic(CONFIG, canvas_limit_px=int(1.6 * SIZE[0] * SIZE[1]))
-    reasons = [live.add(frame).reason for frame in (frames[0], frames[1], frames[2], frames[0], frames[1])]
-    assert ["limit" in reason for reason in reasons] == [False, False, True, False, False]
-    live.finish()
-    assert sorted(live.transforms) == [0, 1, 3, 4]
+def test_what_happens_to_files_meanwhile_is_said_by_name(frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
+    live = LiveMosaic(CONFIG)
+    for number, frame in enumerate(frames[:4]):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), frame)
+        live.add(tmp_path / f"{number}.png")
+    (tmp_path / "0.png").unlink()
+    cv2.imwrite(str(tmp_path / "3.png"), frames[0])
+    written = live.save(tmp_path / "m.png")
+    left_out = written.flight.absent_from(written.layout)
+    assert sorted(left_out) == [0, 3]
+    assert "0.png" in left_out[0]
+    assert "3.png: was replaced after it had been placed" in left_out[3]
+
+
+def test_a_full_disk_ends_the_growth_and_not_the_mosaic(
+    frames: list[NDArray[np.uint8]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    live, told = LiveMosaic(CONFIG), list[str]()
+    size = len(cv2.imencode(".png", frames[0], [cv2.IMWRITE_PNG_COMPRESSION, 1])[1])
+    monkeypatch.setattr("skymosaic.mosaicking.live.kept_frames.MAX_BYTES", int(3.5 * size))
+    coming = (LiveFrame(f"frame {number}", frame) for number, frame in enumerate(frames))
+    # Nor does a preview that cannot be written.
+    grow(live, coming, tmp_path / "none" / "preview.jpg", told.append)
+    assert sorted(live.transforms) == [0, 1, 2]
+    assert any(line.startswith("stopped: frames take more than") for line in told)
+    assert any(line.startswith("note: no preview: ") for line in told)
+    assert len(live.save(tmp_path / "m.png").composition.placements) == 3
 
 
 def test_a_scale_beyond_one_is_refused() -> None:
@@ -159,7 +179,10 @@ def test_what_a_callback_raises_costs_no_frame(frames: list[NDArray[np.uint8]], 
     assert seen == ["frame 0", "frame 1", "frame 2"]
     assert sorted(live.transforms) == [0, 1, 2]
     live.save(tmp_path / "m.png")
-    assert cv2.imread(str(tmp_path / "m.png")).shape == live.image.shape
+    # The mosaic is that of a flight of the same frames.
+    saved, whole = np.asarray(cv2.imread(str(tmp_path / "m.png"))), mosaic(frames[:3]).image
+    np.testing.assert_allclose(saved.shape, whole.shape, atol=3)
+    assert abs(float(saved[saved > 0].mean()) - float(whole[whole > 0].mean())) < 2
 
 
 def test_a_frame_that_is_no_picture_is_left_out_with_the_reason(
@@ -182,11 +205,14 @@ def test_frames_with_gps_lie_on_the_map(flight: Flight, frames: list[NDArray[np.
         position = Position(46 - metres * pose.y_px / 111_147, 7 + metres * pose.x_px / 77_329)
         live.add(frame, taken=Metadata(position=position, focal_half_diagonals=focal))
     live.save(tmp_path / "m.tif")
+    assert live.place.georeference is not None
     with rasterio.open(tmp_path / "m.tif") as file:
         assert file.crs.to_epsg() == 32632
         # What a nearly upright camera has in the middle is below it.
-        x, y = apply(live.transforms[3], (np.array(SIZE) - 1) / 2)
-        _, (below,) = project_to_utm([position])
-        np.testing.assert_allclose(file.xy(y, x), below, atol=5)
+        below = apply(live.place.georeference.to_map @ live.transforms[3], (np.array(SIZE) - 1) / 2)
+        _, (truth,) = project_to_utm([position])
+        np.testing.assert_allclose(below, truth, atol=5)
+        assert file.bounds.left < truth[0] < file.bounds.right
+        assert file.bounds.bottom < truth[1] < file.bounds.top
         assert np.hypot(file.transform.a, file.transform.d) == pytest.approx(metres, rel=0.05)
         assert 0.5 < (file.read(4) > 0).mean() < 1

@@ -1,0 +1,42 @@
+"""Paints a preview of a live mosaic from the thumbnails of its frames, anew each time, since their places change."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from golden_model.arrays import Pixels
+from skymosaic.compositing.layer import Layer
+from skymosaic.compositing.warp import enclosing_canvas
+from skymosaic.geometry.homography import resize_matrix
+from skymosaic.mosaicking.live.submap import Frame
+
+PREVIEW_WIDTH_PX = 1280
+
+
+def paint_preview(frames: Sequence[Frame], width_px: int = PREVIEW_WIDTH_PX) -> Pixels:
+    """Paint frames on top of each other; each pixel shows the one whose border is farthest away.
+
+    Returns
+    -------
+    ndarray of uint8, shape (H, W, 3) BGR
+        At most ``width_px`` wide and twice as high; 0 where there is no frame, empty without frames.
+    """
+    if not frames:
+        return np.zeros((0, 0, 3), np.uint8)
+    sizes, transforms = [frame.size for frame in frames], [frame.transform for frame in frames]
+    whole = enclosing_canvas(sizes, transforms, limit_px=np.inf)
+    scale = resize_matrix(min(1.0, width_px / whole.width_px, 2 * width_px / whole.height_px))
+    canvas = enclosing_canvas(sizes, [scale @ transform for transform in transforms])
+    picture = np.zeros((canvas.height_px, canvas.width_px, 3), np.uint8)
+    nearest = np.zeros(picture.shape[:2], np.float32)
+    for frame in frames:
+        image = frame.thumbnail if frame.thumbnail.ndim == 3 else cv2.cvtColor(frame.thumbnail, cv2.COLOR_GRAY2BGR)
+        layer = Layer(np.asarray(image, dtype=np.uint8), scale @ frame.transform @ frame.from_thumbnail)
+        if (part := layer.covered_part(canvas)) is None:
+            continue
+        where, distance = part.within(canvas), layer.border_distance(part)
+        shown = distance > nearest[where]
+        picture[where][shown] = layer.pixels(part, cv2.INTER_LINEAR)[shown]
+        np.maximum(nearest[where], distance, out=nearest[where])
+    return picture

@@ -1,0 +1,52 @@
+"""Previews are compared with the ground that their frames show."""
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from skymosaic.imagery.exif import Metadata
+from skymosaic.mosaicking.live.preview import paint_preview
+from skymosaic.mosaicking.live.submap import Frame
+
+
+def shift(x: float, y: float) -> np.ndarray:
+    return np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
+
+
+def frame(number: int, thumbnail: NDArray[np.uint8], transform: np.ndarray) -> Frame:
+    size = thumbnail.shape[1], thumbnail.shape[0]
+    return Frame(
+        number, size, np.zeros(0, [("x", "<u2")]), np.eye(3), transform, str(number), Metadata(), thumbnail, np.eye(3)
+    )
+
+
+@pytest.fixture(scope="module")
+def ground() -> NDArray[np.uint8]:
+    grain = np.random.default_rng(0).integers(60, 190, (240, 400, 3), dtype=np.uint8)
+    return np.asarray(cv2.GaussianBlur(grain, (0, 0), 4), np.uint8)
+
+
+def test_two_frames_of_one_ground_show_the_ground(ground: NDArray[np.uint8]) -> None:
+    """Upright and turned, beside the middle of the reference frame, and gray ones too."""
+    left, right = frame(0, ground[:, :240], shift(-30, 5)), frame(1, ground[:, 160:], shift(130, 5))
+    np.testing.assert_array_equal(paint_preview([left, right]), ground)
+    upside_down = frame(1, np.ascontiguousarray(ground[::-1, 160:][:, ::-1]), shift(369, 244) @ np.diag([-1.0, -1, 1]))
+    np.testing.assert_allclose(paint_preview([left, upside_down]), ground, atol=1)
+    np.testing.assert_array_equal(
+        paint_preview([frame(0, ground[..., 0], np.eye(3))]), np.repeat(ground[..., :1], 3, axis=2)
+    )
+
+
+def test_the_farther_border_shows_whatever_the_order(ground: NDArray[np.uint8]) -> None:
+    other = frame(1, 250 - ground[:, :200], np.eye(3))
+    for frames in ([frame(0, ground, np.eye(3)), other], [other, frame(0, ground, np.eye(3))]):
+        where = slice(60, 180), slice(150, None)
+        np.testing.assert_array_equal(paint_preview(frames)[where], ground[where])
+
+
+def test_a_preview_is_limited_and_may_be_empty(ground: NDArray[np.uint8]) -> None:
+    assert paint_preview([]).size == 0
+    small = paint_preview([frame(0, ground, shift(7, 9) @ np.diag([3.0, 3, 1]))], width_px=100)
+    assert small.shape[1] in (99, 100)
+    np.testing.assert_allclose(small, cv2.resize(ground, small.shape[1::-1], interpolation=cv2.INTER_AREA), atol=12)
