@@ -34,7 +34,7 @@ class Change:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class ChangedImage:
     """A changed copy of an image, and the affine map (3, 3) from its pixels to the image's."""
 
     pixels: Pixels
@@ -53,13 +53,15 @@ class DescribedImage:
     """
 
     image: Pixels
-    kept: dict[tuple[Change, FrontEndConfig], tuple[Frame, Records] | None] = field(default_factory=dict, repr=False)
+    kept: dict[tuple[Change, FrontEndConfig], tuple[ChangedImage, Records] | None] = field(
+        default_factory=dict, repr=False
+    )
 
-    def describe(self, change: Change, front_end: Backend, config: Config) -> tuple[Frame, Records] | None:
-        """The changed copy, without its pixels, and its features; None as of `make_frame`."""
+    def describe(self, change: Change, front_end: Backend, config: Config) -> tuple[ChangedImage, Records] | None:
+        """The changed copy, without its pixels, and its features; None as of `change_image`."""
         key = change, config.front_end
         if key not in self.kept:
-            frame = make_frame(self.image, change)
+            frame = change_image(self.image, change)
             self.kept[key] = None
             if frame is not None:
                 features = front_end.run([frame.pixels], config)[0].features
@@ -70,7 +72,7 @@ class DescribedImage:
         return {"image": self.image, "kept": {}}
 
 
-def make_frame(image: Pixels, change: Change) -> Frame | None:
+def change_image(image: Pixels, change: Change) -> ChangedImage | None:
     """Make a changed copy of an image; None where a side would leave the front end's range."""
     image = ~image if change.inverted else image
     height_px, width_px = image.shape[:2]
@@ -84,14 +86,14 @@ def make_frame(image: Pixels, change: Change) -> Frame | None:
         pixels = np.asarray(cv2.resize(image, size, interpolation=filtering), dtype=np.uint8)
         to_image = resize_matrix(width_px / size[0], height_px / size[1])
     if change.tilt == 1:
-        return Frame(pixels, to_image)
+        return ChangedImage(pixels, to_image)
     compressed = _compress(pixels, change.tilt, math.radians(change.direction_deg))
     if min(compressed.pixels.shape[:2]) < MIN_FRAME_PX:
         return None
-    return Frame(compressed.pixels, to_image @ compressed.to_image)
+    return ChangedImage(compressed.pixels, to_image @ compressed.to_image)
 
 
-def _compress(image: Pixels, tilt: float, direction_rad: float) -> Frame:
+def _compress(image: Pixels, tilt: float, direction_rad: float) -> ChangedImage:
     """Compress an image by ``tilt`` along a direction, in the smallest frame that holds it; blurs it first."""
     cosine, sine = math.cos(direction_rad), math.sin(direction_rad)
     turn = np.array([[cosine, sine], [-sine, cosine]])
@@ -108,7 +110,7 @@ def _compress(image: Pixels, tilt: float, direction_rad: float) -> Frame:
     pixels = cv2.warpAffine(
         blurred, forward[:2], (width, height), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT
     )
-    return Frame(np.asarray(pixels, dtype=np.uint8), np.asarray(np.linalg.inv(forward)))
+    return ChangedImage(np.asarray(pixels, dtype=np.uint8), np.asarray(np.linalg.inv(forward)))
 
 
 def _line_blur(tilt: float, cosine: float, sine: float) -> Matrix:
@@ -130,7 +132,9 @@ def map_to_image(features: Records, to_image: Matrix) -> Records:
     return moved
 
 
-def map_matches_to_images(matches: Records, frames: tuple[Frame, Frame], images: tuple[Pixels, Pixels]) -> Records:
+def map_matches_to_images(
+    matches: Records, frames: tuple[ChangedImage, ChangedImage], images: tuple[Pixels, Pixels]
+) -> Records:
     """Move match records of two frames to their positions in the images; drops those outside the images."""
     moved = matches.copy()
     inside = np.ones(len(matches), dtype=bool)

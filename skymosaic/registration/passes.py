@@ -20,9 +20,9 @@ from golden_model.matching.matcher import match
 from sim.backends.interface import Backend
 from skymosaic.features.frames import (
     Change,
+    ChangedImage,
     DescribedImage,
-    Frame,
-    make_frame,
+    change_image,
     map_matches_to_images,
     map_to_image,
     swap_sides,
@@ -115,7 +115,7 @@ class SearchState:
     inverted: bool = False
 
 
-MatchedFrames = tuple[Change, tuple[Records, Records], tuple[Frame, Frame], Records]
+MatchedFrames = tuple[Change, tuple[Records, Records], tuple[ChangedImage, ChangedImage], Records]
 """What was done to the other frame; features and frames of both, the reference first; their matches."""
 
 
@@ -244,8 +244,8 @@ class Search:
     def _run(self, run: FrontEndRun) -> Iterator[MatchedFrames]:
         """What was done to each of the other frames, and its features, frames and matches with the reference."""
         reference_image, other_image = self._images[::-1] if run.swapped else self._images
-        reference = make_frame(reference_image, run.reference)
-        made = [(change, make_frame(other_image, change)) for change in run.others]
+        reference = change_image(reference_image, run.reference)
+        made = [(change, change_image(other_image, change)) for change in run.others]
         others = [(change, frame) for change, frame in made if frame]
         if reference is None or not others:
             return
@@ -267,7 +267,7 @@ class Search:
                 yield change, features, (reference[0], other[0]), matches
 
     def _map_to_images(
-        self, features: tuple[Records, Records], frames: tuple[Frame, Frame], matches: Records
+        self, features: tuple[Records, Records], frames: tuple[ChangedImage, ChangedImage], matches: Records
     ) -> Evidence:
         left, right = (map_to_image(side, frame.to_image) for side, frame in zip(features, frames, strict=True))
         mapped = map_matches_to_images(matches, frames, self._images)

@@ -6,7 +6,7 @@ from golden_model.config import preset_config
 from golden_model.front_end import extract
 from sim.backends.golden import GoldenBackend
 from sim.scene import make_pair
-from skymosaic.features.frames import Change, make_frame, map_matches_to_images, map_to_image, swap_sides
+from skymosaic.features.frames import Change, change_image, map_matches_to_images, map_to_image, swap_sides
 from skymosaic.features.positions import feature_points, match_points
 from skymosaic.geometry.homography import apply
 
@@ -21,9 +21,9 @@ def image() -> NDArray[np.uint8]:
 
 @pytest.mark.parametrize("change", [Change(2.0), Change(0.5), Change(1.0, 2**0.5, 60.0)])
 def test_a_changed_frame_matches_its_image_in_place(image: NDArray[np.uint8], change: Change) -> None:
-    frame = make_frame(image, change)
+    frame = change_image(image, change)
     matches = GoldenBackend().run([image, frame.pixels], CONFIG)[1].matches
-    identity = make_frame(image, Change())
+    identity = change_image(image, Change())
     assert identity
     assert frame
     left, right = match_points(map_matches_to_images(matches, (identity, frame), (image, image)))
@@ -33,12 +33,12 @@ def test_a_changed_frame_matches_its_image_in_place(image: NDArray[np.uint8], ch
 
 
 def test_frames_outside_the_range_of_the_front_end_are_refused(image: NDArray[np.uint8]) -> None:
-    assert make_frame(image, Change(0.2)) is None
-    assert make_frame(image, Change(20.0)) is None
+    assert change_image(image, Change(0.2)) is None
+    assert change_image(image, Change(20.0)) is None
 
 
 def test_features_and_matches_lie_where_the_image_has_them(image: NDArray[np.uint8]) -> None:
-    frame = make_frame(image, Change(0.5))
+    frame = change_image(image, Change(0.5))
     features = extract(frame.pixels, CONFIG.front_end).features
     assert frame
     moved = map_to_image(features, frame.to_image)
@@ -48,7 +48,7 @@ def test_features_and_matches_lie_where_the_image_has_them(image: NDArray[np.uin
 
 
 def test_a_tilt_compresses_along_its_direction(image: NDArray[np.uint8]) -> None:
-    frame = make_frame(image, Change(1.0, 2.0, 0.0))
+    frame = change_image(image, Change(1.0, 2.0, 0.0))
     assert frame.pixels.shape == (SIZE[1], SIZE[0] // 2 + 1)
     np.testing.assert_allclose(frame.to_image[:2, :2], [[2, 0], [0, 1]], atol=1e-12)
 
