@@ -18,7 +18,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import distributed
 import typer
@@ -39,11 +39,10 @@ moved = Counter[str]()
 
 def main(
     flight: str,
-    count: Annotated[int | None, typer.Option(help="Use so many of its photographs; all by default.")] = None,
     json_file: JsonFile = None,
 ) -> None:
     """Print a row for each run, and how much memory each further photograph takes."""
-    photographs = [source.name for source in list_sources([public_folder(flight)])][:count]
+    photographs = [source.name for source in list_sources([public_folder(flight)])]
     rows = [measure(f"{len(photographs)} of {Path(flight).name}", photographs, workers) for workers in WORKERS]
     for number in RENDERED:
         with tempfile.TemporaryDirectory() as folder:

@@ -19,11 +19,12 @@ import typer
 from rich.progress import track
 from scipy.optimize import lsq_linear
 
-from bench.pair_sets import public_folder, read_set
+from bench.pair_sets import public_folder
 from bench.rendered_pairs import HEIGHTS_PX, OVERLAPS, relief_pairs
 from bench.report import JsonFile, Row, program, report
 from golden_model.arrays import Array
 from skymosaic import register
+from skymosaic.evaluation.known_pairs import read_pairs
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.registration.confidence import COEFFICIENTS, GOOD_PX, INTERCEPT, POOR_PX, measure_inputs
@@ -67,7 +68,7 @@ def predict_relief(each: int) -> Iterator[Prediction]:
 
 def predict_sets(names: list[str]) -> Iterator[Prediction]:
     """The pairs of sets that are accepted."""
-    for known in track([pair for name in names for pair in read_set(public_folder(name))], description="sets"):
+    for known in track([pair for name in names for pair in read_pairs(public_folder(name))], description="sets"):
         pair = register(known.left, known.right, accept_poor=True)
         if pair.homography is not None:
             yield prediction(pair, grid_error(pair.homography, known.truth, pair.left.size, pair.right.size))

@@ -29,7 +29,6 @@ from skymosaic.geometry.homography import DegenerateError, apply, estimate
 from skymosaic.maps.georeference import fit_to_map, project_to_utm
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.registration.options import WORKING_WIDTH_PX
 
 app = program(__doc__)
 for command in (peers, rendered, quality, errors, nuisances):
@@ -39,21 +38,18 @@ for command in (peers, rendered, quality, errors, nuisances):
 @app.command()
 def maps(
     flights: Annotated[list[str], typer.Argument(help="Folders of photographs with GPS.")],
-    working_width_px: Annotated[int, typer.Option("--working-width")] = WORKING_WIDTH_PX,
-    cache: Annotated[Path | None, typer.Option(help="Folder of an earlier run's cache.")] = None,
     json_file: JsonFile = None,
 ) -> None:
     """How well flights fit their GPS: at the middle of the photographs, and at the positions of the cameras.
 
     Median and root mean square distance of all positions, so that both fits are judged alike.
     """
-    options = MosaicOptions(working_width_px=working_width_px, cache=cache)
-    report("distance from GPS", [gps_row(public_folder(flight), options) for flight in flights], json_file)
+    report("distance from GPS", [gps_row(public_folder(flight)) for flight in flights], json_file)
 
 
-def gps_row(folder: Path, options: MosaicOptions) -> Row:
+def gps_row(folder: Path) -> Row:
     """A flight's spread of GPS positions, and the residuals of both fits."""
-    with open_plan([folder], options) as plan:
+    with open_plan([folder], MosaicOptions()) as plan:
         flight, layout = plan.flight, plan.layouts[0]
     members = [member for member in layout.members if flight.views[member].gps is not None]
     transforms = layout.to_reference(flight.views)

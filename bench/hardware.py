@@ -17,7 +17,7 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from bench.pair_sets import public_folder, read_set
+from bench.pair_sets import public_folder
 from bench.report import JsonFile, Row, program, report
 from golden_model.arrays import Records
 from golden_model.config import PRESETS, Config, EstimatorConfig
@@ -28,6 +28,7 @@ from golden_model.geometry.scoring import finish_cycles
 from golden_model.matching.matcher import match
 from golden_model.timing import FrameWork, steady_pace, timelines
 from sim.backends.golden import GoldenBackend
+from skymosaic.evaluation.known_pairs import read_pairs
 from skymosaic.imagery.images import load
 
 app = program(__doc__)
@@ -117,7 +118,7 @@ def homography(
 ) -> None:
     """Clocks from a frame's last pixel to its homography, over pairs with the left photograph as the frame before."""
     stages: dict[str, list[int]] = {"last pixel to last match": [], "last match to homography": []}
-    for pair in track(read_set(public_folder(pairs)), console=Console(stderr=True)):
+    for pair in track(read_pairs(public_folder(pairs)), console=Console(stderr=True)):
         left, right = GoldenBackend().run([load(each).pixels for each in (pair.left, pair.right)], AERIAL)
         size = int(right.status["width"]), int(right.status["height"])
         counts = len(left.features), len(right.features)

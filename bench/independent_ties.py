@@ -49,13 +49,12 @@ class PairOfTies:
 
 def errors(
     flights: Annotated[list[str], typer.Argument(help="Folders of photographs.")],
-    cache: Annotated[Path | None, typer.Option(help="Folder of an earlier run's cache.")] = None,
     json_file: JsonFile = None,
 ) -> None:
     """Errors as the report says them, and as independent ties show them, px at 1600 px wide."""
     rows = []
     for folder in map(public_folder, flights):
-        with open_plan([folder], MosaicOptions(cache=cache)) as plan:
+        with open_plan([folder], MosaicOptions()) as plan:
             flight, layout = plan.flight, plan.layouts[0]
         rows.append(error_row(folder.name, flight, layout, find_ties(flight, layout)))
     report("errors by independent ties", rows, json_file)

@@ -1,13 +1,13 @@
 """How often, and how closely, pairs with a known homography are registered, beside OpenCV's methods in one run.
 
     python -m bench.registration methods SET ...
-    python -m bench.registration relief [SET ...]
+    python -m bench.registration relief
     python -m bench.registration unrelated FLIGHT FLIGHT ...
     python -m bench.registration render DIR
     python -m bench.registration cut DIR FLIGHT=COUNT ...
 
-A SET is a folder that `bench.pair_sets` reads, or ``registration``, the public pairs below SKYMOSAIC_DATA; ``render``
-and ``cut`` write such folders. The error of a pair is the mean distance over a 20x20 grid of left points that fall
+A SET is a folder with a pairs.csv, or ``registration``, the public pairs below SKYMOSAIC_DATA; ``render`` and ``cut``
+write such folders. The error of a pair is the mean distance over a 20x20 grid of left points that fall
 inside the right image.
 """
 
@@ -28,19 +28,17 @@ from rich.progress import track
 
 from bench import flight_pairs
 from bench.methods import ON_CHIP, REFERENCE, Method, chosen_methods, estimate_on_chip, read_gray
-from bench.pair_sets import public_folder, read_set, write_set
+from bench.pair_sets import public_folder, write_set
 from bench.rendered_pairs import HEIGHTS_PX, OVERLAPS, STEPS, ReliefPair, flat_pairs, relief_pairs
 from bench.report import JsonFile, Row, program, report
 from golden_model.arrays import Matrix
 from skymosaic import extract, register
-from skymosaic.evaluation.known_pairs import KnownPair
+from skymosaic.evaluation.known_pairs import KnownPair, read_pairs
 from skymosaic.evaluation.metrics import MISSING_ERROR_PX, grid_error
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX, estimate_homography
 from skymosaic.imagery.images import load, reduce_to_width
 from skymosaic.imagery.photographs import list_sources
-from skymosaic.registration.confidence import correlate_overlap
-from skymosaic.registration.dense import match_densely
 from skymosaic.registration.options import EFFORTS
 
 app = program(__doc__)
@@ -49,8 +47,6 @@ progress = Console(stderr=True)
 LIMITS_PX = (1, 3, 5)
 WRONG_PX = 20.0
 WIDTH_PX = 640
-CORRELATES_BETTER = 0.1
-"""From this much on, a result that correlates better than the recorded homography shows that to be worse."""
 Sets = Annotated[list[str], typer.Argument(help="Folders of pairs; several are joined.", metavar="SET...")]
 Seeds = Annotated[int, typer.Option(min=1, help="Seeds of our estimator; OpenCV's are fixed.")]
 Methods = Annotated[list[str] | None, typer.Option(help="Only these: normal, thorough, refine, sift, ...")]
@@ -84,7 +80,7 @@ def methods(
     SIFT's, pair by pair, in the median.
     """
     cv2.setNumThreads(1)
-    pairs = [pair for name in sets for pair in read_set(public_folder(name))]
+    pairs = [pair for name in sets for pair in read_pairs(public_folder(name))]
     results: dict[str, list[Outcome]] = {}
     for heading, run in chosen_methods(method).items():
         results[heading] = list(measure(run, pairs, seeds, heading))
@@ -155,41 +151,20 @@ def shares(outcomes: list[Outcome]) -> str:
 
 @app.command()
 def relief(
-    *,
-    sets: Annotated[list[str] | None, typer.Argument(help="Folders of pairs; none: rendered relief.")] = None,
     each: Annotated[int, typer.Option(min=1, help="Rendered pairs for every height and overlap.")] = 2,
     seeds: Seeds = 5,
     method: Methods = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Share of the overlap within 2 px of each pixel's true position, relief included.
+    """Share of the overlap within 2 px of each pixel's true position, relief included; refused pairs count 0.
 
-    Rendered relief has exact positions, and a last row for the homography that is fitted to them. For the pairs of a
-    set, two-way optical flow stands in for them, which starts at the recorded homography; where the result correlates
-    better than that, the recorded homography is named, and flow starts at the result. Refused pairs count 0; pairs
-    without flow are left out.
+    The last row is for the homography that is fitted to the true positions.
     """
     cv2.setNumThreads(1)
-    if sets:
-        known = [pair for name in sets for pair in map(flow_truth, read_set(public_folder(name)))]
-        pairs = [pair for pair in known if len(pair.left_points)]
-    else:
-        pairs = list(track(relief_pairs(each), "rendering", len(HEIGHTS_PX) * len(OVERLAPS) * each, console=progress))
-    chosen = chosen_methods(method) | ({} if sets else {"the truth's own homography": fit_to_truth})
+    pairs = list(track(relief_pairs(each), "rendering", len(HEIGHTS_PX) * len(OVERLAPS) * each, console=progress))
+    chosen = {**chosen_methods(method), "the truth's own homography": fit_to_truth}
     rows = [relief_row(heading, run, pairs, seeds) for heading, run in chosen.items()]
     report(f"{len(pairs)} pairs with relief, {seeds} seeds", rows, json_file)
-
-
-def flow_truth(pair: KnownPair) -> ReliefPair:
-    """The pair with positions by two-way flow instead of its recorded homography."""
-    left, right = read_gray(pair.left), read_gray(pair.right)
-    start, found = pair.truth, register(left, right, accept_poor=True).homography
-    if found is not None:
-        recorded, ours = (correlate_overlap((left, right), H) for H in (pair.truth, found))
-        if ours > recorded + CORRELATES_BETTER:
-            progress.print(f"{pair.name}: the recorded homography correlates by {recorded:.2f}, ours by {ours:.2f}")
-            start = found
-    return ReliefPair(pair.name, left, right, *match_densely(left, right, start))
 
 
 def fit_to_truth(pair: KnownPair | ReliefPair, _seeds: int) -> Iterator[tuple[Matrix | None, int]]:
@@ -274,7 +249,7 @@ def cut(
     known: Annotated[str | None, typer.Option(help="Set whose pairs are left out, by name.")] = None,
 ) -> None:
     """Cut pairs with a pseudo truth by SIFT out of flights, to judge what was not tuned on them."""
-    names = {pair.name for pair in read_set(public_folder(known))} if known else set()
+    names = {pair.name for pair in read_pairs(public_folder(known))} if known else set()
     counts = (flight.rsplit("=", 1) for flight in flights)
     write_set(
         folder, (pair for name, count in counts for pair in flight_pairs.cut(public_folder(name), int(count), names))

@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.progress import track
 
 from bench.report import JsonFile, Row, report
-from bench.stitcher_runs import MEMORY_GB, WORKING_WIDTH_PX, run_stitcher
+from bench.stitcher_runs import run_stitcher
 from golden_model.arrays import Array, Pixels
 from sim.scene import Flight, make_lawnmower
 from skymosaic.geometry.homography import apply, estimate
@@ -97,7 +97,7 @@ def run_case(case: Case, seed: int) -> dict[str, float]:
     camera = flight.camera
     with tempfile.TemporaryDirectory() as temporary:
         names = write_images(Path(temporary), flight.images)
-        result = run_stitcher("skymosaic", Path(temporary), WORKING_WIDTH_PX, MEMORY_GB)
+        result = run_stitcher("skymosaic", Path(temporary))
     if result["failure"]:
         raise SystemExit(f"no mosaic of a rendered flight, seed {seed}: {result['failure']}")
     errors, places = position_errors(result["transforms"], flight, names)

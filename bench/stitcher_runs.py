@@ -1,10 +1,9 @@
 """Runs of `bench/stitchers.py`, and the comparison of flights with OpenStitching and cv2.Stitcher.
 
-Every run is a process of its own with capped memory; the methods take turns, so that a machine whose speed drifts slows
-all of them alike. Processor time is from the files to the mosaic in memory, imports not counted. The error of a method
-is the median distance, in pixels at 1600 px wide, of our matches (inliers of a pair's homography) under its
-transformations. The package `stitching` pulls in another OpenCV, so it gets an environment of its own in the user's
-cache folder.
+Every run is a process of its own with capped memory. Processor time is from the files to the mosaic in memory, imports
+not counted. The error of a method is the median distance, in pixels at 1600 px wide, of our matches (inliers of a
+pair's homography) under its transformations. The package `stitching` pulls in another OpenCV, so it gets an environment
+of its own in the user's cache folder.
 """
 
 import json
@@ -50,55 +49,42 @@ Matches = tuple[str, str, Points, Points]
 
 
 def peers(
-    *,
     flights: Annotated[list[str], typer.Argument(help="Folders of photographs, one flight each.")],
-    method: Annotated[list[str] | None, typer.Option(help=f"Only these of {', '.join(METHODS)}.")] = None,
-    rounds: Annotated[int, typer.Option(min=1, help="How often each method runs.")] = 1,
-    working_width_px: Annotated[int, typer.Option("--working-width", help="For all methods.")] = WORKING_WIDTH_PX,
-    memory_gb: Annotated[float, typer.Option("--memory", help="Cap of each process's address space.")] = MEMORY_GB,
     json_file: JsonFile = None,
 ) -> None:
     """Photographs placed, error, processor time and memory, beside other stitchers."""
-    rows = [
-        row
-        for flight in flights
-        for row in compare(public_folder(flight), method or list(METHODS), rounds, working_width_px, memory_gb)
-    ]
+    rows = [row for flight in flights for row in compare(public_folder(flight))]
     report("flights beside other stitchers", rows, json_file)
 
 
-def compare(folder: Path, methods: Sequence[str], rounds: int, width_px: int, memory_gb: float) -> list[Row]:
-    """Every method on a folder; seconds and memory are medians over the rounds."""
-    flight = lay_out(folder, width_px)
+def compare(folder: Path) -> list[Row]:
+    """Every method on a folder."""
+    flight = lay_out(folder)
     # Our transformations are those of photographs without the distortion that was estimated.
     straight, distorted = (flight_matches(flight, lens) for lens in (Lens(), flight.lens))
-    results: dict[str, list[Result]] = {method: [] for method in methods}
-    for _ in track(range(rounds), description=folder.name, transient=True):
-        for method in methods:
-            results[method].append(run_stitcher(method, folder, width_px, memory_gb))
     rows: list[Row] = []
-    for method, outcomes in results.items():
-        transforms, failure = outcomes[0]["transforms"], outcomes[0]["failure"]
-        placed = max(len(transforms), 1)
+    for method in track(METHODS, description=folder.name, transient=True):
+        result = run_stitcher(method, folder)
+        transforms = result["transforms"]
+        placed, failed = max(len(transforms), 1), " (no picture)" * bool(result["failure"])
         scale = REPORTED_WIDTH_PX / flight.views[0].size[0]
         error_px = scale * median_error_px(transforms, straight if method == "skymosaic" else distorted)
-        seconds, peak_mb = (np.median([each[key] for each in outcomes]) for key in ("cpu_seconds", "peak_mb"))
         rows.append(
             {
                 "flight": f"{folder.name}, {len(flight.views)} photographs",
                 "method": METHODS[method],
                 "placed": len(transforms),
                 "error, px": f"{error_px:.3g}",
-                "CPU s per placed photograph": f"{seconds / placed:.2f}" + " (no picture)" * bool(failure),
-                "peak, GB": f"{peak_mb / 1000:.2g}",
+                "CPU s per placed photograph": f"{result['cpu_seconds'] / placed:.2f}{failed}",
+                "peak, GB": f"{result['peak_mb'] / 1000:.2g}",
             }
         )
     return rows
 
 
-def run_stitcher(method: str, folder: Path, width_px: int, memory_gb: float) -> Result:
-    """One method on one folder, in a process of its own."""
-    command = [stitcher_python(method), STITCHERS, method, folder, width_px, memory_gb]
+def run_stitcher(method: str, folder: Path) -> Result:
+    """One method on one folder, in a process of its own with capped memory."""
+    command = [stitcher_python(method), STITCHERS, method, folder, WORKING_WIDTH_PX, MEMORY_GB]
     finished = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
     if finished.returncode:
         return {"transforms": {}, "failure": finished.stderr.strip()[-200:], "cpu_seconds": 0.0, "peak_mb": 0.0}
@@ -121,9 +107,9 @@ def stitcher_python(method: str) -> str:
     return str(python)
 
 
-def lay_out(folder: Path, width_px: int) -> Flight:
+def lay_out(folder: Path) -> Flight:
     """The folder, laid out by skymosaic."""
-    settings = Settings(preset_config("aerial"), working_width_px=width_px)
+    settings = Settings(preset_config("aerial"), working_width_px=WORKING_WIDTH_PX)
     with Workers() as workers:
         return survey(list_sources([folder]), settings, 0, workers, ResultCache(None))
 
