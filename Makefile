@@ -26,12 +26,12 @@ test-slow: $(VENV)/slow tools
 
 # Mutated files for everything that reads files; prints what became of them.
 test-fuzz: $(VENV)/installed
-	$(BIN)/python -m tools.fuzz 10000
+	$(BIN)/python -m tests.fuzz.fuzz 10000
 
 # Random frames, settings, stalls, bad frames, clears and resets on the compiled accelerator: 20 minutes or more.
 SOAK_CLOCKS ?= 100000000
 test-soak: $(VENV)/installed
-	$(BIN)/python -m tools.soak $(SOAK_CLOCKS)
+	$(BIN)/python -m tests.soak.soak $(SOAK_CLOCKS)
 
 # Wheel and source package, in dist; the tests unpack a wheel into an empty environment and use it there.
 dist: $(VENV)/installed

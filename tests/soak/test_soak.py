@@ -2,7 +2,7 @@
 
 import pytest
 
-from tools.soak import soak
+from tests.soak.soak import soak
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Frames for `tools.soak`: settings, pixels, flaws, and the expected results."""
+"""Frames for `tests.soak.soak`: settings, pixels, flaws, and the expected results."""
 
 import dataclasses
 from dataclasses import dataclass

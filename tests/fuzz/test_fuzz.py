@@ -1,4 +1,4 @@
-from tools.fuzz import fuzz
+from tests.fuzz.fuzz import fuzz
 
 
 def test_a_slice_of_the_mutated_files() -> None:

@@ -1,4 +1,4 @@
-"""Feeds mutated files to everything that reads files: ``python -m tools.fuzz 10000`` prints a report.
+"""Feeds mutated files to everything that reads files: ``python -m tests.fuzz.fuzz 10000`` prints a report.
 
 Every input must end in a result or in the one-line error of its reader. What a cache returns must be what was saved.
 """
@@ -22,7 +22,7 @@ import typer
 
 from sim.backends.interface import BackendError
 from skymosaic.common.errors import InputError
-from tools.fuzz_targets import TARGETS
+from tests.fuzz.targets import TARGETS
 
 app = typer.Typer(help=__doc__, add_completion=False)
 

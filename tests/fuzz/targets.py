@@ -34,7 +34,7 @@ from skymosaic.imagery.photographs import list_sources
 from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.maps.control_points import load_control_points
 from skymosaic.running.cache import ResultCache
-from tools.mutators import damage_block, mutated, mutated_text
+from tests.fuzz.mutators import damage_block, mutated, mutated_text
 
 MAX_WRONG_SHARE = 0.01
 """Share of the pixels that may be wrong in a damaged photograph that is read all the same."""

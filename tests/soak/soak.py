@@ -1,4 +1,4 @@
-"""Runs the accelerator for a long time on everything that may happen: ``python -m tools.soak 100000000``.
+"""Runs the accelerator for a long time on everything that may happen: ``python -m tests.soak.soak 100000000``.
 
 Random frames, sizes, settings, gaps and stalls, bad frames, register writes in mid-frame, clears and resets, all from
 one seed, on the design compiled by Verilator. Every good frame must equal the golden model, and every bad one must be
@@ -27,7 +27,7 @@ from sim.simulators.compiled import Bench
 from sim.simulators.hardware import decode_frame, decode_status
 from sim.simulators.recording import Output, Pauses, Segment
 from sim.simulators.scoreboard import find_mismatch
-from tools.soak_frames import BUILT_PX, CONFIG, SentFrame, Source
+from tests.soak.frames import BUILT_PX, CONFIG, SentFrame, Source
 
 app = typer.Typer(help=__doc__, add_completion=False)
 
