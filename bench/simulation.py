@@ -50,7 +50,7 @@ def pairs() -> dict[str, tuple[Image, Image, int]]:
 
 @app.command()
 def equality(
-    backend: Annotated[str, typer.Option(help="verilator, pysim or board.")] = "verilator",
+    backend: Annotated[str, typer.Option(help="rtl or board:HOST.")] = "rtl",
     json_file: JsonFile = None,
 ) -> None:
     """Compare every field of every feature, match and status of public pairs and of that of `make demo`."""

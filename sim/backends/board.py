@@ -217,5 +217,5 @@ def load(address: str, *, waves: Path | None) -> BoardBackend:
         For a missing or invalid address; if waves are requested.
     """
     if waves is not None:
-        raise BackendError("a board cannot write waves; use verilator or pysim")
+        raise BackendError("a board cannot write waves; use rtl")
     return BoardBackend(address)

@@ -69,5 +69,5 @@ def load(*, progress: Progress, waves: Path | None) -> GoldenBackend:
         If waves are requested.
     """
     if waves is not None:
-        raise BackendError("the golden model cannot write waves; use verilator or pysim")
+        raise BackendError("the golden model cannot write waves; use rtl")
     return GoldenBackend()

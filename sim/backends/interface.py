@@ -19,12 +19,10 @@ Reference = Literal["held", "previous"]
 
 BACKENDS = {
     "golden": "sim.backends.golden",
-    "rtl": "sim.simulators.verilator",
-    "verilator": "sim.simulators.verilator",
-    "pysim": "sim.simulators.pysim",
+    "rtl": "sim.simulators.hardware",
     "board": "sim.backends.board",
 }
-"""The module of each backend; ``rtl`` is the fastest simulation of the hardware."""
+"""The module of each backend; ``rtl`` simulates the hardware."""
 
 BUILT_LANES = 16
 """Left descriptors that the simulated accelerator compares at once."""

@@ -1,1 +1,1 @@
-"""Whole designs in Verilator and in Amaranth's own simulator, and the comparison of their results."""
+"""Whole designs in Verilator, and the comparison of their results with the golden model."""

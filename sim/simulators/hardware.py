@@ -1,10 +1,10 @@
-"""The simulated accelerator as a `sim.backends.interface.Backend`, for every simulator."""
+"""The simulated accelerator as a `sim.backends.interface.Backend`."""
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,7 @@ from sim.simulators.accelerator_designs import (
 )
 from sim.simulators.recording import Recording, Segment, flatten_frame
 from sim.simulators.stages import locate_mismatch
+from sim.simulators.verilator import simulate
 
 
 class HardwareBackend(Backend):
@@ -32,16 +33,13 @@ class HardwareBackend(Backend):
 
     Parameters
     ----------
-    simulate : callable
-        `sim.simulators.verilator.simulate` or `sim.simulators.pysim.simulate`.
     progress : callable
         Receives a line of text when a first build starts or ends.
     waves : Path or None
         VCD file that each run writes.
     """
 
-    def __init__(self, simulate: Callable[..., list[Recording]], *, progress: Progress, waves: Path | None):
-        self.simulate = simulate
+    def __init__(self, *, progress: Progress, waves: Path | None):
         self._progress = progress
         self._waves = waves
 
@@ -51,13 +49,18 @@ class HardwareBackend(Backend):
         """See `sim.backends.interface.Backend.run`."""
         segments = make_segments(frames, config, reference)
         design = design_accelerator(config, choose_build_px(frames))
-        recordings = self.simulate(design, segments, progress=self._progress, waves=self._waves)
+        recordings = simulate(design, segments, progress=self._progress, waves=self._waves)
         return decode_recordings(recordings, config)
 
     def locate(self, image: NDArray[np.uint8], config: Config, *, frame: int) -> Mismatch | None:
         """See `sim.backends.interface.Backend.locate`; the first call builds a front end that outputs its stages."""
         self._progress("looking for the first stage that differs")
-        return locate_mismatch(image, config.front_end, self.simulate, frame=frame, progress=self._progress)
+        return locate_mismatch(image, config.front_end, frame=frame, progress=self._progress)
+
+
+def load(*, progress: Progress, waves: Path | None) -> HardwareBackend:
+    """Make this backend for `sim.backends.interface.load_backend`."""
+    return HardwareBackend(progress=progress, waves=waves)
 
 
 def make_segments(frames: Sequence[NDArray[np.uint8]], config: Config, reference: Reference) -> list[Segment]:

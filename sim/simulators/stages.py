@@ -15,13 +15,14 @@ from sim.simulators.accelerator_designs import choose_build_px, design_front_end
 from sim.simulators.front_end_top import TAP_WORD, Tap
 from sim.simulators.recording import Recording, Segment, flatten_frame
 from sim.simulators.scoreboard import find_stage_mismatch
+from sim.simulators.verilator import simulate
 
 
 def locate_mismatch(
     image: NDArray[np.uint8],
     config: FrontEndConfig,
-    simulate: Callable[..., list[Recording]],
     *,
+    simulate: Callable[..., list[Recording]] = simulate,
     frame: int = 0,
     progress: Progress = silent,
 ) -> Mismatch | None:
@@ -32,7 +33,7 @@ def locate_mismatch(
     image : uint8 ndarray, shape (H, W) or (H, W, 3) BGR
     config : FrontEndConfig
     simulate : callable
-        `sim.simulators.verilator.simulate` or `sim.simulators.pysim.simulate`.
+        What runs the design; a test takes another simulator.
     frame : int
         Number of the frame, for the message.
     progress : callable

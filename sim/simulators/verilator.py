@@ -15,7 +15,6 @@ from sim.simulators.build_cache import build_once, digest, digest_files
 from sim.simulators.compiled import Bench, format_ports
 from sim.simulators.compiler import compile_objects, link_objects, optimisation, run_tool, toolchain_key
 from sim.simulators.design import Design
-from sim.simulators.hardware import HardwareBackend
 from sim.simulators.recording import NO_PAUSES, Pauses, Recording, Segment
 
 HARNESS = Path(__file__).parents[1] / "harness"
@@ -161,8 +160,3 @@ def simulate(
     library = build_library(design, waves=waves is not None, progress=progress)
     with contextlib.closing(Bench(library, design.ports, waves)) as bench:
         return [bench.run(segment, pauses) for segment in segments]
-
-
-def load(*, progress: Progress, waves: Path | None) -> HardwareBackend:
-    """Make this backend for `sim.backends.interface.load_backend`."""
-    return HardwareBackend(simulate, progress=progress, waves=waves)

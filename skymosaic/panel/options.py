@@ -18,8 +18,7 @@ from skymosaic.mosaicking.options import MosaicOptions
 
 AUTOMATIC, OWN = "automatic", "own"
 """What the page shows for the library's default blending, which is None, and for rules that are none of the names."""
-# "verilator" is left out because "rtl" is another name for it.
-HARDWARE = tuple(name for name in BACKENDS if name not in ("golden", "verilator"))
+HARDWARE = tuple(name for name in BACKENDS if name != "golden")
 OPTION_VALUES = {each.name: each.choices for each in options_of(MosaicOptions) if each.choices}
 OPTION_VALUES |= {
     "rule_base": RULE_BASES,

@@ -32,9 +32,9 @@ def run(*arguments: str) -> str:
 @pytest.mark.parametrize(
     ("backend", "preset"),
     [
-        ("verilator", "aerial"),
+        ("rtl", "aerial"),
         # A build of its own. In `make test` the thesis's front end is that of `tests/hdl/test_front_end.py`.
-        pytest.param("verilator", "thesis", marks=pytest.mark.slow),
+        pytest.param("rtl", "thesis", marks=pytest.mark.slow),
     ],
 )
 def test_compare_finds_every_field_equal(photographs: tuple[str, str], backend: str, preset: str) -> None:

@@ -14,7 +14,6 @@ from golden_model.pixel.harris import TENSOR_SHIFT
 from golden_model.records import HOMOGRAPHY
 from sim.backends.interface import FrameClocks, FrameResult, Mismatch, load_backend
 from sim.scene import make_pair
-from sim.simulators import pysim
 from sim.simulators.scoreboard import (
     Coverage,
     find_clock_mismatch,
@@ -23,6 +22,7 @@ from sim.simulators.scoreboard import (
     predict_timelines,
 )
 from sim.simulators.stages import locate_mismatch
+from tests.sim.simulators import pysim
 
 AERIAL = PRESETS["aerial"]
 
@@ -177,5 +177,5 @@ def test_a_fault_in_the_hardware_is_located(
     config = dataclasses.replace(AERIAL.front_end, levels=1)
     crop = np.ascontiguousarray(frames[0][100:164, 100:164])
     monkeypatch.setattr("hdl.pixel.harris.TENSOR_SHIFT", shift)
-    found = locate_mismatch(crop, config, pysim.simulate)
+    found = locate_mismatch(crop, config, simulate=pysim.simulate)
     assert (found.stage if found else None) == stage

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from sim.backends.interface import BackendError
-from sim.simulators import pysim, verilator
+from sim.simulators import verilator
 from sim.simulators.recording import NO_PAUSES, Pauses, Recording
+from tests.sim.simulators import pysim
 from tests.sim.simulators.row_difference import DESIGN, HEIGHT, OUTPUT, TAP, WIDTH, random_images, segment
 
 SIMULATORS = (pysim, verilator)

@@ -1,6 +1,7 @@
 """Fixtures: sessions in this process, a panel in a process of its own, and Chromium if the machine has it."""
 
 import asyncio
+import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -29,10 +30,17 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def owner_address(tmp_path_factory: pytest.TempPathFactory, root: Path, kept: Path) -> Iterator[str]:
+def silent_board() -> Iterator[str]:
+    """The address of a board that never answers, so that what it computes takes long."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield f"127.0.0.1:{server.getsockname()[1]}"
+
+
+@pytest.fixture(scope="session")
+def owner_address(tmp_path_factory: pytest.TempPathFactory, root: Path, kept: Path, silent_board: str) -> Iterator[str]:
     """The address of a running panel as it prints it, with the token."""
     folders = "--root", str(root), "--runs", str(kept)
-    with running_panel(tmp_path_factory.mktemp("panel"), *folders) as address:
+    with running_panel(tmp_path_factory.mktemp("panel"), *folders, "--board", silent_board) as address:
         yield address
 
 

@@ -242,9 +242,9 @@ def test_sessions_do_not_see_each_others_photographs(
     other.context.close()
 
 
-def test_a_long_run_is_cancelled(page: Page) -> None:
+def test_a_long_run_is_cancelled(page: Page, silent_board: str) -> None:
     load_built_in_pair(page)
-    choose(page, "Backend", "pysim")
+    choose(page, "Backend", f"board:{silent_board}")
     page.get_by_role("button", name="Make the mosaic").click()
     expect(page.get_by_text(re.compile(r"registering · \d+ s"))).to_be_visible()
     page.reload()

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from sim.backends.interface import Progress, silent
 from sim.simulators.design import Design, Ports
-from sim.simulators.hardware import HardwareBackend
 from sim.simulators.recording import (
     END_OF_LINE,
     NO_PAUSES,
@@ -160,8 +159,3 @@ class _Bench:
 
 def _words(values: Sequence[Any]) -> NDArray[np.uint64]:
     return np.array(values, np.uint64)
-
-
-def load(*, progress: Progress, waves: Path | None) -> HardwareBackend:
-    """Make this backend for `sim.backends.interface.load_backend`."""
-    return HardwareBackend(simulate, progress=progress, waves=waves)
