@@ -1,14 +1,15 @@
 """Every design whose area and clock are recorded: blocks, levels, front ends and whole accelerators."""
 
-import dataclasses
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from amaranth.lib import wiring
 
 from bench.rules import largest_rules
 from golden_model.config import PRESETS, Config, EstimatorConfig, FrontEndConfig, MatcherConfig
-from hdl.accelerator import Accelerator, AcceleratorTop
+from hdl.accelerator import AcceleratorTop
+from hdl.build import Build
 from hdl.feature.extractor import CandidateFeatures
 from hdl.feature.ring_window import RingWindow
 from hdl.front_end import FrontEnd
@@ -31,7 +32,7 @@ from hdl.shell.camera import CameraCrossing, CameraGate
 from hdl.shell.ring_writer import RingWriter
 
 AERIAL, THESIS = PRESETS["aerial"], PRESETS["thesis"]
-WIDTH_PX, HEIGHT_PX = 1920, 1080
+WIDTH_PX = Build.max_width_px
 
 
 class Design(NamedTuple):
@@ -41,12 +42,14 @@ class Design(NamedTuple):
     memory_bits: int = 0
 
 
-def front_end(config: FrontEndConfig, width_px: int, levels: int, video_bits: int = 32) -> Design:
+def front_end(config: FrontEndConfig, width_px: int, levels: int, video_bits: int = Build.video_bits) -> Design:
     """The front end for frames up to ``width_px`` wide."""
-    config = dataclasses.replace(config, levels=levels)
-    size = {"max_width_px": width_px, "max_height_px": max(HEIGHT_PX, width_px * 9 // 16)}
+    config, height_px = replace(config, levels=levels), max(Build.max_height_px, width_px * 9 // 16)
+    build = Build(
+        config=Config(front_end=config), max_width_px=width_px, max_height_px=height_px, video_bits=video_bits
+    )
     return Design(
-        lambda: FrontEnd(config=config, video_bits=video_bits, **size),
+        lambda: FrontEnd(build),
         sum(line_memory_bits(config, width_px >> level) for level in range(levels)),
     )
 
@@ -67,14 +70,14 @@ def block(component: type[wiring.Component], **parameters: Any) -> Design:
 
 def matcher(config: MatcherConfig) -> Design:
     """The matcher with as many features as the aerial preset has."""
-    front_end = AERIAL.front_end
-    return block(Matcher, config=config, pattern=front_end.pattern, lanes=16, max_features=front_end.max_features)
+    front_end, lanes = AERIAL.front_end, Build.lanes
+    return block(Matcher, config=config, pattern=front_end.pattern, lanes=lanes, max_features=front_end.max_features)
 
 
 def accelerator(config: Config) -> Design:
     """The whole accelerator with two levels."""
     return Design(
-        lambda: AcceleratorTop(Accelerator(config=config, max_width_px=WIDTH_PX, max_height_px=HEIGHT_PX)),
+        lambda: AcceleratorTop(Build(config=config)),
         front_end(config.front_end, WIDTH_PX, 2).memory_bits,
     )
 
@@ -121,5 +124,5 @@ def designs() -> dict[str, Design]:
         "camera gate": block(CameraGate),
         "ring writer": block(RingWriter, record_words=6, max_words=6 * (config.max_features + 2)),
         "accelerator": accelerator(AERIAL),
-        "accelerator, homography": accelerator(dataclasses.replace(AERIAL, estimator=EstimatorConfig())),
+        "accelerator, homography": accelerator(replace(AERIAL, estimator=EstimatorConfig())),
     }

@@ -25,6 +25,7 @@ from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.front_end import extract
 from golden_model.geometry.estimator import MAX_CYCLES
 from golden_model.geometry.scoring import answers, quantise
+from hdl.build import BUILDS
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends.golden import add_matches
 from sim.benches.exported import host_programs
@@ -69,8 +70,11 @@ def fly(frames: list[Pixels], size_px: tuple[int, int], seed: int) -> dict[str, 
     # The camera's clock has 99 edges per 100 of the design: 148.5 of 150 MHz, that of 1080p60.
     camera = CameraTiming(line_blank=width_px // 8, frame_blank=frame_blank, jitter=8, steps=99, period=100)
     rules = MemoryRules(waits=40, latency_clocks=120, seed=seed)
-    bench = LiveBench(CONFIG, size_px, length_bytes=1 << 22, camera=camera, rules=rules, progress=Console().print)
-    with host_programs("live", CONFIG, max_width_px=width_px, max_height_px=height_px, video_bits=8) as load:
+    build = dataclasses.replace(
+        BUILDS["camera"], config=CONFIG, max_width_px=width_px, max_height_px=height_px, video_bits=8
+    )
+    bench = LiveBench(build, length_bytes=1 << 22, camera=camera, rules=rules, progress=Console().print)
+    with host_programs(build) as load:
         requested = {name: settings[name] for name in (*REQUESTED, "gray_input")}
         live = load("skymosaic_live").Live(bench, requested, slots=SLOTS)
         scorer = load("skymosaic_scores").Scorer(bench)

@@ -17,9 +17,10 @@ from bench.pair_sets import public_folder
 from bench.report import JsonFile, Row, program, report
 from golden_model.arrays import Pixels
 from golden_model.config import PRESETS
+from hdl.build import Build
 from sim.scene import make_pair
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import BUILT_SIZES_PX, design_accelerator
+from sim.simulators.accelerator_designs import design_accelerator
 from sim.simulators.hardware import make_segments
 from skymosaic.evaluation.hardware import compare
 from skymosaic.evaluation.known_pairs import read_pairs
@@ -80,7 +81,7 @@ def speed(
     Counts processor time, which other work on the machine lengthens less than wall time. The build is not timed.
     """
     frames = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in make_pair(seed=1).images]
-    design, segments = design_accelerator(AERIAL, BUILT_SIZES_PX[0]), make_segments(frames, AERIAL, "held")
+    design, segments = design_accelerator(Build(config=AERIAL)), make_segments(frames, AERIAL, "held")
     verilator.build_library(design, progress=print)
     seconds = []
     for _ in range(runs):

@@ -19,12 +19,14 @@ SUPPRESSION_MARGIN_PX = 3
 MAX_THRESHOLD = {"harris": (1 << 30) - 1, "fast": 254}
 
 
-def _check_choice(what: str, value: object, allowed: tuple[object, ...]) -> None:
+def check_choice(what: str, value: object, allowed: tuple[object, ...]) -> None:
+    """Raise ValueError unless ``value`` is one of ``allowed``."""
     if not any(type(value) is type(choice) and value == choice for choice in allowed):  # True == 1 == 1.0
         raise ValueError(f"{what} is {value!r}; valid: {', '.join(str(choice).lower() for choice in allowed)}")
 
 
-def _check_range(what: str, value: object, low: int, high: int) -> None:
+def check_range(what: str, value: object, low: int, high: int) -> None:
+    """Raise ValueError unless ``value`` is an int from ``low`` to ``high``."""
     if type(value) is not int or not low <= value <= high:
         raise ValueError(f"{what} is {value!r}; it must be a whole number from {low} to {high}")
 
@@ -82,36 +84,36 @@ class FrontEndConfig:
     descriptor: str = "ilbp-128"
 
     def __post_init__(self) -> None:
-        _check_choice("detector", self.detector, DETECTORS)
-        _check_choice("levels", self.levels, (1, 2))
+        check_choice("detector", self.detector, DETECTORS)
+        check_choice("levels", self.levels, (1, 2))
         self._check_harris()
-        _check_range("threshold", self.threshold, 1, MAX_THRESHOLD[self.detector])
-        _check_choice("suppression_radius_px", self.suppression_radius_px, (1, 3))
-        _check_choice("descriptor", self.descriptor, tuple(PATTERNS))
-        _check_range("border_px", self.border_px, self.min_border_px, 255)
+        check_range("threshold", self.threshold, 1, MAX_THRESHOLD[self.detector])
+        check_choice("suppression_radius_px", self.suppression_radius_px, (1, 3))
+        check_choice("descriptor", self.descriptor, tuple(PATTERNS))
+        check_range("border_px", self.border_px, self.min_border_px, 255)
         self._check_selection()
 
     def _check_harris(self) -> None:
-        _check_choice("smoothed_gradients", self.smoothed_gradients, (True, False))
+        check_choice("smoothed_gradients", self.smoothed_gradients, (True, False))
         if self.smoothed_gradients:
-            _check_choice("tensor_window_px", self.tensor_window_px, (3, 5))
+            check_choice("tensor_window_px", self.tensor_window_px, (3, 5))
         else:
-            _check_choice("tensor_window_px without smoothed_gradients", self.tensor_window_px, (3,))
-        _check_range("harris_k_shift", self.harris_k_shift, 0, 15)
+            check_choice("tensor_window_px without smoothed_gradients", self.tensor_window_px, (3,))
+        check_range("harris_k_shift", self.harris_k_shift, 0, 15)
         # With k >= 1/4 no response is positive: AB - C**2 is at most (A + B)**2 / 4.
-        _check_range("harris_k_numerator", self.harris_k_numerator, 0, min(((1 << self.harris_k_shift) - 1) // 4, 31))
+        check_range("harris_k_numerator", self.harris_k_numerator, 0, min(((1 << self.harris_k_shift) - 1) // 4, 31))
 
     def _check_selection(self) -> None:
-        _check_choice("selection", self.selection, (True, False))
+        check_choice("selection", self.selection, (True, False))
         if not self.selection and self.levels == 2:
             raise ValueError("selection is False, but two levels are ordered by cells; set levels = 1")
         if not self.selection and (self.cell_px or self.per_cell):
             raise ValueError("selection is False, but cell_px or per_cell is set; leave them out")
-        _check_range("max_features", self.max_features, 16, 4096)
+        check_range("max_features", self.max_features, 16, 4096)
         if self.cell_px is not None:
-            _check_choice("cell_px", self.cell_px, CELL_SIZES_PX)
+            check_choice("cell_px", self.cell_px, CELL_SIZES_PX)
         if self.per_cell is not None:
-            _check_range("per_cell", self.per_cell, 1, MAX_PER_CELL)
+            check_range("per_cell", self.per_cell, 1, MAX_PER_CELL)
 
     @property
     def pattern(self) -> DescriptorPattern:
@@ -147,8 +149,8 @@ class FrontEndConfig:
         ValueError
             If the size is outside 64..4096 px, or no cell fits.
         """
-        _check_range("frame width", width_px, MIN_FRAME_PX, MAX_FRAME_PX)
-        _check_range("frame height", height_px, MIN_FRAME_PX, MAX_FRAME_PX)
+        check_range("frame width", width_px, MIN_FRAME_PX, MAX_FRAME_PX)
+        check_range("frame height", height_px, MIN_FRAME_PX, MAX_FRAME_PX)
         if not self.selection:
             return self
         # The rule asks for 3 per cell; a cell size or a count that the user sets takes precedence.
@@ -194,8 +196,8 @@ class MatcherConfig:
 
     def __post_init__(self) -> None:
         if not isinstance(self.rule_base, MatchRules):
-            _check_choice("rule_base", self.rule_base, RULE_BASES)
-        _check_range("keep_above", self.keep_above, 0, 255)
+            check_choice("rule_base", self.rule_base, RULE_BASES)
+        check_range("keep_above", self.keep_above, 0, 255)
 
     @property
     def rules(self) -> MatchRules | None:
@@ -289,5 +291,5 @@ def preset_config(name: str) -> Config:
     ValueError
         For an unknown name; the message lists the valid ones.
     """
-    _check_choice("preset", name, tuple(PRESETS))
+    check_choice("preset", name, tuple(PRESETS))
     return PRESETS[name]

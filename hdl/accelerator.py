@@ -1,26 +1,26 @@
 """The whole accelerator: AXI4-Stream video in, features, matches and homographies out, registers on AXI4-Lite."""
 
-from collections.abc import Sequence
 from typing import Any
 
 from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, Signal
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.config import Config
 from golden_model.geometry.scoring import MAX_MATCHES
 from golden_model.records import MATCH
 from hdl.axi.axi_lite import AXI_LITE
 from hdl.axi.flat_ports import FlatTop, bus_pins, packet_pins, stream_pins
 from hdl.axi.packet_gate import PacketGate
 from hdl.axi.video_input import video_payload
+from hdl.build import Build
 from hdl.front_end import FrontEnd
 from hdl.geometry.records import RecordEstimator
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
 from hdl.matching.matcher import Matcher
+from hdl.registers.live_register_map import list_registers
 from hdl.registers.register_file import RegisterFile
-from hdl.registers.register_map import Register, built_constants, list_registers
+from hdl.registers.register_map import built_constants
 from hdl.settings import ESTIMATION, FRONT_END, KEEP_ABOVE
 from hdl.streams import WordPayload, fork
 
@@ -29,11 +29,6 @@ MATCHING_SETTINGS = data.StructLayout({KEEP_ABOVE.name: KEEP_ABOVE.bits, "hold_r
 ENDED_FRAMES = 4
 """At least as many as can have ended before the matcher takes the first: one in a bank, one in the front end, and a
 status without features in the buffers between them."""
-
-
-def output_names(config: Config) -> tuple[str, ...]:
-    """The outputs of a build, as registers, ports and DMAs name them."""
-    return ("features", "matches", *(("homographies",) if config.estimator else ()))
 
 
 class Accelerator(wiring.Component):
@@ -52,18 +47,9 @@ class Accelerator(wiring.Component):
 
     Parameters
     ----------
-    config : Config
-        What is built. Detector, threshold, cells, the limit of the weight and the estimator's numbers are registers
-        instead.
-    lanes : int
-        Left descriptors compared at a time.
-    max_width_px, max_height_px : int
-        Largest frame.
-    video_bits : {32, 24, 8, 48, 16}
-        Width of the video input's data (`hdl.axi.video_input.VideoInput`); 48 and 16 bring two pixels per clock.
-    shell_registers : sequence of Register
-        Registers of a streaming shell (`hdl.shell.live`). With any, the outputs pass every packet: the shell discards
-        those of a ring that is off, so that it sees one packet per frame.
+    build : Build
+        With the shell ``camera``, the outputs pass every packet: it discards those of a ring that is off, so that it
+        sees one packet per frame.
     """
 
     i_reset: Signal
@@ -83,32 +69,15 @@ class Accelerator(wiring.Component):
 
     registers: RegisterFile
 
-    def __init__(
-        self,
-        *,
-        config: Config,
-        lanes: int = 16,
-        max_width_px: int = 1920,
-        max_height_px: int = 1080,
-        video_bits: int = 32,
-        shell_registers: Sequence[Register] = (),
-    ) -> None:
-        self.config = config
-        self.lanes = lanes
-        self.max_width_px = max_width_px
-        self.max_height_px = max_height_px
-        self.video_bits = video_bits
-        self.live = live = bool(shell_registers)
-        video = {"max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
-        self.registers = RegisterFile(
-            constants=built_constants(config, lanes=lanes, live=live, **video),
-            registers=(*list_registers(config), *shell_registers),
-        )
-        self._front_end = FrontEnd(config=config.front_end, **video)
+    def __init__(self, build: Build) -> None:
+        self.build, config = build, build.config
+        self._has_shell = build.shell == "camera"
+        self.registers = RegisterFile(constants=built_constants(build), registers=list_registers(build))
+        self._front_end = FrontEnd(build)
         self._matcher = Matcher(
             config=config.matcher,
             pattern=config.front_end.pattern,
-            lanes=lanes,
+            lanes=build.lanes,
             max_features=config.front_end.max_features,
         )
         self._feature_gate = PacketGate(record_bytes=self.registers.constants["built_feature_bytes"])
@@ -119,7 +88,7 @@ class Accelerator(wiring.Component):
         super().__init__(
             {
                 "i_reset": In(1),
-                "i_video": In(stream.Signature(video_payload(video_bits))),
+                "i_video": In(stream.Signature(video_payload(build.video_bits))),
                 "o_features": Out(stream.Signature(WordPayload)),
                 "o_matches": Out(stream.Signature(WordPayload)),
                 **({"o_homographies": Out(stream.Signature(WordPayload))} if config.estimator else {}),
@@ -203,7 +172,7 @@ class Accelerator(wiring.Component):
         wiring.connect(m, features.o, wiring.flipped(self.o_features))
         wiring.connect(m, matches.o, wiring.flipped(self.o_matches))
         m.d.comb += [features.i_clear.eq(clear), matches.i_clear.eq(clear)]
-        if not self.live:
+        if not self._has_shell:
             # The shell of a live build says when its rings have written the last packets.
             closing = features.o_closing | matches.o_closing
             m.d.comb += self.registers.i_clearing.eq(self.registers.o_clear | clear | closing)
@@ -215,8 +184,8 @@ class Accelerator(wiring.Component):
         m.d.comb += [
             *(self._front_end.settings[each.name].eq(getattr(registers, f"o_{each.name}")) for each in FRONT_END),
             # The shell of a live build discards packets itself and needs to see them.
-            self._feature_gate.i_enable.eq(registers.o_features_enable | self.live),
-            self._match_gate.i_enable.eq(registers.o_matches_enable | self.live),
+            self._feature_gate.i_enable.eq(registers.o_features_enable | self._has_shell),
+            self._match_gate.i_enable.eq(registers.o_matches_enable | self._has_shell),
         ]
 
     def _status(self) -> Module:
@@ -257,7 +226,7 @@ class Accelerator(wiring.Component):
         registers, o = self.registers, self.o_homographies
         wiring.connect(m, estimator.o, wiring.flipped(o))
         m.d.comb += [
-            estimator.i_enable.eq(registers.o_homographies_enable | self.live),
+            estimator.i_enable.eq(registers.o_homographies_enable | self._has_shell),
             *(estimator.i_settings[each.name].eq(getattr(registers, f"o_{each.name}")) for each in ESTIMATION),
             registers.i_homographies_waiting.eq(o.valid & ~o.ready),
             registers.i_homography_done.eq(o.valid & o.ready & o.payload.last),
@@ -282,11 +251,11 @@ class AcceleratorTop(FlatTop):
         Active high, level.
     """
 
-    def __init__(self, accelerator: Accelerator) -> None:
-        self.accelerator = accelerator
+    def __init__(self, build: Build) -> None:
+        self.accelerator = accelerator = Accelerator(build)
         self._reset_n = Signal(name="reset_n")
         video = accelerator.i_video
-        pixels = video.payload.data[: accelerator.video_bits]
+        pixels = video.payload.data[: build.video_bits]
         super().__init__(
             {
                 "aclk": (In(1), ClockSignal()),
@@ -294,7 +263,7 @@ class AcceleratorTop(FlatTop):
                 **stream_pins("s_axis_video", video, In, tdata=pixels, tuser=video.payload.first),
                 **{
                     name: pin
-                    for output in output_names(accelerator.config)
+                    for output in build.outputs
                     for name, pin in packet_pins(f"m_axis_{output}", getattr(accelerator, f"o_{output}")).items()
                 },
                 **bus_pins("s_axi_ctrl", accelerator.control),

@@ -4,8 +4,9 @@ from amaranth import Cat, Module, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, FrontEndConfig
-from hdl.axi.video_input import VIDEO_BITS, VideoInput, video_payload
+from golden_model.config import MIN_FRAME_PX
+from hdl.axi.video_input import VideoInput, video_payload
+from hdl.build import Build
 from hdl.frame_admission import FrameAdmission
 from hdl.level import Level
 from hdl.level_merge import LevelMerge
@@ -28,17 +29,8 @@ class FrontEnd(wiring.Component):
 
     Parameters
     ----------
-    config : FrontEndConfig
-        Detector, threshold, cell and per-cell count are ignored here: they are run-time settings.
-    max_width_px, max_height_px : int
-        Largest frame, 64 to 4096.
-    video_bits : {32, 24, 8, 48, 16}
-        See `hdl.axi.video_input.VideoInput`: 48 and 16 bits bring two pixels per clock.
-
-    Raises
-    ------
-    ValueError
-        For an impossible size.
+    build : Build
+        Without matcher and shell.
     """
 
     i_video: stream.Interface
@@ -59,27 +51,21 @@ class FrontEnd(wiring.Component):
     closing_clocks: int
     """A frame that was cut off delays the next one by the rest of its line and this, at most."""
 
-    def __init__(
-        self, *, config: FrontEndConfig, max_width_px: int, max_height_px: int, video_bits: int = VIDEO_BITS[0]
-    ) -> None:
-        for name, size_px in (("max_width_px", max_width_px), ("max_height_px", max_height_px)):
-            if not MIN_FRAME_PX <= size_px <= MAX_FRAME_PX:
-                raise ValueError(f"{name} is {size_px}; it must be {MIN_FRAME_PX} to {MAX_FRAME_PX}")
-        self.config = config
-        self.max_width_px = max_width_px
-        self.max_height_px = max_height_px
-        self._video_input = VideoInput(video_bits=video_bits)
+    def __init__(self, build: Build) -> None:
+        self.build = build
+        self.config = config = build.config.front_end
+        self._video_input = VideoInput(video_bits=build.video_bits)
         self.pixels_per_clock = self._video_input.pixels_per_clock
         self.levels = tuple(
-            Level(config=config, level=level, width_px=max_width_px >> level, pixels_per_clock=self.pixels_per_clock)
-            for level in range(config.levels)
+            Level(config=config, level=n, width_px=build.max_width_px >> n, pixels_per_clock=self.pixels_per_clock)
+            for n in range(config.levels)
         )
         self._closing_lines = max(level.closing_lines for level in self.levels)
         # `FrameAdmission` begins at even coordinates, one line and one column early in a frame of odd sides.
         self.closing_clocks = (self._closing_lines + 1) * (MIN_FRAME_PX + 1)
         super().__init__(
             {
-                "i_video": In(stream.Signature(video_payload(video_bits))),
+                "i_video": In(stream.Signature(video_payload(build.video_bits))),
                 "settings": In(FRONT_END_SETTINGS),
                 "o_frame_starts": Out(1),
                 "o_frame_ends": Out(1),
@@ -145,7 +131,7 @@ class FrontEnd(wiring.Component):
         """Return the pixels of each level."""
         if self.config.levels == 1:
             return [gray]
-        m.submodules.half = half = Half(width_px=self.max_width_px, pixels_per_clock=self.pixels_per_clock)
+        m.submodules.half = half = Half(width_px=self.build.max_width_px, pixels_per_clock=self.pixels_per_clock)
         m.d.comb += half.i.eq(gray)
         if self.pixels_per_clock == 2:
             # The right pixel of an odd line's last beat is beyond the line.
@@ -173,7 +159,7 @@ class FrontEnd(wiring.Component):
 
     def _acceptable(self, m: Module, active: data.View) -> Value:
         """Tell whether every setting in use is in its range and was built."""
-        built_px = {"width_px": self.max_width_px, "height_px": self.max_height_px}
+        built_px = {"width_px": self.build.max_width_px, "height_px": self.build.max_height_px}
         checks = []
         # A bound that the width of the setting already guarantees needs no comparison.
         for setting in FRONT_END:

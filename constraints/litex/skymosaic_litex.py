@@ -34,8 +34,8 @@ class Skymosaic(LiteXModule):
         Active high, level.
     """
 
-    VIDEO_BITS = 32
-    OUTPUTS = ("features", "matches")
+    VIDEO_BITS = 0
+    OUTPUTS = ()
     REGISTERS_BYTES = 4096
 
     def __init__(self, platform):

@@ -4,25 +4,12 @@ from amaranth import Array, Cat, Module, Mux, Signal
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
+from hdl.build import pixels_per_clock
 from hdl.streams import each_pixel, pixel_payload
 
 GRAY_PER_WORD = 4
-VIDEO_BITS = (32, 24, 8, 48, 16)
-"""Widths of the input's data: 24 and 8 for RGB and gray (UG934), 48 and 16 for two pixels per clock, 32 for the words
-of a DMA."""
-
-
-def pixels_per_clock(video_bits: int) -> int:
-    """Pixels in a beat of video.
-
-    Raises
-    ------
-    ValueError
-        For another width.
-    """
-    if video_bits not in VIDEO_BITS:
-        raise ValueError(f"video_bits is {video_bits}; it must be one of {', '.join(map(str, VIDEO_BITS))}")
-    return 2 if video_bits in {48, 16} else 1
+DMA_BITS = 32
+"""Width of an input whose beats are the words of a DMA."""
 
 
 def video_payload(video_bits: int) -> data.StructLayout:
@@ -37,10 +24,11 @@ def video_payload(video_bits: int) -> data.StructLayout:
     last : TLAST, the end of a line; in memory mode the end of a transfer.
     """
     # A single pixel always has 32 bits, so that blocks and test benches need no other type for narrower ports.
-    return data.StructLayout({"data": video_bits if pixels_per_clock(video_bits) > 1 else 32, "first": 1, "last": 1})
+    bits = video_bits if pixels_per_clock(video_bits) > 1 else DMA_BITS
+    return data.StructLayout({"data": bits, "first": 1, "last": 1})
 
 
-VideoPayload = video_payload(VIDEO_BITS[0])
+VideoPayload = video_payload(DMA_BITS)
 """A beat of one pixel."""
 
 
@@ -76,10 +64,10 @@ class VideoInput(wiring.Component):
 
     latency_cycles = 0
 
-    def __init__(self, *, video_bits: int = VIDEO_BITS[0]) -> None:
+    def __init__(self, *, video_bits: int) -> None:
         self.video_bits = video_bits
         self.pixels_per_clock = pixels_per_clock(video_bits)
-        self.gray_per_beat = GRAY_PER_WORD if video_bits == VIDEO_BITS[0] else 1
+        self.gray_per_beat = GRAY_PER_WORD if video_bits == DMA_BITS else 1
         super().__init__(
             {
                 "i": In(stream.Signature(video_payload(video_bits))),

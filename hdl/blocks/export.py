@@ -1,7 +1,7 @@
 """Exports one block: Verilog with flat ports, a test bench with vectors, and a README."""
 
 import importlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from amaranth import Shape
@@ -43,8 +43,7 @@ def export_block(folder: Path, name: str) -> None:
     if isinstance(own, Block):
         write_block(folder, name, own)
         return
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"{name}.v").write_text(to_verilog(FlatBlock(own), name=name, aliases=False), encoding="utf-8")
+    write_files(folder, {f"{name}.v": to_verilog(FlatBlock(own), name=name, aliases=False)})
 
 
 def _make_own(path: str) -> Block | wiring.Component:
@@ -74,9 +73,15 @@ def write_block(folder: Path, name: str, block: Block) -> None:
     files = {f"{name}.v": to_verilog(top, name=name, aliases=False), **bench_files}
     files[f"{name}.core"] = core_file(name, [f"{name}.v"], list(bench_files))
     files["README.md"] = _readme(name, block, top)
-    folder.mkdir(parents=True, exist_ok=True)
-    for file, text in files.items():
-        (folder / file).write_text(text, encoding="utf-8")
+    write_files(folder, files)
+
+
+def write_files(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write files by their paths in ``folder``."""
+    for name, text in texts.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
 
 
 def core_file(name: str, sources: Sequence[str], bench: Sequence[str]) -> str:

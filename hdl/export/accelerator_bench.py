@@ -11,9 +11,9 @@ from golden_model.front_end import FrameFeatures, extract
 from golden_model.geometry.estimator import frame_homography
 from golden_model.matching.matcher import match
 from golden_model.records import FRAME_STATUS, WORD_BYTES
-from hdl.axi.video_input import pixels_per_clock
 from hdl.blocks.testbench import Port, VerilogBench
 from hdl.blocks.vectors import Row, packet, padded_status, sample_image
+from hdl.build import Build, pixels_per_clock
 from hdl.export.bus_interfaces import CLOCK, RESET
 from hdl.registers.live_register_map import ALL_REGISTERS
 from hdl.registers.register_map import IDENTITY, REGISTERS, register_writes
@@ -28,7 +28,7 @@ _BUS, VIDEO_STREAM = "s_axi_ctrl_", "s_axis_video_t"
 _CYCLES_WORD = next(offset for field, offset in FRAME_STATUS.offsets() if field.name == "cycles") // WORD_BYTES
 
 
-def make_accelerator_bench(module: str, ports: dict[str, Port], config: Config, *, video_bits: int) -> VerilogBench:
+def make_accelerator_bench(module: str, ports: dict[str, Port], build: Build) -> VerilogBench:
     """Make a bench that reads a register, writes the settings, sends two gray frames, and compares all words.
 
     Parameters
@@ -36,17 +36,15 @@ def make_accelerator_bench(module: str, ports: dict[str, Port], config: Config, 
     module : str
         The accelerator, with the ports of `hdl.accelerator.AcceleratorTop`.
     ports : dict of str to Port
-    config : Config
-        The configuration built; the threshold is raised until the features fit.
-    video_bits : int
-        Width of the video input.
+    build : Build
+        The threshold of its configuration is raised until the features fit.
     """
-    frames = SampleFrames(config)
+    frames = SampleFrames(build.config)
     writes = list_writes(frames.config)
     return VerilogBench(
         module=module,
         ports=ports,
-        inputs={**control_inputs(writes), VIDEO_STREAM: frames.beats(video_bits)},
+        inputs={**control_inputs(writes), VIDEO_STREAM: frames.beats(build.video_bits)},
         outputs={
             **control_outputs(writes),
             **{f"m_axis_{name}_t": fill_stream(f"m_axis_{name}_t", *sent) for name, sent in frames.packets.items()},

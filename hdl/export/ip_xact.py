@@ -8,11 +8,15 @@ from hdl.axi.axi_lite import ADDRESS_BITS
 from hdl.blocks.export import CORE_LIBRARY, CORE_VENDOR
 from hdl.blocks.testbench import Port
 from hdl.export.bus_interfaces import BUS_VENDOR, BUS_VERSION, BusInterface, bus_interfaces
-from hdl.export.register_docs import XML_ACCESS
+from hdl.export.register_docs import NAME, XML_ACCESS
 from hdl.registers.register_map import REGISTER_BITS, REGISTERS, Access, Register
 
 NAMESPACE = "http://www.accellera.org/XMLSchema/IPXACT/1685-2014"
 MEMORY_MAP = "registers"
+# Vivado numbers a core by major.minor and keeps a revision beside it (UG1118).
+CORE_VERSION, _, CORE_REVISION = VERSION.rpartition(".")
+VLNV = f"{CORE_VENDOR}:{CORE_LIBRARY}:{NAME}:{CORE_VERSION}"
+"""How Vivado names the accelerator."""
 
 
 def component(name: str, ports: Mapping[str, Port], file: str, registers: Sequence[Register] = REGISTERS) -> str:

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from golden_model.config import Config
 from golden_model.geometry.scoring import answers, hypothesis_records, quantise
 from golden_model.records import HOMOGRAPHY, MATCH, WORD_BYTES
 from hdl.axi.axi_write import BURST_BYTES, BURST_WORDS, INCREMENTING, MODIFIABLE
 from hdl.blocks.testbench import Port, VerilogBench
 from hdl.blocks.vectors import Row, packet
+from hdl.build import Build
 from hdl.export.accelerator_bench import (
     SHIFT_PX,
     VIDEO_STREAM,
@@ -26,12 +26,12 @@ SLOT_PAGES = 256
 _HYPOTHESES = "s_axis_hypotheses_t"
 
 
-def make_live_bench(module: str, ports: dict[str, Port], config: Config, *, video_bits: int) -> VerilogBench:
+def make_live_bench(module: str, ports: dict[str, Port], build: Build) -> VerilogBench:
     """Make a bench for `hdl.shell.live.LiveTop`: both frames come from a camera with a clock of its own.
 
     It compares every burst that is written into the rings, answers them, and has two homographies scored.
     """
-    frames = SampleFrames(config)
+    frames = SampleFrames(build.config)
     rings = {
         f"{ring}_{name}": value
         for ring in frames.packets
@@ -51,7 +51,7 @@ def make_live_bench(module: str, ports: dict[str, Port], config: Config, *, vide
         ports=ports,
         inputs={
             **control_inputs(writes),
-            VIDEO_STREAM: frames.beats(video_bits),
+            VIDEO_STREAM: frames.beats(build.video_bits),
             **{f"{prefix}b": [{f"{prefix}bresp": 0}] * len(addresses) for prefix, (addresses, _) in bursts.items()},
             _HYPOTHESES: fill_stream(_HYPOTHESES, packet(hypothesis_records(hypotheses))),
         },

@@ -1,6 +1,5 @@
 """Exports the accelerator for the ULX3S, and builds its bitstream with open tools."""
 
-import dataclasses
 import json
 import shlex
 import shutil
@@ -8,25 +7,20 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any
 
-from golden_model.config import PRESETS, Config
 from golden_model.config_file import to_toml
 from golden_model.text import how_to_install
-from hdl.accelerator import Accelerator
-from hdl.export.accelerator import Build, core_files, fill_readme, write_files, write_host
+from hdl.blocks.export import write_files
+from hdl.build import Build
+from hdl.export.accelerator import core_files, fill_readme
 from hdl.export.boards import SOURCES
+from hdl.export.host import write_host
 from hdl.lib.ecp5 import Ecp5
 from hdl.netlist import to_verilog
-from hdl.registers.register_map import REGISTERS
 from hdl.serial.ulx3s import BAUD, CLOCK_HZ, Ulx3s
 
 TOP = "skymosaic_ulx3s"
-DEFAULT_BUILD = Build(lanes=4, max_width_px=320, max_height_px=240, video_bits=8)
-DEFAULT_CONFIG = dataclasses.replace(
-    PRESETS["aerial"], front_end=dataclasses.replace(PRESETS["aerial"].front_end, levels=1, max_features=1024)
-)
-"""The preset aerial with one level and banks of 1024 features, to need less logic."""
 DEVICE = ("--85k", "--package", "CABGA381", "--speed", "6")
 BITS_PER_BYTE = 10
 """On the serial port, with start and stop bit."""
@@ -53,32 +47,25 @@ class BuildError(Exception):
     """A tool is missing or has failed; the message is one line."""
 
 
-def ulx3s_top(config: Config = DEFAULT_CONFIG, **build: Unpack[Build]) -> Ulx3s:
-    """The top for a build; the defaults are those in `DEFAULT_BUILD`."""
-    return Ulx3s(Accelerator(config=config, **(DEFAULT_BUILD | build)))
-
-
-def export_ulx3s(folder: Path, *, config: Config = DEFAULT_CONFIG, **build: Unpack[Build]) -> None:
+def export_ulx3s(folder: Path, build: Build) -> None:
     """Write Verilog, pins, registers, the host's programs and a README into ``folder``.
 
     Parameters
     ----------
-    folder, config, **build
-        As for `hdl.export.accelerator.export`; ``video_bits`` has to be 8.
+    folder : Path
+        As for `hdl.export.accelerator.export_board`.
+    build : Build
+        With the shell ``serial``.
 
     Raises
     ------
-    ValueError
-        For an impossible build.
     OSError
         If the folder cannot be written.
     """
-    build = DEFAULT_BUILD | build
-    verilog = to_verilog(ulx3s_top(config, **build), name=TOP, platform=Ecp5(), aliases=False)
-    area_px = build["max_width_px"] * build["max_height_px"]
+    verilog = to_verilog(Ulx3s(build), name=TOP, platform=Ecp5(), aliases=False)
+    area_px = build.max_width_px * build.max_height_px
     readme = fill_readme(
         ["ulx3s/README.md"],
-        config,
         build,
         baud=f"{BAUD:,}",
         frame_seconds=f"{BITS_PER_BYTE * area_px / BAUD:.2f}",
@@ -86,9 +73,9 @@ def export_ulx3s(folder: Path, *, config: Config = DEFAULT_CONFIG, **build: Unpa
         commands="\n".join(["mkdir -p build", *map(shlex.join, STEPS)]),
     )
     pins = (SOURCES / "ulx3s" / "ulx3s.lpf").read_text()
-    files = {"ulx3s.lpf": pins, "config.toml": to_toml(config), "README.md": readme}
-    write_files(folder, core_files(TOP, verilog, REGISTERS) | files)
-    write_host(folder / "host", "serial", config, **build)
+    files = {"ulx3s.lpf": pins, "config.toml": to_toml(build.config), "README.md": readme}
+    write_files(folder, core_files(TOP, verilog, build) | files)
+    write_host(folder / "host", build)
 
 
 def build_bitstream(folder: Path, tell: Callable[[str], None] = lambda _name: None) -> dict[str, Any]:

@@ -67,9 +67,7 @@ class Matcher(wiring.Component):
     i_keep_above: In(WEIGHT.bits)
     """A match of the frame is kept if its weight is larger."""
 
-    def __init__(
-        self, *, config: MatcherConfig, pattern: DescriptorPattern, lanes: int = 16, max_features: int = 2048
-    ) -> None:
+    def __init__(self, *, config: MatcherConfig, pattern: DescriptorPattern, lanes: int, max_features: int) -> None:
         bits = pattern.bits
         self._weigher = MatchWeigher(config=config, pattern=pattern, max_features=max_features)
         self._banks = FeatureBanks(pattern=pattern, max_features=max_features)

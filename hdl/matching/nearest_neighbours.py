@@ -11,6 +11,7 @@ from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import exact_log2
 
+from hdl.build import check_lanes
 from hdl.lib.delay import delayed, port_register
 from hdl.lib.views import view_signal
 from hdl.matching.feature_banks import READ_CYCLES
@@ -69,8 +70,7 @@ class NearestNeighbours(wiring.Component):
     """Clocks from the last address until the results are readable."""
 
     def __init__(self, *, bits: int, lanes: int, max_features: int) -> None:
-        if lanes < 2 or lanes & (lanes - 1) or lanes > max_features:
-            raise ValueError(f"lanes is {lanes}; it must be a power of two, 2 to max_features ({max_features})")
+        check_lanes(lanes, max_features)
         self.bits, self.lanes, self.max_features = bits, lanes, max_features
         self._distances = Distances(bits=bits, lanes=lanes)
         self._nearest = Nearest(bits=bits, max_features=max_features)

@@ -2,7 +2,7 @@
 
 import enum
 
-from golden_model.config import Config
+from hdl.build import Build
 from hdl.registers.register_map import (
     ESTIMATOR_REGISTERS,
     REGISTERS,
@@ -165,6 +165,12 @@ ALL_REGISTERS = (*REGISTERS, *ESTIMATOR_REGISTERS, *SHELL_REGISTERS, *HOMOGRAPHY
 """Every register that a build can have."""
 
 
-def list_shell_registers(config: Config) -> tuple[Register, ...]:
-    """The shell's registers in a live build."""
-    return (*SHELL_REGISTERS, *(HOMOGRAPHY_RING if config.estimator else ()))
+def list_registers(build: Build) -> tuple[Register, ...]:
+    """The registers of a build."""
+    has_shell, estimates = build.shell == "camera", build.config.estimator is not None
+    return (
+        *REGISTERS,
+        *(ESTIMATOR_REGISTERS if estimates else ()),
+        *(SHELL_REGISTERS if has_shell else ()),
+        *(HOMOGRAPHY_RING if has_shell and estimates else ()),
+    )

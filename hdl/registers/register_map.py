@@ -1,7 +1,7 @@
 """The register map of the accelerator, declared once.
 
 The hardware (`hdl.registers.register_file`), the Markdown, SVD and C descriptions (`hdl.export.register_docs`) and the
-exported driver's constants (`hdl.export.accelerator.driver_map`) come from `REGISTERS`; the settings in it come from
+exported driver's constants (`hdl.export.host.driver_map`) come from `REGISTERS`; the settings in it come from
 `hdl.settings`. A build that estimates homographies has `ESTIMATOR_REGISTERS` behind them, a live build those of its
 shell (`hdl.registers.live_register_map`).
 """
@@ -10,9 +10,10 @@ import enum
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from golden_model.config import DETECTORS, RULE_BASES, Config
+from golden_model.config import DETECTORS, RULE_BASES
 from golden_model.records import MATCH, Cause
 from golden_model.version import VERSION
+from hdl.build import Build
 from hdl.settings import ESTIMATOR, SETTINGS, SHELL
 
 REGISTER_BITS = 32
@@ -288,22 +289,9 @@ def fields(*accesses: Access, registers: Sequence[Register] = REGISTERS) -> Iter
     return (field for register in registers for field in register.fields if field.access in accesses)
 
 
-def list_registers(config: Config) -> tuple[Register, ...]:
-    """The registers of a build, without those of a live build's shell."""
-    return (*REGISTERS, *(ESTIMATOR_REGISTERS if config.estimator else ()))
-
-
-def built_constants(
-    config: Config,
-    *,
-    lanes: int,
-    max_width_px: int,
-    max_height_px: int,
-    video_bits: int = 32,
-    live: bool = False,
-) -> dict[str, int]:
+def built_constants(build: Build) -> dict[str, int]:
     """The values of the constant fields for one build."""
-    front_end, matcher = config.front_end, config.matcher
+    front_end, matcher = build.config.front_end, build.config.matcher
     pattern = front_end.pattern
     return {
         "identity": IDENTITY,
@@ -313,13 +301,13 @@ def built_constants(
         "built_rule_base": (*RULE_BASES, matcher.rule_base).index(matcher.rule_base),
         "built_rules_digest": matcher.rules_digest(pattern),
         "built_selection": int(front_end.selection),
-        "built_live": int(live),
-        "built_homographies": int(config.estimator is not None),
+        "built_live": int(build.shell == "camera"),
+        "built_homographies": int(build.config.estimator is not None),
         "built_descriptor_bytes": pattern.descriptor_bytes,
-        "built_lanes": lanes,
-        "built_video_bits": video_bits,
-        "built_width_px": max_width_px,
-        "built_height_px": max_height_px,
+        "built_lanes": build.lanes,
+        "built_video_bits": build.video_bits,
+        "built_width_px": build.max_width_px,
+        "built_height_px": build.max_height_px,
         "built_max_features": front_end.max_features,
         "built_feature_bytes": pattern.record.record_bytes,
         "built_match_bytes": MATCH.record_bytes,

@@ -6,12 +6,14 @@ from amaranth.lib import fifo, wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.accelerator import Accelerator
+from hdl.build import Build
 from hdl.serial.link import SerialLink
 from hdl.serial.uart import UartReceiver, UartTransmitter
 
 CLOCK_HZ = 25_000_000
 """The board's oscillator; no PLL is needed, since the port is far slower than the accelerator."""
 BAUD = 1_000_000
+CLOCKS_PER_BIT = CLOCK_HZ // BAUD
 COMMAND_SPACE = 64
 """Bytes of the queue besides a frame, for the commands around it."""
 RESET_CLOCKS = 16
@@ -26,15 +28,8 @@ class Ulx3s(wiring.Component):
 
     Parameters
     ----------
-    accelerator : Accelerator
-        With ``video_bits`` 8.
-    clocks_per_bit : int
-        Bit time of the serial port.
-
-    Raises
-    ------
-    ValueError
-        For an accelerator with another input.
+    build : Build
+        With the shell ``serial``.
     """
 
     clk_25mhz: In(1)
@@ -49,11 +44,8 @@ class Ulx3s(wiring.Component):
     wifi_gpio0: Out(1)
     """Constantly high."""
 
-    def __init__(self, accelerator: Accelerator, *, clocks_per_bit: int = CLOCK_HZ // BAUD) -> None:
-        if accelerator.video_bits != 8:
-            raise ValueError(f"video_bits is {accelerator.video_bits}; over a serial port it must be 8")
-        self.accelerator = accelerator
-        self.clocks_per_bit = clocks_per_bit
+    def __init__(self, build: Build) -> None:
+        self.accelerator = Accelerator(build)
         super().__init__()
 
     def elaborate(self, platform: object) -> Module:
@@ -67,11 +59,11 @@ class Ulx3s(wiring.Component):
         with m.If(pressed[1]):
             m.d.sync += starting.eq(RESET_CLOCKS)
         m.submodules.accelerator = inner = self.accelerator
-        receiver = UartReceiver(clocks_per_bit=self.clocks_per_bit)
-        transmitter = UartTransmitter(clocks_per_bit=self.clocks_per_bit)
+        receiver = UartReceiver(clocks_per_bit=CLOCKS_PER_BIT)
+        transmitter = UartTransmitter(clocks_per_bit=CLOCKS_PER_BIT)
         link = SerialLink()
         # A whole frame, since the port has no flow control and the accelerator may pause.
-        depth = inner.max_width_px * inner.max_height_px + COMMAND_SPACE
+        depth = inner.build.max_width_px * inner.build.max_height_px + COMMAND_SPACE
         waiting = fifo.SyncFIFOBuffered(width=8, depth=depth)
         parts = {"receiver": receiver, "transmitter": transmitter, "link": link, "waiting": waiting}
         for name, part in parts.items():

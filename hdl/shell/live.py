@@ -1,29 +1,25 @@
 """The live build: from a camera to packets of features, matches and homographies in memory, without software."""
 
 # Annotations are evaluated here: a component takes its ports from them.
-from typing import Any
-
 from amaranth import ClockDomain, ClockSignal, Const, Module, ResetInserter, Signal
 from amaranth.lib import stream, wiring
 from amaranth.lib.cdc import ResetSynchronizer
 from amaranth.lib.wiring import In, Out
 
-from golden_model.config import Config
 from golden_model.geometry.scoring import MAX_MATCHES
 from golden_model.records import HOMOGRAPHY, MATCH, WORD_BYTES
-from hdl.accelerator import Accelerator, output_names
+from hdl.accelerator import Accelerator
 from hdl.axi.axi_lite import AXI_LITE
 from hdl.axi.axi_write import AXI_WRITE
 from hdl.axi.flat_ports import FlatTop, bus_pins, packet_pins, stream_pins
 from hdl.axi.packet_gate import CLOSING_RECORDS
 from hdl.axi.video_input import VideoPayload
+from hdl.build import Build
 from hdl.geometry.records import RecordScoring
-from hdl.registers.live_register_map import list_shell_registers
 from hdl.shell.camera import RESERVE_PX
 from hdl.shell.shell import Shell
 from hdl.streams import WordPayload
 
-LIVE_VIDEO_BITS = (24, 8)
 FIFO_WORDS = 512
 
 
@@ -34,8 +30,8 @@ class LiveAccelerator(wiring.Component):
 
     Parameters
     ----------
-    **build
-        See `Accelerator`; ``video_bits`` is one of `LIVE_VIDEO_BITS`.
+    build : Build
+        With the shell ``camera``.
     """
 
     i_reset: In(1)
@@ -55,14 +51,13 @@ class LiveAccelerator(wiring.Component):
     o_scores: Out(stream.Signature(WordPayload))
     """Packets of Score records."""
     control: In(AXI_LITE)
-    """`hdl.registers.register_map.list_registers`, and `hdl.registers.live_register_map.list_shell_registers`."""
+    """`hdl.registers.live_register_map.list_registers`."""
     o_interrupt: Out(1)
 
-    def __init__(self, *, config: Config, **build: Any) -> None:
-        registers = list_shell_registers(config)
-        self.accelerator = accelerator = Accelerator(config=config, shell_registers=registers, **build)
-        self.rings = output_names(config)
-        capacity = config.front_end.max_features + CLOSING_RECORDS
+    def __init__(self, build: Build) -> None:
+        self.accelerator = accelerator = Accelerator(build)
+        self.rings, max_features = build.outputs, build.config.front_end.max_features
+        capacity = max_features + CLOSING_RECORDS
         words = {
             "features": accelerator.registers.constants["built_feature_bytes"] // WORD_BYTES,
             "matches": MATCH.record_bytes // WORD_BYTES,
@@ -71,17 +66,17 @@ class LiveAccelerator(wiring.Component):
         records = {"features": capacity, "matches": capacity, "homographies": 1}
         # While a frame that was cut off is closed, the queue holds the next one's pixels; otherwise that one would be
         # cut off, too, and so on for ever. The second reserve is for the clocks that pixels take from the queue on.
-        held_px = accelerator.max_width_px + accelerator.closing_clocks + 2 * RESERVE_PX
+        held_px = build.max_width_px + accelerator.closing_clocks + 2 * RESERVE_PX
         self._shell = Shell(
             registers=accelerator.registers,
             record_words={ring: words[ring] for ring in self.rings},
             max_words={ring: records[ring] * words[ring] for ring in self.rings},
-            video_bits=accelerator.video_bits,
+            video_bits=build.video_bits,
             # A power of two, as the Gray counters of the queue need it.
             camera_depth=1 << (held_px - 1).bit_length(),
             fifo_words=FIFO_WORDS,
         )
-        self._scoring = RecordScoring(max_matches=min(config.front_end.max_features, MAX_MATCHES))
+        self._scoring = RecordScoring(max_matches=min(max_features, MAX_MATCHES))
         super().__init__()
 
     def elaborate(self, platform: object) -> Module:
@@ -142,8 +137,8 @@ class LiveTop(FlatTop):
         Active high, level.
     """
 
-    def __init__(self, live: LiveAccelerator) -> None:
-        self.live = live
+    def __init__(self, build: Build) -> None:
+        self.live = live = LiveAccelerator(build)
         self._reset_n = Signal(name="reset_n")
         camera, hypotheses = live.i_camera, live.i_hypotheses
         super().__init__(
@@ -151,7 +146,7 @@ class LiveTop(FlatTop):
                 "aclk": (In(1), ClockSignal()),
                 "aresetn": (In(1), self._reset_n),
                 "video_aclk": (In(1), ClockSignal("camera")),
-                "s_axis_video_tdata": (In(live.accelerator.video_bits), camera.data),
+                "s_axis_video_tdata": (In(build.video_bits), camera.data),
                 "s_axis_video_tuser": (In(1), camera.first),
                 "s_axis_video_tlast": (In(1), camera.last),
                 "s_axis_video_tvalid": (In(1), live.i_camera_valid),

@@ -24,9 +24,6 @@ BACKENDS = {
 }
 """The module of each backend; ``rtl`` simulates the hardware."""
 
-BUILT_LANES = 16
-"""Left descriptors that the simulated accelerator compares at once."""
-
 Progress = Callable[[str], None]
 """Receives one line of text when something slow starts, advances or ends."""
 

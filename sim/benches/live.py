@@ -5,16 +5,14 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.config import Config
-from hdl.accelerator import output_names
+from hdl.build import Build
 from hdl.settings import PAGE_BYTES
-from hdl.shell.live import LiveAccelerator, LiveTop
-from sim.backends.interface import BUILT_LANES, Progress, silent
+from hdl.shell.live import LiveTop
+from sim.backends.interface import Progress, silent
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import CONTROL, digest_sources, strip_settings
 from sim.simulators.compiled import load_library
@@ -71,15 +69,14 @@ class MemoryRules:
     seed: int = 0
 
 
-def design_live_accelerator(config: Config, max_size_px: tuple[int, int]) -> Design:
-    """The live build with an 8-bit video input, for frames up to a width and height."""
-    config = strip_settings(config)
-    build: dict[str, Any] = {"max_width_px": max_size_px[0], "max_height_px": max_size_px[1], "lanes": BUILT_LANES}
+def design_live_accelerator(build: Build) -> Design:
+    """The accelerator in a camera's shell."""
+    build = strip_settings(build)
     return Design(
         "the live accelerator",
-        Ports(outputs=(), control=CONTROL, writers=tuple(f"m_axi_{ring}" for ring in output_names(config))),
-        lambda: LiveTop(LiveAccelerator(config=config, video_bits=8, **build)),
-        f"live {config} {build} {digest_sources()}",
+        Ports(outputs=(), control=CONTROL, writers=tuple(f"m_axi_{ring}" for ring in build.outputs)),
+        lambda: LiveTop(build),
+        f"{build} {digest_sources()}",
     )
 
 
@@ -88,9 +85,8 @@ class LiveBench:
 
     Parameters
     ----------
-    config : Config
-    size_px : tuple of int
-        Width and height of the frames, and of the build.
+    build : Build
+        With the shell ``camera`` and gray frames.
     length_bytes : int
         Size of the memory.
     camera : CameraTiming
@@ -101,8 +97,7 @@ class LiveBench:
 
     def __init__(
         self,
-        config: Config,
-        size_px: tuple[int, int],
+        build: Build,
         *,
         length_bytes: int,
         camera: CameraTiming | None = None,
@@ -111,7 +106,7 @@ class LiveBench:
     ) -> None:
         camera, rules = camera or CameraTiming(), rules or MemoryRules()
         self.memory = np.zeros(length_bytes, np.uint8)
-        design = design_live_accelerator(config, size_px)
+        design = design_live_accelerator(build)
         self._library = load_library(verilator.build_library(design, progress=progress, harness=HARNESS), _FUNCTIONS)
         self._bench = self._library.live_open()
         self._used = 0

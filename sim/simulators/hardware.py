@@ -13,16 +13,11 @@ from numpy.typing import NDArray
 from golden_model.config import Config
 from golden_model.geometry.estimator import MAX_CYCLES
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, WORD_BYTES, Record
-from hdl.registers.register_map import list_registers, register_writes
+from hdl.registers.live_register_map import ALL_REGISTERS
+from hdl.registers.register_map import register_writes
 from hdl.settings import RUNNING, estimator_settings, matched_frame_settings
 from sim.backends.interface import Backend, FrameClocks, FrameResult, Mismatch, Progress, Reference
-from sim.simulators.accelerator_designs import (
-    FEATURES,
-    HOMOGRAPHIES,
-    MATCHES,
-    choose_build_px,
-    design_accelerator,
-)
+from sim.simulators.accelerator_designs import FEATURES, HOMOGRAPHIES, MATCHES, choose_build, design_accelerator
 from sim.simulators.recording import Recording, Segment, flatten_frame
 from sim.simulators.stages import locate_mismatch
 from sim.simulators.verilator import simulate
@@ -48,7 +43,7 @@ class HardwareBackend(Backend):
     ) -> list[FrameResult]:
         """See `sim.backends.interface.Backend.run`."""
         segments = make_segments(frames, config, reference)
-        design = design_accelerator(config, choose_build_px(frames))
+        design = design_accelerator(choose_build(config, frames))
         recordings = simulate(design, segments, progress=self._progress, waves=self._waves)
         return decode_recordings(recordings, config)
 
@@ -89,7 +84,7 @@ def _make_segment(frames: list[NDArray[np.uint8]], config: Config, reference: Re
     # A frame takes a clock for each pixel, and its matching at most as long again; a design that takes twice as long
     # hangs.
     cycle_limit = 2 * data.size + len(frames) * (config.front_end.max_features**2 + MAX_CYCLES)
-    writes = register_writes(values, registers=list_registers(config))
+    writes = register_writes(values, registers=ALL_REGISTERS)
     return Segment(data, flags, len(frames), cycle_limit, writes=writes)
 
 

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model import timing
-from golden_model.config import Config, FrontEndConfig
+from golden_model.config import FrontEndConfig
 from golden_model.feature.orientation import SECTORS
 from golden_model.front_end import FrontEndTrace, Plane
 from golden_model.matching.matcher import ReferenceFrame
 from golden_model.timing import FrameWork, Timeline
-from sim.backends.interface import BUILT_LANES, FrameResult, Mismatch, Reference
+from hdl.build import Build
+from sim.backends.interface import FrameResult, Mismatch, Reference
 
 MIN_LEVEL_0_FEATURES = 1000
 MIN_LEVEL_1_FEATURES = 100
@@ -44,11 +45,8 @@ def find_mismatch(expected: Sequence[FrameResult], actual: Sequence[FrameResult]
 def predict_timelines(
     golden: Sequence[FrameResult],
     simulated: Sequence[FrameResult],
-    config: Config,
+    build: Build,
     reference: Reference,
-    *,
-    lanes: int = BUILT_LANES,
-    pixels_per_clock: int = 1,
 ) -> list[Timeline]:
     """The timeline of each frame, in clocks since reset; it ends at the first frame that cannot be predicted.
 
@@ -58,10 +56,8 @@ def predict_timelines(
         The prediction follows from its features and matches.
     simulated : sequence of FrameResult
         Only the clock in which the first pixel of each segment was taken is used.
-    config : Config
+    build : Build
     reference : {"held", "previous"}
-    lanes, pixels_per_clock : int
-        Of the build.
     """
     works = list(_measure_works(golden, reference))
     timelines: list[Timeline] = []
@@ -71,7 +67,8 @@ def predict_timelines(
         # After a frame whose clocks cannot be predicted, those of the next segments cannot be, either.
         if len(timelines) == numbers[0]:
             segment_works = [works[n] for n in numbers]
-            frames = timing.timelines(segment_works, config, lanes=lanes, pixels_per_clock=pixels_per_clock)
+            pixels = build.pixels_per_clock
+            frames = timing.timelines(segment_works, build.config, lanes=build.lanes, pixels_per_clock=pixels)
             timelines += [timeline.delay(first.first_pixel) for timeline in frames]
     return timelines
 

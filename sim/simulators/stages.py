@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.config import FrontEndConfig
+from golden_model.config import Config, FrontEndConfig
 from golden_model.front_end import trace
 from hdl.settings import frame_settings
 from sim.backends.interface import Mismatch, Progress, silent
-from sim.simulators.accelerator_designs import choose_build_px, design_front_end
+from sim.simulators.accelerator_designs import choose_build, design_front_end
 from sim.simulators.front_end_top import TAP_WORD, Tap
 from sim.simulators.recording import Recording, Segment, flatten_frame
 from sim.simulators.scoreboard import find_stage_mismatch
@@ -50,7 +50,7 @@ def locate_mismatch(
     segment = Segment(data, flags, packets=1, cycle_limit=4 * data.size, settings=values)
     golden = trace(image, config)
     taps = tuple(Tap(number, name) for number, level in enumerate(golden.levels) for name in level)
-    design = design_front_end(config, choose_build_px([image]), taps=taps)
+    design = design_front_end(choose_build(Config(front_end=config), [image]), taps=taps)
     (recording,) = simulate(design, [segment], progress=progress)
     planes: list[dict[str, np.ma.MaskedArray]] = [{} for _ in golden.levels]
     for tap in taps:

@@ -12,6 +12,7 @@ import typer
 
 from golden_model.config import EstimatorConfig
 from golden_model.fuzzy.fll import load_system
+from hdl.build import BUILDS, Build
 from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD
 from skymosaic.cli.options import OverwriteOption, choice, output_option, read_file, read_rules, with_options
 from skymosaic.cli.session import session
@@ -53,16 +54,25 @@ def export(
     lanes: Annotated[
         int | None,
         typer.Option(
-            rich_help_panel=HARDWARE, help="Descriptors compared at a time, a power of two: usually 16, on the ulx3s 4."
+            rich_help_panel=HARDWARE,
+            help="Descriptors compared at a time, a power of two.",
         ),
     ] = None,
     max_width_px: Annotated[
         int | None,
-        typer.Option("--max-width", rich_help_panel=HARDWARE, help="Widest frame: usually 1920, on the ulx3s 320."),
+        typer.Option(
+            "--max-width",
+            rich_help_panel=HARDWARE,
+            help="Widest frame.",
+        ),
     ] = None,
     max_height_px: Annotated[
         int | None,
-        typer.Option("--max-height", rich_help_panel=HARDWARE, help="Tallest frame: usually 1080, on the ulx3s 240."),
+        typer.Option(
+            "--max-height",
+            rich_help_panel=HARDWARE,
+            help="Tallest frame.",
+        ),
     ] = None,
     video_bits: Annotated[
         int | None,
@@ -84,10 +94,10 @@ def export(
     if (board is not None) + (block is not None) + live != 1:
         raise InputError(f"export needs one of --board ({', '.join(ALL_BOARDS)}), --block and --live")
     sizes = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
-    build = {name: value for name, value in sizes.items() if value is not None}
+    changes: dict[str, Any] = {name: value for name, value in sizes.items() if value is not None}
     if build_it and board != SERIAL_BOARD:
         raise InputError(f"--build makes the bitstream of --board {SERIAL_BOARD}; leave it out, or use Vivado")
-    if block is not None and (build or options != FeatureOptions()):
+    if block is not None and (changes or options != FeatureOptions()):
         raise InputError("--block takes no option of the whole accelerator (--lanes, --preset, ...); leave it out")
     if rules is not None and block not in (None, "fuzzy"):
         raise InputError(f"--rules {rules}: of the blocks, only fuzzy has rules; add --block fuzzy, or leave it out")
@@ -100,7 +110,15 @@ def export(
         raise InputError(f"--homography needs --live or a --board other than {SERIAL_BOARD}; leave it out")
     check_unused(output, overwrite=overwrite)
 
+    usual = BUILDS["camera"] if live else BUILDS.get(board or "", Build())
+    if options == FeatureOptions(rules=options.rules):
+        # The board has a configuration of its own, which only an explicit one replaces.
+        options = dataclasses.replace(options, config=usual.config)
     config = dataclasses.replace(options.base_config, estimator=EstimatorConfig() if homography else None)
+    try:
+        build = dataclasses.replace(usual, config=config, **changes)
+    except ValueError as error:
+        raise InputError(str(error)) from None
 
     def write(folder: Path) -> None:
         if rules is not None and block is not None:
@@ -110,15 +128,11 @@ def export(
             sys.path.insert(0, str(Path.cwd()))
             _import_hdl("blocks.export").export_block(folder, block)
         elif board is None:
-            _import_hdl("export.accelerator").export_live(folder, config=config, **build)
+            _import_hdl("export.accelerator").export_camera(folder, build)
         elif board == SERIAL_BOARD:
-            # The board has a configuration of its own, which only an explicit one replaces.
-            is_own = options == FeatureOptions(rules=options.rules)
-            own = _import_hdl("export.ulx3s").DEFAULT_CONFIG if is_own else options.config
-            serial_config = dataclasses.replace(options, config=own).base_config
-            _export_serial(folder, {"config": serial_config, **build}, build_it=build_it)
+            _export_serial(folder, build, build_it=build_it)
         else:
-            _import_hdl("export.accelerator").export(folder, board=board, config=config, **build)
+            _import_hdl("export.accelerator").export_board(folder, board, build)
 
     with session.working("writing Verilog"):
         _write_completely(output, write)
@@ -158,10 +172,10 @@ def _export_rules(folder: Path, rules: Path, entries: int) -> None:
     _import_hdl("blocks.export").write_block(folder, "fuzzy", block)
 
 
-def _export_serial(folder: Path, build: dict[str, Any], *, build_it: bool) -> None:
+def _export_serial(folder: Path, build: Build, *, build_it: bool) -> None:
     """Write the folder of the board with a serial port, and its bitstream where that is asked for."""
     serial = _import_hdl("export.ulx3s")
-    serial.export_ulx3s(folder, **build)
+    serial.export_ulx3s(folder, build)
     if not build_it:
         return
     session.tell("building the bitstream, about a quarter of an hour")

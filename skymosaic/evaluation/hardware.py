@@ -11,6 +11,7 @@ from typing import Any
 from golden_model.arrays import Pixels
 from golden_model.config import EstimatorConfig
 from golden_model.timing import Timeline
+from hdl.build import Build
 from sim.backends.interface import Mismatch, load_backend, silent
 from sim.simulators.scoreboard import Coverage, find_clock_mismatch, find_mismatch, predict_timelines
 from skymosaic.imagery.images import load, reduce_for_front_end
@@ -127,7 +128,7 @@ def compare(
     start = time.perf_counter()
     results = hardware.run(frames, config)
     seconds = time.perf_counter() - start
-    timelines = predict_timelines(golden, results, config, "held")
+    timelines = predict_timelines(golden, results, Build(config=config), "held")
     mismatch = find_mismatch(golden, results)
     if mismatch:
         # A wrong record says little about the cause; the first stage that went wrong says more.

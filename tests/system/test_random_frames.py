@@ -23,7 +23,7 @@ from golden_model.config import (
     FrontEndConfig,
 )
 from golden_model.feature.ilbp import PATTERNS
-from hdl.axi.video_input import pixels_per_clock
+from hdl.build import Build
 from hdl.registers.register_map import register_writes
 from hdl.settings import RUNNING
 from sim.backends.interface import load_backend
@@ -38,7 +38,7 @@ TEXTURE_PX, BUILT_PX, MAX_FEATURES, RUNS = 440, (200, 321), 256, 25
 DRAIN_CYCLES = 20_000
 
 
-def draw_build(rng: np.random.Generator) -> tuple[Config, dict[str, int], tuple[int, int]]:
+def draw_build(rng: np.random.Generator, video_bits: int) -> Build:
     """What is built: configuration, lanes, and the largest width and height of a frame."""
     smoothed = bool(rng.integers(2))
     smallest = FrontEndConfig(
@@ -55,7 +55,8 @@ def draw_build(rng: np.random.Generator) -> tuple[Config, dict[str, int], tuple[
     width_px, height_px = rng.integers(*BUILT_PX, 2).tolist()
     estimator = EstimatorConfig() if rng.random() < 0.7 else None
     config = dataclasses.replace(PRESETS["aerial"], front_end=front_end, estimator=estimator)
-    return config, {"lanes": int(rng.choice([2, 4, 8]))}, (width_px, height_px)
+    lanes = int(rng.choice([2, 4, 8]))
+    return Build(config=config, lanes=lanes, max_width_px=width_px, max_height_px=height_px, video_bits=video_bits)
 
 
 def draw_settings(rng: np.random.Generator, config: Config, width_px: int, height_px: int) -> Config:
@@ -109,18 +110,17 @@ def test_clocks_of_narrow_frames_are_predicted_or_left_out(seed: int, video_bits
     noise = rng.integers(0, 256, (TEXTURE_PX, TEXTURE_PX)).astype(np.float32)
     smooth = cv2.GaussianBlur(noise, (0, 0), 1.5)
     texture = cv2.normalize(smooth, smooth, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
-    built, lanes, built_px = draw_build(rng)
-    pixels = pixels_per_clock(video_bits)
-    design = design_accelerator(built, built_px, **lanes, video_bits=video_bits)
+    build = draw_build(rng, video_bits)
+    design, built_px = design_accelerator(build), (build.max_width_px, build.max_height_px)
     predicted, features, matches, homographies = 0, 0, 0, 0
     with contextlib.closing(Bench(verilator.build_library(design, progress=print), design.ports)) as bench:
         for run in range(RUNS):
             size_px = [int(rng.integers(MIN_FRAME_PX, side_px + 1)) for side_px in built_px]
-            config = draw_settings(rng, built, *size_px)
+            config = draw_settings(rng, build.config, *size_px)
             frames = draw_frames(rng, texture, *size_px)
             # The frames have one size, and make one segment.
             (segment,) = make_segments(frames, config, "previous")
-            if pixels > 1:
+            if build.pixels_per_clock > 1:
                 beats = [flatten_frame(frame, pair_bits=video_bits) for frame in frames]
                 data, flags = (np.concatenate(parts) for parts in zip(*beats, strict=True))
                 segment = dataclasses.replace(segment, data=data, flags=flags)
@@ -138,10 +138,10 @@ def test_clocks_of_narrow_frames_are_predicted_or_left_out(seed: int, video_bits
             )
             homographies += sum(bool(each.homography is not None and each.homography["score"]) for each in golden)
             if event != "pauses":
-                timelines = predict_timelines(golden, results, config, "previous", **lanes, pixels_per_clock=pixels)
+                timelines = predict_timelines(golden, results, dataclasses.replace(build, config=config), "previous")
                 predicted += len(timelines)
                 assert find_clock_mismatch(timelines, results) is None, (run, event, size_px, config)
-    print(predicted, features, matches, homographies, built, lanes, built_px)
+    print(predicted, features, matches, homographies, build)
     assert predicted
-    assert homographies or not built.estimator
+    assert homographies or not build.config.estimator
     assert min(features, matches) > RUNS

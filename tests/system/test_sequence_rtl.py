@@ -4,17 +4,18 @@ import cv2
 import numpy as np
 import pytest
 
-from golden_model.config import PRESETS
+from hdl.build import Build
 from sim.backends.interface import Reference, load_backend
 from sim.scene import make_lawnmower
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import BUILT_SIZES_PX, MATCHES, design_accelerator
+from sim.simulators.accelerator_designs import MATCHES, design_accelerator
 from sim.simulators.hardware import decode_recordings, make_segments
 from sim.simulators.scoreboard import Coverage, find_clock_mismatch, find_mismatch, predict_timelines
 
 FRAMES, SIZE_PX = 6, (640, 480)
 FRAME_CYCLES = SIZE_PX[0] * SIZE_PX[1]
-CONFIG = PRESETS["aerial"]
+BUILD = Build()
+CONFIG = BUILD.config
 MIN_MATCHES = 700
 
 
@@ -26,7 +27,7 @@ def flight() -> list[np.ndarray]:
 
 @pytest.mark.parametrize("reference", ["previous", pytest.param("held", marks=pytest.mark.slow)])
 def test_no_frame_waits_and_every_match_comes_in_time(flight: list[np.ndarray], reference: Reference) -> None:
-    design = design_accelerator(CONFIG, BUILT_SIZES_PX[0])
+    design = design_accelerator(BUILD)
     (recording,) = verilator.simulate(design, make_segments(flight, CONFIG, reference), progress=print)
     matches = recording.outputs[MATCHES]
     assert np.diff(recording.starts.astype(np.int64)).tolist() == [FRAME_CYCLES] * (FRAMES - 1)
@@ -38,7 +39,7 @@ def test_no_frame_waits_and_every_match_comes_in_time(flight: list[np.ndarray], 
     golden = load_backend("golden").run(flight, CONFIG, reference=reference)
     mismatch = find_mismatch(golden, results)
     assert mismatch is None, str(mismatch)
-    timelines = predict_timelines(golden, results, CONFIG, reference)
+    timelines = predict_timelines(golden, results, BUILD, reference)
     assert len(timelines) == FRAMES
     mismatch = find_clock_mismatch(timelines, results)
     assert mismatch is None, str(mismatch)

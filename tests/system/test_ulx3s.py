@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from golden_model.config import PRESETS, Config
+from golden_model.config import PRESETS
 from golden_model.config_file import load_config
+from hdl.build import BUILDS, Build
 from hdl.export import ulx3s as export
-from hdl.export.accelerator import Build
 from hdl.export.boards import SOURCES
 from hdl.lib.ecp5 import Ecp5
 from hdl.settings import REQUESTED, matched_frame_settings
@@ -23,9 +23,10 @@ from sim.scene import make_pair
 from tests.system.command_line import only_error, skymosaic
 from tests.system.serial_port import SerialPort
 
+BUILD = BUILDS["ulx3s"]
 THESIS = PRESETS["thesis"]
 SMALL_CONFIG = dataclasses.replace(THESIS, front_end=dataclasses.replace(THESIS.front_end, max_features=256))
-SMALL_BUILD = Build(lanes=2, max_width_px=160, max_height_px=120, video_bits=8)
+SMALL = dataclasses.replace(BUILD, config=SMALL_CONFIG, lanes=2, max_width_px=160, max_height_px=120)
 
 COUNTER = f"""module {export.TOP}(
   input clk_25mhz, input btn_fire1, input ftdi_txd, output ftdi_rxd, output [7:0] led, output wifi_gpio0);
@@ -56,7 +57,7 @@ class Line:
 
 @pytest.fixture(scope="module")
 def programs() -> Iterator[Any]:
-    with host_programs("serial", export.DEFAULT_CONFIG, **export.DEFAULT_BUILD) as load:
+    with host_programs(BUILD) as load:
         yield load
 
 
@@ -124,17 +125,13 @@ def test_colour_for_a_gray_input_is_refused_before_anything_is_sent(programs: An
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("config", "build", "size_px"),
-    [(SMALL_CONFIG, SMALL_BUILD, (96, 72)), (export.DEFAULT_CONFIG, export.DEFAULT_BUILD, (128, 96))],
-    ids=["small", "as built"],
-)
-def test_bits_in_and_records_out_equal_the_golden_model(config: Config, build: Build, size_px: tuple[int, int]) -> None:
+@pytest.mark.parametrize(("build", "size_px"), [(SMALL, (96, 72)), (BUILD, (128, 96))], ids=["small", "as built"])
+def test_bits_in_and_records_out_equal_the_golden_model(build: Build, size_px: tuple[int, int]) -> None:
     """At the baud of the bitstream, from the driver down to the pins."""
-    port = SerialPort(config, build, progress=print)
+    port, config = SerialPort(build, progress=print), build.config
     images = [np.ascontiguousarray(image[..., 1]) for image in make_pair(seed=9, size=size_px).images]
     settings = matched_frame_settings(config, *size_px, gray_input=True)
-    with host_programs("serial", config, **build) as load:
+    with host_programs(build) as load:
         accelerator = load("skymosaic_driver").Accelerator(load("serial_bus").SerialBus(port), 1e6)
         found = accelerator.run(images, {name: settings[name] for name in REQUESTED}, hold_reference=True)
     for frame, expected in zip(found, load_backend("golden").run(images, config), strict=True):
@@ -169,9 +166,9 @@ def test_open_tools_build_the_bitstream(tmp_path: Path) -> None:
 
 def test_the_export_has_what_its_readme_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # The Verilog takes long; it is simulated in another test.
-    monkeypatch.setattr(export, "ulx3s_top", lambda config, **build: None)
+    monkeypatch.setattr(export, "Ulx3s", lambda build: None)
     monkeypatch.setattr(export, "to_verilog", lambda top, **options: str(type(options["platform"]) is Ecp5))
-    export.export_ulx3s(tmp_path)
+    export.export_ulx3s(tmp_path, BUILD)
     found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
     host = ("serial_bus", "serve_serial", *(f"skymosaic_{name}" for name in ("driver", "map", "registers", "server")))
     assert found == {
@@ -180,7 +177,7 @@ def test_the_export_has_what_its_readme_names(tmp_path: Path, monkeypatch: pytes
     }
     # The Verilog is made for the ECP5.
     assert (tmp_path / "rtl" / f"{export.TOP}.v").read_text() == "True"
-    assert load_config(tmp_path / "config.toml") == export.DEFAULT_CONFIG
+    assert load_config(tmp_path / "config.toml") == BUILD.config
     readme = (tmp_path / "README.md").read_text()
     named = {
         name for cell in re.findall(r"^\| (`.*?) \|", readme, re.MULTILINE) for name in re.findall("`(.*?)`", cell)

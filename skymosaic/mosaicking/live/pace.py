@@ -1,5 +1,6 @@
 """Live numbers: how many frames are processed per second, and what the accelerator takes for each of them."""
 
+import importlib
 import time
 from typing import Any
 
@@ -9,7 +10,6 @@ from golden_model.arrays import Records
 from golden_model.config import Config
 from golden_model.matching.matcher import match
 from golden_model.timing import FrameWork, steady_pace
-from sim.backends.interface import BUILT_LANES
 from skymosaic.mosaicking.live.update import LiveUpdate
 
 CLOCK_HZ = 150_000_000
@@ -56,7 +56,9 @@ class Pace:
         # The accelerator walks over the left features in their order.
         rows = np.sort(matches["left_index"]).astype(int)
         work = FrameWork(*size_px, good=True, left=len(self._before), right=len(features), rows=rows)
-        pace = steady_pace(work, self._config, lanes=BUILT_LANES)
+        # Imported late: the help of `mosaic` imports this module, and needs no hardware.
+        lanes = importlib.import_module("hdl.build").Build.lanes
+        pace = steady_pace(work, self._config, lanes=lanes)
         self._paces += [pace] if pace else []
 
     @property

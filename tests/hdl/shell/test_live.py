@@ -12,6 +12,7 @@ from amaranth.sim import Simulator
 from golden_model.config import PRESETS
 from golden_model.records import Cause
 from hdl.axi.video_input import VideoInput
+from hdl.build import BUILDS
 from hdl.frame_admission import FrameAdmission
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.shell.camera import CameraCrossing, CameraGate
@@ -64,7 +65,7 @@ def live_build(border_px: int, max_width_px: int) -> LiveAccelerator:
     """Kept: Amaranth warns of parts that are built and not used."""
     config = PRESETS["aerial"]
     config = dataclasses.replace(config, front_end=dataclasses.replace(config.front_end, border_px=border_px))
-    return LiveAccelerator(config=config, max_width_px=max_width_px, video_bits=8)
+    return LiveAccelerator(dataclasses.replace(BUILDS["camera"], config=config, max_width_px=max_width_px))
 
 
 def test_the_frame_behind_a_short_line_is_whole_where_a_wide_border_takes_long_to_close() -> None:

@@ -12,6 +12,7 @@ from golden_model.config import PRESETS
 from golden_model.front_end import trace
 from golden_model.pixel.harris import TENSOR_SHIFT
 from golden_model.records import HOMOGRAPHY
+from hdl.build import Build
 from sim.backends.interface import FrameClocks, FrameResult, Mismatch, load_backend
 from sim.scene import make_pair
 from sim.simulators.scoreboard import (
@@ -81,7 +82,7 @@ def test_the_first_of_several_mismatches_is_named(results: list[FrameResult]) ->
 @pytest.mark.parametrize("step", ["first_pixel", "features_end", "matches_end"])
 def test_a_clock_that_differs_from_its_prediction_is_named(results: list[FrameResult], step: str) -> None:
     started = [dataclasses.replace(result, clocks=FrameClocks(0, 100, 0, 0)) for result in results]
-    timelines = predict_timelines(results, started, AERIAL, "held")
+    timelines = predict_timelines(results, started, Build(config=AERIAL), "held")
     found = []
     for result, timeline in zip(results, timelines, strict=True):
         status = result.status.copy()

@@ -12,6 +12,7 @@ import pytest
 
 from golden_model.config import Config, FrontEndConfig
 from golden_model.records import FRAME_STATUS, MATCH, Tag
+from hdl.build import Build
 from sim.benches.exported import host_programs
 
 CONFIG = Config(front_end=FrontEndConfig(max_features=256))
@@ -53,7 +54,7 @@ class StandIn:
 
 @pytest.fixture(scope="module")
 def server_module() -> Iterator[ModuleType]:
-    with host_programs("pynq", CONFIG, lanes=16, max_width_px=192, max_height_px=160) as load:
+    with host_programs(Build(config=CONFIG, max_width_px=192, max_height_px=160)) as load:
         load("skymosaic_registers")
         yield load("skymosaic_server")
 

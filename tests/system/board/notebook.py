@@ -15,9 +15,9 @@ import numpy as np
 from nbclient import NotebookClient
 
 from bench.pictures import PICTURES, SEED, decode, save
-from golden_model.config import PRESETS
-from hdl.export.accelerator import write_host
+from hdl.build import BUILDS
 from hdl.export.boards import SOURCES
+from hdl.export.host import write_host
 from sim.scene import make_pair
 from tests.system.board.pynq_package import NEWEST
 
@@ -39,7 +39,7 @@ def run_notebook(size_px: tuple[int, int] = SIZE_PX, pynq: str = NEWEST) -> Any:
     executed = nbformat.read(NOTEBOOK, as_version=4)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        write_host(folder, "pynq", PRESETS["aerial"])
+        write_host(folder, BUILDS["pynq_z2"])
         (folder / "pynq.py").write_text(PYNQ.format(pynq))
         for name, image in zip(("left", "right"), make_pair(seed=SEED, size=size_px).images, strict=True):
             np.save(folder / f"{name}.npy", np.ascontiguousarray(image[..., 1]))

@@ -10,14 +10,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.config import PRESETS, Config
-from hdl.export.accelerator import VLNV
+from hdl.build import BUILDS, Build
+from hdl.export.ip_xact import VLNV
 from hdl.settings import PAGE_BYTES
 from sim.benches.live import BASE, LiveBench
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import BUILT_SIZES_PX, design_accelerator
+from sim.simulators.accelerator_designs import design_accelerator
 from sim.simulators.compiled import Bench
-from sim.simulators.design import Design
 from sim.simulators.recording import END_OF_LINE, Segment
 from tests.system.board.axi_dma import Dma, MemoryFaultError, ReceiveChannel, SendChannel, Status
 from tests.system.board.pynq_package import NEWEST, import_pynq
@@ -259,11 +258,9 @@ class LiveSystem:
             receive.receive(scores, last=True)
 
 
-def open_board(
-    config: Config = PRESETS["aerial"], version: str = NEWEST, *, design: Design | None = None
-) -> AcceleratorSystem:
-    """Start a design, usually the default build, and put PYNQ's package ``pynq`` in front of it."""
-    design = design or design_accelerator(config, BUILT_SIZES_PX[0])
+def open_board(build: Build = BUILDS["pynq_z2"], version: str = NEWEST) -> AcceleratorSystem:
+    """Start a build, and put PYNQ's package ``pynq`` in front of it."""
+    design = design_accelerator(build)
     system = AcceleratorSystem(Bench(verilator.build_library(design), design.ports))
     import_pynq(version, system.board)
     return system

@@ -17,22 +17,23 @@ import cv2
 import numpy as np
 import pytest
 
-from golden_model.config import PRESETS, Config
+from golden_model.config import Config
 from golden_model.config_file import to_toml
+from hdl.build import BUILDS
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends import board
-from sim.backends.interface import BUILT_LANES, BackendError, Reference, load_backend
+from sim.backends.interface import BackendError, Reference, load_backend
 from sim.benches.exported import host_programs
 from sim.scene import make_pair
-from sim.simulators.accelerator_designs import BUILT_SIZES_PX, MATCHES
+from sim.simulators.accelerator_designs import MATCHES
 from skymosaic.cli import main
 from tests.system.board.pynq_board import AcceleratorSystem, open_board
 from tests.system.board.pynq_package import OLDER, remove_pynq
 from tests.system.command_line import only_error
 
 SIZE_PX = (160, 120)
-BUILT_PX = BUILT_SIZES_PX[0]
-CONFIG = PRESETS["aerial"]
+BUILD = BUILDS["pynq_z2"]
+CONFIG = BUILD.config
 FAST = dataclasses.replace(CONFIG, front_end=dataclasses.replace(CONFIG.front_end, detector="fast", threshold=10))
 pytestmark = pytest.mark.needs("pynq")
 
@@ -40,7 +41,7 @@ pytestmark = pytest.mark.needs("pynq")
 @pytest.fixture(scope="module")
 def system() -> Iterator[AcceleratorSystem]:
     """The board, with PYNQ's own package in front of it."""
-    system = open_board(CONFIG)
+    system = open_board(BUILD)
     yield system
     system.bench.close()
     remove_pynq()
@@ -49,7 +50,7 @@ def system() -> Iterator[AcceleratorSystem]:
 @pytest.fixture(scope="module")
 def driver(system: AcceleratorSystem, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """The driver's modules as they are exported, and their map."""
-    with host_programs("pynq", CONFIG, lanes=BUILT_LANES, max_width_px=BUILT_PX[0], max_height_px=BUILT_PX[1]) as load:
+    with host_programs(BUILD) as load:
         overlay: Any = load("pynq_overlay")
         overlay.LOCK = tmp_path_factory.mktemp("lock") / "lock"
         load("pynq_bus")
@@ -212,8 +213,8 @@ def test_a_frame_passes_the_classes_of_an_older_pynq(
     """In a process of its own, since the package replaces the one under test."""
     program = (
         "import sys; from pathlib import Path; import tests.system.board.test_board as t\n"
-        f"system = t.open_board(t.CONFIG, {version!r})\n"
-        "with t.host_programs('pynq', t.CONFIG) as load:\n"
+        f"system = t.open_board(t.BUILD, {version!r})\n"
+        "with t.host_programs(t.BUILD) as load:\n"
         f"    load('pynq_overlay').LOCK = Path({str(tmp_path / 'lock')!r})\n"
         "    bus = load('pynq_bus').PynqBus('skymosaic.bit')\n"
         "    t.check_next_frames(load('skymosaic_driver').Accelerator(bus, 60))\n"
@@ -325,7 +326,7 @@ def test_a_frame_longer_than_a_transfer_is_refused_before_anything_is_sent(devic
         device.bus.start_send(device._sent, 1 << 26)
 
 
-@pytest.mark.parametrize("change", [{"width_px": BUILT_PX[0] + 1}, {"height_px": 63}, {"per_cell": 9}])
+@pytest.mark.parametrize("change", [{"width_px": BUILD.max_width_px + 1}, {"height_px": 63}, {"per_cell": 9}])
 def test_the_driver_checks_settings_before_it_touches_anything(
     device: Any, change: dict[str, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:

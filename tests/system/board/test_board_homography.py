@@ -10,11 +10,10 @@ import pytest
 from sim.backends import board
 from sim.backends.interface import BackendError, load_backend
 from sim.benches.exported import host_programs
-from tests.hdl.test_accelerator import CONFIG, DESIGN, HEIGHT_PX, LANES, WIDTH_PX, views
+from tests.hdl.test_accelerator import BUILD, CONFIG, views
 from tests.system.board.pynq_board import open_board
 from tests.system.board.pynq_package import remove_pynq
 
-BUILD = {"lanes": LANES, "max_width_px": WIDTH_PX, "max_height_px": HEIGHT_PX}
 pytestmark = pytest.mark.needs("pynq")
 
 
@@ -22,8 +21,8 @@ def test_the_board_gives_the_golden_homographies(tmp_path: Path, monkeypatch: py
     """Also where the run before has ended early, and none where none is wanted."""
     monkeypatch.setattr(board, "TIMEOUT_SECONDS", None)
     images = views(3)
-    system = open_board(CONFIG, design=DESIGN)
-    with host_programs("pynq", CONFIG, **BUILD) as load:
+    system = open_board(BUILD)
+    with host_programs(BUILD) as load:
         overlay: Any = load("pynq_overlay")
         overlay.LOCK = tmp_path / "lock"
         device = load("skymosaic_driver").Accelerator(load("pynq_bus").PynqBus("skymosaic.bit"), 60)

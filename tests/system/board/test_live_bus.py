@@ -1,5 +1,6 @@
 """The live build's bus, reader and scorer as they are exported, on PYNQ's own classes and the live build's Verilog."""
 
+import dataclasses
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -12,11 +13,13 @@ from golden_model.geometry.scoring import answers, quantise
 from hdl.settings import REQUESTED
 from sim.benches.exported import host_programs
 from sim.benches.live import CameraTiming, LiveBench, MemoryRules
+from tests.system import test_live_build
 from tests.system.board.pynq_board import ACCELERATOR_ADDRESS, LiveSystem
 from tests.system.board.pynq_package import NEWEST, OLDER, import_pynq, remove_pynq
-from tests.system.test_live_build import SETTINGS, SIZE_PX, SLOTS, check, views
+from tests.system.test_live_build import SETTINGS, SLOTS, check, views
 
 CONFIG = PRESETS["aerial"]
+BUILD = dataclasses.replace(test_live_build.BUILD, config=CONFIG)
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs("pynq")]
 
@@ -26,10 +29,10 @@ def board(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     """The simulated board, its bus, a reader of the rings and a scorer, on a version of PYNQ."""
     camera = CameraTiming(line_blank=20, frame_blank=40_000, steps=3, period=4)
     rules = MemoryRules(waits=60, latency_clocks=60)
-    bench = LiveBench(CONFIG, SIZE_PX, length_bytes=1 << 22, camera=camera, rules=rules)
+    bench = LiveBench(BUILD, length_bytes=1 << 22, camera=camera, rules=rules)
     system = LiveSystem(bench)
     import_pynq(request.param, system.board)
-    with host_programs("live", CONFIG, max_width_px=SIZE_PX[0], max_height_px=SIZE_PX[1], video_bits=8) as load:
+    with host_programs(BUILD) as load:
         overlay: Any = load("pynq_overlay")
         overlay.LOCK = tmp_path_factory.mktemp("lock") / "lock"
         bus = load("live_bus").LiveBus("skymosaic_live.bit", ACCELERATOR_ADDRESS)

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from golden_model.config import PRESETS
+from hdl.build import Build
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import BUILT_SIZES_PX, design_accelerator
+from sim.simulators.accelerator_designs import design_accelerator
 from tools.panel.visit import (
     PHONE,
     WINDOW,
@@ -75,7 +75,7 @@ def test_the_numbers_of_the_run_are_shown(made: Page) -> None:
 @pytest.fixture
 def compiled_accelerator() -> None:
     """Compiled before the panel asks for it: on a busy machine that takes longer than any limit of the page."""
-    verilator.build_library(design_accelerator(PRESETS["aerial"], BUILT_SIZES_PX[0]), progress=print)
+    verilator.build_library(design_accelerator(Build()), progress=print)
 
 
 @pytest.mark.slow

@@ -1,0 +1,59 @@
+"""What can be built, and what is refused before anything is made."""
+
+import re
+import subprocess
+import sys
+from dataclasses import FrozenInstanceError, replace
+from typing import Any
+
+import pytest
+
+from golden_model.config import PRESETS, Config, EstimatorConfig, FrontEndConfig
+from hdl.build import BUILDS, Build
+from hdl.export.boards import ALL_BOARDS
+
+WITH_ESTIMATOR = Config(estimator=EstimatorConfig())
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"max_width_px": 63}, "max_width_px is 63; it must be a whole number from 64 to 4096"),
+        ({"max_height_px": 5000}, "max_height_px is 5000; it must be a whole number from 64 to 4096"),
+        ({"lanes": 3}, "lanes is 3; valid: 2, 4, 8, 16, 32, 64, 128"),
+        ({"lanes": 256}, "lanes is 256; valid: 2, 4, 8, 16, 32, 64, 128"),
+        ({"lanes": 32, "config": Config(front_end=FrontEndConfig(max_features=16))}, "lanes is 32; valid: 2, 4, 8, 16"),
+        ({"video_bits": 12}, "video_bits with shell 'streams' is 12; valid: 32, 24, 8, 48, 16"),
+        ({"shell": "camera"}, "video_bits with shell 'camera' is 32; valid: 24, 8"),
+        ({"shell": "serial"}, "video_bits with shell 'serial' is 32; valid: 8"),
+        ({"shell": "shell"}, "shell is 'shell'; valid: streams, camera, serial"),
+        ({"shell": "serial", "video_bits": 8, "config": WITH_ESTIMATOR}, "a serial port carries no homographies"),
+        ({"config": replace(PRESETS["aerial"], matcher=PRESETS["thesis"].matcher)}, "needs the gray window"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_built_is_refused_in_one_line(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(message)) as refused:
+        Build(**changes)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_build_does_not_change() -> None:
+    with pytest.raises(FrozenInstanceError):
+        BUILDS["tiny"].lanes = 4  # type: ignore[misc]
+
+
+def test_what_follows_from_a_build() -> None:
+    assert BUILDS["pynq_z2"] == Build()
+    assert Build().outputs == ("features", "matches")
+    assert Build(config=WITH_ESTIMATOR).outputs == ("features", "matches", "homographies")
+    assert [Build(video_bits=bits).pixels_per_clock for bits in (32, 24, 8, 48, 16)] == [1, 1, 1, 2, 2]
+
+
+def test_the_named_builds_are_of_boards_of_a_camera_and_for_tests() -> None:
+    assert BUILDS.keys() - {*ALL_BOARDS} == {"camera", "tiny"}
+
+
+def test_a_build_is_known_without_amaranth() -> None:
+    code = "import sys; sys.modules['amaranth'] = None; from hdl.build import BUILDS; print(*BUILDS)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == list(BUILDS)
