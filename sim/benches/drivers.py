@@ -1,117 +1,33 @@
-"""Whole block tests in one call: streams, frames of beats, or inputs clock by clock, on `sim.benches.block_bench`."""
+"""Frames of beats through a block in one call, in Amaranth's simulator."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import random
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from amaranth.hdl import Shape, ShapeLike, Value, ValueLike
+from amaranth.hdl import Shape, ShapeLike, Value
 from amaranth.lib import data, wiring
+from amaranth.sim import Simulator
 from numpy.typing import NDArray
 
-from sim.benches.block_bench import BlockBench, CycleLimitError, Garbage, Testbench
 from sim.simulators.recording import NO_PAUSES, Pauses
 
-
-def run_streams(
-    dut: wiring.Component[Any],
-    inputs: Mapping[str, Sequence[Any]],
-    counts: Mapping[str, int],
-    *,
-    settings: Mapping[str, Any] | None = None,
-    pauses: Pauses = NO_PAUSES,
-    cycle_limit: int = 10_000,
-) -> dict[str, list[Any]]:
-    """Stream payloads through a component and return what leaves it.
-
-    Parameters
-    ----------
-    dut : Component
-        In the domain ``sync``.
-    inputs : mapping of str to sequence
-        For each input port, the payloads to send.
-    counts : mapping of str to int
-        For each output port, the number of payloads to wait for.
-    settings : mapping of str to values, optional
-        Other input ports, set once.
-    pauses : Pauses
-        Gaps of the inputs, stalls of the outputs.
-    cycle_limit : int
-
-    Returns
-    -------
-    dict of str to list
-        The payloads of each output port, in order.
-
-    Raises
-    ------
-    AssertionError
-        If an output breaks the stream rules (a payload changes or vanishes before it is taken), or the counts are
-        not reached within the limit.
-    """
-    bench = BlockBench(dut, settings=settings, pauses=pauses, cycle_limit=cycle_limit)
-    received: dict[str, list[Any]] = {name: [] for name in counts}
-    sources = [_make_source(bench, name, payloads) for name, payloads in inputs.items()]
-    sinks = [_make_sink(bench, name, count, received[name]) for name, count in counts.items()]
-    try:
-        bench.run(*sources, *sinks)
-    except CycleLimitError as error:
-        taken = {name: len(payloads) for name, payloads in received.items()}
-        raise AssertionError(f"{error}; received: {taken}") from None
-    return received
+CLOCK_S = 1e-8
 
 
-def _make_source(bench: BlockBench, name: str, payloads: Sequence[Any]) -> Testbench:
-    async def testbench(ctx: Any) -> None:
-        for payload in payloads:
-            await bench.stream_put(ctx, getattr(bench.dut, name), payload)
+class Garbage:
+    """Seeded random bits for the payload of a port that is not valid."""
 
-    return testbench
+    def __init__(self, seed: int):
+        self._random = random.Random(seed)
 
-
-def _make_sink(bench: BlockBench, name: str, count: int, received: list[Any]) -> Testbench:
-    async def testbench(ctx: Any) -> None:
-        while len(received) < count:
-            received.append(await bench.stream_get(ctx, getattr(bench.dut, name)))
-
-    return testbench
-
-
-def run_clocks(
-    dut: wiring.Component[Any],
-    inputs: Iterable[Sequence[tuple[ValueLike, Any]]],
-    outputs: Sequence[ValueLike],
-) -> list[tuple[Any, ...]]:
-    """Set inputs clock by clock, and return the outputs of each clock.
-
-    Parameters
-    ----------
-    dut : Component
-        In the domain ``sync``.
-    inputs : iterable of sequences of (port, value)
-        For each clock, the ports to set; the others keep their values.
-    outputs : sequence of ports
-
-    Returns
-    -------
-    list of tuple
-        For each clock, the values of ``outputs`` at its end: those of a block with a latency of L clocks come L entries
-        after their inputs.
-    """
-    rows = list(inputs)
-    sampled: list[tuple[Any, ...]] = []
-
-    async def testbench(ctx: Any) -> None:
-        for row in rows:
-            for port, value in row:
-                ctx.set(port, value)
-            _, _, *values = await ctx.tick().sample(*outputs)
-            sampled.append(tuple(values))
-
-    BlockBench(dut, cycle_limit=len(rows) + 1).run(testbench)
-    return sampled
+    def put(self, ctx: Any, payload: Any) -> None:
+        """Set ``payload`` to random bits."""
+        bits = Value.cast(payload)
+        ctx.set(bits, self._random.getrandbits(len(bits)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,6 +109,8 @@ def run_beats(
     received: list[tuple[int, int]] = []
 
     async def testbench(ctx: Any) -> None:
+        for name, value in (settings or {}).items():
+            ctx.set(getattr(dut, name), value)
         garbage = Garbage(pauses.seed)
         waiting = iter(beats)
         left, cycle = len(beats), 0
@@ -208,9 +126,10 @@ def run_beats(
                 received.append((cycle, bits))
             cycle += 1
 
-    # Generous: even gaps of 255 leave one clock in 256 on average.
-    bench = BlockBench(dut, settings=settings, cycle_limit=256 * (len(beats) + 1) + drain_cycles)
-    bench.run(testbench)
+    simulator = Simulator(dut)
+    simulator.add_clock(CLOCK_S)
+    simulator.add_testbench(testbench)
+    simulator.run()
     return _decode(sent, layout, count), _decode(received, o.shape(), received_per_clock or count)
 
 

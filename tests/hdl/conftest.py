@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
-from sim.benches import block_bench
+from sim.benches import drivers
 from sim.benches.drivers import Beats, run_beats
 from sim.simulators.recording import Pauses
+from tests.hdl import block_bench
 
 SHAPE = (19, 23)
 
@@ -48,7 +49,8 @@ def collisions(monkeypatch: pytest.MonkeyPatch) -> None:
             patched.setattr(LineMemory, "elaborate", elaborate_with_collisions)
             return Simulator(dut)
 
-    monkeypatch.setattr(block_bench, "Simulator", simulator)
+    for module in (block_bench, drivers):
+        monkeypatch.setattr(module, "Simulator", simulator)
 
 
 @pytest.fixture(params=[0, 100], ids=["back_to_back", "gaps"])

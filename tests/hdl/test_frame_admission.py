@@ -8,8 +8,8 @@ import pytest
 
 from golden_model.records import Cause
 from hdl.frame_admission import FrameAdmission
-from sim.benches.block_bench import BlockBench
 from sim.simulators.recording import NO_PAUSES, Pauses
+from tests.hdl.block_bench import BlockBench
 
 WIDTH_PX, HEIGHT_PX = 7, 6
 CLOSING_LINES, CLOSING_PX = 2, 4

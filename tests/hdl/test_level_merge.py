@@ -12,8 +12,8 @@ from golden_model.feature.ilbp import ILBP_128
 from golden_model.records import FRAME_STATUS, Cause, Tag
 from golden_model.selection.selection import emission_order
 from hdl.level_merge import LevelMerge
-from sim.benches.block_bench import BlockBench
 from sim.simulators.recording import NO_PAUSES, Pauses
+from tests.hdl.block_bench import BlockBench
 
 RECORD = ILBP_128.record
 MAX_FEATURES = 12

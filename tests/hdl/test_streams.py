@@ -7,8 +7,8 @@ from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import FRAME_STATUS, MATCH, Record
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.streams import record_layout
-from sim.benches.drivers import run_streams
 from sim.simulators.recording import NO_PAUSES, Pauses
+from tests.hdl.drivers import run_streams
 
 FEATURES = [pattern.record for pattern in PATTERNS.values()]
 

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.skymosaic.panel.visitor import repeat_archive
+from tests.skymosaic.panel.visitor import names_reached_by_tab, repeat_archive
 from tools.panel.visit import (
     choose,
     corner_counts,
     make_mosaic,
     mosaic_viewer,
-    names_reached_by_tab,
     open_page,
     open_tab,
     photographs_loaded,

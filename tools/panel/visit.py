@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Browser, CDPSession, Locator, Page, ViewportSize, expect, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, ViewportSize, expect, sync_playwright
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 CHROMIUM_FLAGS = (
@@ -28,7 +28,6 @@ AT_ONCE = """
 """Makes a page change without moving: whoever looks next sees its final state, and need not wait for it."""
 LONG_MS = 600_000
 """Limit of every wait: only a panel that hangs exceeds it, even on a busy machine."""
-MAX_CONTROLS = 100
 
 
 @contextmanager
@@ -148,33 +147,3 @@ def threshold_to_corners_ms(page: Page, keys: Sequence[str]) -> list[float]:
         page.wait_for_function("window.painted > 0")
         milliseconds.append(page.evaluate("window.painted - window.pressed"))
     return milliseconds
-
-
-def names_reached_by_tab(page: Page) -> list[str]:
-    """The accessible names of everything Tab reaches in one round; checks that all have one and none is left out."""
-    session = page.context.new_cdp_session(page)
-    page.evaluate("document.activeElement.blur()")
-    reached: list[tuple[str, str]] = []
-    while len(reached) < MAX_CONTROLS:
-        page.keyboard.press("Tab")
-        control = _focused_control(session)
-        if control in reached[:1]:
-            break
-        if control != ("", ""):  # between the last and the first, the focus is on the browser's own controls
-            reached.append(control)
-    assert [role for role, name in reached if not name] == []
-    shown = page.evaluate(
-        """() => [...document.querySelectorAll("button, a[href], input, [role=switch], [role=checkbox], svg[tabindex]")]
-            .filter(element => element.checkVisibility() && !element.disabled).length"""
-    )
-    assert shown <= len(reached) < MAX_CONTROLS
-    return [name for _, name in reached]
-
-
-def _focused_control(session: CDPSession) -> tuple[str, str]:
-    """Role and accessible name of the element with the focus; empty if the page has none."""
-    _page, *nodes = session.send("Accessibility.getFullAXTree")["nodes"]
-    for node in nodes:
-        if any(p["name"] == "focused" and p["value"]["value"] for p in node.get("properties", [])):
-            return node["role"]["value"], node["name"]["value"].strip()
-    return "", ""

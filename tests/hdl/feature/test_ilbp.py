@@ -14,9 +14,10 @@ from golden_model.feature.ilbp import PATTERNS, DescriptorPattern, describe, gat
 from hdl.feature.ilbp import RingDescriptor
 from hdl.feature.ring_window import RingWindow
 from hdl.streams import beat, carry_scan
-from sim.benches.block_bench import BlockBench
-from sim.benches.drivers import run_beats, run_clocks
+from sim.benches.drivers import run_beats
 from sim.simulators.recording import Pauses
+from tests.hdl.block_bench import BlockBench
+from tests.hdl.drivers import run_clocks
 
 CENTRE_PX = 20
 PATCH_PX = 2 * CENTRE_PX + 1

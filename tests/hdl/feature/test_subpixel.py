@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from golden_model.feature import subpixel
 from golden_model.formats import encode_response
 from hdl.feature.subpixel import SubPixel
-from sim.benches.drivers import run_clocks
+from tests.hdl.drivers import run_clocks
 
 CANDIDATES = 400
 LAG_PX = 17

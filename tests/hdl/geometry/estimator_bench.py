@@ -13,8 +13,8 @@ from golden_model.geometry.scoring import MAX_MATCHES
 from hdl.geometry.estimator import HomographyEstimator
 from hdl.geometry.match_gain import PAIR
 from hdl.geometry.ordering import FRAME
-from sim.benches.block_bench import BlockBench
 from sim.simulators.recording import NO_PAUSES, Pauses
+from tests.hdl.block_bench import BlockBench
 
 
 def simulate_estimates(

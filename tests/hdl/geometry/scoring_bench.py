@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from golden_model.geometry.scoring import MAX_MATCHES, Scores
 from hdl.geometry.match_gain import PAIR
 from hdl.geometry.scoring import HomographyScoring
-from sim.benches.block_bench import BlockBench
 from sim.simulators.recording import NO_PAUSES, Pauses
+from tests.hdl.block_bench import BlockBench
 
 
 def simulate_scoring(

@@ -8,7 +8,7 @@ import numpy as np
 from golden_model.geometry import floating as golden
 from golden_model.geometry.floating import MANTISSA_BITS, MAX_EXPONENT, MIN_EXPONENT, Floats
 from hdl.geometry.floating import MultiplyAdd
-from sim.benches.block_bench import BlockBench
+from tests.hdl.block_bench import BlockBench
 
 
 def numbers(count: int, seed: int) -> Floats:

@@ -9,8 +9,8 @@ import pytest
 from golden_model.geometry.ordering import order
 from hdl.geometry.match_gain import PAIR
 from hdl.geometry.ordering import MatchOrdering
-from sim.benches.block_bench import BlockBench
 from sim.simulators.recording import NO_PAUSES, Pauses
+from tests.hdl.block_bench import BlockBench
 
 MAX_MATCHES = 24
 

@@ -24,7 +24,7 @@ from golden_model.geometry.refit import factors, solve_sums
 from golden_model.geometry.solving import areas, solve
 from hdl.geometry.match_gain import PAIR
 from hdl.geometry.processor import Processor
-from sim.benches.block_bench import BlockBench
+from tests.hdl.block_bench import BlockBench
 
 SIZE = (640, 480)
 

@@ -15,9 +15,9 @@ from golden_model.geometry.scoring import answers as golden_answers
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, SCORE, Tag
 from hdl.blocks.vectors import packet, padded_status
 from hdl.geometry.records import RecordEstimator, RecordScoring
-from sim.benches.block_bench import BlockBench
-from sim.benches.drivers import run_streams
 from sim.simulators.recording import NO_PAUSES, Pauses
+from tests.hdl.block_bench import BlockBench
+from tests.hdl.drivers import run_streams
 
 HYPOTHESES = quantise(np.eye(3) + np.random.default_rng(1).normal(size=(3, 3, 3)) * 1e-4)
 # Where the second record is cut after three words, this byte stands where its tag would be.

@@ -8,7 +8,7 @@ import pytest
 from golden_model.geometry.sampling import STEPS, draw, subset_size
 from golden_model.geometry.scoring import MAX_MATCHES
 from hdl.geometry.sampling import DRAWS, SampleDraws
-from sim.benches.block_bench import BlockBench
+from tests.hdl.block_bench import BlockBench
 
 SEED = 0x1234_5678
 

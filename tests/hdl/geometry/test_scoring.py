@@ -11,9 +11,9 @@ from golden_model.formats import POSITION
 from golden_model.geometry import scoring as golden
 from golden_model.geometry.scoring import Cause, Scores, finish_cycles, quantise, score
 from hdl.geometry.scoring import IN_FLIGHT, HomographyScoring
-from sim.benches.block_bench import BlockBench
-from sim.benches.drivers import run_streams
 from sim.simulators.recording import NO_PAUSES, Pauses
+from tests.hdl.block_bench import BlockBench
+from tests.hdl.drivers import run_streams
 from tests.hdl.geometry.scoring_bench import hypothesis_payloads, set_of_matches, simulate_scoring, time_scores
 
 PAUSES = Pauses(gaps=120, stalls=150, seed=7)

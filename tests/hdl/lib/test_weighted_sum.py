@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hdl.lib.weighted_sum import WeightedSum, signed_digits
-from sim.benches.drivers import run_clocks
+from tests.hdl.drivers import run_clocks
 
 
 @given(st.integers(-(1 << 40), 1 << 40))

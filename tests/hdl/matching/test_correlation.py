@@ -17,10 +17,10 @@ from golden_model.matching.hamming import distances, mutual_matches
 from hdl.matching.correlation import PIXELS, WindowCorrelation
 from hdl.matching.fuzzy import Sugeno
 from hdl.matching.fuzzy_correlation import FuzzyCorrelation, scale_constants
-from sim.benches.block_bench import BlockBench
-from sim.benches.drivers import run_streams
 from sim.scene import make_pair
 from sim.simulators.recording import NO_PAUSES, Pauses
+from tests.hdl.block_bench import BlockBench
+from tests.hdl.drivers import run_streams
 
 PAUSES = Pauses(gaps=100, stalls=180, seed=4)
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from golden_model.feature.ilbp import PATTERNS, DescriptorPattern
 from golden_model.records import FRAME_STATUS, Tag
 from hdl.matching.feature_banks import READ_CYCLES, FeatureBanks
-from sim.benches.block_bench import BlockBench
 from sim.simulators.recording import NO_PAUSES, Pauses
+from tests.hdl.block_bench import BlockBench
 
 MAX_FEATURES = 16
 

@@ -15,9 +15,9 @@ from golden_model.matching.matcher import common_orientation
 from hdl.matching.correlation import SumOfAbsoluteDifferences
 from hdl.matching.fuzzy import Sugeno
 from hdl.matching.orientation_histogram import OrientationHistogram
-from sim.benches.block_bench import BlockBench
-from sim.benches.drivers import run_clocks, run_streams
 from sim.simulators.recording import Pauses
+from tests.hdl.block_bench import BlockBench
+from tests.hdl.drivers import run_clocks, run_streams
 
 
 def distinct(variable: Variable) -> list[int]:

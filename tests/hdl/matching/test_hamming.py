@@ -14,9 +14,9 @@ from hdl.lib.popcount import Popcount
 from hdl.matching.feature_banks import READ_CYCLES
 from hdl.matching.mutual_neighbours import MutualNearestNeighbours
 from hdl.matching.nearest_neighbours import RESULT_CYCLES, NearestNeighbours
-from sim.benches.block_bench import BlockBench
-from sim.benches.drivers import run_clocks
 from sim.simulators.recording import Pauses
+from tests.hdl.block_bench import BlockBench
+from tests.hdl.drivers import run_clocks
 
 
 def some_equal(rng: np.random.Generator, count: Any, bits: Any) -> Any:

@@ -19,8 +19,8 @@ from hdl.matching.matcher import Matcher
 from hdl.matching.nearest_neighbours import NearestNeighbours
 from sim.backends.golden import add_matches
 from sim.backends.interface import FrameResult, Reference
-from sim.benches.block_bench import BlockBench
 from sim.simulators.recording import NO_PAUSES, Pauses
+from tests.hdl.block_bench import BlockBench
 
 ILBP_32 = PATTERNS["thesis-ilbp-4"]
 LANES, MAX_FEATURES = 4, 32

@@ -9,7 +9,7 @@ import pytest
 from golden_model.config import DETECTORS
 from golden_model.pixel.threshold import STEPS, next_code
 from hdl.pixel.threshold import AdaptiveThreshold
-from sim.benches.block_bench import BlockBench
+from tests.hdl.block_bench import BlockBench
 
 MAX_FEATURES = 300
 

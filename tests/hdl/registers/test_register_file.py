@@ -11,7 +11,7 @@ from hdl.build import Build
 from hdl.registers.live_register_map import ALL_REGISTERS
 from hdl.registers.register_file import RegisterFile
 from hdl.registers.register_map import REGISTERS, Access, built_constants, fields
-from sim.benches.block_bench import BlockBench
+from tests.hdl.block_bench import BlockBench
 
 CYCLE_LIMIT = 200
 CONSTANTS = built_constants(Build())

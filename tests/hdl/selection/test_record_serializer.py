@@ -8,8 +8,8 @@ from golden_model.feature.ilbp import PATTERNS, DescriptorPattern
 from golden_model.records import Tag
 from hdl.feature.extractor import feature_layout
 from hdl.selection.record_serializer import FeatureWords
-from sim.benches.drivers import run_streams
 from sim.simulators.recording import Pauses
+from tests.hdl.drivers import run_streams
 
 FEATURES = 40
 ENDS_AFTER = {11: [0], 12: [0, 1], 39: [1]}

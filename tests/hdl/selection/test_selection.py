@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.selection import selection
 from hdl.selection.selection import CellSelection, RasterSelection
-from sim.benches.block_bench import BlockBench
 from sim.simulators.recording import Pauses
+from tests.hdl.block_bench import BlockBench
 
 PATTERN = PATTERNS["thesis-ilbp-1"]
 WIDTH_PX, HEIGHT_PX = 200, 150

@@ -17,7 +17,7 @@ from hdl.frame_admission import FrameAdmission
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.shell.camera import CameraCrossing, CameraGate
 from hdl.shell.live import LiveAccelerator
-from sim.benches.block_bench import CLOCK_S
+from tests.hdl.block_bench import CLOCK_S
 
 
 def causes(size_px: tuple[int, int], *, closing_lines: int, depth: int) -> list[int]:

@@ -7,8 +7,9 @@ from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.streams import beat, carry_scan
-from sim.benches.drivers import run_beats, run_streams
+from sim.benches.drivers import run_beats
 from sim.simulators.recording import Pauses
+from tests.hdl.drivers import run_streams
 
 PAYLOAD = data.StructLayout({"number": 8, "offset": 4})
 PAYLOADS = [{"number": n, "offset": n % 7} for n in range(60)]

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from playwright.sync_api import Page
+from playwright.sync_api import CDPSession, Page
 
 from skymosaic.panel.session import Session
 
+MAX_CONTROLS = 100
 Scenario = Callable[[], Awaitable[None]]
 
 
@@ -50,3 +51,33 @@ def repeat_archive(page: Page, folder: Path, name: str) -> Path:
     assert program == "skymosaic"
     subprocess.run([sys.executable, "-m", "skymosaic", *arguments], cwd=run, check=True, capture_output=True)
     return run
+
+
+def names_reached_by_tab(page: Page) -> list[str]:
+    """The accessible names of everything Tab reaches in one round; checks that all have one and none is left out."""
+    session = page.context.new_cdp_session(page)
+    page.evaluate("document.activeElement.blur()")
+    reached: list[tuple[str, str]] = []
+    while len(reached) < MAX_CONTROLS:
+        page.keyboard.press("Tab")
+        control = _focused_control(session)
+        if control in reached[:1]:
+            break
+        if control != ("", ""):  # between the last and the first, the focus is on the browser's own controls
+            reached.append(control)
+    assert [role for role, name in reached if not name] == []
+    shown = page.evaluate(
+        """() => [...document.querySelectorAll("button, a[href], input, [role=switch], [role=checkbox], svg[tabindex]")]
+            .filter(element => element.checkVisibility() && !element.disabled).length"""
+    )
+    assert shown <= len(reached) < MAX_CONTROLS
+    return [name for _, name in reached]
+
+
+def _focused_control(session: CDPSession) -> tuple[str, str]:
+    """Role and accessible name of the element with the focus; empty if the page has none."""
+    _page, *nodes = session.send("Accessibility.getFullAXTree")["nodes"]
+    for node in nodes:
+        if any(p["name"] == "focused" and p["value"]["value"] for p in node.get("properties", [])):
+            return node["role"]["value"], node["name"]["value"].strip()
+    return "", ""

@@ -15,6 +15,7 @@ from playwright.sync_api import Browser, Page, expect
 from hdl.build import Build
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
+from tests.skymosaic.panel.visitor import names_reached_by_tab
 from tools.panel.visit import (
     PHONE,
     WINDOW,
@@ -23,7 +24,6 @@ from tools.panel.visit import (
     load_built_in_pair,
     make_mosaic,
     mosaic_viewer,
-    names_reached_by_tab,
     open_advanced,
     open_page,
     open_tab,

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.skymosaic.panel.visitor import repeat_archive
-from tools.panel.visit import WINDOW, names_reached_by_tab, open_page
+from tests.skymosaic.panel.visitor import names_reached_by_tab, repeat_archive
+from tools.panel.visit import WINDOW, open_page
 
 FRAMES = 60
 

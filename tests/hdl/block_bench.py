@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,9 +11,8 @@ from amaranth.hdl import Value
 from amaranth.lib import wiring
 from amaranth.sim import Simulator
 
+from sim.benches.drivers import CLOCK_S, Garbage
 from sim.simulators.recording import NO_PAUSES, Pauses
-
-CLOCK_S = 1e-8
 
 Testbench = Callable[[Any], Coroutine[Any, Any, None]]
 
@@ -164,15 +162,3 @@ class BlockBench:
             cycles += 1
             assert at_most is None or cycles <= at_most, f"not 0 after {cycles} cycles"
         return cycles
-
-
-class Garbage:
-    """Seeded random bits for the payload of a port that is not valid."""
-
-    def __init__(self, seed: int):
-        self._random = random.Random(seed)
-
-    def put(self, ctx: Any, payload: Any) -> None:
-        """Set ``payload`` to random bits."""
-        bits = Value.cast(payload)
-        ctx.set(bits, self._random.getrandbits(len(bits)))

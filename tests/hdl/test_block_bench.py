@@ -8,9 +8,9 @@ from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.lib.skid_buffer import SkidBuffer
-from sim.benches.block_bench import BlockBench, CycleLimitError
-from sim.benches.drivers import run_clocks
 from sim.simulators.recording import NO_PAUSES, Pauses
+from tests.hdl.block_bench import BlockBench, CycleLimitError
+from tests.hdl.drivers import run_clocks
 
 
 class CountingStream(wiring.Component):
