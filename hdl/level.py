@@ -8,7 +8,7 @@ from golden_model.config import DETECTORS, FrontEndConfig
 from golden_model.formats import RESPONSE_CODE
 from hdl.feature.extractor import CandidateFeatures
 from hdl.feature.ring_window import RingWindow
-from hdl.lib.delay import delayed
+from hdl.lib.delay import delayed, wait_cycles
 from hdl.lib.views import view_signal
 from hdl.pixel.corners import Corners, Stage
 from hdl.pixel.smooth import Binomial
@@ -81,7 +81,8 @@ class Level(wiring.Component):
         self._smooth = Binomial(window_px=5 if pattern.smoothed else 1, **rate)
         self._rings = RingWindow(pattern=pattern, width_px=width_px, **rate)
         # Corners need lines below the pixel as well as above it, and so does the descriptor: the larger lag decides.
-        self.lag_px = max(self._corners.lag_px, pattern.support_px)
+        ring_lag_px = self._smooth.lag_px + self._rings.lag_px
+        self.lag_px = max(self._corners.lag_px, ring_lag_px)
         self._scan = LevelScan(lag_px=self.lag_px, border_px=config.border_px, cells=config.selection, **rate)
         # Half-size lines are two lines, and an odd last line belongs to none.
         self.closing_lines = (self._scan.closing_lines << level) + level
@@ -92,15 +93,19 @@ class Level(wiring.Component):
         )
         self._gray_for_corners = OffsetColumns(shape=8, rows=3, distance_px=self.lag_px - self._corners.lag_px, **rate)
         self._gray_for_rings = OffsetColumns(
-            shape=8, rows=self._smooth.window_px, distance_px=self.lag_px - pattern.support_px, **rate
+            shape=8, rows=self._smooth.window_px, distance_px=self.lag_px - ring_lag_px, **rate
         )
         offsets = (self._gray_for_corners, self._gray_for_rings)
         lines = max(offset.distance_px + offset.rows for offset in offsets) - 1
         self._lines = LineBuffer(shape=8, lines=lines, width_px=width_px, **rate)
         gray_cycles = self._lines.latency_cycles + OffsetColumns.latency_cycles
-        self._candidate_cycles = gray_cycles + self._corners.latency_cycles + 1
-        self._ring_cycles = gray_cycles + self._smooth.latency_cycles + self._rings.latency_cycles
-        self.latency_cycles = self._candidate_cycles + self._features.latency_cycles
+        candidate_cycles = gray_cycles + self._corners.latency_cycles + 1
+        ring_cycles = gray_cycles + self._smooth.latency_cycles + self._rings.latency_cycles
+        # `inside` meets the corner in front of the candidate's register, the other marks behind it; the ring pixels
+        # come one clock after their candidate.
+        self._scan_wait_cycles = wait_cycles("marks of the scan", self._scan.latency_cycles, until=candidate_cycles - 1)
+        self._ring_wait_cycles = wait_cycles("ring pixels", ring_cycles, until=candidate_cycles + 1)
+        self.latency_cycles = candidate_cycles + self._features.latency_cycles
         self._selection: CellSelection | RasterSelection
         if config.selection:
             self._selection = CellSelection(pattern=pattern, width_px=width_px, spacing_cycles=spacing_cycles)
@@ -168,11 +173,9 @@ class Level(wiring.Component):
             scan.i_height_px.eq(self.i_settings.height_px >> self.level),
             scan.i_cell_log2.eq(self.i_settings.cell_log2),
         ]
-        # The scan is short, the corner pipeline long: the marks wait. `inside` comes a clock earlier than the other
-        # marks because it still passes through the register of the candidate.
-        wait_cycles = self._candidate_cycles - scan.latency_cycles
-        inside = delayed(m, scan.o.inside, wait_cycles - 1)
-        ends = delayed(m, Cat(scan.o.ends_row, scan.o.ends_level), wait_cycles)
+        # The scan is short, the corner pipeline long: the marks wait.
+        inside = delayed(m, scan.o.inside, self._scan_wait_cycles)
+        ends = delayed(m, Cat(scan.o.ends_row, scan.o.ends_level), self._scan_wait_cycles + 1)
         corners = self._corners.o
         carry_scan(m, corners, self._candidate, 1)
         m.d.comb += Cat(self._candidate.ends_row, self._candidate.ends_level).eq(ends)
@@ -205,10 +208,9 @@ class Level(wiring.Component):
         """Delay the smoothed pixels so that the ring pixels come one clock after their candidate."""
         m.submodules.rings = rings = self._rings
         m.submodules.features = features = self._features
-        wait_cycles = self._candidate_cycles + 1 - self._ring_cycles
-        carry_scan(m, self._smooth.o, rings.i, wait_cycles)
+        carry_scan(m, self._smooth.o, rings.i, self._ring_wait_cycles)
         m.d.comb += [
-            rings.i.pixel.eq(delayed(m, self._smooth.o.pixel, wait_cycles)),
+            rings.i.pixel.eq(delayed(m, self._smooth.o.pixel, self._ring_wait_cycles)),
             features.i.eq(self._candidate),
         ]
         for i_ring, ring in zip(features.i_pixels, rings.o_pixels, strict=True):

@@ -7,7 +7,7 @@ from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.orientation import COSINES, HALF_SECTOR_TANGENTS, SECTORS, SINES, TANGENT_ONE
-from hdl.lib.delay import delayed, port_register
+from hdl.lib.delay import check_aligned, delayed, port_register
 from hdl.lib.weighted_sum import WeightedSum
 
 
@@ -48,6 +48,7 @@ class RingMoments(wiring.Component):
         radial_shape = self._radial[0].o_sum.shape()
         self._along_x = WeightedSum(weights=COSINES[:group_angles], shape=radial_shape)
         self._along_y = WeightedSum(weights=SINES[:group_angles], shape=radial_shape)
+        check_aligned("latency_cycles of the moments", x=self._along_x.latency_cycles, y=self._along_y.latency_cycles)
         self.latency_cycles = self._radial[0].latency_cycles + self._along_x.latency_cycles + 1
         # The largest moment has all pixels at 255 where the cosine is positive, and 0 elsewhere.
         bound = self._radial[0].high * sum(cosine for cosine in COSINES if cosine > 0)
@@ -114,6 +115,8 @@ class Sector(wiring.Component):
         self.spacing_cycles = spacing_cycles
         length = unsigned(moment.width - 1)
         self._borders = [WeightedSum(weights=(tangent, -TANGENT_ONE), shape=length) for tangent in HALF_SECTOR_TANGENTS]
+        first, second = (border.latency_cycles for border in self._borders)
+        check_aligned("latency_cycles of the sector's borders", first=first, second=second)
         self.latency_cycles = 3 + self._borders[0].latency_cycles + 1
         super().__init__({"i_valid": In(1), "i_mx": In(moment), "i_my": In(moment), "o_sector": Out(4)})
 

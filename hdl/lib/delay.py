@@ -22,7 +22,14 @@ def delayed(m: Module, value: Delayed, cycles: int, *, reset_less: bool = True) 
     The last register is named after the variable that the result is assigned to, or else after the delayed signal:
     ``x_after2`` is ``x`` two clocks later. Earlier stages of a long, narrow delay share registers, the newest in the
     lowest bits: compiled simulations then shift a machine word instead of copying every stage.
+
+    Raises
+    ------
+    ValueError
+        For a negative number of clocks: the path that this one waits for is shorter.
     """
+    if cycles < 0:
+        raise ValueError(f"cycles is {cycles}; the path to wait for is shorter than the one that waits")
     if cycles == 0:
         return value
     name = tracer.get_var_name(depth=2, default="") or later(value, cycles)
@@ -48,6 +55,32 @@ def delayed(m: Module, value: Delayed, cycles: int, *, reset_less: bool = True) 
         oldest = register[-bits:]
     m.d.sync += last.eq(oldest)
     return result
+
+
+def check_aligned(what: str, **paths: int) -> None:
+    """Compare the lags, or the latencies, of paths that meet.
+
+    Raises
+    ------
+    ValueError
+        If they differ; with the number of each path.
+    """
+    if len(set(paths.values())) > 1:
+        numbers = ", ".join(f"{name} has {number}" for name, number in paths.items())
+        raise ValueError(f"{what} must be equal where paths meet: {numbers}")
+
+
+def wait_cycles(path: str, cycles: int, *, until: int) -> int:
+    """Clocks for which a path of ``cycles`` waits to meet a path of ``until`` clocks.
+
+    Raises
+    ------
+    ValueError
+        If it is the longer one.
+    """
+    if cycles > until:
+        raise ValueError(f"{path} take {cycles} clocks, but the path that they meet only {until}")
+    return until - cycles
 
 
 def port_register(m: Module, port: Delayed) -> Delayed:

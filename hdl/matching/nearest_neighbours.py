@@ -12,7 +12,7 @@ from amaranth.lib.wiring import In, Out
 from amaranth.utils import exact_log2
 
 from hdl.build import check_lanes
-from hdl.lib.delay import delayed, port_register
+from hdl.lib.delay import delayed, port_register, wait_cycles
 from hdl.lib.views import view_signal
 from hdl.matching.feature_banks import READ_CYCLES
 from hdl.matching.hamming import Distances, Lane, Nearest, SearchPosition
@@ -77,6 +77,9 @@ class NearestNeighbours(wiring.Component):
         self._position = SearchPosition(lanes=lanes, max_features=max_features)
         self.shortest_pass_cycles = lanes + RESULT_CYCLES + 1
         self.drain_cycles = READ_CYCLES + self._distances.latency_cycles + lanes + 2
+        # The column must reach the first lane with the distance, which is later than the descriptor.
+        distance_cycles = READ_CYCLES + self._distances.latency_cycles
+        self._column_wait_cycles = wait_cycles("columns", RESULT_CYCLES, until=distance_cycles)
         index, count = range(max_features), range(max_features + 1)
         super().__init__(
             {
@@ -186,10 +189,8 @@ class NearestNeighbours(wiring.Component):
         """Read each column from the memory for the first lane, and write it back from the last lane."""
         columns: Memory = Memory(shape=self._nearest, depth=self.max_features, init=[])
         m.submodules.columns = columns
-        # The column must reach the first lane with the distance, which is later than the descriptor.
-        cycles = READ_CYCLES + self._distances.latency_cycles - RESULT_CYCLES
-        valid = delayed(m, valid, cycles, reset_less=False)
-        position = delayed(m, position, cycles)
+        valid = delayed(m, valid, self._column_wait_cycles, reset_less=False)
+        position = delayed(m, position, self._column_wait_cycles)
         read = columns.read_port()
         m.d.comb += [
             read.addr.eq(Mux(self.o_busy, position.right, self.i_column_index)),

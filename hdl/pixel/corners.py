@@ -13,7 +13,7 @@ from hdl.pixel.fast import Fast
 from hdl.pixel.gradients import GradientColumns
 from hdl.pixel.harris import RawResponse, ResponseCode, StructureTensor
 from hdl.pixel.nms import NEIGHBOURHOOD, Suppression
-from hdl.streams import add_submodules, beat, carry_scan, each_pixel, pixel_beats
+from hdl.streams import add_submodules, beat, carry_scan, each_pixel, pixel_beats, pixelwise
 
 
 class Stage(NamedTuple):
@@ -64,12 +64,16 @@ class Corners(wiring.Component):
         self._tensor = StructureTensor(window_px=config.tensor_window_px, **rate)
         self._raw_responses = [RawResponse(k_numerator=k[0], k_shift=k[1]) for _ in range(pixels_per_clock)]
         self._response_codes = [ResponseCode() for _ in range(pixels_per_clock)]
-        self._fast = Fast(**rate)
         self._suppression = Suppression(radius_px=config.suppression_radius_px, width_px=width_px, **rate)
+        # Both detectors describe the same pixel: FAST's window lies as far up and left as Harris's needs it.
+        self.response_lag_px = self._columns.gradient_lag_px + self._tensor.lag_px
+        self._fast = Fast(lag_px=self.response_lag_px - self._columns.pixel_lag_px, **rate)
+        needed, stored = self._fast.lines, self._columns.pixel_lines
+        if needed > stored:
+            raise ValueError(f"FAST needs {needed} lines of pixels, but {stored} are stored")
         harris = (self._tensor, self._raw_responses[0], self._response_codes[0])
         self._harris_cycles = sum(block.latency_cycles for block in harris)
         self._response_cycles = max(self._harris_cycles, self._fast.latency_cycles)
-        self.response_lag_px = self._columns.gradient_lag_px + self._tensor.lag_px
         self.lag_px = self.response_lag_px + self._suppression.lag_px
         self.latency_cycles = self._columns.latency_cycles + self._response_cycles + self._suppression.latency_cycles
         super().__init__(
@@ -126,11 +130,12 @@ class Corners(wiring.Component):
                 response_code.i_threshold_code.eq(self.i_threshold_code),
             ]
         m.d.comb += [
-            fast.i.column.eq(columns.o.pixels),
             fast.i_threshold_code.eq(self.i_threshold_code),
             suppression.i_fast.eq(self.i_fast),
             self.o.eq(suppression.o),
         ]
+        for i_column, column in pixelwise(self.pixels_per_clock, fast.i.column, columns.o.pixels):
+            m.d.comb += [pixel.eq(column[n]) for n, pixel in enumerate(i_column)]
         harris_wait, fast_wait = (self._response_cycles - each for each in (self._harris_cycles, fast.latency_cycles))
         chosen_codes = []
         for block, score in zip(self._response_codes, each_pixel(fast.o.code, self.pixels_per_clock), strict=True):

@@ -8,7 +8,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import PIXEL, RESPONSE_CODE
 from golden_model.pixel.fast import CIRCLE, MARGIN_PX
-from hdl.lib.delay import Pipe, delayed
+from hdl.lib.delay import Pipe, check_aligned, delayed
 from hdl.pixel.window import Window
 from hdl.streams import beat, carry_scan, each_pixel
 
@@ -31,26 +31,39 @@ class Fast(wiring.Component):
 
     Parameters
     ----------
+    lag_px : int
+        At least 3. With more, the window lies further up and left, so that results meet those of a larger window.
     pixels_per_clock : {1, 2}
+
+    Raises
+    ------
+    ValueError
+        For a smaller lag.
     """
 
     i: data.View
-    """Beats of ``column``: 7 gray pixels, the newest line first."""
+    """Beats of ``column``: ``lines`` gray pixels, the newest line first."""
     i_threshold_code: Signal
     """Smallest score that survives, in gray levels. Stable during a frame."""
     o: data.View
     """Beats of ``code``, `golden_model.pixel.fast.response_code`."""
 
-    lag_px = MARGIN_PX
+    lines: int
+    """Gray pixels of a column, ``lag_px + 4``."""
+    lag_px: int
     """From the scan position to the pixel that the output describes."""
     # Clocks: window; brighter pixels; their arcs; complement; two for each bit; difference; threshold.
     latency_cycles = Window.latency_cycles + 3 + 2 * PIXEL.bits + 2
     """From a beat to its result."""
 
-    def __init__(self, *, pixels_per_clock: int = 1) -> None:
+    def __init__(self, *, lag_px: int = MARGIN_PX, pixels_per_clock: int = 1) -> None:
+        if lag_px < MARGIN_PX:
+            raise ValueError(f"lag_px is {lag_px}; the segment test needs {MARGIN_PX}")
+        self.lag_px = lag_px
         self.pixels_per_clock = pixels_per_clock
-        column = data.ArrayLayout(PIXEL.bits, WINDOW_PX)
-        self._window = Window(shape=column, columns=WINDOW_PX, pixels_per_clock=pixels_per_clock)
+        self.lines = lag_px + MARGIN_PX + 1
+        column = data.ArrayLayout(PIXEL.bits, self.lines)
+        self._window = Window(shape=column, columns=self.lines, pixels_per_clock=pixels_per_clock)
         super().__init__(
             {
                 "i": In(beat(pixels_per_clock, column=column)),
@@ -71,9 +84,11 @@ class Fast(wiring.Component):
         return m
 
     def _code(self, m: Module, pipe: Pipe, columns: list[Any]) -> Value:
-        """Compute the response code of the pixel in the middle of a window."""
-        centre, *circle = (columns[MARGIN_PX - x][MARGIN_PX - y] for x, y in ((0, 0), *_EVENS_THEN_ODDS))
+        """Compute the response code of the pixel ``lag_px`` left of and above the newest one."""
+        centre, *circle = (columns[self.lag_px - x][self.lag_px - y] for x, y in ((0, 0), *_EVENS_THEN_ODDS))
         decisive, darker, cycles = self._decisive(m, pipe, circle, centre)
+        codes_cycles = self._window.latency_cycles + cycles + 2
+        check_aligned("latency_cycles of FAST", scan=self.latency_cycles, codes=codes_cycles)
         reference = delayed(m, pipe.registered(centre, 0), cycles - 1) ^ darker.replicate(PIXEL.bits)
         # decisive - reference - 1; the carry out is 1 where the result is not negative.
         difference = decisive + ~reference

@@ -7,13 +7,15 @@ from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import PIXEL
-from hdl.lib.delay import Pipe, delayed
-from hdl.pixel.fast import WINDOW_PX
+from hdl.lib.delay import Pipe, check_aligned, delayed
 from hdl.pixel.harris import GRADIENTS, TENSOR_LINES
 from hdl.pixel.smooth import Binomial
 from hdl.pixel.sobel import Sobel
 from hdl.pixel.window import LineBuffer
 from hdl.streams import beat, carry_scan, pixel_beats
+
+PASSED_LAG_PX = 1
+"""What the smoother passes for FAST is one line and one column behind the newest pixel."""
 
 
 class GradientColumns(wiring.Component):
@@ -21,7 +23,7 @@ class GradientColumns(wiring.Component):
 
     Sharing saves FAST's own line memories. While FAST is chosen, the smoother passes its middle pixel unchanged, and
     each entry of the gradient lines stores two pixels instead of a gradient: a pixel and the one two lines above it.
-    Five such pairs cover the seven lines that FAST needs.
+    The pairs cover two lines more than the gradients, which are enough for FAST.
 
     Parameters
     ----------
@@ -37,11 +39,12 @@ class GradientColumns(wiring.Component):
     i_fast: Signal
     """FAST is chosen. Stable during a frame."""
     o: data.View
-    """Beats of ``gradients`` (`hdl.pixel.harris.GRADIENTS` of 5 lines) and ``pixels`` (of 7 lines), the newest line
-    first. Only those of the chosen detector are meaningful."""
+    """Beats of ``gradients`` (`hdl.pixel.harris.GRADIENTS` of `TENSOR_LINES`) and ``pixels`` (of ``pixel_lines``), the
+    newest line first. Only those of the chosen detector are meaningful."""
 
     smooth: Binomial | None
     sobel: Sobel
+    pixel_lines = TENSOR_LINES + 2
     gradient_lag_px: int
     """Lag of the newest line."""
     pixel_lag_px: int
@@ -59,6 +62,7 @@ class GradientColumns(wiring.Component):
         self._lines = LineBuffer(shape=GRADIENTS, lines=TENSOR_LINES - 1, width_px=width_px, **rate)
         self.latency_cycles = self.sobel.latency_cycles + self._lines.latency_cycles
         if self.smooth:
+            check_aligned("lag_px of the gray", smoothed=self.smooth.lag_px, passed=PASSED_LAG_PX)
             self._smoothed_lines = LineBuffer(shape=PIXEL.bits, lines=2, width_px=width_px, **rate)
             self.latency_cycles += self.smooth.latency_cycles + self._smoothed_lines.latency_cycles
         super().__init__(
@@ -69,7 +73,7 @@ class GradientColumns(wiring.Component):
                     beat(
                         pixels_per_clock,
                         gradients=data.ArrayLayout(GRADIENTS, TENSOR_LINES),
-                        pixels=data.ArrayLayout(PIXEL.bits, WINDOW_PX),
+                        pixels=data.ArrayLayout(PIXEL.bits, self.pixel_lines),
                     )
                 ),
             }
@@ -93,7 +97,7 @@ class GradientColumns(wiring.Component):
         for kept, out in self._pixelwise(lines.o, self.o):
             pairs = [Value.cast(pixel) for pixel in kept.column]
             # The pair of an entry is two lines apart: the last two entries also hold the two oldest lines.
-            oldest = [pair >> PIXEL.bits for pair in pairs[TENSOR_LINES - 2 :]]
+            oldest = [pair >> PIXEL.bits for pair in pairs[-2:]]
             m.d.comb += out.gradients.eq(kept.column)
             m.d.comb += [pixel.eq(source) for pixel, source in zip(out.pixels, [*pairs, *oldest], strict=True)]
         return m

@@ -27,7 +27,7 @@ class Half(wiring.Component):
     o: data.View
     """Beats of one ``pixel`` at half size, with the half-size scan position."""
 
-    latency_cycles = 3
+    latency_cycles = LineMemory.latency_cycles + 1
     """From the block's last pixel to its mean."""
 
     def __init__(self, *, width_px: int, pixels_per_clock: int = 1) -> None:
@@ -61,7 +61,7 @@ class Half(wiring.Component):
             pairs_above.i_write.eq(paired & ~row[0]),
         ]
 
-        below = delayed(m, pair, 1)
+        below = delayed(m, pair, pairs_above.latency_cycles - 1)
         pixel = Signal(8, reset_less=True)
         m.d.sync += pixel.eq((pairs_above.o_word + below + 2) >> 2)
         m.d.comb += [

@@ -23,7 +23,7 @@ from hdl.streams import beat, carry_scan, pixelwise
 
 GRADIENTS = data.StructLayout({"x": signed(GRADIENT.bits), "y": signed(GRADIENT.bits)})
 TENSOR_LINES = 5
-"""Lines of the largest window; a smaller window lies in the middle of it."""
+"""Lines of the largest window, at least 5; a smaller window lies in the middle of it."""
 TENSOR = {"a": TENSOR_DIAGONAL.bits, "b": TENSOR_DIAGONAL.bits, "c": signed(TENSOR_MIXED.bits)}
 """The structure tensor: sums of Ix**2, Iy**2 and Ix Iy."""
 
@@ -113,7 +113,7 @@ class RawResponse(wiring.Component):
     o: Out(beat(raw=signed(RAW_RESPONSE.bits)))
     """`golden_model.formats.RAW_RESPONSE`."""
 
-    latency_cycles = 5
+    latency_cycles = 1 + Multiplier.latency_cycles + 1
     """From a beat to its result."""
 
     def __init__(self, *, k_numerator: int, k_shift: int) -> None:

@@ -10,7 +10,7 @@ from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import PIXEL, RESPONSE_CODE
-from hdl.lib.delay import Pipe, delayed
+from hdl.lib.delay import Pipe, check_aligned, delayed
 from hdl.pixel.window import LineBuffer
 from hdl.streams import beat, carry_scan, each_pixel, pixel_beats
 
@@ -94,6 +94,9 @@ class Suppression(wiring.Component):
             besides.append(beside)
         before, _ = pipe.largest([above[0], pipe.earlier(besides, cycles, radius + 1)[-1]], cycles)
         after, cycles = pipe.largest([below[0], besides], cycles)
+        # The comparison and the choice follow.
+        codes_cycles = lines.latency_cycles + cycles + 2
+        check_aligned("latency_cycles of the suppression", scan=self.latency_cycles, codes=codes_cycles)
 
         lines_around = []
         for offset in (1, 0, -1):

@@ -56,6 +56,6 @@ class Sobel(wiring.Component):
             self.o.gradient_x.eq(self._along_x.o.sum),
             self.o.gradient_y.eq(self._along_y.o.sum),
         ]
-        # Both sums have the same latency: either could give the scan position.
+        # The same two sums in either order take the same time: either could give the scan position.
         carry_scan(m, self._along_x.o, self.o, 0)
         return m

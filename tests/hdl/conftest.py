@@ -1,4 +1,5 @@
-from collections.abc import Callable, Mapping, Sequence
+import gc
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,14 @@ def collisions(monkeypatch: pytest.MonkeyPatch) -> None:
 
     for module in (block_bench, drivers):
         monkeypatch.setattr(module, "Simulator", simulator)
+
+
+@pytest.fixture
+def unused_blocks(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Amaranth does not complain about blocks that were made before a larger one was refused."""
+    monkeypatch.setattr(Elaboratable, "_MustUse__silence", True)
+    yield
+    gc.collect()
 
 
 @pytest.fixture(params=[0, 100], ids=["back_to_back", "gaps"])

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from amaranth.hdl import Fragment
 from numpy.typing import NDArray
 
 from golden_model.pixel import fast
@@ -26,9 +27,13 @@ def arcs() -> NDArray[np.uint8]:
     return np.block([tiles[n : n + 6] for n in range(0, len(tiles), 6)])
 
 
-@pytest.mark.parametrize(("threshold", "pixels_per_clock"), [(1, 1), (38, 1), (20, 2)])
+@pytest.mark.parametrize(("threshold", "pixels_per_clock", "lag_px"), [(1, 1, 3), (38, 1, 5), (20, 2, 4)])
 def test_scores_equal_the_golden_model(
-    gray_frames: list[NDArray[np.uint8]], check_block: Callable[..., None], threshold: int, pixels_per_clock: int
+    gray_frames: list[NDArray[np.uint8]],
+    check_block: Callable[..., None],
+    threshold: int,
+    pixels_per_clock: int,
+    lag_px: int,
 ) -> None:
     noise, _, checkerboard, *_ = gray_frames
     frames = [noise, checkerboard, arcs()]
@@ -37,10 +42,23 @@ def test_scores_equal_the_golden_model(
     assert np.count_nonzero(scores) > 90
     assert scores.max() > 250
     assert scores[scores > 0].min() == threshold
+    dut = Fast(lag_px=lag_px, pixels_per_clock=pixels_per_clock)
     check_block(
-        Fast(pixels_per_clock=pixels_per_clock),
-        [{"column": columns(frame, WINDOW_PX)} for frame in frames],
+        dut,
+        [{"column": columns(frame, dut.lines)} for frame in frames],
         {"code": expected},
-        margin_px=fast.MARGIN_PX,
+        margin_px=lag_px,
         settings={"i_threshold_code": threshold},
     )
+
+
+def test_a_lag_that_the_window_cannot_have_is_refused() -> None:
+    with pytest.raises(ValueError, match="lag_px is 2; the segment test needs 3"):
+        Fast(lag_px=2)
+
+
+@pytest.mark.usefixtures("unused_blocks")
+def test_codes_that_do_not_come_with_their_scan_position_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Fast, "latency_cycles", Fast.latency_cycles + 1)
+    with pytest.raises(ValueError, match=r"latency_cycles of FAST .* scan has 23, codes has 22"):
+        Fragment.get(Fast(), None)
