@@ -15,6 +15,7 @@ import rasterio.errors
 import rasterio.warp
 from numpy.typing import NDArray
 from rasterio._err import CPLE_BaseError
+from scipy.special import stdtrit
 
 from golden_model.arrays import Array, Matrix, Points
 from skymosaic.common.errors import InputError
@@ -55,8 +56,9 @@ class Georeference:
         Distance of each position from its place on the map, NaN without a position.
     disagreeing : tuple of int
         Indices of positions too far off, which the fit leaves out.
-    scale_sigma : float
-        Standard deviation of the scale, as a share of it, if the errors of the positions are independent; NaN for two.
+    scale_error : float
+        The scale is true within this share of it in 95 % of cases, if the errors of the positions that agree are
+        independent; NaN for two.
     """
 
     crs: str
@@ -64,7 +66,7 @@ class Georeference:
     residual_m: float
     offsets_m: tuple[float, ...] = ()
     disagreeing: tuple[int, ...] = ()
-    scale_sigma: float = math.nan
+    scale_error: float = math.nan
 
     @property
     def residual_of_all_m(self) -> float:
@@ -178,7 +180,8 @@ def fit_to_map(
     # Of the 2 n coordinates, four go into the similarity; the spread, times the root of n, is what fixes the scale.
     free = 2 * int(agreeing.sum()) - 4
     sigma = residual / spread / math.sqrt(free) if free else math.nan
-    return Georeference(crs, to_map, residual, tuple(all_offsets.tolist()), disagreeing, sigma), ""
+    scale_error = float(stdtrit(free, 0.975)) * sigma if free else math.nan
+    return Georeference(crs, to_map, residual, tuple(all_offsets.tolist()), disagreeing, scale_error), ""
 
 
 def _pairs(count: int) -> Array:
@@ -198,27 +201,25 @@ def _spread(points: Points) -> float:
 def _fit_agreeing(points: Points, targets: Points) -> tuple[NDArray[np.bool_], Array]:
     """Fit the similarity of the positions that agree; returns which do, and the similarity.
 
-    All agree if none stands out. Otherwise the fit starts from the two positions with the smallest median offset.
+    It starts from the two positions with the smallest median offset (least median of squares, Rousseeuw 1984). A fit to
+    all of them is no start even where none stands out: a strip that is off by one vector bends it until all look alike.
 
     Raises
     ------
     DegenerateError
         If no two positions determine a similarity.
     """
-    count = len(points)
-    best, least = estimate(points, targets, model="similarity"), np.inf
-    agreeing = np.ones(count, dtype=np.bool_)
-    offsets = transfer_error(best, points, targets)
-    if offsets.max() <= FAR_OFF * np.median(offsets):
-        return agreeing, best
-    for pair in _pairs(count):
-        try:
-            similarity = estimate(points[pair], targets[pair], model="similarity")
-        except DegenerateError:
-            continue
-        median = float(np.median(transfer_error(similarity, points, targets)))
-        if median < least:
-            best, least = similarity, median
+    # On complex numbers, w = a + b z is a similarity.
+    z, w = points @ [1, 1j], targets @ [1, 1j]
+    pairs = _pairs(len(points))
+    first, second = pairs[(z[pairs[:, 0]] != z[pairs[:, 1]]) & (w[pairs[:, 0]] != w[pairs[:, 1]])].T
+    if len(first) == 0:
+        raise DegenerateError("no two positions differ")
+    slope = (w[second] - w[first]) / (z[second] - z[first])
+    offsets = np.abs(w[first, None] + slope[:, None] * (z - z[first, None]) - w)
+    start = int(np.argmin(np.median(offsets, axis=1)))
+    chosen = [first[start], second[start]]
+    best = estimate(points[chosen], targets[chosen], model="similarity")
     for _ in range(REFITS):
         offsets = transfer_error(best, points, targets)
         agreeing = offsets <= max(FAR_OFF * float(np.median(offsets)), NEGLIGIBLE * _spread(targets))

@@ -142,8 +142,8 @@ def describe_map(delivery: Delivery) -> str:
     if place.checked_m:
         rms_m = float(np.sqrt(np.mean(np.square(list(place.checked_m.values())))))
         parts.append(f"{len(place.checked_m)} check points off by {rms_m:.2f} m (root mean square)")
-    if np.isfinite(on_map.scale_sigma):
-        parts.append(f"scale ± {on_map.scale_sigma:.2%}")
+    if np.isfinite(on_map.scale_error):
+        parts.append(f"scale ± {on_map.scale_error:.2%}")
     if delivery.layout.median_error_px:
         parts.append(f"layout off by {_ground_error_m(delivery):.2g} m in the median")
     if place.height_m is not None and place.recorded_height_m is not None:
@@ -201,7 +201,7 @@ def _map_numbers(delivery: Delivery) -> dict[str, Any]:
         "fitted_to": place.by,
         "residual_m": round(on_map.residual_m, 3),
         "residual_of_all_m": round(on_map.residual_of_all_m, 3),
-        "scale_sigma": None if np.isnan(on_map.scale_sigma) else round(on_map.scale_sigma, 6),
+        "scale_error_95": None if np.isnan(on_map.scale_error) else round(on_map.scale_error, 6),
         "offsets_m": offsets,
         "check_points_m": {name: round(m, 3) for name, m in place.checked_m.items()},
         "left_out": [name for name, _ in _disagreeing(delivery)],

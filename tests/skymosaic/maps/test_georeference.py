@@ -61,6 +61,31 @@ def test_positions_that_are_far_off_are_named_and_do_not_count() -> None:
 NAN = (np.nan, np.nan)
 
 
+@pytest.mark.parametrize("kind", ["strip", "anywhere", "hemisphere", "drift"])
+@pytest.mark.parametrize("share", [0.1, 0.2, 0.3])
+def test_positions_that_are_off_by_one_vector_are_named(kind: str, share: float) -> None:
+    """They bend a fit to all until none stands out. The scale is right within what is said of it."""
+    within = dropped = 0
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        places = 200.0 * np.stack(np.divmod(np.arange(30), 6), axis=1) + rng.normal(0, 5, (30, 2))
+        noise_m = rng.normal(0, 0.1, (30, 2)) @ [1, 1j]
+        complex_m = (places[:, 0] - 1j * places[:, 1]) * 0.042 * np.exp(2j * np.pi * rng.uniform()) + noise_m
+        metres = np.column_stack([complex_m.real + 430_000, complex_m.imag + 5_190_000])
+        wrong = np.arange(round(30 * share)) if kind in ("strip", "drift") else rng.permutation(30)[: round(30 * share)]
+        offset = np.array([-1.4e6, 0] if kind == "hemisphere" else [4.2, 4.2])
+        metres[wrong] += np.outer(np.linspace(1.5, 0.7, len(wrong)), offset) if kind == "drift" else offset
+        place, reason = fit_to_map(places, metres, "EPSG:32615")
+        assert place is not None, reason
+        assert set(place.disagreeing) >= set(wrong.tolist())
+        dropped += len(place.disagreeing) - len(wrong)
+        error = abs(place.metres_per_pixel / 0.042 - 1)
+        assert error < 0.005
+        within += error < place.scale_error
+    assert dropped <= 0.03 * 4 * (30 - len(wrong)) + 1
+    assert within >= 3
+
+
 @pytest.mark.parametrize(
     ("metres", "message"),
     [
