@@ -1,6 +1,7 @@
 """Keeps libraries' messages off the terminal, and removes temporary files when a signal ends the program."""
 
 import contextlib
+import io
 import logging
 import os
 import signal
@@ -61,10 +62,13 @@ def ended_by_signals() -> Iterator[None]:
 
 
 def open_outputs() -> None:
-    """Give a process that was started without standard output or error, as services are, one that discards."""
+    """Escape what an output's encoding lacks; without an output, as in services, what is printed is discarded."""
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:
+        stream = getattr(sys, name)
+        if stream is None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8"))
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def abandon_output() -> None:

@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 from PIL import Image as PillowImage
 
+from golden_model.fuzzy.rules import read_shipped
 from sim.scene import make_pair
+from skymosaic.cli import main
 from tests.system.command_line import closed_pipe, only_error, skymosaic
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
@@ -82,6 +84,39 @@ def test_a_closed_standard_error_costs_no_mosaic(tmp_path: Path) -> None:
     assert done.returncode == 0
     assert "mosaic m.png" in done.stdout
     assert cv2.imread(str(tmp_path / "m.png")) is not None
+
+
+class Stream(io.TextIOWrapper):
+    """An output that a test reads, perhaps a terminal."""
+
+    is_terminal = False
+
+    def isatty(self) -> bool:
+        return self.is_terminal
+
+
+@pytest.mark.parametrize("is_terminal", [False, True])
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252", "koi8-r"])
+def test_every_character_is_printed_in_any_encoding(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, encoding: str, is_terminal: bool
+) -> None:
+    monkeypatch.setattr(Stream, "is_terminal", is_terminal)
+    monkeypatch.chdir(tmp_path)
+    Path("±日.fll").write_text(read_shipped("aerial").replace("sure", "sûre"), encoding="utf-8")
+    for words, status, where in (
+        (["fuzzy", "±日.fll", "--entries", "9"], 0, "stdout"),
+        (["check", "±日"], 2, "stderr"),
+        (["--日"], 2, "stderr"),
+    ):
+        streams = {name: Stream(io.BytesIO(), encoding, "strict") for name in ("stdout", "stderr")}
+        for name, stream in streams.items():
+            monkeypatch.setattr(sys, name, stream)
+        monkeypatch.setattr(sys, "argv", ["skymosaic", *words])
+        with pytest.raises(SystemExit) as end:
+            main()
+        assert (end.value.code or 0) == status
+        streams[where].seek(0)
+        assert "\\u65e5" in streams[where].read()
 
 
 @pytest.fixture
