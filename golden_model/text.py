@@ -16,15 +16,20 @@ def one_line(text: str) -> str:
     Names of files may contain newlines and terminal sequences, which would forge or hide parts of a message.
     """
     # The middle goes: the beginning says what is wrong, and the names of two files differ at the end.
-    shown = text if len(text) <= MAX_LENGTH else f"{text[: MAX_LENGTH // 2]} ... {text[-MAX_LENGTH // 2 :]}"
-    return "".join(
-        char.encode("unicode_escape").decode() if unicodedata.category(char) in _UNSAFE else char for char in shown
-    )
+    return _escape(text if len(text) <= MAX_LENGTH else f"{text[: MAX_LENGTH // 2]} ... {text[-MAX_LENGTH // 2 :]}")
 
 
 def encodable(text: str) -> str:
-    """``text`` of several lines, each made safe as `one_line` does: names of files need not be text in UTF-8."""
-    return "\n".join(map(one_line, text.split("\n")))
+    """``text`` of several lines of any length, each made safe: names of files need not be text in UTF-8."""
+    return "\n".join(map(_escape, text.split("\n")))
+
+
+def _escape(line: str) -> str:
+    if line.isprintable():  # quick, as for the pictures within a page
+        return line
+    return "".join(
+        char.encode("unicode_escape").decode() if unicodedata.category(char) in _UNSAFE else char for char in line
+    )
 
 
 def how_to_install(extra: str) -> str:

@@ -168,15 +168,16 @@ def compose_page(m: Measurements, source: str, pictures: Iterable[tuple[str, Pix
     pair : str
         The name of that pair.
     """
+    groups = ", ".join(f"{group} ({_count_pairs(m, group)})" for group in m.groups)
     return render(
         "thesis.html",
-        pairs=len(m.pairs),
-        source=source,
-        groups=", ".join(f"{group} ({_count_pairs(m, group)})" for group in m.groups),
-        working_width_px=WORKING_WIDTH_PX,
+        title="The thesis's experiments, repeated",
+        rows=[("pairs", f"{len(m.pairs)}: {source}"), ("groups", groups), ("images", f"{WORKING_WIDTH_PX} px at most")],
         trends=tables.check_trends(m),
         sections=[_fill_section(section, m) for section in SECTIONS],
-        systems=[_embed(draw_system(PLOTTED_SYSTEMS[name]), "png") for name in SYSTEMS],
+        systems=[
+            (system.title, _embed(draw_system(system), "png")) for system in (PLOTTED_SYSTEMS[name] for name in SYSTEMS)
+        ],
         pair=pair,
         pictures=[(caption, _embed(_encode_jpeg(picture), "jpeg")) for caption, picture in pictures],
     )

@@ -136,7 +136,7 @@ def tabulate_fuzzy_ransac(m: Measurements) -> Sheet:
     columns = ("features 1", "features 2", "matched", "bidirectional", "RANSAC", "inliers")
     rows = [(f"thesis, {name}", *map(str, figures)) for name, figures in published.FUZZY_RANSAC.items()]
     rows += [(f"here, {name}", *(_format_decimal(m.mean("IV-4", name, c)) for c in columns)) for name in DESCRIPTORS]
-    return Sheet(("", "features 1", "features 2", "matched", "bidirectional", "RANSAC ≤ τ", "inliers"), rows)
+    return Sheet(("method", "features 1", "features 2", "matched", "bidirectional", "RANSAC ≤ τ", "inliers"), rows)
 
 
 def tabulate_errors(m: Measurements) -> Sheet:
@@ -154,7 +154,7 @@ def tabulate_errors(m: Measurements) -> Sheet:
         )
         for name in (*DESCRIPTORS, OURS)
     ]
-    return Sheet(("", "pairs registered", "RMSE of inliers, px", "median distance from the truth, px"), rows)
+    return Sheet(("method", "pairs registered", "RMSE of inliers, px", "median distance from the truth, px"), rows)
 
 
 def tabulate_recall(m: Measurements) -> Sheet:
@@ -172,7 +172,7 @@ def tabulate_recall(m: Measurements) -> Sheet:
         )
         for name, stage in STAGES.items()
     ]
-    return Sheet(("", "as published: inliers / matched", "recall", "1 - precision"), rows)
+    return Sheet(("method", "as published: inliers / matched", "recall", "1 - precision"), rows)
 
 
 def tabulate_seconds(m: Measurements) -> Sheet:
@@ -186,7 +186,7 @@ def tabulate_seconds(m: Measurements) -> Sheet:
         )
         for name in m.settings("IV-7")
     ]
-    return Sheet(("", "seconds for a mosaic", "pairs registered"), rows)
+    return Sheet(("method", "seconds for a mosaic", "pairs registered"), rows)
 
 
 def tabulate_stages(m: Measurements) -> Sheet:
