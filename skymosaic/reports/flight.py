@@ -316,7 +316,7 @@ def _graph_drawing(delivery: Delivery) -> dict[str, Any]:
     for link in (*layout.links, *layout.contradicting):
         (x1, y1), (x2, y2) = centres[link.left], centres[link.right]
         strength = min(1.0, link.ties / _STRONG_TIES)
-        colour = "#c33" if link in layout.contradicting else f"hsl({120 * strength:.0f} 60% 40%)"
+        colour = "#c33" if link in layout.contradicting else f"hsl(120 {60 * strength:.0f}% 40%)"
         title = f"{shown[link.left]} and {shown[link.right]}: {link.inliers} inliers"
         ends = {"x1": x1, "y1": y1, "x2": x2, "y2": y2}
         lines.append({**ends, "colour": colour, "width": f"{1 + 4 * strength:.1f}", "title": title})
