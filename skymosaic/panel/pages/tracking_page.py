@@ -114,4 +114,6 @@ def _show_corners(result: TrackingResult) -> None:
         positions = [f"{x:.1f}, {y:.1f}" for x, y in corners] or ["lost"] * len(CORNERS)
         rows.append({"frame": each.frame, "matches": each.inliers, **dict(zip(CORNERS, positions, strict=True))})
     table = ui.table(columns=columns, rows=rows, row_key="frame", pagination=8)
-    table.props('dense flat :rows-per-page-options="[8]" aria-label="Corners of the object"').classes("corner-table")
+    table.props('dense flat wrap-cells :rows-per-page-options="[8]" aria-label="Corners of the object"').classes(
+        "corner-table"
+    )
