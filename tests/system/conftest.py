@@ -8,7 +8,7 @@ import pytest
 from sim.scene import Flight
 from tests.skymosaic.conftest import IMAGES, SIZE, default_cache, flight
 from tests.skymosaic.flight.bands.conftest import band_folder
-from tests.skymosaic.panel.conftest import browser, kept, owner_address, panel, root
+from tests.skymosaic.panel.conftest import browser, kept, owner_address, panel, root, silent_board
 from tests.skymosaic.tracking.conftest import film, film_frames, roi
 
 __all__ = [
@@ -25,6 +25,7 @@ __all__ = [
     "panel",
     "roi",
     "root",
+    "silent_board",
 ]
 
 

@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Page
 from skymosaic.maps.georeference import Georeference
 from skymosaic.maps.geotiff import tee_to_raster
 from skymosaic.maps.tiles import write_tiles
-from tests.system.test_panel_accessibility import barriers
+from tests.system.looking import barriers
 
 WIDTH, HEIGHT = 900, 700
 PLACE = Georeference("EPSG:32615", np.array([[0.1, 0, 430_000], [0, -0.1, 5_190_000], [0, 0, 1]]), 0.5)

@@ -1,9 +1,11 @@
 """The notebook of the export, executed as it is by a Jupyter kernel on the simulated accelerator, and its page."""
 
+import base64
 import dataclasses
 import re
 from typing import Any
 
+import cv2
 import nbformat
 import numpy as np
 import pytest
@@ -33,7 +35,9 @@ def test_the_notebook_runs_and_gives_what_the_golden_model_gives(version: str) -
     assert f"right: {len(right.features)} features" in printed
     kept = np.count_nonzero(right.matches["verdict"])
     assert f"{len(right.matches)} mutual matches, {kept} kept" in printed
-    assert sum("image/png" in output.get("data", {}) for output in outputs) == 3
+    drawn = [base64.b64decode(output.data["image/png"]) for output in outputs if "image/png" in output.get("data", {})]
+    assert len(drawn) == 3
+    assert all(np.ptp(cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)) > 100 for png in drawn)
 
 
 def test_the_page_in_docs_has_every_cell_and_its_pictures() -> None:

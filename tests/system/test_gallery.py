@@ -1,0 +1,334 @@
+"""Everything that the product writes for people, looked at in a real browser, and held against what it shows."""
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page
+
+from golden_model.feature.ilbp import PATTERNS
+from golden_model.feature.orientation import SECTORS
+from golden_model.matching.fuzzy import ONE
+from golden_model.matching.rule_bases import aerial
+from sim.scene import Flight
+from skymosaic.cli import COMMANDS
+from skymosaic.features.positions import feature_points, match_points
+from skymosaic.flight.check import check_flight
+from skymosaic.flight.picture.output import OutputForm
+from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.registration.pair import Pair
+from skymosaic.reports import figures
+from skymosaic.reports.flight import write_flight_report, write_report
+from skymosaic.reports.pair import write_pair_report
+from skymosaic.thesis.dataset import list_sources
+from skymosaic.thesis.experiments import run_experiments
+from skymosaic.thesis.page import compose_page
+from skymosaic.thesis.pictures import draw_pair
+from tests.system.looking import (
+    CURVES,
+    VIEWS,
+    alike,
+    drawn,
+    find_drawn,
+    listen,
+    look,
+    marks_beside_curves,
+    patch,
+    pictures_of,
+    read,
+    share_on_corners,
+)
+from tests.system.test_sequence_map import with_gps
+from tools.panel.states import LONG_STATES, OWNER_STATES, STATES, write_flight
+from tools.panel.visit import PHONE, open_page, running_panel
+
+ROOT = Path(__file__).parents[2]
+PLACED, METRES_A_PIXEL = 6, 0.15
+MIN_ALIKE = 0.7
+"""Correlation of what lies around the ends of a line between two pictures of the same ground."""
+MIN_ON_CORNERS = 0.4
+"""Two pixels beside them, a seventh of the points lie on corners by chance."""
+PAGES = {"flight/index.html": 1, "pair/index.html": 4, "tiles/index.html": None, "thesis.html": 17}
+"""Written pages, and how many pictures each has."""
+LOOKED_AT = ("index.html", "tutorials/rejected_match.html", "reference/command_line.html", "gallery.html")
+"""Pages of the site in which axe-core looks for barriers: of the others, each is like one of these."""
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory, flight: Flight) -> Path:
+    """Reports of a flight and of a pair, map tiles, and the page of the thesis, in one folder."""
+    folder = tmp_path_factory.mktemp("written")
+    taken = [folder / f"DJI_{number:04}.jpg" for number in range(PLACED + 1)]
+    for path, image, pose in zip(taken, flight.images[:PLACED], flight.poses, strict=False):
+        with_gps(path, image, METRES_A_PIXEL * pose.x_px, -METRES_A_PIXEL * pose.y_px)
+    cv2.imwrite(str(taken[-1]), np.random.default_rng(0).integers(0, 255, (360, 480, 3), np.uint8))
+    with open_plan(taken, MosaicOptions()) as plan:
+        (made,) = plan.write(folder / "m.tif", OutputForm(tiles=folder / "tiles"))
+        # The ground is honest; a link that contradicts is made of the last one, and of the first a weak one.
+        first, *others, last = made.layout.links
+        weak = replace(first, left_points=first.left_points[:9], right_points=first.right_points[:9])
+        layout = replace(
+            made.layout,
+            links=(weak, *others),
+            contradicting=(last,),
+            errors_px=(made.layout.errors_px[0][:9], *made.layout.errors_px[1:-1]),
+        )
+        write_flight_report(folder / "flight", [replace(made, layout=layout)], check_flight(plan.flight))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pair(written: Path) -> Pair:
+    """The pair whose report is in the folder."""
+    with open_plan(sorted(written.glob("*.jpg"))[:2], MosaicOptions()) as plan:
+        write_report(written / "pair", plan.flight, plan.write(written / "m.png"))
+        assert plan.flight.pair is not None
+        return plan.flight.pair
+
+
+@pytest.fixture(scope="module")
+def thesis(written: Path) -> None:
+    """The page of the thesis, of one pair."""
+    sources = list_sources(None)[:1]
+    shown = sources[0]()
+    page = compose_page(run_experiments(sources), "a <rendered> flight", draw_pair(shown), shown.name)
+    (written / "thesis.html").write_bytes(page)
+
+
+@pytest.mark.usefixtures("pair", "thesis")
+@pytest.mark.parametrize("name", PAGES)
+def test_every_written_page_can_be_looked_at(browser: Browser, written: Path, name: str) -> None:
+    page = open_page(browser, "about:blank")
+    heard = listen(page)
+    page.goto((written / name).as_uri())
+    page.wait_for_function("document.images.length > 0")
+    found = look(page)
+    # A tile without ground is not written, and the page asks once.
+    found += [each for each in heard if not re.search(r"ERR_FILE_NOT_FOUND .*/tiles/\d+/\d+/\d+\.webp'", each)]
+    pictures = page.locator("img").count()
+    page.context.close()
+    assert found == [], "\n".join(found)
+    assert pictures == (PAGES[name] or pictures)
+
+
+def test_the_page_of_the_thesis_has_every_table(browser: Browser, written: Path) -> None:
+    page = open_page(browser, (written / "thesis.html").as_uri())
+    text = page.locator("main").inner_text()
+    page.context.close()
+    for words in (*(f"Table IV-{number}:" for number in range(1, 8)), "Figure IV-6:", "a <rendered> flight"):
+        assert words in text
+
+
+def test_links_are_red_if_and_only_if_they_contradict(browser: Browser, written: Path) -> None:
+    page = open_page(browser, (written / "flight" / "index.html").as_uri())
+    assert "red where the layout disagrees" in page.locator("figcaption").last.inner_text()
+    lines = page.locator("svg line").evaluate_all(
+        """all => all.map(line => [line.textContent, getComputedStyle(line).stroke.match(/\\d+/g).map(Number),
+            ...["x1", "y1", "x2", "y2"].map(end => line[end].baseVal.value)])"""
+    )
+    names = page.locator("svg text").evaluate_all(
+        "all => Object.fromEntries(all.map(t => [t.textContent, [t.x.baseVal[0].value, t.y.baseVal[0].value]]))"
+    )
+    page.context.close()
+    (mosaic,) = json.loads((written / "flight" / "report.json").read_text())["mosaics"]
+    assert len(lines) == len(mosaic["links"]) + len(mosaic["contradicting"])
+    assert min(link["ties"] for link in mosaic["links"]) < 10, "a weak link is among them"
+    red = []
+    for words, (r, g, b), *ends in lines:
+        left, right = re.findall(r"DJI_\d+", words)
+        assert ends == names[left] + names[right]
+        if r > 1.5 * max(g, b):
+            red.append([left, right])
+    assert red == [[Path(name).stem for name in link] for link in mosaic["contradicting"]]
+
+
+def test_outlines_lie_around_what_their_photographs_show(browser: Browser, written: Path) -> None:
+    page = open_page(browser, (written / "flight" / "index.html").as_uri())
+    outlines = page.locator("svg polygon").evaluate_all("all => all.map(p => [...p.points].map(at => [at.x, at.y]))")
+    width = page.locator("svg").evaluate("drawing => drawing.viewBox.baseVal.width")
+    page.context.close()
+    mosaic = read(written / "flight" / "mosaic_1.jpg")
+    assert len(outlines) == PLACED
+    for path, corners in zip(sorted(written.glob("*.jpg")), outlines, strict=False):
+        shown = read(path)
+        rows, columns = shown.shape[:2]
+        around = np.array([(0, 0), (columns, 0), (columns, rows), (0, rows)], np.float32)
+        place = cv2.getPerspectiveTransform(around, np.array(corners, np.float32) * (mosaic.shape[1] / width))
+        found = cv2.warpPerspective(mosaic, place, (columns, rows), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+        # Farther in, where no seam is near.
+        inside = np.s_[rows // 3 : -rows // 3, columns // 3 : -columns // 3]
+        assert alike(found[inside], shown[inside]) > MIN_ALIKE
+
+
+def test_circles_lie_on_corners_and_their_ticks_point_along_them(pair: Pair, tmp_path: Path) -> None:
+    assert share_on_corners(pair.working[0], feature_points(pair.features[0])) > MIN_ON_CORNERS
+    for level in (0, 1):
+        one = pair.features[0][pair.features[0]["level"] == level][5:6]
+        ((x, y),), angle = feature_points(one), 2 * np.pi * one["sector"][0] / SECTORS
+        write_pair_report(tmp_path, replace(pair, features=(one, one[:0])), None)
+        changed = find_drawn(read(tmp_path / "corners_left.png"), pair.working[0])
+        (found_x, found_y), radius = cv2.minEnclosingCircle(np.argwhere(changed)[:, ::-1].astype(np.float32))
+        assert (found_x, found_y) == pytest.approx((x, y), abs=0.75)
+        assert radius == pytest.approx((4, 8)[level], abs=1.25)
+        ahead, behind = ((round(y + side * np.sin(angle)), round(x + side * np.cos(angle))) for side in (2, -2))
+        assert changed[ahead]
+        assert not changed[behind]
+        assert not find_drawn(read(tmp_path / "corners_right.png"), pair.working[1]).any()
+
+
+def test_lines_of_matches_end_on_their_points(pair: Pair, tmp_path: Path) -> None:
+    none, rejected = pair.matches[:0], pair.matches[pair.matches["verdict"] == 0]
+    gap = np.full_like(pair.working[0][:, : figures._PANEL_GAP_PX], 40)
+    sides = np.hstack((pair.working[0], gap, pair.working[1]))
+    for shown, kept, inliers in (
+        (pair.kept[3:4], pair.kept[3:4], none),
+        (pair.inliers[7:8], pair.inliers[7:8], pair.inliers[7:8]),
+        (rejected[2:3], none, none),
+    ):
+        write_pair_report(tmp_path, replace(pair, matches=shown, kept=kept, inliers=inliers), None)
+        upper, lower = np.vsplit(read(tmp_path / "matches.png"), 2)
+        changed, other = (find_drawn(half, sides) for half in ((lower, upper) if len(kept) == 0 else (upper, lower)))
+        (left,), (right,) = match_points(shown)
+        ends = np.sort([left, np.add(right, (sides.shape[1] - pair.working[1].shape[1], 0))], axis=0)
+        found = np.argwhere(changed)[:, ::-1]
+        ring_px = 3 if len(inliers) else 0
+        np.testing.assert_allclose(found.min(axis=0), ends[0] - ring_px, atol=1.5)
+        np.testing.assert_allclose(found.max(axis=0), ends[1] + ring_px, atol=1.5)
+        assert not other.any()
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site; a link, a page or a reference that does not exist is an error."""
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_every_page_of_the_site_can_be_looked_at_without_a_network(browser: Browser, site: Path) -> None:
+    page, asked, wrong = open_page(browser, "about:blank"), set(), []
+    heard = listen(page)
+    page.on("request", lambda request: asked.add(request.url))
+    # The page of what does not exist is for servers, by whose root it finds its style.
+    for path in sorted({*site.rglob("*.html")} - {site / "404.html"}):
+        heard.clear()
+        page.goto(path.as_uri())
+        name = path.relative_to(site).as_posix()
+        found = look(page) if name in LOOKED_AT else look(page, VIEWS[-1:], for_barriers=False)
+        wrong += [f"{name}: {each}" for each in found + heard]
+    page.context.close()
+    assert wrong == [], "\n".join(wrong)
+    assert len(asked) > 30
+    assert {address.partition(":")[0] for address in asked} <= {"file", "data", "blob"}
+
+
+def test_the_site_has_every_notebook_and_every_command(site: Path) -> None:
+    tutorials = {path.stem for path in (ROOT / "docs" / "tutorials").glob("*.md")} - {"index"}
+    assert {path.stem for path in (site / "tutorials").glob("*.ipynb")} == tutorials
+    commands = (site / "reference" / "command_line.html").read_text(encoding="utf-8")
+    for name in COMMANDS:
+        assert f"skymosaic {name}" in commands
+
+
+def misplaced_corners(page: Page) -> list[str]:
+    """What is wrong with the corners that the panel draws."""
+    drawing = "".join(page.locator("path.dot").evaluate_all("all => all.map(path => path.getAttribute('d'))"))
+    points = np.array(re.findall(r"M(\S+) (\S+?)h0", drawing), np.float64)
+    wrong = []
+    for picture, left in pictures_of(page, "Corners of the photographs"):
+        own = points[(points[:, 0] >= left) & (points[:, 0] < left + picture.shape[1])] - (left, 0)
+        wrong += [] if share_on_corners(picture, own) > MIN_ON_CORNERS else [f"from {left} px, corners beside corners"]
+    return wrong
+
+
+def misplaced_matches(page: Page) -> list[str]:
+    """What is wrong with the inliers that the panel draws: their ends show the same ground."""
+    (left, _), (right, shift) = pictures_of(page, "Matches between the photographs")
+    paths = page.locator("path.match.inlier:not(.chosen)").evaluate_all("all => all.map(p => p.getAttribute('d'))")
+    ends = np.array([re.findall(r"[\d.]+", path) for path in paths], np.float64) - (0, 0, shift, 0)
+    same = [alike(patch(left, end[:2]), patch(right, end[2:])) for end in ends]
+    return [] if np.median(same) > MIN_ALIKE else [f"ends of matches show other ground: {np.median(same):.2f}"]
+
+
+def curves_beside_tables(page: Page) -> list[str]:
+    """Curves of an explanation that are not those of the preset's tables."""
+    tables = {variable.name: variable.sets for variable in aerial(PATTERNS["ilbp-128"].bits).inputs}
+    wrong = []
+    for words, curves, (left, right, low, high) in page.evaluate(CURVES):
+        (name,) = re.findall(r"Curves of (\w+):", words)
+        for curve, (term, table) in zip(curves, tables.pop(name).items(), strict=True):
+            shares = (np.array(curve) - (left, low)) / (right - left, high - low)
+            expected = np.stack((np.linspace(0, 1, len(table)), table / ONE), axis=1)
+            wrong += [f"{name} is {term}: beside its table"] if np.abs(shares - expected).max() > 0.01 else []
+    return wrong + [f"no curves of {name}" for name in tables]
+
+
+CHECKS: dict[str, tuple[Callable[[Page], list[str]], ...]] = {
+    "corners": (misplaced_corners,),
+    "matches": (misplaced_matches, marks_beside_curves, curves_beside_tables),
+    "rules editor": (marks_beside_curves,),
+    "matches of a flight": (misplaced_matches, marks_beside_curves, curves_beside_tables),
+}
+"""What the drawings of some states of the panel show."""
+
+
+def walk(browser: Browser, panel: str, states: dict[str, Callable[[Page], None]]) -> list[str]:
+    """Go through the states; returns what is wrong with each."""
+    page = open_page(browser, "about:blank", color_scheme="light")
+    # A request under way that is never answered: what the page shows meanwhile must have no barriers either.
+    page.route("**/never-answered", lambda _route: None)
+    heard, found = listen(page), []
+    page.goto(panel)
+    page.evaluate("() => { const x = new XMLHttpRequest(); x.open('GET', '/never-answered'); x.send(); }")
+    for name, reach in states.items():
+        reach(page)
+        drawn(page)
+        wrong = [each for check in CHECKS.get(name, ()) for each in check(page)] + look(page) + heard
+        found += [f"{name}: {each}" for each in wrong]
+        heard.clear()
+    page.context.close()
+    return found
+
+
+def test_the_panel_with_a_pair_can_be_looked_at(browser: Browser, panel: str) -> None:
+    found = walk(browser, panel, STATES)
+    assert found == [], "\n".join(found)
+
+
+@pytest.mark.slow
+def test_the_panel_with_a_flight_and_a_film_can_be_looked_at(browser: Browser, panel: str) -> None:
+    found = walk(browser, panel, LONG_STATES)
+    assert found == [], "\n".join(found)
+
+
+@pytest.mark.slow
+def test_folders_and_runs_can_be_looked_at(browser: Browser, tmp_path: Path) -> None:
+    write_flight(tmp_path / "flight")
+    with running_panel(tmp_path, "--root", "flight") as address:
+        found = walk(browser, address, OWNER_STATES)
+    assert found == [], "\n".join(found)
+
+
+def test_what_is_wrong_with_a_page_is_found(browser: Browser) -> None:
+    page = browser.new_page()
+    heard = listen(page)
+    page.set_content(
+        """<html><body><main><button></button><p style="color: #ccc">pale</p><script>gone()</script>
+        <img alt="" src="data:image/png;base64,iVBO"><div style="width: 400px">wide</div>
+        <img alt="" width="90" src="data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg' width='9' height='9'/>">
+        </main></body></html>"""
+    )
+    found = "\n".join(look(page, [(PHONE, "light")]) + heard)
+    page.close()
+    for each in ("button-name", "color-contrast", "html-has-lang", "cannot be shown", "one colour", "px wide", "gone"):
+        assert each in found
