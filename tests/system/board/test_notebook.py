@@ -37,7 +37,8 @@ def test_the_notebook_runs_and_gives_what_the_golden_model_gives(version: str) -
     assert f"{len(right.matches)} mutual matches, {kept} kept" in printed
     drawn = [base64.b64decode(output.data["image/png"]) for output in outputs if "image/png" in output.get("data", {})]
     assert len(drawn) == 3
-    assert all(np.ptp(cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)) > 100 for png in drawn)
+    decoded = [cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR) for png in drawn]
+    assert all(picture is not None and np.ptp(picture) > 100 for picture in decoded)
 
 
 def test_the_page_in_docs_has_every_cell_and_its_pictures() -> None:
