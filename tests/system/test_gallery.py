@@ -32,6 +32,7 @@ from skymosaic.thesis.dataset import list_sources
 from skymosaic.thesis.experiments import run_experiments
 from skymosaic.thesis.page import compose_page
 from skymosaic.thesis.pictures import draw_pair
+from tests.skymosaic.panel.states import LONG_STATES, OWNER_STATES, STATES, write_flight
 from tests.system.looking import (
     CURVES,
     VIEWS,
@@ -47,7 +48,6 @@ from tests.system.looking import (
     share_on_corners,
 )
 from tests.system.test_sequence_map import with_gps
-from tools.panel.states import LONG_STATES, OWNER_STATES, STATES, write_flight
 from tools.panel.visit import PHONE, open_page, running_panel
 
 ROOT = Path(__file__).parents[2]

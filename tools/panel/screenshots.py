@@ -1,25 +1,15 @@
-"""Makes the pictures for docs/how-to/panel.md, or pictures of every state of the pages.
-
-    python -m tools.panel.screenshots [FOLDER]
-    python -m tools.panel.screenshots --states FOLDER
-
-The second shows every state in a small window, in a large one and on a phone, in light and dark: to be looked at after
-a change of the style.
-"""
+"""Makes the pictures for docs/how-to/panel.md: ``python -m tools.panel.screenshots [FOLDER]``."""
 
 import tempfile
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import cv2
 import numpy as np
 import typer
-from playwright.sync_api import Browser, Page, ViewportSize, expect
+from playwright.sync_api import Page, expect
 
-from tools.panel.states import LONG_STATES, OWNER_STATES, STATES, write_flight
 from tools.panel.visit import (
-    PHONE,
-    WINDOW,
     chromium,
     load_built_in_pair,
     make_mosaic,
@@ -31,8 +21,6 @@ from tools.panel.visit import (
 )
 
 QUALITY = 60
-SIZES: tuple[ViewportSize, ...] = (WINDOW, {"width": 1920, "height": 1080}, PHONE)
-SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
 SETTLED_MS = 300
 """Time for pictures to be loaded."""
 
@@ -82,8 +70,11 @@ def visit_tracking(page: Page, folder: Path) -> None:
     shoot(page, folder, "panel-tracking")
 
 
-def show_pages(folder: Path) -> None:
+def show_pages(
+    folder: Annotated[Path, typer.Argument(help="Where the pictures are written.")] = Path("docs/images"),
+) -> None:
     """Make every picture with one browser."""
+    folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as log_folder, running_panel(Path(log_folder)) as address, chromium() as browser:
         for visit in (visit_pair, visit_flight, visit_tracking):
             page = open_page(browser, address, color_scheme="light")
@@ -91,41 +82,5 @@ def show_pages(folder: Path) -> None:
             page.context.close()
 
 
-def show_states(folder: Path) -> None:
-    """Save ``STATE-WIDTH-SCHEME.webp`` for every state, size of the window and colour scheme."""
-    with tempfile.TemporaryDirectory() as log_folder, chromium() as browser:
-        write_flight(Path(log_folder) / "flight")
-        with running_panel(Path(log_folder), "--root", "flight") as address:
-            shoot_states(browser, address, folder)
-
-
-def shoot_states(browser: Browser, address: str, folder: Path) -> None:
-    """Save the pictures of one panel's states."""
-    for states in (STATES, LONG_STATES, OWNER_STATES):
-        page = open_page(browser, address)
-        for name, reach in states.items():
-            reach(page)
-            for scheme in SCHEMES:
-                page.emulate_media(color_scheme=scheme)
-                for size in SIZES:
-                    page.set_viewport_size(size)
-                    shoot(page, folder, f"{name.replace(' ', '_')}-{size['width']}-{scheme}", whole_page=True)
-            page.emulate_media(color_scheme="light")
-            page.set_viewport_size(WINDOW)
-        page.context.close()
-
-
-def main(
-    folder: Annotated[Path, typer.Argument(help="Where the pictures are written.")] = Path("docs/images"),
-    states: Annotated[bool, typer.Option("--states", help="Every state in every window, light and dark.")] = False,
-) -> None:
-    """Make the pictures of the documentation, or of every state."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (show_states if states else show_pages)(folder)
-
-
-app = typer.Typer(add_completion=False)
-app.command()(main)
-
 if __name__ == "__main__":
-    app()
+    typer.run(show_pages)

@@ -1,13 +1,35 @@
-"""Every state of the panel's pages, each reached from the one before."""
+"""Every state of the panel's pages, each reached from the one before.
 
+``python -m tests.skymosaic.panel.states FOLDER`` shows all of them in a small window, in a large one and on a phone, in
+light and dark: to be looked at after a change of the style.
+"""
+
+import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, ViewportSize, expect
 
 from sim.scene import make_lawnmower
 from skymosaic.imagery.images import save
-from tools.panel.visit import choose, load_built_in_pair, make_mosaic, open_tab, photographs_loaded
+from tools.panel.screenshots import shoot
+from tools.panel.visit import (
+    PHONE,
+    WINDOW,
+    choose,
+    chromium,
+    load_built_in_pair,
+    make_mosaic,
+    open_page,
+    open_tab,
+    photographs_loaded,
+    running_panel,
+)
+
+SIZES: tuple[ViewportSize, ...] = (WINDOW, {"width": 1920, "height": 1080}, PHONE)
+SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
 
 
 def welcome(page: Page) -> None:
@@ -125,3 +147,33 @@ OWNER_STATES: dict[str, Callable[[Page], None]] = {
     "finished runs": finished_runs,
 }
 """States of who came by the printed address; the panel's root is that of `write_flight`."""
+
+
+def show_states(folder: Path) -> None:
+    """Save ``STATE-WIDTH-SCHEME.webp`` for every state, size of the window and colour scheme."""
+    with tempfile.TemporaryDirectory() as log_folder, chromium() as browser:
+        write_flight(Path(log_folder) / "flight")
+        with running_panel(Path(log_folder), "--root", "flight") as address:
+            shoot_states(browser, address, folder)
+
+
+def shoot_states(browser: Browser, address: str, folder: Path) -> None:
+    """Save the pictures of one panel's states."""
+    for states in (STATES, LONG_STATES, OWNER_STATES):
+        page = open_page(browser, address)
+        for name, reach in states.items():
+            reach(page)
+            for scheme in SCHEMES:
+                page.emulate_media(color_scheme=scheme)
+                for size in SIZES:
+                    page.set_viewport_size(size)
+                    shoot(page, folder, f"{name.replace(' ', '_')}-{size['width']}-{scheme}", whole_page=True)
+            page.emulate_media(color_scheme="light")
+            page.set_viewport_size(WINDOW)
+        page.context.close()
+
+
+if __name__ == "__main__":
+    pictures = Path(sys.argv[1])
+    pictures.mkdir(parents=True, exist_ok=True)
+    show_states(pictures)
