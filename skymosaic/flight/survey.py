@@ -25,7 +25,7 @@ from skymosaic.flight.second_look import link_across_heights, link_by_more_featu
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.photographs import Source
 from skymosaic.maps.control_points import ControlPoints
-from skymosaic.maps.positions import Positions
+from skymosaic.maps.positions import Fix, Positions
 from skymosaic.running.cache import ResultCache
 from skymosaic.running.workers import Workers
 
@@ -78,7 +78,7 @@ def survey(
     surveyor = Surveyor(settings, seed, workers, cache)
     usable, views, left_out = _describe(surveyor, sources)
     if fixes is not None:
-        views = tuple(view.with_fix(fixes[source.index]) for source, view in zip(usable, views, strict=True))
+        views = tuple(_with_fix(view, fixes[source.index]) for source, view in zip(usable, views, strict=True))
     clock.lap("features")
     links = _link(surveyor, usable, views)
     clock.lap("pairs")
@@ -111,6 +111,12 @@ def survey(
         calibration=calibration,
     )
     return replace(flight, layouts=tuple(fit_layout(flight, layout, control) for layout in layouts))
+
+
+def _with_fix(view: View, fix: Fix | None) -> View:
+    """The same view with a position from a file; None takes away the camera's own."""
+    position, accuracy_m = (None, None) if fix is None else (fix.position, fix.accuracy_m)
+    return replace(view, taken=replace(view.taken, position=position, accuracy_m=accuracy_m))
 
 
 def _describe(

@@ -16,6 +16,7 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.code_digest import digest_code
 from golden_model.small_files import read_small_file
 from golden_model.user_cache import cache_folder, make_private
 from skymosaic.common.errors import InputError
@@ -23,13 +24,6 @@ from skymosaic.imagery.images import save_bytes
 
 PACKAGES = ("skymosaic", "numpy", "opencv-contrib-python-headless", "scipy", "simplejpeg")
 """Packages whose versions are part of every key."""
-SOURCES = (
-    "golden_model",
-    "hdl",
-    "sim",
-    *(f"skymosaic/{name}" for name in ("features", "flight", "geometry", "imagery", "registration")),
-)
-"""The code that computes what is kept; its text is part of every key, because results change within a version too."""
 MAX_ENTRY_BYTES = 256 << 20
 """Many times the features of a photograph; a larger file is no entry."""
 CHECKSUM_BYTES = hashlib.sha256().digest_size
@@ -159,19 +153,12 @@ def _checksum(key: str, data: bytes) -> bytes:
 
 
 @functools.cache
-def code_digest() -> str:
-    """A digest of the code that computes results, and of the packages it uses."""
-    root = Path(__file__).parents[2]
-    state = hashlib.sha256(repr([version(package) for package in PACKAGES]).encode())
-    for name in SOURCES:
-        path = root / name
-        # The numbers of the fuzzy systems are in FLL.
-        sources = (*path.rglob("*.py"), *path.rglob("*.fll")) if path.is_dir() else (path,)
-        for source in sorted(sources):
-            state.update(source.relative_to(root).as_posix().encode() + b"\0" + source.read_bytes())
-    return state.hexdigest()
+def versions() -> dict[str, str]:
+    """The versions of `PACKAGES`."""
+    return {package: version(package) for package in PACKAGES}
 
 
-def key_of(*parts: object) -> str:
-    """A file name for what this code computes from ``parts`` (by their ``repr``)."""
-    return hashlib.sha256(repr((code_digest(), *parts)).encode()).hexdigest()[:32]
+def key_of(compute: Callable[..., object], *parts: object) -> str:
+    """A file name for what the function ``compute``, as its code is now, makes of ``parts`` (by their ``repr``)."""
+    how = compute.__qualname__, digest_code(compute.__module__), versions()
+    return hashlib.sha256(repr((how, parts)).encode()).hexdigest()[:32]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import importlib
-import importlib.metadata
 import json
 import os
 import platform
@@ -16,12 +15,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from golden_model.code_digest import digest_code
 from golden_model.small_files import read_small_file
 from golden_model.text import how_to_install, one_line
+from sim.backends.interface import BACKENDS
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.imagery.decoding import read_header
 from skymosaic.imagery.photographs import Source
-from skymosaic.running.cache import PACKAGES, code_digest
+from skymosaic.running.cache import versions
 
 LIMIT = "distributed.comm.timeouts.connect"
 """Dask's own setting for how long to wait, also for a first worker and for the return of lost ones."""
@@ -236,8 +237,8 @@ def _decoded_bytes(source: Source) -> int:
 
 def describe_environment() -> dict[str, str]:
     """What must be the same in every process for the same result."""
-    versions = {package: importlib.metadata.version(package) for package in PACKAGES}
-    return {"Python": platform.python_version(), **versions, "code": code_digest()[:12]}
+    code = digest_code("skymosaic", *BACKENDS.values())
+    return {"Python": platform.python_version(), **versions(), "code": code[:12]}
 
 
 def inspect_worker(paths: Sequence[str]) -> tuple[dict[str, str], list[str]]:

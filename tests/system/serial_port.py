@@ -11,7 +11,7 @@ from hdl.build import Build
 from hdl.serial.ulx3s import CLOCKS_PER_BIT, Ulx3s
 from sim.backends.interface import Progress, silent
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import digest_sources, strip_settings
+from sim.simulators.accelerator_designs import strip_settings
 from sim.simulators.compiled import load_library
 from sim.simulators.design import Design, Ports
 
@@ -34,7 +34,7 @@ class SerialPort:
     def __init__(self, build: Build, *, progress: Progress = silent) -> None:
         build = strip_settings(build)
         ports = Ports(outputs=(), video="ftdi")
-        design = Design("the top of the ULX3S", ports, lambda: Ulx3s(build), f"{build} {digest_sources()}")
+        design = Design("the top of the ULX3S", ports, lambda: Ulx3s(build), str(build))
         library = verilator.build_library(design, progress=progress, harness=HARNESS)
         self._library = load_library(library, _FUNCTIONS)
         self._patience = PATIENCE_BYTES * 10 * CLOCKS_PER_BIT

@@ -113,7 +113,7 @@ def calibrate(
     if len(members) < MIN_VIEWS or len(sizes) > 1:
         return None
     group = linked_group(views, members, links)
-    before_px, after_px, distortion = _load_or_measure("calibration", _measure, group, cache)
+    before_px, after_px, distortion = _load_or_measure(_measure, group, cache)
     if abs(distortion) >= MAX_DISTORTION or after_px > MAX_ERROR_RATIO * before_px:
         return None
     return Calibration(distortion, before_px, after_px, _lens(distortion, views[members[0]].size, mask))
@@ -124,15 +124,15 @@ def measure_remaining_distortion(
 ) -> float:
     """Measure the distortion between straightened photographs; parameters as of `calibrate`."""
     group = linked_group(views, members, links)
-    (distortion,) = _load_or_measure("remaining distortion", _measure_remaining, group, cache)
+    (distortion,) = _load_or_measure(_measure_remaining, group, cache)
     return distortion
 
 
 def _load_or_measure(
-    what: str, measure: Callable[[LinkedGroup], tuple[float, ...]], group: LinkedGroup, cache: ResultCache
+    measure: Callable[[LinkedGroup], tuple[float, ...]], group: LinkedGroup, cache: ResultCache
 ) -> tuple[float, ...]:
     """Call ``measure``, or load its result from the cache where sizes and ties are those of an earlier run."""
-    key = key_of(what, group.units_px, _digest(group.links))
+    key = key_of(measure, group.units_px, _digest(group.links))
     arrays = cache.load(key)
     if arrays is None:
         arrays = {"numbers": np.array(measure(group))}

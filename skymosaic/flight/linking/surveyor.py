@@ -111,7 +111,7 @@ class Surveyor:
         calls = []
         for pair, homography in sorted(predicted.items(), key=lambda item: item[0]):
             left, right = (views[side] for side in pair)
-            key = key_of("pair", left.key, right.key, *how, None if homography is None else homography.tolist())
+            key = key_of(link_views, left.key, right.key, *how, None if homography is None else homography.tolist())
             calls.append((pair, left.features, right.features, homography, key))
         link_pair = partial(link_views, config=self.settings.config, seed=self.seed, max_samples=self.max_samples)
         links = self.workers.run("pairs", partial(_link, compute=link_pair, cache=self.cache), calls)

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Pixels, Records
+from golden_model.code_digest import digest_code
 from golden_model.config import Config
 from golden_model.pixel.gray import to_gray
-from sim.backends.interface import load_backend
+from sim.backends.interface import BACKENDS, load_backend
 from skymosaic.common.errors import InputError
 from skymosaic.features.positions import are_on_ground, feature_points
 from skymosaic.flight.linking.resemblance import compact
@@ -24,7 +25,6 @@ from skymosaic.imagery.exif import Metadata, Position, read_metadata
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end, reduce_to_width
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
-from skymosaic.maps.positions import Fix
 from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.registration.options import WORKING_WIDTH_PX
 from skymosaic.running.cache import Arrays, key_of
@@ -105,13 +105,6 @@ class View:
         values: dict[str, Any] = {array: arrays[array] for array in _ARRAYS} | facts
         return cls(name=name, key=key, **values)
 
-    def with_fix(self, fix: Fix | None) -> View:
-        """The same view with a position from a file; None takes away the camera's own."""
-        position, accuracy_m = (None, None) if fix is None else (fix.position, fix.accuracy_m)
-        return dataclasses.replace(
-            self, taken=dataclasses.replace(self.taken, position=position, accuracy_m=accuracy_m)
-        )
-
     @property
     def gps(self) -> Position | None:
         """Where the camera was."""
@@ -147,8 +140,11 @@ class Settings:
     def key(self, source: Source) -> str:
         """Cache key of the view that `describe` makes of ``source``."""
         how = self.lens.key, self.config.front_end, self.backend, self.working_width_px
+        # It is imported by its name. An object as a backend has none; it serves pairs, of which nothing is kept.
+        module = BACKENDS.get(self.backend.partition(":")[0])
+        code = module and digest_code(module)
         bands = [band.digest for band in source.bands.values()]
-        return key_of("view", source.digest, *bands, source.keep_damaged, *how)
+        return key_of(describe, source.digest, *bands, source.keep_damaged, *how, code)
 
     def with_more_features(self) -> Settings | None:
         """Twice the features and descriptor bits, by the golden model; None if the preset cannot have more."""
@@ -186,7 +182,7 @@ def describe_thumbnail(thumbnail: Pixels, view: View, settings: Settings) -> Vie
     from_thumbnail = np.linalg.inv(view.to_thumbnail).astype(np.float64)
     return dataclasses.replace(
         view,
-        key=key_of("thumbnail", view.key),
+        key=key_of(describe_thumbnail, view.key),
         working_size=(thumbnail.shape[1], thumbnail.shape[0]),
         to_original=view.to_original @ from_thumbnail,
         to_thumbnail=np.eye(3),

@@ -1,3 +1,4 @@
+import ast
 import os
 import stat
 import subprocess
@@ -8,7 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from golden_model.code_digest import digest_each
 from skymosaic.common.errors import InputError
+from skymosaic.flight.linking.links import link_views
+from skymosaic.flight.linking.view import describe, describe_thumbnail
 from skymosaic.running.cache import ResultCache, key_of
 
 
@@ -86,9 +90,36 @@ def test_two_processes_share_a_cache(tmp_path: Path) -> None:
     assert len(list((tmp_path / "cache").iterdir())) == 7
 
 
-def test_keys_change_with_every_part() -> None:
-    assert key_of("view", 1, "a") == key_of("view", 1, "a")
-    assert len({key_of("view", 1, "a"), key_of("view", 1, "b"), key_of("view", "1", "a")}) == 3
+def test_keys_change_with_every_part_and_with_the_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert key_of(describe, 1, "a") == key_of(describe, 1, "a")
+    keys = [key_of(describe, 1, "a"), key_of(describe, 1, "b"), key_of(describe, "1", "a"), key_of(link_views, 1, "a")]
+    assert len({*keys, key_of(describe_thumbnail, 1, "a")}) == 5
+    monkeypatch.setattr("skymosaic.running.cache.digest_code", lambda module: f"changed {module}")
+    assert key_of(describe, 1, "a") not in keys
+    assert key_of(describe, 1, "a") != key_of(link_views, 1, "a")
+
+
+LOADED = """
+import sys
+import numpy as np
+from golden_model.config import Config
+from skymosaic.flight.linking.view import Settings, describe
+from skymosaic.imagery.photographs import Source
+
+describe(Source(0, "image", np.zeros((64, 64), np.uint8)), Settings(Config()))
+print(*(name for name in sys.modules if name.partition(".")[0] in ("golden_model", "hdl", "sim", "skymosaic")))
+"""
+
+
+def test_all_that_a_stage_loads_is_in_its_key() -> None:
+    """The backend among it, which is imported by its name; without the hardware, which it does not load."""
+    printed = subprocess.run([sys.executable, "-c", LOADED], check=True, capture_output=True, text=True).stdout
+    in_key = digest_each(describe.__module__, "sim.backends.golden")
+    assert {"sim.backends.golden", "golden_model.pixel.harris"} <= in_key.keys()
+    assert not [name for name in in_key if name.startswith(("hdl", "skymosaic.maps", "skymosaic.compositing"))]
+    for name in {*printed.split()} - in_key.keys() - {"skymosaic"}:
+        (docstring,) = ast.parse(Path(*name.split("."), "__init__.py").read_text()).body
+        assert isinstance(docstring, ast.Expr)
 
 
 def test_what_was_not_used_for_longest_goes_first(tmp_path: Path) -> None:

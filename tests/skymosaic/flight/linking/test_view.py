@@ -70,3 +70,11 @@ def test_a_flight_leaves_a_damaged_photograph_out_unless_it_is_kept(tmp_path: Pa
     kept = dataclasses.replace(source, keep_damaged=True)
     assert settings.key(kept) != settings.key(source)
     assert "kept although" in describe(kept, settings).notes[0]
+
+
+def test_the_code_of_the_backend_is_part_of_the_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    source = Source(0, "image", np.zeros((64, 64), np.uint8))
+    settings = Settings(preset_config("aerial"))
+    before = settings.key(source)
+    monkeypatch.setattr("skymosaic.flight.linking.view.digest_code", lambda module: f"changed {module}")
+    assert settings.key(source) != before
