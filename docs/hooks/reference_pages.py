@@ -54,9 +54,7 @@ def describe_commands() -> str:
     for name in group.list_commands(context):
         _, command, _ = group.resolve_command(context, [name])
         assert command is not None
-        text = get_docs_for_click(obj=command, ctx=context, name=f"skymosaic {name}")
-        # `get_docs_for_click` gives each command a first-level heading.
-        parts.append(text.replace("# `", "## `", 1))
+        parts.append(get_docs_for_click(obj=command, ctx=context, indent=1, name=f"skymosaic {name}"))
     return "\n".join(parts)
 
 

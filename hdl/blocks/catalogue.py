@@ -1,4 +1,4 @@
-"""The blocks for `skymosaic export --block`, with their vectors."""
+"""The blocks for `skymosaic export block`, with their vectors."""
 
 import dataclasses
 from collections.abc import Callable

@@ -33,8 +33,8 @@ def markdown(registers: Sequence[Register] = ALL_REGISTERS) -> str:
     ]
     if registers[-1].offset >= ESTIMATOR_OFFSET:
         lines += [
-            f"Registers from 0x{ESTIMATOR_OFFSET:X} on exist in builds with an estimator only (`skymosaic export "
-            f"--homography`), those from 0x{SHELL_OFFSET:X} on in live builds only (`--live`), and those from "
+            f"Registers from 0x{ESTIMATOR_OFFSET:X} on exist in builds with an estimator only (`--homography`), those "
+            f"from 0x{SHELL_OFFSET:X} on in live builds only (`skymosaic export camera`), and those from "
             f"0x{HOMOGRAPHY_RING_OFFSET:X} on in live builds with an estimator.",
             "",
         ]

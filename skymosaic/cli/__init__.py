@@ -26,10 +26,13 @@ COMMANDS = {
     "panel": "Serve the front panel, a web page for this machine only.",
     "fuzzy": "Print the rules of the fuzzy systems, and draw them.",
     "thesis": "Repeat the thesis's experiments.",
-    "export": "Write Verilog and more: for a board, for a live camera, or of one block.",
+    "export": "Write Verilog and more: for a board, for a camera, of one block, or of a fuzzy system.",
     "compare": "Compare the hardware with the golden model on a pair of photographs.",
 }
-"""Each command, which is a function of the same name in the module of that name, and its line in the help."""
+"""Each command, which is a function of the same name in the module of that name, and its line in the help.
+
+A dictionary in place of the function holds commands of the command's own.
+"""
 
 
 PIPE_CLOSED = 128 + 13
@@ -49,9 +52,21 @@ def _import_command(name: str, before: dict[str, bool]) -> Any:
     # Before the command's module, which would fail with a traceback.
     _check_opencv()
     command = getattr(importlib.import_module(f"skymosaic.cli.{name}"), name)
-    single = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    single.command(name)(with_common_options(name, command, before))
-    return get_command(single)
+    made = typer.Typer(add_completion=False, pretty_exceptions_enable=False, help=COMMANDS[name])
+    if not isinstance(command, dict):
+        made.command(name)(with_common_options(name, command, before))
+        return get_command(made)
+    made.callback(invoke_without_command=True)(_require_command)
+    for each, function in command.items():
+        made.command(each)(with_common_options(f"{name} {each}", function, before))
+    return get_command(made)
+
+
+def _require_command(context: typer.Context) -> None:
+    if context.invoked_subcommand is None:
+        group: Any = context.command
+        valid = ", ".join(group.commands)
+        raise InputError(f"{context.info_name} needs one of {valid}; run {context.command_path} --help")
 
 
 def _replaced() -> None:

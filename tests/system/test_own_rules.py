@@ -77,7 +77,7 @@ def test_rules_that_cannot_decide_are_one_line(run: Run, options: tuple[str, ...
 
 def test_an_export_refuses_bad_rules_and_writes_nothing(run: Run) -> None:
     Path("bad.fll").write_text(OWN.replace("range: 0 8", "range: 0 180"))
-    status, _, errors = run("export", "--board", "pynq_z2", "--rules", "bad.fll", "-o", "out")
+    status, _, errors = run("export", "board", "pynq_z2", "--rules", "bad.fll", "-o", "out")
     assert status == 2
     assert "bad.fll: line 17: the range of orientation is 0 to 180; it must be 0 to 8" in only_error(errors)
     assert not Path("out").exists()

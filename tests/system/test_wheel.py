@@ -89,7 +89,7 @@ from sim.scene import make_lawnmower
 made = skymosaic.mosaic(make_lawnmower(1, 3, (320, 240)).images)
 print(made.placed)
 import skymosaic.cli
-sys.argv = ["skymosaic", "export", "--board", "pynq_z2", "-o", "x"]
+sys.argv = ["skymosaic", "export", "board", "pynq_z2", "-o", "x"]
 skymosaic.cli.main()
 """
 

@@ -60,15 +60,16 @@ def test_an_unknown_block_is_refused_with_the_known_ones(tmp_path: Path) -> None
 
 
 def test_the_command_writes_a_block_or_says_what_to_choose(tmp_path: Path, run: Run) -> None:
-    status, _, error = run("export", "--block", "sobel", "-o", "sobel")
+    status, _, error = run("export", "block", "sobel", "-o", "sobel")
     assert status == 0, error
     assert (tmp_path / "sobel" / "sobel_tb.v").exists()
     for wrong, message in (
-        (("--block", "canny"), "harris, fast, nms"),
-        ((), "one of --board"),
-        (("--block", "sobel", "--board", "pynq_z2"), "one of --board"),
+        (("block", "canny", "-o", "other"), "harris, fast, nms"),
+        (("block", "sobel", "--lanes", "8", "-o", "other"), "No such option: --lanes"),
+        (("--block", "sobel"), "No such option: --block; run skymosaic export --help"),
+        ((), "one of board, camera, block, fuzzy"),
     ):
-        status, _, error = run("export", *wrong, "-o", "other")
+        status, _, error = run("export", *wrong)
         assert status == 2
         assert message in only_error(error)
         assert not (tmp_path / "other").exists()

@@ -22,9 +22,9 @@ BOOLEAN = "InputVariable: {}\n  range: 0 1\n  term: low Ramp 1 0\n  term: high R
 FOUR_INPUTS = PRODUCT.replace("OutputVariable", "".join(map(BOOLEAN.format, "ab")) + "OutputVariable")
 
 
-def export(folder: Path, *options: object) -> None:
-    words = ["export", "--block", "fuzzy", *map(str, options), "-o", str(folder)]
-    CliRunner().invoke(app, words, standalone_mode=False, catch_exceptions=False)
+def export(folder: Path, *words: object) -> None:
+    command = ["export", "fuzzy", *map(str, words), "-o", str(folder)]
+    CliRunner().invoke(app, command, standalone_mode=False, catch_exceptions=False)
 
 
 @pytest.mark.needs("icarus")
@@ -37,7 +37,7 @@ def test_the_bench_of_own_rules_passes(tmp_path: Path, rules: str | Path, entrie
     path = rules if isinstance(rules, Path) else tmp_path / "rules.fll"
     if isinstance(rules, str):
         path.write_text(rules)
-    export(tmp_path / "out", "--rules", path, "--entries", entries)
+    export(tmp_path / "out", path, "--entries", entries)
     run = simulate(tmp_path / "out", "fuzzy")
     assert run.returncode == 0, run.stdout
     assert run.stdout.startswith("PASS: 403 answers")
@@ -48,21 +48,19 @@ def test_the_bench_of_own_rules_passes(tmp_path: Path, rules: str | Path, entrie
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("words", "message"),
     [
-        (("--entries", 5000), "at most 4096"),
-        (("--rules", "four.fll", "--entries", 16), "multiplies at most 3"),
-        (("--block", "harris"), "add --block fuzzy"),
-        (("--lanes", 8), "no option of the whole accelerator"),
-        (("--rules", "missing.fll"), "missing.fll: cannot be read"),
+        (("valve.fll", "--entries", 5000), "valve.fll: cannot be made of hardware: entries is 5000; hardware takes at"),
+        (("four.fll", "--entries", 16), "multiplies at most 3"),
+        (("missing.fll",), "missing.fll: cannot be read"),
     ],
 )
 def test_what_hardware_cannot_be_is_said_in_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[object, ...], message: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[object, ...], message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("valve.fll").write_text(VALVE)
     Path("four.fll").write_text(FOUR_INPUTS)
     with pytest.raises(InputError, match=re.escape(message)):
-        export(tmp_path / "out", "--rules", "valve.fll", *options)
+        export(tmp_path / "out", *words)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["four.fll", "valve.fll"]

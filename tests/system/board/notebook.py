@@ -30,7 +30,7 @@ PYNQ = "from tests.system.board.pynq_board import open_board\n\nopen_board(versi
 NOTE = """<!-- Written by `python -m tests.system.board.notebook`. -->
 
 !!! note
-    This is `pynq/skymosaic.ipynb` of `skymosaic export --board pynq_z2`, run on the simulated accelerator by
+    This is `pynq/skymosaic.ipynb` of `skymosaic export board pynq_z2`, run on the simulated accelerator by
     `python -m tests.system.board.notebook`."""
 
 

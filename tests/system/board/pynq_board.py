@@ -183,7 +183,7 @@ class _Polled:
 
 
 class AcceleratorSystem:
-    """The block design of `skymosaic export --board` around the simulated accelerator.
+    """The block design of `skymosaic export board` around the simulated accelerator.
 
     Parameters
     ----------

@@ -1,0 +1,51 @@
+"""What of a build the command line changes, and what it leaves as the board has it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from golden_model.config import PRESETS, EstimatorConfig
+from hdl.build import BUILDS, Build
+from skymosaic.cli.export import BuildOptions
+from tests.conftest import Run
+from tests.system.command_line import only_error
+
+ULX3S = BUILDS["ulx3s"]
+
+
+@pytest.mark.parametrize("usual", BUILDS.values(), ids=BUILDS)
+def test_without_options_the_usual_build_is_built(usual: Build) -> None:
+    assert BuildOptions(preset=usual.config.preset).build(usual) == usual
+
+
+def test_only_an_explicit_configuration_replaces_that_of_a_board() -> None:
+    assert BuildOptions(preset="thesis").build(ULX3S).config == PRESETS["thesis"]
+    assert BuildOptions(config=PRESETS["aerial"]).build(ULX3S).config == PRESETS["aerial"]
+    matcher = replace(ULX3S.config.matcher, rule_base="none")
+    assert BuildOptions(rules="none").build(ULX3S).config == replace(ULX3S.config, matcher=matcher)
+
+
+def test_options_replace_what_they_name() -> None:
+    camera = BUILDS["camera"]
+    changed = BuildOptions(homography=True, lanes=4, max_width_px=640, max_height_px=480, video_bits=8).build(camera)
+    config = replace(camera.config, estimator=EstimatorConfig())
+    assert changed == replace(camera, config=config, lanes=4, max_width_px=640, max_height_px=480, video_bits=8)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("board", "breadboard"), "unknown board 'breadboard'; valid: arty_a7_100, "),
+        (("board", "pynq_z2", "--build"), "--build makes the bitstream of the ulx3s"),
+        (("board", "ulx3s", "--homography"), "a serial port carries no homographies"),
+        (("camera", "--video-bits", "32"), "video_bits with shell 'camera' is 32; valid: 24, 8"),
+    ],
+)
+def test_what_cannot_be_built_is_refused_before_anything_is_written(
+    run: Run, tmp_path: Path, words: tuple[str, ...], message: str
+) -> None:
+    status, _, errors = run("export", *words, "-o", "made")
+    assert status == 2
+    assert message in only_error(errors)
+    assert not (tmp_path / "made").exists()
