@@ -98,8 +98,8 @@ def passes(folder: Folder = PICTURES) -> None:
 def draw_efforts(title: str, left: Pixels, right: Pixels) -> Pixels:
     """A pair, and how its overlap fits after one pass and by the default effort, side by side."""
     pictures = [(np.concatenate((left, right), axis=1), title)]
-    for words, effort in (("one pass", "fast"), ("normal", "normal")):
-        pair = register(left, right, effort=effort)
+    passes = register(left, right, effort="fast"), register(left, right, effort="normal")
+    for words, pair in zip(("one pass", "normal"), passes, strict=True):
         if pair.homography is None or pair.confidence is None:
             pictures.append((np.zeros_like(left), f"{words}: refused"))
         else:

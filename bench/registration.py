@@ -39,7 +39,7 @@ from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX, estimate_homography
 from skymosaic.imagery.images import load, reduce_to_width
 from skymosaic.imagery.photographs import list_sources
-from skymosaic.registration.options import EFFORTS
+from skymosaic.registration.options import EFFORTS, Effort
 
 app = program(__doc__)
 progress = Console(stderr=True)
@@ -211,23 +211,26 @@ def unrelated(
     every = [(one, other) for a, b in combinations(photographs, 2) for one in a for other in b]
     tried = random.Random(0).sample(every, min(pairs, len(every)))
     features = {path: extract(reduce_to_width(load(path).pixels, WIDTH_PX)[0]) for path in set(chain(*tried))}
-    inliers: dict[str, list[int]] = {level: [] for level in ([ON_CHIP] if on_chip else effort or EFFORTS)}
+    levels: dict[str, Effort | None] = {level: level for level in EFFORTS if level in (effort or EFFORTS)}
+    if on_chip:
+        levels = {ON_CHIP: None}
+    inliers: dict[str, list[int]] = {name: [] for name in levels}
     accepted = dict.fromkeys(inliers, 0)
     for left, right in track(tried, description="unrelated pairs", console=progress):
-        for level, counts in inliers.items():
-            if on_chip:
+        for name, level in levels.items():
+            if level is None:
                 (result,) = estimate_on_chip(features[left].photograph.pixels, features[right].photograph.pixels)
                 count, is_accepted = result.inliers, result.causes == 0
             else:
                 pair = register(features[left], features[right], effort=level)
                 count, is_accepted = len(pair.inliers), pair.accepted
-            counts.append(count)
-            accepted[level] += is_accepted
+            inliers[name].append(count)
+            accepted[name] += is_accepted
             if is_accepted:
-                progress.print(f"accepted, {level}: {left}, {right}, {count} inliers")
+                progress.print(f"accepted, {name}: {left}, {right}, {count} inliers")
     rows: list[Row] = [
-        {"effort": level, "pairs": len(counts), "accepted": accepted[level], "most inliers": max(counts)}
-        for level, counts in inliers.items()
+        {"effort": name, "pairs": len(counts), "accepted": accepted[name], "most inliers": max(counts)}
+        for name, counts in inliers.items()
     ]
     report("photographs of different flights", rows)
 

@@ -18,6 +18,7 @@ from bench.report import JsonFile, Row, program, report
 from golden_model.arrays import Pixels
 from golden_model.config import PRESETS
 from hdl.build import Build
+from sim.backends.interface import BackendName
 from sim.scene import make_pair
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
@@ -51,13 +52,14 @@ def pairs() -> dict[str, tuple[Image, Image, int]]:
 
 @app.command()
 def equality(
-    backend: Annotated[str, typer.Option(help="rtl or board:HOST.")] = "rtl",
+    address: Annotated[str | None, typer.Option(help="HOST[:PORT] of a board; by default the simulation.")] = None,
     json_file: JsonFile = None,
 ) -> None:
     """Compare every field of every feature, match and status of public pairs and of that of `make demo`."""
+    backend: BackendName = "board" if address else "rtl"
     rows: list[Row] = []
     for name, (left, right, width_px) in pairs().items():
-        options = FeatureOptions(backend=backend, working_width_px=width_px)
+        options = FeatureOptions(backend=backend, address=address, working_width_px=width_px)
         result = compare(left, right, options, progress=print)
         rows.append(
             {

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
 
 from golden_model.feature.ilbp import PATTERNS, DescriptorPattern
 from golden_model.fuzzy.rules import MatchRules, shipped_rules
 
 DETECTORS = ("harris", "fast")
-RULE_BASES = ("aerial", "ilbp", "none")
+Preset = Literal["aerial", "thesis"]
+RuleBase = Literal["aerial", "ilbp", "none"]
+RULE_BASES: tuple[RuleBase, ...] = get_args(RuleBase)
 MIN_FRAME_PX = 64
 MAX_FRAME_PX = 4096
 # Powers of two, so that hardware finds the cell of a pixel by a shift.

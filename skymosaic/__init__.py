@@ -12,20 +12,21 @@ if TYPE_CHECKING:
     from skymosaic.mosaicking.api import mosaic, mosaics
     from skymosaic.mosaicking.live.mosaic import LiveMosaic
     from skymosaic.mosaicking.live.update import LiveUpdate
-    from skymosaic.mosaicking.options import MosaicOptions
+    from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
     from skymosaic.mosaicking.result import Mosaic
     from skymosaic.registration.extraction import Features, extract
     from skymosaic.registration.options import FeatureOptions, RegistrationOptions
     from skymosaic.registration.pair import Pair
     from skymosaic.registration.register import register
     from skymosaic.tracking.template import Roi
-    from skymosaic.tracking.tracker import TrackedFrame, Tracker
+    from skymosaic.tracking.tracker import TrackedFrame, Tracker, TrackerOptions
 
 __all__ = [
     "Config",
     "FeatureOptions",
     "Features",
     "LiveMosaic",
+    "LiveOptions",
     "LiveUpdate",
     "Mosaic",
     "MosaicOptions",
@@ -34,6 +35,7 @@ __all__ = [
     "Roi",
     "TrackedFrame",
     "Tracker",
+    "TrackerOptions",
     "extract",
     "mosaic",
     "mosaics",
@@ -47,6 +49,7 @@ _MODULES = {
     "FeatureOptions": "skymosaic.registration.options",
     "Features": "skymosaic.registration.extraction",
     "LiveMosaic": "skymosaic.mosaicking.live.mosaic",
+    "LiveOptions": "skymosaic.mosaicking.options",
     "LiveUpdate": "skymosaic.mosaicking.live.update",
     "Mosaic": "skymosaic.mosaicking.result",
     "MosaicOptions": "skymosaic.mosaicking.options",
@@ -55,6 +58,7 @@ _MODULES = {
     "Roi": "skymosaic.tracking.template",
     "TrackedFrame": "skymosaic.tracking.tracker",
     "Tracker": "skymosaic.tracking.tracker",
+    "TrackerOptions": "skymosaic.tracking.tracker",
     "extract": "skymosaic.registration.extraction",
     "mosaic": "skymosaic.mosaicking.api",
     "mosaics": "skymosaic.mosaicking.api",

@@ -17,8 +17,9 @@ from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, Record, feature_record
 from skymosaic.cli import app
 from skymosaic.common.options import options_of
-from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
 from skymosaic.registration.options import FeatureOptions, RegistrationOptions
+from skymosaic.tracking.tracker import TrackerOptions
 
 TOP = Path(__file__).parents[2]
 BLOCK_PACKAGES = {"golden_model": "golden_model.md", "hdl": "hardware.md"}
@@ -60,12 +61,18 @@ def describe_commands() -> str:
 
 def describe_options() -> str:
     """Describe every option of the library, group by group."""
-    users = {"extract": FeatureOptions, "register": RegistrationOptions}
+    users = {
+        "extract": FeatureOptions,
+        "register": RegistrationOptions,
+        "LiveMosaic": LiveOptions,
+        "Tracker": TrackerOptions,
+    }
     parts = [
         "# Options\n",
         "The fields of `skymosaic.MosaicOptions`, which are also keyword arguments of `mosaic` and `mosaics`: "
         "`mosaic(images, scale=0.5)`, or `mosaic(images, MosaicOptions(scale=0.5))`. `register` takes those of "
-        "`RegistrationOptions`, `extract` those of `FeatureOptions`.\n",
+        "`RegistrationOptions`, `extract` those of `FeatureOptions`, `LiveMosaic` those of `LiveOptions`, `Tracker` "
+        "those of `TrackerOptions`.\n",
     ]
     for group, members in groupby(options_of(MosaicOptions), key=lambda each: each.group):
         parts += [f"## {group}\n", "| option | command line | default | what it does |\n|---|---|---|---|"]
@@ -75,7 +82,7 @@ def describe_options() -> str:
             words += [f"Only for more than two: {each.not_for_two}."] if each.not_for_two else []
             words += [f"Only for two photographs: {each.not_for_more}."] if each.not_for_more else []
             words += [f"Also of {' and '.join(also)}."] if also else []
-            flag = f"{each.flag} {each.flag_unit_name.upper()}".rstrip()
+            flag = f"{each.flags} {each.unit_name.upper()}".rstrip()
             parts.append(f"| `{each.name}` | `{flag}` | `{each.default!r}` | {' '.join(words)} |")
         parts.append("")
     return "\n".join(parts)

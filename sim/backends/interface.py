@@ -17,6 +17,7 @@ from golden_model.text import how_to_install
 Reference = Literal["held", "previous"]
 """Which frame each later frame is matched with: the first of the run (a pair, a template) or the one before it."""
 
+BackendName = Literal["golden", "rtl", "board"]
 BACKENDS = {
     "golden": "sim.backends.golden",
     "rtl": "sim.simulators.hardware",

@@ -28,7 +28,7 @@ def check(
     photographs: PhotographsArgument,
     options: Annotated[
         MosaicOptions,
-        ("preset", "config", "backend", "working_width_px", "seed", "damaged", "lens", "scheduler", "cache"),
+        ("preset", "config", "backend", "address", "working_width_px", "seed", "damaged", "lens", "scheduler", "cache"),
     ],
 ) -> None:
     """Check overlap, blur, exposure, GPS and weak links of a flight before you leave the site.

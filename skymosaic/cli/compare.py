@@ -12,6 +12,8 @@ from skymosaic.evaluation.hardware import compare as compare_pair
 from skymosaic.imagery.images import check_output
 from skymosaic.registration.options import FeatureOptions
 
+OPTIONS = ("preset", "config", "rules", "backend", "address", "working_width_px", "damaged")
+
 
 @with_options
 def compare(
@@ -33,9 +35,7 @@ def compare(
         ),
     ] = False,
     overwrite: OverwriteOption = False,
-    options: Annotated[FeatureOptions, ("preset", "config", "rules", "backend", "working_width_px", "damaged")] = (
-        FeatureOptions(backend="rtl")
-    ),
+    options: Annotated[FeatureOptions, OPTIONS] = FeatureOptions(backend="rtl"),
 ) -> None:
     """Run a pair through the golden model and the hardware; every field of every record has to be equal."""
     if waves:

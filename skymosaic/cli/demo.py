@@ -8,11 +8,11 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from sim.backends.interface import BACKENDS, BackendError
+from sim.backends.interface import BackendError
 from sim.scene import make_pair
-from skymosaic.cli.options import OverwriteOption, choice, output_option
+from skymosaic.cli.options import OverwriteOption, output_option, with_options
 from skymosaic.cli.session import session
-from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.common.errors import RegistrationError
 from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.evaluation.hardware import compare
 from skymosaic.evaluation.metrics import grid_error
@@ -22,29 +22,26 @@ from skymosaic.registration.options import FeatureOptions
 from skymosaic.reports.pair import write_pair_report
 
 MAX_ERROR_PX = 0.5
-# A board needs an address: `compare` has an option for it.
-DEMO_BACKENDS = tuple(name for name in BACKENDS if name != "board")
 
 
+@with_options
 def demo(
+    *,
     output: Annotated[Path, output_option("Folder for mosaic, pictures and report.")] = Path("demo"),
     overwrite: OverwriteOption = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the rendered landscape.")] = 9,
-    backend: Annotated[str, choice(DEMO_BACKENDS, "Hardware to compare with; golden: none.")] = "rtl",
+    options: Annotated[FeatureOptions, ("backend", "address")] = FeatureOptions(backend="rtl"),
 ) -> None:
     """Render a synthetic pair, make its mosaic, and compare it with the truth.
 
-    The simulated hardware is compared with the golden model bit for bit.
+    The backend is compared with the golden model bit for bit, unless it is the golden model.
     """
-    if backend not in DEMO_BACKENDS:
-        raise InputError(f"--backend {backend}: the demo takes {', '.join(DEMO_BACKENDS)}")
     check_output_folder(output, overwrite=overwrite)
     output.mkdir(parents=True, exist_ok=True)
     photographs = output / "left.png", output / "right.png"
     _make_mosaic(output, photographs, seed)
-    # The golden model is what the hardware is compared with.
-    if backend != "golden":
-        _compare_hardware(photographs, backend)
+    if options.backend != "golden":
+        _compare_hardware(photographs, options)
 
 
 def _make_mosaic(folder: Path, photographs: tuple[Path, Path], seed: int) -> None:
@@ -79,7 +76,7 @@ def _make_mosaic(folder: Path, photographs: tuple[Path, Path], seed: int) -> Non
         session.show(f"{name:11} {path}")
 
 
-def _compare_hardware(photographs: tuple[Path, Path], backend: str) -> None:
+def _compare_hardware(photographs: tuple[Path, Path], options: FeatureOptions) -> None:
     """Compare the hardware with the golden model; without a compiler, only say that it was not simulated.
 
     Raises
@@ -92,7 +89,7 @@ def _compare_hardware(photographs: tuple[Path, Path], backend: str) -> None:
     start = time.perf_counter()
     try:
         with session.working("simulating the hardware") as step:
-            result = compare(*photographs, FeatureOptions(backend=backend), progress=step)
+            result = compare(*photographs, options, progress=step)
     except BackendError as error:
         session.warn(f"hardware not simulated: {error}")
         return

@@ -18,33 +18,26 @@ from skymosaic.imagery import images
 from skymosaic.imagery.live_frames import read_live_frames
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import is_folder, list_sources
-from skymosaic.mosaicking.live.mosaic import ESTIMATORS, LiveMosaic
+from skymosaic.mosaicking.live.mosaic import LiveMosaic
 from skymosaic.mosaicking.live.pace import Pace
 from skymosaic.mosaicking.live.run import grow
 from skymosaic.mosaicking.live.update import LiveUpdate
-from skymosaic.mosaicking.options import MosaicOptions
-
-LIVE_OPTIONS = (
-    "preset", "config", "rules", "backend", "working_width_px", "estimator", "seed", "band", "scale", "canvas_limit_px"
-)  # fmt: skip
-"""The fields of `MosaicOptions` that apply to a live mosaic."""
-
-IdleOption = Annotated[
-    float | None,
-    typer.Option(min=0, rich_help_panel=INPUT, help="End a live mosaic when no new file has come for this long."),
-]
+from skymosaic.mosaicking.options import LiveOptions
 
 
 @with_options
 def live(
     *,
     source: Annotated[str, typer.Argument(help="A folder being filled, a video file or address, or a camera number.")],
-    idle_seconds: IdleOption = None,
+    idle_seconds: Annotated[
+        float | None,
+        typer.Option(min=0, rich_help_panel=INPUT, help="End when no new file has come for this long."),
+    ] = None,
     output: Annotated[Path, output_option("The mosaic, written at the end: .png, .tif ...")],
     overwrite: OverwriteOption = False,
     strict: StrictOption = False,
     require_map: RequireMapOption = False,
-    options: Annotated[MosaicOptions, LIVE_OPTIONS, {"estimator": ESTIMATORS}],
+    options: LiveOptions,
 ) -> None:
     """Grow a mosaic frame by frame, with a preview beside it; Ctrl-C or SIGTERM stops and writes it."""
     inputs: tuple[str, ...] = (source,)
@@ -63,16 +56,7 @@ def live(
         session.stream(update.summary())
         session.tell(f"{update.number} {update.name}: {_describe(update)}")
 
-    mosaic = LiveMosaic(
-        options.base_config,
-        backend=options.backend_name,
-        estimator=options.estimator,
-        seed=options.seed,
-        working_width_px=options.working_width_px,
-        scale=options.scale,
-        canvas_limit_px=options.canvas_limit_px,
-        on_frame=report,
-    )
+    mosaic = LiveMosaic(options, on_frame=report)
     made = output, preview
     frames = read_live_frames(source, idle_seconds=idle_seconds, tell=session.tell, made=made, band=options.band)
     try:

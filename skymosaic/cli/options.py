@@ -5,26 +5,19 @@ import functools
 import importlib
 import inspect
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, TypeVar, get_args
 
 import typer
 from rich.table import Table
 from rich.text import Text
 
-from golden_model.config import RULE_BASES
-from golden_model.config_file import load_config
-from golden_model.fuzzy.rules import MatchRules, load_rules
 from golden_model.text import how_to_install, one_line
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError
-from skymosaic.common.options import GROUPS, INPUT, MACHINE, MAP, OUTPUT, Option, options_of
-from skymosaic.imagery.lens import load_lens
-from skymosaic.maps.control_points import load_control_points
-from skymosaic.maps.positions import load_positions
-from skymosaic.registration.options import FeatureOptions
+from skymosaic.common.options import GROUPS, MAP, OUTPUT, Option, flag_of, options_of, respell
 from skymosaic.registration.pair import Pair
 
 Content = TypeVar("Content")
@@ -70,41 +63,28 @@ PhotographsArgument = Annotated[
     list[str],
     typer.Argument(help="Overlapping photographs, folders of them, or a video.", metavar="PHOTOGRAPHS|FOLDER|VIDEO"),
 ]
-# One option of the library, typed in two parts.
-AddressOption = Annotated[
-    str | None, typer.Option(metavar="HOST[:PORT]", rich_help_panel=MACHINE, help="The board, for --backend board.")
-]
-CameraOption = Annotated[
-    Path | None, typer.Option(rich_help_panel=INPUT, help="TOML file with intrinsics and distortion.")
-]
-MaskOption = Annotated[
-    Path | None, typer.Option(rich_help_panel=INPUT, help="Picture, black where photographs show no ground.")
-]
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command an option for each field of its parameter ``options``, an object of the library.
 
-    The parameter's annotation names the class and, with ``Annotated``, those of its options that the command has, and
-    the choices of those that have fewer there. A default of the parameter holds other defaults than the class.
+    The parameter's annotation names the class and, with ``Annotated``, those of its options that the command has. A
+    default of the parameter holds other defaults than the class.
     """
     signature = inspect.signature(command, eval_str=True)
     declared = signature.parameters["options"]
-    cls, names, *fewer = get_args(declared.annotation) or (declared.annotation, None)
-    choices: dict[str, tuple[str, ...]] = fewer[0] if fewer else {}
+    cls, names = get_args(declared.annotation) or (declared.annotation, None)
     usual = cls() if declared.default is inspect.Parameter.empty else declared.default
-    options = [
-        dataclasses.replace(each, choices=choices.get(each.name, each.choices))
-        for each in options_of(cls)
-        if names is None or each.name in names
-    ]
-    typed = {name: parameter for each in options for name, parameter in _parameters(each, usual)}
+    options = [each for each in options_of(cls) if names is None or each.name in names]
+    typed = {name: parameter for each in options for name, parameter in _parameters(each, getattr(usual, each.name))}
 
     @functools.wraps(command)
     def run(**values: Any) -> None:
         # Tests call a command as a function, without the options that keep their defaults.
-        chosen = {name: values.pop(name, each.default) for name, each in typed.items()}
-        command(options=_read(usual, chosen), **values)
+        chosen = {name: values.pop(name, parameter.default) for name, parameter in typed.items()}
+        read = dataclasses.replace(usual, **dict(_read(options, chosen)))
+        read.check()
+        command(options=read, **values)
 
     others = [each for each in signature.parameters.values() if each is not declared]
     parameters = sorted([*others, *typed.values()], key=_group_number)
@@ -119,95 +99,47 @@ def _group_number(parameter: inspect.Parameter) -> int:
     return GROUPS.index(group) if group else -1
 
 
-def _parameters(option: Option, usual: FeatureOptions) -> Iterator[tuple[str, inspect.Parameter]]:
+def _parameters(option: Option, default: Any) -> Iterator[tuple[str, inspect.Parameter]]:
     """What the user types for one option."""
-    annotations: dict[str, Any] = {"camera": CameraOption, "mask": MaskOption}
-    if option.name != "lens":
-        of_type = {
-            "backend": str,
-            "config": Path | None,
-            "rules": str | None,
-            "control": Path | None,
-            "positions": Path | None,
-        }.get(option.name)
-        of_type = of_type or get_type_hints(type(usual))[option.name]
-        annotations = {option.name: Annotated[of_type, _typer_option(option)]}
-    if option.name == "backend":
-        annotations["address"] = AddressOption
-    for name, annotation in annotations.items():
-        default: Any = getattr(usual, name, None)
-        typed = default // option.flag_unit if option.flag_unit > 1 and default is not None else default
+    of_type: Any = str | None if option.choices else Path | None if option.read else option.type
+    typed = default // option.unit if option.unit > 1 and default is not None else default
+    for name, about in (option.parts or {option.name: option.help}).items():
+        annotation = Annotated[of_type, _typer_option(option, flag_of(name), respell(about, flag_of))]
         yield name, inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=typed, annotation=annotation)
 
 
-def _typer_option(option: Option) -> Any:
+def _typer_option(option: Option, flag: str, about: str) -> Any:
     if option.choices:
-        return choice(option.choices, option.help, option.flag, group=option.group)
-    minimum = None if option.minimum is None else math.ceil(option.minimum / option.flag_unit)
+        return choice(option.choices, about, flag, group=option.group)
+    minimum = None if option.minimum is None else math.ceil(option.minimum / option.unit)
+    metavar = option.unit_name.upper() or None
     return typer.Option(
-        option.flag,
-        help=option.help,
-        metavar=option.flag_unit_name.upper() or None,
-        min=minimum,
-        max=option.maximum,
-        rich_help_panel=option.group,
+        flag, help=about, metavar=metavar, min=minimum, max=option.maximum, rich_help_panel=option.group
     )
 
 
-def _read(usual: FeatureOptions, typed: dict[str, Any]) -> FeatureOptions:
-    """The options that the user typed, with the contents of the files that they name.
+def _read(options: Iterable[Option], typed: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """The value of each option that the user typed, by its name.
 
     Raises
     ------
     InputError
-        For an unusable file, an unknown name, an impossible value or combination.
+        For an unusable file, or an unknown name of rules.
     """
-    units = {each.name: each.flag_unit for each in options_of(type(usual))}
-    values = {
-        name: value * units[name] if units.get(name, 1) > 1 and value is not None else value
-        for name, value in typed.items()
-    }
-    camera, mask, address = (values.pop(name, None) for name in ("camera", "mask", "address"))
-    if camera or mask:
-        values["lens"] = load_lens(camera, mask)
-    if address:
-        if values["backend"] != "board":
-            raise InputError(f"--address {address} is for a board; add --backend board, or leave it out")
-        values["backend"] = f"board:{address}"
-    if values.get("config"):
-        values["config"] = read_file(lambda path: load_config(path, values["preset"]), values["config"])
-    if values.get("rules"):
-        values["rules"] = read_rules(values["rules"])
-    if values.get("control"):
-        values["control"] = load_control_points(values["control"])
-    if values.get("positions"):
-        values["positions"] = load_positions(values["positions"])
-    options = dataclasses.replace(usual, **values)
-    for each in options_of(type(usual)):
-        each.check(getattr(options, each.name), called=each.flag)
-    options.check()
-    return options
+    for each in options:
+        parts = [typed[name] for name in each.parts or (each.name,)]
+        if parts == [None] * len(parts):
+            continue
+        if each.read:
+            yield each.name, read_file(each.read, *parts, *(typed[name] for name in each.read_with))
+        else:
+            yield each.name, parts[0] * each.unit if each.unit > 1 else parts[0]
 
 
-def read_rules(given: str) -> str | MatchRules:
-    """The rules in an ``.fll`` file; a name stays as it is.
-
-    Raises
-    ------
-    InputError
-        For a file that holds no rules for matches, or an unknown name.
-    """
-    if Path(given).suffix:
-        return read_file(load_rules, Path(given))
-    if given not in RULE_BASES:
-        raise InputError(f"--rules is {given!r}; valid: {', '.join(RULE_BASES)}, or an .fll file")
-    return given
-
-
-def read_file(read: Callable[[Path], Content], path: Path) -> Content:
+def read_file(read: Callable[..., Content], *given: Any) -> Content:
     """What ``read`` makes of a file; its ``ValueError``, a line for the user, becomes an `InputError`."""
     try:
-        return read(path)
+        return read(*given)
     except ValueError as error:
         raise InputError(str(error)) from None
 

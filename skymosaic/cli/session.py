@@ -19,6 +19,7 @@ from rich.text import Text
 from golden_model.text import one_line
 from golden_model.version import VERSION
 from skymosaic.common.errors import InputError
+from skymosaic.common.options import flag_of, respell
 from skymosaic.common.temporary import temporary_folder
 
 STDOUT = Path("-")
@@ -76,13 +77,13 @@ class Session:
         return self._errors.is_terminal and not self._quiet and not self._verbose
 
     def tell(self, line: str) -> None:
-        """Print a note or a line of progress, unless the command is to be quiet."""
+        """Print a note or a line of progress, unless the command is to be quiet; options it names become flags."""
         if not self._quiet:
             self._print_error(line)
 
     def warn(self, line: str) -> None:
         """Print a warning, and put it into the JSON object."""
-        self._warnings.append(one_line(line))
+        self._warnings.append(one_line(respell(line, flag_of)))
         self._print_error(f"warning: {line}", "yellow")
 
     def error(self, reason: str) -> None:
@@ -158,7 +159,7 @@ class Session:
                 "command": self._command,
                 "version": VERSION,
                 "status": status,
-                "error": None if error is None else one_line(error),
+                "error": None if error is None else one_line(respell(error, flag_of)),
                 "warnings": self._warnings,
                 "outputs": self._outputs,
             }
@@ -174,7 +175,9 @@ class Session:
     def _print_error(self, line: str, style: str = "") -> None:
         # A closed standard error must not cost the user the mosaic.
         with contextlib.suppress(OSError):
-            self._errors.print(one_line(line), style=style, markup=False, highlight=False, soft_wrap=True)
+            self._errors.print(
+                one_line(respell(line, flag_of)), style=style, markup=False, highlight=False, soft_wrap=True
+            )
 
 
 def _to_json(numbers: Mapping[str, Any]) -> str:

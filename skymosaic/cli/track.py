@@ -14,10 +14,9 @@ from skymosaic.common.errors import InputError
 from skymosaic.imagery import images
 from skymosaic.imagery.key_frames import name_frame
 from skymosaic.imagery.video import OUTPUT_SUFFIXES, VideoReader
-from skymosaic.registration.options import RegistrationOptions
 from skymosaic.tracking.output import TABLE_SUFFIXES, TrackedCorners, follow_video, save_corners
 from skymosaic.tracking.template import Roi
-from skymosaic.tracking.tracker import TrackedFrame, Tracker
+from skymosaic.tracking.tracker import TrackedFrame, Tracker, TrackerOptions
 
 # Frames between two lines of progress where it is not drawn in place.
 LINE_EVERY_FRAMES = 100
@@ -35,7 +34,7 @@ def track(
     ] = None,
     corners: Annotated[Path | None, typer.Option(help="The corners in every frame: .csv or .json.")] = None,
     overwrite: OverwriteOption = False,
-    options: Annotated[RegistrationOptions, ("preset", "config", "backend", "seed")],
+    options: TrackerOptions,
 ) -> None:
     """Follow an object: its outline in every frame of a video, and its corners as numbers."""
     template, video = _template_and_video(inputs, roi)
@@ -44,7 +43,7 @@ def track(
     if corners:
         images.check_output(corners, names, TABLE_SUFFIXES, overwrite=overwrite)
     reader = VideoReader(video)
-    tracker = Tracker(template, options.base_config, backend=options.backend_name, seed=options.seed)
+    tracker = Tracker(template, options)
     start = time.perf_counter()
     with session.working("tracking") as step:
 

@@ -1,11 +1,12 @@
-"""What an option is: a dataclass field with the help, the group and the valid values that every interface shows."""
+"""What an option is: a dataclass field that says all that Python, the command line and the panel have to know of it."""
 
 import dataclasses
+import inspect
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, Literal, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
 
 from skymosaic.common.errors import InputError
 
@@ -14,6 +15,7 @@ GROUPS = ("Input", "Registration", "Picture", "Map", "Hardware", "Output", "Mach
 INPUT, REGISTRATION, PICTURE, MAP, HARDWARE, OUTPUT, MACHINE = GROUPS
 
 Class = TypeVar("Class", bound=type[Any])
+Function = TypeVar("Function", bound=Callable[..., Any])
 Default = TypeVar("Default")
 About = ParamSpec("About")
 
@@ -25,21 +27,21 @@ class Option:
     Attributes
     ----------
     help : str
-        One sentence.
+        One sentence; other options stand in it in backquotes.
     group : str
         One of `GROUPS`.
-    choices : tuple of str
-        The names that it takes; empty where it takes no name.
-    checked : bool
-        Whether `check` refuses other names; otherwise the code that loads what is named does, with its own reason.
+    label : str
+        In the panel; empty where the panel does not have it.
     above, minimum, maximum : float or None
         Limits of a number; ``above`` itself is not valid.
-    flag : str
-        On the command line.
-    flag_unit : int
-        The command line counts in multiples of this.
-    flag_unit_name : str
-        What the help on the command line calls them.
+    unit, unit_name : int, str
+        The command line counts in multiples of this; what the help there calls them.
+    read : callable or None
+        Makes the value of what is typed on the command line: a file, or a name.
+    read_with : tuple of str
+        Other options whose typed values ``read`` takes after it.
+    parts : mapping of str to str
+        What is typed instead, with a sentence each, where ``read`` makes one value of several files.
     not_for_two, not_for_more : str
         Why it has no effect on two photographs, or on more; empty where it has one.
     name, type, default
@@ -48,19 +50,26 @@ class Option:
 
     help: str
     group: str = REGISTRATION
-    choices: tuple[str, ...] = ()
-    checked: bool = True
+    label: str = ""
     above: float | None = None
     minimum: float | None = None
     maximum: float | None = None
-    flag: str = ""
-    flag_unit: int = 1
-    flag_unit_name: str = ""
+    unit: int = 1
+    unit_name: str = ""
+    read: Callable[..., Any] | None = None
+    read_with: tuple[str, ...] = ()
+    parts: Mapping[str, str] = field(default_factory=dict)
     not_for_two: str = ""
     not_for_more: str = ""
     name: str = ""
-    type: str = ""
+    type: Any = None
     default: Any = None
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """The names that it takes; empty where it takes no name."""
+        members = (self.type, *get_args(self.type))
+        return tuple(name for each in members if get_origin(each) is Literal for name in get_args(each))
 
     @property
     def valid(self) -> str:
@@ -69,23 +78,27 @@ class Option:
         words = [f"{limit} {number}" for limit, number in limits.items() if number is not None]
         return ", ".join(self.choices) or " and ".join(words)
 
-    def check(self, value: Any, called: str = "") -> None:
-        """Raise `InputError` for a name or a number that is not valid; None always is.
+    @property
+    def flags(self) -> str:
+        """What it is called on the command line."""
+        return " or ".join(map(flag_of, self.parts or [self.name]))
 
-        ``called`` is what the message calls the option instead of its name in Python.
-        """
+    def check(self, value: Any) -> None:
+        """Raise `InputError` for a name or a number that is not valid; None always is."""
         # None stands for a default that depends on other options or on the photographs.
-        if value is None or not self.valid or not self.checked:
+        if value is None or not self.valid:
             return
-        if self.choices and value not in self.choices:
-            raise InputError(f"{called or self.name} is {value!r}; valid: {self.valid}")
-        if not self.choices and not (
+        if self.choices:
+            # Objects stand for themselves.
+            if isinstance(value, str) and value not in self.choices:
+                raise InputError(f"`{self.name}` is {value!r}; valid: {self.valid}")
+        elif not (
             math.isfinite(value)
             and (self.above is None or value > self.above)
             and (self.minimum is None or value >= self.minimum)
             and (self.maximum is None or value <= self.maximum)
         ):
-            raise InputError(f"{called or self.name} is {value}; it must be {self.valid}")
+            raise InputError(f"`{self.name}` is {value}; it must be {self.valid}")
 
 
 def _field_of(describe: Callable[About, Option]) -> Callable[Concatenate[Default, About], Default]:
@@ -103,21 +116,82 @@ option = _field_of(Option)
 
 def options_of(cls: type[Any]) -> list[Option]:
     """The options of a class, group by group; fields without a description are for programs only."""
-    options = []
-    for each in dataclasses.fields(cls):
-        if about := each.metadata.get("option"):
-            # Names in Python end in their unit.
-            flag = about.flag or "--" + re.sub("_(px|m|bytes)$", "", each.name).replace("_", "-")
-            field_facts = {"name": each.name, "type": str(each.type), "default": each.default}
-            options.append(dataclasses.replace(about, flag=flag, **field_facts))
+    types = get_type_hints(cls)
+    options = [
+        dataclasses.replace(about, name=each.name, type=types[each.name], default=each.default)
+        for each in dataclasses.fields(cls)
+        if (about := each.metadata.get("option"))
+    ]
     return sorted(options, key=lambda each: GROUPS.index(each.group))
+
+
+def flag_of(name: str) -> str:
+    """What the command line calls an option: names in Python end in their unit, flags do not."""
+    return "--" + re.sub("_(px|m|bytes)$", "", name).replace("_", "-")
+
+
+def respell(message: str, spell: Callable[[str], str]) -> str:
+    """A message with its names in backquotes, which are those of Python, as another interface spells them."""
+    return re.sub(r"`(\w+)`", lambda found: spell(found[1]), message)
+
+
+def command_words(options: Any, files: Mapping[str, str] | None = None) -> list[str]:
+    """What is typed on the command line for options; what has its default needs no word.
+
+    Parameters
+    ----------
+    options : object
+        Of a class with options.
+    files : mapping of str to str
+        The file of each value that the command line reads from one, by the name of the option.
+    """
+    words = []
+    for each in options_of(type(options)):
+        value = getattr(options, each.name)
+        if value == each.default:
+            continue
+        if each.read and not isinstance(value, str):
+            value = (files or {})[each.name]
+        elif each.unit > 1:
+            value //= each.unit
+        words += [each.flags] if value is True else [each.flags, str(value)]
+    return words
 
 
 def document_options(cls: Class) -> Class:
     """Add the options to the docstring of their class, so that ``help`` and notebooks show them."""
     lines = [(cls.__doc__ or "").rstrip(), "", "    Attributes", "    ----------"]
     for each in options_of(cls):
-        valid = f" Valid: {each.valid}." if each.valid else ""
-        lines += [f"    {each.name} : {each.type}, default {each.default!r}", f"        {each.help}{valid}"]
+        valid = f" It must be {each.valid}." if each.valid and not each.choices else ""
+        lines += [
+            f"    {each.name} : {_spell_type(each.type)}, default {each.default!r}",
+            f"        {each.help}{valid}",
+        ]
     cls.__doc__ = "\n".join([*lines, "    "])
     return cls
+
+
+def _spell_type(annotation: Any) -> str:
+    """A type as docstrings spell it."""
+    if get_origin(annotation) is Literal:
+        return f"{{{', '.join(map(repr, get_args(annotation)))}}}"
+    if members := get_args(annotation):
+        return " or ".join(map(_spell_type, members))
+    return "None" if annotation is type(None) else str(annotation.__name__)
+
+
+def list_options(function: Function) -> Function:
+    """Give a function with a parameter ``options``, and single ones as ``**changes``, a signature that has them all.
+
+    ``help`` and the completion of notebooks read it. Type checkers read the annotation of ``changes`` instead.
+    """
+    signature = inspect.signature(function, eval_str=True)
+    cls = get_args(signature.parameters["options"].annotation)[0]
+    types = get_type_hints(cls)
+    parameters = [each for each in signature.parameters.values() if each.kind is not each.VAR_KEYWORD]
+    parameters += [
+        inspect.Parameter(each.name, inspect.Parameter.KEYWORD_ONLY, default=each.default, annotation=types[each.name])
+        for each in dataclasses.fields(cls)
+    ]
+    vars(function)["__signature__"] = signature.replace(parameters=parameters)
+    return function

@@ -1,6 +1,7 @@
 """Blending registered images into one (thesis, section III.6.4)."""
 
 from collections.abc import Iterator, Sequence
+from typing import Literal, get_args
 
 import cv2
 import numpy as np
@@ -11,7 +12,8 @@ from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.tone import Tone
 from skymosaic.compositing.warp import Canvas, shrink
 
-METHODS = ("average", "distance", "multiband")
+Blending = Literal["average", "distance", "multiband"]
+METHODS: tuple[Blending, ...] = get_args(Blending)
 BANDS = 5
 DETAIL_PX = 32
 """Fine detail farther from a tile than this reaches it only in coarse bands, which contain none of it."""

@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Callable
 from functools import cache
+from typing import Literal, get_args
 
 import cv2
 import numpy as np
@@ -20,6 +21,13 @@ from skymosaic.features.detectors import KeyPoints, key_point_positions
 from skymosaic.features.positions import raw_positions
 
 Bytes = NDArray[np.uint8]
+Descriptor = Literal[
+    "ilbp-128", "ilbp-256", "ilbp-128-upright", "ilbp-256-upright",
+    "thesis-ilbp-1", "thesis-ilbp-2", "thesis-ilbp-3", "thesis-ilbp-4",
+    "window-3", "window-10", "window-22", "window-25", "window-30",
+    "sift", "orb", "akaze", "brisk", "freak", "klt",
+]  # fmt: skip
+DESCRIPTORS: tuple[Descriptor, ...] = get_args(Descriptor)
 
 _OPENCV: dict[str, Callable[[], cv2.Feature2D]] = {
     # nfeatures (0: all), octave layers, contrast and edge thresholds, sigma. SIFT's descriptors are whole numbers
@@ -33,7 +41,6 @@ _OPENCV: dict[str, Callable[[], cv2.Feature2D]] = {
 WINDOWS_PX = {f"window-{size}": size for size in (3, 10, 22, 25, 30)}
 """Gray windows for correlation, with the sides of Table IV-2."""
 TRACKED = "klt"
-DESCRIPTORS = (*PATTERNS, *WINDOWS_PX, *_OPENCV, TRACKED)
 ANGLE_IGNORED = ("brisk", "freak", *PATTERNS, *WINDOWS_PX)
 """Descriptors that ignore a key point's angle. SIFT's key points at one position differ in nothing else, so these
 descriptors would describe all of them alike."""

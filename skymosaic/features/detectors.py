@@ -4,6 +4,7 @@ The thresholds are low enough for thousands of key points per photograph; caller
 """
 
 from collections.abc import Callable, Sequence
+from typing import Literal, get_args
 
 import cv2
 import numpy as np
@@ -15,6 +16,8 @@ from skymosaic.features import surf
 
 KeyPoints = Sequence[cv2.KeyPoint]
 
+Detector = Literal["harris", "fast", "surf", "sift", "orb", "akaze", "brisk", "klt"]
+DETECTORS: tuple[Detector, ...] = get_args(Detector)
 FRONT_END_DETECTORS = ("harris", "fast")
 CORNER_SIZE_PX = 7.0
 """Diameter of Harris and FAST corners, which have no scale: OpenCV's value for its FAST corners."""
@@ -28,7 +31,6 @@ _OPENCV: dict[str, Callable[[int], cv2.Feature2D]] = {
     # Shi and Tomasi's "good features to track", the KLT tracker's corners.
     "klt": lambda count: cv2.GFTTDetector.create(maxCorners=count, qualityLevel=1e-3, minDistance=5),
 }
-DETECTORS = (*FRONT_END_DETECTORS, "surf", *_OPENCV)
 
 
 def detect(gray: Pixels, detector: str, count: int) -> list[cv2.KeyPoint]:

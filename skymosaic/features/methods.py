@@ -76,14 +76,8 @@ def choose_method(config: Config, detector: str | None = None, descriptor: str |
     Raises
     ------
     InputError
-        For an unknown name (the message lists the valid ones) or an impossible combination (it gives the reason).
+        For an impossible combination, with the reason.
     """
-    _check_name("descriptor", descriptor, DESCRIPTORS)
-    if detector == "freak":
-        raise InputError(
-            f"freak is a descriptor, not a detector; add --descriptor freak to a detector: {', '.join(DETECTORS)}"
-        )
-    _check_name("detector", detector, DETECTORS)
     own = config.front_end
     if detector is None:
         detector = USUAL_DETECTOR.get(descriptor or "", own.detector)
@@ -92,7 +86,7 @@ def choose_method(config: Config, detector: str | None = None, descriptor: str |
     if descriptor == "akaze" and detector != "akaze":
         raise InputError(
             f"the akaze descriptor needs akaze's own scale space and cannot describe key points of {detector}; "
-            "use --detector akaze"
+            "use `detector` akaze"
         )
     if descriptor in PATTERNS:
         try:
@@ -107,30 +101,8 @@ def choose_method(config: Config, detector: str | None = None, descriptor: str |
 
 
 def load_backend_for(method: Method, backend: str, progress: Progress = silent) -> Backend:
-    """Load the backend that computes a method: the named one, or `HostBackend`.
-
-    Raises
-    ------
-    InputError
-        For a backend that does not compute the method.
-    """
-    check_backend(method, backend)
+    """Load the backend that computes a method: the named one, or `HostBackend`."""
     return load_backend(backend, progress=progress) if method.on_accelerator else HostBackend(method)
-
-
-def check_backend(method: Method, backend: str) -> None:
-    """Check that a backend computes the method, without loading it.
-
-    Raises
-    ------
-    InputError
-        If it does not.
-    """
-    if backend != "golden" and not method.on_accelerator:
-        raise InputError(
-            f"backend {backend} computes only {', '.join(FRONT_END_DETECTORS)} with ILBP descriptors; "
-            f"{method.detector} with {method.descriptor} runs on the host; leave out --backend"
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,8 +191,3 @@ def _front_end(config: Config, method: Method) -> FrontEndConfig:
         own, detector=detector, descriptor=descriptor, threshold=threshold, border_px=MAX_BORDER_PX
     )
     return dataclasses.replace(changed, border_px=max(own.border_px, changed.min_border_px))
-
-
-def _check_name(what: str, name: str | None, valid: Sequence[str]) -> None:
-    if name is not None and name not in valid:
-        raise InputError(f"{what} is {name!r}; valid: {', '.join(valid)}")

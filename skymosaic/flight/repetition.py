@@ -28,7 +28,9 @@ def repeat_flight(known: Flight, sources: Sequence[Source], seed: int, workers: 
         For another number of photographs, another size, or a photograph that cannot be used.
     """
     if len(sources) != len(known.names):
-        raise InputError(f"layout: of {len(known.names)} photographs, not of {len(sources)}; give the same number")
+        raise InputError(
+            f"`repeat`: a mosaic of {len(known.names)} photographs, not of {len(sources)}; give the same number"
+        )
     used = tuple(sources[source.index] for source in known.sources)
     settings = replace(known.settings, lens=known.lens)
     surveyor = Surveyor(settings, seed, workers, cache)
@@ -36,7 +38,7 @@ def repeat_flight(known: Flight, sources: Sequence[Source], seed: int, workers: 
     for view, before in zip(surveyor.fetch_thumbnails(surveyor.describe_all(used)), known.views, strict=True):
         if view.size != before.size:
             sizes = " and ".join(f"{each.name} {each.size[0]}x{each.size[1]}" for each in (before, view))
-            raise InputError(f"layout: photographs of different sizes ({sizes}); give those of the same camera")
+            raise InputError(f"`repeat`: photographs of different sizes ({sizes}); give those of the same camera")
         # The place on the map is repeated too, so that the mosaics lie on each other pixel by pixel.
         views.append(replace(view, taken=replace(before.taken, black_level=view.taken.black_level)))
     pair = known.pair

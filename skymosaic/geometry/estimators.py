@@ -1,5 +1,7 @@
 """Robust estimators by name: PROSAC, the estimator of the hardware, OpenCV's RANSAC and MAGSAC++, and fuzzy RANSAC."""
 
+from typing import Literal, get_args
+
 import cv2
 import numpy as np
 
@@ -9,11 +11,12 @@ from skymosaic.geometry.fabric import estimate_as_in_fabric, homography_in_pixel
 from skymosaic.geometry.homography import DegenerateError, dlt, transfer_error
 from skymosaic.geometry.prosac import CONFIDENCE, INLIER_PX, MIN_INLIERS, estimate_homography
 
+Estimator = Literal["prosac", "fabric", "ransac", "magsac", "fuzzy-ransac"]
+ESTIMATORS: tuple[Estimator, ...] = get_args(Estimator)
 PROSAC = "prosac"
 FUZZY_RANSAC = "fuzzy-ransac"
 FABRIC = "fabric"
 """What the chip computes, which also decides what is accepted; the checks of the host come after it."""
-ESTIMATORS = (PROSAC, FABRIC, "ransac", "magsac", FUZZY_RANSAC)
 MIN_MATCHES = 4
 RANSAC_ROUNDS = 2000
 MAGSAC_TOLERANCE_PX = 3.0

@@ -59,7 +59,7 @@ def group_band_sets(
     captures, others = _group_by_capture(sources)
     if not _are_sets(captures):
         if band is not None:
-            raise InputError(f"band {band}: the photographs are not multi-band sets; leave out --band")
+            raise InputError(f"`band` {band}: the photographs are not multi-band sets; leave it out")
         return list(sources)
     bands = _list_bands(captures)
     colour = [source for source in others if _is_colour(source, captures)]
@@ -96,14 +96,14 @@ def select_band(sources: Sequence[Source], band: str | None) -> list[Source]:
     if band is not None:
         name = _NAMES.get(band.upper(), band.lower())
         if name not in BANDS and not name.isdecimal():
-            raise InputError(f"band {band}: valid: {', '.join(BANDS)}, or the number in the files' names")
+            raise InputError(f"`band` {band}: valid: {', '.join(BANDS)}, or the number in the files' names")
         wanted = name if name in BANDS else str(int(name))
         return [files[wanted] for files in captures.values() if wanted in files]
     if _are_sets(captures):
         bands = _list_bands(captures)
         raise InputError(
             f"{Path(sources[0].name).parent}: multi-band sets ({', '.join(bands)}); name the band to show: "
-            f"--band {_choose_band(None, bands)}"
+            f"`band` {_choose_band(None, bands)}"
         )
     return list(sources)
 
@@ -154,7 +154,7 @@ def _choose_band(band: str | None, bands: Sequence[str]) -> str:
         return next((name for name in USUAL if name in bands), bands[0])
     wanted = _NAMES.get(band.upper(), band.lower())
     if wanted not in bands:
-        raise InputError(f"band {band}: the sets have {', '.join(bands)}; name one of these")
+        raise InputError(f"`band` {band}: the sets have {', '.join(bands)}; name one of these")
     return wanted
 
 

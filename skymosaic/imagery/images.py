@@ -227,7 +227,7 @@ def check_unused(path: Path, *, overwrite: bool) -> None:
         raise InputError(f"{path}: cannot be read ({error.strerror}); choose another folder") from None
     if exists and not overwrite:
         kind = "is a folder with files in it" if path.is_dir() else "exists"
-        raise InputError(f"{path}: {kind}; choose another name, or add --overwrite to replace what is there")
+        raise InputError(f"{path}: {kind}; choose another name, or add `overwrite` to replace what is there")
 
 
 def save(path: Path, pixels: Intensities) -> None:

@@ -63,7 +63,7 @@ def read_live_frames(
         For a missing or unreadable source, multi-band sets without ``band``, and ``band`` without a folder.
     """
     if band is not None and not is_folder(Path(source)):
-        raise InputError(f"band {band}: only a folder can hold multi-band sets; leave out --band")
+        raise InputError(f"`band` {band}: only a folder can hold multi-band sets; leave it out")
     if source.isdecimal():
         for frame in select_key_frames(_camera(int(source))):
             yield LiveFrame(name_frame(f"camera {source}", frame.number), frame.pixels)

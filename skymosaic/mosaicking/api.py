@@ -8,6 +8,7 @@ from typing import Unpack
 
 from golden_model.arrays import Pixels
 from skymosaic.common.errors import InputError
+from skymosaic.common.options import list_options
 from skymosaic.flight.two_photographs import flight_of_pair
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.key_frames import flight_sources, refuse_single
@@ -20,6 +21,7 @@ from skymosaic.registration.pair import Pair
 from skymosaic.running.workers import Progress, Workers, silent
 
 
+@list_options
 def mosaic(
     images: Sequence[str | Path | Pixels],
     options: MosaicOptions | None = None,
@@ -58,10 +60,11 @@ def mosaic(
     options = dataclasses.replace(options or MosaicOptions(), **changes)
     # With it, the caller would wait for all groups and get one.
     if options.all_groups:
-        raise InputError("all_groups: mosaic() makes one mosaic; call mosaics() for one of each group")
+        raise InputError("`all_groups`: mosaic() makes one mosaic; call mosaics() for one of each group")
     return next(mosaics(images, options, progress=progress))
 
 
+@list_options
 def mosaics(
     images: Sequence[str | Path | Pixels],
     options: MosaicOptions | None = None,
@@ -76,6 +79,7 @@ def mosaics(
             yield plan.mosaic(layout)
 
 
+@list_options
 def mosaic_of_pair(pair: Pair, options: MosaicOptions | None = None, **changes: Unpack[MosaicKeywords]) -> Mosaic:
     """Blend a registered pair; the time it takes is added to ``pair.seconds``.
 

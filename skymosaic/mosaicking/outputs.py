@@ -68,7 +68,7 @@ def room_of(path: Path | None, sources: Sequence[Source], options: MosaicOptions
     """How large a mosaic in this file may become; None: in memory."""
     if options.canvas_limit_px is not None:
         limit_px = options.canvas_limit_px
-        return Room(limit_px, reason=f"--canvas-limit is {limit_px / MEGAPIXEL:g} megapixels")
+        return Room(limit_px, reason=f"the limit is {limit_px / MEGAPIXEL:g} megapixels")
     if path is None or len(sources) == 2:
         return Room()
     return room_for(path, 1 + max(3, len(sources[0].bands)))
@@ -92,7 +92,7 @@ def _check_headers(output: Path, form: OutputForm, sources: Sequence[Source], sc
 
 def _may_have_place(sources: Sequence[Source], options: MosaicOptions) -> bool:
     """Whether there is anything by which the mosaic could be placed on the map."""
-    if options.control is not None or options.positions is not None or options.layout is not None:
+    if options.control_points is not None or options.positions is not None or options.repeat is not None:
         return True
     files = [source.content for source in sources if isinstance(source.content, Path)]
     # What cannot be read is said when it is read.

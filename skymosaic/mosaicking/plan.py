@@ -48,7 +48,7 @@ class MosaicPlan:
         self.options = options
         self._workers = workers
         self._tell = tell
-        control = options.control
+        control = options.control_points
         # Unlike a position, a sighting is one of several, and surveys share a file; but it may be misspelt.
         if control is not None and (unknown := control.unmatched_names([source.name for source in sources])):
             tell(f"note: {control.name}: no photograph is named {', '.join(unknown)}; these sightings are left out")
@@ -97,14 +97,14 @@ class MosaicPlan:
     def flight(self) -> Flight:
         """Features, links, lens and layouts; computed when they are first needed."""
         options, progress = self.options, self._workers.progress
-        if options.layout is None and len(self.sources) == 2:
+        if options.repeat is None and len(self.sources) == 2:
             lens = options.lens or Lens()
             return register_two(
                 self.sources, options, lens, warp=options.warp, memory_bytes=options.memory_bytes, progress=progress
             )
         cache = open_cache(options.cache, self._tell)
-        if options.layout is not None:
-            return repeat_flight(options.layout.flight, self.sources, options.seed, self._workers, cache)
+        if options.repeat is not None:
+            return repeat_flight(options.repeat.flight, self.sources, options.seed, self._workers, cache)
         return survey(
             self.sources,
             options.flight_settings(),
@@ -112,7 +112,7 @@ class MosaicPlan:
             self._workers,
             cache,
             positions=options.positions,
-            control=options.control,
+            control=options.control_points,
         )
 
     @property
@@ -160,7 +160,7 @@ class MosaicPlan:
     def _place(self, layout: Layout) -> MapPlace:
         """The place of a layout on the map; none for a further group that the control points do not reach."""
         try:
-            return place_on_map(self.flight, layout, self.options.control)
+            return place_on_map(self.flight, layout, self.options.control_points)
         except InputError as error:
             if layout is self.layouts[0]:
                 raise

@@ -7,25 +7,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from golden_model.config import RULE_BASES, Config, preset_config
+from golden_model.config import Config, preset_config
 from golden_model.fuzzy.rules import MatchRules
-from sim.backends.interface import BACKENDS
 from skymosaic.common.errors import InputError
-from skymosaic.common.options import options_of
+from skymosaic.common.options import options_of, respell
 from skymosaic.features.detectors import FRONT_END_DETECTORS
 from skymosaic.features.methods import choose_method
 from skymosaic.mosaicking.options import MosaicOptions
 
 AUTOMATIC, OWN = "automatic", "own"
 """What the page shows for the library's default blending, which is None, and for rules that are none of the names."""
-HARDWARE = tuple(name for name in BACKENDS if name != "golden")
-OPTION_VALUES = {each.name: each.choices for each in options_of(MosaicOptions) if each.choices}
-OPTION_VALUES |= {
-    "rule_base": RULE_BASES,
-    "blending": (AUTOMATIC, *OPTION_VALUES["blending"]),
-    "backend": ("golden", *HARDWARE),
-}
-"""The values that the page offers for each option: those that the library has."""
+HARDWARE = ("rtl",)
+"""A board is offered with its address."""
+LABELLED = {each.name: each for each in options_of(MosaicOptions) if each.label}
+"""The options that the page has."""
+OPTION_VALUES = {each.name: each.choices for each in LABELLED.values() if each.choices}
+OPTION_VALUES |= {"blending": (AUTOMATIC, *OPTION_VALUES["blending"]), "backend": ("golden", *HARDWARE)}
+"""The values that the page offers for each option that has names: those of the library."""
 
 
 @dataclass(frozen=True)
@@ -54,23 +52,17 @@ STRONGEST = SliderScale("Strongest key points", {position: round(2 ** (position 
 
 @dataclass(frozen=True, kw_only=True)
 class Options(MosaicOptions):
-    """The options of a run; ``position`` is the slider's, ``rule_base`` that of the matcher's configuration."""
+    """The options of a run; ``position`` is the slider's."""
 
     position: int
-    rule_base: str | MatchRules
 
     @classmethod
     def of_preset(cls, preset: str) -> Options:
         """Options with the values of a preset."""
         config = preset_config(preset)
-        detector = config.front_end.detector
-        return cls(
-            preset=preset,
-            detector=detector,
-            descriptor=config.front_end.descriptor,
-            position=_default_position(config, detector),
-            rule_base=config.matcher.rule_base,
-        )
+        own = config.front_end
+        values: dict[str, Any] = {"preset": preset, "detector": own.detector, "descriptor": own.descriptor}
+        return cls(position=_default_position(config, own.detector), **values)
 
     def changed(self, name: str, value: Any) -> Options:
         """A copy with one option changed; a new preset resets all others, a new detector the slider."""
@@ -80,6 +72,10 @@ class Options(MosaicOptions):
             # Only an edit makes rules of one's own; the page shows their name.
             return self
         change: dict[str, Any] = {name: None if value == AUTOMATIC else value}
+        if name == "backend":
+            change = backend_options(value)
+        if name == "rules" and value == preset_config(self.preset).matcher.rule_base:
+            change["rules"] = None
         changed = dataclasses.replace(self, **change)
         if name == "detector":
             return dataclasses.replace(changed, position=_default_position(preset_config(self.preset), value))
@@ -87,10 +83,14 @@ class Options(MosaicOptions):
 
     def shown(self, name: str) -> Any:
         """The value of an option as the page shows it."""
+        if name == "backend":
+            return self.backend_name
         value = getattr(self, name)
         if isinstance(value, MatchRules):
             return OWN
-        return AUTOMATIC if name == "blending" and value is None else value
+        if value is None:
+            return preset_config(self.preset).matcher.rule_base if name == "rules" else AUTOMATIC
+        return value
 
     @property
     def slider_scale(self) -> SliderScale:
@@ -100,10 +100,8 @@ class Options(MosaicOptions):
     @property
     def base_config(self) -> Config:
         """The preset's configuration with the fuzzy rules and the slider's value."""
-        base = preset_config(self.preset)
-        base = dataclasses.replace(base, matcher=dataclasses.replace(base.matcher, rule_base=self.rule_base))
         # Detector and descriptor first: choosing another detector resets the threshold, which the slider sets.
-        _, config = choose_method(base, self.detector, self.descriptor)
+        _, config = choose_method(super().base_config, self.detector, self.descriptor)
         value = self.slider_scale.values[self.position]
         if self.detector in FRONT_END_DETECTORS:
             return dataclasses.replace(config, front_end=dataclasses.replace(config.front_end, threshold=value))
@@ -115,8 +113,19 @@ def fault_of(options: Options, photographs: int = 2) -> str:
     try:
         options.check_for(max(photographs, 2))
     except (InputError, ValueError) as error:
-        return str(error)
+        return in_labels(error)
     return ""
+
+
+def in_labels(error: Exception) -> str:
+    """What an error says, with the labels of the page in place of the names of options."""
+    return respell(str(error), lambda name: LABELLED[name].label if name in LABELLED else name)
+
+
+def backend_options(shown: str) -> dict[str, Any]:
+    """The options of a backend by the name that the page shows, that of a board with its address."""
+    backend, _, address = shown.partition(":")
+    return {"backend": backend, "address": address or None}
 
 
 def _default_position(preset: Config, detector: str) -> int:

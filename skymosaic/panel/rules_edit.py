@@ -10,6 +10,7 @@ from golden_model.fuzzy.rules import MatchRules
 from golden_model.fuzzy.system import FuzzySystem
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.images import save_bytes
+from skymosaic.panel.options import Options
 from skymosaic.panel.results import EDITED_RULES, MosaicResult
 from skymosaic.registration.extraction import Features, extract
 from skymosaic.registration.register import register
@@ -139,13 +140,17 @@ class RulesEdit:
     @cached_property
     def _features(self) -> tuple[Features, Features]:
         """Those of the working pictures, which every version of the rules matches."""
-        options = replace(self._result.options, backend="golden")
-        left, right = (extract(self._result.pictures / f"{name}.png", options) for name in self._result.pair_names)
-        return left, right
+        left, right = (self._result.pictures / f"{name}.png" for name in self._result.pair_names)
+        return extract(left, self._options), extract(right, self._options)
+
+    @property
+    def _options(self) -> Options:
+        """Those of the result; the golden model computes what its hardware did."""
+        return self._result.options.changed("backend", "golden")
 
     def _try(self, rules: MatchRules) -> None:
         """Register the pair's working pictures with other rules, and write these into the result's folder."""
-        pair = register(*self._features, replace(self._result.options, rule_base=rules, backend="golden"))
+        pair = register(*self._features, self._options, rules=rules)
         # Named as the photographs are, not as their working pictures.
         self.pair = replace(pair, left=self.pair.left, right=self.pair.right).without_pixels()
         save_bytes(self._result.folder / EDITED_RULES, rules.text.encode())

@@ -15,7 +15,7 @@ from nicegui.binding import BindableProperty
 
 from skymosaic.common.errors import InputError
 from skymosaic.panel.folders import Roots
-from skymosaic.panel.options import Options
+from skymosaic.panel.options import Options, in_labels
 from skymosaic.panel.results import Decoded, HardwareResult, InputFile, MosaicResult, TrackingResult
 from skymosaic.panel.rules_edit import RulesEdit
 from skymosaic.panel.runs import Runs
@@ -320,7 +320,7 @@ class Session:
         except JobCancelledError:
             self.fault = f"{job.title}: cancelled"
         except JobFailedError as error:
-            self.fault = str(error)
+            self.fault = in_labels(error)
         finally:
             self.job, self.last_active = None, time.monotonic()
             self.changed.emit()

@@ -19,6 +19,7 @@ from golden_model.records import Cause
 from golden_model.text import one_line
 from sim.backends.interface import Backend, FrameResult, Progress, silent
 from skymosaic.common.errors import InputError
+from skymosaic.common.options import list_options
 from skymosaic.features.frames import DescribedImage
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import feature_points
@@ -86,6 +87,7 @@ class Features:
         return one_line(f"Features({self.photograph.name}: {len(self)} {method})")
 
 
+@list_options
 def extract(
     image: str | Path | Pixels,
     options: FeatureOptions | None = None,

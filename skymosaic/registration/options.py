@@ -1,72 +1,71 @@
 """The options of a registration, each written once.
 
-Keyword arguments, command line, panel and reference page take names, types, defaults, help and valid values from here
-and from `skymosaic.mosaicking.options`.
+Keyword arguments, command line, panel and reference page take names, types, defaults, sentences, limits and labels from
+here and from `skymosaic.mosaicking.options`.
 """
 
 from dataclasses import dataclass, replace
-from typing import TypedDict
+from pathlib import Path
+from typing import Literal, TypedDict, get_args
 
-from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, PRESETS, RULE_BASES, Config, preset_config
+from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, RULE_BASES, Config, Preset, RuleBase, preset_config
+from golden_model.config_file import load_config
 from golden_model.feature.ilbp import PATTERNS
-from golden_model.fuzzy.rules import MatchRules
-from sim.backends.interface import BACKENDS, Backend, Progress, silent
+from golden_model.fuzzy.rules import MatchRules, load_rules
+from sim.backends.interface import Backend, BackendName, Progress, load_backend, silent
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import INPUT, MACHINE, document_options, option, options_of
-from skymosaic.features.descriptors import DESCRIPTORS
-from skymosaic.features.detectors import DETECTORS
-from skymosaic.features.methods import HostBackend, Method, check_backend, choose_method, load_backend_for
-from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, PROSAC
+from skymosaic.features.descriptors import Descriptor
+from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS, Detector
+from skymosaic.features.methods import HostBackend, Method, choose_method, load_backend_for
+from skymosaic.geometry.estimators import FUZZY_RANSAC, PROSAC, Estimator
 
 WORKING_WIDTH_PX = 1280
-EFFORTS = ("fast", "normal", "thorough")
+Damaged = Literal["refuse", "keep"]
+Effort = Literal["fast", "normal", "thorough"]
+EFFORTS: tuple[Effort, ...] = get_args(Effort)
 """fast: one pass; normal: more where the first is weak; thorough: three scales always, more where they are weak."""
 
 
+def read_rules(given: str) -> RuleBase | MatchRules:
+    """The rules in an ``.fll`` file; a name stays as it is.
+
+    Raises
+    ------
+    InputError
+        For an unknown name.
+    ValueError
+        For a file that holds no rules for matches.
+    """
+    if Path(given).suffix:
+        return load_rules(Path(given))
+    for name in RULE_BASES:
+        if name == given:
+            return name
+    raise InputError(f"`rules` is {given!r}; valid: {', '.join(RULE_BASES)}, or an .fll file")
+
+
+# Below each class, its fields as keyword arguments: type checkers cannot derive a TypedDict from a dataclass, so a test
+# holds the two together.
 @document_options
 @dataclass(frozen=True, kw_only=True)
-class FeatureOptions:
-    """How the features of one photograph are computed."""
+class FrontEndOptions:
+    """What computes features and matches."""
 
-    preset: str = option("aerial", "The project's own algorithm, or what the thesis describes.", choices=tuple(PRESETS))
-    config: Config | None = option(None, "A configuration that overrides the preset, from a TOML file.")
-    rules: str | MatchRules | None = option(
+    preset: Preset = option("aerial", "The project's own algorithm, or what the thesis describes.", label="Preset")
+    config: Config | None = option(
+        None, "A configuration that overrides the preset, from a TOML file.", read=load_config, read_with=("preset",)
+    )
+    rules: RuleBase | MatchRules | None = option(
         None,
         "Fuzzy rules that decide matches: a name, or an .fll file; by default as configured.",
-        choices=RULE_BASES,
-        checked=False,
+        label="Fuzzy rules",
+        read=read_rules,
     )
-    detector: str | None = option(
-        None,
-        "Corner detector; by default as configured, or what suits the descriptor.",
-        choices=DETECTORS,
-        checked=False,
+    backend: BackendName | Backend = option(
+        "golden", "What computes features and matches; rtl simulates the hardware.", MACHINE, label="Backend"
     )
-    descriptor: str | None = option(
-        None,
-        "Descriptor; by default as configured, or what suits the detector.",
-        choices=DESCRIPTORS,
-        checked=False,
-    )
-    backend: str | Backend = option(
-        "golden",
-        "What computes features and matches; rtl is verilator, a board is board:HOST[:PORT].",
-        MACHINE,
-        choices=tuple(BACKENDS),
-        checked=False,
-    )
-    working_width_px: int = option(
-        WORKING_WIDTH_PX,
-        "Wider photographs are reduced to this width for registration.",
-        minimum=MIN_FRAME_PX,
-        maximum=MAX_FRAME_PX,
-    )
-    damaged: str = option(
-        "refuse",
-        "A damaged JPEG or TIFF: refuse it (a flight leaves it out), or keep what can be decoded.",
-        INPUT,
-        choices=("refuse", "keep"),
-    )
+    address: str | None = option(None, "The board, HOST[:PORT], for `backend` board.", MACHINE)
 
     def check(self) -> None:
         """Refuse what is not valid.
@@ -78,9 +77,10 @@ class FeatureOptions:
         """
         for each in options_of(type(self)):
             each.check(getattr(self, each.name))
-        method, _ = self.choose_method()
-        if not isinstance(self.backend, HostBackend):
-            check_backend(method, self.backend_name)
+        if self.address is None and self.backend == "board":
+            raise InputError("`backend` board: the address of the board is missing; give it with `address`")
+        if self.address is not None and self.backend != "board":
+            raise InputError(f"`address` {self.address} is for a board; choose `backend` board, or leave it out")
 
     @property
     def base_config(self) -> Config:
@@ -88,22 +88,100 @@ class FeatureOptions:
         config = self.config or preset_config(self.preset)
         if self.rules is None:
             return config
-        try:
-            return replace(config, matcher=replace(config.matcher, rule_base=self.rules))
-        except ValueError as error:
-            raise InputError(str(error)) from None
+        return replace(config, matcher=replace(config.matcher, rule_base=self.rules))
 
     @property
     def backend_name(self) -> str:
-        """The backend's name; of an object, its class."""
-        return self.backend if isinstance(self.backend, str) else type(self.backend).__name__
+        """The backend's name, of a board with its address; of an object, its class."""
+        if not isinstance(self.backend, str):
+            return type(self.backend).__name__
+        return self.backend if self.address is None else f"{self.backend}:{self.address}"
 
     @property
     def takes_one_size(self) -> bool:
         """Whether the backend takes frames of one size in a run, as a board does."""
-        if isinstance(self.backend, str):
-            return self.backend.partition(":")[0] == "board"
-        return self.backend.takes_one_size
+        return self.backend == "board" if isinstance(self.backend, str) else self.backend.takes_one_size
+
+    def load_backend(self) -> Backend:
+        """Load the backend, for a method that all backends compute."""
+        return load_backend(self.backend_name) if isinstance(self.backend, str) else self.backend
+
+
+class FrontEndKeywords(TypedDict, total=False):
+    """The fields of `FrontEndOptions`."""
+
+    preset: Preset
+    config: Config | None
+    rules: RuleBase | MatchRules | None
+    backend: BackendName | Backend
+    address: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkingSize:
+    """The size at which photographs are registered."""
+
+    working_width_px: int = option(
+        WORKING_WIDTH_PX,
+        "Wider photographs are reduced to this width for registration.",
+        minimum=MIN_FRAME_PX,
+        maximum=MAX_FRAME_PX,
+    )
+
+
+class WorkingSizeKeywords(TypedDict, total=False):
+    """The fields of `WorkingSize`."""
+
+    working_width_px: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seeded:
+    """What draws random samples."""
+
+    seed: int = option(0, "Seed of the robust estimator.", minimum=0)
+
+
+class SeedKeywords(TypedDict, total=False):
+    """The fields of `Seeded`."""
+
+    seed: int
+
+
+@document_options
+@dataclass(frozen=True, kw_only=True)
+class FeatureOptions(WorkingSize, FrontEndOptions):
+    """How the features of one photograph are computed."""
+
+    detector: Detector | None = option(
+        None,
+        "Corner detector; by default as configured, or what suits the descriptor.",
+        label="Detector",
+    )
+    descriptor: Descriptor | None = option(
+        None, "Descriptor; by default as configured, or what suits the detector.", label="Descriptor"
+    )
+    damaged: Damaged = option(
+        "refuse",
+        "A damaged JPEG or TIFF: refuse it (a flight leaves it out), or keep what can be decoded.",
+        INPUT,
+        label="Damaged file",
+    )
+
+    def check(self) -> None:
+        """Check as `FrontEndOptions.check`, and the method."""
+        if str(self.detector) == "freak":
+            raise InputError(
+                f"freak is a descriptor, no detector; name it as `descriptor`, with {', '.join(DETECTORS)}"
+            )
+        super().check()
+        method, _ = self.choose_method()
+        runs_on_host = self.backend == "golden" or isinstance(self.backend, HostBackend)
+        if not runs_on_host and not method.on_accelerator:
+            raise InputError(
+                f"`backend` {self.backend_name} computes only {', '.join(FRONT_END_DETECTORS)} with ILBP descriptors; "
+                f"{method.detector} with {method.descriptor} runs on the host; leave out `backend`"
+            )
 
     @property
     def keeps_damaged(self) -> bool:
@@ -112,7 +190,7 @@ class FeatureOptions:
 
     def open_backend(self, method: Method, progress: Progress = silent) -> Backend:
         """Load the backend that computes ``method``; ``progress`` receives lines about a simulation's first build."""
-        return load_backend_for(method, self.backend, progress) if isinstance(self.backend, str) else self.backend
+        return load_backend_for(method, self.backend_name, progress) if isinstance(self.backend, str) else self.backend
 
     def choose_method(self) -> tuple[Method, Config]:
         """Choose detector and descriptor, and adapt the configuration to them.
@@ -120,58 +198,63 @@ class FeatureOptions:
         Raises
         ------
         InputError
-            For an unknown name or an impossible combination.
+            For an impossible combination.
         """
-        return self._choose_method(self.base_config)
-
-    def _choose_method(self, base: Config) -> tuple[Method, Config]:
-        method, config = choose_method(base, self.detector, self.descriptor)
+        method, config = choose_method(self.base_config, self.detector, self.descriptor)
         if self.rules is not None and config.matcher.rule_base != self.rules:
-            raise InputError(f"rules decide matches of ILBP descriptors, not of {method.descriptor}; leave one out")
+            raise InputError(f"`rules` decide matches of ILBP descriptors, not of {method.descriptor}; leave one out")
         return method, config
+
+
+class FeatureKeywords(FrontEndKeywords, WorkingSizeKeywords, total=False):
+    """The fields of `FeatureOptions`."""
+
+    detector: Detector | None
+    descriptor: Descriptor | None
+    damaged: Damaged
 
 
 @document_options
 @dataclass(frozen=True, kw_only=True)
-class RegistrationOptions(FeatureOptions):
+class RegistrationOptions(Seeded, FeatureOptions):
     """How two photographs are registered."""
 
-    estimator: str = option(
+    estimator: Estimator = option(
         "prosac",
         "Robust estimator of the homography.",
-        choices=ESTIMATORS,
+        label="Estimator",
         not_for_more="more than two photographs are linked by prosac, whose result the layout then refines",
     )
-    effort: str | None = option(
+    effort: Effort | None = option(
         None,
         "fast: one pass; normal, the default: more frames where that is weak; thorough: always three scales.",
-        choices=EFFORTS,
         not_for_more="more than two photographs are linked by one pass each",
     )
     refine: bool = option(
         False,
         "Refit to the whole overlap by dense flow, if more of it fits then; otherwise only where the verdict is "
         "check or poor.",
+        label="Refit to the overlap",
         not_for_more="the layout of more than two photographs is refined by all links",
     )
     accept_poor: bool = option(
         False,
         "Deliver a poor pair even where its inliers cover less than a quarter of the overlap.",
+        label="Deliver a poor pair",
         not_for_more="the layout of more than two photographs judges their links together",
     )
-    seed: int = option(0, "Seed of the robust estimator.", minimum=0)
 
-    def choose_method(self) -> tuple[Method, Config]:
-        """Choose as `FeatureOptions` does, for the estimator."""
-        config = self.base_config
-        if self.estimator == FUZZY_RANSAC:
-            # Fuzzy RANSAC has rules of its own, which replace those of the matcher.
-            if self.rules not in (None, "none"):
-                raise InputError(f"{FUZZY_RANSAC} has rules of its own; leave out either")
-            config = replace(config, matcher=replace(config.matcher, rule_base="none"))
-        return self._choose_method(config)
+    @property
+    def base_config(self) -> Config:
+        """As that of `FrontEndOptions`; fuzzy RANSAC has rules of its own, which replace those of the matcher."""
+        config = super().base_config
+        if self.estimator != FUZZY_RANSAC:
+            return config
+        if self.rules not in (None, "none"):
+            raise InputError(f"`estimator` {FUZZY_RANSAC} has rules of its own; leave out either")
+        return replace(config, matcher=replace(config.matcher, rule_base="none"))
 
-    def choose_effort(self, method: Method) -> str:
+    def choose_effort(self, method: Method) -> Effort:
         """Choose the effort: the one that is asked for, or the default of the method.
 
         Raises
@@ -182,39 +265,25 @@ class RegistrationOptions(FeatureOptions):
         if self.takes_one_size:
             # Frames of further passes have other sizes.
             if self.effort not in (None, "fast"):
-                raise InputError(f"effort {self.effort} needs frames of several sizes, a board takes one; choose fast")
+                raise InputError(
+                    f"`effort` {self.effort} needs frames of several sizes, a board takes one; choose fast"
+                )
             return "fast"
         # Other methods search scales themselves, and the thesis's descriptor is measured without help.
         oriented = method.descriptor in PATTERNS and PATTERNS[method.descriptor].oriented
         has_passes = oriented and self.estimator == PROSAC
         if self.effort not in (None, "fast") and not has_passes:
             raise InputError(
-                f"effort {self.effort} needs an oriented ILBP descriptor and the estimator {PROSAC}, "
+                f"`effort` {self.effort} needs an oriented ILBP descriptor and the estimator {PROSAC}, "
                 f"not {method.descriptor} and {self.estimator}; leave it out or choose fast"
             )
         return self.effort or ("normal" if has_passes else "fast")
 
 
-# Keyword arguments named field by field, because type checkers cannot derive them from a dataclass; a test holds the
-# two together.
-class FeatureKeywords(TypedDict, total=False):
-    """The fields of `FeatureOptions` as keyword arguments, which type checkers and editors know."""
+class RegistrationKeywords(FeatureKeywords, SeedKeywords, total=False):
+    """The fields of `RegistrationOptions`."""
 
-    preset: str
-    config: Config | None
-    rules: str | MatchRules | None
-    detector: str | None
-    descriptor: str | None
-    backend: str | Backend
-    working_width_px: int
-    damaged: str
-
-
-class RegistrationKeywords(FeatureKeywords, total=False):
-    """The fields of `RegistrationOptions` as keyword arguments."""
-
-    estimator: str
-    effort: str | None
+    estimator: Estimator
+    effort: Effort | None
     refine: bool
     accept_poor: bool
-    seed: int

@@ -12,6 +12,7 @@ from golden_model.arrays import Mask, Matrix, Pixels, Points, Records
 from golden_model.config import Config
 from golden_model.matching.matcher import match
 from sim.backends.interface import Backend, Progress, silent
+from skymosaic.common.options import list_options
 from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.features.frames import DescribedImage
 from skymosaic.features.positions import are_on_ground, match_points, select_ground_matches
@@ -30,6 +31,7 @@ from skymosaic.registration.passes import Evidence, Search, SearchState, explain
 INVERTED_NOTE = "it matches only as its negative, as thermal and infrared photographs may"
 
 
+@list_options
 def register(
     left: str | Path | Pixels | Features,
     right: str | Path | Pixels | Features,
@@ -236,7 +238,7 @@ def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Po
     confidence = pair.confidence
     if confidence is None or options.accept_poor or confirmed or not confidence.extrapolates:
         return pair
-    return pair.refused(f"{confidence.reason}; --accept-poor delivers it nevertheless")
+    return pair.refused(f"{confidence.reason}; `accept_poor` delivers it nevertheless")
 
 
 def _estimate(

@@ -186,7 +186,7 @@ class Cluster:
             if 0 < limit < needed:
                 raise InputError(
                     f"{worker}: has {limit >> 20} MB of memory for {facts['nthreads']} threads, and the largest step "
-                    f"needs {needed >> 20}; give it more, or lower --memory"
+                    f"needs {needed >> 20}; give it more, or lower `memory_bytes`"
                 )
 
     def _ask(self, function: Callable[..., Any], *arguments: Any) -> Mapping[str, Any]:

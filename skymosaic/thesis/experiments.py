@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
+from golden_model.config import Preset
 from skymosaic.common.errors import RegistrationError
 from skymosaic.mosaicking.api import mosaic
 from skymosaic.thesis.corners import measure_adaptive_threshold, measure_corners
@@ -13,7 +14,7 @@ from skymosaic.thesis.measurements import Line, Measurement, Measurements
 from skymosaic.thesis.rejection import DESCRIPTORS, measure_aerial_preset, measure_fuzzy_ransac
 from skymosaic.thesis.scales import measure_repeatability
 
-PRESETS = {"thesis preset": "thesis", "aerial preset": "aerial"}
+PRESETS: dict[str, Preset] = {"thesis preset": "thesis", "aerial preset": "aerial"}
 
 
 def measure_seconds(pair: DatasetPair) -> Iterator[Line]:

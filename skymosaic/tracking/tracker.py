@@ -9,22 +9,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Self, Unpack
 
 import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Pixels
-from golden_model.config import MIN_FRAME_PX, Config, preset_config
-from sim.backends.interface import Backend, load_backend
+from golden_model.config import MIN_FRAME_PX
+from sim.backends.interface import Backend
 from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.common.options import document_options, list_options
 from skymosaic.compositing.warp import Canvas
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
 from skymosaic.imagery.images import load
 from skymosaic.registration.extraction import extract_within_capacity
+from skymosaic.registration.options import FrontEndKeywords, FrontEndOptions, Seeded, SeedKeywords
 from skymosaic.tracking.template import Roi, Template, TemplatePose
 
 MIN_ROI_PX = 16
@@ -53,6 +55,16 @@ SEARCH_SCALES: tuple[float, ...] = (1.0, 0.7, 1.4, 0.5, 2.0)
 """Sizes of the object relative to the template that are tried in turn until its size is known."""
 MAX_CHANGE = 2.0
 """Reject poses whose area differs from the expected one by more than this factor."""
+
+
+@document_options
+@dataclass(frozen=True, kw_only=True)
+class TrackerOptions(Seeded, FrontEndOptions):
+    """How an object is followed."""
+
+
+class TrackerKeywords(FrontEndKeywords, SeedKeywords, total=False):
+    """The fields of `TrackerOptions` as keyword arguments."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,17 +101,16 @@ class Tracker:
     ----------
     template : path, array or Roi
         A picture of the object, or its rectangle in the first frame.
-    config : Config, optional
-        Front end and matcher; by default those of ``preset``.
-    preset, backend, seed
-        As in `skymosaic.register`.
+    options : TrackerOptions, optional
     on_frame : callable, optional
         Receives the `TrackedFrame` of each frame. What it raises leaves `follow`; the next frame continues the track.
+    **changes
+        Single options by the names of `TrackerOptions`; they take precedence over ``options``.
 
     Raises
     ------
     InputError
-        For a template that cannot be read.
+        For a template that cannot be read, or options that are unusable.
 
     Examples
     --------
@@ -110,20 +121,21 @@ class Tracker:
     [0, 1]
     """
 
+    @list_options
     def __init__(
         self,
         template: str | Path | Pixels | Roi,
-        config: Config | None = None,
+        options: TrackerOptions | None = None,
         *,
-        preset: str = "aerial",
-        backend: str = "golden",
-        seed: int = 0,
         on_frame: Callable[[TrackedFrame], object] = lambda _frame: None,
+        **changes: Unpack[TrackerKeywords],
     ) -> None:
+        options = replace(options or TrackerOptions(), **changes)
+        options.check()
         self._template = template if isinstance(template, Roi) else load(template, "template").pixels
-        self._config = config or preset_config(preset)
-        self._front_end: Backend | None = load_backend(backend)
-        self._rng = np.random.default_rng(seed)
+        self._config = options.base_config
+        self._front_end: Backend | None = options.load_backend()
+        self._rng = np.random.default_rng(options.seed)
         self._on_frame = on_frame
         self._track: _Track | None = None
         self._frames = 0

@@ -91,16 +91,16 @@ def test_a_pickled_pair_keeps_its_numbers_and_reads_its_files_again(pair: Pair, 
 def test_a_layout_is_repeated_with_photographs_of_another_day(photographs: int) -> None:
     images = make_lawnmower(1, photographs, (320, 240)).images
     made = skymosaic.mosaic(images)
-    again = skymosaic.mosaic([image // 2 for image in images], layout=made)
+    again = skymosaic.mosaic([image // 2 for image in images], repeat=made)
     assert again.transforms.keys() == made.transforms.keys()
     for index, transform in made.transforms.items():
         np.testing.assert_array_equal(again.transforms[index], transform)
     assert again.image.mean() == pytest.approx(made.image.mean() / 2, rel=0.1)
     assert "base64" in again._repr_html_()
-    with pytest.raises(InputError, match=f"layout: of {photographs} photographs, not of 4; give the same number"):
-        skymosaic.mosaic([*images, *images][:4], layout=made)
+    with pytest.raises(InputError, match=f"`repeat`: a mosaic of {photographs} photographs, not of 4"):
+        skymosaic.mosaic([*images, *images][:4], repeat=made)
     with pytest.raises(InputError, match="different sizes"):
-        skymosaic.mosaic([images[0][:200], *images[1:]], layout=made)
+        skymosaic.mosaic([images[0][:200], *images[1:]], repeat=made)
 
 
 def test_representations_are_one_line(pair: Pair) -> None:
@@ -133,7 +133,7 @@ def test_a_mosaic_without_gps_has_no_place_on_the_map(pair: Pair, tmp_path: Path
 
 
 DOCUMENTED = (
-    "live.mosaic",
+    "mosaicking.live.mosaic",
     "mosaicking.api",
     "registration.extraction",
     "registration.pair",

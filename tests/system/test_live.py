@@ -86,7 +86,7 @@ def test_a_folder_is_watched_until_no_more_frames_arrive(
     monkeypatch.setattr("skymosaic.imagery.live_frames.time", FolderClock(arriving()))
     told: list[str] = []
     pace, preview = Pace(CONFIG, "rtl"), tmp_path / "preview.jpg"
-    live = LiveMosaic(CONFIG, on_frame=pace.add)
+    live = LiveMosaic(config=CONFIG, on_frame=pace.add)
     # The preview lies among the photographs and is none of them.
     arriving_frames = read_live_frames(str(tmp_path), idle_seconds=2.0, tell=told.append, made=[preview])
     grow(live, arriving_frames, preview, told.append)
@@ -136,7 +136,7 @@ def test_every_frame_is_a_line_of_json_and_named_as_in_a_mosaic(video: Path, tmp
     assert "m.tif has no place on the map" in whole["warnings"][0]
     with flight_sources([video]) as sources:
         assert [frame["name"] for frame in frames] == [source.name for source in sources]
-    with pytest.raises(RegistrationError, match="mosaic with --gcp FILE, give it one; nothing was written"):
+    with pytest.raises(RegistrationError, match="mosaic with `control_points`, give it one; nothing was written"):
         live_command(source=str(video), output=tmp_path / "n.tif", require_map=True)
     assert not list(tmp_path.glob("n.*"))
 

@@ -61,9 +61,9 @@ def test_a_live_mosaic_shows_one_named_band(band_folder: Path) -> None:
         ]
 
     assert shown("nir") == [f"IMG_{number:04}_NIR.TIF" for number in range(CAPTURES)]
-    with pytest.raises(InputError, match=r"multi-band sets \(green, red, nir\); name the band to show: --band green"):
+    with pytest.raises(InputError, match=r"multi-band sets \(green, red, nir\); name the band to show: `band` green"):
         shown(None)
-    with pytest.raises(InputError, match="band thermal: valid: blue, green"):
+    with pytest.raises(InputError, match="`band` thermal: valid: blue, green"):
         shown("thermal")
     with pytest.raises(InputError, match="only a folder can hold multi-band sets"):
         shown("nir", "0")
@@ -89,7 +89,7 @@ def test_a_damaged_band_leaves_out_its_capture(band_folder: Path, tmp_path: Path
         (lambda folder: (folder / "IMG_0003_NIR.TIF").write_bytes(b"x" * 99), {}, "NIR.TIF: not an image .* this capt"),
         (lambda folder: cut(folder / "IMG_0001_RED.TIF"), {}, "RED.TIF: 400x200 pixels, but band green has 400x300"),
         (lambda folder: shutil.copy(folder / "IMG_0001_RED.TIF", folder / "a.tif"), {}, "a.tif: belongs to no"),
-        (lambda _: None, {"band": "thermal"}, "band thermal: the sets have green, red, nir"),
+        (lambda _: None, {"band": "thermal"}, "`band` thermal: the sets have green, red, nir"),
     ],
 )
 def test_incomplete_sets_are_refused(

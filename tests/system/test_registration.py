@@ -123,7 +123,7 @@ def test_scale_sets_the_size_of_the_mosaic() -> None:
 def test_unknown_presets_and_one_image_are_refused() -> None:
     images = list(make_pair(seed=1).images)
     with pytest.raises(InputError, match="aerial, thesis"):
-        register(images[0], images[1], preset="martian")
+        register(images[0], images[1], preset="martian")  # type: ignore[arg-type]
     with pytest.raises(InputError):
         mosaic(images[:1])
 
@@ -153,12 +153,12 @@ def test_warp_bends_the_left_photograph_only_where_asked() -> None:
     images = list(make_pair(seed=1).images)
     made = {warp: mosaic(images, warp=warp) for warp in ("homography", "mesh", "auto")}
     plain, bent, chosen = (each.image for each in made.values())
-    assert np.array_equal(mosaic(images, layout=made["mesh"]).image, bent)
+    assert np.array_equal(mosaic(images, repeat=made["mesh"]).image, bent)
     assert plain.shape == bent.shape
     assert np.abs(plain.astype(int) - bent).max() > 0
     assert np.array_equal(plain, chosen)  # flat ground
     with pytest.raises(InputError, match="homography, mesh, auto"):
-        mosaic(images, warp="rubber")
+        mosaic(images, warp="rubber")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="more than two"):
         mosaic([*images, images[0]], warp="mesh")
     with pytest.raises(InputError, match="more than two"):

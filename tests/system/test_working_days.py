@@ -69,7 +69,7 @@ for pair in accepted:
     assert len(pickle.dumps(pair)) < 1_000_000
     assert len(pair.points().left) == len(pair.inliers)
 monday = mosaic(photographs)
-tuesday = mosaic(photographs, layout=monday)
+tuesday = mosaic(photographs, repeat=monday)
 assert all(np.array_equal(*both) for both in zip(monday.transforms, tuesday.transforms, strict=True))
 assert isinstance(pairs[0].config, Config)
 assert "<img" in monday._repr_html_()

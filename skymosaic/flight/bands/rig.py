@@ -161,7 +161,7 @@ def _fit(band: str, reference: str, places: Sequence[Places], to_original: Matri
     if estimate.homography is None or agreeing < max(MIN_PLACES, MIN_AGREEING * len(here)):
         raise RegistrationError(
             f"{failed} {agreeing} of {len(here)} places in {len(places)} captures agree; name another "
-            "--band, or leave its files out"
+            "`band`, or leave its files out"
         )
     errors = [
         float(np.median(transfer_error(estimate.homography, other, own)))
@@ -171,7 +171,7 @@ def _fit(band: str, reference: str, places: Sequence[Places], to_original: Matri
     if not errors:
         raise RegistrationError(
             f"{failed} none of {len(places)} captures shows {MIN_PLACES_PER_CAPTURE} places in both; name another "
-            "--band, or leave its files out"
+            "`band`, or leave its files out"
         )
     if max(errors) > MAX_DRIFT_PX:
         raise RegistrationError(

@@ -58,7 +58,8 @@ NOWHERE = MapPlace()
 
 def explain_absence(path: Path, place: MapPlace) -> str:
     """Why a file has no place on the map, and what gives it one."""
-    return f"{path} has no place on the map: {place.note}; photographs with GPS, or mosaic with --gcp FILE, give it one"
+    remedy = "photographs with GPS, or mosaic with `control_points`, give it one"
+    return f"{path} has no place on the map: {place.note}; {remedy}"
 
 
 def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None = None) -> MapPlace:

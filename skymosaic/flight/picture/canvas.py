@@ -55,7 +55,7 @@ def place_on_canvas(
         to_canvas, transforms, canvas = lay(scale * share)
         reduced = (
             f"reduced from {full.width_px}x{full.height_px} to {canvas.width_px}x{canvas.height_px} px, because "
-            f"{room.reason}; --scale or --canvas-limit choose the size"
+            f"{room.reason}; `scale` or `canvas_limit_px` choose the size"
         )
     if on_map is not None:
         to_layout = np.asarray(np.linalg.inv(canvas.translation @ to_canvas))
@@ -75,7 +75,7 @@ def place_on_canvas(
 def check_scale(scale: float, sizes: Sequence[tuple[int, int]]) -> None:
     """Raise InputError for a scale that leaves no pixel of any photograph."""
     if scale * max(max(size) for size in sizes) < 1:
-        raise InputError("each photograph would be smaller than a pixel; raise --scale, or lower --gsd")
+        raise InputError("each photograph would be smaller than a pixel; raise `scale`, or lower `gsd_m`")
 
 
 def north_up(georeference: Georeference, metres_per_pixel: float) -> Matrix:
@@ -106,10 +106,10 @@ def scale_for(flight: Flight, layout: Layout, on_map: Georeference | None, gsd_m
         Without a map, or for a resolution finer than that of the photographs.
     """
     if on_map is None:
-        raise InputError("gsd: the mosaic has no place on the map, so metres are unknown; use --scale instead")
+        raise InputError("`gsd_m`: the mosaic has no place on the map, so metres are unknown; use `scale` instead")
     finest_m = on_map.metres_per_pixel * usual_magnification(flight, layout)
     if gsd_m < MIN_GSD * finest_m:
-        raise InputError(f"gsd is {gsd_m:g} m, finer than the photographs; give at least {finest_m:.3g}")
+        raise InputError(f"`gsd_m` is {gsd_m:g} m, finer than the photographs; give at least {finest_m:.3g}")
     return min(finest_m / gsd_m, 1.0)
 
 

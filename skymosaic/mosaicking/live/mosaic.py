@@ -10,18 +10,18 @@ With the estimator ``fabric``, frames are laid out by the homographies that the 
 """
 
 import contextlib
+import dataclasses
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Self, Unpack
 
 import numpy as np
 
 from golden_model.arrays import Array, Pixels, Records
-from golden_model.config import Config, preset_config
-from sim.backends.interface import load_backend
 from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.common.options import list_options
 from skymosaic.compositing.warp import Canvas, CanvasError
 from skymosaic.flight.candidates import MIN_VOTES, MOST_SIMILAR
 from skymosaic.flight.linking.links import Candidate, Link, link_views
@@ -41,15 +41,13 @@ from skymosaic.mosaicking.live.preview import paint_preview
 from skymosaic.mosaicking.live.record_chain import RecordChain
 from skymosaic.mosaicking.live.submap import Frame, Placement, Submap
 from skymosaic.mosaicking.live.update import LiveUpdate
-from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.mosaicking.options import LiveKeywords, LiveOptions
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.registration.extraction import extract_within_capacity
-from skymosaic.registration.options import WORKING_WIDTH_PX
 from skymosaic.running.workers import Workers
 
 LATEST = 3
 """A new frame is first matched with this many of the latest frames; if these fail, with the most similar older ones."""
-ESTIMATORS = ("prosac", FABRIC)
 MIN_FEATURES = 50
 """A frame with fewer features does not start a submap."""
 
@@ -63,23 +61,12 @@ class LiveMosaic:
 
     Parameters
     ----------
-    config : Config, optional
-        Front end and matcher; by default those of ``preset``.
-    preset : str
-    backend : str
-        Name of the backend that computes the features.
-    estimator : {"prosac", "fabric"}
-        Whether the host links frames by their matches, or the chip by a homography of each frame.
-    seed : int
-        Seed of the robust estimator.
-    working_width_px : int
-        Wider frames are reduced by area for registration.
-    scale : float
-        Pixels of the mosaic per pixel of the median frame, more than 0 and at most 1.
-    canvas_limit_px : int, optional
-        Largest area of the mosaic, which is reduced to it; by default what the file can hold.
+    options : LiveOptions, optional
+        ``band`` is for who chooses the frames: all that `add` gets are taken.
     on_frame : callable, optional
         Receives the `LiveUpdate` of each frame. What it raises leaves `add`; the frame stays in the mosaic.
+    **changes
+        Single options by the names of `LiveOptions`; they take precedence over ``options``.
 
     Attributes
     ----------
@@ -89,7 +76,7 @@ class LiveMosaic:
     Raises
     ------
     InputError
-        For a scale out of range, or another estimator.
+        For an unknown name, an impossible value or an impossible combination of options.
 
     Examples
     --------
@@ -104,37 +91,21 @@ class LiveMosaic:
     [0, 1, 2]
     """
 
+    @list_options
     def __init__(
         self,
-        config: Config | None = None,
+        options: LiveOptions | None = None,
         *,
-        preset: str = "aerial",
-        backend: str = "golden",
-        estimator: str = "prosac",
-        seed: int = 0,
-        working_width_px: int = WORKING_WIDTH_PX,
-        scale: float = 1.0,
-        canvas_limit_px: int | None = None,
         on_frame: Callable[[LiveUpdate], object] = lambda _update: None,
+        **changes: Unpack[LiveKeywords],
     ) -> None:
-        if not 0 < scale <= 1:
-            raise InputError(f"scale is {scale}; it must be more than 0 and at most 1")
-        if estimator not in ESTIMATORS:
-            raise InputError(
-                f"estimator {estimator}: a live mosaic takes {' or '.join(ESTIMATORS)}; choose one of them"
-            )
-        self._config = config or preset_config(preset)
-        self._front_end = load_backend(backend)
-        self._chain = RecordChain(self._front_end, self._config, seed) if estimator == FABRIC else None
-        self._seed = seed
+        self._options = options = dataclasses.replace(options or LiveOptions(), **changes)
+        options.check()
+        self._config = options.base_config
+        self._front_end = options.load_backend()
+        by_chip = options.estimator == FABRIC
+        self._chain = RecordChain(self._front_end, self._config, options.seed) if by_chip else None
         self.stands_still = False
-        self._options = MosaicOptions(
-            config=self._config,
-            backend=backend,
-            working_width_px=working_width_px,
-            scale=scale,
-            canvas_limit_px=canvas_limit_px,
-        )
         self._kept = KeptFrames()
         self._submaps: list[Submap] = []
         self._frames: list[tuple[str, str]] = []
@@ -249,10 +220,10 @@ class LiveMosaic:
         if not self.transforms:
             raise RegistrationError("no frame could be used")
         frames = tuple(self._mosaic.frames.values())
-        with Workers(memory_bytes=self._options.memory_bytes) as workers:
-            settings = self._options.flight_settings()
-            flight = flight_of_frames(frames, self._mosaic.links, self._kept, settings, workers)
-            plan = MosaicPlan(flight.sources, self._options, workers, tell)
+        options = self._options.for_mosaic()
+        with Workers(memory_bytes=options.memory_bytes) as workers:
+            flight = flight_of_frames(frames, self._mosaic.links, self._kept, options.flight_settings(), workers)
+            plan = MosaicPlan(flight.sources, options, workers, tell)
             plan.flight = flight
             try:
                 yield plan
@@ -274,7 +245,7 @@ class LiveMosaic:
     def _link(self, pair: Candidate, left: Records, right: Records) -> Link:
         if self._chain:
             return self._chain.link(pair)
-        link = link_views(pair, left, right, config=self._config, seed=self._seed)
+        link = link_views(pair, left, right, config=self._config, seed=self._options.seed)
         self.stands_still |= link.standing
         return link
 

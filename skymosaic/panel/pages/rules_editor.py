@@ -98,7 +98,7 @@ class RulesEditor:
         self._session.changed.emit()
 
     def _use(self) -> None:
-        self._session.set_option("rule_base", self._edit.rules)
+        self._session.set_option("rules", self._edit.rules)
 
     async def _change(self, text: str, *, after: int | None = None) -> None:
         """Try the rules that were wanted last; steps of a drag that come meanwhile are left out."""

@@ -6,7 +6,7 @@ from functools import partial
 from nicegui import ui
 from nicegui.elements.mixins.disableable_element import DisableableElement
 
-from skymosaic.panel.options import OPTION_VALUES, OWN, fault_of
+from skymosaic.panel.options import LABELLED, OPTION_VALUES, OWN, fault_of
 from skymosaic.panel.pages.folder_picker import FolderPicker
 from skymosaic.panel.results import InputFile, picture_address
 from skymosaic.panel.session import Session
@@ -18,17 +18,6 @@ BUILT_IN = {"Pair": 2, "Flight": 9}
 """Number of photographs in each built-in example."""
 MAX_ROWS = 6
 """With more photographs than this, tiles replace the rows, so that all are visible."""
-LABELS = {
-    "preset": "Preset",
-    "detector": "Detector",
-    "descriptor": "Descriptor",
-    "rule_base": "Fuzzy rules",
-    "estimator": "Estimator",
-    "blending": "Blending",
-    "backend": "Backend",
-    "damaged": "Damaged file",
-}
-SWITCHES = {"refine": "Refit to the overlap", "accept_poor": "Deliver a poor pair"}
 
 
 def build_heading(number: str, text: str) -> None:
@@ -148,18 +137,19 @@ class OptionsCard:
             self._fault = ui.label().classes("fault").props('role="status"')
             self._selects["preset"] = build_option_select(session, "preset")
             with ui.expansion("Advanced").classes("advanced"), ui.element("div").classes("options"):
-                for name in LABELS:
+                for name in OPTION_VALUES:
                     if name not in self._selects:
                         self._selects[name] = build_option_select(session, name)
-                self._switches = {name: build_option_switch(session, name) for name in SWITCHES}
+                switches = [name for name in LABELLED if name not in OPTION_VALUES]
+                self._switches = {name: build_option_switch(session, name) for name in switches}
                 self._build_slider()
         self.update()
 
     def update(self) -> None:
         """Show the session's options, which another tab or a preset may have changed."""
         options = self._session.options
-        rules = self._selects["rule_base"]
-        rules.set_options([*OPTION_VALUES["rule_base"], *([OWN] if options.shown("rule_base") == OWN else [])])
+        rules = self._selects["rules"]
+        rules.set_options([*OPTION_VALUES["rules"], *([OWN] if options.shown("rules") == OWN else [])])
         for name, select in self._selects.items():
             select.set_value(options.shown(name))
         for name, switch in self._switches.items():
@@ -189,13 +179,15 @@ class OptionsCard:
 def build_option_select(session: Session, name: str) -> ui.select:
     """Build the drop-down list of an option's values."""
     values = [*OPTION_VALUES[name], *(session.boards if name == "backend" else ())]
-    select = ui.select(values, label=LABELS[name], on_change=lambda event: session.set_option(name, event.value))
+    select = ui.select(
+        values, label=LABELLED[name].label, on_change=lambda event: session.set_option(name, event.value)
+    )
     return select.props("outlined dense options-dense").classes("option")
 
 
 def build_option_switch(session: Session, name: str) -> ui.switch:
     """Build the switch of an option that is on or off."""
-    switch = ui.switch(SWITCHES[name], on_change=lambda event: session.set_option(name, event.value))
+    switch = ui.switch(LABELLED[name].label, on_change=lambda event: session.set_option(name, event.value))
     return switch.props("dense")
 
 

@@ -31,7 +31,7 @@ def build_tracking_page(session: Session) -> None:
         for card in cards:
             card.update()
         for name, select in selects.items():
-            select.set_value(getattr(session.options, name))
+            select.set_value(session.options.shown(name))
         run.update()
         result_card.update()
 

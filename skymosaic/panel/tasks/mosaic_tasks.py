@@ -5,11 +5,11 @@ Results name files relative to it, so that the archive works wherever it is unpa
 """
 
 import csv
-import dataclasses
 import io
 import json
 import shlex
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from golden_model.config_file import to_toml
 from golden_model.formats import POSITION, decode_response
 from skymosaic.common.errors import RegistrationError
+from skymosaic.common.options import command_words
 from skymosaic.evaluation.hardware import compare
 from skymosaic.flight.check import check_flight, layout_errors
 from skymosaic.flight.flight import Flight
@@ -28,7 +29,7 @@ from skymosaic.maps.georeference import MIN_POSITIONS
 from skymosaic.mosaicking.api import open_plan_of_sources
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.panel.explain import classify_matches, measure_residuals
-from skymosaic.panel.options import Options
+from skymosaic.panel.options import Options, backend_options
 from skymosaic.panel.results import RULES, HardwareResult, Link, MosaicResult, Picture, side_by_side
 from skymosaic.panel.steps import Progress
 from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, show_mosaic
@@ -84,8 +85,8 @@ def make_mosaic(
         pair = _register((folder / by_name[left], folder / by_name[right]), options, progress)
     progress("writing")
     # The report is read from the unpacked archive, where the mosaic lies beside it.
-    write_report(folder / REPORT, flight, [dataclasses.replace(each, path=Path(output)) for each in deliveries])
-    command = write_command(words, len(paths), options, output)
+    write_report(folder / REPORT, flight, [replace(each, path=Path(output)) for each in deliveries])
+    command = write_command(words, options, output)
     _write(folder, {"command.txt": command + "\n", **_describe_run(flight)})
     result = MosaicResult(
         folder=folder,
@@ -124,7 +125,7 @@ def _add_mosaic(result: MosaicResult, flight: Flight, delivery: Delivery) -> Mos
     """Add the mosaic, its bands and its place on the map, and the photographs that are not in it."""
     bands = {"bands": describe_bands(delivery.composition)} if delivery.composition.band_names else {}
     place = {"map": describe_map(delivery)} if delivery.georeference is not None else {}
-    return dataclasses.replace(
+    return replace(
         result,
         mosaic=show_mosaic(delivery, result.pictures),
         left_out={flight.names[index]: reason for index, reason in flight.absent_from(delivery.layout).items()},
@@ -141,7 +142,7 @@ def _shorten(paths: list[str]) -> list[str]:
 def _add_flight(result: MosaicResult, flight: Flight, delivery: Delivery, unused: list[str]) -> MosaicResult:
     """Add what only a flight has: links, problems and numbers."""
     layout, links, errors = delivery.layout, _links(flight), layout_errors(flight, delivery.layout)
-    return dataclasses.replace(
+    return replace(
         result,
         seconds=flight.seconds | {"blending and writing": delivery.seconds},
         links=links,
@@ -161,15 +162,15 @@ def look_at_pair(folder: Path, result: MosaicResult, names: tuple[str, str], *, 
     """Show the matches of another pair of a flight."""
     left, right = (folder / result.paths[name] for name in names)
     pair = _register((left, right), result.options, progress)
-    return dataclasses.replace(result, pair=pair, working=_save_working(pair, result.pictures))
+    return replace(result, pair=pair, working=_save_working(pair, result.pictures))
 
 
 def _register(files: tuple[Path, Path], options: Options, progress: Progress) -> Pair:
     progress("finding and matching features")
     pair = register(*files, options, progress=progress)
     # Report, tables and page name the photographs without the folder.
-    left, right = (dataclasses.replace(each, name=Path(each.name).name) for each in (pair.left, pair.right))
-    return dataclasses.replace(pair, left=left, right=right)
+    left, right = (replace(each, name=Path(each.name).name) for each in (pair.left, pair.right))
+    return replace(pair, left=left, right=right)
 
 
 def _save_working(pair: Pair, pictures: Path) -> tuple[Picture, ...]:
@@ -196,28 +197,18 @@ def compare_hardware(
     _, config = options.choose_method()
     left, right = (folder / path for path in paths)
     progress(f"computing with the golden model and with {backend}")
-    chosen = FeatureOptions(config=config, backend=backend, damaged=options.damaged)
+    chosen = replace(FeatureOptions(config=config, damaged=options.damaged), **backend_options(backend))
     comparison = compare(left, right, chosen, progress=progress)
     _write(folder, {"hardware.json": json.dumps(comparison.summary(), indent=2) + "\n"})
-    words = ["skymosaic", "compare", *paths, "--config", CONFIG, "--backend", backend, *_if_damaged(options)]
+    words = ["skymosaic", "compare", *paths, *command_words(chosen, {"config": CONFIG})]
     return HardwareResult(backend, comparison, shlex.join(words))
 
 
-def write_command(inputs: list[str], photographs: int, options: Options, output: str = MOSAIC) -> str:
+def write_command(inputs: list[str], options: Options, output: str = MOSAIC) -> str:
     """Write the command line that repeats a run in its folder; ``inputs`` may be a folder of the photographs."""
-    words = ["skymosaic", "mosaic", *inputs, "--config", CONFIG]
-    if photographs == 2:
-        # Methods of the host are not in the configuration; flights take none of them.
-        words += ["--detector", f"{options.detector}", "--descriptor", f"{options.descriptor}"]
-        words += ["--estimator", options.estimator]
-        words += [*(["--refine"] if options.refine else []), *(["--accept-poor"] if options.accept_poor else [])]
-    words += [] if options.blending is None else ["--blend", options.blending]
-    words += _if_damaged(options)
-    return shlex.join([*words, "--backend", options.backend_name, "--report", REPORT, "-o", output, "--overwrite"])
-
-
-def _if_damaged(options: Options) -> list[str]:
-    return ["--damaged", options.damaged] if options.keeps_damaged else []
+    # The file of the configuration holds the rules, too.
+    words = ["skymosaic", "mosaic", *inputs, *command_words(replace(options, rules=None)), "--config", CONFIG]
+    return shlex.join([*words, "--report", REPORT, "-o", output, "--overwrite"])
 
 
 def _write(folder: Path, texts: dict[str, str]) -> None:

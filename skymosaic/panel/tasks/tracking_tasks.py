@@ -4,13 +4,14 @@ import shlex
 import time
 from pathlib import Path
 
+from skymosaic.common.options import command_words
 from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.video import VideoReader
 from skymosaic.panel.options import Options
 from skymosaic.panel.results import TrackingResult
 from skymosaic.panel.steps import Progress
 from skymosaic.tracking.output import follow_video, save_corners
-from skymosaic.tracking.tracker import Tracker
+from skymosaic.tracking.tracker import Tracker, TrackerOptions
 
 VIDEO, CORNERS = "tracked.mp4", "corners.csv"
 
@@ -28,13 +29,14 @@ def follow(
         If the object was found in no frame.
     """
     reader = VideoReader(folder / video)
+    chosen = TrackerOptions(preset=options.preset, backend=options.backend, address=options.address)
     started = time.perf_counter()
-    tracker = Tracker(folder / template, preset=options.preset, backend=options.backend_name)
+    tracker = Tracker(folder / template, chosen)
     rows = follow_video(tracker, reader, folder / VIDEO, lambda frame, _row: progress(f"frame {frame.number + 1}"))
     seconds = time.perf_counter() - started
     save_corners(folder / CORNERS, rows)
     words = ["skymosaic", "track", template, video, "-o", VIDEO, "--corners", CORNERS, "--overwrite"]
-    command = shlex.join([*words, "--preset", options.preset, "--backend", options.backend_name])
+    command = shlex.join([*words, *command_words(chosen)])
     save_bytes(folder / "command.txt", f"{command}\n".encode())
     (pictures / VIDEO).hardlink_to(folder / VIDEO)
     return TrackingResult(

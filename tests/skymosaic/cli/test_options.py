@@ -9,10 +9,12 @@ import typer
 from typer.testing import CliRunner, Result
 
 from golden_model.config import preset_config
+from golden_model.config_file import load_config
+from golden_model.fuzzy.rules import MatchRules, shipped_rules
 from skymosaic.cli.live import live as live_command
 from skymosaic.cli.options import with_options
 from skymosaic.common.errors import InputError
-from skymosaic.common.options import GROUPS, options_of
+from skymosaic.common.options import GROUPS, command_words, options_of
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.registration.options import FeatureOptions
 
@@ -26,8 +28,10 @@ def everything(*, options: MosaicOptions) -> None:
 
 
 @with_options
-def some(*, options: Annotated[FeatureOptions, ("preset", "backend")] = FeatureOptions(backend="rtl")) -> None:
-    """A command with two options, one of which has another default."""
+def some(
+    *, options: Annotated[FeatureOptions, ("preset", "backend", "address")] = FeatureOptions(backend="rtl")
+) -> None:
+    """A command with some of the options, one of which has another default."""
     read.append(options)
 
 
@@ -54,7 +58,7 @@ def test_the_help_has_every_option_in_its_group() -> None:
     for each in options_of(MosaicOptions):
         begin = shown.index(f"─ {each.group} ─")
         panel = shown[begin : shown.index("╰", begin)]
-        for flag in each.flag.split(" or "):
+        for flag in each.flags.split(" or "):
             assert f"{flag} " in panel
 
 
@@ -63,6 +67,7 @@ def test_the_help_says_what_is_typed() -> None:
     assert re.search(r"--memory +MEGABYTES", shown)
     assert re.search(r"--canvas-limit +MEGAPIXELS", shown)
     assert "bytes, on the command line" not in shown
+    assert "instead of --scale;" in shown
     live = typer.Typer()
     live.command()(live_command)
     assert re.search(r"--estimator +prosac\|fabric ", CliRunner(env={"COLUMNS": "200"}).invoke(live, "--help").output)
@@ -76,7 +81,7 @@ def test_a_command_has_those_of_the_options_that_it_names() -> None:
 
 def test_what_is_typed_becomes_the_object(tmp_path: Path) -> None:
     (tmp_path / "c.toml").write_text("[front_end]\nthreshold = 7\n")
-    words = ("--blend", "average", "--memory", 100, "--canvas-limit", 3, "--gsd", 0.5, "--working-width", 640)
+    words = ("--blending", "average", "--memory", 100, "--canvas-limit", 3, "--gsd", 0.5, "--working-width", 640)
     options = typed("everything", *words, "--config", tmp_path / "c.toml", "--refine", "--cache", tmp_path)
     assert isinstance(options, MosaicOptions)
     assert (options.blending, options.memory_bytes, options.canvas_limit_px) == ("average", 100 << 20, 3_000_000)
@@ -89,11 +94,37 @@ def test_what_is_typed_becomes_the_object(tmp_path: Path) -> None:
 
 
 def test_a_board_is_typed_with_its_address() -> None:
-    assert typed("some", "--backend", "board", "--address", "192.0.2.7:5000").backend == "board:192.0.2.7:5000"
-    assert typed("some", "--backend", "board:192.0.2.7").backend == "board:192.0.2.7"
-    result = run("some", "--address", "192.0.2.7")
-    assert isinstance(result.exception, InputError)
-    assert "add --backend board" in str(result.exception)
+    assert typed("some", "--backend", "board", "--address", "192.0.2.7:5000").backend_name == "board:192.0.2.7:5000"
+    for words, says in (
+        (("--address", "192.0.2.7"), "choose `backend` board"),
+        (("--backend", "board"), "give it with `address`"),
+    ):
+        result = run("some", *words)
+        assert isinstance(result.exception, InputError)
+        assert says in str(result.exception)
+
+
+def test_the_words_for_options_are_read_as_these_options(tmp_path: Path) -> None:
+    rules = shipped_rules("ilbp")
+    files = {"config": tmp_path / "c.toml", "rules": tmp_path / "r.fll"}
+    files["config"].write_text("[front_end]\nthreshold = 7\n")
+    files["rules"].write_text(rules.text)
+    options = MosaicOptions(
+        config=load_config(files["config"], "thesis"),
+        rules=MatchRules(rules.text),
+        preset="thesis",
+        blending="average",
+        refine=True,
+        scale=0.3,
+        memory_bytes=100 << 20,
+        canvas_limit_px=3_000_000,
+        cache=tmp_path,
+        backend="board",
+        address="192.0.2.7:5000",
+    )
+    words = command_words(options, {name: str(file) for name, file in files.items()})
+    assert typed("everything", *words) == options
+    assert command_words(MosaicOptions()) == []
 
 
 @pytest.mark.parametrize("words", [("--scale", 0), ("--estimator", "psychic"), ("--effort", "heroic")])

@@ -124,9 +124,9 @@ def test_without_rules_the_configuration_says_so() -> None:
     ({"detector": "surfing"}, "surf, sift, orb"),
     ({"descriptor": "brief"}, "sift, orb, akaze"),
     ({"estimator": "guess"}, "prosac, fabric, ransac, magsac, fuzzy-ransac"),
-    ({"detector": "freak"}, "not a detector"),
+    ({"detector": "freak"}, "no detector"),
     ({"detector": "orb", "descriptor": "akaze"}, "scale space"),
-    ({"detector": "sift", "backend": "rtl"}, "leave out --backend"),
+    ({"detector": "sift", "backend": "rtl"}, "leave out `backend`"),
     ({"preset": "thesis", "descriptor": "ilbp-128"}, "needs the gray window"),
 ])  # fmt: skip
 def test_what_cannot_be_is_refused_with_the_reason(

@@ -1,32 +1,97 @@
 """The options: keyword arguments are held to the fields, and each option applies or is refused with the reason."""
 
 import dataclasses
+import inspect
+import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_type_hints
 
+import numpy as np
 import pytest
+from IPython.core.completer import IPCompleter, provisionalcompleter
 
+from golden_model.config import PRESETS
+from golden_model.feature.ilbp import PATTERNS
+from sim.backends.interface import BACKENDS
+from skymosaic import LiveMosaic, Tracker, extract, mosaic, mosaics, register
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import GROUPS, options_of
-from skymosaic.mosaicking.options import MosaicKeywords, MosaicOptions
+from skymosaic.features import descriptors, detectors
+from skymosaic.features.descriptors import TRACKED, WINDOWS_PX
+from skymosaic.features.detectors import FRONT_END_DETECTORS
+from skymosaic.geometry.estimators import FABRIC, FUZZY_RANSAC, PROSAC
+from skymosaic.mosaicking.api import mosaic_of_pair
+from skymosaic.mosaicking.options import LiveKeywords, LiveOptions, MosaicKeywords, MosaicOptions
 from skymosaic.registration.options import FeatureKeywords, FeatureOptions, RegistrationKeywords, RegistrationOptions
+from skymosaic.tracking.tracker import TrackerKeywords, TrackerOptions
+
+TAKERS: dict[Callable[..., object], tuple[type, type]] = {
+    extract: (FeatureOptions, FeatureKeywords),
+    register: (RegistrationOptions, RegistrationKeywords),
+    mosaic: (MosaicOptions, MosaicKeywords),
+    mosaics: (MosaicOptions, MosaicKeywords),
+    mosaic_of_pair: (MosaicOptions, MosaicKeywords),
+    LiveMosaic: (LiveOptions, LiveKeywords),
+    Tracker: (TrackerOptions, TrackerKeywords),
+}
+"""What takes options, with the classes of the object and of the keyword arguments."""
 
 
-@pytest.mark.parametrize(
-    ("keywords", "options"),
-    [(FeatureKeywords, FeatureOptions), (RegistrationKeywords, RegistrationOptions), (MosaicKeywords, MosaicOptions)],
-)
-def test_keyword_arguments_have_the_names_and_types_of_the_fields(keywords: type, options: type) -> None:
-    names = {field.name for field in dataclasses.fields(options)}
-    types = get_type_hints(options)
-    assert get_type_hints(keywords) == {name: types[name] for name in names}
+@pytest.mark.parametrize(("function", "classes"), TAKERS.items())
+def test_keyword_arguments_have_the_names_and_types_of_the_fields(
+    function: Callable[..., object], classes: tuple[type, type]
+) -> None:
+    options, keywords = classes
+    fields, types = dataclasses.fields(options), get_type_hints(options)
+    # Type checkers read these,
+    assert get_type_hints(keywords) == {field.name: types[field.name] for field in fields}
+    # and `help` these.
+    shown = inspect.signature(function).parameters
+    assert {name: (each.default, each.annotation) for name, each in shown.items() if name in types} == {
+        field.name: (field.default, types[field.name]) for field in fields
+    }
+    assert "changes" not in shown
+
+
+def test_ipython_completes_options() -> None:
+    namespace = {"register": register, "LiveMosaic": LiveMosaic}
+    completer: Any = IPCompleter(namespace=namespace, use_jedi=False)  # type: ignore[no-untyped-call]
+    for begun, whole in (("register(left, right, effo", "effort="), ("LiveMosaic(canvas", "canvas_limit_px=")):
+        with provisionalcompleter():
+            assert [each.text for each in completer.completions(begun, len(begun))] == [whole]
+
+
+def test_a_misspelt_name_is_an_error_for_type_checkers_and_when_it_runs() -> None:
+    picture = np.zeros((100, 100), np.uint8)
+    # mypy, which refuses a comment that ignores nothing, makes sure that each of these lines is wrong.
+    with pytest.raises(InputError, match="`effort` is 'fastt'; valid: fast, normal, thorough"):
+        register(picture, picture, effort="fastt")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="`blending` is 'multiban'"):
+        mosaic([picture, picture], MosaicOptions(blending="multiban"))  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="efforts"):
+        register(picture, picture, efforts="fast")  # type: ignore[call-arg]
+
+
+def test_names_are_those_of_the_code_behind_them() -> None:
+    chosen = {each.name: set(each.choices) for each in options_of(MosaicOptions)}
+    assert chosen["preset"] == set(PRESETS)
+    assert chosen["backend"] == set(BACKENDS)
+    assert chosen["descriptor"] == {*PATTERNS, *WINDOWS_PX, *descriptors._OPENCV, TRACKED}
+    assert chosen["detector"] == {*FRONT_END_DETECTORS, "surf", *detectors._OPENCV}
+    assert chosen["estimator"] >= {PROSAC, FABRIC, FUZZY_RANSAC}
 
 
 def test_the_docstring_has_every_option() -> None:
     documented = MosaicOptions.__doc__
     assert documented is not None
     for each in options_of(MosaicOptions):
-        assert f"    {each.name} : {each.type}, default {each.default!r}\n        {each.help}" in documented
+        assert re.search(
+            rf"\n    {each.name} : .+, default {re.escape(repr(each.default))}\n        {re.escape(each.help)}",
+            documented,
+        )
+    assert "    damaged : {'refuse', 'keep'}, default 'refuse'\n" in documented
+    assert "    scale : float, default 1.0\n" in documented
 
 
 def test_every_default_is_valid_and_every_sentence_ends() -> None:
@@ -35,23 +100,23 @@ def test_every_default_is_valid_and_every_sentence_ends() -> None:
     for each in options_of(MosaicOptions):
         assert each.group in GROUPS
         assert each.help.endswith(".")
-        assert each.flag.startswith("--")
+        assert each.flags.startswith("--")
 
 
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"preset": "martian"}, "preset is 'martian'; valid: aerial, thesis"),
-        ({"blending": "stirred"}, "blending is 'stirred'; valid: average, distance, multiband"),
-        ({"detector": "freak"}, "freak is a descriptor"),
-        ({"scale": 0.0}, "scale is 0.0; it must be more than 0 and at most 1"),
+        ({"preset": "martian"}, "`preset` is 'martian'; valid: aerial, thesis"),
+        ({"blending": "stirred"}, "`blending` is 'stirred'; valid: average, distance, multiband"),
+        ({"detector": "freak"}, "freak is a descriptor, no detector; name it as `descriptor`"),
+        ({"scale": 0.0}, "`scale` is 0.0; it must be more than 0 and at most 1"),
         ({"scale": float("nan")}, "it must be more than 0 and at most 1"),
-        ({"gsd_m": float("inf")}, "gsd_m is inf; it must be more than 0"),
-        ({"seed": -1}, "seed is -1; it must be at least 0"),
+        ({"gsd_m": float("inf")}, "`gsd_m` is inf; it must be more than 0"),
+        ({"seed": -1}, "`seed` is -1; it must be at least 0"),
         ({"working_width_px": 63}, "it must be at least 64 and at most 4096"),
-        ({"gsd_m": 0.1, "scale": 0.5}, "gsd and scale both set the size"),
-        ({"layout": object(), "positions": object()}, "positions and layout both place the photographs"),
-        ({"detector": "sift", "backend": "rtl"}, "leave out --backend"),
+        ({"gsd_m": 0.1, "scale": 0.5}, "`gsd_m` and `scale` both set the size"),
+        ({"repeat": object(), "positions": object()}, "`positions` and `repeat` both place the photographs"),
+        ({"detector": "sift", "backend": "rtl"}, "leave out `backend`"),
         ({"effort": "thorough", "estimator": "magsac"}, "oriented ILBP"),
     ],
 )
@@ -65,12 +130,16 @@ def test_what_is_not_valid_is_refused_with_what_is(changes: dict[str, Any], says
     ("photographs", "changes", "says"),
     [
         (1, {}, "at least two photographs, not 1"),
-        (2, {"all_groups": True}, "all_groups: two photographs make one mosaic; leave out --all-groups"),
-        (2, {"cache": Path("kept")}, "cache: two photographs are registered anew each time; leave out --cache"),
-        (3, {"estimator": "magsac"}, "estimator magsac: more than two photographs are linked by prosac"),
-        (3, {"effort": "fast"}, "leave out --effort, or keep only two photographs"),
-        (3, {"warp": "mesh"}, "leave out --warp"),
-        (3, {"refine": True}, "leave out --refine"),
+        (2, {"all_groups": True}, "`all_groups`: two photographs make one mosaic; leave it out"),
+        (2, {"cache": Path("kept")}, "`cache`: two photographs are registered anew each time; leave it out"),
+        (3, {"estimator": "magsac"}, "`estimator` magsac: more than two photographs are linked by prosac"),
+        (
+            3,
+            {"effort": "fast"},
+            "`effort` fast: more than two photographs are linked by one pass each; leave it out, or",
+        ),
+        (3, {"warp": "mesh"}, "`warp` mesh: "),
+        (3, {"refine": True}, "`refine`: "),
         (3, {"descriptor": "sift"}, "Harris or FAST with ILBP"),
     ],
 )

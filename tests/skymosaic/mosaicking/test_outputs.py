@@ -35,7 +35,7 @@ def test_what_headers_forbid_is_refused_before_the_first_feature(tmp_path: Path)
     photographs = [tmp_path / f"{number}.png" for number in range(3)]
     for number, path in enumerate(photographs):
         cv2.imwrite(str(path), np.full((80, 100), 1000 * number, np.uint16))
-    smaller = pytest.raises(InputError, match="smaller than a pixel; raise --scale")
+    smaller = pytest.raises(InputError, match="smaller than a pixel; raise `scale`")
     with open_plan(photographs, MosaicOptions(scale=0.009)) as plan, smaller:
         check(plan, tmp_path / "m.tif")
     with open_plan(photographs, MosaicOptions(scale=0.011)) as plan:

@@ -29,17 +29,17 @@ def test_a_preset_resolves_to_its_own_configuration(preset: str) -> None:
 
 
 def test_every_combination_of_options_resolves_or_is_refused_with_a_reason() -> None:
-    lists = (OPTION_VALUES[name] for name in ("preset", "detector", "descriptor", "rule_base"))
+    lists = (OPTION_VALUES[name] for name in ("preset", "detector", "descriptor", "rules"))
     reasons = [_why_refused(*combination) for combination in itertools.product(*lists)]
     assert reasons.count("") > 200
     assert "another method" not in reasons
     assert not any("\n" in reason for reason in reasons)
 
 
-def _why_refused(preset: str, detector: str, descriptor: str, rule_base: str) -> str:
+def _why_refused(preset: str, detector: str, descriptor: str, rules: str) -> str:
     options = Options.of_preset(preset).changed("detector", detector).changed("descriptor", descriptor)
     try:
-        method, _ = options.changed("rule_base", rule_base).choose_method()
+        method, _ = options.changed("rules", rules).choose_method()
     except InputError as error:
         return str(error)
     return "" if (method.detector, method.descriptor) == (detector, descriptor) else "another method"

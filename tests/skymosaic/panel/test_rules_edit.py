@@ -112,9 +112,9 @@ def test_the_thesis_rules_are_edited_too(tmp_path: Path) -> None:
 
 
 def test_own_rules_are_an_option_until_another_name_is_chosen() -> None:
-    options = Options.of_preset("aerial").changed("rule_base", MatchRules(STRICT))
-    assert options.shown("rule_base") == OWN
+    options = Options.of_preset("aerial").changed("rules", MatchRules(STRICT))
+    assert options.shown("rules") == OWN
     # The page's list shows "own", which changes nothing.
-    assert options.changed("rule_base", OWN) is options
+    assert options.changed("rules", OWN) is options
     assert options.base_config.matcher.rules == MatchRules(STRICT)
-    assert options.changed("rule_base", "aerial") == Options.of_preset("aerial")
+    assert options.changed("rules", "aerial") == Options.of_preset("aerial")

@@ -72,7 +72,7 @@ def test_a_poor_pair_on_little_of_the_overlap_is_refused(left: Pixels, monkeypat
     monkeypatch.setattr("skymosaic.registration.confidence.SMALL_SHARE_OF_OVERLAP", 1.0)
     refused = register(left, right, effort="fast")
     assert not refused.accepted
-    assert "--accept-poor" in refused.reason
+    assert "`accept_poor`" in refused.reason
     assert "of the overlap" in refused.reason
     delivered = register(left, right, effort="fast", accept_poor=True)
     assert delivered.accepted

@@ -95,7 +95,7 @@ def test_the_seed_hardly_matters(
         ({"effort": "heroic"}, "fast, normal, thorough"),
         ({"effort": "thorough", "preset": "thesis"}, "oriented ILBP"),
         ({"effort": "normal", "estimator": "magsac"}, "magsac"),
-        ({"effort": "normal", "backend": "board:somewhere"}, "a board takes one"),
+        ({"effort": "normal", "backend": "board", "address": "somewhere"}, "a board takes one"),
         ({"effort": "normal", "backend": load_backend("board:somewhere")}, "a board takes one"),
         ({"detector": "sift", "backend": load_backend("golden")}, "runs on the host"),
     ],

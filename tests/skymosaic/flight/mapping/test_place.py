@@ -59,17 +59,17 @@ def test_control_points_put_a_mosaic_on_the_map_at_the_wanted_resolution(flight:
             lines.append(f"{east} {north} 0 {pixel[0]} {pixel[1]} {index}.png {name}")
     lines += [f"{lines[1].rsplit(maxsplit=2)[0]} {name}.png" for name in ("O", "0", "other/1")]
     (tmp_path / "gcp.txt").write_text("\n".join(lines))
-    options = MosaicOptions(control=load_control_points(tmp_path / "gcp.txt"), gsd_m=0.4)
+    options = MosaicOptions(control_points=load_control_points(tmp_path / "gcp.txt"), gsd_m=0.4)
     form = OutputForm("jpeg", tmp_path / "tiles")
     notes: list[str] = []
     with open_plan([tmp_path / "flight"], options, tell=notes.append) as plan:
         (note,) = notes
         assert note.endswith("gcp.txt: no photograph is named O.png, other/1.png; these sightings are left out")
         (made,) = plan.write(tmp_path / "m.tif", form)
-        place = place_on_map(plan.flight, plan.layouts[0], options.control)
+        place = place_on_map(plan.flight, plan.layouts[0], options.control_points)
         for gsd_m in (1e3, 1e300):
             plan.options = replace(options, gsd_m=gsd_m)
-            with pytest.raises(InputError, match="smaller than a pixel; raise --scale, or lower --gsd"):
+            with pytest.raises(InputError, match="smaller than a pixel; raise `scale`, or lower `gsd_m`"):
                 plan.composition(plan.layouts[0])
         with pytest.raises(InputError, match="finer than the photographs"):
             scale_for(plan.flight, plan.layouts[0], place.georeference, 0.05)

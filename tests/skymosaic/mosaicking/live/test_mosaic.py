@@ -26,7 +26,7 @@ CONFIG = preset_config("aerial")
 
 
 def test_every_frame_is_registered_on_arrival(flight: Flight, frames: list[NDArray[np.uint8]]) -> None:
-    live = LiveMosaic(CONFIG)
+    live = LiveMosaic(config=CONFIG)
     updates = [live.add(frame) for frame in frames]
     assert [update.number for update in updates] == list(range(IMAGES))
     assert updates[0].placement is None
@@ -45,7 +45,7 @@ def test_the_homographies_of_the_chip_alone_lay_the_frames_out(
 ) -> None:
     """Each frame follows from the one before it; nothing else of the flight is matched."""
     monkeypatch.setattr("skymosaic.mosaicking.live.mosaic.link_views", None)
-    live = LiveMosaic(CONFIG, estimator="fabric")
+    live = LiveMosaic(config=CONFIG, estimator="fabric")
     updates = [live.add(frame) for frame in frames]
     assert [update.placement.neighbours for update in updates[1:] if update.placement] == [
         (number,) for number in range(IMAGES - 1)
@@ -54,13 +54,13 @@ def test_the_homographies_of_the_chip_alone_lay_the_frames_out(
     assert len(errors) > IMAGES
     assert errors.mean() < 0.8
     assert errors.max() < 2.5
-    with pytest.raises(InputError, match="prosac or fabric"):
-        LiveMosaic(CONFIG, estimator="magsac")
+    with pytest.raises(InputError, match="prosac, fabric"):
+        LiveMosaic(config=CONFIG, estimator="magsac")  # type: ignore[arg-type]
 
 
 def test_given_features_make_the_same_mosaic_as_computed_ones(frames: list[NDArray[np.uint8]]) -> None:
     results = load_backend("golden").run(frames[:4], CONFIG, reference="previous")
-    given, computed = LiveMosaic(CONFIG), LiveMosaic(CONFIG)
+    given, computed = LiveMosaic(config=CONFIG), LiveMosaic(config=CONFIG)
     for frame, result in zip(frames, results, strict=False):
         given.add(frame, result.features)
         computed.add(frame)
@@ -73,7 +73,7 @@ def test_the_final_adjustment_brings_all_frames_within_a_third_of_a_pixel(
     flight: Flight, frames: list[NDArray[np.uint8]]
 ) -> None:
     """Without it, errors add up from frame to frame to more than a pixel."""
-    live = LiveMosaic(CONFIG)
+    live = LiveMosaic(config=CONFIG)
     for frame in frames:
         live.add(frame)
     live.finish()
@@ -93,13 +93,13 @@ def test_features_of_the_hardware_in_sequence_mode_make_a_live_mosaic(frames: An
     for wanted, got in zip(*results.values(), strict=True):
         np.testing.assert_array_equal(wanted.features, got.features)
         np.testing.assert_array_equal(wanted.matches, got.matches)
-    live = LiveMosaic(CONFIG)
+    live = LiveMosaic(config=CONFIG)
     updates = [live.add(frame, result.features) for frame, result in zip(frames, results["rtl"], strict=False)]
     assert all(update.placement for update in updates[1:])
 
 
 def test_submaps_join_once_a_frame_overlaps_both(flight: Flight, frames: list[NDArray[np.uint8]]) -> None:
-    live = LiveMosaic(CONFIG)
+    live = LiveMosaic(config=CONFIG)
     order = [0, 2, 1]  # 0 and 2 share next to nothing; 1 shows both
     submaps = [live.add(frames[index]).submaps for index in order]
     assert flight.overlap_between(0, 2) < 0.3
@@ -112,7 +112,7 @@ def test_submaps_join_once_a_frame_overlaps_both(flight: Flight, frames: list[ND
 
 def test_frames_without_overlap_and_flat_frames_are_left_out(frames: list[NDArray[np.uint8]]) -> None:
     grain = cv2.GaussianBlur(np.random.default_rng(1).integers(0, 256, (360, 480, 3), dtype=np.uint8), (0, 0), 2)
-    live = LiveMosaic(CONFIG)
+    live = LiveMosaic(config=CONFIG)
     for frame in (*frames[:2], grain, np.full((360, 480, 3), 90, np.uint8)):
         live.add(frame)
     assert set(live.left_out) == {2, 3}
@@ -122,7 +122,7 @@ def test_frames_without_overlap_and_flat_frames_are_left_out(frames: list[NDArra
 
 def test_a_mosaic_is_reduced_to_the_canvas_limit(frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
     limit_px = SIZE[0] * SIZE[1] // 4
-    live = LiveMosaic(CONFIG, canvas_limit_px=limit_px)
+    live = LiveMosaic(config=CONFIG, canvas_limit_px=limit_px)
     assert [live.add(frame).reason for frame in frames[:3]] == [""] * 3
     written = live.save(tmp_path / "m.png")
     height, width = cv2.imread(str(tmp_path / "m.png")).shape[:2]
@@ -131,7 +131,7 @@ def test_a_mosaic_is_reduced_to_the_canvas_limit(frames: list[NDArray[np.uint8]]
 
 
 def test_what_happens_to_files_meanwhile_is_said_by_name(frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
-    live = LiveMosaic(CONFIG)
+    live = LiveMosaic(config=CONFIG)
     for number, frame in enumerate(frames[:4]):
         cv2.imwrite(str(tmp_path / f"{number}.png"), frame)
         live.add(tmp_path / f"{number}.png")
@@ -147,7 +147,7 @@ def test_what_happens_to_files_meanwhile_is_said_by_name(frames: list[NDArray[np
 def test_a_full_disk_ends_the_growth_and_not_the_mosaic(
     frames: list[NDArray[np.uint8]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    live, told = LiveMosaic(CONFIG), list[str]()
+    live, told = LiveMosaic(config=CONFIG), list[str]()
     size = len(cv2.imencode(".png", frames[0], [cv2.IMWRITE_PNG_COMPRESSION, 1])[1])
     monkeypatch.setattr("skymosaic.mosaicking.live.kept_frames.MAX_BYTES", int(3.5 * size))
     coming = (LiveFrame(f"frame {number}", frame) for number, frame in enumerate(frames))
@@ -160,8 +160,8 @@ def test_a_full_disk_ends_the_growth_and_not_the_mosaic(
 
 
 def test_a_scale_beyond_one_is_refused() -> None:
-    with pytest.raises(InputError, match="scale is 2"):
-        LiveMosaic(CONFIG, scale=2)
+    with pytest.raises(InputError, match="`scale` is 2"):
+        LiveMosaic(config=CONFIG, scale=2)
 
 
 def test_what_a_callback_raises_costs_no_frame(frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
@@ -171,7 +171,7 @@ def test_what_a_callback_raises_costs_no_frame(frames: list[NDArray[np.uint8]], 
         seen.append(update.name)
         assert update.number != 2, "broken"
 
-    with LiveMosaic(CONFIG, on_frame=break_at_the_third) as live:
+    with LiveMosaic(config=CONFIG, on_frame=break_at_the_third) as live:
         live.add(frames[0])
         live.add(frames[1])
         with pytest.raises(AssertionError, match="broken"):
@@ -188,7 +188,7 @@ def test_what_a_callback_raises_costs_no_frame(frames: list[NDArray[np.uint8]], 
 def test_a_frame_that_is_no_picture_is_left_out_with_the_reason(
     frames: list[NDArray[np.uint8]], tmp_path: Path
 ) -> None:
-    live = LiveMosaic(CONFIG)
+    live = LiveMosaic(config=CONFIG)
     update = live.add(tmp_path / "none.jpg")
     assert "none.jpg" in update.reason
     assert update.transform is None
@@ -200,7 +200,7 @@ def test_a_frame_that_is_no_picture_is_left_out_with_the_reason(
 
 def test_frames_with_gps_lie_on_the_map(flight: Flight, frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
     metres, focal = 0.15, flight.camera.focal_px / (np.hypot(*SIZE) / 2)
-    live = LiveMosaic(CONFIG)
+    live = LiveMosaic(config=CONFIG)
     for frame, pose in zip(frames[:4], flight.poses, strict=False):
         position = Position(46 - metres * pose.y_px / 111_147, 7 + metres * pose.x_px / 77_329)
         live.add(frame, taken=Metadata(position=position, focal_half_diagonals=focal))

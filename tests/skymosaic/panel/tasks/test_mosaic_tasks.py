@@ -29,7 +29,7 @@ def silent(_line: str, _done: int = 0, _total: int = 0) -> None:
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "preset": {},
-    "threshold": {"position": 26, "rule_base": "none", "blending": "average"},
+    "threshold": {"position": 26, "rules": "none", "blending": "average"},
     "fast": {"detector": "fast", "position": 25, "descriptor": "ilbp-256"},
     "key points": {"detector": "brisk", "descriptor": "freak"},
     "fewer key points": {"detector": "orb", "position": 16, "blending": "multiband"},
@@ -121,5 +121,5 @@ def write_flight_with_gps(folder: Path) -> list[str]:
 
 def test_the_command_delivers_a_poor_pair_where_the_panel_did() -> None:
     options = Options.of_preset("aerial")
-    assert "--accept-poor" not in write_command(["a.png", "b.png"], 2, options)
-    assert "--accept-poor" in write_command(["a.png", "b.png"], 2, options.changed("accept_poor", True))
+    assert "--accept-poor" not in write_command(["a.png", "b.png"], options)
+    assert "--accept-poor" in write_command(["a.png", "b.png"], options.changed("accept_poor", True))
