@@ -248,7 +248,7 @@ class Config:
     With ``estimator``, every frame has a homography as well.
     """
 
-    preset: Preset = "aerial"
+    preset: str = "aerial"
     front_end: FrontEndConfig = field(default_factory=FrontEndConfig)
     matcher: MatcherConfig = field(default_factory=MatcherConfig)
     estimator: EstimatorConfig | None = None

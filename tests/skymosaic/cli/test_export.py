@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,7 +17,8 @@ ULX3S = BUILDS["ulx3s"]
 
 @pytest.mark.parametrize("usual", BUILDS.values(), ids=BUILDS)
 def test_without_options_the_usual_build_is_built(usual: Build) -> None:
-    assert BuildOptions(preset=usual.config.preset).build(usual) == usual
+    named: dict[str, Any] = {"preset": usual.config.preset}
+    assert BuildOptions(**named).build(usual) == usual
 
 
 def test_only_an_explicit_configuration_replaces_that_of_a_board() -> None:
