@@ -70,8 +70,6 @@ class Build:
         check_rule_base(self.config.front_end.pattern, self.config.matcher)
         check_choice("shell", self.shell, tuple(VIDEO_BITS))
         check_choice(f"video_bits with shell {self.shell!r}", self.video_bits, VIDEO_BITS[self.shell])
-        if self.shell == "serial" and self.config.estimator:
-            raise ValueError("a serial port carries no homographies; build without an estimator")
 
     @property
     def pixels_per_clock(self) -> int:

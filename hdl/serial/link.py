@@ -1,9 +1,10 @@
 """The protocol on the serial port: register accesses and pixels to the accelerator, answers and packets from it."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 import enum
+from collections.abc import Sequence
+from typing import Any
 
-from amaranth import Cat, Const, Module, Mux, Signal
+from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -36,8 +37,9 @@ class Message(enum.IntEnum):
     FEATURES = 0x10
     """Eight bytes follow, a word of the packet of features."""
     MATCHES = 0x20
+    HOMOGRAPHIES = 0x40
     LAST = 0x01
-    """Added to one of the two: the word ends its packet."""
+    """Added to one of the three: the word ends its packet."""
 
 
 FIELD_BYTES, DATA_BYTES = 2, 4
@@ -62,25 +64,44 @@ class _Command:
 
 
 class SerialLink(wiring.Component):
-    """Obeys commands byte by byte, and sends answers and the words of both packets, answers first.
+    """Obeys commands byte by byte, and sends answers and the words of all packets, answers first.
 
     A byte that begins no command is ignored; an incomplete command is dropped after `FORGET_CLOCKS`. While the
     accelerator accepts no pixel, no command is read.
+
+    Parameters
+    ----------
+    outputs : sequence of str
+        `hdl.build.Build.outputs`; each has an input ``i_*`` here, a stream of `hdl.streams.WordPayload`. Words of
+        the first come first.
     """
 
-    i: In(stream.Signature(8))
+    i: stream.Interface
     """Bytes from the port."""
-    o: Out(stream.Signature(8))
+    o: stream.Interface
     """Bytes to the port."""
-    i_lost: In(1)
+    i_lost: Signal
     """High for a clock when a byte is lost; the next answer reports it."""
-    o_video: Out(stream.Signature(VideoPayload))
+    o_video: stream.Interface
     """Gray pixels, for an 8-bit input in memory mode."""
-    i_features: In(stream.Signature(WordPayload))
-    i_matches: In(stream.Signature(WordPayload))
-    control: Out(AXI_LITE)
-    o_has_lost: Out(1)
+    control: Any
+    """`hdl.axi.axi_lite.AXI_LITE`."""
+    o_has_lost: Signal
     """Bytes were lost since the last answer."""
+
+    def __init__(self, outputs: Sequence[str] = ("features", "matches")) -> None:
+        self.outputs = tuple(outputs)
+        super().__init__(
+            {
+                "i": In(stream.Signature(8)),
+                "o": Out(stream.Signature(8)),
+                "i_lost": In(1),
+                "o_video": Out(stream.Signature(VideoPayload)),
+                **{f"i_{output}": In(stream.Signature(WordPayload)) for output in self.outputs},
+                "control": Out(AXI_LITE),
+                "o_has_lost": Out(1),
+            }
+        )
 
     def elaborate(self, platform: object) -> Module:
         """Connect the receiving and the sending half."""
@@ -195,12 +216,13 @@ class SerialLink(wiring.Component):
         with m.If(free & has_answer):
             m.d.comb += taken.eq(1)
             m.d.sync += [message.eq(Cat(Const(Message.ANSWER, 8), answer | lost)), left.eq(ANSWER_BYTES)]
-        words = ((self.i_features, Message.FEATURES), (self.i_matches, Message.MATCHES))
-        for number, (port, tag) in enumerate(words):
-            # Answers first, since the host waits for them before it sends more; then features, then matches.
-            earlier = has_answer | (self.i_features.valid if number else 0)
+        # Answers first, since the host waits for them before it sends more.
+        earlier: Value = has_answer
+        for output in self.outputs:
+            port, tag = getattr(self, f"i_{output}"), Message[output.upper()]
             m.d.comb += port.ready.eq(free & ~earlier)
             with m.If(port.valid & port.ready):
                 first = Const(tag, 8) | port.payload.last
                 m.d.sync += [message.eq(Cat(first[:8], port.payload.data)), left.eq(WORD_MESSAGE_BYTES)]
+            earlier |= port.valid
         return taken

@@ -61,7 +61,7 @@ class Ulx3s(wiring.Component):
         m.submodules.accelerator = inner = self.accelerator
         receiver = UartReceiver(clocks_per_bit=CLOCKS_PER_BIT)
         transmitter = UartTransmitter(clocks_per_bit=CLOCKS_PER_BIT)
-        link = SerialLink()
+        link = SerialLink(inner.build.outputs)
         # A whole frame, since the port has no flow control and the accelerator may pause.
         depth = inner.build.max_width_px * inner.build.max_height_px + COMMAND_SPACE
         waiting = fifo.SyncFIFOBuffered(width=8, depth=depth)
@@ -70,8 +70,8 @@ class Ulx3s(wiring.Component):
             m.submodules[name] = ResetInserter(starting.any())(part)
         wiring.connect(m, link.control, inner.control)
         wiring.connect(m, link.o_video, inner.i_video)
-        wiring.connect(m, inner.o_features, link.i_features)
-        wiring.connect(m, inner.o_matches, link.i_matches)
+        for output in inner.build.outputs:
+            wiring.connect(m, getattr(inner, f"o_{output}"), getattr(link, f"i_{output}"))
         wiring.connect(m, link.o, transmitter.i)
         m.d.comb += [
             ClockSignal().eq(self.clk_25mhz),

@@ -27,7 +27,6 @@ WITH_ESTIMATOR = Config(estimator=EstimatorConfig())
         ({"shell": "camera"}, "video_bits with shell 'camera' is 32; valid: 24, 8"),
         ({"shell": "serial"}, "video_bits with shell 'serial' is 32; valid: 8"),
         ({"shell": "shell"}, "shell is 'shell'; valid: streams, camera, serial"),
-        ({"shell": "serial", "video_bits": 8, "config": WITH_ESTIMATOR}, "a serial port carries no homographies"),
         ({"config": replace(PRESETS["aerial"], matcher=PRESETS["thesis"].matcher)}, "needs the gray window"),
     ],
 )  # fmt: skip

@@ -24,7 +24,7 @@ class Board(wiring.Component):
     """The link between the pins, with one register at address 8."""
 
     def __init__(self) -> None:
-        self.link = SerialLink()
+        self.link = SerialLink(("features", "matches", "homographies"))
         super().__init__({"i_pin": In(1, init=1), "o_pin": Out(1)})  # type: ignore[call-arg] # not in the stubs
 
     def elaborate(self, platform: object) -> Module:
@@ -58,6 +58,7 @@ def talk(
     *,
     features: Sequence[dict[str, int]] = (),
     matches: Sequence[dict[str, int]] = (),
+    homographies: Sequence[dict[str, int]] = (),
     answers: int = 0,
     stop_bits: bool = True,
 ) -> tuple[Any, ...]:
@@ -65,7 +66,7 @@ def talk(
     board = Board()
     received: list[Any] = []
     pixels: list[Any] = []
-    wanted = answers + (1 + WORD_BYTES) * (len(features) + len(matches))
+    wanted = answers + (1 + WORD_BYTES) * (len(features) + len(matches) + len(homographies))
     simulator = Simulator(board)
     simulator.add_clock(1e-6)
 
@@ -112,8 +113,10 @@ def talk(
             if valid:
                 pixels.append((beat.data, beat.last))
 
-    for testbench in (send, receive, offer(board.link.i_features, features), offer(board.link.i_matches, matches)):
+    for testbench in (send, receive):
         simulator.add_testbench(testbench)
+    for output, words in (("features", features), ("matches", matches), ("homographies", homographies)):
+        simulator.add_testbench(offer(getattr(board.link, f"i_{output}"), words))
     simulator.add_testbench(take, background=True)
     simulator.run_until(1e-6 * (2 * BYTE_CLOCKS * (len(sent) + wanted + 4)))
     return received, pixels
@@ -145,11 +148,13 @@ def test_pixels_arrive_in_order_and_the_last_one_ends_the_transfer() -> None:
     assert pixels == [(10, 0), (20, 0), (30, 0), (5, 0), (6, 1)]
 
 
-def test_words_of_both_packets_are_told_apart_and_an_answer_overtakes_them() -> None:
+def test_words_of_all_packets_are_told_apart_and_an_answer_overtakes_them() -> None:
     features = [{"data": 0x0807060504030201, "last": 0}, {"data": 1, "last": 1}]
-    received, _ = talk(command(Command.READ, 8), features=features, matches=[{"data": 2, "last": 1}], answers=6)
+    matches, homographies = [{"data": 2, "last": 1}], [{"data": 3, "last": 1}]
+    sent = command(Command.READ, 8)
+    received, _ = talk(sent, features=features, matches=matches, homographies=homographies, answers=6)
     words = [Message.FEATURES, *range(1, 9), Message.FEATURES | Message.LAST, 1, *[0] * 7]
-    last = [Message.MATCHES | Message.LAST, 2, *[0] * 7]
+    last = [Message.MATCHES | Message.LAST, 2, *[0] * 7, Message.HOMOGRAPHIES | Message.LAST, 3, *[0] * 7]
     assert sorted(received) == sorted([*words, *last, *answer(0)])
     # The answer comes between two words: after the first, second or third.
     position = next(n for n in (9, 18, 27) if received[n : n + 6] == answer(0))
