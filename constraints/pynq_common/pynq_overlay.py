@@ -16,6 +16,8 @@ from skymosaic_map import MAX_TRANSFER_BYTES
 from skymosaic_registers import AcceleratorError
 
 POLL_SECONDS = 0.0002
+MIN_BUFFER_BYTES = 8192
+"""XRT 2.17 puts smaller buffers of a 64-bit processor beyond 32 address bits (PYNQ's pull request 1500)."""
 RESET_SECONDS = 1.0
 LOCK = pathlib.Path(tempfile.gettempdir()) / "skymosaic.lock"
 # The registers of an AXI DMA (PG021), from the offset of its channel from memory, or of its channel to memory, on.
@@ -90,7 +92,7 @@ class OverlayBus:
 
     def allocate(self, length_bytes):
         """Allocate memory that the accelerator and its DMAs can access; it starts at a page."""
-        return allocate(shape=(length_bytes,), dtype=np.uint8)
+        return allocate(shape=(max(length_bytes, MIN_BUFFER_BYTES),), dtype=np.uint8)[:length_bytes]
 
 
 class Transfers:
@@ -117,6 +119,7 @@ class Transfers:
         if not 1 <= length_bytes <= MAX_TRANSFER_BYTES:
             raise AcceleratorError(f"{length_bytes} bytes of {name}; a DMA transfers 1 to {MAX_TRANSFER_BYTES}")
         self._check(name)
+        self._check_address(name, buffer.device_address, length_bytes)
         try:
             self._channels[name].transfer(buffer, 0, length_bytes)
         except (RuntimeError, ValueError) as error:
@@ -165,6 +168,15 @@ class Transfers:
                 raise AcceleratorError(f"the DMA of the {name} reports {cause}; send the frame again")
         if status & HALTED:
             raise AcceleratorError(f"the DMA of the {name} is halted: something has stopped it; send the frame again")
+
+    def _check_address(self, name, address, length_bytes):
+        """A DMA drops the address bits that it does not have, and would access other memory."""
+        bits = int(self._dmas[name][0].description["parameters"].get("c_addr_width", 32))
+        if address + length_bytes > 1 << bits:
+            raise AcceleratorError(
+                f"the buffer of the {name} lies at {address:#x}, beyond the {bits} address bits of its DMA; "
+                "set c_addr_width of the DMA to 40 in the block design"
+            )
 
     def _await(self, name, register, bit, end):
         """Wait until a bit of a register is 0."""

@@ -32,6 +32,7 @@ array set system {
     memory      to_ram/S00_AXI
     clocked     {jtag/aclk from_jtag/aclk to_ram/aclk ram_control/s_axi_aclk}
     reset       {jtag/aresetn from_jtag/aresetn to_ram/aresetn ram_control/s_axi_aresetn}
+    address_bits 32
     memory_name ram_control
     memory_size 128K
 }

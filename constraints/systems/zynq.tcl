@@ -20,5 +20,6 @@ array set system {
     memory      ps/S_AXI_HP0
     clocked     {ps/M_AXI_GP0_ACLK ps/S_AXI_HP0_ACLK}
     reset       {}
+    address_bits 32
 }
 set system(interrupt) [get_bd_pins ps/IRQ_F2P]

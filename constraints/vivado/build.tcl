@@ -24,8 +24,10 @@ create_bd_cell -type ip -vlnv xilinx.com:ip:proc_sys_reset:5.0 reset
 
 # 26 bits of length: a transfer of up to 64 MB.
 proc make_dma {name directions} {
+    global system
     set dma [create_bd_cell -type ip -vlnv xilinx.com:ip:axi_dma:7.1 $name]
     set_property -dict [concat {CONFIG.c_include_sg 0 CONFIG.c_sg_length_width 26} $directions] $dma
+    set_property CONFIG.c_addr_width $system(address_bits) $dma
 }
 # A DMA has no stream of 24 or 48 bits: the last quarter of its words is dropped.
 set dma_bits $board(video_bits)
@@ -64,7 +66,13 @@ if {$dma_bits == $board(video_bits)} {
 # PYNQ serves one fabric interrupt, IRQ_F2P[0]: a controller gathers all.
 create_bd_cell -type ip -vlnv xilinx.com:ip:axi_intc:4.1 interrupts
 set_property CONFIG.C_IRQ_CONNECTION 1 [get_bd_cells interrupts]
-create_bd_cell -type ip -vlnv xilinx.com:ip:xlconcat:2.1 sources
+# From Vivado 2024.2 on, ilconcat stands for xlconcat, which will go.
+set concat [lindex [get_ipdefs xilinx.com:inline_hdl:ilconcat:*] end]
+if {$concat ne ""} {
+    create_bd_cell -type inline_hdl -vlnv $concat sources
+} else {
+    create_bd_cell -type ip -vlnv xilinx.com:ip:xlconcat:2.1 sources
+}
 set interrupts {skymosaic/interrupt dma_video/mm2s_introut}
 foreach output $board(outputs) {
     lappend interrupts dma_$output/s2mm_introut

@@ -150,6 +150,18 @@ def test_the_scripts_run_where_only_known_commands_properties_and_pins_exist(fol
         assert f"skymosaic/{pin}" in connected
     assert (folder / "vivado" / "result" / "skymosaic.bit").exists()
     assert (folder / "vivado" / "result" / "skymosaic.hwh").exists()
+    assert tcl.eval("set cells(sources)") == "xilinx.com:inline_hdl:ilconcat:1.0"
+    # A Kria's memory reaches beyond 4 GB.
+    address_bits = "40" if "kria" in folder.name else "32"
+    for output in ("video", "features", "matches"):
+        assert tcl.eval(f"set values(dma_{output}.CONFIG.c_addr_width)") == address_bits
+
+
+@pytest.mark.needs("tcl")
+def test_an_older_vivado_concatenates_by_another_block(tmp_path: Path, verilog: str) -> None:
+    before = "unset known_parameters(xilinx.com:inline_hdl:ilconcat:1.0)"
+    tcl = vivado(exported(tmp_path, "pynq_z2", verilog), before=before)
+    assert tcl.eval("set cells(sources)") == "xilinx.com:ip:xlconcat:2.1"
 
 
 @pytest.mark.needs("tcl")
@@ -204,6 +216,8 @@ def test_the_stub_refuses_what_vivado_would(tmp_path: Path, verilog: str, wrong:
         ("pynq_z2", ("package_ip.tcl", "$board(core_version)", "1.0"), "unknown IP skymosaic:vision"),
         ("pynq_z2", ("package_ip.tcl", "$board(core_version)", "1.0.0"), "not major.minor"),
         ("pynq_z2", ("build.tcl", "s2mm_tdata_width 64", "s2mm_tdata_width 32"), "TDATA_NUM_BYTES does not match"),
+        ("kria_kv260", ("system.tcl", "SAXIGP2__DATA_WIDTH 128", "SAXIGP2__DATA_WIDTH 64"), "128 bits of a reset"),
+        ("kria_kv260", ("system.tcl", "MAXIGP0__DATA_WIDTH 128", "MAXIGP0__DATA_WIDTH 32"), "128 bits of a reset"),
         ("kria_kv260", ("package_ip.tcl", "zynquplus Production", ""), "does not support the family zynquplus"),
         ("arty_a7_100", ("package_ip.tcl", "artix7 Production", ""), "does not support the family artix7"),
     ],

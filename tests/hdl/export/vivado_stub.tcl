@@ -29,13 +29,13 @@ array set known_parameters {
     }
     xilinx.com:ip:axi_dma:7.1 {
         c_include_sg c_sg_length_width c_include_mm2s c_include_s2mm c_m_axis_mm2s_tdata_width c_m_axi_mm2s_data_width
-        c_s_axis_s2mm_tdata_width c_m_axi_s2mm_data_width
+        c_addr_width c_s_axis_s2mm_tdata_width c_m_axi_s2mm_data_width
     }
     xilinx.com:ip:axi_intc:4.1 {C_IRQ_CONNECTION}
     xilinx.com:ip:zynq_ultra_ps_e:3.4 {
         PSU__PSS_REF_CLK__FREQMHZ PSU__FPGA_PL0_ENABLE PSU__CRL_APB__PL0_REF_CTRL__FREQMHZ PSU__USE__M_AXI_GP0
         PSU__USE__M_AXI_GP1 PSU__USE__M_AXI_GP2 PSU__USE__S_AXI_GP2 PSU__MAXIGP0__DATA_WIDTH PSU__SAXIGP2__DATA_WIDTH
-        PSU__USE__IRQ0
+        PSU__HIGH_ADDRESS__ENABLE PSU__USE__IRQ0
     }
     xilinx.com:ip:clk_wiz:6.0 {PRIM_IN_FREQ CLKOUT1_REQUESTED_OUT_FREQ RESET_TYPE RESET_PORT}
     xilinx.com:ip:axis_subset_converter:1.1 {
@@ -45,6 +45,7 @@ array set known_parameters {
     xilinx.com:ip:axi_bram_ctrl:4.1 {SINGLE_PORT_BRAM DATA_WIDTH}
     xilinx.com:ip:blk_mem_gen:8.4 {}
     xilinx.com:ip:xlconcat:2.1 {NUM_PORTS}
+    xilinx.com:inline_hdl:ilconcat:1.0 {NUM_PORTS}
     xilinx.com:ip:smartconnect:1.0 {NUM_SI NUM_MI}
     xilinx.com:ip:proc_sys_reset:5.0 {}
 }
@@ -67,6 +68,7 @@ array set known_pins {
     xilinx.com:ip:axi_bram_ctrl:4.1 {S_AXI BRAM_PORTA s_axi_aclk s_axi_aresetn}
     xilinx.com:ip:blk_mem_gen:8.4 {BRAM_PORTA}
     xilinx.com:ip:xlconcat:2.1 {In0 In1 In2 In3 In4 dout}
+    xilinx.com:inline_hdl:ilconcat:1.0 {In0 In1 In2 In3 In4 dout}
     xilinx.com:ip:smartconnect:1.0 {
         S00_AXI S01_AXI S02_AXI S03_AXI M00_AXI M01_AXI M02_AXI M03_AXI M04_AXI M05_AXI aclk aresetn
     }
@@ -84,6 +86,8 @@ array set known_widths {
     M_AXIS_MM2S {c_m_axis_mm2s_tdata_width 8} S_AXIS_S2MM {c_s_axis_s2mm_tdata_width 8}
     S_AXIS {S_TDATA_NUM_BYTES 1} M_AXIS {M_TDATA_NUM_BYTES 1}
 }
+# Widths of the processor's ports until software sets AFI_FS and AFIFM_*CTRL (UG1087), which Linux does not.
+array set reset_widths {PSU__MAXIGP0__DATA_WIDTH 128 PSU__SAXIGP2__DATA_WIDTH 128}
 array set known_families {xc7z zynq xck2 zynquplus xc7a artix7 xc7k kintex7}
 
 namespace eval ipx {}
@@ -173,6 +177,7 @@ proc create_bd_cell {type_flag type vlnv_flag vlnv name} {
         refuse "$vlnv does not support the family $family"
     }
     if {$vlnv ni [array names known_parameters]} { refuse "unknown IP $vlnv" }
+    if {($type eq "inline_hdl") != [string match *:inline_hdl:* $vlnv]} { refuse "$vlnv is not of the type $type" }
     set cells($name) $vlnv
     return $name
 }
@@ -237,7 +242,12 @@ proc stream_bytes {path} {
     return [expr {$values($cell.CONFIG.$parameter) / $divisor}]
 }
 proc validate_bd_design {} {
-    global nets values resolved
+    global nets values resolved reset_widths
+    foreach {port width} [array get reset_widths] {
+        if {[info exists values(ps.CONFIG.$port)] && $values(ps.CONFIG.$port) != $width} {
+            refuse "$port is not the $width bits of a reset"
+        }
+    }
     foreach net $nets {
         set bytes [lsort -unique [lmap path $net { stream_bytes $path }]]
         if {[llength $bytes] > 1} { refuse "TDATA_NUM_BYTES does not match between $net: $bytes" }

@@ -21,6 +21,8 @@ CONTROL_DEFAULT = 0x0001_0002
 """After a reset: an interrupt threshold of 1, and a reserved bit that reads 1."""
 CONTROL_WRITABLE = 0xFFFF_7019
 MAX_LENGTH_BITS = 26
+MIN_ADDRESS_BITS = 32
+"""What the core is built with if nobody asks for more (``c_addr_width``)."""
 RESET_READS = 2
 """Reads of a control register until a reset has ended; the guide gives no time."""
 PREFETCH_WORDS = 4
@@ -65,10 +67,14 @@ class Channel:
     memory : Memory
     length_bits : int
         Width of LENGTH, 8 to 26.
+    address_bits : int
+        Width of addresses, 32 to 64; further bits that are written are lost.
     """
 
-    def __init__(self, memory: Memory, length_bits: int = MAX_LENGTH_BITS) -> None:
-        self.memory, self.length_bits = memory, length_bits
+    def __init__(
+        self, memory: Memory, length_bits: int = MAX_LENGTH_BITS, address_bits: int = MIN_ADDRESS_BITS
+    ) -> None:
+        self.memory, self.length_bits, self.address_bits = memory, length_bits, address_bits
         self.reset()
 
     def reset(self) -> None:
@@ -97,7 +103,7 @@ class Channel:
         elif offset == ADDRESS_LOW:
             self.address = self.address >> 32 << 32 | value
         elif offset == ADDRESS_HIGH:
-            self.address = value << 32 | self.address & 0xFFFF_FFFF
+            self.address = (value << 32 | self.address & 0xFFFF_FFFF) & (1 << self.address_bits) - 1
         elif offset == LENGTH and not self.is_busy:
             self.length = value & (1 << self.length_bits) - 1
             if self.length and Status.HALTED not in self.status:
@@ -227,6 +233,11 @@ class Dma:
         self.is_stuck, self._reset_reads = False, 0
         for channel in filter(None, (self.send, self.receive)):
             channel.reset()
+
+    @property
+    def address_bits(self) -> int:
+        """Width of addresses, which both channels have in common."""
+        return next(channel.address_bits for channel in (self.send, self.receive) if channel)
 
     def read(self, offset: int) -> int:
         """Read a register; one of a channel that is not built reads 0."""

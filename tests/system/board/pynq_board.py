@@ -27,7 +27,11 @@ BEAT_BYTES = 4
 REGISTER_RANGE = 0x1_0000
 DMA_TYPE = "xilinx.com:ip:axi_dma:7.1"
 ACCELERATOR_ADDRESS, DMA_ADDRESS = 0x43C0_0000, 0x4040_0000
-DRAM_BASE, DRAM_BYTES = 0x1000_0000, 256 << 20
+DRAM_BASE, DRAM_BYTES = 0x6800_0000, 256 << 20
+HIGH_BASE, HIGH_BYTES = 0x8_7000_0000, 1 << 20
+"""A Kria's memory beyond 32 address bits; without those bits, 0x7000_0000 is other memory that is there."""
+SMALL_BYTES = 4096
+"""XRT 2.17 puts buffers up to this size there (PYNQ's pull request 1500)."""
 
 
 class Block(Protocol):
@@ -57,11 +61,12 @@ class Board:
     """The device of PYNQ's classes: registers at their addresses, and memory of which the processor has a cached copy.
 
     What a DMA writes, software sees only after ``invalidate``; what software writes, a DMA sees only after ``flush``.
+    As on a Kria with XRT 2.17, small buffers lie beyond 32 address bits.
 
     Parameters
     ----------
     dram : uint8 ndarray
-        The memory itself.
+        The memory itself, without what is at `HIGH_BASE`.
     base : int
         Its address.
 
@@ -77,11 +82,12 @@ class Board:
 
     def __init__(self, dram: NDArray[np.uint8], base: int) -> None:
         self.dram, self.base = dram, base
+        self._banks = {base: dram, HIGH_BASE: np.zeros(HIGH_BYTES, np.uint8)}
+        self._free = {bank: bank for bank in self._banks}
         self.bad_address: int | None = None
         self.on_download: Callable[[], None] = lambda: None
         self.bitfile_name = self.timestamp = ""
         self._cached: dict[int, NDArray[np.uint8]] = {}
-        self._used = 0
         self._windows: dict[int, Window] = {}
         self.parser = SimpleNamespace(
             ip_dict={}, gpio_dict={}, interrupt_controllers={}, interrupt_pins={}, hierarchy_dict={}, mem_dict={},
@@ -106,6 +112,7 @@ class Board:
         self.add(name, address, DMA_TYPE, block, {
             "c_include_sg": "0",
             "c_sg_length_width": "26",
+            "c_addr_width": str(dma.address_bits),
             "c_include_mm2s": str(int(dma.send is not None)),
             "c_include_s2mm": str(int(dma.receive is not None)),
             "c_m_axi_mm2s_data_width": "64",
@@ -132,40 +139,45 @@ class Board:
         """A PynqBuffer at the next free pages; stands for the kernel's contiguous memory."""
         # Arrays of NumPy 2 have a read-only attribute of this name, which PYNQ's buffer sets.
         settable = type("PynqBuffer", (sys.modules["pynq.buffer"].PynqBuffer,), {"device": None})
-        start, length = self._used, int(np.prod(shape)) * np.dtype(dtype).itemsize
-        self._used += -(-length // PAGE_BYTES) * PAGE_BYTES
-        assert self._used <= self.dram.size, "the board's memory is too small"
-        self._cached[start] = np.zeros(length, np.uint8)
+        length = int(np.prod(shape)) * np.dtype(dtype).itemsize
+        bank = HIGH_BASE if length <= SMALL_BYTES else self.base
+        address = self._free[bank]
+        self._free[bank] += -(-length // PAGE_BYTES) * PAGE_BYTES
+        assert address + length <= bank + self._banks[bank].size, "the board's memory is too small"
+        self._cached[address] = np.zeros(length, np.uint8)
         buffer: NDArray[Any] = settable(
-            shape, dtype, buffer=self._cached[start], device=self, device_address=self.base + start, bo=start
+            shape, dtype, buffer=self._cached[address], device=self, device_address=address, bo=address
         )
         return buffer
 
     def flush(self, bo: int, offset: int, _: int, length: int) -> None:
         """Write the cache back."""
-        self.dram[bo + offset :][:length] = self._cached[bo][offset:][:length]
+        self._memory(bo + offset, length)[:] = self._cached[bo][offset:][:length]
 
     def invalidate(self, bo: int, offset: int, _: int, length: int) -> None:
         """Drop the cache's lines: software sees what is in the memory."""
-        self._cached[bo][offset:][:length] = self.dram[bo + offset :][:length]
+        self._cached[bo][offset:][:length] = self._memory(bo + offset, length)
 
     def load(self, address: int, length_bytes: int) -> NDArray[np.uint8]:
         """See `tests.system.board.axi_dma.Memory`."""
-        start, end = self._range(address, length_bytes)
-        return self.dram[start:end].copy()
+        return self._accessed(address, length_bytes).copy()
 
     def store(self, address: int, data: NDArray[np.uint8]) -> None:
         """See `tests.system.board.axi_dma.Memory`."""
-        start, end = self._range(address, data.size)
-        self.dram[start:end] = data
+        self._accessed(address, data.size)[:] = data
 
-    def _range(self, address: int, length_bytes: int) -> tuple[int, int]:
-        start, end = address - self.base, address - self.base + length_bytes
-        if start < 0 or end > self.dram.size:
-            raise MemoryFaultError(Status.DECODE_ERROR, np.zeros(0, np.uint8))
+    def _accessed(self, address: int, length_bytes: int) -> NDArray[np.uint8]:
+        """The memory at an address, unless it answers a DMA by an error."""
+        there = self._memory(address, length_bytes)
         if self.bad_address is not None and address <= self.bad_address < address + length_bytes:
-            raise MemoryFaultError(Status.SLAVE_ERROR, self.dram[start : self.bad_address - self.base].copy())
-        return start, end
+            raise MemoryFaultError(Status.SLAVE_ERROR, there[: self.bad_address - address].copy())
+        return there
+
+    def _memory(self, address: int, length_bytes: int) -> NDArray[np.uint8]:
+        for base, bank in self._banks.items():
+            if base <= address and address + length_bytes <= base + bank.size:
+                return bank[address - base :][:length_bytes]
+        raise MemoryFaultError(Status.DECODE_ERROR, np.zeros(0, np.uint8))
 
 
 class _Polled:
@@ -240,7 +252,7 @@ class LiveSystem:
     def __init__(self, bench: LiveBench) -> None:
         self.bench = bench
         self.board = board = Board(bench.memory, BASE)
-        self.scores = Dma(SendChannel(board), ReceiveChannel(board))
+        self.scores = Dma(SendChannel(board, address_bits=40), ReceiveChannel(board, address_bits=40))
         registers = _Polled(bench, self)
         board.add("skymosaic_live", ACCELERATOR_ADDRESS, "skymosaic:vision:skymosaic_live:1.0", registers, {})
         board.add_dma("dma_scores", DMA_ADDRESS, self.scores, _Polled(self.scores, self))

@@ -38,7 +38,7 @@ def board() -> Board:
 @pytest.fixture
 def dma(board: Board) -> Both:
     """It runs."""
-    dma = Both(SendChannel(board), ReceiveChannel(board))
+    dma = Both(SendChannel(board, address_bits=40), ReceiveChannel(board, address_bits=40))
     for offset in (0, RECEIVE_OFFSET):
         dma.write(offset + CONTROL, RUN)
     return dma
@@ -91,6 +91,14 @@ def test_length_has_26_bits(dma: Both) -> None:
     dma.write(LENGTH, 1 << 26)
     assert dma.read(LENGTH) == 0
     assert not dma.send.is_busy
+
+
+def test_address_bits_beyond_those_that_are_built_are_lost(dma: Both) -> None:
+    dma.receive.address_bits = 32
+    for offset, kept in ((0, BASE), (RECEIVE_OFFSET, BASE & 0xFFFF_FFFF)):
+        dma.write(offset + ADDRESS_LOW, BASE & 0xFFFF_FFFF)
+        dma.write(offset + ADDRESS_HIGH, 1 << 8 | BASE >> 32)
+        assert dma.read(offset + ADDRESS_HIGH) << 32 | dma.read(offset + ADDRESS_LOW) == kept
 
 
 def test_a_send_reads_memory_and_is_idle_when_all_has_left(dma: Both, board: Board) -> None:
