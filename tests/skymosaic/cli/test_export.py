@@ -40,7 +40,6 @@ def test_options_replace_what_they_name() -> None:
     [
         (("board", "breadboard"), "unknown board 'breadboard'; valid: arty_a7_100, "),
         (("board", "pynq_z2", "--build"), "--build makes the bitstream of the ulx3s"),
-        (("board", "ulx3s", "--homography"), "a serial port carries no homographies"),
         (("camera", "--video-bits", "32"), "video_bits with shell 'camera' is 32; valid: 24, 8"),
     ],
 )
