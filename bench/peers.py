@@ -33,15 +33,7 @@ Words = tuple[Points, np.ndarray]
 
 
 class Peer:
-    """Matches of an OpenCV method, and a homography by MAGSAC.
-
-    Parameters
-    ----------
-    name : str
-        One of `METHODS`, or ``rootsift``.
-    count : int
-        Of the strongest key points.
-    """
+    """Matches of one of `METHODS`, or of ``rootsift``, with the strongest key points, and a homography by MAGSAC."""
 
     def __init__(self, name: str, count: int) -> None:
         self._name, self._count = name, count

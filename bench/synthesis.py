@@ -106,15 +106,10 @@ def synthesise(verilog: str, folder: Path, memory_bits: int) -> dict[str, float]
 
 
 def logic_levels(module: dict[str, Any]) -> int:
-    """Cells on the longest path from a register or input to the next register or output.
+    """Cells on the longest path between registers, inputs and outputs of a flat module, as ``write_json`` gives it.
 
     Look-up tables, multiplexers and each carry cell count as one; LUT RAM counts from its address on, since it is read
     without a clock. Flip-flops, shift registers, block RAMs and multipliers begin and end paths.
-
-    Parameters
-    ----------
-    module : dict
-        A flat module of xc7 cells from Yosys's ``write_json``.
 
     Raises
     ------

@@ -21,16 +21,11 @@ from hdl.streams import FRONT_END_SETTINGS, WordPayload
 
 
 class FrontEnd(wiring.Component):
-    """Features of one or two levels, at one or two pixels per clock.
+    """Features of one or two levels, at one or two pixels per clock; of a build, matcher and shell play no part.
 
     Nothing stalls inside: pixels wait only at frame admission. They wait in three cases: a cell row would end before
     the previous one has left, a frame would end before the last frame's status has left, or the settings change. No
     matter how long the output stalls, nothing is lost or duplicated.
-
-    Parameters
-    ----------
-    build : Build
-        Without matcher and shell.
     """
 
     i_video: stream.Interface

@@ -8,12 +8,7 @@ class AcceleratorError(Exception):
 
 
 class Registers:
-    """Register fields by name.
-
-    Parameters
-    ----------
-    bus : object
-        Its ``read(offset)`` and ``write(offset, value)`` access a register of 32 bits.
+    """Register fields by name; the bus has ``read(offset)`` and ``write(offset, value)`` for words of 32 bits.
 
     Raises
     ------

@@ -8,12 +8,7 @@ MAX_HYPOTHESES = 1024
 
 
 class Scorer:
-    """Sends hypotheses to the accelerator, which scores them by the matches of the newest frame.
-
-    Parameters
-    ----------
-    bus : LiveBus or an object with its methods
-    """
+    """Sends hypotheses to the accelerator, which scores them by the matches of the newest frame."""
 
     def __init__(self, bus):
         self.bus = bus

@@ -79,13 +79,7 @@ def _lock_overlay():
 
 
 class OverlayBus:
-    """Registers and memory of a loaded overlay.
-
-    Parameters
-    ----------
-    registers : object
-        What PYNQ has for them: an IP core's driver, or ``MMIO``.
-    """
+    """Registers, as an IP core's driver or ``MMIO`` has them, and memory of a loaded overlay."""
 
     def __init__(self, registers):
         self.read, self.write = registers.read, registers.write
@@ -96,14 +90,7 @@ class OverlayBus:
 
 
 class Transfers:
-    """Transfers of several DMA channels.
-
-    Parameters
-    ----------
-    overlay : pynq.Overlay
-    sending, receiving : dict of str to str
-        Names of channels, and the DMA of each in the overlay.
-    """
+    """Transfers of several DMA channels: for the name of each, the DMA that sends or receives in the overlay."""
 
     def __init__(self, overlay, sending, receiving):
         sends = {name: find_block(overlay, dma) for name, dma in sending.items()}

@@ -16,12 +16,7 @@ Pins = Mapping[str, tuple[wiring.Member, Value]]
 
 
 class FlatTop(wiring.Component):
-    """A component whose ports are plain signals, each connected to a value inside.
-
-    Parameters
-    ----------
-    pins : mapping of str to (Member, Value)
-    """
+    """A component whose ports are plain signals, each connected to a value inside."""
 
     if TYPE_CHECKING:
         # The pins make the ports; a type checker cannot know their names.

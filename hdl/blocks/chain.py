@@ -83,10 +83,6 @@ class Descriptor(wiring.Component):
     """`RingDescriptor` that takes a candidate's pixels together with its valid bit.
 
     Candidates come at least 4 clocks apart.
-
-    Parameters
-    ----------
-    pattern : DescriptorPattern
     """
 
     i: data.View

@@ -57,10 +57,6 @@ class FlatBlock(FlatTop):
         Clock, and synchronous reset, active high.
     others
         The `leaves` of the component's members; a stream ``i`` has ``i_valid``, ``i_ready`` and its fields.
-
-    Parameters
-    ----------
-    component : Component
     """
 
     def __init__(self, component: wiring.Component) -> None:

@@ -76,14 +76,7 @@ def export_board(folder: Path, board: str, build: Build) -> None:
 
 
 def export_camera(folder: Path, build: Build) -> None:
-    """Write Verilog, register map, the reader of the rings and a README into ``folder``.
-
-    Parameters
-    ----------
-    folder : Path
-        As for `export_board`.
-    build : Build
-        With the shell ``camera``.
+    """Write Verilog, register map, reader of the rings and README of a build with the shell ``camera`` into ``folder``.
 
     Raises
     ------

@@ -48,14 +48,7 @@ class BuildError(Exception):
 
 
 def export_ulx3s(folder: Path, build: Build) -> None:
-    """Write Verilog, pins, registers, the host's programs and a README into ``folder``.
-
-    Parameters
-    ----------
-    folder : Path
-        As for `hdl.export.accelerator.export_board`.
-    build : Build
-        With the shell ``serial``.
+    """Write Verilog, pins, registers, host's programs and README of a build with the shell ``serial`` into ``folder``.
 
     Raises
     ------
@@ -80,12 +73,6 @@ def export_ulx3s(folder: Path, build: Build) -> None:
 
 def build_bitstream(folder: Path, tell: Callable[[str], None] = lambda _name: None) -> dict[str, Any]:
     """Make ``build/skymosaic.bit`` in the folder of an export; the whole accelerator takes minutes.
-
-    Parameters
-    ----------
-    folder : Path
-    tell : callable
-        Receives the name of each tool when it starts.
 
     Returns
     -------

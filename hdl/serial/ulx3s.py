@@ -21,15 +21,10 @@ LEDS = 8
 
 
 class Ulx3s(wiring.Component):
-    """The accelerator, with an 8-bit input, behind the two pins of a serial port.
+    """The accelerator of a build with the shell ``serial``, behind the two pins of a serial port.
 
     Everything runs at the board's 25 MHz. The port has no flow control, so a queue holds a whole frame: the host may
     send one frame, and has to receive its packets before it sends the next.
-
-    Parameters
-    ----------
-    build : Build
-        With the shell ``serial``.
     """
 
     clk_25mhz: In(1)

@@ -24,14 +24,9 @@ FIFO_WORDS = 512
 
 
 class LiveAccelerator(wiring.Component):
-    """`Accelerator` in a `Shell`, and scoring of hypotheses by the matches of the newest frame.
+    """`Accelerator` in a `Shell`, for a build with the shell ``camera``, and scoring by the newest frame's matches.
 
     The camera's pixels are in the domain ``camera``, everything else in ``sync``.
-
-    Parameters
-    ----------
-    build : Build
-        With the shell ``camera``.
     """
 
     i_reset: In(1)

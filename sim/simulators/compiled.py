@@ -38,14 +38,7 @@ def format_ports(ports: Ports) -> str:
 
 
 def load_library(library: Path, functions: Mapping[str, tuple[Any, ...]]) -> ctypes.CDLL:
-    """Load a shared library.
-
-    Parameters
-    ----------
-    library : Path
-    functions : mapping of str to tuple of ctypes types
-        For each function, the type of its result, then those of its arguments.
-    """
+    """Load a shared library; ``functions`` has the type of each one's result, then those of its arguments."""
     loaded = ctypes.CDLL(str(library))
     for name, (result, *arguments) in functions.items():
         function = getattr(loaded, name)

@@ -35,13 +35,7 @@ TAP_WORD = np.dtype([("value", "<i4"), ("x", "<i2"), ("y", "<i2")])
 
 
 class FrontEndTop(wiring.Component):
-    """`hdl.front_end.FrontEnd` with AXI4-Stream ports, one input for each setting, and taps of its stages.
-
-    Parameters
-    ----------
-    front_end : FrontEnd
-    taps : sequence of Tap
-        Stages whose beats are output; only for an input of one pixel per clock.
+    """`hdl.front_end.FrontEnd` with AXI4-Stream ports, an input for each setting, and taps of its stages.
 
     Members
     -------

@@ -24,15 +24,7 @@ from sim.simulators.verilator import simulate
 
 
 class HardwareBackend(Backend):
-    """Features, matches and homographies computed by the simulated accelerator.
-
-    Parameters
-    ----------
-    progress : callable
-        Receives a line of text when a first build starts or ends.
-    waves : Path or None
-        VCD file that each run writes.
-    """
+    """Features, matches and homographies computed by the simulated accelerator, whose runs may write a VCD file."""
 
     def __init__(self, *, progress: Progress, waves: Path | None):
         self._progress = progress

@@ -109,14 +109,7 @@ def _show(delivery: Delivery, absent: Mapping[int, str], mosaic: LiveMosaic, pac
 
 
 def report_absent(absent: Mapping[int, str], *, strict: bool) -> None:
-    """Warn of every photograph or frame that the mosaic does not contain.
-
-    Parameters
-    ----------
-    absent : mapping of int to str
-        Reason for each, by index.
-    strict : bool
-        Raise an error if anything is absent.
+    """Warn of what the mosaic does not contain, by the reasons; call it before anything is written.
 
     Raises
     ------

@@ -5,12 +5,7 @@ from collections.abc import Mapping
 
 
 class Stopwatch:
-    """Measures consecutive stages.
-
-    Parameters
-    ----------
-    seconds : mapping of str to float, optional
-        Earlier stages, which this stopwatch extends.
+    """Measures consecutive stages, which extend earlier ``seconds``.
 
     Attributes
     ----------

@@ -15,15 +15,7 @@ RECORD_NAME = ".skymosaic-outputs"
 
 
 def record_output(output: Path, inputs: Iterable[Path]) -> None:
-    """Record a mosaic that was written into a folder of photographs; other folders need no record.
-
-    Parameters
-    ----------
-    output : Path
-        The mosaic, complete.
-    inputs : iterable of Path
-        The photographs.
-    """
+    """Record a complete mosaic if it lies in a folder of its photographs; other folders need no record."""
     folder = resolved(output).parent
     if not any(resolved(path).parent == folder for path in inputs):
         return

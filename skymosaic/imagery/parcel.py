@@ -17,12 +17,7 @@ LEVEL = 1
 
 @dataclass(frozen=True, eq=False)
 class Parcel:
-    """An array of integers or booleans of any shape; only its pickle is compressed, so threads share the array itself.
-
-    Attributes
-    ----------
-    pixels : ndarray
-    """
+    """An array of integers or booleans of any shape; threads share it, and only its pickle is compressed."""
 
     pixels: NDArray[Any]
 

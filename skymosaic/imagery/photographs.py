@@ -200,13 +200,7 @@ def _key(source: Source, lens: Lens, values: ValueRange | None) -> _Key:
 
 
 class DecodedPhotographs:
-    """Cache of the most recently used decoded photographs, of limited size; thread-safe.
-
-    Parameters
-    ----------
-    limit_bytes : int
-        Size of the cache; a larger photograph is decoded each time.
-    """
+    """Cache of the decoded photographs used last, up to ``limit_bytes``; a larger one is never kept; thread-safe."""
 
     def __init__(self, limit_bytes: int) -> None:
         self._limit_bytes = limit_bytes

@@ -28,14 +28,7 @@ HEADERS = {
 
 
 class OriginCheck:
-    """Refuses requests that do not come from the panel's own page, and adds the headers that confine that page.
-
-    Parameters
-    ----------
-    app : ASGI application
-    port : int
-        The server's port; the loopback names with this port are the only valid hosts and origins.
-    """
+    """Refuses requests that do not come from the panel's own page, and adds the headers that confine that page."""
 
     def __init__(self, app: ASGIApp, port: int) -> None:
         self.app = app

@@ -79,12 +79,7 @@ def move_corner(text: str, number: int, corner: int, x: float, y: float) -> str:
 
 
 class RulesEdit:
-    """Rules for the pair of a result, as they are changed: every version until now, and the pair as the last decides.
-
-    Parameters
-    ----------
-    result : MosaicResult
-        One for which `RulesEdit.applies_to`.
+    """Rules for the pair of a result that `applies_to`: every version until now, and the pair as the last decides.
 
     Attributes
     ----------

@@ -18,11 +18,6 @@ class SessionFiles:
 
     The pictures are what the page shows of the uploads and of each run, in folders of the same names, and of an opened
     folder.
-
-    Parameters
-    ----------
-    make_root : callable
-        Makes the folder when it gets its first file.
     """
 
     def __init__(self, make_root: Callable[[], Path]) -> None:

@@ -15,13 +15,7 @@ class Progress(Protocol):
 
 
 class Steps:
-    """How much of the current stage is done, and the seconds left in it.
-
-    Attributes
-    ----------
-    done : int
-        Steps that are done.
-    """
+    """How many steps of the current stage are ``done``, and the seconds left in it."""
 
     def __init__(self) -> None:
         self.done, self._total = 0, 0

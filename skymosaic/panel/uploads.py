@@ -93,11 +93,6 @@ KINDS = {"photograph": PHOTOGRAPH, "template": PHOTOGRAPH, "video": VIDEO}
 class Arrivals:
     """Limits the uploads of one session that are under way, and those of all sessions together.
 
-    Parameters
-    ----------
-    of_all : asyncio.Semaphore
-        Shared by all sessions, `MAX_UPLOADS_OF_ALL` at first.
-
     Attributes
     ----------
     count : int

@@ -26,15 +26,7 @@ from skymosaic.running.workers import Workers
 
 @dataclass(frozen=True, eq=False)
 class SpectralComposition(Composition):
-    """The mosaic of all bands; what it shares with a `Composition` is that of the reference band.
-
-    Attributes
-    ----------
-    each : tuple of Composition
-        One for each band, all on the same canvas.
-    reference : int
-        Index of the band that was registered.
-    """
+    """Compositions of all bands on one canvas; what a `Composition` has besides is that of the band ``reference``."""
 
     each: tuple[Composition, ...] = ()
     reference: int = 0

@@ -22,14 +22,7 @@ MIN_CHECKS = 5
 
 @dataclass(frozen=True)
 class Errors:
-    """Distances between matches under a layout, in working px of the right view.
-
-    Attributes
-    ----------
-    matches : int
-    median_px, ninety_px : float
-        The second is the 90th percentile.
-    """
+    """Median and 90th percentile of distances between matches under a layout, in working px of the right view."""
 
     matches: int
     median_px: float

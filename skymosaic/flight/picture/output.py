@@ -50,13 +50,7 @@ class OutputForm:
     require_map: bool = False
 
     def check(self, path: Path, bands: int = 0) -> None:
-        """Refuse what cannot apply to a file, before anything is computed.
-
-        Parameters
-        ----------
-        path : Path
-        bands : int
-            Number of bands of a multi-band mosaic; else 0.
+        """Refuse what cannot apply to a file, before anything is computed; ``bands`` is 0 but for multi-band mosaics.
 
         Raises
         ------
@@ -123,14 +117,7 @@ class Delivery:
 
 
 def room_for(path: Path, planes: int) -> Room:
-    """How large the mosaic of a flight may become in a file of this name.
-
-    Parameters
-    ----------
-    path : Path
-    planes : int
-        Bands of the mosaic, with the alpha band.
-    """
+    """How large the mosaic of a flight may become in a file of this name, with ``planes`` bands, alpha included."""
     suffix = path.suffix.lower()
     if suffix == ".png" or _is_tiff(path):
         free_bytes = shutil.disk_usage(path.parent).free

@@ -22,12 +22,6 @@ class Pace:
     Frames per second are those of this computer, and with a simulated accelerator mostly the simulation's. What the
     accelerator itself takes is computed from its exact timeline (`golden_model.timing`), for frames that follow each
     other without a pause: from the size of a frame, its features, and its matches with the frame before it.
-
-    Parameters
-    ----------
-    config : Config
-    backend : str
-        Backend of the live mosaic; the golden model has no clocks.
     """
 
     def __init__(self, config: Config, backend: str) -> None:

@@ -98,15 +98,7 @@ def draw_seams(lines: Iterable[Array]) -> str:
 
 
 def draw_links(quadrilaterals: Mapping[str, Array], linked: Iterable[tuple[str, str, int]]) -> str:
-    """Draw lines between the centres of linked photographs, wider and greener with more inliers.
-
-    Parameters
-    ----------
-    quadrilaterals : mapping of str to (4, 2) ndarray
-        Outlines of the photographs by name.
-    linked : iterable of (str, str, int)
-        Names of two photographs, and their inliers; photographs without an outline are left out.
-    """
+    """Draw lines between the centres of linked photographs with outlines, wider and greener with more inliers."""
     parts = []
     for left, right, inliers in linked:
         if left in quadrilaterals and right in quadrilaterals:

@@ -8,13 +8,7 @@ INTERVAL_S = 0.05
 
 
 class Slider(ui.element, component="slider.js"):
-    """Whole positions from ``lowest`` to ``highest``.
-
-    Parameters
-    ----------
-    on_move : callable
-        Receives the position whenever the user moves the thumb.
-    """
+    """Whole positions from ``lowest`` to ``highest``; ``on_move`` receives the one that the user moves to."""
 
     def __init__(self, on_move: Callable[[int], None]) -> None:
         super().__init__()
