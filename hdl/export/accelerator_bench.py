@@ -109,7 +109,7 @@ def _extract_good_frames(config: Config, images: list[NDArray[np.uint8]]) -> tup
     while True:
         frames = [extract(image, front_end, frame=number) for number, image in enumerate(images)]
         if all(frame.status["good"] for frame in frames):
-            return dataclasses.replace(config, preset="any", front_end=front_end), frames
+            return dataclasses.replace(config, front_end=front_end), frames
         front_end = dataclasses.replace(front_end, threshold=2 * front_end.threshold)
 
 

@@ -55,7 +55,7 @@ def strip_settings(build: Build) -> Build:
     config = build.config
     stripped = replace(
         config,
-        preset="any",
+        preset="aerial",
         front_end=replace(config.front_end, detector="harris", threshold=1, cell_px=None, per_cell=None),
         matcher=replace(config.matcher, keep_above=0),
         estimator=EstimatorConfig() if config.estimator else None,
