@@ -6,7 +6,7 @@
     python -m bench.hardware rates
 
 The model is exact for streams without pauses; tests compare it with the simulated hardware, clock by clock
-(`tests/system/test_timing.py`, `tests/hdl/geometry/`), so nothing is simulated here.
+(`tests/golden_model/test_timing.py`, `tests/hdl/geometry/`), so nothing is simulated here.
 """
 
 import dataclasses

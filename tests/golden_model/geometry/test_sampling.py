@@ -1,9 +1,8 @@
-"""Samples of different ranks, all alike, from the subsets that PROSAC's growth gives; and the order of matches."""
+"""Samples of different ranks, all alike, from the subsets that PROSAC's growth gives."""
 
 import numpy as np
 import pytest
 
-from golden_model.geometry.ordering import order
 from golden_model.geometry.sampling import STEPS, advance, draw, subset_size
 
 
@@ -37,7 +36,3 @@ def test_the_generator_does_not_fall_into_a_short_cycle() -> None:
         seen.add(state)
     assert len(seen) == 20_001
     assert 0 not in seen
-
-
-def test_matches_are_ordered_by_falling_weight() -> None:
-    assert order(np.array([3, 255, 0, 3, 255])).tolist() == [1, 4, 0, 3, 2]

@@ -1,4 +1,4 @@
-"""Gray and the half level equal their definitions."""
+"""Gray equals its definition."""
 
 from typing import Any
 
@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from golden_model.pixel.gray import to_gray
-from golden_model.pixel.half import halve
 
 sides = st.integers(2, 41)
 
@@ -48,11 +47,3 @@ def test_gray_image_passes_unchanged() -> None:
 def test_gray_names_what_it_cannot_take(shape: tuple[Any, ...], dtype: type[np.uint16] | type[np.uint8]) -> None:
     with pytest.raises(ValueError, match=rf"{np.dtype(dtype)} of shape .*give uint8 of shape"):
         to_gray(np.zeros(shape, dtype))
-
-
-@given(sides, sides)
-def test_half_is_the_mean_of_two_by_two_rounded_half_up(full_height: Any, full_width: Any) -> None:
-    gray = noise(full_height, full_width)
-    height, width = full_height // 2, full_width // 2
-    blocks = gray[: 2 * height, : 2 * width].reshape(height, 2, width, 2)
-    np.testing.assert_array_equal(halve(gray), np.floor(blocks.mean(axis=(1, 3)) + 0.5))

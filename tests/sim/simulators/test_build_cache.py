@@ -165,12 +165,6 @@ def test_imports_without_fcntl() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, env=environment)
 
 
-def test_default_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.delenv("XDG_CACHE_HOME")
-    monkeypatch.setenv("HOME", str(tmp_path))
-    assert cache_folder() == tmp_path / ".cache" / "skymosaic"
-
-
 def test_digest_tells_parts_apart() -> None:
     keys = {digest("ab", "c"), digest("a", "bc"), digest("abc"), digest("ab", "d"), digest()}
     assert len(keys) == 5
