@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,8 @@ MAX_ROUNDING = 0.1
 # The gimbal's yaw is the camera's; the aircraft's own is the last resort.
 _YAW = ("drone-dji:GimbalYawDegree", "Camera:Yaw", "drone-dji:FlightYawDegree")
 _HEIGHT = ("drone-dji:RelativeAltitude", "Camera:AboveGroundAltitude")
+# DJI's older firmware has the misspelt name.
+_LATITUDE, _LONGITUDE = ("drone-dji:GpsLatitude",), ("drone-dji:GpsLongitude", "drone-dji:GpsLongtitude")
 _ACCURACY = ("drone-dji:RtkStdLon", "drone-dji:RtkStdLat")
 _EARTH_RADIUS_M = 6_371_000
 
@@ -59,7 +62,7 @@ class Metadata:
     Attributes
     ----------
     position : Position or None
-        From GPS.
+        From GPS in EXIF, or in DJI's XMP.
     focal_half_diagonals : float or None
         Focal length as a multiple of half the image's diagonal.
     yaw_deg : float or None
@@ -70,6 +73,8 @@ class Metadata:
         The sensor's count without light, in the file's own numbers.
     accuracy_m : float or None
         Horizontal standard deviation of the position, from RTK.
+    gps_fault : str
+        Why what GPS wrote is no position; empty if it is one, or there is nothing.
     """
 
     position: Position | None = None
@@ -78,6 +83,7 @@ class Metadata:
     height_m: float | None = None
     black_level: float | None = None
     accuracy_m: float | None = None
+    gps_fault: str = ""
 
 
 def read_metadata(path: Path) -> Metadata:
@@ -94,14 +100,26 @@ def read_metadata(path: Path) -> Metadata:
     # DNG's tag, which multi-band cameras write into TIFF.
     black = _black(exif.get(Base.BlackLevel))
     accuracy = [_from_xmp(text, (name,)) or 0.0 for name in _ACCURACY]
+    position, fault = _position(gps)
+    if position is None:
+        latitude, longitude = _from_xmp(text, _LATITUDE), _from_xmp(text, _LONGITUDE)
+        position = None if latitude is None or longitude is None else _on_globe(latitude, longitude)
     return Metadata(
-        _position(gps),
+        position,
         _focal(details),
         _from_xmp(text, _YAW),
         _from_xmp(text, _HEIGHT),
         black,
         max(accuracy) if min(accuracy) > 0 else None,
+        "" if position else fault,
     )
+
+
+def explain_missing_gps(taken: Sequence[Metadata]) -> str:
+    """Say that no photograph has a position, and what is wrong with the positions that cameras wrote."""
+    faults = Counter(each.gps_fault for each in taken if each.gps_fault)
+    but = f", but {faults.total()} have GPS {faults.most_common(1)[0][0]}" if faults else ""
+    return f"0 of {len(taken)} photographs have GPS{' that can be used' if faults else ''}{but}"
 
 
 def _black(levels: Any) -> float | None:
@@ -110,16 +128,25 @@ def _black(levels: Any) -> float | None:
     return float(np.mean(each)) if min(each) > 0 else None
 
 
-def _position(gps: Mapping[int, Any]) -> Position | None:
+def _position(gps: Mapping[int, Any]) -> tuple[Position | None, str]:
+    """The position that EXIF has, or None and what is wrong with it."""
+    if GPS.GPSLatitude not in gps or GPS.GPSLongitude not in gps:
+        return None, ""
+    if not gps.get(GPS.GPSLatitudeRef) or not gps.get(GPS.GPSLongitudeRef):
+        return None, "without a hemisphere (N or S, E or W)"
     try:
         latitude = _degrees(gps[GPS.GPSLatitude], gps[GPS.GPSLatitudeRef], {"N": 1, "S": -1})
         longitude = _degrees(gps[GPS.GPSLongitude], gps[GPS.GPSLongitudeRef], {"E": 1, "W": -1})
-    # Missing, text, 0/0, no hemisphere: none of it is a position.
+    # Text, 0/0, another hemisphere: none of it is a position.
     except Exception:
-        return None
+        return None, "that is no position"
+    return _on_globe(latitude, longitude), "that is no position"
+
+
+def _on_globe(latitude_deg: float, longitude_deg: float) -> Position | None:
     # Cameras without GPS reception write zeros, NaN or values out of range.
-    known = (latitude, longitude) != (0, 0) and abs(latitude) <= 90 and abs(longitude) <= 180
-    return Position(latitude, longitude) if known else None
+    known = (latitude_deg, longitude_deg) != (0, 0) and abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180
+    return Position(latitude_deg, longitude_deg) if known else None
 
 
 def _degrees(parts: tuple[Any, Any, Any], hemisphere: str, signs: Mapping[str, int]) -> float:

@@ -14,6 +14,7 @@ from golden_model.arrays import Points
 from golden_model.small_files import read_small_file
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.exif import Position
+from skymosaic.imagery.images import PICTURE_SUFFIXES
 from skymosaic.imagery.photographs import index_names
 from skymosaic.maps.georeference import map_to_globe, project_to_utm
 
@@ -22,6 +23,7 @@ MAX_BYTES = 16 << 20
 """Room for a hundred thousand sightings."""
 _UTM = re.compile(r"(?:WGS ?84 )?UTM (?:zone )?(0?[1-9]|[1-5]\d|60)([NS])", re.IGNORECASE)
 """A coordinate system as OpenDroneMap's users write it; rasterio reads all other forms."""
+_NAME = re.compile(rf'"([^"]+)"|(.*?(?:{"|".join(map(re.escape, PICTURE_SUFFIXES))}))(?=\s|$)|(\S+)', re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -110,18 +112,27 @@ def load_control_points(path: Path) -> ControlPoints:
 
 def _parse_line(path: Path, number: int, line: str) -> tuple[tuple[float, float, float], tuple[float, float], str, str]:
     """The coordinates of a point, its pixel, the photograph and the point's name, which may be empty."""
-    parts = line.split()
+    *numbers, names = line.split(maxsplit=5)
     try:
-        x, y, z, column, row = map(float, parts[:5])
-        photograph = parts[5]
+        x, y, z, column, row = map(float, numbers)
         finite = bool(np.isfinite((x, y, z, column, row)).all())
-    except (ValueError, IndexError):
+    except ValueError:
         finite = False
     if not finite:
         raise InputError(
             f"{path}: line {number} is {line!r}; it must be: x y z, pixel x and y, photograph, and perhaps a name"
         )
-    return (x, y, z), (column, row), photograph, " ".join(parts[6:7])
+    photograph, name = split_name(names)
+    return (x, y, z), (column, row), photograph, " ".join(name.split()[:1])
+
+
+def split_name(text: str) -> tuple[str, str]:
+    """A photograph's name at the start of a text, and the rest.
+
+    It ends with a picture's suffix, so that it may have spaces, or stands in double quotes, or ends with a space.
+    """
+    found = _NAME.match(text)
+    return (found[1] or found[2] or found[3], text[found.end() :].strip()) if found else (text, "")
 
 
 def read_lines(path: Path, what: str) -> list[tuple[int, str]]:
@@ -175,6 +186,7 @@ def convert_to_degrees(path: Path, crs: Any, points: Points) -> Points:
     InputError
         For points that are nowhere on the globe.
     """
+    _check_unit(path, crs, points)
     try:
         degrees = map_to_globe(points, crs.to_string())
     except InputError as error:
@@ -184,12 +196,21 @@ def convert_to_degrees(path: Path, crs: Any, points: Points) -> Points:
     return degrees
 
 
+def _check_unit(path: Path, crs: Any, points: Points) -> None:
+    """Raise InputError for degrees under a system in metres: they would all lie within a metre of its origin."""
+    if crs.is_projected and (np.abs(points) <= (180, 90)).all() and np.ptp(points, axis=0).max() < 1:
+        raise InputError(
+            f"{path}: its coordinates are degrees, but {crs.to_string()} is in metres; begin with EPSG:4326"
+        )
+
+
 def _convert_to_metres(path: Path, name: str, points: Points) -> tuple[str, Points]:
     """Convert points to a system in metres: UTM for degrees, feet and Mercator; returns its name and the points."""
     crs = read_system(path, name)
     # Metres on this map are metres on the ground, up to the 0.04 % of UTM: neither feet, nor stretched as for the web.
     # Transverse and oblique Mercator are true to scale where they are used.
     if crs.is_projected and crs.linear_units_factor[1] == 1 and 'PROJECTION["Mercator' not in crs.to_wkt():
+        _check_unit(path, crs, points)
         return crs.to_string(), points
     degrees = convert_to_degrees(path, crs, points)
     return project_to_utm([Position(latitude, longitude) for longitude, latitude in degrees.tolist()])

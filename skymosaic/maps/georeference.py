@@ -30,7 +30,7 @@ MAX_DISAGREEING = 1 / 3
 """A fit is refused if a larger share of the positions disagrees with it."""
 FAR_OFF = 3.0
 """A position disagrees if its offset is more than this many times the median, which noise does once in 500, ..."""
-NEGLIGIBLE = 1e-3
+NEGLIGIBLE = 2e-3
 """... and more than this share of the spread of the positions."""
 MAX_TRIALS = 500
 REFITS = 5
@@ -220,8 +220,10 @@ def _fit_agreeing(points: Points, targets: Points) -> tuple[NDArray[np.bool_], A
     start = int(np.argmin(np.median(offsets, axis=1)))
     chosen = [first[start], second[start]]
     best = estimate(points[chosen], targets[chosen], model="similarity")
+    # Of few positions, the best pair fits half closer than the noise (Rousseeuw and Leroy 1987).
+    far_off = FAR_OFF * (1 + 5 / max(len(points) - 2, 1))
     for _ in range(REFITS):
         offsets = transfer_error(best, points, targets)
-        agreeing = offsets <= max(FAR_OFF * float(np.median(offsets)), NEGLIGIBLE * _spread(targets))
+        agreeing = offsets <= max(far_off * float(np.median(offsets)), NEGLIGIBLE * _spread(targets))
         best = estimate(points[agreeing], targets[agreeing], model="similarity")
     return agreeing, best

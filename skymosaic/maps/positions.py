@@ -9,7 +9,7 @@ import numpy as np
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.exif import Position
 from skymosaic.imagery.photographs import index_names
-from skymosaic.maps.control_points import convert_to_degrees, read_lines, read_system
+from skymosaic.maps.control_points import convert_to_degrees, read_lines, read_system, split_name
 
 ACCURACY_COLUMN = 6
 """Column of the horizontal accuracy, after the coordinates x, y and z and three angles."""
@@ -89,9 +89,9 @@ def load_positions(path: Path) -> Positions:
 
 def _parse_line(path: Path, number: int, line: str) -> tuple[str, tuple[float, float], float | None]:
     """The photograph's name, its x and y, and the accuracy, which may be missing."""
-    name, *rest = line.split()
+    name, rest = split_name(line)
     try:
-        numbers = [float(each) for each in rest[: ACCURACY_COLUMN + 1]]
+        numbers = [float(each) for each in rest.split()[: ACCURACY_COLUMN + 1]]
         x, y = numbers[:2]
         accuracy_m = numbers[ACCURACY_COLUMN] if len(numbers) > ACCURACY_COLUMN else None
         valid = bool(np.isfinite(numbers).all()) and (accuracy_m is None or accuracy_m >= 0)

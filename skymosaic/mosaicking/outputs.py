@@ -13,7 +13,7 @@ from skymosaic.flight.picture.canvas import check_scale
 from skymosaic.flight.picture.composition import Composition, Room
 from skymosaic.flight.picture.output import OutputForm, room_for, too_deep_for_jpeg
 from skymosaic.imagery.decoding import read_header
-from skymosaic.imagery.exif import read_metadata
+from skymosaic.imagery.exif import Metadata, explain_missing_gps, read_metadata
 from skymosaic.imagery.images import check_output, check_output_folder
 from skymosaic.imagery.photographs import Source
 from skymosaic.maps.tiles import OWN_NAMES
@@ -45,9 +45,8 @@ def check_outputs(
     room = room_of(output, sources, options)
     if options.canvas_limit_px is None and room.area_px < MIN_ROOM_PX:
         raise InputError(f"{output}: {room.reason}, too little for a mosaic; free some, or choose another folder")
-    if form.require_map and not _may_have_place(sources, options):
-        place = MapPlace(note=f"0 of {len(sources)} photographs have GPS")
-        raise RegistrationError(f"{explain_absence(output, place)}; nothing was written")
+    if form.require_map and (note := _explain_no_place(sources, options)):
+        raise RegistrationError(f"{explain_absence(output, MapPlace(note=note))}; nothing was written")
     if options.all_groups:
         # How many groups there are is not known yet.
         for path in _numbered_beside(output):
@@ -90,13 +89,19 @@ def _check_headers(output: Path, form: OutputForm, sources: Sequence[Source], sc
         raise too_deep_for_jpeg(output)
 
 
-def _may_have_place(sources: Sequence[Source], options: MosaicOptions) -> bool:
-    """Whether there is anything by which the mosaic could be placed on the map."""
+def _explain_no_place(sources: Sequence[Source], options: MosaicOptions) -> str:
+    """Why nothing could place the mosaic on the map; empty if something may."""
     if options.control_points is not None or options.positions is not None or options.repeat is not None:
-        return True
-    files = [source.content for source in sources if isinstance(source.content, Path)]
-    # What cannot be read is said when it is read.
-    return any(not os.access(file, os.R_OK) or read_metadata(file).position for file in files)
+        return ""
+    taken = []
+    for source in sources:
+        # What cannot be read is said when it is read.
+        if isinstance(source.content, Path) and not os.access(source.content, os.R_OK):
+            return ""
+        taken.append(read_metadata(source.content) if isinstance(source.content, Path) else Metadata())
+        if taken[-1].position is not None:
+            return ""
+    return explain_missing_gps(taken)
 
 
 def _numbered_beside(base: Path) -> list[Path]:

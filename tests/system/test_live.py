@@ -136,7 +136,7 @@ def test_every_frame_is_a_line_of_json_and_named_as_in_a_mosaic(video: Path, tmp
     assert "m.tif has no place on the map" in whole["warnings"][0]
     with flight_sources([video]) as sources:
         assert [frame["name"] for frame in frames] == [source.name for source in sources]
-    with pytest.raises(RegistrationError, match="mosaic with `control_points`, give it one; nothing was written"):
+    with pytest.raises(RegistrationError, match="mosaic with `positions` or `control_points`, give it one; nothing"):
         live_command(source=str(video), output=tmp_path / "n.tif", require_map=True)
     assert not list(tmp_path.glob("n.*"))
 

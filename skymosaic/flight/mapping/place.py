@@ -12,6 +12,7 @@ from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.cameras import Camera, cameras_of, measure_turn
 from skymosaic.geometry.homography import apply
+from skymosaic.imagery.exif import explain_missing_gps
 from skymosaic.imagery.photographs import index_names, short_names
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map, project_to_utm, reproject
@@ -58,7 +59,7 @@ NOWHERE = MapPlace()
 
 def explain_absence(path: Path, place: MapPlace) -> str:
     """Why a file has no place on the map, and what gives it one."""
-    remedy = "photographs with GPS, or mosaic with `control_points`, give it one"
+    remedy = "photographs with GPS, or mosaic with `positions` or `control_points`, give it one"
     return f"{path} has no place on the map: {place.note}; {remedy}"
 
 
@@ -79,7 +80,7 @@ def place_cameras(cameras: Sequence[Camera]) -> MapPlace:
     """Fit the cameras of a layout to their GPS positions."""
     positions = [camera.taken.position for camera in cameras if camera.taken.position is not None]
     if not positions:
-        return MapPlace(note=f"0 of {len(cameras)} photographs have GPS")
+        return MapPlace(note=explain_missing_gps([camera.taken for camera in cameras]))
     crs, metres = project_to_utm(positions)
     targets = np.full((len(cameras), 2), np.nan)
     targets[[camera.taken.position is not None for camera in cameras]] = metres

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image, TiffImagePlugin
 from PIL.ExifTags import IFD
 
-from skymosaic.imagery.exif import Metadata, Position, read_metadata
+from skymosaic.imagery.exif import Metadata, Position, explain_missing_gps, read_metadata
 
 
 def test_gps_and_focal_length_are_read_from_exif(tmp_path: Path) -> None:
@@ -37,7 +37,12 @@ def test_the_hemisphere_is_read_in_any_case_and_not_guessed(
     assert read_metadata(tmp_path / "gps.jpg").position == expected
     exif.get_ifd(IFD.GPSInfo).pop(3)
     Image.new("RGB", (64, 64)).save(tmp_path / "gps.jpg", exif=exif)
-    assert read_metadata(tmp_path / "gps.jpg").position is None
+    without = read_metadata(tmp_path / "gps.jpg")
+    assert without == Metadata(gps_fault="without a hemisphere (N or S, E or W)")
+    assert explain_missing_gps([without, Metadata(), without]) == (
+        "0 of 3 photographs have GPS that can be used, but 2 have GPS without a hemisphere (N or S, E or W)"
+    )
+    assert explain_missing_gps([Metadata()]) == "0 of 1 photographs have GPS"
 
 
 @pytest.mark.parametrize(
@@ -51,6 +56,16 @@ def test_yaw_and_height_are_read_from_xmp(tmp_path: Path, properties: str) -> No
     xmp = f"<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:Description {properties}></rdf:Description></x:xmpmeta>"
     Image.new("RGB", (64, 64)).save(tmp_path / "dji.jpg", xmp=xmp.encode())
     assert read_metadata(tmp_path / "dji.jpg") == Metadata(yaw_deg=-12.5, height_m=50.3)
+
+
+@pytest.mark.parametrize("longitude", ["GpsLongitude", "GpsLongtitude"])
+def test_a_position_that_only_xmp_has_is_read(tmp_path: Path, longitude: str) -> None:
+    properties = f'drone-dji:GpsLatitude="-44.812345678" drone-dji:{longitude}="+7.5"'
+    xmp = f"<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:Description {properties}/></x:xmpmeta>"
+    exif = Image.Exif()
+    exif.get_ifd(IFD.GPSInfo)[0] = b"\x02\x03\0\0"
+    Image.new("RGB", (64, 64)).save(tmp_path / "dji.jpg", xmp=xmp.encode(), exif=exif)
+    assert read_metadata(tmp_path / "dji.jpg") == Metadata(Position(-44.812345678, 7.5))
 
 
 def test_the_accuracy_of_rtk_is_the_worse_of_its_axes(tmp_path: Path) -> None:

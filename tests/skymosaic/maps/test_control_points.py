@@ -37,6 +37,13 @@ def test_a_point_has_its_name_from_any_of_its_lines(tmp_path: Path) -> None:
     assert points.checks(0)
 
 
+def test_names_of_photographs_may_have_spaces(tmp_path: Path) -> None:
+    lines = '\n1 2 3 1 1 Flight South (1).JPG north end\n4 5 6 1 1 "DJI 2" CHK-1\n7 8 9 1 1 3.jpg\n'
+    points = loaded(tmp_path, "EPSG:32610", lines)
+    assert [sighting.photograph for sighting in points.sightings] == ["Flight South (1).JPG", "DJI 2", "3.jpg"]
+    assert points.names == ("north", "CHK-1", "point 3")
+
+
 def test_a_byte_order_mark_is_no_part_of_the_system(tmp_path: Path) -> None:
     assert loaded(tmp_path, "\ufeffEPSG:32610").crs == "EPSG:32610"
 
@@ -71,6 +78,7 @@ def test_degrees_of_another_datum_or_unit_are_converted(
         ("EPSG:5703", LINES, "has no map coordinates"),
         ("EPSG:4326", "\n46.8 -92 200 10 20 a.jpg\n46.8 -91.9 200 10 20 b.jpg", "a latitude beyond 90 degrees"),
         ("EPSG:4807", "\n0 -101 200 10 20 a.jpg", "Invalid latitude; check the coordinate system"),
+        ("EPSG:32610", "\n-92 46.8 200 10 20 a.jpg\n-91.99 46.8 200 10 20 b.jpg", "are degrees, but EPSG:32610 is"),
         ("EPSG:32610", "\n1 2 3 4 5", "line 2 is '1 2 3 4 5'"),
         ("EPSG:32610", "\n1 2 3 4 nan a.jpg", "line 2"),
     ],

@@ -28,6 +28,12 @@ def test_positions_and_their_accuracy_belong_to_photographs(tmp_path: Path) -> N
     assert [fix and fix.position.longitude_deg for fix in found] == [-91.993, -91.994, None, -91.992]
 
 
+def test_names_may_have_spaces(tmp_path: Path) -> None:
+    lines = '\nFlight South (1).JPG -91.994 46.842 100\n"no suffix, 2" -91.993 46.842\nDJI_3.tif.old -91 46\n'
+    names = [fix.photograph for fix in loaded(tmp_path, "EPSG:4326", lines).fixes]
+    assert names == ["Flight South (1).JPG", "no suffix, 2", "DJI_3.tif.old"]
+
+
 def test_maps_in_feet_are_read(tmp_path: Path) -> None:
     (fix,) = loaded(tmp_path, "EPSG:2264", "\n1.jpg 2000000 700000 10\n").fixes
     assert (fix.position.latitude_deg, fix.position.longitude_deg) == pytest.approx((35.674, -79.0), abs=0.02)
@@ -47,6 +53,7 @@ def test_degrees_of_another_datum_are_converted(tmp_path: Path) -> None:
         ("EPSG:4326", "\n1.jpg 46.8 -92", "a latitude beyond 90"),
         ("EPSG:32615", "\n1.jpg 5e7 1e8", "check the coordinate system"),
         ("EPSG:4326", "\n1.jpg 46.8", "line 2 is '1.jpg 46.8'"),
+        ("EPSG:32615", LINES, "its coordinates are degrees, but EPSG:32615 is in metres; begin with EPSG:4326"),
         ("EPSG:4326", "\n1.jpg 46.8 east", "line 2"),
         ("EPSG:4978", LINES, "has no map coordinates"),
     ],
