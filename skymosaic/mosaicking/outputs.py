@@ -37,7 +37,6 @@ def check_outputs(
         For a map that is required where nothing can give the mosaic a place.
     """
     form.check(output, len(sources[0].bands))
-    _check_headers(output, form, sources, options.scale)
     inputs = tuple(name for source in sources for name in source.files)
     if form.tiles is not None:
         check_output_folder(form.tiles, inputs, OWN_NAMES, overwrite=overwrite)
@@ -54,6 +53,8 @@ def check_outputs(
         if form.tiles is not None:
             for path in _numbered_beside(form.tiles):
                 check_output_folder(path, inputs, OWN_NAMES, overwrite=overwrite)
+    # Last, because it may read all files.
+    _check_headers(output, form, sources, options.scale)
 
 
 def refuse_without_place(output: Path, compositions: Sequence[Composition]) -> None:

@@ -207,7 +207,7 @@ def compare_hardware(
 def write_command(inputs: list[str], options: Options, output: str = MOSAIC) -> str:
     """Write the command line that repeats a run in its folder; ``inputs`` may be a folder of the photographs."""
     # The file of the configuration holds the rules, too.
-    words = ["skymosaic", "mosaic", *inputs, *command_words(replace(options, rules=None)), "--config", CONFIG]
+    words = ["skymosaic", "mosaic", *inputs, "--config", CONFIG, *command_words(replace(options, rules=None))]
     return shlex.join([*words, "--report", REPORT, "-o", output, "--overwrite"])
 
 
