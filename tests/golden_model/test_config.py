@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from golden_model.config import FrontEndConfig, preset_config
+from golden_model.config import DETECTORS, FrontEndConfig, MatcherConfig, preset_config
+from golden_model.feature.ilbp import PATTERNS
 
 
 @pytest.mark.parametrize(
@@ -34,7 +35,7 @@ def test_given_cells_stay() -> None:
         FrontEndConfig(cell_px=32, per_cell=5).for_size(1920, 1080)
 
 
-@pytest.mark.parametrize("size_px", [(63, 480), (640, 5000)])
+@pytest.mark.parametrize("size_px", [(63, 480), (640, 63), (4097, 480), (640, 4097)])
 def test_a_frame_size_out_of_range_is_refused(size_px: tuple[int, int]) -> None:
     with pytest.raises(ValueError, match="it must be a whole number from 64 to 4096"):
         FrontEndConfig().for_size(*size_px)
@@ -58,6 +59,60 @@ def test_a_frame_size_out_of_range_is_refused(size_px: tuple[int, int]) -> None:
 def test_impossible_values_are_named(values: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         FrontEndConfig(**values)
+
+
+@pytest.mark.parametrize(
+    ("field", "low", "high", "others"),
+    [
+        ("threshold", 1, (1 << 30) - 1, {}),
+        ("threshold", 1, 254, {"detector": "fast"}),
+        ("harris_k_shift", 0, 15, {"harris_k_numerator": 0}),
+        ("harris_k_numerator", 0, 3, {}),
+        ("harris_k_numerator", 0, 0, {"harris_k_shift": 2}),
+        ("harris_k_numerator", 0, 31, {"harris_k_shift": 15}),
+        ("border_px", 20, 255, {}),
+        ("border_px", 7, 255, {"descriptor": "thesis-ilbp-4", "tensor_window_px": 3, "smoothed_gradients": False}),
+        ("max_features", 16, 4096, {}),
+        ("per_cell", 1, 8, {}),
+    ],
+)
+def test_every_whole_number_has_a_lowest_and_a_highest_value(
+    field: str, low: int, high: int, others: dict[str, Any]
+) -> None:
+    for value in (low, high):
+        assert getattr(FrontEndConfig(**others | {field: value}), field) == value
+    refused: tuple[Any, ...] = (low - 1, high + 1, float(low), True)
+    for value in refused:
+        with pytest.raises(ValueError, match=f"^{field} is {value}; it must be a whole number from {low} to {high}$"):
+            FrontEndConfig(**others | {field: value})
+
+
+@pytest.mark.parametrize(
+    ("field", "valid"),
+    [
+        ("detector", DETECTORS), ("levels", (1, 2)), ("smoothed_gradients", (True, False)),
+        ("tensor_window_px", (3, 5)),
+        ("suppression_radius_px", (1, 3)), ("selection", (True, False)), ("cell_px", (32, 64, 128, 256)),
+        ("descriptor", tuple(PATTERNS)),
+    ],
+)  # fmt: skip
+def test_every_choice_takes_its_values_and_no_other(field: str, valid: tuple[object, ...]) -> None:
+    others: dict[str, Any] = {"levels": 1, "tensor_window_px": 3}
+    for value in valid:
+        assert getattr(FrontEndConfig(**others | {field: value}), field) == value
+    with pytest.raises(ValueError, match=f"^{field} is 'x'; valid: {', '.join(map(str, valid)).lower()}$"):
+        FrontEndConfig(**others | {field: "x"})
+
+
+def test_matches_are_kept_above_a_weight_of_8_bits() -> None:
+    for value in (0, 255):
+        assert MatcherConfig(keep_above=value).keep_above == value
+    refused: tuple[Any, ...] = (-1, 256, 1.0)
+    for value in refused:
+        with pytest.raises(ValueError, match=f"keep_above is {value}; it must be a whole number from 0 to 255"):
+            MatcherConfig(keep_above=value)
+    with pytest.raises(ValueError, match="rule_base is 'x'; valid: aerial, ilbp, none"):
+        MatcherConfig(rule_base="x")
 
 
 def test_preset_by_name() -> None:

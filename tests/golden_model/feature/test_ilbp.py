@@ -1,5 +1,7 @@
 """Ring descriptors equal per-bit loops written from the definitions."""
 
+import hashlib
+import json
 import math
 from typing import Any
 
@@ -10,6 +12,26 @@ from numpy.typing import NDArray
 
 from golden_model.feature import ilbp
 from golden_model.feature.ilbp import ILBP_128, ILBP_256, PATTERNS, DescriptorPattern, thesis_ilbp
+
+DIGESTS = {
+    "ilbp-128": "2cdf8d3938225b48",
+    "ilbp-256": "50930f74086a281b",
+    "ilbp-128-upright": "c7825100578ba8a8",
+    "ilbp-256-upright": "9c31e73c7d26b1dd",
+    "thesis-ilbp-1": "e4671dcb30d79bd9",
+    "thesis-ilbp-2": "9d192a6f084c2560",
+    "thesis-ilbp-3": "d71f2d5da4222853",
+    "thesis-ilbp-4": "df47c3f67810f36e",
+}
+"""Of each pattern's tables: with other numbers, a board that was built before would describe other features."""
+
+
+@pytest.mark.parametrize("name", PATTERNS)
+def test_the_tables_are_those_of_every_board_so_far(name: str) -> None:
+    pattern = PATTERNS[name]
+    assert pattern.name == name
+    tables = [pattern.comparisons, pattern.offsets, pattern.smoothed, pattern.oriented, pattern.window_bytes]
+    assert hashlib.sha256(json.dumps(tables).encode()).hexdigest()[:16] == DIGESTS[name]
 
 
 @pytest.fixture(scope="module")
