@@ -18,7 +18,7 @@ def blend(images: Any, transforms: Any, canvas: Canvas, method: str = "distance"
     return blend_layers(layers, canvas, method=method)[0]
 
 
-def shift(x: int, y: int) -> NDArray[np.float64]:
+def shift(x: float, y: float) -> NDArray[np.float64]:
     return np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
 
 
@@ -78,6 +78,17 @@ def test_no_seam_between_different_exposures(method: str, limit: int) -> None:
     assert largest_step(blend(images, transforms, canvas, method="average")) == 20
     # Away from the corners of the overlap, where every border meets.
     assert largest_step(blend(images, transforms, canvas, method=method)[40:-40]) <= limit
+
+
+@pytest.mark.parametrize("beside_px", [0, TILE_PX - 150], ids=["within a tile", "where tiles meet"])
+def test_detail_at_a_seam_is_that_of_the_photographs(beside_px: int) -> None:
+    scene = cv2.GaussianBlur(np.random.default_rng(3).integers(0, 256, (220, 420), np.uint8), (0, 0), 0.7)
+    # Half a pixel aside, where interpolation takes detail; at whole pixels it takes none.
+    canvas, left = Canvas(beside_px, 0, 420, 220), shift(0.5 + beside_px, 0.5)
+    mosaic = blend([scene[:, :300], scene[:, 120:]], [left, left @ shift(120, 0)], canvas, method="multiband")
+    whole = warp_backward(scene, left, canvas, interpolation=cv2.INTER_LANCZOS4)
+    around = np.s_[20:-20, 150:270]
+    np.testing.assert_allclose(mosaic[around].astype(int), whole[around], atol=1)
 
 
 @pytest.mark.parametrize("method", METHODS)

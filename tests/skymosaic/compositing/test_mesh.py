@@ -1,8 +1,9 @@
 import cv2
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
-from skymosaic.compositing.mesh import fit_mesh, fit_useful_mesh, held_out_shares
+from skymosaic.compositing.mesh import CHECK_CELLS, fit_mesh, fit_useful_mesh, held_out_shares
 from skymosaic.geometry.homography import apply
 
 SIZE = (640, 480)
@@ -48,6 +49,17 @@ def test_few_matches_give_no_grid() -> None:
     left, right, _ = matches(count=20)
     assert fit_mesh(HOMOGRAPHY, left, right, SIZE) is None
     assert fit_useful_mesh(HOMOGRAPHY, left, right, SIZE) is None
+
+
+@pytest.mark.parametrize("few", [0, 20])
+def test_matches_on_the_fields_of_one_colour_cannot_be_held_out(few: int) -> None:
+    left, right, _ = matches(bulge_px=8.0)
+    light = np.floor(left / SIZE * CHECK_CELLS).astype(int).sum(axis=1) % 2 == 0
+    for side in (light, ~light):
+        chosen = np.concatenate([np.flatnonzero(side), np.flatnonzero(~side)[:few]])
+        assert fit_mesh(HOMOGRAPHY, left[chosen], right[chosen], SIZE) is not None
+        assert held_out_shares(HOMOGRAPHY, left[chosen], right[chosen], SIZE) == (0.0, 0.0)
+        assert fit_useful_mesh(HOMOGRAPHY, left[chosen], right[chosen], SIZE) is None
 
 
 def test_bending_undoes_the_relief_at_any_size() -> None:

@@ -1,10 +1,11 @@
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 
 from skymosaic.imagery.exif import Position
-from skymosaic.maps.georeference import fit_to_map, map_to_globe, project_to_utm
+from skymosaic.maps.georeference import MAX_TRIALS, Georeference, _pairs, fit_to_map, map_to_globe, project_to_utm
 
 
 @pytest.mark.parametrize(("crs", "false_north"), [("EPSG:32615", 5_190_000.0), ("EPSG:32733", 6_240_000.0)])
@@ -48,14 +49,47 @@ def test_the_residual_is_the_noise_of_the_positions() -> None:
     assert place.residual_m == pytest.approx(2 * np.sqrt(2), rel=0.1)
 
 
-def test_positions_that_are_far_off_are_named_and_do_not_count() -> None:
-    places, metres = scattered(20, 0.5)
-    metres[[3, 11, 12]] += [60, -40]
+@pytest.mark.parametrize("count", [20, 60])
+def test_positions_that_are_far_off_are_named_and_do_not_count(count: int) -> None:
+    """Some are unknown; above 32, pairs are drawn by lot."""
+    assert (count * (count - 1) // 2 > MAX_TRIALS) == (count == 60)
+    places, metres = scattered(count, 0.5)
+    wrong = [3, 11, 12, *range(40, count, 3)]
+    metres[wrong] += [60, -40]
+    metres[[0, 7, 12]] = np.nan
     place, _ = fit_to_map(places, metres, "EPSG:32615")
-    assert place.disagreeing == (3, 11, 12)
+    assert place.disagreeing == tuple(each for each in wrong if each != 12)
+    assert np.flatnonzero(np.isnan(place.offsets_m)).tolist() == [0, 7, 12]
     assert place.offsets_m[11] == pytest.approx(np.hypot(60, 40), abs=3)
     assert place.residual_m < 1.2
+    assert place.residual_of_all_m == pytest.approx(np.hypot(60, 40) * np.sqrt((len(wrong) - 1) / (count - 3)), rel=0.1)
     assert place.metres_per_pixel == pytest.approx(0.05, rel=0.01)
+    assert 0 < place.scale_error < 0.02
+
+
+@pytest.mark.parametrize("count", [2, 5, 32, 33, 200])
+def test_pairs_that_are_tried_are_of_two_positions(count: int) -> None:
+    first, second = _pairs(count).T
+    assert (first != second).all()
+    assert set(range(count)) >= set(first) | set(second) >= set(range(min(count, 33)))
+    assert len(first) == min(count * (count - 1) // 2, MAX_TRIALS)
+
+
+@pytest.mark.parametrize("degrees", [0, 1e-4, 30, 90, 150, 180, -30])
+def test_other_pixels_keep_the_turn_of_the_map(degrees: float) -> None:
+    cos, sin = 0.05 * np.cos(np.radians(degrees)), 0.05 * np.sin(np.radians(degrees))
+    place = Georeference("EPSG:32615", np.array([[cos, sin, 4e5], [sin, -cos, 5e6], [0, 0, 1]]), 0.1)
+    reduced = place.for_pixels(np.array([[4.0, 0, 1.5], [0, 4, 1.5], [0, 0, 1]]))
+    corner = np.array([30.0, 20, 1])
+    np.testing.assert_allclose(reduced.to_map @ corner, place.to_map @ (4 * corner + [1.5, 1.5, -3]), atol=1e-9)
+    assert reduced.metres_per_pixel == pytest.approx(0.2)
+
+
+def test_rounding_errors_do_not_turn_a_map_with_north_up() -> None:
+    place = Georeference("EPSG:32615", np.array([[0.05, 1e-13, 4e5], [-1e-13, -0.05, 5e6], [0, 0, 1]]), 0.1)
+    same = place.for_pixels(np.eye(3)).to_map
+    assert same[0, 1] == same[1, 0] == 0
+    assert same[0, 0] == -same[1, 1] == pytest.approx(0.05)
 
 
 NAN = (np.nan, np.nan)
@@ -100,3 +134,16 @@ def test_positions_that_do_not_determine_the_map_are_refused(metres: list[Any], 
     place, reason = fit_to_map(places, np.array(metres, dtype=np.float64), "EPSG:32615")
     assert place is None
     assert any(part in reason for part in message.split("|"))
+
+
+def test_of_too_many_that_are_off_the_worst_are_named_first() -> None:
+    places, metres = scattered(12, 0.1)
+    metres[0] = np.nan
+    for index, off_m in {2: (0, 150), 5: (-300, 0), 6: (0, -250), 9: (200, 0)}.items():
+        metres[index] += off_m
+    place, reason = fit_to_map(places, metres, "EPSG:32615", [f"{index}.jpg" for index in range(12)])
+    assert place is None
+    assert re.search(
+        r"differ by \d\.\d m in the median and 300\.\d m at most, too much for a spread of \d+\.\d m", reason
+    )
+    assert "farthest off: 5.jpg, 6.jpg, 9.jpg, 2.jpg, " in reason

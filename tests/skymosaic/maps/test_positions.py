@@ -34,6 +34,12 @@ def test_names_may_have_spaces(tmp_path: Path) -> None:
     assert names == ["Flight South (1).JPG", "no suffix, 2", "DJI_3.tif.old"]
 
 
+@pytest.mark.parametrize(("written", "accuracy_m"), [("0", None), ("0.0", None), ("0.02", 0.02), ("1e-3", 0.001)])
+def test_an_accuracy_of_zero_is_unknown(tmp_path: Path, written: str, accuracy_m: float | None) -> None:
+    (fix,) = loaded(tmp_path, "EPSG:4326", f"\n1.jpg -92 46.8 0 0 0 0 {written}\n").fixes
+    assert fix == Fix("1.jpg", Position(46.8, -92.0), accuracy_m)
+
+
 def test_maps_in_feet_are_read(tmp_path: Path) -> None:
     (fix,) = loaded(tmp_path, "EPSG:2264", "\n1.jpg 2000000 700000 10\n").fixes
     assert (fix.position.latitude_deg, fix.position.longitude_deg) == pytest.approx((35.674, -79.0), abs=0.02)
@@ -55,6 +61,8 @@ def test_degrees_of_another_datum_are_converted(tmp_path: Path) -> None:
         ("EPSG:4326", "\n1.jpg 46.8", "line 2 is '1.jpg 46.8'"),
         ("EPSG:32615", LINES, "its coordinates are degrees, but EPSG:32615 is in metres; begin with EPSG:4326"),
         ("EPSG:4326", "\n1.jpg 46.8 east", "line 2"),
+        ("EPSG:4326", "\n1.jpg -92 46.8 0 0 0 0 -0.02", "line 2"),
+        ("EPSG:4326", "\n1.jpg -92 46.8\n2.jpg -92 46.8 nan", "line 3"),
         ("EPSG:4978", LINES, "has no map coordinates"),
     ],
 )
