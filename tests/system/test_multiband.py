@@ -2,9 +2,7 @@
 
 import re
 import shutil
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -82,30 +80,6 @@ def test_a_damaged_band_leaves_out_its_capture(band_folder: Path, tmp_path: Path
     assert f"{CAPTURES - 1} photographs of {CAPTURES}" in made.stdout
 
 
-@pytest.mark.parametrize(
-    ("change", "arguments", "message"),
-    [
-        (lambda folder: (folder / "IMG_0003_NIR.TIF").unlink(), {}, "IMG_0003: band nir is missing"),
-        (lambda folder: (folder / "IMG_0003_NIR.TIF").write_bytes(b"x" * 99), {}, "NIR.TIF: not an image .* this capt"),
-        (lambda folder: cut(folder / "IMG_0001_RED.TIF"), {}, "RED.TIF: 400x200 pixels, but band green has 400x300"),
-        (lambda folder: shutil.copy(folder / "IMG_0001_RED.TIF", folder / "a.tif"), {}, "a.tif: belongs to no"),
-        (lambda _: None, {"band": "thermal"}, "`band` thermal: the sets have green, red, nir"),
-    ],
-)
-def test_incomplete_sets_are_refused(
-    band_folder: Path, tmp_path: Path, change: Callable[[Path], object], arguments: dict[str, Any], message: str
-) -> None:
-    shutil.copytree(band_folder, tmp_path / "sets")
-    change(tmp_path / "sets")
-    with pytest.raises(InputError, match=message):
-        group_band_sets(list_sources([tmp_path / "sets"]), **arguments)
-
-
-def cut(path: Path) -> None:
-    """Remove the lower third of a picture."""
-    cv2.imwrite(str(path), np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED))[:200])
-
-
 def test_bands_need_a_tif(band_folder: Path, tmp_path: Path) -> None:
     refused = skymosaic("mosaic", band_folder, "-o", "m.png", cwd=tmp_path)
     assert "m.png: a mosaic of 3 bands must be a .tif" in only_error(refused.stderr)
@@ -114,22 +88,6 @@ def test_bands_need_a_tif(band_folder: Path, tmp_path: Path) -> None:
 def test_damaged_bands_are_kept_where_that_is_wanted(band_folder: Path) -> None:
     capture = group_band_sets(list_sources([band_folder]))[0].with_damaged(keep=True)
     assert [source.keep_damaged for source in (capture, *capture.bands.values())] == [True] * 4
-
-
-def test_names_tell_the_bands(tmp_path: Path) -> None:
-    def bands(*names: str) -> list[list[str]]:
-        folder = tmp_path / names[0]
-        folder.mkdir()
-        for name in names:
-            cv2.imwrite(str(folder / name), np.zeros((80, 80), np.uint16))
-        return [[Path(source.name).name, *source.bands] for source in group_band_sets(list_sources([folder]))]
-
-    numbered = [f"IMG_00{number}_{band}.tif" for number in (10, 11, 12) for band in (1, 2, 10)]
-    assert bands(*numbered) == [[f"IMG_00{number}_2.tif", "1", "2", "10"] for number in (10, 11, 12)]
-    dji = [f"DJI_2_000{n}_{end}" for n in (1, 2, 3) for end in ("D.JPG", "MS_G.TIF", "MS_NIR.TIF", "MS_R.TIF")]
-    assert bands(*dji) == [[f"DJI_2_000{n}_MS_G.TIF", "green", "red", "nir"] for n in (1, 2, 3)]
-    photographs = ["a_1.tif", "b_2.tif", "c_NIR.tif", "d_NIR.tif", "e_NIR.tif"]
-    assert bands(*photographs) == [[name] for name in photographs]
 
 
 def test_a_notebook_shows_the_registering_band(band_folder: Path) -> None:
