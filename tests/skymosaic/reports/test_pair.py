@@ -1,0 +1,67 @@
+"""What the report of a pair says, accepted and refused."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sim.scene import make_pair
+from skymosaic.registration.pair import Pair
+from skymosaic.registration.register import register
+from skymosaic.reports.pair import _table_rows, collect_pair_numbers, write_pair_report
+
+
+@pytest.fixture(scope="module")
+def pair() -> Pair:
+    """An accepted pair, of which only the right photograph has notes."""
+    first, second = make_pair(seed=5, size=(320, 240)).images
+    made = register(first, second, effort="fast")
+    left = replace(made.left, name="/site/left.jpg", pixels=made.left.pixels[:200])
+    right = replace(made.right, name="right.png", notes=("turned", "16 bits"))
+    return replace(made, left=left, right=right, seconds={"features": 0.126, "matching": 1.0})
+
+
+def test_the_rows_of_an_accepted_pair(pair: Pair) -> None:
+    homography = np.array([[1.0, 0.25, -12.5], [0, 1, 3], [1e-5, 0, 1]])
+    shown = replace(pair, homography=homography, refined_inliers=77, passes=3)
+    # It is computed on first use.
+    shown.__dict__["confidence"] = SimpleNamespace(verdict="good", reason="most of the overlap agrees")
+    rows = dict(_table_rows(shown))
+    left, right = map(len, pair.features)
+    assert left != right
+    assert rows == {
+        "left": "left.jpg, 320x200 px",
+        "right": "right.png, 320x240 px; turned; 16 bits",
+        "verdict": "accepted",
+        "confidence": "good: most of the overlap agrees",
+        "corners": f"{left} and {right}",
+        "matches": f"{len(pair.matches)}, {len(pair.kept)} kept by the rules, {len(pair.inliers)} on the homography",
+        "refit": "to 77 points of dense flow",
+        "homography, left to right, px": "1  0.25  -12.5\n0  1  3\n1e-05  0  1",
+        "method": "harris + ilbp-128, prosac; passes: 3 (fast)",
+        "computed by": "golden",
+        "time": "features 0.13 s, matching 1.00 s",
+    }
+
+
+def test_a_refused_pair_says_why_and_has_no_row_of_what_it_lacks(pair: Pair, tmp_path: Path) -> None:
+    refused = replace(pair, homography=None, reason="7 matches, 12 needed", refined_inliers=0)
+    rows = dict(_table_rows(refused))
+    assert rows["verdict"] == "refused: 7 matches, 12 needed"
+    assert list(rows) == ["left", "right", "verdict", "corners", "matches", "method", "computed by", "time"]
+    write_pair_report(tmp_path, refused, None)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "corners_left.png", "corners_right.png", "index.html", "matches.png", "report.json",
+    ]  # fmt: skip
+
+
+def test_the_numbers_of_a_pair_belong_to_its_sides(pair: Pair) -> None:
+    half = replace(pair, working=(pair.working[0][:100, :160], pair.working[1]))
+    numbers = collect_pair_numbers(half)
+    assert numbers["left"] == {"name": "/site/left.jpg", "size": [320, 200], "working_size": [160, 100], "notes": []}
+    assert numbers["right"]["notes"] == ["turned", "16 bits"]
+    assert numbers["right"]["working_size"] == [320, 240]
+    assert numbers["configuration"]["preset"] == "aerial"
+    assert numbers["inliers"] == len(pair.inliers)
