@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import cv2
@@ -21,6 +22,7 @@ from sim.scene import Flight
 from skymosaic.cli import COMMANDS
 from skymosaic.features.positions import feature_points, match_points
 from skymosaic.flight.check import check_flight
+from skymosaic.flight.mapping.place import MapPlace
 from skymosaic.flight.picture.output import OutputForm
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
@@ -81,7 +83,10 @@ def written(tmp_path_factory: pytest.TempPathFactory, flight: Flight) -> Path:
             contradicting=(last,),
             errors_px=(made.layout.errors_px[0][:9], *made.layout.errors_px[1:-1]),
         )
-        write_flight_report(folder / "flight", [replace(made, layout=layout)], check_flight(plan.flight))
+        shown, check = replace(made, layout=layout), check_flight(plan.flight)
+        write_flight_report(folder / "flight", [shown], check)
+        nowhere = replace(shown, composition=replace(made.composition, place=MapPlace()))
+        write_flight_report(folder / "two mosaics", [shown, nowhere], check)
     return folder
 
 
@@ -101,6 +106,22 @@ def thesis(written: Path) -> None:
     shown = sources[0]()
     page = compose_page(run_experiments(sources), "a <rendered> flight", draw_pair(shown), shown.name)
     (written / "thesis.html").write_bytes(page)
+
+
+def test_a_mosaic_without_a_place_has_no_footprints(written: Path) -> None:
+    assert {path.name for path in (written / "two mosaics").iterdir()} == {
+        "index.html", "report.json", "mosaic_1.jpg", "mosaic_2.jpg", "footprints_1.geojson", "footprints_1.kml"
+    }  # fmt: skip
+
+
+@pytest.mark.usefixtures("pair")
+def test_reports_speak_in_words_and_without_folders(written: Path) -> None:
+    for name in ("flight", "pair"):
+        page = (written / name / "index.html").read_text()
+        text = unescape(re.sub(r"<[^>]+>", "\n", page.partition("<main>")[2]))
+        assert re.findall(r"\b[a-z]+_[a-z_]+\b|True|False|None|\{|\}", text) == []
+        assert str(written) not in page
+        assert "DJI_0001" in text
 
 
 @pytest.mark.usefixtures("pair", "thesis")
