@@ -11,6 +11,7 @@ from amaranth.lib.wiring import In
 from golden_model.version import VERSION
 from hdl.blocks.catalogue import CATALOGUE
 from hdl.blocks.flat import CLOCK, RESET, FlatBlock
+from hdl.blocks.templates import render
 from hdl.blocks.testbench import Port, VerilogBench
 from hdl.blocks.vectors import Block
 from hdl.netlist import to_verilog
@@ -86,37 +87,8 @@ def write_files(folder: Path, texts: Mapping[str, str]) -> None:
 
 def core_file(name: str, sources: Sequence[str], bench: Sequence[str]) -> str:
     """Describe a module for FuseSoC (CAPI2): ``sim`` runs its test bench in Icarus, ``lint`` checks it in Verilator."""
-    files = [f"      - {file}: {{file_type: systemVerilogSource}}" for file in bench if file.endswith(".v")]
-    # FuseSoC runs the simulator in another folder, where $readmemh then looks for the vectors.
-    files += [
-        f"      - {file}: {{file_type: user, copyto: {Path(file).name}}}" for file in bench if file.endswith(".hex")
-    ]
-    lines = [
-        "CAPI=2:",
-        f"name: {CORE_VENDOR}:{CORE_LIBRARY}:{name}:{VERSION}",
-        f"description: {name} of the vision front end skymosaic",
-        "filesets:",
-        "  rtl:",
-        f"    files: [{', '.join(sources)}]",
-        "    file_type: verilogSource",
-        "  bench:",
-        "    files:",
-        *files,
-        "targets:",
-        f"  default: {{filesets: [rtl], toplevel: {name}}}",
-        "  sim:",
-        "    default_tool: icarus",
-        "    filesets: [rtl, bench]",
-        f"    toplevel: {name}_tb",
-        "    tools: {icarus: {iverilog_options: [-g2012]}}",
-        "  lint:",
-        "    default_tool: verilator",
-        "    filesets: [rtl]",
-        f"    toplevel: {name}",
-        # Yosys writes Verilog that warns of widths and names.
-        "    tools: {verilator: {mode: lint-only, verilator_options: [-Wno-fatal]}}",
-    ]
-    return "\n".join(lines) + "\n"
+    names = {"vendor": CORE_VENDOR, "library": CORE_LIBRARY, "name": name, "version": VERSION}
+    return render("fusesoc.core", sources=sources, bench=bench, **names)
 
 
 def module_ports(top: wiring.Component) -> dict[str, Port]:
@@ -126,39 +98,15 @@ def module_ports(top: wiring.Component) -> dict[str, Port]:
 
 
 def _readme(name: str, block: Block, top: FlatBlock) -> str:
-    lines = [
-        f"# {name}",
-        "",
-        f"{block.description} Verilog of one block of skymosaic, made from its Python source, with a test bench whose "
-        "vectors come from the golden model.",
-        "",
-        "```",
-        f"iverilog -g2012 -o {name}_tb {name}.v {name}_tb.v && vvp -n {name}_tb",
-        "```",
-        "",
-        "prints `PASS`. The bench sends unknowns (X) where nothing is valid. Its vectors are `*.hex`; "
-        "`*_specified.hex` have a 1 for each bit of the answers that is compared. "
-        f"`{name}.core` describes module and bench for FuseSoC.",
-        "",
-        f"Clock `{CLOCK}`, synchronous reset `{RESET}`, active high. Data of a stream are taken in a clock in which "
-        "`valid` and `ready` are high; without a `ready`, in every clock with `valid`.",
-    ]
-    if "i_x" in top.signature.members:
-        lines += [
-            "",
-            "`x`, `y` are the position of the pixel that entered last. Answers are not specified where a window leaves "
-            "the frame.",
-        ]
-    # Streams have no fixed latency, and blocks without a window no lag.
-    lag_px, latency_cycles = (getattr(block.component, each, None) for each in ("lag_px", "latency_cycles"))
-    if lag_px:
-        lines += ["", f"An answer at (x, y) is that of the pixel (x - {lag_px}, y - {lag_px})."]
-    if latency_cycles:
-        lines += ["", f"Latency: {latency_cycles} clocks."]
-    if block.spacing_cycles > 1:
-        lines += ["", f"Inputs come at least {block.spacing_cycles} clocks apart."]
-    lines += ["", "| port | direction | bits |", "|---|---|---|"]
-    for port, member in top.signature.members.items():
-        signed = " (signed)" if getattr(top, port).shape().signed else ""
-        lines.append(f"| `{port}` | {member.flow.name.lower()} | {getattr(top, port).shape().width}{signed} |")
-    return "\n".join(lines) + "\n"
+    return render(
+        "README.md",
+        name=name,
+        block=block,
+        clock=CLOCK,
+        reset=RESET,
+        ports=module_ports(top),
+        signed=[port for port in top.signature.members if getattr(top, port).shape().signed],
+        # Streams have no fixed latency, and blocks without a window no lag.
+        lag_px=getattr(block.component, "lag_px", None),
+        latency_cycles=getattr(block.component, "latency_cycles", None),
+    )

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from hdl.blocks.templates import render
 from hdl.blocks.vectors import Row
 
 RESET_CYCLES = 8
@@ -125,25 +126,18 @@ class VerilogBench:
         sinks = [self._channel(*each) for each in self.outputs.items()]
         files = {f"{each.name}.hex": each.words()[0] for each in (*sources, *sinks)}
         files |= {f"{each.name}_specified.hex": each.words()[1] for each in sinks}
-        parts = [
-            f"// Self-checking test bench of {self.module}; vectors from the golden model of skymosaic.",
-            "`timescale 1ns / 1ps",
-            f"module {self.module}_tb;",
-            *self._declarations(),
-            f"  {self.module} dut (",
-            ",\n".join(f"    .{port}({port})" for port in self.ports),
-            "  );",
-            f"  wire running = {self.reset} != {self.reset_level};",
-            "  integer cycle = 0;",
-            "  integer idle = 0;",
-            *(_source(each, self.spacing_cycles) for each in sources),
-            *(_sink(each) for each in sinks),
-            # Their edges meet those of the other clock in all phases.
-            *(f"  always #7.3 {clock} = !{clock};" for clock in set(self.clocks.values())),
-            self._control(sinks),
-            "endmodule",
-        ]
-        return {**files, f"{self.module}_tb.v": "\n".join(parts) + "\n"}
+        clocks = dict.fromkeys((self.clock, *self.clocks.values()), 0)
+        files[f"{self.module}_tb.v"] = render(
+            "testbench.v",
+            sources=sources,
+            sinks=sinks,
+            starts={**clocks, self.reset: self.reset_level, **self.settings},
+            other_clocks=set(self.clocks.values()),
+            reset_cycles=RESET_CYCLES,
+            idle_cycles=IDLE_CYCLES,
+            **vars(self),
+        )
+        return files
 
     def _channel(self, prefix: str, rows: Sequence[Row]) -> Channel:
         names = [name for name in self.ports if name.startswith(prefix) and name not in self.settings]
@@ -156,103 +150,3 @@ class VerilogBench:
             self.clocks.get(prefix, self.clock),
             self.conditions.get(prefix, "1"),
         )
-
-    def _declarations(self) -> list[str]:
-        lines = []
-        clocks = dict.fromkeys((self.clock, *self.clocks.values()), 0)
-        starts = {**clocks, self.reset: self.reset_level, **self.settings}
-        for name, port in self.ports.items():
-            bits = f"[{port.bits - 1}:0] " if port.bits > 1 else ""
-            start = starts.get(name)
-            value = "" if start is None else f" = {port.bits}'d{start}"
-            lines.append(f"  {'reg' if port.is_input else 'wire'} {bits}{name}{value};")
-        return lines
-
-    def _control(self, sinks: Sequence[Channel]) -> str:
-        complete = " && ".join(f"{each.name}_next == {len(each.rows)}" for each in sinks)
-        answers = " || ".join(f"{each.name}_taken" for each in sinks)
-        return f"""
-  always #5 {self.clock} = !{self.clock};
-  always @(posedge {self.clock}) begin
-    cycle <= cycle + 1;
-    // Here alone: of assignments in two blocks at one edge, either may be the last.
-    idle <= running && ({answers}) ? 0 : idle + 1;
-    if (cycle == {RESET_CYCLES}) {self.reset} <= {1 - self.reset_level};
-    if (idle > {IDLE_CYCLES}) begin
-      $display("FAIL: no answer for {IDLE_CYCLES} cycles");
-      $fatal(1);
-    end
-    // A while longer, in which nothing may come.
-    if ({complete} && idle > 200) begin
-      $display("PASS: {sum(len(each.rows) for each in sinks)} answers in %0d cycles", cycle);
-      $finish;
-    end
-  end"""
-
-
-def _source(channel: Channel, spacing_cycles: int) -> str:
-    """The Verilog that sends the rows, with gaps; fields are unknown (X) in clocks without a row."""
-    name, unknown = channel.name, f"{{{channel.bits}{{1'bx}}}}"
-    taken = f"{channel.valid} && {channel.ready}" if channel.has_ready else channel.valid
-    # Gaps every 7 clocks and stalls every 5 meet in all phases. Unknowns between rows betray a block that reads them.
-    return f"""
-  reg [{channel.bits - 1}:0] {name}_rows [0:{len(channel.rows) - 1}];
-  integer {name}_next = 0;
-  integer {name}_wait = 0;
-  initial begin
-    $readmemh("{name}.hex", {name}_rows);
-    {channel.valid} = 0;
-    {channel.data} = {unknown};
-  end
-  always @(posedge {channel.clock}) if (running) begin
-    if ({name}_wait > 0) {name}_wait <= {name}_wait - 1;
-    if (!{channel.valid} || ({taken})) begin
-      if ({name}_next < {len(channel.rows)} && {name}_wait == 0 && cycle % 7 != 3 && {channel.condition}) begin
-        {channel.valid} <= 1;
-        {channel.data} <= {name}_rows[{name}_next];
-        {name}_next <= {name}_next + 1;
-        {name}_wait <= {spacing_cycles - 1};
-      end else begin
-        {channel.valid} <= 0;
-        {channel.data} <= {unknown};
-      end
-    end
-  end"""
-
-
-def _sink(channel: Channel) -> str:
-    """The Verilog that accepts answers, with stalls, and compares their specified bits."""
-    name, bits, rows = channel.name, channel.bits, len(channel.rows)
-    taken, stalls = f"{channel.valid} === 1'b1", ""
-    if channel.has_ready:
-        taken += f" && {channel.ready}"
-        stalls = f"""
-  initial {channel.ready} = 0;
-  always @(posedge {channel.clock}) {channel.ready} <= cycle % 5 != 2;"""
-    return f"""
-  reg [{bits - 1}:0] {name}_rows [0:{rows - 1}];
-  reg [{bits - 1}:0] {name}_specified [0:{rows - 1}];
-  integer {name}_next = 0;
-  initial begin
-    $readmemh("{name}.hex", {name}_rows);
-    $readmemh("{name}_specified.hex", {name}_specified);
-  end{stalls}
-  wire {name}_taken = {taken};
-  always @(posedge {channel.clock}) if (running) begin
-    if ({channel.valid} === 1'bx) begin
-      $display("FAIL: {channel.valid} is unknown in cycle %0d", cycle);
-      $fatal(1);
-    end
-    if ({name}_taken) begin
-      if ({name}_next >= {rows}) begin
-        $display("FAIL: {name} gives more than {rows} answers");
-        $fatal(1);
-      end
-      if ((({channel.data} ^ {name}_rows[{name}_next]) & {name}_specified[{name}_next]) !== {bits}'d0) begin
-        $display("FAIL: {name} answer %0d is %h, expected %h, specified bits %h", {name}_next, {channel.data},
-                 {name}_rows[{name}_next], {name}_specified[{name}_next]);
-        $fatal(1);
-      end
-      {name}_next <= {name}_next + 1;
-    end
-  end"""
