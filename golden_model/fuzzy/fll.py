@@ -123,13 +123,7 @@ def read_fll(text: str) -> FuzzySystem:
 
 
 def _parse_rule(text: str, output: str) -> IfThen:
-    """Parse ``if A is x and B is y then OUTPUT is z``; the keywords may be in capitals.
-
-    Raises
-    ------
-    ValueError
-        For anything else, such as ``or``, ``not`` or a weight.
-    """
+    """Parse ``if A is x and B is y then OUTPUT is z`` and nothing else; the keywords may be in capitals."""
     # With AND alone, parentheses change nothing.
     words = text.replace("(", " ").replace(")", " ").split()
     lowered = [word.lower() for word in words]

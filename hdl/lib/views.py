@@ -1,13 +1,13 @@
 """Signals with a layout, typed as the views that they are."""
 
-from typing import Any, cast
+from typing import cast
 
 from amaranth import Signal
 from amaranth.lib import data
 
 
 def view_signal(
-    layout: data.Layout | type[data.Struct], *, name: str | None = None, init: Any = None, reset_less: bool = False
+    layout: data.Layout | type[data.Struct], *, name: str | None = None, reset_less: bool = False
 ) -> data.View:
     """Make ``Signal(layout)``, typed as the view that it is.
 
@@ -19,11 +19,9 @@ def view_signal(
     layout : Layout or subclass of Struct
     name : str or None
         None: the name of the variable that the signal is assigned to, as with ``Signal``.
-    init : mapping, sequence or None
-        Values after reset, by field; None: zero, or the layout's own.
     reset_less : bool
         Whether a reset leaves the signal unchanged.
     """
     # One frame further up, or every signal would be named after a variable in here.
-    signal = Signal(layout, src_loc_at=1, name=name, init=init, reset_less=reset_less)
+    signal = Signal(layout, src_loc_at=1, name=name, reset_less=reset_less)
     return cast(data.View, signal)

@@ -77,13 +77,7 @@ def _make_mosaic(folder: Path, photographs: tuple[Path, Path], seed: int) -> Non
 
 
 def _compare_hardware(photographs: tuple[Path, Path], options: FeatureOptions) -> None:
-    """Compare the hardware with the golden model; without a compiler, only say that it was not simulated.
-
-    Raises
-    ------
-    RegistrationError
-        If they differ.
-    """
+    """Compare the hardware with the golden model; without a compiler, only say that it was not simulated."""
     # What was shown so far is worth seeing before a first compile, which takes a while.
     sys.stdout.flush()
     start = time.perf_counter()

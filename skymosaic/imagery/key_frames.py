@@ -70,12 +70,7 @@ def flight_sources(
 
 
 def refuse_single(images: Sequence[str | Path | Pixels], sources: Sequence[Source]) -> None:
-    """Refuse what holds a single photograph, under the name that the user gave.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse what holds a single photograph, under the name that the user gave."""
     if len(sources) == 1 and isinstance(images[0], str | Path):
         raise InputError(f"{images[0]}: only one photograph; a mosaic takes at least two that overlap, so add others")
 
@@ -102,23 +97,21 @@ class KeyFrame(NamedTuple):
     pixels: Pixels
 
 
-def select_key_frames(frames: Iterable[Pixels], *, overlap: float = KEY_OVERLAP) -> Iterator[KeyFrame]:
-    """Select the first frame, then repeatedly the last one that still shows ``overlap`` of the previous key frame.
+def select_key_frames(frames: Iterable[Pixels]) -> Iterator[KeyFrame]:
+    """Select the first frame, then repeatedly the last one that still shows `KEY_OVERLAP` of the previous key frame.
 
     The video's last frame is a key frame too. A hovering camera gives two key frames; a steady flight gives frames that
-    overlap by slightly more than ``overlap``. Where the view moves farther between two frames, both are key frames.
+    overlap by slightly more than that. Where the view moves farther between two frames, both are key frames.
 
     Parameters
     ----------
     frames : iterable of (H, W, 3) uint8 ndarray
         All of one size. A key frame is yielded only once a later frame is known.
-    overlap : float
-        Share of the area, 0..1.
     """
     flow, candidate = None, None
     for current in map(KeyFrame, itertools.count(), frames):
         gray = _small_gray(current.pixels)
-        if flow is not None and flow.common_share(gray) >= overlap:
+        if flow is not None and flow.common_share(gray) >= KEY_OVERLAP:
             candidate = current
         elif candidate is None:
             yield current

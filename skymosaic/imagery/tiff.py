@@ -76,13 +76,7 @@ def _segments(data: bytes, picture: PillowImage.Image) -> Iterator[bytes]:
 
 
 def _check_deflate(segments: Iterator[bytes], max_bytes: int) -> None:
-    """Decompress each segment to its checksum, a chunk at a time.
-
-    Raises
-    ------
-    ValueError, zlib.error
-        For a segment that is damaged or ends early, or far too much data.
-    """
+    """Decompress each segment to its checksum, a chunk at a time; ValueError or zlib.error where one is damaged."""
     total = 0
     for segment in segments:
         stream, rest = zlib.decompressobj(), segment

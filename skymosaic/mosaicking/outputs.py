@@ -106,13 +106,7 @@ def _explain_no_place(sources: Sequence[Source], options: MosaicOptions) -> str:
 
 
 def _numbered_beside(base: Path) -> list[Path]:
-    """What exists under the names that the outputs of further groups get.
-
-    Raises
-    ------
-    InputError
-        For a folder such as ".", to whose name no number can be added.
-    """
+    """What exists under the names that the outputs of further groups get."""
     if base.name in ("", ".."):
         raise InputError(f"{base}: has no name that could be numbered for several groups; name another folder")
     numbered = re.compile(re.escape(base.stem) + r"_\d+" + re.escape(base.suffix))

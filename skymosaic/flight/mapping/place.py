@@ -145,13 +145,7 @@ def sightings_of(control: ControlPoints, flight: Flight, layout: Layout) -> Iter
 
 
 def _check_site(control: ControlPoints, flight: Flight, layout: Layout) -> None:
-    """Refuse control points far from where the photographs were taken, if that is known.
-
-    Raises
-    ------
-    InputError
-        With the distance; swapped axes and another site look like this.
-    """
+    """Refuse control points far from where the photographs were taken, if known: swapped axes, or another site."""
     positions = [gps for member in layout.members if (gps := flight.views[member].gps) is not None]
     if not positions:
         return

@@ -264,15 +264,7 @@ class LiveMosaic:
         )
 
     def _place(self, frame: Frame) -> tuple[Submap, Placement | None]:
-        """Add a frame to a submap that it overlaps, or to a new one.
-
-        Raises
-        ------
-        CanvasError
-            As `Submap.add`.
-        InputError
-            For a frame that is no start of a submap.
-        """
+        """Add a frame to a submap that it overlaps, or to a new one."""
         submap, placement = self._register(frame, self._submaps)
         if submap is not None and placement is not None:
             placed = frame.moved(placement.transform)
