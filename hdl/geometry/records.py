@@ -7,7 +7,8 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.geometry.scoring import MAX_MATCHES
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, WORD_BYTES, Record, Tag
-from hdl.geometry.estimator import SETTINGS, HomographyEstimator
+from hdl.geometry.estimator import HomographyEstimator
+from hdl.geometry.estimator_states import SETTINGS
 from hdl.geometry.match_gain import ELEMENTS, PAIR
 from hdl.geometry.ordering import FRAME_MATCH
 from hdl.geometry.scoring import HomographyScoring

@@ -9,7 +9,8 @@ import pytest
 from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.geometry import estimator as golden
 from golden_model.geometry.estimator import CYCLES, Cause, Estimate, FrameMatches
-from hdl.geometry.estimator import GATHER_CYCLES, TURN_CYCLES, HomographyEstimator
+from hdl.geometry.estimator import GATHER_CYCLES, HomographyEstimator
+from hdl.geometry.estimator_states import TURN_CYCLES
 from hdl.geometry.sweep import Sweep
 from sim.backends.golden import GoldenBackend
 from sim.scene import make_pair
