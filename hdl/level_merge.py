@@ -88,7 +88,8 @@ class LevelMerge(wiring.Component):
         sent = Signal()
         # A status word is selected in one clock and sent in the next; `is_chosen` says that it has been selected.
         is_chosen = Signal()
-        taken, given = (port.valid & port.ready for port in (features.o, output.i))
+        taken = features.o.valid & features.o.ready
+        given = output.i.valid & output.i.ready
         exhausted = self._select_rows(m, features.i, restart=sent) & ~features.o.valid
         index, full, overflow = self._count(m, taken & record_ends, restart=sent)
         status, without_pixels = self._status(m, index, overflow, passing, sent)

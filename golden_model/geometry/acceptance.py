@@ -14,5 +14,6 @@ def count_cells(right: NDArray[np.int64], size: tuple[int, int]) -> int:
 
     What lies beyond the frame of ``size`` (width and height, px) counts for its last cells.
     """
-    column, row = (np.minimum(right[:, axis] // (16 * size[axis] // CELLS), CELLS - 1) for axis in range(2))
+    column = np.minimum(right[:, 0] // (16 * size[0] // CELLS), CELLS - 1)
+    row = np.minimum(right[:, 1] // (16 * size[1] // CELLS), CELLS - 1)
     return len(np.unique(CELLS * row + column))

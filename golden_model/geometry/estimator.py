@@ -118,7 +118,8 @@ class FrameMatches(NamedTuple):
     def from_records(cls, matches: Records, status: np.void) -> FrameMatches:
         """Take the kept ones of Match records, and the frame's status."""
         kept = matches[matches["verdict"] == 1]
-        left, right = (np.stack((kept[f"{side}_x"], kept[f"{side}_y"]), axis=1) for side in ("left", "right"))
+        left = np.stack((kept["left_x"], kept["left_y"]), axis=1)
+        right = np.stack((kept["right_x"], kept["right_y"]), axis=1)
         return cls(left, right, kept["weight"], (int(status["width"]), int(status["height"])), bool(status["good"]))
 
 
@@ -257,12 +258,13 @@ def _draw(state: int, size: int, passes: int) -> tuple[Integers, list[int]]:
 def _solve(matches: _Matches, ranks: Integers) -> tuple[Integers, NDArray[np.bool_]]:
     """Homographies (M, 3, 3) of samples (M, 4), and which of them are valid."""
     zero, one = _constants()
-    left, right = (
-        [[Floats.from_integers(side[ranks[:, k], axis], 16) for axis in range(2)] for k in range(sampling.SAMPLE)]
-        for side in (matches.left, matches.right)
-    )
-    kept, products = areas(zero, one, (left, right))
-    return quantise(solve(zero, one, (left, right), kept)), np.all([passes(each) for each in products], axis=0)
+
+    def drawn(side: Integers) -> list[list[Floats]]:
+        return [[Floats.from_integers(position, 16) for position in side[rank].T] for rank in ranks.T]
+
+    sample = drawn(matches.left), drawn(matches.right)
+    kept, products = areas(zero, one, sample)
+    return quantise(solve(zero, one, sample, kept)), np.all([passes(each) for each in products], axis=0)
 
 
 def _constants() -> tuple[Floats, Floats]:
@@ -322,5 +324,6 @@ def _fit(matches: _Matches, inliers: Integers) -> tuple[Integers, bool]:
 
 def _added(pairs: list[tuple[Floats, Floats]]) -> Iterator[tuple[Floats, Floats]]:
     """The factors of all sums, match by match."""
-    first, second = (Floats.stack([pair[n] for pair in pairs]) for n in range(2))
+    first = Floats.stack([pair[0] for pair in pairs])
+    second = Floats.stack([pair[1] for pair in pairs])
     return ((first[n], second[n]) for n in range(len(first.mantissa)))

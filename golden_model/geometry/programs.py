@@ -49,7 +49,8 @@ def _solve() -> Program:
 def _sample(lane: int) -> tuple[list[list[Value]], list[list[Value]]]:
     """Left and right positions of a lane's sample."""
     slots = range(SAMPLE * lane, SAMPLE * (lane + 1))
-    left, right = ([[loaded(slot, each) for each in side] for slot in slots] for side in (LEFT, RIGHT))
+    left = [[loaded(slot, each) for each in LEFT] for slot in slots]
+    right = [[loaded(slot, each) for each in RIGHT] for slot in slots]
     return left, right
 
 

@@ -177,7 +177,8 @@ def score_records(scores: Scores, frame: int = 0) -> Records:
 def answers(hypotheses: NDArray[np.integer], matches: Records, frame: int = 0) -> Records:
     """Score hypotheses (M, 3, 3) by the kept ones among a frame's Match records: the Score records."""
     kept = matches[matches["verdict"] == 1]
-    left, right = (np.stack((kept[f"{side}_x"], kept[f"{side}_y"]), axis=1) for side in ("left", "right"))
+    left = np.stack((kept["left_x"], kept["left_y"]), axis=1)
+    right = np.stack((kept["right_x"], kept["right_y"]), axis=1)
     return score_records(score(hypotheses, left, right, kept["weight"]), frame)
 
 

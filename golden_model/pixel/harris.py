@@ -34,11 +34,11 @@ def structure_tensor(gradient_x: Gradient, gradient_y: Gradient, window_px: int)
         Sums of Ix**2, Iy**2 (`TENSOR_DIAGONAL`) and Ix Iy (`TENSOR_MIXED`). Unspecified within ``window_px // 2`` px
         of the border of the region where the gradients are specified.
     """
-    factors = ((gradient_x, gradient_x), (gradient_y, gradient_y), (gradient_x, gradient_y))
-    a, b, c = (
-        box_sum(np.multiply(first, second, dtype=np.int32), window_px) >> TENSOR_SHIFT for first, second in factors
-    )
-    return a, b, c
+
+    def windowed(first: Gradient, second: Gradient) -> Plane:
+        return box_sum(np.multiply(first, second, dtype=np.int32), window_px) >> TENSOR_SHIFT
+
+    return windowed(gradient_x, gradient_x), windowed(gradient_y, gradient_y), windowed(gradient_x, gradient_y)
 
 
 def raw_response(a: Plane, b: Plane, c: Plane, k_numerator: int, k_shift: int) -> Plane:

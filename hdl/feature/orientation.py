@@ -115,9 +115,9 @@ class Sector(wiring.Component):
         self.spacing_cycles = spacing_cycles
         length = unsigned(moment.width - 1)
         self._borders = [WeightedSum(weights=(tangent, -TANGENT_ONE), shape=length) for tangent in HALF_SECTOR_TANGENTS]
-        first, second = (border.latency_cycles for border in self._borders)
-        check_aligned("latency_cycles of the sector's borders", first=first, second=second)
-        self.latency_cycles = 3 + self._borders[0].latency_cycles + 1
+        first, second = self._borders
+        check_aligned("latency_cycles of the borders", first=first.latency_cycles, second=second.latency_cycles)
+        self.latency_cycles = 3 + first.latency_cycles + 1
         super().__init__({"i_valid": In(1), "i_mx": In(moment), "i_my": In(moment), "o_sector": Out(4)})
 
     def elaborate(self, platform: object) -> Module:

@@ -59,9 +59,10 @@ class MatchGain(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Terms, errors, squares, comparisons. No register has a reset or waits."""
         m = Module()
-        *terms, depth = (self._term(m, platform, row) for row in range(3))
+        x, y, depth = (self._term(m, platform, row) for row in range(3))
         right = [delayed(m, self.i_match[name], TERM_CYCLES) for name in ("right_x", "right_y")]
-        error_x, error_y = (self._error(m, platform, *each, depth) for each in zip(terms, right, strict=True))
+        error_x = self._error(m, platform, x, right[0], depth)
+        error_y = self._error(m, platform, y, right[1], depth)
         in_front = Signal(range(MAX_DEPTH + 1), reset_less=True)
         # A depth of 0 makes every error too large: behind the camera no match counts.
         m.d.sync += in_front.eq(Mux(depth < 0, 0, depth >> DEPTH_SHIFT))

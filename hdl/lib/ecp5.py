@@ -82,10 +82,8 @@ class Ecp5:
         unused = min(ADDRESS_BITS - (memory.depth - 1).bit_length(), len(WIDTHS) - 1)
         width = WIDTHS[-1 - unused]
         low = Const(BYTE_ENABLES if width == PORT_BITS else 0, unused)
-        write_address, read_address = (
-            Cat(low, address, Const(0, ADDRESS_BITS))[:ADDRESS_BITS]
-            for address in (memory.i_write_address, memory.i_read_address)
-        )
+        write_address = Cat(low, memory.i_write_address, Const(0, ADDRESS_BITS))[:ADDRESS_BITS]
+        read_address = Cat(low, memory.i_read_address, Const(0, ADDRESS_BITS))[:ADDRESS_BITS]
         written, word = Value.cast(memory.i_word), Value.cast(memory.o_word)
         for n, first in enumerate(range(0, len(word), width)):
             data = written[first : first + width]

@@ -106,7 +106,9 @@ class WindowCorrelation(wiring.Component):
         m = Module()
         start = Signal()
         step = Signal(range(max(_PHASES.values())))
-        adding, multiplying, rooting = (Signal(name=name) for name in ("adding", "multiplying", "rooting"))
+        adding = Signal()
+        multiplying = Signal()
+        rooting = Signal()
         following = (*list(_PHASES)[1:], "Offer")
         with m.FSM():
             with m.State("Wait"):

@@ -146,7 +146,9 @@ class FeatureBanks(wiring.Component):
 
     def _swap_roles(self, m: Module) -> tuple[Signal, Signal, Signal]:
         """Swap the roles at a good status; return the numbers of the reference, the current and the filling bank."""
-        reference, current, filling = (Signal(range(len(ROLES)), init=n, name=name) for n, name in enumerate(ROLES))
+        reference = Signal(range(len(ROLES)), init=0)
+        current = Signal(range(len(ROLES)), init=1)
+        filling = Signal(range(len(ROLES)), init=2)
         has_reference = Signal()
         has_current = Signal()
         status = self.o_status.payload

@@ -78,7 +78,8 @@ class Distances(wiring.Component):
             m.d.sync += left_valid.bit_select(self.i_lane, 1).eq(self.i_left_valid)
         # Plane n holds bit n of every lane: shifting it by one moves each right descriptor to the next lane.
         for n, unequal in enumerate(popcount.i_planes):
-            left, right = (Signal(self.lanes, name=f"{name}{n}", reset_less=True) for name in ("left", "right"))
+            left = Signal(self.lanes, name=f"left{n}", reset_less=True)
+            right = Signal(self.lanes, name=f"right{n}", reset_less=True)
             with m.If(self.i_run):
                 m.d.sync += right.eq(Cat(self.i_right[n], right[:-1]))
             with m.If(self.i_load):

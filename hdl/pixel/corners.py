@@ -89,10 +89,9 @@ class Corners(wiring.Component):
     def stages(self) -> dict[str, Stage]:
         """Intermediate planes, by their names in `golden_model.front_end.trace`."""
         columns, lag_px = self._columns, self.response_lag_px
-        gradients, tensors, codes = (
-            pixel_beats(source, self.pixels_per_clock)
-            for source in (columns.sobel.o, self._tensor.o, self._suppression.i)
-        )
+        gradients = pixel_beats(columns.sobel.o, self.pixels_per_clock)
+        tensors = pixel_beats(self._tensor.o, self.pixels_per_clock)
+        codes = pixel_beats(self._suppression.i, self.pixels_per_clock)
         smooth = columns.smooth
         smoothed = pixel_beats(smooth.o, self.pixels_per_clock) if smooth else []
         return {
@@ -136,7 +135,8 @@ class Corners(wiring.Component):
         ]
         for i_column, column in pixelwise(self.pixels_per_clock, fast.i.column, columns.o.pixels):
             m.d.comb += [pixel.eq(column[n]) for n, pixel in enumerate(i_column)]
-        harris_wait, fast_wait = (self._response_cycles - each for each in (self._harris_cycles, fast.latency_cycles))
+        harris_wait = self._response_cycles - self._harris_cycles
+        fast_wait = self._response_cycles - fast.latency_cycles
         chosen_codes = []
         for block, score in zip(self._response_codes, each_pixel(fast.o.code, self.pixels_per_clock), strict=True):
             harris_code = delayed(m, block.o.code, harris_wait)

@@ -85,7 +85,7 @@ class StructureTensor(wiring.Component):
             columns = pixelwise(self.pixels_per_clock, self.i.column, total.i.column)
             pairs = [pair for column, products in columns for pair in zip(column, products, strict=True)]
             for n, (gradients, pixel) in enumerate(pairs):
-                a, b = (gradients[factor] for factor in factors)
+                a, b = gradients[factors[0]], gradients[factors[1]]
                 product = Multiplier(a=a.shape(), b=b.shape(), product=pixel.shape())
                 m.submodules[f"product_{name}{n}"] = product
                 m.d.comb += [

@@ -155,7 +155,10 @@ class CameraGate(wiring.Component):
     def _track_position(self, m: Module, takes: Value) -> tuple[Value, Value, Value]:
         """Whether the pixel ends a line, whether it ends the frame, and whether the frame has ended before it."""
         beat = self.i.payload
-        x, y, last_x, last_y = (Signal(range(MAX_FRAME_PX), name=name) for name in ("x", "y", "last_x", "last_y"))
+        x = Signal(range(MAX_FRAME_PX))
+        y = Signal(range(MAX_FRAME_PX))
+        last_x = Signal(range(MAX_FRAME_PX))
+        last_y = Signal(range(MAX_FRAME_PX))
         line_ends = Signal()
         last_line = Signal()
         ended = Signal(init=1)

@@ -211,9 +211,8 @@ class Shell(wiring.Component):
         # Packets that have ended in one ring and not yet in every other.
         ahead = {ring: Signal(range(MAX_IN_FLIGHT + 2), name=f"{ring}_ahead") for ring in self.rings}
         complete = Cat(signal.any() for signal in ahead.values()).all()
-        pending, waited = (
-            Signal(value.shape()) for value in (registers.o_coalesce_count, registers.o_coalesce_timeout)
-        )
+        pending = Signal(registers.o_coalesce_count.shape())
+        waited = Signal(registers.o_coalesce_timeout.shape())
         for ring, signal in ahead.items():
             m.d.sync += signal.eq(Mux(forgets, 0, signal + self.rings[ring].o_ended - complete))
         timeout = registers.o_coalesce_timeout

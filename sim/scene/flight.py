@@ -54,7 +54,8 @@ class Flight:
 
     def homography_between(self, left: int, right: int) -> NDArray[np.float64]:
         """Pixels of picture ``left`` to pixels of picture ``right``, shape (3, 3), last element 1."""
-        to_left, to_right = (self.poses[index].homography(self.camera) for index in (left, right))
+        to_left = self.poses[left].homography(self.camera)
+        to_right = self.poses[right].homography(self.camera)
         between: NDArray[np.float64] = to_right @ np.linalg.inv(to_left)
         between /= between[2, 2]
         return between

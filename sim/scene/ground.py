@@ -92,7 +92,8 @@ def _light(canvas: Canvas, rng: np.random.Generator) -> NDArray[np.uint8]:
     azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(40, 54))
     toward_sun = np.array([np.cos(azimuth), np.sin(azimuth)], np.float32)
     relief = cv2.GaussianBlur(canvas.relief, (0, 0), 0.6)
-    across, down = (np.clip(cv2.Sobel(relief, -1, *axes, scale=1 / 8), -1.2, 1.2) for axes in ((1, 0), (0, 1)))
+    across = np.clip(cv2.Sobel(relief, -1, 1, 0, scale=1 / 8), -1.2, 1.2)
+    down = np.clip(cv2.Sobel(relief, -1, 0, 1, scale=1 / 8), -1.2, 1.2)
     facing = np.float32(np.tan(elevation)) - toward_sun[0] * across - toward_sun[1] * down
     facing = np.maximum(facing, 0) / np.sqrt(1 + across**2 + down**2) / np.float32(np.tan(elevation))
     sunlit = facing * (1 - _cast_shadows(relief, toward_sun, np.tan(elevation)))

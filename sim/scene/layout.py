@@ -104,7 +104,8 @@ class _Land:
 
     def at(self, u: ArrayLike, v: ArrayLike) -> Points:
         """Plane coordinates, shape (n, 2), of u and v."""
-        s, t = (np.reshape(np.asarray(axis, np.float64), (-1, 1)) for axis in (u, v))
+        s = np.reshape(np.asarray(u, np.float64), (-1, 1))
+        t = np.reshape(np.asarray(v, np.float64), (-1, 1))
         (a, b), (c, d) = self.corners
         return _bend(self.seed, (1 - t) * ((1 - s) * a + s * b) + t * ((1 - s) * c + s * d))
 

@@ -55,7 +55,8 @@ def make_noise(seed: int, x_px: int, y_px: int, width_px: int, height_px: int) -
     for octave, key in enumerate(keys):
         spacing = 1 << octave
         column, row = x_px // spacing - _LATTICE_MARGIN, y_px // spacing - _LATTICE_MARGIN
-        columns, rows = (-(-size // spacing) + 1 + 2 * _LATTICE_MARGIN for size in (width_px, height_px))
+        columns = -(-width_px // spacing) + 1 + 2 * _LATTICE_MARGIN
+        rows = -(-height_px // spacing) + 1 + 2 * _LATTICE_MARGIN
         fine = _lattice(key, column, row, columns, rows)
         if octave > 0:
             fine = cv2.resize(fine, None, fx=spacing, fy=spacing, interpolation=cv2.INTER_CUBIC)

@@ -91,7 +91,8 @@ def paint_parcels(canvas: Canvas, parcels: Sequence[Parcel]) -> None:
     labels = plan.astype(np.int32)
     tone, share = _texture_parcels(canvas, table[:, 6:], labels, columns, rows)
     for channel in range(3):
-        first, second = (np.take(table[:, column], labels, mode="clip") for column in (channel, 3 + channel))
+        first = np.take(table[:, channel], labels, mode="clip")
+        second = np.take(table[:, 3 + channel], labels, mode="clip")
         canvas.reflectance[channel] = (first + (second - first) * share) * tone
     _grow_over_edges(canvas, labels)
 
@@ -101,7 +102,8 @@ def _tabulate_parcel(parcel: Parcel) -> tuple[float, ...]:
     rng = np.random.default_rng(parcel.variety)
     cover = COVERS[parcel.use]
     brightness, hue = rng.normal(1, 0.08), 1 + rng.normal(0, 0.02, (3, 1, 1))
-    first, second = ((bgr(*colour) * brightness * hue).ravel() for colour in (cover.first, cover.second))
+    first = (bgr(*cover.first) * brightness * hue).ravel()
+    second = (bgr(*cover.second) * brightness * hue).ravel()
     direction = np.cos(parcel.angle_rad), np.sin(parcel.angle_rad)
     return (*first, *second, *direction, rng.uniform(0, 1000), *astuple(cover)[2:])
 

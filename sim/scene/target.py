@@ -173,8 +173,8 @@ def _paint_car(rng: np.random.Generator) -> Layer:
     stripe = tuple(int(255 - level) for level in body)
     for y in (0.4, 0.6):
         for start, end in ((0.03, 0.13), (0.76, 0.97)):
-            left, right = ((round(x * length), round(y * width)) for x in (start, end))
-            cv2.line(picture, left, right, stripe, 5, cv2.LINE_AA)
+            middle = round(y * width)
+            cv2.line(picture, (round(start * length), middle), (round(end * length), middle), stripe, 5, cv2.LINE_AA)
     number = str(rng.integers(100, 1000))
     cv2.putText(picture, number, (round(0.27 * length), round(0.66 * width)), _FONT, 1.4, stripe, 4, cv2.LINE_AA)
     opacity = np.zeros((width, length), np.uint8)

@@ -17,5 +17,5 @@ def test_moments_of_different_latencies_are_refused(monkeypatch: pytest.MonkeyPa
 @pytest.mark.usefixtures("unused_blocks")
 def test_borders_of_different_latencies_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(orientation, "HALF_SECTOR_TANGENTS", (1, 0b10101))
-    with pytest.raises(ValueError, match=r"latency_cycles of the sector's borders .* first has 1, second has 2"):
+    with pytest.raises(ValueError, match=r"latency_cycles of the borders .* first has 1, second has 2"):
         Sector(moment=signed(12))
