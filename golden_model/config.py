@@ -226,13 +226,13 @@ class EstimatorConfig:
     Parameters
     ----------
     passes : int
-        At most so many in each of the 16 steps of the search, two samples each; 8 bits, not 0.
+        Most passes, of two samples each, in each of the 16 steps of the search; 8 bits, not 0.
     seed : int
         First state of the generator of random numbers; 32 bits, not 0.
     min_inliers : int
-        Matches within 2 px that an accepted homography has at least; 12 bits.
+        Fewest matches within 2 px of an accepted homography; 12 bits.
     min_cells : int
-        Cells of 8 x 8 in which these lie at least.
+        Fewest of the frame's 8 x 8 cells in which these lie.
     """
 
     passes: int = 32

@@ -33,7 +33,7 @@ def read_small_file(path: str | Path, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
     Raises
     ------
     OSError
-        For another one, with the reason in ``strerror``.
+        For any other, with the reason in ``strerror``.
     """
     with open(path, "rb", opener=open_regular) as file:
         # Python reserves all that it is asked for at once.

@@ -95,8 +95,8 @@ class Latencies:
 
 _READ_CYCLES = 3
 _ROW_CYCLES = 128 + 3 * MAX_FRAME_PX // (2 * CELL_SIZES_PX[0])
-"""At most, from the end of a cell row to its last feature, besides their words: less than 128 clocks of pipeline, and a
-clock for each empty cell, of both levels of the largest build."""
+"""The longest time from the end of a cell row to its last feature, besides the words of features: less than 128 clocks
+of pipeline, and a clock for each empty cell, of both levels of the largest build."""
 DISTANCE_CYCLES = {8: 4, 16: 5, 24: 5, 32: 5, 128: 5, 256: 8}
 """Operand register and population count, by the length of the descriptor in bits."""
 SAD_CYCLES = 3
@@ -276,7 +276,7 @@ def _leaves_in_time(work: FrameWork, front_end: FrontEndConfig, pixels_per_clock
     features, lines = 0, []
     for level in range(front_end.levels):
         features += -(-(work.width_px >> level) // front_end.cell_px) * front_end.per_cell
-        # Of the lines that may have features, those in the last row.
+        # Lines of the last cell row that may have features.
         lines.append(((work.height_px >> level) - border_px - 1) % front_end.cell_px + 1 << level)
     lag_px = max(pattern.support_px, front_end.response_support_px + SUPPRESSION_MARGIN_PX)
     lines.append(border_px - lag_px)

@@ -84,7 +84,7 @@ class Level(wiring.Component):
         ring_lag_px = self._smooth.lag_px + self._rings.lag_px
         self.lag_px = max(self._corners.lag_px, ring_lag_px)
         self._scan = LevelScan(lag_px=self.lag_px, border_px=config.border_px, cells=config.selection, **rate)
-        # Half-size lines are two lines, and an odd last line belongs to none.
+        # A half-size line is two lines of the full size, and an odd last line belongs to none.
         self.closing_lines = (self._scan.closing_lines << level) + level
         # Corners of FAST may be 2 px apart in a line. A half-size pixel takes twice the time, hence twice the distance.
         spacing_cycles = (2 << level) // pixels_per_clock
@@ -110,7 +110,7 @@ class Level(wiring.Component):
         if config.selection:
             self._selection = CellSelection(pattern=pattern, width_px=width_px, spacing_cycles=spacing_cycles)
         else:
-            # The distance of features limits how many may still come after the hold.
+            # The distance between features limits how many may still come after the hold.
             in_flight = (INGRESS_CYCLES + self.latency_cycles) // spacing_cycles + 1
             self._selection = RasterSelection(pattern=pattern, depth=RASTER_DEPTH, in_flight=in_flight)
         super().__init__(

@@ -1,7 +1,7 @@
 """Components in Verilog, in modules for export or flat for simulation.
 
 The Yosys that comes with Amaranth writes it. It first turns Amaranth's processes into registers with clock enables, and
-removes unused logic: simulators can then skip the logic of idle blocks, which doubles their speed, and the text gets a
+removes unused logic: simulators can then skip the logic of idle blocks, which doubles their speed, and the text is a
 third shorter (measured).
 """
 
@@ -28,7 +28,7 @@ TIDY = ("proc -norom", "opt_expr", "opt_merge", "opt_clean", ENABLES, "opt_clean
 # Structs cross module boundaries as wide words, which a simulator packs and unpacks in each clock: flat, the same
 # netlist simulates 1.6 times as fast on Verilator and compiles in two thirds of the time (measured). Verilator needs no
 # second names: without them from the start, Yosys takes 0.7 and Verilator half of the time (measured). Equal cells are
-# merged last: of registers with enables there is less to merge, which halves Yosys's time (measured).
+# merged last: with enables in the registers there are fewer to merge, which halves Yosys's time (measured).
 FLAT = (
     "proc -norom", "opt_expr", "opt_clean -purge", "flatten", ENABLES, "opt_clean -purge", "opt_merge",
     "opt_clean -purge",

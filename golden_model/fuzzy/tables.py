@@ -44,7 +44,7 @@ def _sample_terms(variable: Input, positions: Array, *, trimmed: bool) -> dict[s
     degrees = np.stack([term.degree(positions) for term in variable.terms.values()])
     if np.allclose(degrees.sum(axis=0), 1.0, atol=1e-9):
         # A product is not divided by the sum of the strengths, so terms that sum to one must do so in integers, too:
-        # rounded are the sums so far, and each term has what it adds.
+        # the sums so far are rounded, and each term gets what it adds to them.
         sums = _round(np.cumsum(degrees, axis=0))
         tables = np.diff(sums, axis=0, prepend=0)
     else:

@@ -5,8 +5,8 @@ the best homography is kept. After each step of the search that found a better o
 squares over its inliers, in ever narrower bands, refine it: each is scored, the better one stays. It is accepted if
 enough matches agree closely, in enough places of the frame.
 
-A pass computes the areas of two samples and solves them, unless both are dropped; meanwhile those before are scored. It
-takes the time of the longer of both. Each of the 16 steps ends after a number of passes or at its share of
+A pass computes the areas of two samples and solves them, unless both are dropped; meanwhile the two before are scored.
+It takes as long as the longer of these. Each of the 16 steps ends after a number of passes or at its share of
 `SEARCH_CYCLES`, so that even with the most matches the homography comes within `MAX_CYCLES` after the last match.
 """
 
@@ -33,13 +33,13 @@ from golden_model.records import HOMOGRAPHY, Tag
 Integers = NDArray[np.int64]
 
 SEARCH_CYCLES = 164_800
-"""At most for the samples; what is left covers sorting, refit and acceptance of any set of matches."""
+"""The longest time for the samples; the rest covers sorting, refit and acceptance of any set of matches."""
 MAX_CYCLES = 300_000
 MAX_REFITTED_OFTEN = 256
 """With more matches, only the last step's best homography is refitted: there would be no time for more."""
 
 
-class Cause(enum.IntFlag):
+class EstimateCause(enum.IntFlag):
     """Why a homography is not accepted (bits of ``Estimate.causes``); 0: it is."""
 
     BAD_FRAME = 1
@@ -72,7 +72,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class EstimatorCycles:
-    """Clocks of the parts of `hdl.geometry.estimator`, beside those that a count of matches or a program gives."""
+    """Clocks of the parts of `hdl.geometry.estimator`, besides those that a number of matches or a program takes."""
 
     accept: int = 2
     """From the end of the matches to the sorting, and the result."""
@@ -83,19 +83,19 @@ class EstimatorCycles:
     turn: int = 27
     """Between two passes: solutions become hypotheses, samples are drawn."""
     program: int = 3
-    """From the start of a program to that of the next in a pass, beside its own."""
+    """From the start of a program to that of the next in a pass, besides its own."""
     skip: int = 1
-    """Where no sample of a pass is worth solving."""
+    """In place of a program, where no sample of a pass is worth solving."""
     sweep: int = 25
-    """Beside one clock per match."""
+    """Besides one clock per match."""
     gather: int = 12
-    """Per group of inliers, beside the program."""
+    """Per group of inliers, besides the program."""
     round: int = 32
-    """Per round of the refit, beside programs and sweep."""
+    """Per round of the refit, besides programs and sweep."""
     look: int = 1
     """After the first look at a homography to refit, and after the last one that decides on acceptance."""
     records: int = 3
-    """From the last word of the matches' packet, and to the first word of the record, beside all the above."""
+    """From the last word of the matches' packet, and to the first word of the record, besides all of the above."""
 
 
 CYCLES = EstimatorCycles()
@@ -138,13 +138,13 @@ def estimate(
     best, score, cycles = _search(matches, settings)
     cycles += CYCLES.accept + CYCLES.sort + CYCLES.place * count
     if score == 0:
-        return _none(Cause.NO_HYPOTHESIS, cycles)
+        return _none(EstimateCause.NO_HYPOTHESIS, cycles)
     cycles += count + CYCLES.sweep + CYCLES.look
     gains = matches.gain(best)
     inliers = gains >= INLIER_GAIN
     cells = count_cells(matches.right[inliers], frame.size)
-    few = (inliers.sum() < settings.min_inliers) * Cause.TOO_FEW_INLIERS
-    narrow = (cells < settings.min_cells) * Cause.TOO_FEW_CELLS
+    few = (inliers.sum() < settings.min_inliers) * EstimateCause.TOO_FEW_INLIERS
+    narrow = (cells < settings.min_cells) * EstimateCause.TOO_FEW_CELLS
     support = int(matches.weight[gains > 0].sum())
     return Estimate(best, score, support, int(inliers.sum()), cells, int(few | narrow), cycles)
 
@@ -192,18 +192,18 @@ def frame_homography(matches: Records, status: np.void, config: Config) -> Recor
     return homography_record(result, int(status["frame"]))
 
 
-def _refusal(matches: int, settings: EstimatorConfig, max_matches: int, *, good: bool) -> Cause:
-    causes = Cause(0) if good else Cause.BAD_FRAME
+def _refusal(matches: int, settings: EstimatorConfig, max_matches: int, *, good: bool) -> EstimateCause:
+    causes = EstimateCause(0) if good else EstimateCause.BAD_FRAME
     if settings.seed == 0 or settings.passes == 0:
-        causes |= Cause.INVALID_SETTINGS
+        causes |= EstimateCause.INVALID_SETTINGS
     if good and matches < sampling.SAMPLE:
-        causes |= Cause.TOO_FEW_MATCHES
+        causes |= EstimateCause.TOO_FEW_MATCHES
     if good and matches > max_matches:
-        causes |= Cause.TOO_MANY_MATCHES
+        causes |= EstimateCause.TOO_MANY_MATCHES
     return causes
 
 
-def _none(causes: Cause, cycles: int) -> Estimate:
+def _none(causes: EstimateCause, cycles: int) -> Estimate:
     return Estimate(np.zeros((3, 3), dtype=np.int64), 0, 0, 0, 0, int(causes), cycles)
 
 
@@ -239,7 +239,7 @@ def _search(matches: _Matches, settings: EstimatorConfig) -> tuple[Integers, int
 
 
 def solving_cycles(solved: int) -> int:
-    """Clocks of the programs of a pass, of whose samples so many have a homography."""
+    """Clocks of the programs of a pass in which so many samples have a homography."""
     solve = programs.SOLVE.cycles + CYCLES.program if solved else CYCLES.skip
     return programs.AREAS.cycles + CYCLES.program + solve
 

@@ -4,7 +4,7 @@ A number is (-1)^sign M 2^(E - 32) with a mantissa M of 32 bits and a signed exp
 bit set, unless the number is zero or was loaded from an integer. Magnitudes are truncated, never rounded, so that no
 carry follows the normalisation; with 32 bits a sum over 512 matches still keeps the 22 bits or more that matter.
 
-The product keeps its 33 leading bits. The smaller exponent's term is shifted to that of the larger one, their sum has
+The product keeps its 33 leading bits. The term with the smaller exponent is shifted to the larger one; their sum has
 at most 34 bits, and is shifted left until its leading bit is set. A zero gets the smallest exponent, so that it never
 shifts the other term. An exponent beyond the format becomes the largest, or the number 0: nothing is ever infinite.
 """

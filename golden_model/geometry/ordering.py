@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from golden_model.formats import WEIGHT
 
 BINS = WEIGHT.max_raw + 1
-"""Different weights: the hardware sorts by counting."""
+"""Number of different weights: the hardware sorts by counting."""
 
 
 def order(weight: NDArray[np.integer]) -> NDArray[np.int64]:

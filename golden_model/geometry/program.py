@@ -20,11 +20,11 @@ REGISTERS = 128
 ZERO, ONE = 0, 1
 """Registers that always hold these numbers."""
 LANES = 2
-"""Samples that are solved together, so that one's operations fill the other's waiting."""
+"""Samples that are solved together, so that operations of one fill the waits of the other."""
 SLOTS = 8
-"""Matches that a program can load positions of."""
+"""Matches whose positions a program can load."""
 MAX_WAIT = 7
-"""What the three bits of ``Instruction.wait`` hold."""
+"""The most that the three bits of ``Instruction.wait`` hold."""
 
 
 class Source(enum.IntEnum):
@@ -36,7 +36,7 @@ class Source(enum.IntEnum):
 
 
 class Coordinate(enum.IntEnum):
-    """What an instruction loads of a slot's match; the centre is the same for all slots."""
+    """What an instruction loads from a slot's match; the centre is the same for all slots."""
 
     LEFT_X = 0
     LEFT_Y = 1
@@ -51,7 +51,7 @@ class Coordinate(enum.IntEnum):
 class Instruction:
     """result = register c + a x register b, or c minus it; ``a`` is a register, or for a load 8 slot + coordinate.
 
-    What has the register `ZERO` as its result does nothing.
+    An instruction whose result is the register `ZERO` does nothing.
     """
 
     source: Source = Source.REGISTER
@@ -135,16 +135,16 @@ def schedule(results: Sequence[tuple[int, Value]], checks: Sequence[tuple[int, V
     Parameters
     ----------
     results : sequence of (int, Value)
-        Registers in which values shall be left.
+        Registers in which to leave values.
     checks : sequence of (int, Value)
         Lanes, and the values that must be positive and large enough in each.
     first : int
-        First of the registers that are free for what lies between.
+        First of the registers that are free for intermediate values.
 
     Raises
     ------
     ValueError
-        If these do not suffice.
+        If these are not enough.
     """
     for lane, value in checks:
         value.checks |= 1 << lane
@@ -176,7 +176,7 @@ def schedule(results: Sequence[tuple[int, Value]], checks: Sequence[tuple[int, V
             if operand in place and not users[operand] and operand not in target:
                 free.append(place[operand])
         if issued not in target and not free:
-            raise ValueError(f"{REGISTERS - first} registers do not suffice")
+            raise ValueError(f"{REGISTERS - first} registers are not enough")
         place[issued] = target[issued] if issued in target else free.pop()
         instructions.append(Instruction(issued.source, a, b, c, place[issued], issued.negate, issued.checks))
         # Nobody reads what is only checked.

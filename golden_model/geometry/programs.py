@@ -11,17 +11,17 @@ from golden_model.geometry.program import (
     schedule,
 )
 from golden_model.geometry.refit import SUMS, factors, solve_sums
+from golden_model.geometry.sampling import SAMPLE
 from golden_model.geometry.solving import areas, solve
 
 LEFT = (Coordinate.LEFT_X, Coordinate.LEFT_Y)
 RIGHT = (Coordinate.RIGHT_X, Coordinate.RIGHT_Y)
 CENTRE = (Coordinate.CENTRE_X, Coordinate.CENTRE_Y)
-SAMPLE = 4
 GROUP = 4
 """Matches that `ADD` takes, in slots 0 to 3."""
 ELEMENTS = 9
 AREAS_KEPT = 7
-"""Three left and four right areas of a lane's sample, from `AREAS` for `SOLVE`."""
+"""Three left and four right areas of a lane's sample, which `AREAS` leaves for `SOLVE`."""
 FIRST_SUM = 2
 FIRST_ELEMENT, LANE_REGISTERS = 32, 16
 """Where each lane's homography is left; leading bits of the address select the lane."""

@@ -15,10 +15,10 @@ N = TypeVar("N", bound=Number)
 BANDS = (1, 9, 17, 25)
 """Smallest gain of the matches that each round is computed from: errors below 4.2, 3.7, 3 and 2.1 px."""
 MAX_INLIERS = 512
-"""A round is computed from at most so many, those with the largest weights."""
+"""A round takes at most this many, those with the largest weights."""
 SUMS = 23
 NEWTON_STEPS = 2
-"""Each doubles the number of correct bits of a reciprocal, from 7."""
+"""Each doubles the number of correct bits of a reciprocal, which starts at 7."""
 
 
 def factors(zero: N, one: N, centre: Sequence[N], match: Sequence[N], weight: N) -> list[tuple[N, N]]:

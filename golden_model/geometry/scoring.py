@@ -59,7 +59,7 @@ IN_FLIGHT = 2
 """Hypotheses that are started before the score of the first has been taken."""
 
 
-class Cause(enum.IntFlag):
+class ScoreCause(enum.IntFlag):
     """Why a hypothesis has no score (bits of ``Scores.causes``); 0: it has one."""
 
     OUT_OF_RANGE = 1
@@ -78,7 +78,7 @@ class Scores:
     support: NDArray[np.int64]
     """Sum (M,) of the weights of the matches with an error below sqrt(2) * 3 px, 19 bits."""
     causes: NDArray[np.int64]
-    """Bits (M,) of `Cause`; where it is not 0, score and support are 0."""
+    """Bits (M,) of `ScoreCause`; where it is not 0, score and support are 0."""
 
 
 def quantise(homographies: Array) -> NDArray[np.int64]:
@@ -127,7 +127,7 @@ def score(
     Parameters
     ----------
     hypotheses : (M, 3, 3) integer ndarray
-        As `quantise` gives them; any integers of 32 bits are legal, with `Cause` for those that have no score.
+        As `quantise` gives them; any integers of 32 bits are legal, with `ScoreCause` for those that have no score.
     left, right : (N, 2) integer ndarray
         Positions x, y of the matches, `golden_model.formats.POSITION`.
     weight : (N,) integer ndarray
@@ -150,7 +150,7 @@ def score(
         raise ValueError(f"positions must be {POSITION} and weights {WEIGHT}, as match records hold them")
     causes = _causes(h, len(x), max_matches)
     gains = np.zeros((len(h), len(x)), dtype=np.int64)
-    # Only for these are the widths bounded.
+    # The widths are bounded for these only.
     scored = causes == 0
     gains[scored] = gain(h[scored], x, y)
     return Scores(gains @ w, np.asarray((gains > 0) @ w, dtype=np.int64), causes)
@@ -184,14 +184,14 @@ def answers(hypotheses: NDArray[np.integer], matches: Records, frame: int = 0) -
 
 def _causes(h: NDArray[np.int64], matches: int, max_matches: int) -> NDArray[np.int64]:
     low, high = h.min(axis=(1, 2), initial=0), h.max(axis=(1, 2), initial=0)
-    causes = np.where((low < ENTRY.min_raw) | (high > ENTRY.max_raw), int(Cause.OUT_OF_RANGE), 0)
+    causes = np.where((low < ENTRY.min_raw) | (high > ENTRY.max_raw), int(ScoreCause.OUT_OF_RANGE), 0)
     # As the hardware sees it: an element whose two leading bits differ.
     small = (low >= -MIN_LARGEST_ENTRY) & (high < MIN_LARGEST_ENTRY)
-    causes |= np.where(small, int(Cause.NOT_NORMALISED), 0)
+    causes |= np.where(small, int(ScoreCause.NOT_NORMALISED), 0)
     if matches == 0:
-        causes |= int(Cause.NO_MATCHES)
+        causes |= int(ScoreCause.NO_MATCHES)
     if matches > max_matches:
-        causes |= int(Cause.TOO_MANY_MATCHES)
+        causes |= int(ScoreCause.TOO_MANY_MATCHES)
     return causes
 
 

@@ -23,11 +23,11 @@ MIN_CHECKED_EXPONENT = -41
 OTHERS = ((1, 2), (2, 0), (0, 1))
 """The other two of the first three points, for each of them."""
 
-Points = Sequence[Sequence[N]]
+Positions = Sequence[Sequence[N]]
 """Positions (x, y), not normalised; in units of 4096 px."""
 
 
-def areas(zero: N, one: N, sample: tuple[Points[N], Points[N]]) -> tuple[tuple[list[N], list[N]], list[N]]:
+def areas(zero: N, one: N, sample: tuple[Positions[N], Positions[N]]) -> tuple[tuple[list[N], list[N]], list[N]]:
     """Compute twice the areas of a sample's triangles.
 
     Returns
@@ -45,7 +45,7 @@ def areas(zero: N, one: N, sample: tuple[Points[N], Points[N]]) -> tuple[tuple[l
 
 
 def solve(
-    zero: N, one: N, sample: tuple[Points[N], Points[N]], both_areas: tuple[Sequence[N], Sequence[N]]
+    zero: N, one: N, sample: tuple[Positions[N], Positions[N]], both_areas: tuple[Sequence[N], Sequence[N]]
 ) -> list[list[N]]:
     """Solve a sample, given its `areas`: three rows of a homography of any scale."""
     (p, d), (q, e) = (_from_fourth(zero, one, points) for points in sample)
@@ -59,7 +59,7 @@ def solve(
     return restore(zero, one, [[*rows[0], zero], [*rows[1], zero], [*rows[2], zero.plus(both, both)]], p, q)
 
 
-def _from_fourth(zero: N, one: N, points: Points[N]) -> tuple[list[N], list[list[N]]]:
+def _from_fourth(zero: N, one: N, points: Positions[N]) -> tuple[list[N], list[list[N]]]:
     """The fourth point, and its distance from each of the other three."""
     origin = [zero.plus(one, value) for value in points[3]]
     return origin, [[origin[axis].minus(one, point[axis]) for axis in range(2)] for point in points[:3]]

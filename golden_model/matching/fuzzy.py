@@ -147,7 +147,7 @@ class SugenoSystem:
 
     @cached_property
     def digest(self) -> int:
-        """32 bits that differ, but by chance, between systems that decide differently; names of sets do not count."""
+        """32 bits that differ (but by chance) between systems that decide differently; names of sets do not count."""
         tables = [(each.name, [table.tolist() for table in each.sets.values()]) for each in self.inputs]
         order = [list(each.sets) for each in self.inputs]
         rules = [

@@ -73,5 +73,5 @@ def emission_order(level: NDArray[np.integer], cell_row: NDArray[np.integer]) ->
     ndarray of int, shape (N,)
         Indices into the arguments.
     """
-    # Stable: of one turn, level 0 stays before level 1, and a level's own order is kept.
+    # Stable: within a turn, level 0 stays before level 1, and each level keeps its order.
     return np.argsort(np.where(level == 0, cell_row // 2, cell_row), kind="stable")

@@ -9,7 +9,7 @@ from golden_model.records import WORD_BYTES
 from hdl.axi.axi_lite import Response
 
 BURST_WORDS = 16
-"""No longer, because the memory ports of a Zynq-7000 are AXI3, whose bursts end at 16 words."""
+"""Not longer, because the memory ports of a Zynq-7000 are AXI3, whose bursts end at 16 words."""
 BURST_BYTES = BURST_WORDS * WORD_BYTES
 BURST_LOG2 = (BURST_BYTES - 1).bit_length()
 MAX_OUTSTANDING = 15

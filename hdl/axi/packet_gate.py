@@ -17,8 +17,8 @@ _STATUS = record_layout(FRAME_STATUS)
 class PacketGate(wiring.Component):
     """Passes or discards whole packets, and reports the FrameStatus of each.
 
-    ``i_clear`` breaks off the packet in progress. Words already offered must still be taken, since AXI4-Stream lets
-    none be withdrawn. Then zeros complete the record, and a FrameStatus (`Cause.CLEARED`) ends the packet, which may
+    ``i_clear`` breaks off the packet in progress. Words already offered must still be taken: AXI4-Stream forbids to
+    withdraw them. Then zeros complete the record, and a FrameStatus (`Cause.CLEARED`) ends the packet, which may
     thus be longer by `CLOSING_RECORDS`. Only then is the next packet accepted. A packet of which nothing has been
     offered is dropped.
 

@@ -16,7 +16,7 @@ PAYLOAD = "payload"
 
 
 @dataclass(frozen=True)
-class Field:
+class Leaf:
     """A leaf of a structure: its name, its lowest bit in the structure, and its shape."""
 
     name: str
@@ -24,13 +24,13 @@ class Field:
     shape: Shape
 
 
-def leaves(name: str, shape: ShapeLike, low: int = 0) -> Iterator[Field]:
+def leaves(name: str, shape: ShapeLike, low: int = 0) -> Iterator[Leaf]:
     """Walk the leaves of a shape: a field ``b`` of a structure ``a`` is ``a_b``, an element of an array ``a_0``."""
     # A shape that is no layout is a leaf.
     try:
         layout = data.Layout.cast(shape)
     except TypeError:
-        yield Field(name, low, Shape.cast(shape))
+        yield Leaf(name, low, Shape.cast(shape))
         return
     for key, field in layout:
         yield from leaves(f"{name}_{key}", field.shape, low + field.offset)

@@ -5,13 +5,13 @@ from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.geometry.acceptance import CELLS
-from golden_model.geometry.estimator import Cause
+from golden_model.geometry.estimator import EstimateCause
 from golden_model.geometry.program import LANES, SLOTS
 from golden_model.geometry.programs import GROUP
 from golden_model.geometry.refit import BANDS, MAX_INLIERS
 from golden_model.geometry.sampling import SAMPLE
 from golden_model.geometry.scoring import MAX_MATCHES
-from hdl.geometry.estimator_states import SETTINGS, FrameInWork, Parts, lead
+from hdl.geometry.estimator_states import ESTIMATOR_SETTINGS, FrameInWork, Parts, lead
 from hdl.geometry.match_gain import HYPOTHESIS, WEIGHED_PAIR
 from hdl.geometry.ordering import FRAME_MATCH, MatchOrdering
 from hdl.geometry.processor import Processor
@@ -29,7 +29,7 @@ ESTIMATE = data.StructLayout(
         "support": SUPPORT,
         "inliers": COUNT,
         "cells": range(CELLS**2 + 1),
-        "causes": len(Cause),
+        "causes": len(EstimateCause),
         "frame": 32,
         "cycles": 32,
     }
@@ -66,7 +66,7 @@ class HomographyEstimator(wiring.Component):
         super().__init__(
             {
                 "i": In(stream.Signature(FRAME_MATCH)),
-                "i_settings": In(SETTINGS),
+                "i_settings": In(ESTIMATOR_SETTINGS),
                 "o": Out(stream.Signature(ESTIMATE)),
             }
         )

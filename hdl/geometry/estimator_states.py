@@ -29,7 +29,7 @@ from amaranth import Module, Mux, Signal, Value
 from amaranth.lib import data, stream
 
 from golden_model.geometry.acceptance import CELLS
-from golden_model.geometry.estimator import MAX_REFITTED_OFTEN, SEARCH_CYCLES, Cause
+from golden_model.geometry.estimator import MAX_REFITTED_OFTEN, SEARCH_CYCLES, EstimateCause
 from golden_model.geometry.program import LANES, Program
 from golden_model.geometry.programs import ADD, AREAS, CLEAR, FIT, GROUP, PROGRAMS, SOLVE
 from golden_model.geometry.refit import BANDS, MAX_INLIERS
@@ -43,7 +43,7 @@ from hdl.geometry.sweep import SCORE, Sweep
 from hdl.lib.line_memory import LineMemory
 from hdl.lib.views import view_signal
 
-SETTINGS = data.StructLayout({"passes": 8, "seed": 32, "min_inliers": 12, "min_cells": range(CELLS**2 + 1)})
+ESTIMATOR_SETTINGS = data.StructLayout({"passes": 8, "seed": 32, "min_inliers": 12, "min_cells": range(CELLS**2 + 1)})
 """See `golden_model.config.EstimatorConfig`."""
 BEST = 1 << LANES
 """Bit of the best homography so far among those to score; the others are those of the lanes."""
@@ -71,10 +71,10 @@ class FrameInWork:
         self.count = Signal(COUNT)
         """Number of matches."""
         self.header = view_signal(FRAME)
-        self.settings = view_signal(SETTINGS)
+        self.settings = view_signal(ESTIMATOR_SETTINGS)
         self.cycles = Signal(32)
         """Clocks since the last match."""
-        self.causes = Signal(len(Cause))
+        self.causes = Signal(len(EstimateCause))
         self.best = view_signal(HYPOTHESIS)
         """The best homography so far; 0: none."""
         self.best_score = Signal(SCORE)
@@ -132,7 +132,8 @@ def lead(m: Module, parts: Parts, frame: FrameInWork, settings: data.View, o: st
         with m.State("Check"), m.If(~frame.due.any()):
             few = parts.sweep.o_inliers < frame.settings.min_inliers
             narrow = parts.sweep.o_cells < frame.settings.min_cells
-            m.d.sync += frame.causes.eq(Mux(few, Cause.TOO_FEW_INLIERS, 0) | Mux(narrow, Cause.TOO_FEW_CELLS, 0))
+            inliers = Mux(few, EstimateCause.TOO_FEW_INLIERS, 0)
+            m.d.sync += frame.causes.eq(inliers | Mux(narrow, EstimateCause.TOO_FEW_CELLS, 0))
             m.next = "Send"
         with m.State("Send"):
             m.d.comb += o.valid.eq(1)
@@ -169,10 +170,10 @@ def _refusal(ordering: MatchOrdering, settings: data.View) -> Value:
     """Why the frame has no homography at all."""
     invalid = (settings.seed == 0) | (settings.passes == 0)
     return (
-        Mux(~ordering.o_frame.good, Cause.BAD_FRAME, 0)
-        | Mux(invalid, Cause.INVALID_SETTINGS, 0)
-        | Mux((ordering.o_count < SAMPLE) & ordering.o_frame.good, Cause.TOO_FEW_MATCHES, 0)
-        | Mux(ordering.o_too_many & ordering.o_frame.good, Cause.TOO_MANY_MATCHES, 0)
+        Mux(~ordering.o_frame.good, EstimateCause.BAD_FRAME, 0)
+        | Mux(invalid, EstimateCause.INVALID_SETTINGS, 0)
+        | Mux((ordering.o_count < SAMPLE) & ordering.o_frame.good, EstimateCause.TOO_FEW_MATCHES, 0)
+        | Mux(ordering.o_too_many & ordering.o_frame.good, EstimateCause.TOO_MANY_MATCHES, 0)
     )
 
 
@@ -238,7 +239,7 @@ def _close_step(m: Module, frame: FrameInWork, search: _Search) -> None:
         m.d.sync += [search.closes.eq(0), frame.valid.eq(0), frame.round.eq(0), frame.is_last.eq(is_last)]
         m.next = "Draw"
         with m.If(is_last & (frame.best_score == 0)):
-            m.d.sync += frame.causes.eq(Cause.NO_HYPOTHESIS)
+            m.d.sync += frame.causes.eq(EstimateCause.NO_HYPOTHESIS)
             m.next = "Send"
         with m.Elif((frame.best_score > frame.refitted_score) & (has_time | is_last)):
             m.d.sync += frame.due.eq(BEST)

@@ -22,7 +22,7 @@ FLOAT = data.StructLayout({"mantissa": MANTISSA_BITS, "exponent": signed(EXPONEN
 """See `golden_model.geometry.floating.Floats`."""
 HALF_BITS = MANTISSA_BITS // 2
 TERM_BITS = MANTISSA_BITS + 1
-"""Magnitude of a product, and of c beside it."""
+"""Magnitude of a product, and of the c that is added to it."""
 COARSE_BITS = 8
 """Shifts are made in two steps: by multiples of 8, and by less."""
 PRODUCT_CYCLES = Multiplier.latency_cycles + 2

@@ -10,7 +10,7 @@ from hdl.geometry.match_gain import WEIGHED_PAIR
 from hdl.lib.line_memory import LineMemory
 
 FRAME = data.StructLayout({"frame": 32, "width": 16, "height": 16, "good": 1})
-"""What is known of a frame after its matches."""
+"""What is known about a frame after its matches."""
 FRAME_MATCH = data.StructLayout({"match": WEIGHED_PAIR, "ends": 1, "frame": FRAME})
 """A match; or, with ``ends``, no match but the end of the frame's."""
 
@@ -28,7 +28,7 @@ class MatchOrdering(wiring.Component):
     Parameters
     ----------
     max_matches : int
-        Matches that are stored; more are only noted.
+        Matches that are stored; that there were more is only noted.
     """
 
     i: stream.Interface

@@ -8,7 +8,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.geometry.scoring import MAX_MATCHES
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, WORD_BYTES, Record, Tag
 from hdl.geometry.estimator import HomographyEstimator
-from hdl.geometry.estimator_states import SETTINGS
+from hdl.geometry.estimator_states import ESTIMATOR_SETTINGS
 from hdl.geometry.match_gain import ELEMENTS, PAIR
 from hdl.geometry.ordering import FRAME_MATCH
 from hdl.geometry.scoring import HomographyScoring
@@ -28,7 +28,7 @@ class RecordScoring(wiring.Component):
 
     Every hypothesis is answered by one Score record with its number, and with the number of the frame whose matches
     scored it, since one that comes late meets the next set. ``last`` comes with the score of the hypothesis that had
-    it. A record that is cut, or not a hypothesis, is answered with `Cause.INVALID_RECORD`.
+    it. A record that is cut, or not a hypothesis, is answered with `ScoreCause.INVALID_RECORD`.
 
     A hypothesis takes max(N, 6) clocks with N matches, see `HomographyScoring`.
 
@@ -122,8 +122,8 @@ class RecordEstimator(wiring.Component):
     """`HomographyEstimator` with records in and out.
 
     Every packet of matches is answered by a packet of one record, also where there is no homography. While nobody takes
-    the first word of a record, the following ones are dropped: a host that does not read stops nothing. A record of
-    which words have been taken is waited for.
+    the first word of a record, the following ones are dropped: a host that does not read stops nothing. A record whose
+    first words have been taken is waited for.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ class RecordEstimator(wiring.Component):
 
     i_matches: In(stream.Signature(WordPayload))
     """Match records and a FrameStatus: the matcher's output."""
-    i_settings: In(SETTINGS)
+    i_settings: In(ESTIMATOR_SETTINGS)
     """Taken at the end of a packet of matches, as soon as the estimate before is complete."""
     i_enable: In(1)
     """Whether the next record is sent; 0: it is discarded, whoever takes words."""

@@ -29,7 +29,7 @@ class SampleDraws(wiring.Component):
     """The generator begins with ``i_seed``."""
     i_seed: In(RANDOM_BITS)
     i_start: In(1)
-    """Begins a pass; not before the one before is complete."""
+    """Begins a pass; the one before must be complete."""
     i_count: In(COUNT)
     """Number of matches, at least 4."""
     i_step: In(range(STEPS))
@@ -54,7 +54,7 @@ class SampleDraws(wiring.Component):
         with m.Elif(drawing):
             m.d.sync += state.eq(self._advance(m, state))
         number = (clock - FIRST_DRAW)[: SAMPLE.bit_length() - 1]
-        # The k-th is drawn from so many.
+        # How many ranks the k-th is drawn from.
         room = size - (SAMPLE - 1) + number
         m.submodules.multiplier = multiplier = Multiplier(
             a=unsigned(DRAW_BITS), b=COUNT, product=unsigned(DRAW_BITS + COUNT.width)

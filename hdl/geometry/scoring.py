@@ -8,7 +8,7 @@ from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import WEIGHT
-from golden_model.geometry.scoring import ENTRY, IN_FLIGHT, LEVELS, MAX_MATCHES, Cause
+from golden_model.geometry.scoring import ENTRY, IN_FLIGHT, LEVELS, MAX_MATCHES, ScoreCause
 from hdl.geometry.match_gain import HYPOTHESIS, PRODUCT_CYCLES, WEIGHED_PAIR, MatchGain
 from hdl.lib.delay import delayed
 from hdl.lib.skid_buffer import SkidBuffer
@@ -18,17 +18,17 @@ SENT_HYPOTHESIS = data.StructLayout(
     {"elements": data.ArrayLayout(signed(32), 9), "number": 16, "last": 1, "invalid": 1}
 )
 """A hypothesis as a host sends it, row by row. ``number`` and ``last`` come back with its score; with ``invalid`` the
-elements mean nothing, and it is answered with `Cause.INVALID_RECORD`."""
+elements mean nothing, and it is answered with `ScoreCause.INVALID_RECORD`."""
 FRAME_BITS = 32
 SENT_MATCH = data.StructLayout({"match": WEIGHED_PAIR, "ends": 1, "frame": FRAME_BITS})
 """A match; or, with ``ends``, no match but the end of the set and the set's frame."""
-_NOTE = data.StructLayout({"causes": len(Cause), "number": 16, "last": 1, "frame": FRAME_BITS})
+_NOTE = data.StructLayout({"causes": len(ScoreCause), "number": 16, "last": 1, "frame": FRAME_BITS})
 """What waits for a hypothesis's score, apart from its sums."""
 READ_CYCLES = 2
 """Clocks from an address to its match: the memory, and a register after it."""
 
 
-class _Beat(NamedTuple):
+class _Marks(NamedTuple):
     """Whether a match is the first of its hypothesis, or the last, in the clock of its address."""
 
     first: Value
@@ -40,7 +40,7 @@ class HomographyScoring(wiring.Component):
 
     A set of matches is stored; hypotheses follow, any number of them. The next set is taken as soon as the hypotheses
     that were started have been read through, and hypotheses wait until a set that has begun is complete. Before the
-    first set, and with an empty one, hypotheses are answered with `Cause.NO_MATCHES`.
+    first set, and with an empty one, hypotheses are answered with `ScoreCause.NO_MATCHES`.
 
     With N matches a hypothesis takes max(N, 3) clocks. Hypotheses follow each other without a pause where N is at least
     ``latency_cycles`` and scores are taken at once; with fewer matches, two of them take at least N +
@@ -49,7 +49,7 @@ class HomographyScoring(wiring.Component):
     Parameters
     ----------
     max_matches : int
-        Matches that the memory holds, 1 to 2048. A larger set is not scored, see `Cause.TOO_MANY_MATCHES`.
+        Matches that the memory holds, 1 to 2048. A larger set is not scored, see `ScoreCause.TOO_MANY_MATCHES`.
 
     Raises
     ------
@@ -97,21 +97,21 @@ class HomographyScoring(wiring.Component):
         read = memory.read_port()
         reading = Signal()
         stored, too_many, loading, frame = self._store(m, memory, reading)
-        beat = self._read(m, read.addr, reading, stored, loading)
+        marks = self._read(m, read.addr, reading, stored, loading)
         match = delayed(m, read.data, READ_CYCLES - 1)
 
         hypothesis = view_signal(HYPOTHESIS, reset_less=True)
         note = view_signal(_NOTE, reset_less=True)
         sent = self.i_hypotheses.payload
         # Taken when its first match leaves the memory.
-        m.d.comb += self.i_hypotheses.ready.eq(delayed(m, beat.first, READ_CYCLES - 1, reset_less=False))
+        m.d.comb += self.i_hypotheses.ready.eq(delayed(m, marks.first, READ_CYCLES - 1, reset_less=False))
         with m.If(self.i_hypotheses.ready):
             m.d.sync += [element.eq(each) for element, each in zip(hypothesis, sent.elements, strict=True)]
             m.d.sync += note.causes.eq(Cat(*self._refused(), stored == 0, too_many, sent.invalid))
             m.d.sync += [note.number.eq(sent.number), note.last.eq(sent.last), note.frame.eq(frame)]
         m.submodules.gain = gain = MatchGain()
         m.d.comb += [gain.i_hypothesis.eq(hypothesis), gain.i_match.eq(match.pair)]
-        self._sum(m, beat, gain.o_gain, match.weight, note)
+        self._sum(m, marks, gain.o_gain, match.weight, note)
         return m
 
     def _store(self, m: Module, memory: Memory, reading: Value) -> tuple[Signal, Signal, Signal, Signal]:
@@ -144,7 +144,7 @@ class HomographyScoring(wiring.Component):
             ]
         return stored, too_many, loading, frame
 
-    def _read(self, m: Module, address: Signal, reading: Signal, stored: Value, loading: Value) -> _Beat:
+    def _read(self, m: Module, address: Signal, reading: Signal, stored: Value, loading: Value) -> _Marks:
         """Count through the matches once per hypothesis."""
         first = Signal()
         last = Signal()
@@ -167,22 +167,22 @@ class HomographyScoring(wiring.Component):
             in_flight.eq(in_flight + start - (self.o.valid & self.o.ready)),
             following.eq(Mux(start, 0, following + 1)),
         ]
-        return _Beat(first, last)
+        return _Marks(first, last)
 
     def _refused(self) -> tuple[Value, Value]:
-        """Tell whether an element does not fit the format, and whether all are too small: the first bits of `Cause`."""
+        """The first bits of `ScoreCause`: an element does not fit the format, or all of them are too small."""
         beyond = [_exceeds(sent, ENTRY.bits) for sent in self.i_hypotheses.payload.elements]
         large = [_exceeds(sent, ENTRY.bits - 1) for sent in self.i_hypotheses.payload.elements]
         return Cat(*beyond).any(), ~Cat(*large).any()
 
-    def _sum(self, m: Module, beat: _Beat, gain: Value, weight: Value, note: data.View) -> None:
+    def _sum(self, m: Module, marks: _Marks, gain: Value, weight: Value, note: data.View) -> None:
         """Add up a hypothesis's gains; the score of a refused one is 0."""
         cycles = MatchGain.latency_cycles
         waiting_weight = delayed(m, weight, cycles)
         term = delayed(m, waiting_weight * gain, PRODUCT_CYCLES)
         share = delayed(m, Mux(gain.any(), waiting_weight, 0), PRODUCT_CYCLES)
-        begins = delayed(m, beat.first, READ_CYCLES + cycles + PRODUCT_CYCLES)
-        ends = delayed(m, beat.last, READ_CYCLES + cycles + PRODUCT_CYCLES + 1, reset_less=False)
+        begins = delayed(m, marks.first, READ_CYCLES + cycles + PRODUCT_CYCLES)
+        ends = delayed(m, marks.last, READ_CYCLES + cycles + PRODUCT_CYCLES + 1, reset_less=False)
         summed_note = delayed(m, note, cycles + PRODUCT_CYCLES + 1)
         m.submodules.output = output = SkidBuffer(shape=self._result)
         result = output.i.payload

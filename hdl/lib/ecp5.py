@@ -47,7 +47,7 @@ class Ecp5:
         if factor_bits > FACTOR_BITS:
             raise ValueError(f"a factor has {factor_bits} bits; a MULT18X18D takes {FACTOR_BITS}")
         product_bits = Signal(2 * FACTOR_BITS)
-        # Each register and its clock enable, of which the primitive has four.
+        # Each register and its clock enable; the primitive has four of these.
         registers = {"INPUTA": 0, "INPUTB": 0, "PIPELINE": 1, "OUTPUT": 2}
         ports: dict[str, object] = {
             **{f"p_REG_{name}_CLK": "CLK0" for name in registers},

@@ -37,7 +37,7 @@ class SkidBuffer(wiring.Component):
         ready = Signal()
         m.d.comb += [self.i.ready.eq(ready), self.o.payload.eq(Mux(read, places[1], places[0]))]
         for n, place in enumerate(places):
-            # A free place takes whatever comes; only when the pointer moves on does its content count.
+            # A free place takes whatever comes; its content counts only once the pointer has moved on.
             with m.If(ready & (write == n)):
                 m.d.sync += place.eq(self.i.payload)
         arrives, leaves = self.i.valid & ready, self.o.valid & self.o.ready

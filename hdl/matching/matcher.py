@@ -184,7 +184,7 @@ class Matcher(wiring.Component):
                 with m.If(status.good):
                     m.d.comb += self.o_reference_taken.eq(self.i_take_reference)
                     m.next = "Start-Search"
-            # A state of its own: only now the banks show their new roles and counts.
+            # A state of its own: only now do the banks show their new roles and counts.
             with m.State("Start-Search"):
                 m.d.comb += search.i_start.eq(1)
                 m.next = "Search"

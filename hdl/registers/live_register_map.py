@@ -41,7 +41,7 @@ class Refusal(enum.IntFlag):
 
 
 class RingFault(enum.IntFlag):
-    """Faults of the settings of one ring, as `Refusal` has them of two."""
+    """Faults of the settings of one ring, as `Refusal` has them for two."""
 
     MISALIGNED = 1
     TOO_SMALL = 2

@@ -48,7 +48,7 @@ WORD_MESSAGE_BYTES = 1 + WORD_BYTES
 LOST_BIT = 7
 
 
-class _Command:
+class _CommandState:
     """State of the command in progress."""
 
     def __init__(self) -> None:
@@ -120,7 +120,7 @@ class SerialLink(wiring.Component):
 
     def _obey(self, m: Module, has_answer: Signal, answer: Signal) -> None:
         """Receive a command, its address or number, and its data; then carry it out."""
-        command, bus, video = _Command(), self.control, self.o_video
+        command, bus, video = _CommandState(), self.control, self.o_video
         m.d.comb += [
             bus.awaddr.eq(command.field),
             bus.araddr.eq(command.field),
@@ -141,7 +141,7 @@ class SerialLink(wiring.Component):
             self._pass_pixels(m, command)
             self._access(m, command, has_answer, answer)
 
-    def _gather(self, m: Module, command: _Command) -> None:
+    def _gather(self, m: Module, command: _CommandState) -> None:
         """Receive the bytes of a command before its pixels."""
         byte, takes = self.i.payload, self.i.valid & self.i.ready
         ends = takes & (command.left == 1)
@@ -173,7 +173,7 @@ class SerialLink(wiring.Component):
             with m.Elif(ends):
                 m.next = "WRITE"
 
-    def _pass_pixels(self, m: Module, command: _Command) -> None:
+    def _pass_pixels(self, m: Module, command: _CommandState) -> None:
         video, are_left = self.o_video, command.field != 0
         with m.State("PIXELS"):
             m.d.comb += [video.valid.eq(self.i.valid & are_left), self.i.ready.eq(video.ready & are_left)]
@@ -181,7 +181,7 @@ class SerialLink(wiring.Component):
             with m.If(~are_left | command.idle.all()):
                 m.next = "COMMAND"
 
-    def _access(self, m: Module, command: _Command, has_answer: Signal, answer: Signal) -> None:
+    def _access(self, m: Module, command: _CommandState, has_answer: Signal, answer: Signal) -> None:
         """Read or write a register."""
         bus = self.control
         with m.State("READ"):

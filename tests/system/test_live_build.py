@@ -10,7 +10,7 @@ import pytest
 
 from golden_model.config import PRESETS, Config, EstimatorConfig
 from golden_model.front_end import extract
-from golden_model.geometry.scoring import Cause, answers, quantise
+from golden_model.geometry.scoring import ScoreCause, answers, quantise
 from hdl.build import BUILDS
 from hdl.settings import REQUESTED, RINGS, matched_frame_settings
 from sim.backends.golden import add_matches
@@ -114,7 +114,7 @@ def test_hypotheses_are_scored_by_the_newest_frame_while_the_camera_runs(reader:
             np.testing.assert_array_equal(found[mine], answers(hypotheses, matches[int(each)], each)[mine])
     causes = np.concatenate([found["causes"] for _, found in scored])
     assert (causes == 0).sum() >= 4 * (len(scored) - 1)
-    assert {int(Cause.OUT_OF_RANGE), int(Cause.NOT_NORMALISED)} <= set(causes.tolist())
+    assert {int(ScoreCause.OUT_OF_RANGE), int(ScoreCause.NOT_NORMALISED)} <= set(causes.tolist())
     counts = live.counts()
     assert (counts["scored"], counts["unscored"]) == ((causes == 0).sum(), (causes != 0).sum())
     assert bench.violations == 0

@@ -12,8 +12,8 @@ from golden_model.geometry.estimator import (
     MAX_CYCLES,
     MAX_REFITTED_OFTEN,
     SEARCH_CYCLES,
-    Cause,
     Estimate,
+    EstimateCause,
     FrameMatches,
     estimate,
     solving_cycles,
@@ -89,27 +89,27 @@ def bad_input(name: str) -> FrameMatches:
 @pytest.mark.parametrize(
     ("name", "cause"),
     [
-        ("none", Cause.TOO_FEW_MATCHES),
-        ("three", Cause.TOO_FEW_MATCHES),
-        ("line", Cause.NO_HYPOTHESIS),
-        ("point", Cause.NO_HYPOTHESIS),
-        ("mirrored", Cause.TOO_FEW_INLIERS | Cause.TOO_FEW_CELLS),
-        ("unlike", Cause.TOO_FEW_INLIERS),
-        ("crowded", Cause.TOO_FEW_CELLS),
-        ("memory", Cause.TOO_MANY_MATCHES),
-        ("bad", Cause.BAD_FRAME),
-        ("seed", Cause.INVALID_SETTINGS),
-        ("passes", Cause.INVALID_SETTINGS),
+        ("none", EstimateCause.TOO_FEW_MATCHES),
+        ("three", EstimateCause.TOO_FEW_MATCHES),
+        ("line", EstimateCause.NO_HYPOTHESIS),
+        ("point", EstimateCause.NO_HYPOTHESIS),
+        ("mirrored", EstimateCause.TOO_FEW_INLIERS | EstimateCause.TOO_FEW_CELLS),
+        ("unlike", EstimateCause.TOO_FEW_INLIERS),
+        ("crowded", EstimateCause.TOO_FEW_CELLS),
+        ("memory", EstimateCause.TOO_MANY_MATCHES),
+        ("bad", EstimateCause.BAD_FRAME),
+        ("seed", EstimateCause.INVALID_SETTINGS),
+        ("passes", EstimateCause.INVALID_SETTINGS),
     ],
 )
-def test_bad_input_has_its_cause_and_is_never_accepted(name: str, cause: Cause) -> None:
+def test_bad_input_has_its_cause_and_is_never_accepted(name: str, cause: EstimateCause) -> None:
     settings = {"seed": EstimatorConfig(seed=0), "passes": EstimatorConfig(passes=0)}
     max_matches = 59 if name == "memory" else MAX_MATCHES
     result = estimate(bad_input(name), settings.get(name, EstimatorConfig(passes=2)), max_matches=max_matches)
     assert result.causes
-    assert result.causes & cause or result.causes == Cause.NO_HYPOTHESIS
+    assert result.causes & cause or result.causes == EstimateCause.NO_HYPOTHESIS
     assert result.cycles < MAX_CYCLES
-    if cause < Cause.TOO_FEW_INLIERS:
+    if cause < EstimateCause.TOO_FEW_INLIERS:
         assert (result.score, result.inliers, int(result.homography.any())) == (0, 0, 0)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from golden_model.formats import POSITION
 from golden_model.geometry import scoring
-from golden_model.geometry.scoring import LEVELS, MAX_MATCHES, TOLERANCE_PX, Cause, finish_cycles, quantise, score
+from golden_model.geometry.scoring import LEVELS, MAX_MATCHES, TOLERANCE_PX, ScoreCause, finish_cycles, quantise, score
 
 IDENTITY = np.eye(3)
 SHIFTED = np.array([[1.0, 0, 40], [0, 1, 25], [0, 0, 1]])
@@ -126,7 +126,7 @@ def test_hypotheses_out_of_range_have_a_cause_and_no_score() -> None:
     low, high = good.copy(), good.copy()
     low[2, 0], high[0, 0] = scoring.ENTRY.min_raw - 1, scoring.ENTRY.max_raw + 1
     result = score(np.stack((good, low, high, good >> 2, 0 * good)), left, right, weight)
-    assert result.causes.tolist() == [0, *[Cause.OUT_OF_RANGE] * 2, *[Cause.NOT_NORMALISED] * 2]
+    assert result.causes.tolist() == [0, *[ScoreCause.OUT_OF_RANGE] * 2, *[ScoreCause.NOT_NORMALISED] * 2]
     assert result.score[0] > 0
     assert not result.score[1:].any()
     assert not result.support[1:].any()
@@ -135,9 +135,9 @@ def test_hypotheses_out_of_range_have_a_cause_and_no_score() -> None:
 def test_sets_of_no_and_of_too_many_matches_have_a_cause() -> None:
     left, right, weight = matches(SHIFTED, count=30)
     hypothesis = quantise(SHIFTED[np.newaxis])
-    assert score(hypothesis, left[:0], right[:0], weight[:0]).causes == Cause.NO_MATCHES
+    assert score(hypothesis, left[:0], right[:0], weight[:0]).causes == ScoreCause.NO_MATCHES
     result = score(hypothesis, left, right, weight, max_matches=len(left) - 1)
-    assert (result.causes.tolist(), result.score.tolist()) == ([Cause.TOO_MANY_MATCHES], [0])
+    assert (result.causes.tolist(), result.score.tolist()) == ([ScoreCause.TOO_MANY_MATCHES], [0])
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.geometry import estimator as golden
-from golden_model.geometry.estimator import CYCLES, Cause, Estimate, FrameMatches
+from golden_model.geometry.estimator import CYCLES, Estimate, EstimateCause, FrameMatches
 from hdl.geometry.estimator import GATHER_CYCLES, HomographyEstimator
 from hdl.geometry.estimator_states import TURN_CYCLES
 from hdl.geometry.sweep import Sweep
@@ -48,7 +48,7 @@ def test_estimates_equal_the_golden_model() -> None:
     frames = [frame(MAX_MATCHES, 1), frame(5, 2)]
     results = simulate_estimates(frames, max_matches=MAX_MATCHES, cycle_limit=40_000)
     assert_equal(results, frames)
-    assert [result.causes for result in results] == [0, Cause.TOO_FEW_INLIERS | Cause.TOO_FEW_CELLS]
+    assert [result.causes for result in results] == [0, EstimateCause.TOO_FEW_INLIERS | EstimateCause.TOO_FEW_CELLS]
 
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=100, stalls=180, seed=3)], ids=["free", "pauses"])
@@ -67,11 +67,11 @@ def test_frames_without_a_homography_have_their_cause(pauses: Pauses) -> None:
     results = simulate_estimates(frames, max_matches=MAX_MATCHES, pauses=pauses, cycle_limit=40_000)
     assert_equal(results, frames)
     assert [result.causes for result in results] == [
-        *[Cause.TOO_FEW_MATCHES] * 2,
-        Cause.TOO_MANY_MATCHES,
-        Cause.BAD_FRAME,
-        *[Cause.INVALID_SETTINGS] * 2,
-        Cause.NO_HYPOTHESIS,
+        *[EstimateCause.TOO_FEW_MATCHES] * 2,
+        EstimateCause.TOO_MANY_MATCHES,
+        EstimateCause.BAD_FRAME,
+        *[EstimateCause.INVALID_SETTINGS] * 2,
+        EstimateCause.NO_HYPOTHESIS,
     ]
 
 

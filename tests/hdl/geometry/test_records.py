@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from golden_model.config import EstimatorConfig
 from golden_model.geometry import estimator
 from golden_model.geometry.estimator import FrameMatches, estimate, homography_record
-from golden_model.geometry.scoring import Cause, Scores, hypothesis_records, quantise, score_records
+from golden_model.geometry.scoring import ScoreCause, Scores, hypothesis_records, quantise, score_records
 from golden_model.geometry.scoring import answers as golden_answers
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, SCORE, Tag
 from hdl.blocks.vectors import packet, padded_status
@@ -49,7 +49,7 @@ def expected(records: NDArray[np.void], frame: int = 0) -> list[dict[str, int]]:
     return packet(golden_answers(HYPOTHESES, records, frame))
 
 
-def refused(cause: Cause, frame: int = 0) -> list[dict[str, int]]:
+def refused(cause: ScoreCause, frame: int = 0) -> list[dict[str, int]]:
     zeros = np.zeros(len(HYPOTHESES), dtype=np.int64)
     return packet(score_records(Scores(zeros, zeros, zeros + int(cause)), frame))
 
@@ -86,7 +86,7 @@ def test_kept_matches_score_every_hypothesis(pauses: Pauses) -> None:
     first, second = match_records(), match_records(7, seed=9)
     sets = [("i_matches", packet(records, status(frame=n))) for records, n in ((first, 5), (second, 1 << 31))]
     received = answers([asked, sets[0], asked, sets[1], asked], pauses=pauses)
-    assert received == refused(Cause.NO_MATCHES) + expected(first, 5) + expected(second, 1 << 31)
+    assert received == refused(ScoreCause.NO_MATCHES) + expected(first, 5) + expected(second, 1 << 31)
 
 
 def test_hypotheses_wait_for_a_packet_of_matches_that_is_under_way() -> None:
@@ -113,7 +113,7 @@ def test_a_bad_packet_of_matches_leaves_an_empty_set() -> None:
         cut[-1:],
     ]
     steps = [step for words in broken for step in (("i_matches", good), asked, ("i_matches", words), asked)]
-    wanted = (expected(match_records()) + refused(Cause.NO_MATCHES)) * len(broken)
+    wanted = (expected(match_records()) + refused(ScoreCause.NO_MATCHES)) * len(broken)
     assert answers([*steps, ("i_matches", good), asked]) == wanted + expected(match_records())
 
 
@@ -128,7 +128,7 @@ def test_a_broken_hypothesis_is_answered_and_the_next_packet_is_whole() -> None:
     )  # fmt: skip
     scores = expected(match_records())
     records = np.array([word["data"] for word in received], dtype=np.uint64).view(SCORE.dtype)
-    assert records["causes"].tolist() == [0, Cause.INVALID_RECORD, 0, Cause.INVALID_RECORD, 0, 0, 0, 0]
+    assert records["causes"].tolist() == [0, ScoreCause.INVALID_RECORD, 0, ScoreCause.INVALID_RECORD, 0, 0, 0, 0]
     assert records["score"][[1, 3]].tolist() == [0, 0]
     assert received[3]["last"] == 1
     assert received[-len(scores) :] == scores
@@ -138,7 +138,7 @@ def test_a_memory_that_is_too_small_is_a_cause() -> None:
     records = match_records()
     small = int(np.count_nonzero(records["verdict"])) - 1
     steps = [("i_matches", packet(records, status())), ("i_hypotheses", packet(hypothesis_records(HYPOTHESES)))]
-    assert answers(steps, max_matches=small) == refused(Cause.TOO_MANY_MATCHES)
+    assert answers(steps, max_matches=small) == refused(ScoreCause.TOO_MANY_MATCHES)
     assert answers(steps, max_matches=small + 1) == expected(records)
 
 
@@ -189,11 +189,11 @@ def test_every_packet_of_matches_is_answered_by_its_homography() -> None:
     unknown["tag"][4] = Tag.FEATURE
     bad = [packet(matches, status(good=0, frame=1)), packet(matches), packet(unknown, status(frame=2))]
     records, drops = estimates([*bad, packet(matches, good), packet(matches[:3], status(frame=9))])
-    assert records["causes"].tolist()[:3] == [estimator.Cause.BAD_FRAME] * 3
+    assert records["causes"].tolist()[:3] == [estimator.EstimateCause.BAD_FRAME] * 3
     expected = estimate(FrameMatches.from_records(matches, good_view.reshape(1)[0]), SETTINGS)
     np.testing.assert_array_equal(records[3:4], homography_record(expected, frame=7))
     assert records["score"][3] > 0
-    assert (records["causes"][4], records["frame"][4]) == (estimator.Cause.TOO_FEW_MATCHES, 9)
+    assert (records["causes"][4], records["frame"][4]) == (estimator.EstimateCause.TOO_FEW_MATCHES, 9)
     assert drops == 0
 
 
@@ -231,7 +231,7 @@ def test_a_record_that_is_not_wanted_is_not_lost() -> None:
     bench.run(run)
     records = np.array(received, dtype=np.uint64).view(HOMOGRAPHY.dtype)
     assert records["frame"].tolist() == [1, 3]
-    assert records["causes"].tolist() == [estimator.Cause.TOO_FEW_MATCHES] * 2
+    assert records["causes"].tolist() == [estimator.EstimateCause.TOO_FEW_MATCHES] * 2
 
 
 def test_a_host_that_does_not_read_stops_nothing() -> None:

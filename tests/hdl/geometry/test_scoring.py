@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from golden_model.formats import POSITION
 from golden_model.geometry import scoring as golden
-from golden_model.geometry.scoring import Cause, Scores, finish_cycles, quantise, score
+from golden_model.geometry.scoring import ScoreCause, Scores, finish_cycles, quantise, score
 from hdl.geometry.scoring import IN_FLIGHT, HomographyScoring
 from sim.simulators.recording import NO_PAUSES, Pauses
 from tests.hdl.block_bench import BlockBench
@@ -96,7 +96,7 @@ def test_scores_equal_the_golden_model(pauses: Pauses) -> None:
 def test_extremes_equal_the_golden_model() -> None:
     hypotheses, given = extreme_hypotheses(), extreme_matches()
     expected = score(hypotheses, *given)
-    assert {0, Cause.OUT_OF_RANGE, Cause.NOT_NORMALISED} == set(expected.causes)
+    assert {0, ScoreCause.OUT_OF_RANGE, ScoreCause.NOT_NORMALISED} == set(expected.causes)
     assert (expected.score > 0).sum() >= 3
     assert_equal(simulate_scoring(hypotheses, *given, max_matches=32), expected)
 
