@@ -45,5 +45,5 @@ def test_too_few_registers_are_refused() -> None:
     total = zero
     for value in values:
         total = total.plus(value, value)
-    with pytest.raises(ValueError, match="2 registers do not suffice"):
+    with pytest.raises(ValueError, match="2 registers are not enough"):
         schedule([(2, total)], first=126)

@@ -18,10 +18,10 @@ from golden_model.geometry.programs import (
     GROUP,
     LANE_REGISTERS,
     PROGRAMS,
-    SAMPLE,
     SOLVE,
 )
 from golden_model.geometry.refit import SUMS, factors, solve_sums
+from golden_model.geometry.sampling import SAMPLE
 from golden_model.geometry.solving import areas, solve
 from tests.golden_model.geometry.execution import executed, number
 

@@ -1,4 +1,4 @@
-"""Estimates homographies in Amaranth's simulator, with the signature of `golden_model.geometry.estimator.estimate`."""
+"""Frames of matches, their estimates in Amaranth's simulator, and those of the golden model."""
 
 from __future__ import annotations
 
@@ -8,19 +8,44 @@ from typing import Any
 import numpy as np
 
 from golden_model.config import EstimatorConfig
+from golden_model.geometry import estimator as golden
 from golden_model.geometry.estimator import Estimate, FrameMatches
-from golden_model.geometry.scoring import MAX_MATCHES
 from hdl.geometry.estimator import HomographyEstimator
 from hdl.geometry.match_gain import PAIR
 from hdl.geometry.ordering import FRAME
 from sim.simulators.recording import NO_PAUSES, Pauses
 from tests.hdl.block_bench import BlockBench
 
+TRUTH = np.array([[1.02, 0.05, 30], [-0.04, 0.97, 10], [1e-5, 2e-5, 1]])
+MAX_MATCHES = 40
+
+Given = tuple[FrameMatches, EstimatorConfig]
+
+
+def frame(count: int, seed: int) -> Given:
+    """Matches near `TRUTH`, and wrong ones."""
+    rng, size = np.random.default_rng(seed), np.array((320, 241))
+    left = rng.integers(500, 16 * size - 500, (count, 2))
+    mapped = np.column_stack((left / 16, np.ones(count))) @ TRUTH.T
+    right = np.rint(16 * (mapped[:, :2] / mapped[:, 2:] + rng.normal(0, 0.4, left.shape))).astype(np.int64).clip(0)
+    is_wrong = rng.random(count) < 0.3
+    right[is_wrong] = rng.integers(0, 16 * size, (is_wrong.sum(), 2))
+    matches = FrameMatches(left, right, rng.integers(1, 256, count), (320, 241))
+    return matches, EstimatorConfig(passes=1, seed=seed)
+
+
+def assert_equal(results: list[Estimate], frames: list[Given]) -> None:
+    for number, (result, given) in enumerate(zip(results, frames, strict=True)):
+        expected = golden.estimate(*given, max_matches=MAX_MATCHES)
+        np.testing.assert_array_equal(result.homography, expected.homography, err_msg=f"frame {number}")
+        for name in ("score", "support", "inliers", "cells", "causes", "cycles"):
+            assert getattr(result, name) == getattr(expected, name), f"frame {number}: {name}"
+
 
 def simulate_estimates(
     frames: Sequence[tuple[FrameMatches, EstimatorConfig]],
     *,
-    max_matches: int = MAX_MATCHES,
+    max_matches: int,
     pauses: Pauses = NO_PAUSES,
     cycle_limit: int = 1_000_000,
 ) -> list[Estimate]:
