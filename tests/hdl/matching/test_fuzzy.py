@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""Sugeno systems, the histogram of turns and the sum of absolute differences equal the golden ones."""
+"""Sugeno systems equal the golden ones."""
 
 import itertools
 from typing import Any
@@ -8,16 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from golden_model.feature.orientation import SECTORS
+from golden_model.config import PRESETS
 from golden_model.matching import correlation, fuzzy, rule_bases
 from golden_model.matching.fuzzy import SugenoSystem, Variable
-from golden_model.matching.matcher import common_orientation
-from hdl.matching.correlation import SumOfAbsoluteDifferences
 from hdl.matching.fuzzy import Sugeno
-from hdl.matching.orientation_histogram import OrientationHistogram
 from sim.simulators.recording import Pauses
 from tests.hdl.block_bench import BlockBench
-from tests.hdl.drivers import run_clocks, run_streams
+from tests.hdl.drivers import run_streams
+from tests.hdl.matching.windows import matched
 
 
 def distinct(variable: Variable) -> list[int]:
@@ -116,42 +114,17 @@ def test_product_of_too_many_inputs_is_refused() -> None:
         Sugeno(system=system, value_bits=1)
 
 
-def test_peak_of_the_orientation_histogram_equals_the_golden_model() -> None:
-    bits, rng = 128, np.random.default_rng(4)
-    system = rule_bases.aerial_orientation(bits)
-    frames = []
-    for count in (60, 0, 25, 1, 40, 3):
-        distance, margin = rng.integers(0, 30, count), rng.integers(0, 20, count)
-        turn = rng.integers(0, 16, count) if count % 2 else (rng.normal(count, 1.5, count) % SECTORS).astype(np.int64)
-        frames.append((turn.astype(np.uint8), distance.astype(np.uint16), margin.astype(np.uint16)))
-    # Two equal maxima: the first one wins.
-    frames.append((np.array([12, 5, 3], np.uint8), np.zeros(3, np.uint16), np.full(3, 18, np.uint16)))
-
-    dut = OrientationHistogram(max_matches=64)
-    bench = BlockBench(dut)
-    peaks = []
-
-    async def run(ctx: Any) -> None:
-        for turns, distance, margin in frames:
-            weights, _ = system.evaluate(distance, margin)
-            for turn, weight in zip(turns.tolist(), weights.tolist(), strict=True):
-                await bench.stream_put(ctx, dut.i, {"relative_orientation": turn, "weight": weight})
-            await bench.pulse(ctx, dut.i_find)
-            await bench.wait_until_low(ctx, dut.o_busy, at_most=49)
-            peaks.append(ctx.get(dut.o_peak))
-
-    bench.run(run)
-    assert peaks == [common_orientation(turn, distance, margin, bits) for turn, distance, margin in frames]
-    assert len(set(peaks)) > 3
-
-
-def test_sum_of_absolute_differences_equals_the_golden_model() -> None:
-    rng = np.random.default_rng(5)
-    windows = rng.integers(0, 256, (40, 2, 9), dtype=np.uint8)
-    windows[0], windows[1, 0], windows[1, 1] = 255, 255, 0
-    dut = SumOfAbsoluteDifferences(pixels=9)
-    ports = [*dut.i_left, *dut.i_right]
-    inputs = [list(zip(ports, pixels, strict=True)) for pixels in windows.reshape(len(windows), -1).tolist()]
-    inputs += [[]] * dut.latency_cycles
-    sums = [total for (total,) in run_clocks(dut, inputs, [dut.o_sum])[dut.latency_cycles :]]
-    np.testing.assert_array_equal(sums, correlation.sad(windows[:, 0], windows[:, 1]))
+def test_fuzzy_ilbp_of_matched_corners() -> None:
+    """On distance and SAD of the same matches, the inputs that the fuzzy stage gives the rules."""
+    left, right = matched()
+    bits = PRESETS["thesis"].front_end.pattern.bits
+    distance = np.bitwise_count(left["descriptor"] ^ right["descriptor"]).sum(axis=1, dtype=np.int64)
+    sad = correlation.sad(left["window"], right["window"])
+    inputs = np.stack([distance, sad, sad], axis=1)[::2]
+    system = rule_bases.ilbp(bits)
+    expected = np.stack(system.evaluate(*inputs.T), axis=1)
+    assert len(inputs) > 100
+    assert len(set(expected[:, 0])) > 10
+    dut = Sugeno(system=system, value_bits=12)
+    results = run_streams(dut, {"i": inputs.tolist()}, {"o": len(inputs)}, cycle_limit=60 * len(inputs))["o"]
+    np.testing.assert_array_equal([(result.weight, result.rule) for result in results], expected)

@@ -1,222 +1,75 @@
-# amaranth: UnusedElaboratable=no
-"""Bit counts, nearest neighbours and mutual matches equal the golden model, ties included."""
+"""Distances in the chain of lanes, and the nearest neighbours that a lane keeps, against the golden model."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from amaranth.hdl import Fragment
-from numpy.typing import NDArray
 
 from golden_model.matching import hamming
-from hdl.lib.popcount import Popcount
-from hdl.matching.feature_banks import READ_CYCLES
-from hdl.matching.mutual_neighbours import MutualNearestNeighbours
-from hdl.matching.nearest_neighbours import RESULT_CYCLES, NearestNeighbours
-from sim.simulators.recording import Pauses
-from tests.hdl.block_bench import BlockBench
+from hdl.matching.hamming import Distances, Lane
 from tests.hdl.drivers import run_clocks
+from tests.hdl.matching.descriptors import close_together, descriptor_ints, nearest
 
 
-def some_equal(rng: np.random.Generator, count: Any, bits: Any) -> Any:
-    return rng.integers(0, 256, (4, bits // 8), dtype=np.uint8)[rng.integers(0, 4, count)]
-
-
-def close_together(rng: np.random.Generator, count: Any, bits: Any) -> Any:
-    """One descriptor with a few bits changed: the distances are small, and many are equal."""
-    flips = rng.random((count, bits)) < 2 / bits
-    return rng.integers(0, 256, bits // 8, dtype=np.uint8) ^ np.packbits(flips, axis=1)
-
-
-def opposite(rng: np.random.Generator, count: Any, bits: Any) -> Any:
-    """Descriptors of all zeros or all ones: the largest distance can also be the smallest."""
-    return np.repeat(rng.choice([0, 255], (count, 1)), bits // 8, axis=1).astype(np.uint8)
-
-
-def random_bits(rng: np.random.Generator, count: Any, bits: Any) -> Any:
-    return rng.integers(0, 256, (count, bits // 8), dtype=np.uint8)
-
-
-def descriptor_ints(descriptors: NDArray[np.uint8]) -> list[Any]:
-    return [int.from_bytes(descriptor.tobytes(), "little") for descriptor in descriptors]
-
-
-def nearest(distance: NDArray[np.integer], empty: int) -> list[tuple[int, int, int]]:
-    """``(best, second, index)`` of each row, ``empty`` for a missing second."""
-    result = []
-    for row in distance.astype(int):
-        index = int(row.argmin())
-        others = np.delete(row, index)
-        result.append((int(row[index]), int(others.min()) if len(others) else empty, index))
-    return result
-
-
-@pytest.mark.parametrize(("bits", "lanes"), [(3, 2), (8, 3), (24, 2), (32, 1), (128, 2), (256, 2)])
-def test_popcount_counts_the_ones_of_each_lane(bits: int, lanes: int) -> None:
-    dut = Popcount(bits=bits, lanes=lanes)
+@pytest.mark.parametrize(("bits", "lanes"), [(8, 2), (32, 4), (128, 2)])
+def test_each_lane_has_the_distance_of_each_right_descriptor_a_clock_later(bits: int, lanes: int) -> None:
+    """Two passes over the lanes; in the second the last lane is empty. Right descriptors come with gaps."""
     rng = np.random.default_rng(bits)
-    inputs = rng.random((40, bits, lanes)) < rng.random((40, 1, lanes))
-    inputs[0], inputs[1] = 0, 1
-    valid = rng.random(40) < 0.7
-    valid[:2] = True
-    values = (inputs << np.arange(lanes)).sum(axis=2).tolist()
-    rows = [
-        [(dut.i_valid, bool(is_valid)), *zip(dut.i_planes, planes, strict=True)]
-        for is_valid, planes in zip(valid, values, strict=True)
-    ]
-    rows += [[]] * dut.latency_cycles  # the last planes stay at the inputs
-    counts = run_clocks(dut, rows, dut.o_counts)[dut.latency_cycles :]
-    # A count stays until the next valid input.
-    last_valid = np.maximum.accumulate(np.where(valid, np.arange(40), 0))
-    np.testing.assert_array_equal(counts, inputs.sum(axis=1)[last_valid])
+    dut = Distances(bits=bits, lanes=lanes)
+    count = 9
+    lefts, rights = close_together(rng, 2 * lanes, bits), close_together(rng, 2 * count, bits)
+    arrivals = np.sort(rng.choice(2 * count, count, replace=False))
+    clocks, pass_clocks = [], 2 * count + lanes
+    for number in range(2):
+        values = descriptor_ints(rights[number * count :][:count])
+        for clock in range(pass_clocks):
+            row: list[tuple[Any, Any]] = [(dut.i_run, 1), (dut.i_valid, 0), (dut.i_load, clock < lanes)]
+            if clock in arrivals:
+                row += [(dut.i_valid, 1), (dut.i_right, values[arrivals.tolist().index(clock)])]
+            if clock < lanes:
+                left = descriptor_ints(lefts[number * lanes + clock :][:1])[0]
+                empty = number == 1 and clock == lanes - 1
+                row += [(dut.i_lane, clock), (dut.i_left, left), (dut.i_left_valid, not empty)]
+            clocks.append(row)
+    clocks += [[(dut.i_valid, 0)]] * (dut.latency_cycles + lanes)
+    sampled = run_clocks(dut, clocks, [dut.o_valid, *dut.o_distances])
+    for lane in range(lanes):
+        found = {
+            clock - dut.latency_cycles - lane: distances[lane]
+            for clock, (valid, *distances) in enumerate(sampled)
+            if valid >> lane & 1
+        }
+        expected: dict[int, int] = {}
+        for number in range(2):
+            if number == 0 or lane != lanes - 1:
+                left, right = lefts[number * lanes + lane :][:1], rights[number * count :][:count]
+                clocks_in = (number * pass_clocks + arrivals).tolist()
+                expected |= dict(zip(clocks_in, hamming.distances(left, right)[0].tolist(), strict=True))
+        assert found == expected, f"lane {lane}"
 
 
-def test_popcount_refuses_too_few_bits() -> None:
-    with pytest.raises(ValueError, match="bits is 2"):
-        Popcount(bits=2, lanes=1)
-
-
-def searched(dut: NearestNeighbours, pairs: list[tuple[NDArray[np.uint8], NDArray[np.uint8]]]) -> list[Any]:
-    """Rows and columns of several searches, and how many clocks each took."""
-    bench = BlockBench(dut)
-    results: list[Any] = []
-    descriptors: list[list[Any]] = [[], []]
-
-    async def banks(ctx: Any) -> None:
-        addresses = [(0, 0)] * READ_CYCLES
-        ports = dut.o_left_address, dut.o_right_address
-        async for *_, left, right in ctx.tick().sample(*ports):
-            addresses = [(left, right), *addresses[:-1]]
-            for port, side, address in zip((dut.i_left, dut.i_right), descriptors, addresses[-1], strict=True):
-                ctx.set(port, side[address] if address < len(side) else -1)
-
-    async def run(ctx: Any) -> None:
-        for left, right in pairs:
-            descriptors[:] = descriptor_ints(left), descriptor_ints(right)
-            ctx.set(dut.i_left_count, len(left))
-            ctx.set(dut.i_right_count, len(right))
-            await bench.pulse(ctx, dut.i_start)
-            cycles = await bench.wait_until_low(ctx, dut.o_busy, at_most=dut.search_cycles(len(left), len(right)))
-            rows = await read(ctx, dut.i_row_index, dut.o_row, len(left))
-            columns = await read(ctx, dut.i_column_index, dut.o_column, len(right))
-            results.append((rows, columns, cycles))
-
-    async def read(ctx: Any, index: Any, port: Any, count: Any) -> Any:
-        ctx.set(dut.i_read, 1)
-        entries = []
-        for n in range(count):
-            ctx.set(index, n)
-            await ctx.tick().repeat(RESULT_CYCLES)
-            entries.append((ctx.get(port.best), ctx.get(port.second), ctx.get(port.index)))
-        ctx.set(dut.i_read, 0)
-        return entries
-
-    bench.run(run, background=[banks])
-    return results
-
-
-@pytest.mark.parametrize("descriptors", [random_bits, some_equal, close_together, opposite], ids=lambda f: f.__name__)
-@pytest.mark.parametrize(("bits", "lanes", "max_features"), [(32, 4, 32), (8, 2, 21), (128, 8, 16)])
-def test_nearest_neighbours_equal_the_golden_distances(
-    bits: int, lanes: int, max_features: int, descriptors: Callable[..., Any]
-) -> None:
-    dut = NearestNeighbours(bits=bits, lanes=lanes, max_features=max_features)
-    rng = np.random.default_rng(bits)
-    sizes = [(max_features, max_features), (1, 1), (max_features - 1, 3), (2, max_features)]
-    both = [descriptors(rng, sum(size), bits) for size in sizes]
-    pairs = [(each[:left], each[left:]) for each, (left, _) in zip(both, sizes, strict=True)]
-    empty = (1 << bits.bit_length()) - 1
-    for (left, right), (rows, columns, cycles) in zip(pairs, searched(dut, pairs), strict=True):
-        distance = hamming.distances(left, right)
-        assert rows == nearest(distance, empty)
-        assert columns == nearest(distance.T, empty)
-        assert cycles == dut.search_cycles(len(left), len(right))
-
-
-def test_search_cycles_are_those_of_the_lanes() -> None:
-    dut = NearestNeighbours(bits=128, lanes=16, max_features=2048)
-    Fragment.get(dut, None)  # otherwise Amaranth warns that its parts are unused
-    for count in (320, 1856, 2048):
-        assert dut.search_cycles(count, count) == count * count // 16 + dut.drain_cycles
-    assert dut.drain_cycles < 32
-    assert dut.search_cycles(0, 5) == dut.search_cycles(5, 0) == 0
-
-
-@pytest.mark.parametrize("sizes", [(0, 5), (5, 0), (0, 0)])
-def test_search_without_features_ends_at_once(sizes: tuple[int, int]) -> None:
-    dut = NearestNeighbours(bits=8, lanes=2, max_features=8)
-    pairs = [(np.zeros((left, 1), np.uint8), np.zeros((right, 1), np.uint8)) for left, right in (sizes, (2, 2))]
-    _, (rows, columns, _) = searched(dut, pairs)
-    assert rows == columns == [(0, 0, 0), (0, 0, 0)]
-
-
-@pytest.mark.parametrize(
-    ("lanes", "max_features", "message"), [(3, 8, "lanes is 3"), (1, 8, "lanes is 1"), (16, 8, "lanes is 16")]
-)
-def test_an_impossible_number_of_lanes_is_refused(lanes: int, max_features: int, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        NearestNeighbours(bits=8, lanes=lanes, max_features=max_features)
-
-
-@pytest.mark.usefixtures("unused_blocks")
-def test_columns_that_come_after_their_distance_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hdl.matching.nearest_neighbours.RESULT_CYCLES", 9)
-    with pytest.raises(ValueError, match="columns take 9 clocks, but the path that they meet only 7"):
-        NearestNeighbours(bits=8, lanes=2, max_features=8)
-
-
-def walked(
-    dut: MutualNearestNeighbours, distance: NDArray[np.integer], pauses: Pauses
-) -> list[tuple[list[tuple[Any, Any, Any, Any]], int]]:
-    """The pairs and the clocks of two walks over the results of a search."""
-    empty = (1 << dut.bits.bit_length()) - 1
-    results = {"row": nearest(distance, empty), "column": nearest(distance.T, empty)}
-    bench = BlockBench(dut, pauses=pauses, cycle_limit=2 * 400)
-    walks, pairs = [], list[Any]()
-
-    async def memories(ctx: Any) -> None:
-        reading = {"row": [0] * RESULT_CYCLES, "column": [0] * RESULT_CYCLES}
-        async for *_, read, row, column in ctx.tick().sample(dut.o_read, dut.o_row_index, dut.o_column_index):
-            for name, port, address in (("row", dut.i_row, row), ("column", dut.i_column, column)):
-                if read:
-                    reading[name] = [address, *reading[name][:-1]]
-                entries, answered = results[name], reading[name][-1]
-                best, second, index = entries[answered] if answered < len(entries) else (0, 0, 0)
-                ctx.set(port, {"best": best, "second": second, "index": index})
-
-    async def run(ctx: Any) -> None:
-        ctx.set(dut.i_left_count, len(distance))
-        for _ in range(2):
-            await bench.pulse(ctx, dut.i_start)
-            pairs.clear()
-            cycles = await bench.wait_until_low(ctx, dut.o_busy, at_most=399)
-            walks.append((pairs.copy(), cycles))
-
-    async def take(ctx: Any) -> None:
-        while True:
-            pair = await bench.stream_get(ctx, dut.o)
-            pairs.append((pair.left, pair.right, pair.distance, pair.margin))
-
-    bench.run(run, background=[memories, take])
-    return walks
-
-
-@pytest.mark.parametrize("stalls", [0, 150])
-@pytest.mark.parametrize("descriptors", [random_bits, some_equal, close_together], ids=lambda f: f.__name__)
-@pytest.mark.parametrize("sizes", [(30, 32), (32, 7), (1, 1), (1, 2), (2, 1)])
-def test_mutual_matches_equal_the_golden_model(
-    sizes: tuple[int, int], descriptors: Callable[..., Any], stalls: int
-) -> None:
-    rng = np.random.default_rng(5)
-    each = descriptors(rng, sum(sizes), 32)
-    distance = hamming.distances(each[: sizes[0]], each[sizes[0] :])
-    expected = list(zip(*(column.tolist() for column in hamming.mutual_matches(distance, 32)), strict=True))
-    dut = MutualNearestNeighbours(bits=32, max_features=32)
-    # One clock for each row, the latency of two reads, and two more clocks until the last pair is taken.
-    last_pair = expected[-1][0] if expected else 0
-    walk_cycles = 2 * RESULT_CYCLES + max(sizes[0], last_pair + 3)
-    for pairs, cycles in walked(dut, distance, Pauses(stalls=stalls, seed=3)):
-        assert pairs == expected
-        if not stalls:
-            assert cycles == walk_cycles
+def test_a_lane_keeps_its_nearest_and_passes_on_the_nearest_of_each_column() -> None:
+    """The second of four lanes, in two groups of left descriptors: its left indices are 1 and 5."""
+    bits, count = 8, 16
+    dut = Lane(lane=1, lanes=4, bits=bits, max_features=16)
+    # Many are equal. The first group's nearest must not become the second of the second group, whose first is nearest.
+    distance = np.random.default_rng(3).integers(2, bits, (2, count))
+    distance[0, 5], distance[1, 0] = 0, 1
+    none = {"best": 15, "second": 15, "index": 0}
+    columns = [dict(none) for _ in range(count)]
+    rows = []
+    for group in range(2):
+        clocks = []
+        for right in range(count):
+            position = {"group": group, "first_group": group == 0, "right": right}
+            position |= {"first": right == 0, "last": right == count - 1}
+            bus = {"valid": 1, "position": position, "column": columns[right]}
+            clocks.append([(dut.i_valid, 1), (dut.i_distance, int(distance[group, right])), (dut.i_bus, bus)])
+        clocks.append([(dut.i_valid, 0), (dut.i_bus, {"valid": 0})])
+        sampled = run_clocks(dut, clocks, [dut.o_row_valid, dut.o_row, dut.o_bus])[1:]
+        rows += [(row.best, row.second, row.index) for valid, row, _ in sampled if valid]
+        columns = [{name: getattr(bus.column, name) for name in none} for _, _, bus in sampled]
+    assert rows == nearest(distance, empty=15)
+    lefts = np.array([1, 5])
+    expected = [(best, second, lefts[index]) for best, second, index in nearest(distance.T, empty=15)]
+    assert [tuple(column.values()) for column in columns] == expected

@@ -14,7 +14,6 @@ from golden_model.config import Config, FrontEndConfig, MatcherConfig
 from golden_model.feature.ilbp import ILBP_128, PATTERNS, DescriptorPattern
 from golden_model.fuzzy.rules import MatchRules, read_shipped
 from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag
-from hdl.matching.match_weigher import MatchWeigher
 from hdl.matching.matcher import Matcher
 from hdl.matching.nearest_neighbours import NearestNeighbours
 from sim.backends.golden import add_matches
@@ -304,8 +303,3 @@ def test_a_frame_takes_no_more_cycles_than_specified(sizes: tuple[int, int, int]
     Fragment.get(search, None)  # otherwise Amaranth warns that its parts are unused
     cycles = bench.ends[-1] - bench.ends[-2] - search.search_cycles(left, right)
     assert 0 < cycles <= 2 * left + 42 * matches + 90
-
-
-def test_a_rule_base_without_its_window_is_refused() -> None:
-    with pytest.raises(ValueError, match="rule base 'ilbp' needs the gray window"):
-        MatchWeigher(config=MatcherConfig(rule_base="ilbp"), pattern=ILBP_128, max_features=MAX_FEATURES)
