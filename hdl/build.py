@@ -8,6 +8,7 @@ from typing import Literal
 
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, PRESETS, Config, FrontEndConfig, check_choice, check_range
 from golden_model.matching.matcher import check_rule_base
+from golden_model.records import HOMOGRAPHY, MATCH, WORD_BYTES
 
 Shell = Literal["streams", "camera", "serial"]
 VIDEO_BITS: dict[Shell, tuple[int, ...]] = {"streams": (32, 24, 8, 48, 16), "camera": (24, 8), "serial": (8,)}
@@ -80,6 +81,12 @@ class Build:
     def outputs(self) -> tuple[str, ...]:
         """The outputs, as registers, ports and DMAs name them."""
         return ("features", "matches", *(("homographies",) if self.config.estimator else ()))
+
+    @property
+    def record_words(self) -> dict[str, int]:
+        """Words of 64 bits in a record of each output."""
+        records = {"features": self.config.front_end.pattern.record, "matches": MATCH, "homographies": HOMOGRAPHY}
+        return {output: records[output].record_bytes // WORD_BYTES for output in self.outputs}
 
 
 BUILDS = {

@@ -21,6 +21,7 @@ from golden_model.records import FRAME_STATUS, MATCH, Tag
 from hdl.blocks.chain import Chain, Descriptor
 from hdl.blocks.flat import flat_values
 from hdl.blocks.vectors import Block, Row, answer_rows, packet, padded_status, pixel_rows, rows, sample_image
+from hdl.build import Build
 from hdl.geometry.records import RecordEstimator, RecordScoring
 from hdl.matching.correlation import WindowCorrelation
 from hdl.matching.fuzzy import Sugeno
@@ -37,7 +38,7 @@ from hdl.pixel.sobel import Sobel
 from hdl.pixel.window import LineBuffer
 
 CONFIG = PRESETS["aerial"].front_end
-WIDTH_PX = 1920
+WIDTH_PX = Build.max_width_px
 """Longest line that the blocks accept; the test benches send shorter ones."""
 SMALL_FRAME_PX = 64
 MATCHED_FRAME_PX = 160

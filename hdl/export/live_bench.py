@@ -3,7 +3,7 @@
 import numpy as np
 
 from golden_model.geometry.scoring import answers, hypothesis_records, quantise
-from golden_model.records import HOMOGRAPHY, MATCH, WORD_BYTES
+from golden_model.records import WORD_BYTES
 from hdl.axi.axi_write import BURST_BYTES, BURST_WORDS, INCREMENTING, MODIFIABLE
 from hdl.blocks.testbench import Port, VerilogBench
 from hdl.blocks.vectors import Row, packet
@@ -38,12 +38,8 @@ def make_live_bench(module: str, ports: dict[str, Port], build: Build) -> Verilo
         for name, value in (("base_low", RING_ADDRESSES[ring]), ("slots", MIN_SLOTS), ("slot_pages", SLOT_PAGES))
     }
     writes = list_writes(frames.config, **rings)
-    record_words = {
-        "features": frames.config.front_end.pattern.record.record_bytes // WORD_BYTES,
-        "matches": MATCH.record_bytes // WORD_BYTES,
-        "homographies": HOMOGRAPHY.record_bytes // WORD_BYTES,
-    }
-    bursts = {f"m_axi_{ring}_": _write_bursts(ring, sent, record_words[ring]) for ring, sent in frames.packets.items()}
+    words = build.record_words
+    bursts = {f"m_axi_{ring}_": _write_bursts(ring, sent, words[ring]) for ring, sent in frames.packets.items()}
     hypotheses = quantise(np.array([np.eye(3), [[1, 0, -SHIFT_PX], [0, 1, 0], [0, 0, 1]]]))
     scores = answers(hypotheses, frames.matches, int(frames.statuses[-1]["frame"]))
     return VerilogBench(

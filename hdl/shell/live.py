@@ -7,7 +7,6 @@ from amaranth.lib.cdc import ResetSynchronizer
 from amaranth.lib.wiring import In, Out
 
 from golden_model.geometry.scoring import MAX_MATCHES
-from golden_model.records import HOMOGRAPHY, MATCH, WORD_BYTES
 from hdl.accelerator import Accelerator
 from hdl.axi.axi_lite import AXI_LITE
 from hdl.axi.axi_write import AXI_WRITE
@@ -53,19 +52,14 @@ class LiveAccelerator(wiring.Component):
         self.accelerator = accelerator = Accelerator(build)
         self.rings, max_features = build.outputs, build.config.front_end.max_features
         capacity = max_features + CLOSING_RECORDS
-        words = {
-            "features": accelerator.registers.constants["built_feature_bytes"] // WORD_BYTES,
-            "matches": MATCH.record_bytes // WORD_BYTES,
-            "homographies": HOMOGRAPHY.record_bytes // WORD_BYTES,
-        }
-        records = {"features": capacity, "matches": capacity, "homographies": 1}
+        max_records = {"features": capacity, "matches": capacity, "homographies": 1}
         # While a frame that was cut off is closed, the queue holds the next one's pixels; otherwise that one would be
         # cut off, too, and so on for ever. The second reserve is for the clocks that pixels take from the queue on.
         held_px = build.max_width_px + accelerator.closing_clocks + 2 * RESERVE_PX
         self._shell = Shell(
             registers=accelerator.registers,
-            record_words={ring: words[ring] for ring in self.rings},
-            max_words={ring: records[ring] * words[ring] for ring in self.rings},
+            record_words=build.record_words,
+            max_words={ring: max_records[ring] * words for ring, words in build.record_words.items()},
             video_bits=build.video_bits,
             # A power of two, as the Gray counters of the queue need it.
             camera_depth=1 << (held_px - 1).bit_length(),

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from golden_model.config import MAX_FRAME_PX, Config, EstimatorConfig
 from hdl.accelerator import AcceleratorTop
 from hdl.build import Build
-from hdl.front_end import FrontEnd
 from sim.simulators.design import Design, Ports
 from sim.simulators.front_end_top import SETTINGS, FrontEndTop, Tap
 
@@ -45,7 +44,7 @@ def design_front_end(build: Build, *, taps: tuple[Tap, ...] = ()) -> Design:
     return Design(
         "the front end",
         Ports(outputs=(FEATURES,), settings=SETTINGS, taps=tuple(tap.port for tap in taps)),
-        lambda: FrontEndTop(FrontEnd(build), taps=taps),
+        lambda: FrontEndTop(build, taps=taps),
         f"{build} {taps}",
     )
 

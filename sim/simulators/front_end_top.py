@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from amaranth.hdl import Cat, ClockDomain, ClockSignal, Module, ResetSignal, Signal, signed
-from amaranth.lib import wiring
+from amaranth.hdl import Cat, ClockDomain, ClockSignal, Const, Module, ResetSignal, Signal, Value, signed
 from amaranth.lib.wiring import In, Out
 
+from hdl.axi.flat_ports import FlatTop, packet_pins, stream_pins
+from hdl.build import Build
 from hdl.front_end import FrontEnd
+from hdl.pixel.corners import Stage
 from hdl.settings import FRONT_END
-from hdl.streams import WORD
 
 SETTINGS = {setting.name: setting.bits for setting in FRONT_END}
 """The run-time settings and their widths, as the names of input ports."""
@@ -34,7 +35,7 @@ TAP_WORD = np.dtype([("value", "<i4"), ("x", "<i2"), ("y", "<i2")])
 """A tap's word: the value of a stage, and the pixel it describes, in pixels of the level."""
 
 
-class FrontEndTop(wiring.Component):
+class FrontEndTop(FlatTop):
     """`hdl.front_end.FrontEnd` with AXI4-Stream ports, an input for each setting, and taps of its stages.
 
     Members
@@ -45,27 +46,20 @@ class FrontEndTop(wiring.Component):
     tap_level<n>_<stage>_tvalid : Out(1)
     """
 
-    if TYPE_CHECKING:
-        # The ports follow from tables; a type checker cannot know their names.
-        def __getattr__(self, name: str) -> Signal: ...
-
-    def __init__(self, front_end: FrontEnd, *, taps: Sequence[Tap] = ()):
-        self._front_end = front_end
-        self._stages = {tap: front_end.levels[tap.level].stages[tap.stage] for tap in taps}
+    def __init__(self, build: Build, *, taps: Sequence[Tap] = ()) -> None:
+        self._front_end = inner = FrontEnd(build)
+        self._reset_n = Signal(name="reset_n")
+        video = inner.i_video.payload
+        stages = {tap.port: inner.levels[tap.level].stages[tap.stage] for tap in taps}
         super().__init__(
             {
-                "aclk": In(1),
-                "aresetn": In(1),
-                **{name: In(bits) for name, bits in SETTINGS.items()},
-                "s_axis_video_tdata": In(len(front_end.i_video.payload.data)),
-                **{f"s_axis_video_{name}": In(1) for name in ("tuser", "tlast", "tvalid")},
-                "s_axis_video_tready": Out(1),
-                "m_axis_features_tdata": Out(WORD),
-                "m_axis_features_tlast": Out(1),
-                "m_axis_features_tvalid": Out(1),
-                "m_axis_features_tready": In(1),
-                **{f"{tap.port}_tdata": Out(64) for tap in self._stages},
-                **{f"{tap.port}_tvalid": Out(1) for tap in self._stages},
+                "aclk": (In(1), ClockSignal()),
+                "aresetn": (In(1), self._reset_n),
+                **{name: (In(bits), inner.settings[name]) for name, bits in SETTINGS.items()},
+                **stream_pins("s_axis_video", inner.i_video, In, tdata=video.data, tuser=video.first),
+                **packet_pins("m_axis_features", inner.o_features),
+                **{f"{port}_tdata": (Out(64), _tap_word(stage)) for port, stage in stages.items()},
+                **{f"{port}_tvalid": (Out(1), stage.beats[0].valid) for port, stage in stages.items()},
             }
         )
 
@@ -73,31 +67,14 @@ class FrontEndTop(wiring.Component):
         """Connect ports by name."""
         m = Module()
         m.domains.sync = ClockDomain()
-        m.submodules.front_end = inner = self._front_end
-        video, words = inner.i_video, inner.o_features
-        m.d.comb += [
-            ClockSignal().eq(self.aclk),
-            ResetSignal().eq(~self.aresetn),
-            *(inner.settings[name].eq(getattr(self, name)) for name in SETTINGS),
-            video.valid.eq(self.s_axis_video_tvalid),
-            video.payload.data.eq(self.s_axis_video_tdata),
-            video.payload.first.eq(self.s_axis_video_tuser),
-            video.payload.last.eq(self.s_axis_video_tlast),
-            self.s_axis_video_tready.eq(video.ready),
-            self.m_axis_features_tvalid.eq(words.valid),
-            self.m_axis_features_tdata.eq(words.payload.data),
-            self.m_axis_features_tlast.eq(words.payload.last),
-            words.ready.eq(self.m_axis_features_tready),
-        ]
-        for tap, stage in self._stages.items():
-            value, x, y = Signal(signed(32)), Signal(signed(16)), Signal(signed(16))
-            (beat,) = stage.beats
-            m.d.comb += [
-                # Assigned to signals first, which extends the sign: `Cat` alone would join the bits as they are.
-                value.eq(beat[stage.field]),
-                x.eq(beat.x - stage.lag_px),
-                y.eq(beat.y - stage.lag_px),
-                getattr(self, f"{tap.port}_tvalid").eq(beat.valid),
-                getattr(self, f"{tap.port}_tdata").eq(Cat(value, x, y)),
-            ]
+        m.submodules.front_end = self._front_end
+        m.d.comb += ResetSignal().eq(~self._reset_n)
+        self.connect_pins(m)
         return m
+
+
+def _tap_word(stage: Stage) -> Value:
+    (beat,) = stage.beats
+    parts = ((beat[stage.field], 32), (beat.x - stage.lag_px, 16), (beat.y - stage.lag_px, 16))
+    # The sum extends the sign: `Cat` alone would join the bits as they are.
+    return Cat((Value.cast(value) + Const(0, signed(bits)))[:bits] for value, bits in parts)
