@@ -11,13 +11,10 @@ from numpy.typing import NDArray
 
 from hdl.build import Build
 from hdl.settings import PAGE_BYTES
-from hdl.shell.live import LiveTop
 from sim.backends.interface import Progress, silent
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import CONTROL, strip_settings
-from sim.simulators.compiled import load_library
-from sim.simulators.design import Design, Ports
-from sim.simulators.recording import check_access
+from sim.simulators.accelerator_designs import design_accelerator
+from sim.simulators.compiled import COMMON_FUNCTIONS, Model
 
 BASE = 0x8_4000_0000
 """Address of the memory: beyond what 32 bits reach."""
@@ -69,18 +66,7 @@ class MemoryRules:
     seed: int = 0
 
 
-def design_live_accelerator(build: Build) -> Design:
-    """The accelerator in a camera's shell."""
-    build = strip_settings(build)
-    return Design(
-        "the live accelerator",
-        Ports(outputs=(), control=CONTROL, writers=tuple(f"m_axi_{ring}" for ring in build.outputs)),
-        lambda: LiveTop(build),
-        str(build),
-    )
-
-
-class LiveBench:
+class LiveBench(Model):
     """A running simulation, and the bus of `constraints/live/skymosaic_live.py`.
 
     Parameters
@@ -106,72 +92,45 @@ class LiveBench:
     ) -> None:
         camera, rules = camera or CameraTiming(), rules or MemoryRules()
         self.memory = np.zeros(length_bytes, np.uint8)
-        design = design_live_accelerator(build)
-        self._library = load_library(verilator.build_library(design, progress=progress, harness=HARNESS), _FUNCTIONS)
-        self._bench = self._library.live_open()
+        library = verilator.build_library(design_accelerator(build), progress=progress, harness=HARNESS)
+        super().__init__(library, "live", _FUNCTIONS)
         self._used = 0
         self._frames: list[NDArray[np.uint8]] = []
-        self._library.live_memory(self._bench, self.memory.ctypes.data, BASE, length_bytes)
-        self._library.live_rules(self._bench, rules.waits, rules.latency_clocks, rules.failures, rules.seed)
-        self._library.live_camera(
-            self._bench,
-            *(camera.line_blank, camera.frame_blank, camera.jitter, camera.steps, camera.period),
-        )
-
-    def close(self) -> None:
-        """End the simulation."""
-        self._library.live_close(self._bench)
+        self.call("memory", self.memory.ctypes.data, BASE, length_bytes)
+        self.call("rules", rules.waits, rules.latency_clocks, rules.failures, rules.seed)
+        self.call("camera", camera.line_blank, camera.frame_blank, camera.jitter, camera.steps, camera.period)
 
     def show(self, frames: Sequence[NDArray[np.uint8]]) -> None:
         """Queue gray frames of any size for the camera."""
         for frame in frames:
             self._frames.append(np.ascontiguousarray(frame, np.uint8))
-            self._library.live_frame(self._bench, self._frames[-1].ctypes.data, frame.shape[1], frame.shape[0])
+            self.call("frame", self._frames[-1].ctypes.data, frame.shape[1], frame.shape[0])
 
     def run(self, clocks: int) -> None:
         """Run for a number of clocks."""
-        self._library.live_run(self._bench, clocks)
-
-    def reset(self) -> None:
-        """Assert ``aresetn`` for a moment; an offer that is withdrawn by it is a violation."""
-        self._library.live_reset(self._bench)
+        self.call("run", clocks)
 
     @property
     def open_bursts(self) -> int:
         """Number of addresses, words and responses of bursts that have begun and not ended."""
-        return int(self._library.live_open_bursts(self._bench))
-
-    @property
-    def cycle(self) -> int:
-        """Clocks since reset."""
-        return int(self._library.live_cycle(self._bench))
+        return int(self.call("open_bursts"))
 
     @property
     def violations(self) -> int:
         """How often the design broke AXI's rules: withdrew or changed an offer, or sent an invalid burst."""
-        return int(self._library.live_violations(self._bench))
+        return int(self.call("violations"))
 
     @property
     def errors(self) -> int:
         """Number of bursts answered by SLVERR."""
-        return int(self._library.live_errors(self._bench))
+        return int(self.call("errors"))
 
     @property
     def last_pixels(self) -> list[int]:
         """Clock in which the camera sent each frame's last pixel."""
         cycles = ctypes.POINTER(ctypes.c_uint64)()
-        count = self._library.live_last_pixels(self._bench, ctypes.byref(cycles))
+        count = self.call("last_pixels", ctypes.byref(cycles))
         return [int(cycles[n]) for n in range(count)]
-
-    def read(self, offset: int) -> int:
-        """Read a register."""
-        value = ctypes.c_uint32()
-        check_access("read", offset, self._library.live_read(self._bench, offset, ctypes.byref(value)))
-        return value.value
-
-    def write(self, offset: int, value: int) -> None:
-        """Write a register."""
-        check_access("write", offset, self._library.live_write(self._bench, offset, value))
 
     def allocate(self, length_bytes: int) -> NDArray[np.uint8]:
         """Take the next free pages of the memory."""
@@ -204,12 +163,12 @@ class LiveBench:
 
     def send_hypotheses(self, words: NDArray[np.uint64], *, ends: bool = True) -> None:
         """Send words of hypotheses, the last of which may end their packet."""
-        self._library.live_hypotheses(self._bench, words.ctypes.data, words.size, ends)
+        self.call("hypotheses", words.ctypes.data, words.size, ends)
 
     def take_scores(self) -> NDArray[np.uint8] | None:
         """The oldest packet of scores that has come whole."""
         words = ctypes.POINTER(ctypes.c_uint64)()
-        count = self._library.live_scores(self._bench, ctypes.byref(words))
+        count = self.call("scores", ctypes.byref(words))
         return np.ctypeslib.as_array(words, (count,)).view(np.uint8).copy() if count else None
 
     def wait(self, seconds: float) -> None:
@@ -217,25 +176,21 @@ class LiveBench:
         self.run(WAIT_CLOCKS)
 
 
-_BENCH, _WORD, _WIDE = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
+_ADDRESS, _WORD, _WIDE = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
 _WORDS = ctypes.POINTER(ctypes.POINTER(_WIDE))
 _FUNCTIONS = {
-    "live_open": (_BENCH,),
-    "live_close": (None, _BENCH),
-    "live_memory": (None, _BENCH, ctypes.c_void_p, _WIDE, _WIDE),
-    "live_rules": (None, _BENCH, _WORD, _WORD, _WORD, _WIDE),
-    "live_camera": (None, _BENCH, *[_WORD] * 5),
-    "live_frame": (None, _BENCH, ctypes.c_void_p, _WORD, _WORD),
-    "live_run": (None, _BENCH, _WIDE),
-    "live_write": (ctypes.c_int, _BENCH, _WORD, _WORD),
-    "live_read": (ctypes.c_int, _BENCH, _WORD, ctypes.POINTER(_WORD)),
-    "live_reset": (None, _BENCH),
-    "live_hypotheses": (None, _BENCH, ctypes.c_void_p, _WIDE, ctypes.c_int),
-    "live_scores": (_WIDE, _BENCH, _WORDS),
-    "live_last_pixels": (_WIDE, _BENCH, _WORDS),
-    "live_cycle": (_WIDE, _BENCH),
-    "live_open_bursts": (_WIDE, _BENCH),
-    "live_violations": (_WIDE, _BENCH),
-    "live_errors": (_WIDE, _BENCH),
+    **COMMON_FUNCTIONS,
+    "open": (_ADDRESS,),
+    "memory": (None, _ADDRESS, _WIDE, _WIDE),
+    "rules": (None, _WORD, _WORD, _WORD, _WIDE),
+    "camera": (None, *[_WORD] * 5),
+    "frame": (None, _ADDRESS, _WORD, _WORD),
+    "run": (None, _WIDE),
+    "hypotheses": (None, _ADDRESS, _WIDE, ctypes.c_int),
+    "scores": (_WIDE, _WORDS),
+    "last_pixels": (_WIDE, _WORDS),
+    "open_bursts": (_WIDE,),
+    "violations": (_WIDE,),
+    "errors": (_WIDE,),
 }
 """The functions of live.cpp."""

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from amaranth.lib import wiring
 from numpy.typing import NDArray
 
 from golden_model.config import MAX_FRAME_PX, Config, EstimatorConfig
 from hdl.accelerator import AcceleratorTop
-from hdl.build import Build
+from hdl.build import Build, Shell
+from hdl.serial.ulx3s import Ulx3s
+from hdl.shell.live import LiveTop
 from sim.simulators.design import Design, Ports
 from sim.simulators.front_end_top import SETTINGS, FrontEndTop, Tap
 
@@ -27,15 +31,22 @@ def choose_build(config: Config, frames: Sequence[NDArray[np.uint8]]) -> Build:
     return replace(build, max_width_px=MAX_FRAME_PX, max_height_px=MAX_FRAME_PX)
 
 
+TOPS: dict[Shell, Callable[[Build], wiring.Component[Any]]] = {
+    "streams": AcceleratorTop,
+    "camera": LiveTop,
+    "serial": Ulx3s,
+}
+
+
 def design_accelerator(build: Build) -> Design:
-    """The whole accelerator without a shell."""
+    """The whole accelerator in its shell."""
     build = strip_settings(build)
-    return Design(
-        "the accelerator",
-        Ports(outputs=tuple(f"m_axis_{output}" for output in build.outputs), control=CONTROL),
-        lambda: AcceleratorTop(build),
-        str(build),
-    )
+    ports = {
+        "streams": Ports(outputs=tuple(f"m_axis_{output}" for output in build.outputs), control=CONTROL),
+        "camera": Ports(outputs=(), control=CONTROL, writers=tuple(f"m_axi_{ring}" for ring in build.outputs)),
+        "serial": Ports(outputs=(), video="ftdi"),
+    }[build.shell]
+    return Design(f"the accelerator with {build.shell}", ports, lambda: TOPS[build.shell](build), str(build))
 
 
 def design_front_end(build: Build, *, taps: tuple[Tap, ...] = ()) -> Design:

@@ -17,6 +17,16 @@ from numpy.typing import NDArray
 from sim.simulators.design import Ports
 from sim.simulators.recording import NO_PAUSES, Output, Pauses, Recording, Segment, check_access
 
+_POINTER, _VALUES = ctypes.c_void_p, ctypes.POINTER(ctypes.POINTER(ctypes.c_uint64))
+COMMON_FUNCTIONS: dict[str, tuple[Any, ...]] = {
+    "close": (None,),
+    "reset": (None,),
+    "cycle": (ctypes.c_uint64,),
+    "write": (ctypes.c_int, ctypes.c_uint32, ctypes.c_uint32),
+    "read": (ctypes.c_int, ctypes.c_uint32, ctypes.POINTER(ctypes.c_uint32)),
+}
+"""What harnesses with registers have in common, for `Model`."""
+
 
 def format_ports(ports: Ports) -> str:
     """Return the text of ``ports.hpp``, which names a design's ports for the harness."""
@@ -37,13 +47,53 @@ def format_ports(ports: Ports) -> str:
     )
 
 
-def load_library(library: Path, functions: Mapping[str, tuple[Any, ...]]) -> ctypes.CDLL:
-    """Load a shared library; ``functions`` has the type of each one's result, then those of its arguments."""
-    loaded = ctypes.CDLL(str(library))
-    for name, (result, *arguments) in functions.items():
-        function = getattr(loaded, name)
-        function.restype, function.argtypes = result, arguments
-    return loaded
+class Model:
+    """A running model of a compiled design; it starts just after a reset.
+
+    The names of the harness's functions begin with ``prefix``. ``functions`` has the type of each one's result, then
+    those of its arguments, before which comes the model itself; those of ``open`` are given as ``opening``.
+    """
+
+    def __init__(self, library: Path, prefix: str, functions: Mapping[str, tuple[Any, ...]], *opening: Any) -> None:
+        loaded = ctypes.CDLL(str(library))
+        self._functions: dict[str, Any] = {}
+        for name, (result, *arguments) in functions.items():
+            self._functions[name] = function = getattr(loaded, f"{prefix}_{name}")
+            function.restype, function.argtypes = result, arguments if name == "open" else [_POINTER, *arguments]
+        self._model = self._functions["open"](*opening)
+
+    def call(self, name: str, *arguments: Any) -> Any:
+        """Call a function of the harness."""
+        return self._functions[name](self._model, *arguments)
+
+    def close(self) -> None:
+        """End the simulation, and close the wave file."""
+        self.call("close")
+
+    def reset(self) -> None:
+        """Reset the design, whatever its state."""
+        self.call("reset")
+
+    @property
+    def cycle(self) -> int:
+        """Clocks since the last reset."""
+        return int(self.call("cycle"))
+
+    def write(self, address: int, value: int) -> None:
+        """Write a register.
+
+        Raises
+        ------
+        BackendError
+            If the design refuses the access or does not answer.
+        """
+        check_access("write", address, self.call("write", address, value))
+
+    def read(self, address: int) -> int:
+        """Read a register; raises the same errors as `write`."""
+        value = ctypes.c_uint32()
+        check_access("read", address, self.call("read", address, ctypes.byref(value)))
+        return value.value
 
 
 class _Request(ctypes.Structure):
@@ -62,8 +112,8 @@ class _Request(ctypes.Structure):
     )
 
 
-class Bench:
-    """A running model of a compiled design; it starts just after a reset.
+class Bench(Model):
+    """A model in the harness that streams frames.
 
     Parameters
     ----------
@@ -77,32 +127,7 @@ class Bench:
 
     def __init__(self, library: Path, ports: Ports, waves: Path | None = None):
         self.ports = ports
-        self._library = load_library(library, _FUNCTIONS)
-        self._bench = self._library.bench_open(os.fsencode(waves or ""))
-
-    def close(self) -> None:
-        """End the simulation and close the wave file."""
-        self._library.bench_close(self._bench)
-
-    def reset(self) -> None:
-        """Reset the design, whatever its state."""
-        self._library.bench_reset(self._bench)
-
-    def write(self, address: int, value: int) -> None:
-        """Write a register.
-
-        Raises
-        ------
-        BackendError
-            If the design refuses the access or does not answer.
-        """
-        check_access("write", address, self._library.bench_write(self._bench, address, value))
-
-    def read(self, address: int) -> int:
-        """Read a register; raises the same errors as `write`."""
-        value = ctypes.c_uint32()
-        check_access("read", address, self._library.bench_read(self._bench, address, ctypes.byref(value)))
-        return value.value
+        super().__init__(library, "bench", _FUNCTIONS, os.fsencode(waves or ""))
 
     def run(self, segment: Segment, pauses: Pauses = NO_PAUSES) -> Recording:
         """Stream a segment through the design.
@@ -119,11 +144,6 @@ class Bench:
             raise segment.timeout_error(self.cycle)
         return recording
 
-    @property
-    def cycle(self) -> int:
-        """Clocks since the last reset."""
-        return int(self._library.bench_cycle(self._bench))
-
     def run_to_packet(self, segment: Segment, rooms: Sequence[int]) -> tuple[int, Recording]:
         """Stream a segment up to the first end of a packet or the cycle limit; each output takes at most its room.
 
@@ -135,7 +155,7 @@ class Bench:
             What came out.
         """
         _, recording = self.stream(segment, NO_PAUSES, np.array(rooms, np.uint64))
-        return int(self._library.bench_sent(self._bench)), recording
+        return int(self.call("sent")), recording
 
     def stream(
         self, segment: Segment, pauses: Pauses, rooms: NDArray[np.uint64] | None = None
@@ -146,7 +166,7 @@ class Bench:
             self.reset()
         for index, name in enumerate(self.ports.settings):
             if name in segment.settings:
-                self._library.bench_set(self._bench, index, segment.settings[name])
+                self.call("set", index, segment.settings[name])
         for address, value in segment.writes:
             self.write(address, value)
         data, flags = np.ascontiguousarray(segment.data, np.uint64), np.ascontiguousarray(segment.flags, np.uint8)
@@ -154,16 +174,16 @@ class Bench:
             data.ctypes.data, flags.ctypes.data, data.size, segment.packets, segment.cycle_limit,
             pauses.gaps, pauses.stalls, pauses.seed, None if rooms is None else rooms.ctypes.data,
         )  # fmt: skip
-        is_done = bool(self._library.bench_run(self._bench, ctypes.byref(request)))
+        is_done = bool(self.call("run", ctypes.byref(request)))
         return is_done, self._copy_recording()
 
     def _copy_recording(self) -> Recording:
         names = (*self.ports.outputs, *self.ports.taps)
-        words = {name: self._copy("bench_words", index) for index, name in enumerate(names)}
+        words = {name: self._copy("words", index) for index, name in enumerate(names)}
         return Recording(
-            self._copy("bench_starts"),
+            self._copy("starts"),
             {
-                name: Output(words[name], self._copy("bench_ends", index).reshape(-1, 2))
+                name: Output(words[name], self._copy("ends", index).reshape(-1, 2))
                 for index, name in enumerate(self.ports.outputs)
             },
             {name: words[name] for name in self.ports.taps},
@@ -171,24 +191,18 @@ class Bench:
 
     def _copy(self, function: str, *stream: int) -> NDArray[np.uint64]:
         values = ctypes.POINTER(ctypes.c_uint64)()
-        count = getattr(self._library, function)(self._bench, *stream, ctypes.byref(values))
-        size = count * (2 if function == "bench_ends" else 1)
+        size = self.call(function, *stream, ctypes.byref(values)) * (2 if function == "ends" else 1)
         return np.ctypeslib.as_array(values, (size,)).copy() if size else np.empty(0, np.uint64)
 
 
-_POINTER, _VALUES = ctypes.c_void_p, ctypes.POINTER(ctypes.POINTER(ctypes.c_uint64))
 _FUNCTIONS = {
-    "bench_open": (_POINTER, ctypes.c_char_p),
-    "bench_close": (None, _POINTER),
-    "bench_reset": (None, _POINTER),
-    "bench_set": (None, _POINTER, ctypes.c_int, ctypes.c_uint64),
-    "bench_write": (ctypes.c_int, _POINTER, ctypes.c_uint32, ctypes.c_uint32),
-    "bench_read": (ctypes.c_int, _POINTER, ctypes.c_uint32, ctypes.POINTER(ctypes.c_uint32)),
-    "bench_run": (ctypes.c_bool, _POINTER, ctypes.POINTER(_Request)),
-    "bench_sent": (ctypes.c_uint64, _POINTER),
-    "bench_cycle": (ctypes.c_uint64, _POINTER),
-    "bench_starts": (ctypes.c_uint64, _POINTER, _VALUES),
-    "bench_words": (ctypes.c_uint64, _POINTER, ctypes.c_int, _VALUES),
-    "bench_ends": (ctypes.c_uint64, _POINTER, ctypes.c_int, _VALUES),
+    **COMMON_FUNCTIONS,
+    "open": (_POINTER, ctypes.c_char_p),
+    "set": (None, ctypes.c_int, ctypes.c_uint64),
+    "run": (ctypes.c_bool, ctypes.POINTER(_Request)),
+    "sent": (ctypes.c_uint64,),
+    "starts": (ctypes.c_uint64, _VALUES),
+    "words": (ctypes.c_uint64, ctypes.c_int, _VALUES),
+    "ends": (ctypes.c_uint64, ctypes.c_int, _VALUES),
 }
 """The functions of harness.cpp."""

@@ -139,8 +139,8 @@ def test_bits_in_and_records_out_equal_the_golden_model(build: Build, size_px: t
         np.testing.assert_array_equal(frame.matches, expected.matches)
     assert len(found[1].matches) > 10
     assert port.broken == 0
-    print(f"{port.cycle} clocks; {[len(frame.features) for frame in found]} features, {len(found[1].matches)} matches")
-    port.close()
+    print(f"{port.model.cycle} clocks; {len(found[1].features)} features, {len(found[1].matches)} matches")
+    port.model.close()
 
 
 @pytest.mark.slow
