@@ -143,7 +143,7 @@ class CellRanking(wiring.Component):
     o_touched: Signal
     """The cells that have a feature."""
 
-    latency_cycles = 3
+    latency_cycles = 2 + Insertion.latency_cycles
 
     def __init__(self, *, pattern: DescriptorPattern, cells: int, spacing_cycles: int = 2) -> None:
         self.cells = cells

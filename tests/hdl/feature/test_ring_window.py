@@ -34,9 +34,15 @@ class RingBeats(wiring.Component):
         return m
 
 
-@pytest.mark.parametrize(("name", "shape"), [("ilbp-128", (33, 35)), ("thesis-ilbp-3", (17, 23))])
 @pytest.mark.parametrize(
-    ("pixels_per_clock", "second", "gaps"), [(1, False, 0), (1, False, 80), (2, False, 0), (2, True, 80)]
+    ("name", "shape", "pixels_per_clock", "second", "gaps"),
+    [
+        ("ilbp-128", (33, 35), 1, False, 0),
+        ("ilbp-128", (33, 35), 2, True, 80),
+        ("thesis-ilbp-3", (17, 23), 1, False, 80),
+        ("thesis-ilbp-3", (17, 23), 2, False, 0),
+        ("thesis-ilbp-3", (17, 23), 2, True, 80),
+    ],
 )
 def test_ring_window_gives_the_pixels_of_the_rings(
     name: str, shape: tuple[int, int], pixels_per_clock: int, second: bool, gaps: int
