@@ -3,7 +3,7 @@
 A command is a letter and two bytes, the lower first: an address, or a number of pixels. `R` reads, `W` and four more
 bytes write, `P` sends pixels, and `L` sends pixels up to the end of a frame. The board answers a read or write by `A`,
 a byte that is 0 on success, and four bytes of data. It sends a word of features, matches or homographies as 16, 32 or
-64, plus 1 at the packet's end, and eight bytes.
+48, plus 1 at the packet's end, and eight bytes.
 """
 
 import time
@@ -19,7 +19,7 @@ MAX_PIXELS = 65535
 CHUNK_BYTES = 1024
 """After each chunk, received bytes are fetched, which must not overflow the computer's buffers meanwhile."""
 ANSWER, ANSWER_BYTES = ord("A"), 6
-CHANNELS = {0x10: "features", 0x20: "matches", 0x40: "homographies"}
+CHANNELS = {0x10: "features", 0x20: "matches", 0x30: "homographies"}
 WORD_BYTES = 9
 LOST, LAST = 0x80, 0x01
 

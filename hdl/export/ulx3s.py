@@ -60,6 +60,7 @@ def export_ulx3s(folder: Path, build: Build) -> None:
     readme = fill_readme(
         ["ulx3s/README.md"],
         build,
+        outputs=", ".join(build.outputs),
         baud=f"{BAUD:,}",
         frame_seconds=f"{BITS_PER_BYTE * area_px / BAUD:.2f}",
         frame_ms=f"{1000 * area_px / CLOCK_HZ:.1f}",

@@ -37,9 +37,9 @@ class Message(enum.IntEnum):
     FEATURES = 0x10
     """Eight bytes follow, a word of the packet of features."""
     MATCHES = 0x20
-    HOMOGRAPHIES = 0x40
+    HOMOGRAPHIES = 0x30
     LAST = 0x01
-    """Added to one of the three: the word ends its packet."""
+    """Added to one of the three: the word ends its packet. 0x41 would be `ANSWER`."""
 
 
 FIELD_BYTES, DATA_BYTES = 2, 4

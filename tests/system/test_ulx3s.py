@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from golden_model.config import PRESETS
+from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.config_file import load_config
 from hdl.build import BUILDS, Build
 from hdl.export import ulx3s as export
 from hdl.export.boards import SOURCES
 from hdl.lib.ecp5 import Ecp5
+from hdl.serial.link import Message
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends.interface import load_backend
 from sim.benches.exported import host_programs
@@ -27,6 +28,8 @@ BUILD = BUILDS["ulx3s"]
 THESIS = PRESETS["thesis"]
 SMALL_CONFIG = dataclasses.replace(THESIS, front_end=dataclasses.replace(THESIS.front_end, max_features=256))
 SMALL = dataclasses.replace(BUILD, config=SMALL_CONFIG, lanes=2, max_width_px=160, max_height_px=120)
+WHOLE = dataclasses.replace(BUILD, config=dataclasses.replace(BUILD.config, estimator=EstimatorConfig()))
+"""As it is built with ``--homography``."""
 
 COUNTER = f"""module {export.TOP}(
   input clk_25mhz, input btn_fire1, input ftdi_txd, output ftdi_rxd, output [7:0] led, output wifi_gpio0);
@@ -85,16 +88,17 @@ def test_a_port_without_the_accelerator_is_told_in_one_line(
 
 def test_packets_that_mix_with_answers_are_sorted(programs: Any) -> None:
     line = Line(
-        bytes([0x10]) + bytes(range(8)) + b"A\0\x78\x56\x34\x12" + bytes([0x21]) + bytes(8) + bytes([0x11]) + bytes(8)
+        bytes([0x10]) + bytes(range(8)) + b"A\0\x78\x56\x34\x12" + bytes([0x21]) + bytes(8),
+        bytes([Message.HOMOGRAPHIES | Message.LAST, *range(8), 0x11]) + bytes(8),
     )
     bus = programs("serial_bus").SerialBus(line)
     bus._fetch(64)
     assert bus.read(4) == 0x12345678
-    buffers = {name: np.zeros(64, np.uint8) for name in ("features", "matches")}
+    buffers = {name: np.zeros(64, np.uint8) for name in ("features", "matches", "homographies")}
     for name, buffer in buffers.items():
         bus.start_receive(name, buffer)
     bus.start_send(np.arange(3, dtype=np.uint8), 3)
-    assert bus.wait(1) == {"features": 16, "matches": 8}
+    assert bus.wait(1) == {"features": 16, "matches": 8, "homographies": 8}
     assert line.sent == b"R\x04\x00L\x03\x00\x00\x01\x02"
     assert buffers["features"][:8].tolist() == list(range(8))
 
@@ -125,7 +129,7 @@ def test_colour_for_a_gray_input_is_refused_before_anything_is_sent(programs: An
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("build", "size_px"), [(SMALL, (96, 72)), (BUILD, (128, 96))], ids=["small", "as built"])
+@pytest.mark.parametrize(("build", "size_px"), [(SMALL, (96, 72)), (WHOLE, (128, 96))], ids=["small", "whole"])
 def test_bits_in_and_records_out_equal_the_golden_model(build: Build, size_px: tuple[int, int]) -> None:
     """At the baud of the bitstream, from the driver down to the pins."""
     port, config = SerialPort(build, progress=print), build.config
@@ -133,10 +137,14 @@ def test_bits_in_and_records_out_equal_the_golden_model(build: Build, size_px: t
     settings = matched_frame_settings(config, *size_px, gray_input=True)
     with host_programs(build) as load:
         accelerator = load("skymosaic_driver").Accelerator(load("serial_bus").SerialBus(port), 1e6)
-        found = accelerator.run(images, {name: settings[name] for name in REQUESTED}, hold_reference=True)
+        requested = {name: settings[name] for name in REQUESTED}
+        requested |= vars(config.estimator) if config.estimator else {}
+        found = accelerator.run(images, requested, hold_reference=True)
     for frame, expected in zip(found, load_backend("golden").run(images, config), strict=True):
         np.testing.assert_array_equal(frame.features, expected.features)
         np.testing.assert_array_equal(frame.matches, expected.matches)
+        if config.estimator:
+            assert frame.homography.tolist() == expected.homography.tolist()
     assert len(found[1].matches) > 10
     assert port.broken == 0
     print(f"{port.model.cycle} clocks; {len(found[1].features)} features, {len(found[1].matches)} matches")
