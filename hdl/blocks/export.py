@@ -11,10 +11,10 @@ from amaranth.lib.wiring import In
 from golden_model.version import VERSION
 from hdl.blocks.catalogue import CATALOGUE
 from hdl.blocks.flat import CLOCK, RESET, FlatBlock
-from hdl.blocks.templates import render
 from hdl.blocks.testbench import Port, VerilogBench
 from hdl.blocks.vectors import Block
 from hdl.netlist import to_verilog
+from hdl.templates import render
 
 CORE_VENDOR, CORE_LIBRARY = "skymosaic", "vision"
 """How FuseSoC, IP-XACT and Vivado name the cores, before their name and version."""
@@ -99,7 +99,7 @@ def module_ports(top: wiring.Component) -> dict[str, Port]:
 
 def _readme(name: str, block: Block, top: FlatBlock) -> str:
     return render(
-        "README.md",
+        "block_readme.md",
         name=name,
         block=block,
         clock=CLOCK,

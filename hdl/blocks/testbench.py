@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from hdl.blocks.templates import render
 from hdl.blocks.vectors import Row
+from hdl.templates import render
 
 RESET_CYCLES = 8
 IDLE_CYCLES = 1 << 16

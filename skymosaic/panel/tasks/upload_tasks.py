@@ -74,7 +74,7 @@ def make_thumbnails(folder: Path, names: Sequence[str], pictures: Path, *, progr
 
 
 def _decode_reduced(path: Path) -> Pixels:
-    """A photograph at a fraction of its size; of a JPEG many times as fast, without checks for damage."""
+    """A photograph, of a JPEG only a fraction of the pixels: many times as fast, without checks for damage."""
     header = read_header(path)
     flag = next((flag for by, flag in REDUCTIONS.items() if min(header.size) >= by * THUMBNAIL_PX), None)
     reduced = cv2.imread(str(path), flag) if flag is not None and header.kind in ("JPEG", "MPO") else None

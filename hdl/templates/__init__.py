@@ -1,6 +1,7 @@
-"""Texts of a block's export, as Jinja templates: its test bench, its README, and its description for FuseSoC."""
+"""Texts of an export beside its netlist, as Jinja templates: test bench, README, and descriptions for tools."""
 
 from pathlib import Path
+from xml.sax.saxutils import escape
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -11,6 +12,7 @@ _TEMPLATES = Environment(
     lstrip_blocks=True,
     keep_trailing_newline=True,
 )
+_TEMPLATES.filters["xml"] = escape
 
 
 def render(template: str, **values: object) -> str:
