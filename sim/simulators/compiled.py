@@ -113,17 +113,7 @@ class _Request(ctypes.Structure):
 
 
 class Bench(Model):
-    """A model in the harness that streams frames.
-
-    Parameters
-    ----------
-    library : Path
-        The shared library.
-    ports : Ports
-        The ports that it was compiled for.
-    waves : Path or None
-        VCD file to write; the library must have been compiled for waves.
-    """
+    """A model in the harness that streams frames; for ``waves``, the library must have been compiled with them."""
 
     def __init__(self, library: Path, ports: Ports, waves: Path | None = None):
         self.ports = ports
