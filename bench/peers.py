@@ -9,7 +9,7 @@ from golden_model.arrays import Matrix, Pixels, Points
 from golden_model.config import preset_config
 from skymosaic.features.detectors import DETECTORS
 from skymosaic.features.matchers import RATIO
-from skymosaic.features.methods import choose_method, load_backend_for
+from skymosaic.features.methods import HostBackend, choose_method
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply
 
@@ -57,7 +57,7 @@ def project_matches(left: Pixels, right: Pixels, name: str, count: int) -> tuple
     config = preset_config("aerial")
     config = dataclasses.replace(config, front_end=dataclasses.replace(config.front_end, max_features=count))
     method, config = choose_method(config, **{"detector" if name in DETECTORS else "descriptor": name})
-    matches = load_backend_for(method, "golden").run([left, right], config)[1].matches
+    matches = HostBackend(method).run([left, right], config)[1].matches
     return match_points(matches[matches["verdict"] == 1])
 
 

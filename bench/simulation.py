@@ -25,7 +25,7 @@ from sim.simulators.accelerator_designs import design_accelerator
 from sim.simulators.hardware import make_segments
 from skymosaic.evaluation.hardware import compare
 from skymosaic.evaluation.known_pairs import read_pairs
-from skymosaic.registration.options import WORKING_WIDTH_PX, FeatureOptions
+from skymosaic.registration.options import WORKING_WIDTH_PX, PhotographOptions
 
 app = program(__doc__)
 
@@ -59,7 +59,7 @@ def equality(
     backend: BackendName = "board" if address else "rtl"
     rows: list[Row] = []
     for name, (left, right, width_px) in pairs().items():
-        options = FeatureOptions(backend=backend, address=address, working_width_px=width_px)
+        options = PhotographOptions(backend=backend, address=address, working_width_px=width_px)
         result = compare(left, right, options, progress=print)
         rows.append(
             {

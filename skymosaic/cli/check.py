@@ -2,7 +2,6 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated
 
 from rich.table import Table
 from rich.text import Text
@@ -17,7 +16,7 @@ from skymosaic.flight.flight import Flight
 from skymosaic.flight.survey import survey
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.key_frames import flight_sources, refuse_single
-from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.mosaicking.options import SurveyOptions
 from skymosaic.running.cache import open_cache
 from skymosaic.running.workers import Workers
 
@@ -26,10 +25,7 @@ from skymosaic.running.workers import Workers
 def check(
     *,
     photographs: PhotographsArgument,
-    options: Annotated[
-        MosaicOptions,
-        ("preset", "config", "backend", "address", "working_width_px", "seed", "damaged", "lens", "scheduler", "cache"),
-    ],
+    options: SurveyOptions,
 ) -> None:
     """Check overlap, blur, exposure, GPS and weak links of a flight before you leave the site.
 
@@ -43,8 +39,9 @@ def check(
         refuse_single(photographs, sources)
         captures = group_band_sets(sources, tell=session.tell)
         captures = [source.with_damaged(keep=options.keeps_damaged) for source in captures]
-        cache = open_cache(options.cache, session.tell)
-        flight = survey(captures, options.flight_settings(), options.seed, workers, cache)
+        cache, settings = open_cache(options.cache, session.tell), options.flight_settings()
+        positions, control = options.positions, options.control_points
+        flight = survey(captures, settings, options.seed, workers, cache, positions=positions, control=control)
     report = check_flight(flight)
     session.seconds = flight.seconds
     session.numbers = dataclasses.asdict(report) | {"left_out": flight.left_out}

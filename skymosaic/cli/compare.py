@@ -10,9 +10,7 @@ from skymosaic.cli.session import session
 from skymosaic.common.options import HARDWARE, OUTPUT
 from skymosaic.evaluation.hardware import compare as compare_pair
 from skymosaic.imagery.images import check_output
-from skymosaic.registration.options import FeatureOptions
-
-OPTIONS = ("preset", "config", "rules", "backend", "address", "working_width_px", "damaged")
+from skymosaic.registration.options import PhotographOptions
 
 
 @with_options
@@ -35,7 +33,7 @@ def compare(
         ),
     ] = False,
     overwrite: OverwriteOption = False,
-    options: Annotated[FeatureOptions, OPTIONS] = FeatureOptions(backend="rtl"),
+    options: PhotographOptions = PhotographOptions(backend="rtl"),
 ) -> None:
     """Run a pair through the golden model and the hardware; every field of every record has to be equal."""
     if waves:

@@ -18,7 +18,7 @@ from skymosaic.evaluation.hardware import compare
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.imagery.images import check_output_folder, save
 from skymosaic.mosaicking.api import mosaic
-from skymosaic.registration.options import FeatureOptions
+from skymosaic.registration.options import BackendOptions, PhotographOptions
 from skymosaic.reports.pair import write_pair_report
 
 MAX_ERROR_PX = 0.5
@@ -30,7 +30,7 @@ def demo(
     output: Annotated[Path, output_option("Folder for mosaic, pictures and report.")] = Path("demo"),
     overwrite: OverwriteOption = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the rendered landscape.")] = 9,
-    options: Annotated[FeatureOptions, ("backend", "address")] = FeatureOptions(backend="rtl"),
+    options: BackendOptions = BackendOptions(backend="rtl"),
 ) -> None:
     """Render a synthetic pair, make its mosaic, and compare it with the truth.
 
@@ -76,14 +76,15 @@ def _make_mosaic(folder: Path, photographs: tuple[Path, Path], seed: int) -> Non
         session.show(f"{name:11} {path}")
 
 
-def _compare_hardware(photographs: tuple[Path, Path], options: FeatureOptions) -> None:
+def _compare_hardware(photographs: tuple[Path, Path], options: BackendOptions) -> None:
     """Compare the hardware with the golden model; without a compiler, only say that it was not simulated."""
     # What was shown so far is worth seeing before a first compile, which takes a while.
     sys.stdout.flush()
     start = time.perf_counter()
+    options_of_pair = PhotographOptions(backend=options.backend, address=options.address)
     try:
         with session.working("simulating the hardware") as step:
-            result = compare(*photographs, options, progress=step)
+            result = compare(*photographs, options_of_pair, progress=step)
     except BackendError as error:
         session.warn(f"hardware not simulated: {error}")
         return

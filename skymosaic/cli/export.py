@@ -21,7 +21,7 @@ from skymosaic.common.options import HARDWARE, OUTPUT, option
 from skymosaic.common.temporary import existing_parent, temporary_folder
 from skymosaic.fuzzy.golden import ENTRIES, quantise
 from skymosaic.imagery.images import check_unused
-from skymosaic.registration.options import FeatureOptions
+from skymosaic.registration.options import ConfigOptions
 
 SIZES = ("lanes", "max_width_px", "max_height_px", "video_bits")
 
@@ -31,7 +31,7 @@ def _usual(name: str) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BuildOptions(FeatureOptions):
+class BuildOptions(ConfigOptions):
     """What is built otherwise than usual for the board."""
 
     homography: bool = option(False, "The chip estimates a homography for every frame, too.", HARDWARE)
@@ -58,7 +58,6 @@ class BuildOptions(FeatureOptions):
             raise InputError(str(error)) from None
 
 
-CHANGES = ("preset", "config", "rules", "homography", *SIZES)
 FolderOption = Annotated[Path, output_option("Folder to write.")]
 
 
@@ -71,7 +70,7 @@ def board(
     ],
     output: FolderOption,
     overwrite: OverwriteOption = False,
-    options: Annotated[BuildOptions, CHANGES],
+    options: BuildOptions,
     bitstream: Annotated[
         bool,
         typer.Option("--build", rich_help_panel=OUTPUT, help=f"For the {SERIAL_BOARD}: make the bitstream, too."),
@@ -94,9 +93,7 @@ def board(
 
 
 @with_options
-def camera(
-    *, output: FolderOption, overwrite: OverwriteOption = False, options: Annotated[BuildOptions, CHANGES]
-) -> None:
+def camera(*, output: FolderOption, overwrite: OverwriteOption = False, options: BuildOptions) -> None:
     """Write Verilog, register map and reader for a camera: packets of every frame go to memory, without software."""
     build = options.build(BUILDS["camera"])
     _export(output, lambda folder: _import_hdl("export.accelerator").export_camera(folder, build), overwrite=overwrite)

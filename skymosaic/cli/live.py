@@ -58,7 +58,14 @@ def live(
 
     mosaic = LiveMosaic(options, on_frame=report)
     made = output, preview
-    frames = read_live_frames(source, idle_seconds=idle_seconds, tell=session.tell, made=made, band=options.band)
+    frames = read_live_frames(
+        source,
+        idle_seconds=idle_seconds,
+        tell=session.tell,
+        made=made,
+        band=options.band,
+        keep_damaged=options.keeps_damaged,
+    )
     try:
         grow(mosaic, frames, preview, session.tell)
     # Ctrl-C is how a live mosaic usually ends; `ended_by_signals` turns SIGTERM and a closed terminal into SystemExit.

@@ -68,14 +68,12 @@ PhotographsArgument = Annotated[
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command an option for each field of its parameter ``options``, an object of the library.
 
-    The parameter's annotation names the class and, with ``Annotated``, those of its options that the command has. A
-    default of the parameter holds other defaults than the class.
+    A default of the parameter holds other defaults than its class.
     """
     signature = inspect.signature(command, eval_str=True)
     declared = signature.parameters["options"]
-    cls, names = get_args(declared.annotation) or (declared.annotation, None)
-    usual = cls() if declared.default is inspect.Parameter.empty else declared.default
-    options = [each for each in options_of(cls) if names is None or each.name in names]
+    usual = declared.annotation() if declared.default is inspect.Parameter.empty else declared.default
+    options = options_of(declared.annotation)
     typed = {name: parameter for each in options for name, parameter in _parameters(each, getattr(usual, each.name))}
 
     @functools.wraps(command)

@@ -125,6 +125,22 @@ def options_of(cls: type[Any]) -> list[Option]:
     return sorted(options, key=lambda each: GROUPS.index(each.group))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Checked:
+    """A base of objects of options."""
+
+    def check(self) -> None:
+        """Refuse what is not valid.
+
+        Raises
+        ------
+        InputError
+            For an unknown name, an impossible value or an impossible combination; the message is one line.
+        """
+        for each in options_of(type(self)):
+            each.check(getattr(self, each.name))
+
+
 def flag_of(name: str) -> str:
     """What the command line calls an option: names in Python end in their unit, flags do not."""
     return "--" + re.sub("_(px|m|bytes)$", "", name).replace("_", "-")

@@ -16,7 +16,7 @@ from sim.backends.interface import Mismatch, load_backend, silent
 from sim.simulators.scoreboard import Coverage, find_clock_mismatch, find_mismatch, predict_timelines
 from skymosaic.imagery.images import load, reduce_for_front_end
 from skymosaic.registration.extraction import extract_within_capacity
-from skymosaic.registration.options import FeatureOptions
+from skymosaic.registration.options import PhotographOptions
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Comparison:
 def compare(
     left: str | Path | Pixels,
     right: str | Path | Pixels,
-    options: FeatureOptions,
+    options: PhotographOptions,
     *,
     homography: bool = False,
     waves: Path | None = None,
@@ -94,7 +94,7 @@ def compare(
     Parameters
     ----------
     left, right : path or ndarray of uint8
-    options : FeatureOptions
+    options : PhotographOptions
     homography : bool
         Whether to take the hardware that also estimates homographies.
     waves : Path or None

@@ -19,7 +19,7 @@ from golden_model.front_end import extract
 from golden_model.matching import matcher, rule_bases
 from golden_model.pixel.gray import to_gray
 from golden_model.records import FRAME_STATUS, MATCH, Tag
-from sim.backends.interface import Backend, FrameResult, Progress, Reference, load_backend, silent
+from sim.backends.interface import Backend, FrameResult, Reference
 from skymosaic.common.errors import InputError
 from skymosaic.features import detectors, matchers
 from skymosaic.features.descriptors import ANGLE_IGNORED, DESCRIPTORS, TRACKED, WINDOWS_PX, describe
@@ -98,11 +98,6 @@ def choose_method(config: Config, detector: str | None = None, descriptor: str |
         config = dataclasses.replace(config, matcher=dataclasses.replace(config.matcher, rule_base="none"))
     method = Method(detector, descriptor)
     return method, dataclasses.replace(config, front_end=_front_end(config, method))
-
-
-def load_backend_for(method: Method, backend: str, progress: Progress = silent) -> Backend:
-    """Load the backend that computes a method: the named one, or `HostBackend`."""
-    return load_backend(backend, progress=progress) if method.on_accelerator else HostBackend(method)
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,6 +40,7 @@ def read_live_frames(
     tell: Callable[[str], None],
     made: Collection[Path] = (),
     band: str | None = None,
+    keep_damaged: bool = False,
 ) -> Iterator[LiveFrame]:
     """Yield frames as they arrive.
 
@@ -56,6 +57,8 @@ def read_live_frames(
         Pictures that the caller writes meanwhile, which are no frames even in the folder.
     band : str or None
         The band whose files are the frames, for a folder of multi-band sets.
+    keep_damaged : bool
+        Whether damaged files are frames as far as they can be decoded.
 
     Raises
     ------
@@ -70,7 +73,8 @@ def read_live_frames(
     elif is_folder(Path(source)):
         # Only a folder that has been read once may later be away for a while.
         list_folder(Path(source))
-        yield from _watch_folder(Path(source), idle_seconds, tell, {resolved(path) for path in made}, band)
+        own = {resolved(path) for path in made}
+        yield from _watch_folder(Path(source), idle_seconds, tell, own, band, keep_damaged=keep_damaged)
     else:
         reader = VideoReader(source)
         for frame in select_key_frames(reader):
@@ -85,6 +89,8 @@ def _watch_folder(
     tell: Callable[[str], None],
     made: Collection[Path],
     band: str | None,
+    *,
+    keep_damaged: bool,
 ) -> Iterator[LiveFrame]:
     """Yield the pictures of a folder once they are complete, sorted by name; a picture that changes comes again."""
     done: set[tuple[Path, int]] = set()
@@ -95,7 +101,7 @@ def _watch_folder(
         for path, changed in new:
             done.add((path, changed))
             try:
-                yield LiveFrame(str(path), load(path).pixels, read_metadata(path), path)
+                yield LiveFrame(str(path), load(path, keep_damaged=keep_damaged).pixels, read_metadata(path), path)
             except InputError as error:
                 # A slow copy may have paused. If the file changes again, it is read again.
                 tell(f"left out: {error}")

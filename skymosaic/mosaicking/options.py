@@ -1,11 +1,11 @@
 """The options of a mosaic, and which of them apply to two photographs and which to more."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, TypedDict
 
 from skymosaic.common.errors import InputError
-from skymosaic.common.options import INPUT, MACHINE, MAP, PICTURE, document_options, option, options_of
+from skymosaic.common.options import INPUT, MACHINE, MAP, PICTURE, Checked, document_options, option, options_of
 from skymosaic.compositing.blend import Blending
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.picture.composition import MEMORY_BYTES
@@ -14,14 +14,12 @@ from skymosaic.maps.control_points import ControlPoints, load_control_points
 from skymosaic.maps.positions import Positions, load_positions
 from skymosaic.mosaicking.result import Mosaic
 from skymosaic.registration.options import (
-    FrontEndKeywords,
-    FrontEndOptions,
+    PhotographKeywords,
+    PhotographOptions,
     RegistrationKeywords,
     RegistrationOptions,
     Seeded,
     SeedKeywords,
-    WorkingSize,
-    WorkingSizeKeywords,
 )
 
 MEGABYTE = 1 << 20
@@ -31,7 +29,7 @@ LiveEstimator = Literal["prosac", "fabric"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class CanvasOptions:
+class CanvasOptions(Checked):
     """What is laid out, and how large it becomes: the same for a flight and for a live mosaic."""
 
     band: str | None = option(
@@ -40,7 +38,7 @@ class CanvasOptions:
     scale: float = option(1.0, "Canvas pixels per pixel of the reference photograph.", PICTURE, above=0, maximum=1)
     canvas_limit_px: int | None = option(
         None,
-        "Maximum canvas size; by default what the file can hold, or 250 megapixels of a live mosaic.",
+        "Maximum canvas size; by default what the file can hold.",
         PICTURE,
         unit=MEGAPIXEL,
         unit_name="megapixels",
@@ -48,17 +46,9 @@ class CanvasOptions:
     )
 
 
-class CanvasKeywords(TypedDict, total=False):
-    """The fields of `CanvasOptions` as keyword arguments."""
-
-    band: str | None
-    scale: float
-    canvas_limit_px: int | None
-
-
 @document_options
 @dataclass(frozen=True, kw_only=True)
-class LiveOptions(CanvasOptions, Seeded, WorkingSize, FrontEndOptions):
+class LiveOptions(CanvasOptions, Seeded, PhotographOptions):
     """How a mosaic grows while frames arrive."""
 
     estimator: LiveEstimator = option(
@@ -70,24 +60,9 @@ class LiveOptions(CanvasOptions, Seeded, WorkingSize, FrontEndOptions):
         return MosaicOptions(**vars(self))
 
 
-class LiveKeywords(FrontEndKeywords, WorkingSizeKeywords, SeedKeywords, CanvasKeywords, total=False):
-    """The fields of `LiveOptions` as keyword arguments."""
-
-    estimator: LiveEstimator
-
-
-@document_options
 @dataclass(frozen=True, kw_only=True)
-class MosaicOptions(CanvasOptions, RegistrationOptions):
-    """How photographs become a mosaic. Each option applies, or `check_for` refuses it with the reason.
-
-    ``lens`` comes from `skymosaic.imagery.lens.load_lens`, ``control_points`` from
-    `skymosaic.maps.control_points.load_control_points`, ``positions`` from `skymosaic.maps.positions.load_positions`.
-    The reference photograph of ``scale`` is the right one of two; of more it is the most connected one, without its
-    tilt. With a ``scheduler``, two photographs are registered here and blended there. ``repeat`` is a mosaic whose
-    transformations, links and lens are taken over for other photographs from the same places, in the same order:
-    another band, or another day.
-    """
+class SurveyOptions(Seeded, PhotographOptions):
+    """How the photographs of a flight are linked and laid out."""
 
     lens: Lens | None = option(
         None,
@@ -99,6 +74,42 @@ class MosaicOptions(CanvasOptions, RegistrationOptions):
             "mask": "Picture, black where photographs show no ground.",
         },
     )
+    control_points: ControlPoints | None = option(
+        None, "Ground control points instead of GPS, from OpenDroneMap's gcp_list.txt.", MAP, read=load_control_points
+    )
+    positions: Positions | None = option(
+        None,
+        "Positions of the cameras instead of GPS, from OpenDroneMap's geo.txt.",
+        MAP,
+        read=load_positions,
+        not_for_two="two photographs stay in the frame of the right one",
+    )
+    scheduler: str | None = option(None, "Dask scheduler, tcp://HOST:PORT or a scheduler file.", MACHINE)
+    cache: Path | None = option(
+        None,
+        "Folder that keeps features and links of flights for the next run; by default in the user's cache, up to 2 GB.",
+        MACHINE,
+        not_for_two="two photographs are registered anew each time",
+    )
+
+    def flight_settings(self) -> Settings:
+        """How the features of a flight's photographs are computed."""
+        return Settings(self.base_config, self.backend_name, self.working_width_px, self.lens or Lens())
+
+
+@document_options
+@dataclass(frozen=True, kw_only=True)
+class MosaicOptions(CanvasOptions, SurveyOptions, RegistrationOptions):
+    """How photographs become a mosaic. Each option applies, or `check_for` refuses it with the reason.
+
+    ``lens`` comes from `skymosaic.imagery.lens.load_lens`, ``control_points`` from
+    `skymosaic.maps.control_points.load_control_points`, ``positions`` from `skymosaic.maps.positions.load_positions`.
+    The reference photograph of ``scale`` is the right one of two; of more it is the most connected one, without its
+    tilt. With a ``scheduler``, two photographs are registered here and blended there. ``repeat`` is a mosaic whose
+    transformations, links and lens are taken over for other photographs from the same places, in the same order:
+    another band, or another day.
+    """
+
     blending: Blending | None = option(
         None,
         "How photographs are blended; by default distance for two, multiband along seams for more.",
@@ -120,16 +131,6 @@ class MosaicOptions(CanvasOptions, RegistrationOptions):
     gsd_m: float | None = option(
         None, "Metres on the ground per canvas pixel, instead of `scale`; needs GPS.", MAP, above=0
     )
-    control_points: ControlPoints | None = option(
-        None, "Ground control points instead of GPS, from OpenDroneMap's gcp_list.txt.", MAP, read=load_control_points
-    )
-    positions: Positions | None = option(
-        None,
-        "Positions of the cameras instead of GPS, from OpenDroneMap's geo.txt.",
-        MAP,
-        read=load_positions,
-        not_for_two="two photographs stay in the frame of the right one",
-    )
     memory_bytes: int = option(
         MEMORY_BYTES,
         "Limit of the decoded photographs kept at once.",
@@ -137,13 +138,6 @@ class MosaicOptions(CanvasOptions, RegistrationOptions):
         unit=MEGABYTE,
         unit_name="megabytes",
         minimum=64 * MEGABYTE,
-    )
-    scheduler: str | None = option(None, "Dask scheduler, tcp://HOST:PORT or a scheduler file.", MACHINE)
-    cache: Path | None = option(
-        None,
-        "Folder that keeps features and links of flights for the next run; by default in the user's cache, up to 2 GB.",
-        MACHINE,
-        not_for_two="two photographs are registered anew each time",
     )
     repeat: Mosaic | None = None
 
@@ -181,22 +175,36 @@ class MosaicOptions(CanvasOptions, RegistrationOptions):
                 raise InputError(f"{chosen}: {reason}; leave it out{advice}")
 
     def flight_settings(self) -> Settings:
-        """How the features of a flight's photographs are computed."""
+        """As `SurveyOptions.flight_settings`, for the method."""
         _, config = self.choose_method()
-        return Settings(config, self.backend_name, self.working_width_px, self.lens or Lens())
+        return replace(super().flight_settings(), config=config)
 
 
-class MosaicKeywords(RegistrationKeywords, CanvasKeywords, total=False):
+class CanvasKeywords(TypedDict, total=False):
+    """The fields of `CanvasOptions` as keyword arguments."""
+
+    band: str | None
+    scale: float
+    canvas_limit_px: int | None
+
+
+class LiveKeywords(CanvasKeywords, SeedKeywords, PhotographKeywords, total=False):
+    """The fields of `LiveOptions` as keyword arguments."""
+
+    estimator: LiveEstimator
+
+
+class MosaicKeywords(CanvasKeywords, RegistrationKeywords, total=False):
     """The fields of `MosaicOptions` as keyword arguments."""
 
     lens: Lens | None
+    control_points: ControlPoints | None
+    positions: Positions | None
+    scheduler: str | None
+    cache: Path | None
     blending: Blending | None
     warp: Warp
     all_groups: bool
     gsd_m: float | None
-    control_points: ControlPoints | None
-    positions: Positions | None
     memory_bytes: int
-    scheduler: str | None
-    cache: Path | None
     repeat: Mosaic | None

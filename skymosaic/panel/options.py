@@ -10,7 +10,7 @@ from typing import Any
 from golden_model.config import Config, preset_config
 from golden_model.fuzzy.rules import MatchRules
 from skymosaic.common.errors import InputError
-from skymosaic.common.options import options_of, respell
+from skymosaic.common.options import INPUT, options_of, respell
 from skymosaic.features.detectors import FRONT_END_DETECTORS
 from skymosaic.features.methods import choose_method
 from skymosaic.mosaicking.options import MosaicOptions
@@ -19,7 +19,10 @@ AUTOMATIC, OWN = "automatic", "own"
 """What the page shows for the library's default blending, which is None, and for rules that are none of the names."""
 HARDWARE = ("rtl",)
 """A board is offered with its address."""
-LABELLED = {each.name: each for each in options_of(MosaicOptions) if each.label}
+# What happens to damaged files is asked last.
+LABELLED = {
+    each.name: each for each in sorted(options_of(MosaicOptions), key=lambda each: each.group == INPUT) if each.label
+}
 """The options that the page has."""
 OPTION_VALUES = {each.name: each.choices for each in LABELLED.values() if each.choices}
 OPTION_VALUES |= {"blending": (AUTOMATIC, *OPTION_VALUES["blending"]), "backend": ("golden", *HARDWARE)}

@@ -14,10 +14,10 @@ from golden_model.feature.ilbp import PATTERNS
 from golden_model.fuzzy.rules import MatchRules, load_rules
 from sim.backends.interface import Backend, BackendName, Progress, load_backend, silent
 from skymosaic.common.errors import InputError
-from skymosaic.common.options import INPUT, MACHINE, document_options, option, options_of
+from skymosaic.common.options import INPUT, MACHINE, Checked, document_options, option
 from skymosaic.features.descriptors import Descriptor
 from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS, Detector
-from skymosaic.features.methods import HostBackend, Method, choose_method, load_backend_for
+from skymosaic.features.methods import HostBackend, Method, choose_method
 from skymosaic.geometry.estimators import FUZZY_RANSAC, PROSAC, Estimator
 
 WORKING_WIDTH_PX = 1280
@@ -45,12 +45,9 @@ def read_rules(given: str) -> RuleBase | MatchRules:
     raise InputError(f"`rules` is {given!r}; valid: {', '.join(RULE_BASES)}, or an .fll file")
 
 
-# Below each class, its fields as keyword arguments: type checkers cannot derive a TypedDict from a dataclass, so a test
-# holds the two together.
-@document_options
 @dataclass(frozen=True, kw_only=True)
-class FrontEndOptions:
-    """What computes features and matches."""
+class ConfigOptions(Checked):
+    """What is computed."""
 
     preset: Preset = option("aerial", "The project's own algorithm, or what the thesis describes.", label="Preset")
     config: Config | None = option(
@@ -62,25 +59,6 @@ class FrontEndOptions:
         label="Fuzzy rules",
         read=read_rules,
     )
-    backend: BackendName | Backend = option(
-        "golden", "What computes features and matches; rtl simulates the hardware.", MACHINE, label="Backend"
-    )
-    address: str | None = option(None, "The board, HOST[:PORT], for `backend` board.", MACHINE)
-
-    def check(self) -> None:
-        """Refuse what is not valid.
-
-        Raises
-        ------
-        InputError
-            For an unknown name, an impossible value or an impossible combination; the message is one line.
-        """
-        for each in options_of(type(self)):
-            each.check(getattr(self, each.name))
-        if self.address is None and self.backend == "board":
-            raise InputError("`backend` board: the address of the board is missing; give it with `address`")
-        if self.address is not None and self.backend != "board":
-            raise InputError(f"`address` {self.address} is for a board; choose `backend` board, or leave it out")
 
     @property
     def base_config(self) -> Config:
@@ -89,6 +67,24 @@ class FrontEndOptions:
         if self.rules is None:
             return config
         return replace(config, matcher=replace(config.matcher, rule_base=self.rules))
+
+
+@dataclass(frozen=True, kw_only=True)
+class BackendOptions(Checked):
+    """What computes it."""
+
+    backend: BackendName | Backend = option(
+        "golden", "What computes features and matches; rtl simulates the hardware.", MACHINE, label="Backend"
+    )
+    address: str | None = option(None, "The board, HOST[:PORT], for `backend` board.", MACHINE)
+
+    def check(self) -> None:
+        """Refuse what is not valid; a board has an address, and nothing else has."""
+        super().check()
+        if self.address is None and self.backend == "board":
+            raise InputError("`backend` board: the address of the board is missing; give it with `address`")
+        if self.address is not None and self.backend != "board":
+            raise InputError(f"`address` {self.address} is for a board; choose `backend` board, or leave it out")
 
     @property
     def backend_name(self) -> str:
@@ -102,24 +98,23 @@ class FrontEndOptions:
         """Whether the backend takes frames of one size in a run, as a board does."""
         return self.backend == "board" if isinstance(self.backend, str) else self.backend.takes_one_size
 
-    def load_backend(self) -> Backend:
-        """Load the backend, for a method that all backends compute."""
-        return load_backend(self.backend_name) if isinstance(self.backend, str) else self.backend
-
-
-class FrontEndKeywords(TypedDict, total=False):
-    """The fields of `FrontEndOptions`."""
-
-    preset: Preset
-    config: Config | None
-    rules: RuleBase | MatchRules | None
-    backend: BackendName | Backend
-    address: str | None
+    def open_backend(self, method: Method | None = None, progress: Progress = silent) -> Backend:
+        """Load the backend, or the one that computes ``method``; ``progress`` receives lines about a first build."""
+        if not isinstance(self.backend, str):
+            return self.backend
+        if method is not None and not method.on_accelerator:
+            return HostBackend(method)
+        return load_backend(self.backend_name, progress=progress)
 
 
 @dataclass(frozen=True, kw_only=True)
-class WorkingSize:
-    """The size at which photographs are registered."""
+class FrontEndOptions(ConfigOptions, BackendOptions):
+    """How features and matches are computed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhotographOptions(FrontEndOptions):
+    """How photographs come to the front end."""
 
     working_width_px: int = option(
         WORKING_WIDTH_PX,
@@ -127,30 +122,29 @@ class WorkingSize:
         minimum=MIN_FRAME_PX,
         maximum=MAX_FRAME_PX,
     )
+    damaged: Damaged = option(
+        "refuse",
+        "A damaged JPEG or TIFF: refuse it (a flight leaves it out), or keep what can be decoded.",
+        INPUT,
+        label="Damaged file",
+    )
 
-
-class WorkingSizeKeywords(TypedDict, total=False):
-    """The fields of `WorkingSize`."""
-
-    working_width_px: int
+    @property
+    def keeps_damaged(self) -> bool:
+        """Whether damaged photographs are used as far as they can be decoded."""
+        return self.damaged == "keep"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seeded:
-    """What draws random samples."""
+class Seeded(Checked):
+    """What draws samples at random."""
 
     seed: int = option(0, "Seed of the robust estimator.", minimum=0)
 
 
-class SeedKeywords(TypedDict, total=False):
-    """The fields of `Seeded`."""
-
-    seed: int
-
-
 @document_options
 @dataclass(frozen=True, kw_only=True)
-class FeatureOptions(WorkingSize, FrontEndOptions):
+class FeatureOptions(PhotographOptions):
     """How the features of one photograph are computed."""
 
     detector: Detector | None = option(
@@ -161,15 +155,9 @@ class FeatureOptions(WorkingSize, FrontEndOptions):
     descriptor: Descriptor | None = option(
         None, "Descriptor; by default as configured, or what suits the detector.", label="Descriptor"
     )
-    damaged: Damaged = option(
-        "refuse",
-        "A damaged JPEG or TIFF: refuse it (a flight leaves it out), or keep what can be decoded.",
-        INPUT,
-        label="Damaged file",
-    )
 
     def check(self) -> None:
-        """Check as `FrontEndOptions.check`, and the method."""
+        """Refuse what is not valid, and methods that do not exist or not on the backend."""
         if str(self.detector) == "freak":
             raise InputError(
                 f"freak is a descriptor, no detector; name it as `descriptor`, with {', '.join(DETECTORS)}"
@@ -183,15 +171,6 @@ class FeatureOptions(WorkingSize, FrontEndOptions):
                 f"{method.detector} with {method.descriptor} runs on the host; leave out `backend`"
             )
 
-    @property
-    def keeps_damaged(self) -> bool:
-        """Whether damaged photographs are used as far as they can be decoded."""
-        return self.damaged == "keep"
-
-    def open_backend(self, method: Method, progress: Progress = silent) -> Backend:
-        """Load the backend that computes ``method``; ``progress`` receives lines about a simulation's first build."""
-        return load_backend_for(method, self.backend_name, progress) if isinstance(self.backend, str) else self.backend
-
     def choose_method(self) -> tuple[Method, Config]:
         """Choose detector and descriptor, and adapt the configuration to them.
 
@@ -204,14 +183,6 @@ class FeatureOptions(WorkingSize, FrontEndOptions):
         if self.rules is not None and config.matcher.rule_base != self.rules:
             raise InputError(f"`rules` decide matches of ILBP descriptors, not of {method.descriptor}; leave one out")
         return method, config
-
-
-class FeatureKeywords(FrontEndKeywords, WorkingSizeKeywords, total=False):
-    """The fields of `FeatureOptions`."""
-
-    detector: Detector | None
-    descriptor: Descriptor | None
-    damaged: Damaged
 
 
 @document_options
@@ -246,7 +217,7 @@ class RegistrationOptions(Seeded, FeatureOptions):
 
     @property
     def base_config(self) -> Config:
-        """As that of `FrontEndOptions`; fuzzy RANSAC has rules of its own, which replace those of the matcher."""
+        """As that of `ConfigOptions`; fuzzy RANSAC has rules of its own, which replace those of the matcher."""
         config = super().base_config
         if self.estimator != FUZZY_RANSAC:
             return config
@@ -278,6 +249,37 @@ class RegistrationOptions(Seeded, FeatureOptions):
                 f"not {method.descriptor} and {self.estimator}; leave it out or choose fast"
             )
         return self.effort or ("normal" if has_passes else "fast")
+
+
+# The same as keyword arguments. Type checkers cannot derive a TypedDict from a dataclass; a test holds them together.
+class SeedKeywords(TypedDict, total=False):
+    """The fields of `Seeded`."""
+
+    seed: int
+
+
+class FrontEndKeywords(TypedDict, total=False):
+    """The fields of `FrontEndOptions`."""
+
+    preset: Preset
+    config: Config | None
+    rules: RuleBase | MatchRules | None
+    backend: BackendName | Backend
+    address: str | None
+
+
+class PhotographKeywords(FrontEndKeywords, total=False):
+    """The fields of `PhotographOptions`."""
+
+    working_width_px: int
+    damaged: Damaged
+
+
+class FeatureKeywords(PhotographKeywords, total=False):
+    """The fields of `FeatureOptions`."""
+
+    detector: Detector | None
+    descriptor: Descriptor | None
 
 
 class RegistrationKeywords(FeatureKeywords, SeedKeywords, total=False):

@@ -134,7 +134,7 @@ class Tracker:
         options.check()
         self._template = template if isinstance(template, Roi) else load(template, "template").pixels
         self._config = options.base_config
-        self._front_end: Backend | None = options.load_backend()
+        self._front_end: Backend | None = options.open_backend()
         self._rng = np.random.default_rng(options.seed)
         self._on_frame = on_frame
         self._track: _Track | None = None

@@ -24,10 +24,12 @@ class FullError(InputError):
 class KeptFrames:
     """What can be read again of a live mosaic's frames, by their numbers.
 
-    Pixels without a file are written losslessly, as PNG, to a folder that goes with this object.
+    Pixels without a file are written losslessly, as PNG, to a folder that goes with this object. ``keep_damaged``: of
+    damaged files, what can be decoded is used.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, keep_damaged: bool = False) -> None:
+        self._keep_damaged = keep_damaged
         self._sources: dict[int, Source] = {}
         self._digests: dict[int, str] = {}
         self._folders = contextlib.ExitStack()
@@ -46,7 +48,7 @@ class KeptFrames:
         InputError
             For a file that cannot be read.
         """
-        source = Source(number, name, file or self._store(number, pixels))
+        source = Source(number, name, file or self._store(number, pixels), keep_damaged=self._keep_damaged)
         self._sources[number], self._digests[number] = source, source.digest
 
     def read(self, number: int) -> Source:

@@ -102,11 +102,11 @@ class LiveMosaic:
         self._options = options = dataclasses.replace(options or LiveOptions(), **changes)
         options.check()
         self._config = options.base_config
-        self._front_end = options.load_backend()
+        self._front_end = options.open_backend()
         by_chip = options.estimator == FABRIC
         self._chain = RecordChain(self._front_end, self._config, options.seed) if by_chip else None
         self.stands_still = False
-        self._kept = KeptFrames()
+        self._kept = KeptFrames(keep_damaged=options.keeps_damaged)
         self._submaps: list[Submap] = []
         self._frames: list[tuple[str, str]] = []
         """Name of each frame, and why it was left out."""
@@ -182,7 +182,7 @@ class LiveMosaic:
         name = name or str(path or f"frame {number}")
         frame, placement, transform, reason = None, None, None, ""
         try:
-            pixels = load(image, "frame").pixels
+            pixels = load(image, "frame", keep_damaged=self._options.keeps_damaged).pixels
             taken = taken or (read_metadata(path) if path else Metadata())
             frame = self._describe(pixels, features, name, taken)
             self._kept.keep(number, name, pixels, file or path)

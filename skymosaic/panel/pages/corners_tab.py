@@ -11,7 +11,6 @@ import numpy as np
 from nicegui import background_tasks, ui
 
 from golden_model.arrays import Pixels, Records
-from skymosaic.features.methods import load_backend_for
 from skymosaic.panel.options import Options, fault_of
 from skymosaic.panel.pages import drawings
 from skymosaic.panel.results import Decoded, Picture, side_by_side
@@ -92,7 +91,7 @@ class CornersTab:
 def detect(pictures: Sequence[Path], options: Options) -> list[Records]:
     """Detect the features of working pictures; one array of records each, equal to that of a run with these options."""
     method, config = options.choose_method()
-    front_end = load_backend_for(method, "golden")
+    front_end = options.changed("backend", "golden").open_backend(method)
     while True:
         results = [extract_within_capacity(front_end, [_read(picture)], config) for picture in pictures]
         raised = next((used for _, used in results if used != config), None)

@@ -33,7 +33,7 @@ from skymosaic.panel.options import Options, backend_options
 from skymosaic.panel.results import RULES, HardwareResult, Link, MosaicResult, Picture, side_by_side
 from skymosaic.panel.steps import Progress
 from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, show_mosaic
-from skymosaic.registration.options import FeatureOptions
+from skymosaic.registration.options import PhotographOptions
 from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register
 from skymosaic.reports.flight import describe_bands, describe_map, write_report
@@ -197,7 +197,7 @@ def compare_hardware(
     _, config = options.choose_method()
     left, right = (folder / path for path in paths)
     progress(f"computing with the golden model and with {backend}")
-    chosen = replace(FeatureOptions(config=config, damaged=options.damaged), **backend_options(backend))
+    chosen = replace(PhotographOptions(config=config, damaged=options.damaged), **backend_options(backend))
     comparison = compare(left, right, chosen, progress=progress)
     _write(folder, {"hardware.json": json.dumps(comparison.summary(), indent=2) + "\n"})
     words = ["skymosaic", "compare", *paths, *command_words(chosen, {"config": CONFIG})]

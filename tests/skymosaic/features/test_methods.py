@@ -14,9 +14,10 @@ from skymosaic.features.detectors import (
     DETECTORS,
     FRONT_END_DETECTORS,
 )
-from skymosaic.features.methods import HostBackend, Method, choose_method, load_backend_for
+from skymosaic.features.methods import HostBackend, Method, choose_method
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply
+from skymosaic.registration.options import FeatureOptions
 from skymosaic.registration.register import register
 
 FLIGHT = make_pair(seed=1)
@@ -37,7 +38,7 @@ def test_every_combination_speaks_the_front_ends_language(
     # Small crops: the language is tested here, not the quality.
     frames = [image[100:260, 100:300] for image in images]
     method, config = choose_method(config, detector, descriptor)
-    left, right = load_backend_for(method, "golden").run(frames, config)
+    left, right = FeatureOptions().open_backend(method).run(frames, config)
     assert right.matches.dtype == MATCH.dtype
     window_bytes = left.features.dtype["window"].shape[0] if "window" in (left.features.dtype.names or ()) else 0
     record = feature_record(left.features.dtype["descriptor"].shape[0], window_bytes)

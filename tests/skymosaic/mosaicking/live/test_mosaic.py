@@ -19,6 +19,7 @@ from skymosaic.maps.georeference import project_to_utm
 from skymosaic.mosaicking.live.mosaic import LiveMosaic
 from skymosaic.mosaicking.live.run import grow
 from skymosaic.mosaicking.live.update import LiveUpdate
+from skymosaic.mosaicking.options import LiveOptions
 from tests.skymosaic.conftest import IMAGES, SIZE
 from tests.skymosaic.mosaicking.live.conftest import pair_errors_px
 
@@ -196,6 +197,18 @@ def test_a_frame_that_is_no_picture_is_left_out_with_the_reason(
     (tmp_path / "m.png").touch()
     with pytest.raises(InputError, match="exists"):
         live.save(tmp_path / "m.png")
+
+
+def test_a_damaged_frame_is_kept_where_that_is_asked_for(frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
+    data = bytearray(cv2.imencode(".jpg", frames[2])[1].tobytes())
+    data[len(data) // 2 : len(data) // 2 + 400] = bytes(400)
+    damaged = tmp_path / "damaged.jpg"
+    damaged.write_bytes(data)
+    for options, composed in ((LiveOptions(), 2), (LiveOptions(damaged="keep"), 3)):
+        live = LiveMosaic(options)
+        updates = [live.add(frame) for frame in (frames[0], frames[1], damaged)]
+        assert ("damaged" in updates[2].reason) == (composed == 2)
+        assert len(live.save(tmp_path / f"{composed}.png").composition.placements) == composed
 
 
 def test_frames_with_gps_lie_on_the_map(flight: Flight, frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
