@@ -81,7 +81,7 @@ def describe_options() -> str:
             words = [each.help, *([f"Valid: {each.valid}."] if each.valid else [])]
             words += [f"Only for more than two: {each.not_for_two}."] if each.not_for_two else []
             words += [f"Only for two photographs: {each.not_for_more}."] if each.not_for_more else []
-            words += [f"Also of {' and '.join(also)}."] if also else []
+            words += [f"Also of {', '.join(also)}."] if also else []
             flag = f"{each.flags} {each.unit_name.upper()}".rstrip()
             parts.append(f"| `{each.name}` | `{flag}` | `{each.default!r}` | {' '.join(words)} |")
         parts.append("")

@@ -62,7 +62,7 @@ class LiveMosaic:
     Parameters
     ----------
     options : LiveOptions, optional
-        ``band`` is for who chooses the frames: all that `add` gets are taken.
+        ``band`` is for whoever chooses the frames: all that `add` gets are taken.
     on_frame : callable, optional
         Receives the `LiveUpdate` of each frame. What it raises leaves `add`; the frame stays in the mosaic.
     **changes

@@ -64,6 +64,9 @@ def test_a_flight_has_fewer_options_than_a_pair() -> None:
         changed = aerial.changed(name, value)
         assert fault_of(changed) == ""
         assert "keep only two photographs" in fault_of(changed, 3)
+    # By the names that the page shows.
+    assert fault_of(aerial.changed("estimator", "magsac"), 3).startswith("Estimator magsac: ")
+    assert fault_of(aerial.changed("refine", True), 3).startswith("Refit to the overlap: ")
 
 
 def test_a_backend_that_does_not_compute_the_method_is_refused() -> None:
