@@ -172,7 +172,7 @@ def test_a_flight_of_16_bits_keeps_its_numbers(flight: Flight, tmp_path: Path) -
     ("options", "says"),
     [
         ({"refine": True}, "refined by all links"),
-        ({"estimator": "magsac"}, "leave out --estimator"),
+        ({"estimator": "magsac"}, "leave it out, or keep only two"),
         ({"detector": "sift"}, "Harris or FAST with ILBP"),
         ({"all_groups": True}, "mosaics()"),
     ],
@@ -253,7 +253,7 @@ def test_a_canvas_beyond_the_limit_is_reduced_to_it_and_says_so(folder: Path) ->
     result = mosaic([folder], canvas_limit_px=100_000)
     height_px, width_px = result.image.shape[:2]
     assert 95_000 < height_px * width_px <= 100_000
-    assert re.search(r"reduced from \d+x\d+ to .*--canvas-limit is 0.1 megapixels.*--scale", result.composition.reduced)
+    assert re.search(r"reduced from \d+x\d+ to .*the limit is 0.1 megapixels.*`scale`", result.composition.reduced)
     assert result.image.any(axis=2).mean() > 0.5
 
 
