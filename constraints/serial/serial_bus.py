@@ -100,11 +100,9 @@ class SerialBus:
             if time.monotonic() > end:
                 raise AcceleratorError("the board does not answer; check the port, and load the bitstream")
             self._fetch(1)
-        response, data = self._answers.pop(0)
-        if response & LOST:
+        status, data = self._answers.pop(0)
+        if status & LOST:
             raise AcceleratorError("bytes were lost on the way to the board; send the frame again")
-        if response:
-            raise AcceleratorError("the board has no such register; load the bitstream of the same export")
         return data
 
     def _send(self, data):

@@ -19,8 +19,8 @@ _TO_HARDWARE = (Access.SETTING, Access.EVENT, Access.REQUEST, Access.COMMAND)
 class RegisterFile(wiring.Component):
     """Gives software the registers, and hardware a port for each of their fields.
 
-    An access to an unknown address, or a write to a register without a writable field, has no effect and gets the
-    response SLVERR. Byte strobes are respected; the two lowest address bits are ignored.
+    An unknown address reads 0, and a write to it or to a register without a writable field has no effect. Byte strobes
+    are respected; the two lowest address bits are ignored.
 
     Parameters
     ----------
@@ -78,12 +78,10 @@ class RegisterFile(wiring.Component):
             for field in register.fields:
                 bits = slice(field.low, field.low + field.bits)
                 self._update(m, field, writes, bus.o_data[bits], strobes[bits])
-        writable = {r.offset // 4 for r in self.registers for field in r.fields if field.access in _TO_HARDWARE}
-        m.d.comb += bus.i_write_known.eq(bus.o_write_word.matches(*sorted(writable)))
         with m.Switch(bus.o_read_word):
             for register in self.registers:
                 with m.Case(register.offset // 4):
-                    m.d.comb += [bus.i_read_known.eq(1), bus.i_data.eq(self._word(register))]
+                    m.d.comb += bus.i_data.eq(self._word(register))
         events = self._fields(Access.EVENT)
         masked = [getattr(self, f"o_{event.name}") & getattr(self, f"o_{event.name}_mask") for event in events]
         m.d.comb += self.o_interrupt.eq(Cat(masked).any())

@@ -33,7 +33,7 @@ class Message(enum.IntEnum):
     """First byte of a message from the board."""
 
     ANSWER = ord("A")
-    """To a read or a write: a byte with AXI's response, whose bit 7 says that bytes were lost, and four of data."""
+    """To a read or a write: a byte whose bit 7 says that bytes were lost, and four of data."""
     FEATURES = 0x10
     """Eight bytes follow, a word of the packet of features."""
     MATCHES = 0x20
@@ -188,7 +188,7 @@ class SerialLink(wiring.Component):
             m.d.comb += bus.arvalid.eq(~command.addressed)
             m.d.sync += command.addressed.eq(command.addressed | bus.arready)
             with m.If(bus.rvalid):
-                m.d.sync += [has_answer.eq(1), answer.eq(Cat(bus.rresp, Const(0, 6), bus.rdata))]
+                m.d.sync += [has_answer.eq(1), answer.eq(Cat(Const(0, 8), bus.rdata))]
                 m.next = "ANSWER"
         with m.State("WRITE"):
             m.d.comb += [bus.awvalid.eq(~command.addressed), bus.wvalid.eq(~command.written)]
@@ -197,7 +197,7 @@ class SerialLink(wiring.Component):
                 command.written.eq(command.written | bus.wready),
             ]
             with m.If(bus.bvalid):
-                m.d.sync += [has_answer.eq(1), answer.eq(bus.bresp)]
+                m.d.sync += [has_answer.eq(1), answer.eq(0)]
                 m.next = "ANSWER"
         with m.State("ANSWER"), m.If(~has_answer):
             m.next = "COMMAND"
@@ -208,7 +208,6 @@ class SerialLink(wiring.Component):
         left = Signal(range(WORD_MESSAGE_BYTES + 1))
         taken = Signal()
         free = left == 0
-        # The flag goes into the unused upper bits of the response.
         lost = Cat(Const(0, LOST_BIT), self.o_has_lost, Const(0, len(answer) - LOST_BIT - 1))
         m.d.comb += [self.o.valid.eq(~free), self.o.payload.eq(message[:8])]
         with m.If(self.o.valid & self.o.ready):

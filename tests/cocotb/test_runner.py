@@ -13,7 +13,7 @@ ON_ICARUS = {
     "settings": ("size_and_mode_written_in_mid_frame",),
     "access": (
         "settings_are_kept_byte_by_byte",
-        "other_accesses_are_refused",
+        "other_accesses_read_0_and_change_nothing",
         "the_interrupt_marks_the_end_of_a_packet",
     ),
 }
@@ -38,6 +38,12 @@ def test_every_case_passes(tmp_path: Path, cases: str) -> None:
 @pytest.mark.parametrize("cases", ON_ICARUS)
 def test_chosen_cases_pass_on_icarus(tmp_path: Path, cases: str) -> None:
     assert run(cases, tmp_path, "icarus", *ON_ICARUS[cases]) == set(ON_ICARUS[cases])
+
+
+@pytest.mark.slow
+@pytest.mark.needs("icarus")
+def test_random_accesses_to_the_top_of_a_kit(tmp_path: Path) -> None:
+    assert run("kit", tmp_path, "icarus") == {"two_hundred_random_accesses"}
 
 
 def test_a_case_that_fails_is_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

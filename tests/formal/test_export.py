@@ -20,6 +20,7 @@ from golden_model.records import MATCH, WORD_BYTES
 from hdl import accelerator
 from hdl.axi.axi_lite import Response
 from hdl.axi.video_input import VideoPayload
+from hdl.build import Build
 from hdl.streams import FRONT_END_SETTINGS, WordPayload
 from tests.formal.proofs import happened, prove
 
@@ -54,7 +55,7 @@ class _Cut(wiring.Component):
         return m
 
 
-def _front_end(**_parameters: object) -> _Cut:
+def _front_end(_build: Build) -> _Cut:
     frames = {"o_frame_starts": Out(1), "o_frame_ends": Out(1)}
     inputs = {"i_video": In(stream.Signature(VideoPayload)), "settings": In(FRONT_END_SETTINGS)}
     return _Cut({**inputs, **frames, "o_features": Out(WORDS)}, "o_features", FEATURE_WORDS)
@@ -74,7 +75,7 @@ class _Ports(Elaboratable):
     """
 
     def __init__(self) -> None:
-        self.dut = dut = accelerator.Accelerator(config=CONFIG)
+        self.dut = dut = accelerator.Accelerator(Build(config=CONFIG))
         bus = dut.control
         self.ports = [
             dut.i_reset, dut.i_video.valid, dut.i_video.payload.as_value(), dut.o_features.ready, dut.o_matches.ready,
@@ -130,7 +131,7 @@ class _Ports(Elaboratable):
         m.d.comb += Assert(clocks != ANSWER_CYCLES)
 
     def _answers(self, m: Module) -> None:
-        """One response for each access, none without one; each comes soon, and says that it went well or failed."""
+        """One response for each access, none without one; each comes soon, and is OKAY."""
         bus = self.dut.control
         written, read = bus.bvalid & bus.bready, bus.rvalid & bus.rready
         addresses = self._waiting(m, bus.awvalid & bus.awready, written)
@@ -143,7 +144,7 @@ class _Ports(Elaboratable):
             (bus.rvalid, bus.rresp, reads != 0),
         ):
             with m.If(valid & ~self.rests):
-                m.d.comb += Assert(allowed & response.matches(*Response))
+                m.d.comb += Assert(allowed & (response == Response.OKAY))
         self._soon(m, (addresses != 0) & (words != 0) & ~bus.bvalid)
         self._soon(m, (reads != 0) & ~bus.rvalid)
         for valid, ready, waiting in (
@@ -155,7 +156,6 @@ class _Ports(Elaboratable):
         m.d.comb += [
             Cover(happened(m, written, most=2) == 2),
             Cover(happened(m, read, most=2) == 2),
-            Cover(written & (bus.bresp == Response.SLVERR)),
         ]
 
     def _packets(self, m: Module, packets: stream.Interface, record_words: int) -> None:

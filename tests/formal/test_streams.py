@@ -46,7 +46,7 @@ class _AxiLiteContract(Elaboratable):
         bus = self.block.bus
         self.ports = [
             bus.awaddr, bus.awvalid, bus.wdata, bus.wstrb, bus.wvalid, bus.bready, bus.araddr, bus.arvalid, bus.rready,
-            self.block.i_data, self.block.i_write_known, self.block.i_read_known,
+            self.block.i_data,
         ]  # fmt: skip
 
     def elaborate(self, platform: object) -> Module:

@@ -68,7 +68,6 @@ def programs() -> Iterator[Any]:
     ("answer", "message"),
     [
         (b"A\x80\0\0\0\0", "bytes were lost"),
-        (b"A\x02\0\0\0\0", "no such register"),
         (b"login: ", "not from the accelerator"),
         (b"", "does not answer"),
     ],
