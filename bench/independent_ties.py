@@ -22,7 +22,8 @@ from bench.report import JsonFile, Row, report
 from golden_model.arrays import Array, Matrix, Points
 from golden_model.pixel.gray import to_gray
 from skymosaic.flight.flight import Flight
-from skymosaic.flight.layout.layout import Layout, outline, overlap
+from skymosaic.flight.layout.extent import outline, overlap
+from skymosaic.flight.layout.layout import Layout
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.imagery.images import reduce_to_width
 from skymosaic.mosaicking.api import open_plan

@@ -19,6 +19,8 @@ from skymosaic.geometry.homography import apply, rescale, resize_matrix
 
 CANVAS_LIMIT_PX = 250_000_000
 """Default limit on the area of a canvas."""
+FAR_AWAY_PX = 1e12
+"""No mosaic is so large; a corner that lies farther away is one at the horizon."""
 TILE_PX = 1024
 """Side of the tiles that are warped at once. They fit the processor's cache and OpenCV's size limit of 32767 px."""
 ROUNDING_PX = 1e-6
@@ -156,9 +158,11 @@ def footprint(size: tuple[int, int], transform: Array, least_nearness: float = 0
     Raises
     ------
     CanvasError
-        If a corner of the image maps to a point behind the camera.
+        If a corner of the image maps to a point behind the camera, or about as far away.
     """
     mapped = apply(transform, outline(size, transform, least_nearness))
+    if not np.abs(mapped).max() < FAR_AWAY_PX:
+        raise CanvasError(f"an image of {size[0]}x{size[1]} px would reach to the horizon")
     first = np.ceil(mapped.min(axis=0) - ROUNDING_PX)
     last = np.floor(mapped.max(axis=0) + ROUNDING_PX)
     return Canvas(int(first[0]), int(first[1]), int(last[0] - first[0]) + 1, int(last[1] - first[1]) + 1)

@@ -16,7 +16,7 @@ from scipy import sparse
 from scipy.spatial import KDTree
 
 from golden_model.arrays import Array
-from skymosaic.flight.layout.layout import outline, overlap
+from skymosaic.flight.layout.extent import outline, overlap
 from skymosaic.flight.layout.normal_equations import factor_symmetric
 from skymosaic.flight.linking.links import Candidate, Link
 from skymosaic.flight.linking.view import View

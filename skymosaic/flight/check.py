@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.flight import BLURRED, Flight
-from skymosaic.flight.layout.layout import Layout, groups, outline, overlap
+from skymosaic.flight.layout.extent import outline, overlap
+from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.layout.linked_group import groups
 from skymosaic.flight.linking.links import Link
 from skymosaic.imagery.photographs import short_names
 
@@ -20,6 +22,8 @@ WEAK_OVERLAP = 0.2
 
 MAX_CONTRADICTING = 0.02
 """Share of links that contradict the layout above which it may be wrong: few links of distinct ground are false."""
+MAX_RELIEF = 1 / 3
+"""Share of the matches off the plane above which the scene is none: flights over villages have up to a quarter."""
 MAX_ERROR_PX = 10.0
 """Median error beyond which a photograph lies wrong, or shows ground too far from flat for its place in the mosaic."""
 WORST_NAMED = 3
@@ -196,7 +200,7 @@ def _problems_of_all(flight: Flight) -> Iterator[str]:
         yield f"{standing} pairs: {STANDS_STILL}"
     if len(flight.layouts) > 1:
         sizes = ", ".join(str(len(layout.members)) for layout in flight.layouts)
-        yield f"{len(flight.layouts)} groups without a link between them ({sizes} photographs): fly again between them"
+        yield f"{len(flight.layouts)} groups that no link joins for sure ({sizes} photographs): fly again between them"
     for layout in flight.layouts:
         yield from doubts(flight, layout)
         yield from _weakly_linked(flight, layout)
@@ -206,13 +210,20 @@ def _problems_of_all(flight: Flight) -> Iterator[str]:
 
 
 def doubts(flight: Flight, layout: Layout) -> Iterator[str]:
-    """A line if so many links contradict the layout that it may be wrong, and a line if photographs are far off."""
+    """A line each if the scene is no plane, if many links contradict the layout, and if photographs are far off."""
     names = short_names([view.name for view in flight.views])
     false, count = layout.contradicting, len(layout.links) + len(layout.contradicting)
     if len(false) > MAX_CONTRADICTING * count:
         ends = Counter(end for link in false for end in (link.left, link.right))
         worst = ", ".join(names[view] for view, _ in ends.most_common(WORST_NAMED))
         yield f"{len(false)} of {count} links contradict the layout (most at {worst}): look at the mosaic there"
+    if layout.accuracy is not None and layout.relief > MAX_RELIEF:
+        whole = layout.accuracy.whole
+        yield (
+            f"the scene is no plane: {layout.relief:.0%} of the matches lie 3 to 12 px off it, and those that the "
+            f"layout did not use are off by {whole.median_px:.1f} px, one in ten beyond {whole.ninety_px:.0f} px; "
+            "what rises above the ground is displaced or doubled"
+        )
     errors = {} if layout.accuracy is None else layout.accuracy.photographs
     far_off = [
         f"{names[view]} by {each.median_px:.0f} px" for view, each in errors.items() if each.median_px > MAX_ERROR_PX

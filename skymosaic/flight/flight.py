@@ -113,8 +113,12 @@ class Flight:
     def absent_from(self, layout: Layout) -> dict[int, str]:
         """Photographs that are not in a layout, by their index among those given, with the reason."""
         absent = dict(self.left_out)
-        for other in self.layouts:
-            for source in (self.sources[member] for member in other.members if other is not layout):
-                group = f"another group of {len(other.members)} photographs"
-                absent[source.index] = f"{source.name}: in {group}, which nothing links to this one"
+        group = {member: each for each in self.layouts for member in each.members}
+        ends = [{group.get(link.left), group.get(link.right)} for link in self.links if link.holds]
+        for member, other in group.items():
+            if other is not layout:
+                joining = ends.count({layout, other})
+                why = f"whose links to it ({joining}) contradict" if joining else "which nothing links to this one"
+                name, index = self.sources[member].name, self.sources[member].index
+                absent[index] = f"{name}: in another group of {len(other.members)} photographs, {why}"
         return dict(sorted(absent.items()))

@@ -10,7 +10,8 @@ from skymosaic.common.errors import InputError
 from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.flight import candidates
 from skymosaic.flight.flight import Flight
-from skymosaic.flight.layout.layout import Layout, groups, lay_out, rough_transforms
+from skymosaic.flight.layout.layout import Layout, lay_out, rough_transforms
+from skymosaic.flight.layout.linked_group import groups
 from skymosaic.flight.layout.self_calibration import (
     Calibration,
     calibrate,
@@ -98,7 +99,8 @@ def survey(
     layouts, alone = lay_out_all(views, parts, links, link_nearby)
     views = surveyor.fetch_thumbnails(views)
     clock.lap("layout")
-    left_out |= {usable[view].index: _why_alone(view, views, links.values()) for view in alone}
+    for view, reason in alone.items():
+        left_out[usable[view].index] = f"{views[view].name}: {reason or _why_alone(view, views, links.values())}"
     flight = Flight(
         names=tuple(source.name for source in sources),
         sources=usable,
@@ -208,27 +210,31 @@ def lay_out_all(
     parts: Sequence[list[int]],
     links: dict[Candidate, Link],
     link_nearby: Callable[[Layout], dict[Candidate, Link]],
-) -> tuple[list[Layout], list[int]]:
-    """The layouts of all parts of a flight, and the views that are in none of them.
+) -> tuple[list[Layout], dict[int, str]]:
+    """The layouts of all parts of a flight, and the views that are in none of them, with the reason if it is known.
 
     What ``link_nearby`` finds by a layout is added to ``links``, and the layout is made again.
     """
     layouts: list[Layout] = []
-    alone: list[int] = []
+    reasons = dict.fromkeys(range(len(views)), "")
     todo = list(parts)
     while todo:
         members = todo.pop(0)
         if len(members) == 1:
-            alone += members
             continue
         layout = lay_out(views, members, valid_links(links))
+        reasons |= layout.misplaced
         if nearby := link_nearby(layout):
             layout = _lay_out_again(views, layout, links, nearby)
-        layouts.append(layout)
+            reasons |= layout.misplaced
+        if len(layout.members) > 1:
+            layouts.append(layout)
         # Views whose place is in doubt may still belong together.
         doubtful = [member for member in members if member not in layout.transforms]
         inside = [link for link in valid_links(links) if link.left in doubtful and link.right in doubtful]
         todo += [part for part in groups(len(views), inside) if part[0] in doubtful]
+    placed = {member for layout in layouts for member in layout.members}
+    alone = {view: reason for view, reason in reasons.items() if view not in placed}
     return sorted(layouts, key=lambda layout: -len(layout.members)), alone
 
 
@@ -269,13 +275,13 @@ def _why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:
     """Why no link joins a view to the others, with its best match."""
     features = len(views[view].strongest)
     if features < MIN_INLIERS:
-        return f"{views[view].name}: too few features ({features}; flat or blurred image?)"
+        return f"too few features ({features}; flat or blurred image?)"
     tried = [link for link in links if view in (link.left, link.right)]
     if not tried:
-        return f"{views[view].name}: no other photograph can be used"
+        return "no other photograph can be used"
     if held := sum(link.holds for link in tried):
-        return f"{views[view].name}: {held} links contradict each other or the layout, so its place is unknown"
+        return f"{held} links contradict each other or the layout, so its place is unknown"
     best = max(tried, key=lambda link: link.inliers)
     other = views[best.left + best.right - view].name
     best_match = f"at best {best.inliers} matches agree, with {other}; {MIN_INLIERS} are needed"
-    return f"{views[view].name}: nothing links it to the others ({best_match})"
+    return f"nothing links it to the others ({best_match})"

@@ -124,13 +124,15 @@ class MosaicPlan:
         RegistrationError
             If there is none.
         """
-        pair = self.flight.pair
+        flight, pair = self.flight, self.flight.pair
         if pair is not None and not pair.accepted:
             raise RegistrationError(f"{pair.left.name} and {pair.right.name} cannot be registered: {pair.reason}")
-        if not self.flight.layouts:
-            reasons = "; ".join(self.flight.left_out.values())
-            raise RegistrationError(f"none of the photographs could be linked with another: {reasons}")
-        return self.flight.layouts
+        if not flight.layouts:
+            linked, reasons = sum(link.holds for link in flight.links), "; ".join(flight.left_out.values())
+            raise RegistrationError(
+                f"no two photographs make a mosaic; {linked} of {len(flight.links)} pairs show common ground: {reasons}"
+            )
+        return flight.layouts
 
     def composition(self, layout: Layout, path: Path | None = None) -> Composition:
         """Place on the map, canvas, exposure and seams of one group, for a file or for the memory.

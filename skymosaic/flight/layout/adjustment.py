@@ -4,9 +4,7 @@ Views and the ground are related by homographies (projective transformations, ei
 by small motions of the view's own pixels: two translations, rotation, scale (these four make a similarity), two
 stretches (with them, affine) and two tilts. Coordinates are normalised: centred, in half diagonals of the view.
 
-The ties alone leave some motions open, above all a bending of the whole mosaic. A prior decides these: over flat
-ground a camera that looks down sees a similarity, except for a little tilt and the stretch that follows from it.
-The stretch and tilt of all views thereby define the ground plane.
+The ties alone leave some motions open; a prior decides these, see `skymosaic.flight.layout.expected_shape`.
 
 The radial distortion of the lens, the same for all views, can be one more unknown: one coefficient, which is OpenCV's
 k1 in units that need no focal length.
@@ -21,26 +19,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Array
+from skymosaic.flight.layout.expected_shape import Prior, are_possible
 from skymosaic.flight.layout.motions import (
     bending_of,
     generators,
     multiply_small,
-    shapes,
     squared_lengths,
     straighten,
-    stretch_of_tilt,
     to_transforms,
 )
 from skymosaic.flight.layout.normal_equations import BlockSystem, normal_blocks
 
 MODELS = {"similarity": 4, "affine": 6, "homography": 8}
 """Motions that each model leaves free."""
-STRETCH_SIGMA = 1e-3
-"""Expected stretch beside what the tilt explains."""
-STRETCH_ERROR = 0.2
-"""Standard deviation of the stretch that the tilt explains, as a share of it: the focal length is hardly known."""
-TILT_SIGMA = 0.05
-"""Expected perspective: the tangent of the tilt over the focal length in half diagonals; about 3 degrees."""
 MIN_SCALE_PX = 1.5
 """Scale of the robust loss once the residuals are small; before that, twice their median."""
 WIDEST_SCALE_PX = 200.0
@@ -53,6 +44,12 @@ LINKS_AT_ONCE = 64
 """Links whose ties are in arrays together: derivatives of all links would take a megabyte per view."""
 MAX_STEPS = 15
 CONVERGED_PX = 0.01
+DAMPING, FIRMER, MAX_DAMPING = 1e-2, 10.0, 1e6
+"""Damping of a step that failed, its factor from one trial to the next, and where the layout stays as it is."""
+MAX_RISE = 1e-3
+"""Rise of the cost, as a share of it, that is no failure: one of a flight that converges is below 1e-5."""
+MIN_DEPTH = 0.02
+"""Smallest depth of a tie, where that of the middle of its view is 1: ground fifty times as far away."""
 MAX_DISTORTION = 0.25
 """Bound of the displacement in the corners, as a share of the half diagonal; stronger lenses need a calibration."""
 MAX_DISTORTION_CHANGE = 0.03
@@ -121,6 +118,13 @@ class _Batch:
         *place, depth = (between[:, row, 0] * x + between[:, row, 1] * y + between[:, row, 2] for row in range(3))
         return np.moveaxis(np.array(place) / depth, 0, -1), depth, between
 
+    def lower_to_depths(self, least: Array, transforms: Array) -> None:
+        """Lower ``least`` (V,) to the depths of the ties in their views, where that of the middle is 1."""
+        for side, points in enumerate((self.left, self._right)):
+            third = transforms[self.pairs[:, side], 2, :, None]
+            depth = points[..., 0] * third[:, 0] + points[..., 1] * third[:, 1] + third[:, 2]
+            np.minimum.at(least, self.pairs[:, side], depth.min(axis=1))
+
     def errors_px(self, predicted: Array) -> Array:
         """Distance of each mapped left point from its right one, (L, N), in working px of the right view."""
         return np.asarray(np.sqrt(squared_lengths(predicted - self._right)[..., 0]) * self._unit_px)
@@ -186,6 +190,11 @@ class Network:
             for row, count in zip(batch.errors_px(batch.map(transforms)[0]), batch.counts, strict=True)
         ]
 
+    def cost(self, model: str, transforms: Array) -> float:
+        """How badly transformations (V, 3, 3) explain the ties, and how far they are from what a camera would see."""
+        prior = Prior.of(transforms, MODELS[model] - MODELS["similarity"])
+        return _cost(transforms, np.concatenate(self.errors_px(transforms)), MIN_SCALE_PX, prior, anchors=None)
+
     def adjust(
         self,
         start: Array,
@@ -214,27 +223,61 @@ class Network:
         anchors : Anchors or None
             More observations, each weighed by its accuracy and robustly, as ties are: an outlier hardly counts.
         """
-        transforms = start
+        transforms, errors_px = start, np.concatenate(self.errors_px(start))
+        damping = np.zeros(len(start))
         annealed = max(0, math.ceil(math.log(MIN_SCALE_PX / from_px, COOLING))) if from_px else 0
         for step in range(annealed + max_steps):
             least_px = max(MIN_SCALE_PX, from_px * COOLING**step)
-            motion, change = self._step(transforms, MODELS[model], least_px, lens=lens, anchors=anchors)
-            # Motions are of the view's own pixels, so they come first: a tilt is the same wherever the view lies.
-            transforms = transforms @ to_transforms(motion)
-            transforms = transforms / transforms[:, 2:, 2:]
-            if lens:
-                self.distortion = float(np.clip(self.distortion + change, -MAX_DISTORTION, MAX_DISTORTION))
-                for batch in self._batches:
-                    batch.straighten(self.distortion)
-            if step >= annealed and np.abs(motion).max() * self._unit_px.max() < CONVERGED_PX:
+            scale_px = max(least_px, 2 * float(np.median(errors_px)))
+            transforms, errors_px, motion = self._step(
+                transforms, errors_px, MODELS[model], scale_px, damping, lens=lens, anchors=anchors
+            )
+            if step >= annealed and motion * self._unit_px.max() < CONVERGED_PX:
                 break
         return transforms
 
     def _step(
-        self, transforms: Array, free: int, least_px: float, *, lens: bool, anchors: Anchors | None
-    ) -> tuple[Array, float]:
-        """Compute the motions (V, 8) of one Gauss-Newton step, and the change of the distortion."""
-        scale_px = max(least_px, 2 * float(np.median(np.concatenate(self.errors_px(transforms)))))
+        self,
+        start: Array,
+        errors_px: Array,
+        free: int,
+        scale_px: float,
+        damping: Array,
+        *,
+        lens: bool,
+        anchors: Anchors | None,
+    ) -> tuple[Array, Array, float]:
+        """Take a step; returns the transformations, the errors of all ties and the largest motion.
+
+        It is damped (Levenberg-Marquardt) where it fails: views that it would make impossible, and all of them where it
+        would raise the cost. ``damping`` (V,) is that of the last step, and becomes that of this one.
+        """
+        prior = Prior.of(start, free - MODELS["similarity"])
+        system = self._linearise(start, free, scale_px, prior, lens=lens, anchors=anchors)
+        cost = _cost(start, errors_px, scale_px, prior, anchors)
+        distortion, allowed = self.distortion, np.minimum(MIN_DEPTH, self._least_depths(start))
+        damping[:] = np.where(damping > DAMPING, damping / FIRMER, 0)
+        while damping.max() <= MAX_DAMPING:
+            motion, change = system.solve(self._reference, damping, MAX_DISTORTION_CHANGE if lens else 0.0)
+            # Motions are of the view's own pixels, so they come first: a tilt is the same wherever the view lies.
+            transforms = start @ to_transforms(np.pad(motion, ((0, 0), (0, 8 - free))))
+            transforms = transforms / transforms[:, 2:, 2:]
+            if lens:
+                self._set_distortion(distortion + change)
+            failing = ~(are_possible(transforms) & (self._least_depths(transforms) >= allowed))
+            if not failing.any():
+                new_errors_px = np.concatenate(self.errors_px(transforms))
+                if _cost(transforms, new_errors_px, scale_px, prior, anchors) <= (1 + MAX_RISE) * cost:
+                    return transforms, new_errors_px, float(np.abs(motion).max())
+                failing[:] = True
+            damping[failing] = np.maximum(FIRMER * damping[failing], DAMPING)
+        self._set_distortion(distortion)
+        return start, errors_px, 0.0
+
+    def _linearise(
+        self, transforms: Array, free: int, scale_px: float, prior: Prior, *, lens: bool, anchors: Anchors | None
+    ) -> BlockSystem:
+        """Set up the normal equations of a Gauss-Newton step, each tie weighted by its error."""
         blocks, downhill, curvature = [], 0.0, 0.0
         for batch in self._batches:
             *block, residual, bending = batch.equations(transforms, free, scale_px, self.distortion if lens else None)
@@ -243,36 +286,51 @@ class Network:
             downhill += float((bending * residual).sum())
             curvature += float((bending * bending).sum())
         normal, target = map(np.concatenate, zip(*blocks, strict=True))
-        system = BlockSystem(len(self._unit_px), self._pairs, normal, target)
+        system = BlockSystem(len(self._unit_px), self._pairs, normal, target, shared=(downhill, curvature))
         if anchors is not None:
             system.add_observations(anchors.views, *_anchor_rows(transforms, anchors, free))
         if free > MODELS["similarity"]:
-            shape = shapes(transforms)
-            expected = stretch_of_tilt(shape[:, 2:])
-            shape[:, :2] -= expected
-            sigma = np.empty_like(shape)
-            sigma[:, :2] = np.hypot(STRETCH_SIGMA, STRETCH_ERROR * np.linalg.norm(expected, axis=1))[:, None]
-            sigma[:, 2:] = np.maximum(TILT_SIGMA, np.abs(shape[:, 2:]))
-            system.add_prior(shape[:, : free - 4], 1 / sigma[:, : free - 4] ** 2)
-        motion = np.zeros((len(self._unit_px), 8))
-        still, per_change = system.solve(self._reference)
-        change = 0.0
-        if lens:
-            # The motions are eliminated (Schur complement): `still` if the distortion stays, and per change of it.
-            downhill += float((system.target[..., 1] * still).sum())
-            curvature += float((system.target[..., 1] * per_change).sum())
-            change = float(np.clip(-downhill / curvature, -MAX_DISTORTION_CHANGE, MAX_DISTORTION_CHANGE))
-        motion[:, :free] = still + change * per_change
-        return motion, change
+            system.add_prior(prior.differences(transforms), prior.weights)
+        return system
+
+    def _set_distortion(self, distortion: float) -> None:
+        self.distortion = float(np.clip(distortion, -MAX_DISTORTION, MAX_DISTORTION))
+        for batch in self._batches:
+            batch.straighten(self.distortion)
+
+    def _least_depths(self, transforms: Array) -> Array:
+        """The least depth of the ties of each view, (V,). What else it shows may lie beyond the horizon."""
+        least = np.ones(len(transforms))
+        for batch in self._batches:
+            batch.lower_to_depths(least, transforms)
+        return least
+
+
+def _cost(transforms: Array, errors_px: Array, scale_px: float, prior: Prior, anchors: Anchors | None) -> float:
+    """What a step should lower: the robust errors of ties and anchors, squared, and what the prior does not expect."""
+    cost = _robust(errors_px**2, scale_px) + float((prior.differences(transforms) ** 2 * prior.weights).sum())
+    if anchors is not None:
+        cost += _robust(squared_lengths(_anchor_errors(transforms, anchors)[0]), ANCHOR_SCALE)
+    return cost
+
+
+def _robust(squared: Array, scale: float) -> float:
+    """The sum of squared errors, each limited to the square of the scale."""
+    return float((squared / (1 + squared / scale**2)).sum())
 
 
 def _anchor_rows(transforms: Array, anchors: Anchors, free: int) -> tuple[Array, Array]:
     """Derivatives (N, 2, free) and residuals (N, 2) of anchors, in their standard deviations and robustly weighted."""
+    residual, derivative = _anchor_errors(transforms, anchors)
+    root = 1 / (1 + (residual**2).sum(axis=1) / ANCHOR_SCALE**2)
+    rows = multiply_small(derivative, generators(anchors.points, free)) * (root / anchors.sigma)[:, None, None]
+    return rows, residual * root[:, None]
+
+
+def _anchor_errors(transforms: Array, anchors: Anchors) -> tuple[Array, Array]:
+    """How far anchors are from their places (N, 2), in their standard deviations, and the derivative of the places."""
     matrix = transforms[anchors.views]
     mapped = (matrix[:, :, :2] @ anchors.points[..., None])[..., 0] + matrix[..., 2]
     place = mapped[:, :2] / mapped[:, 2:]
     derivative = (matrix[:, :2, :2] - place[..., None] * matrix[:, 2:, :2]) / mapped[:, 2, None, None]
-    residual = (place - anchors.places) / anchors.sigma[:, None]
-    root = 1 / (1 + (residual**2).sum(axis=1) / ANCHOR_SCALE**2)
-    rows = multiply_small(derivative, generators(anchors.points, free)) * (root / anchors.sigma)[:, None, None]
-    return rows, residual * root[:, None]
+    return (place - anchors.places) / anchors.sigma[:, None], derivative

@@ -20,7 +20,7 @@ import numpy as np
 
 from golden_model.arrays import Array, Pixels
 from skymosaic.flight.layout.adjustment import MAX_DISTORTION, MAX_STEPS, MODELS, Network
-from skymosaic.flight.layout.layout import LinkedGroup, linked_group, normalisation
+from skymosaic.flight.layout.linked_group import LinkedGroup, linked_group, normalisation
 from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS, straighten
 from skymosaic.flight.linking.links import Candidate, Link
 from skymosaic.flight.linking.view import View

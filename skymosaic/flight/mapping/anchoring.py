@@ -15,7 +15,8 @@ from skymosaic.common.errors import InputError
 from skymosaic.compositing.warp import magnification
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.adjustment import Anchors
-from skymosaic.flight.layout.layout import Layout, linked_group
+from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.layout.linked_group import linked_group
 from skymosaic.flight.linking.view import View
 from skymosaic.flight.mapping.cameras import cameras_of
 from skymosaic.flight.mapping.place import place_on_map, sightings_of

@@ -8,10 +8,10 @@ import numpy as np
 
 from golden_model.arrays import Array, Matrix
 from skymosaic.common.errors import InputError, RegistrationError
-from skymosaic.compositing.warp import Canvas, CanvasError, enclosing_canvas, magnification, nearness
+from skymosaic.compositing.warp import Canvas, CanvasError, enclosing_canvas, magnification
 from skymosaic.flight.flight import Flight
+from skymosaic.flight.layout.extent import least_nearness
 from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.linking.view import View
 from skymosaic.flight.mapping.place import MapPlace
 from skymosaic.flight.picture.composition import Composition, Placement, Room
 from skymosaic.geometry.homography import resize_matrix
@@ -20,10 +20,6 @@ from skymosaic.maps.georeference import Georeference
 
 MIN_GSD = 0.99
 """A ground resolution is refused below this share of the photographs' own: enlarging them shows nothing new."""
-REMOTE_PERCENTILE = 5
-"""Percentile of the nearness of a photograph's ties that counts as its farthest; single ones may be false."""
-BEYOND_TIES = 0.63
-"""Ground is shown if it is at least this near, relative to the farthest ties: there, pixels are twice as large."""
 
 
 def place_on_canvas(
@@ -34,7 +30,9 @@ def place_on_canvas(
     check_scale(scale, [view.size for view in views])
     to_reference = layout.to_reference(flight.views).values()
     treatment, on_map, usual = flight.treatment, place.georeference, usual_magnification(flight, layout)
-    least = least_nearness(flight.views, layout) if treatment.own_frame else [0.0] * len(views)
+    least = [0.0] * len(views)
+    if treatment.own_frame:
+        least = list(least_nearness(flight.views, layout.transforms, layout.links).values())
 
     def lay(scale: float) -> tuple[Array, list[Array], Canvas]:
         if on_map is not None and treatment.own_frame:
@@ -52,6 +50,7 @@ def place_on_canvas(
     reduced = ""
     if not treatment.in_memory and (share := room.share_of(canvas)) < 1:
         full = canvas
+        check_scale(scale * share, [view.size for view in views])
         to_canvas, transforms, canvas = lay(scale * share)
         reduced = (
             f"reduced from {full.width_px}x{full.height_px} to {canvas.width_px}x{canvas.height_px} px, because "
@@ -75,7 +74,9 @@ def place_on_canvas(
 def check_scale(scale: float, sizes: Sequence[tuple[int, int]]) -> None:
     """Raise InputError for a scale that leaves no pixel of any photograph."""
     if scale * max(max(size) for size in sizes) < 1:
-        raise InputError("each photograph would be smaller than a pixel; raise `scale`, or lower `gsd_m`")
+        raise InputError(
+            "each photograph is smaller than a pixel; raise `scale` or `canvas_limit_px`, or lower `gsd_m`"
+        )
 
 
 def north_up(georeference: Georeference, metres_per_pixel: float) -> Matrix:
@@ -111,25 +112,3 @@ def scale_for(flight: Flight, layout: Layout, on_map: Georeference | None, gsd_m
     if gsd_m < MIN_GSD * finest_m:
         raise InputError(f"`gsd_m` is {gsd_m:g} m, finer than the photographs; give at least {finest_m:.3g}")
     return min(finest_m / gsd_m, 1.0)
-
-
-def least_nearness(views: Sequence[View], layout: Layout) -> list[float]:
-    """How near ground has to be that each member of a layout shows, see `skymosaic.compositing.warp.nearness`.
-
-    A photograph that looks to the horizon would cover a village with what it shows of the fields behind. Far beyond
-    its ties it is coarse, and nothing says whether the ground there is where the layout puts it.
-    """
-    tied: dict[int, list[Array]] = {member: [] for member in layout.members}
-    for link in layout.links:
-        tied[link.left].append(link.left_points)
-        tied[link.right].append(link.right_points)
-    least = []
-    for member, points in tied.items():
-        if not points:
-            least.append(0.0)
-            continue
-        size, transform = views[member].working_size, layout.transforms[member]
-        tied_from = float(np.percentile(nearness(size, transform, np.concatenate(points)), REMOTE_PERCENTILE))
-        whole = float(nearness(size, transform, Canvas(0, 0, *size).corners).min())
-        least.append(0.0 if whole >= BEYOND_TIES * tied_from else BEYOND_TIES * tied_from)
-    return least

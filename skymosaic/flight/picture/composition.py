@@ -52,8 +52,12 @@ class Room:
         longest = max(canvas.width_px, canvas.height_px)
         if canvas.area_px <= self.area_px and longest <= self.side_px:
             return 1.0
-        # Rounding to whole pixels may add one on each side.
-        return 0.999 * min(math.sqrt(self.area_px / canvas.area_px), self.side_px / longest)
+        # Rounding to whole pixels may add one on each side, before and after; so (share * width + 1) * (share * height
+        # + 1) is the limit.
+        width, height = canvas.width_px + 1, canvas.height_px + 1
+        half = (1 / width + 1 / height) / 2
+        by_area = math.sqrt(half**2 + (self.area_px - 1) / (width * height)) - half
+        return min(by_area, (self.side_px - 1) / (longest + 1))
 
 
 @dataclass(frozen=True, eq=False)

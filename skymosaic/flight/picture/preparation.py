@@ -115,10 +115,11 @@ def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[l
     views : sequence of View
         One for each placement.
     """
-    # The canvas is reduced as the widest photograph is, so that hardly any thumbnail is enlarged.
+    # The canvas is reduced as the widest photograph is, so that hardly any thumbnail is enlarged; but where it is small
+    # already, because one photograph shows very much ground, it stays as it is.
     widest = max(views, key=lambda view: view.size[0])
     enlarged = float(np.median([magnification(p.size, p.transform) for p in composition.placements]))
-    reduction = widest.thumbnail.shape[1] / widest.size[0] / enlarged
+    reduction = min(1.0, widest.thumbnail.shape[1] / widest.size[0] / enlarged)
     layers = []
     for view, placement in zip(views, composition.placements, strict=True):
         from_thumbnail = view.to_original @ np.linalg.inv(view.to_thumbnail)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.flight.flight import Flight
-from skymosaic.flight.layout.layout import groups
+from skymosaic.flight.layout.linked_group import groups
 from skymosaic.flight.linking.links import Candidate, Link, valid_links
 from skymosaic.flight.linking.view import Settings, View, make_view
 from skymosaic.flight.mapping.anchoring import fit_layout
@@ -58,7 +58,8 @@ def flight_of_frames(
     between = _renumber(links, row)
     layouts, alone = lay_out_all(views, groups(len(views), valid_links(between)), between, lambda _layout: {})
     numbers = list(row)
-    left_out |= {numbers[view]: f"{views[view].name}: what linked it was left out" for view in alone}
+    for index, reason in alone.items():
+        left_out[numbers[index]] = f"{views[index].name}: {reason or 'what linked it was left out'}"
     flight = Flight(
         names=tuple(frame.name for frame in frames),
         sources=tuple(sources[number] for number in numbers),

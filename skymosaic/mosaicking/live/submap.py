@@ -15,7 +15,7 @@ import numpy as np
 from golden_model.arrays import Array, Float32, Pixels, Records
 from skymosaic.compositing.warp import Canvas, CanvasError, footprint
 from skymosaic.flight.layout.adjustment import MODELS, Network, Ties
-from skymosaic.flight.layout.layout import LinkedGroup, normalisation
+from skymosaic.flight.layout.linked_group import LinkedGroup, normalisation
 from skymosaic.flight.layout.motions import shapes
 from skymosaic.flight.linking.links import TIE_PX, Candidate, Link
 from skymosaic.flight.linking.resemblance import compact

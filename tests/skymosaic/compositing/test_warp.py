@@ -138,3 +138,10 @@ def test_shrunk_keeps_the_geometry_and_averages() -> None:
     np.testing.assert_allclose(transform, np.eye(3), atol=1e-12)
     np.testing.assert_allclose(small, image.reshape(30, 4, 45, 4).mean(axis=(1, 3)), atol=0.51)
     assert shrink(image, 0.6 * np.eye(3) + np.diag([0, 0, 0.4]))[0] is image
+
+
+def test_an_image_that_reaches_to_the_horizon_has_no_footprint() -> None:
+    # At the right border, the third coordinate is 1e-13.
+    ahead = np.array([[1.0, 0, 0], [0, 1, 0], [(1e-13 - 1) / 99, 0, 1]])
+    with pytest.raises(CanvasError, match="100x80 px would reach to the horizon"):
+        footprint((100, 80), ahead)

@@ -64,6 +64,17 @@ def test_a_photograph_that_lies_wrong_is_named_with_its_error() -> None:
     assert pairs[:2] == [("0.jpg-3.jpg", 50), ("2.jpg-3.jpg", 40)]
 
 
+def test_a_scene_that_is_no_plane_is_called_one_with_its_figures() -> None:
+    points = np.random.default_rng(0).uniform(0, 500, (20, 2))
+    checks: Any = {"left_checks": points, "right_checks": points + np.repeat([[0, 0], [3, 4]], (2, 18), axis=0)}
+    flight: Any = SimpleNamespace(views=[SimpleNamespace(name=f"{view}.jpg") for view in range(2)])
+    for near, expected in ((28, []), (40, ["the scene is no plane: 50% of the matches lie 3 to 12 px off it"])):
+        link = Link(0, 1, points, points, 20, near, **checks)
+        lines = list(doubts(flight, Layout((0, 1), 0, {0: np.eye(3), 1: np.eye(3)}, links=(link,))))
+        assert [line.split(", and")[0] for line in lines] == expected
+    assert "off by 5.0 px, one in ten beyond 5 px" in lines[0]
+
+
 def test_halves_that_only_weak_links_join_are_named_with_their_number() -> None:
     def weak_line(across: tuple[tuple[int, int, int], ...]) -> str:
         ties = {(0, 1): 90, (0, 2): 90, (1, 2): 90, (3, 4): 80} | {(left, right): few for left, right, few in across}

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -6,7 +7,9 @@ import numpy as np
 import pytest
 
 from sim.scene import Flight
+from skymosaic.common.errors import RegistrationError
 from skymosaic.flight import survey
+from skymosaic.flight.flight import Flight as LaidOut
 from skymosaic.flight.layout.layout import Layout, lay_out
 from skymosaic.flight.linking import surveyor
 from skymosaic.flight.linking.links import Link, link_views
@@ -88,3 +91,35 @@ def test_links_that_a_layout_led_to_and_then_denies_are_dropped() -> None:
     assert again.contradicting == ()
     assert links.keys() == {(0, 1), (1, 2), (2, 3), (3, 4), (0, 2), (1, 3)}
     assert set(again.links) == set(links.values())
+
+
+def test_what_no_plane_explains_is_left_out_with_the_reason_and_what_it_contradicts_is_counted() -> None:
+    points = np.random.default_rng(1).uniform(50, 250, (40, 2))
+    # Two groups that fit, joined by links of noise; and a photograph that only noise links.
+    true = [Link(0, 1, points, points + 5, 40, 40), Link(2, 3, points, points + 5, 40, 40)]
+    noise = [Link(left, right, points, points[::-1], 40, 40) for left, right in ((1, 2), (3, 4))]
+    views: list[Any] = [SimpleNamespace(name=f"{view}.jpg", working_size=(300, 300)) for view in range(5)]
+    links = {(link.left, link.right): link for link in sorted([*true, *noise], key=lambda link: link.left)}
+    layouts, alone = survey.lay_out_all(views, [[0, 1, 2, 3, 4]], links, lambda _layout: {})
+    assert [layout.members for layout in layouts] == [(0, 1), (2, 3)]
+    assert list(alone) == [4]
+    assert "no plane explains the 40 matches of 3.jpg and 4.jpg" in alone[4]
+    sources = cast(Any, tuple(SimpleNamespace(index=index, name=f"{index}.jpg") for index in range(5)))
+    settings: Any = None
+    flight = LaidOut(
+        tuple("01234"), sources, tuple(views), tuple(links.values()), tuple(layouts), {4: alone[4]}, settings, {}
+    )
+    absent = flight.absent_from(layouts[0])
+    assert list(absent) == [2, 3, 4]
+    assert absent[2] == "2.jpg: in another group of 2 photographs, whose links to it (1) contradict"
+    links.pop((1, 2))
+    apart = replace(flight, links=tuple(links.values())).absent_from(layouts[0])
+    assert apart[3] == "3.jpg: in another group of 2 photographs, which nothing links to this one"
+
+
+def test_photographs_that_no_layout_explains_are_refused_with_counts() -> None:
+    noise = list(np.random.default_rng(2).integers(0, 256, (3, 160, 200), dtype=np.uint8))
+    with open_plan(noise, MosaicOptions()) as plan:
+        plan.flight = replace(plan.flight, links=(Link(0, 1, np.zeros((9, 2)), np.zeros((9, 2)), 9, 9),))
+        with pytest.raises(RegistrationError, match="no two photographs make a mosaic; 1 of 1 pairs show common"):
+            _ = plan.layouts

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from skymosaic.flight.layout.adjustment import Network, Ties
+from skymosaic.flight.layout.expected_shape import are_possible
 from skymosaic.flight.layout.motions import shapes
 from skymosaic.geometry.homography import apply
 
@@ -74,3 +75,15 @@ def test_a_model_leaves_what_it_does_not_have_alone(model: str) -> None:
     np.testing.assert_allclose(refined[:, 2], [[0, 0, 1]] * 5, atol=1e-12)
     if model == "similarity":
         np.testing.assert_allclose(shapes(refined), 0, atol=1e-9)
+
+
+def test_a_step_that_overshoots_is_damped() -> None:
+    """The ties of the second view are those of a mirror; the undamped step turns the view inside out."""
+    rng = np.random.default_rng(5)
+    points = rng.uniform(-0.6, 0.6, (60, 2))
+    mirrored = Ties(0, 1, points, points * np.array([-1, 1]))
+    ties = Network([mirrored], [UNIT_PX] * 2, 0)
+    start = np.tile(np.eye(3), (2, 1, 1))
+    refined = ties.adjust(start, "homography")
+    assert are_possible(refined).all()
+    assert np.median(ties.errors_px(refined)) <= np.median(ties.errors_px(start))

@@ -9,9 +9,13 @@ from numpy.typing import NDArray
 
 from sim.scene import make_lawnmower
 from sim.scene.flight import Flight
-from skymosaic.flight.layout.layout import Layout, lay_out, trust_by_loops
+from skymosaic.compositing.warp import enclosing_canvas, nearness
+from skymosaic.flight.layout.extent import least_nearness
+from skymosaic.flight.layout.layout import Layout, lay_out
 from skymosaic.flight.linking.links import Link
-from skymosaic.geometry.homography import apply, estimate
+from skymosaic.flight.picture.composition import Room
+from skymosaic.geometry.homography import apply, estimate, resize_matrix
+from tests.skymosaic.flight.layout import cameras
 from tests.skymosaic.flight.layout.ties import tie_pictures
 
 SIZE_PX = (1280, 960)
@@ -118,12 +122,63 @@ def test_each_photograph_whose_single_link_is_contradicted_is_left_out() -> None
     assert lay_out(views, range(len(views)), [*links, false]).contradicting == (false,)
 
 
-def test_a_loop_that_does_not_close_takes_trust_from_its_links() -> None:
-    def shifted(x: Any) -> Any:
-        return np.array([[1.0, 0, x], [0, 1, 0], [0, 0, 1]])
+@pytest.mark.parametrize(
+    ("seeds", "most"), [(range(30), 4), pytest.param(range(30, 430), 12, marks=pytest.mark.slow)], ids=["few", "many"]
+)
+def test_bad_links_end_in_a_layout_that_cameras_can_have(seeds: range, most: int) -> None:
+    for seed in seeds:
+        views, links = cameras.bad_graph(seed, most)
+        layout = lay_out(views, range(len(views)), links)
+        assert layout.misplaced.keys().isdisjoint(layout.members)
+        for link in layout.links:
+            for member, points in ((link.left, link.left_points), (link.right, link.right_points)):
+                assert nearness(cameras.SIZE_PX, layout.transforms[member], points).min() > 0
+        least = list(least_nearness(views, layout.transforms, layout.links).values())
+        sizes, transforms = [cameras.SIZE_PX] * len(least), layout.transforms.values()
+        canvas = enclosing_canvas(sizes, list(transforms), least, limit_px=1e12)
+        # What is promised is kept, however large the canvas would be.
+        smaller = resize_matrix(Room(area_px=1e6).share_of(canvas))
+        enclosing_canvas(sizes, [smaller @ transform for transform in transforms], least, limit_px=1e6)
 
-    pairs = {(0, 1): 0, (1, 2): 1, (0, 2): 2, (2, 3): 3}
-    closed = trust_by_loops(pairs, [shifted(1), shifted(1), shifted(2), shifted(1)])
-    opened = trust_by_loops(pairs, [shifted(1), shifted(1), shifted(2.5), shifted(1)])
-    assert closed[0] > closed[3] > opened[0]
-    assert closed[3] == opened[3]
+
+def test_photographs_of_one_place_from_all_sides_lie_together() -> None:
+    around = cameras.ring(18, 50)
+    links = cameras.tie_all(around, seed=0, reach=1)
+    layout = lay_out(cameras.views_of(18), range(18), links)
+    assert len(layout.links) == len(links) == 18
+    assert max(float(np.median(errors)) for errors in layout.errors_px) < 1.5
+
+
+def test_a_photograph_that_shows_the_sky_keeps_its_place() -> None:
+    raised = [cameras.camera(40 * x, 0, lean) for x in (0, 1) for lean in range(0, 80, 8)]
+    layout = lay_out(cameras.views_of(20), range(20), cameras.tie_all(raised, seed=1))
+    assert layout.members == tuple(range(20))
+    # Above the top of the steepest photographs lies the horizon.
+    top = [float(nearness(cameras.SIZE_PX, layout.transforms[view], np.array([[320.0, 0]]))[0]) for view in (0, 9, 19)]
+    assert top[0] > 0.5
+    assert max(top[1:]) < 0
+
+
+def test_copies_of_photographs_do_not_choose_the_model() -> None:
+    rng, leaning = np.random.default_rng(0), cameras.ring(12, 50)[:6]
+    links = cameras.tie_all(leaning, seed=0, reach=2)
+    for view in range(6):
+        points = rng.uniform(0, 400, (200, 2))
+        links.append(Link(view, 6 + view, points, points + rng.normal(0, 0.1, points.shape), 200, 200))
+    layout = lay_out(cameras.views_of(12), range(12), sorted(links, key=lambda link: (link.left, link.right)))
+    assert layout.model == "homography"
+    assert len(layout.members) == 12
+    assert layout.contradicting == ()
+
+
+def test_a_view_that_cannot_lie_there_is_left_out_with_the_reason() -> None:
+    level = [cameras.camera(60 * x, 0, 0) for x in range(5)]
+    links = [link for link in cameras.tie_all(level, seed=2) if 4 not in (link.left, link.right)]
+    points = np.random.default_rng(1).uniform(100, 400, (40, 2))
+    # Noise: no plane explains it, and nothing else says where the view belongs.
+    links.append(Link(3, 4, points, points[::-1], 40, 40))
+    layout = lay_out(cameras.views_of(5), range(5), links)
+    assert layout.members == (0, 1, 2, 3)
+    assert layout.misplaced[4].startswith("no plane explains the 40 matches of 3.jpg and 4.jpg: they stay ")
+    alone = lay_out(cameras.views_of(5), (3, 4), links)
+    assert len(alone.members) == len(alone.misplaced) == 1

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from skymosaic.flight.layout.layout import lay_out, normalisation
+from skymosaic.flight.layout.layout import lay_out
+from skymosaic.flight.layout.linked_group import normalisation
 from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS
 from skymosaic.flight.layout.self_calibration import calibrate, straighten_links
 from skymosaic.flight.linking.links import Link

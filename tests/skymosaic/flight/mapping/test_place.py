@@ -69,7 +69,7 @@ def test_control_points_put_a_mosaic_on_the_map_at_the_wanted_resolution(flight:
         place = place_on_map(plan.flight, plan.layouts[0], options.control_points)
         for gsd_m in (1e3, 1e300):
             plan.options = replace(options, gsd_m=gsd_m)
-            with pytest.raises(InputError, match="smaller than a pixel; raise `scale`, or lower `gsd_m`"):
+            with pytest.raises(InputError, match="smaller than a pixel; raise `scale` or `canvas_limit_px`, or lower"):
                 plan.composition(plan.layouts[0])
         with pytest.raises(InputError, match="finer than the photographs"):
             scale_for(plan.flight, plan.layouts[0], place.georeference, 0.05)

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas
+from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, enclosing_canvas
 from skymosaic.flight.picture.composition import Room
 from skymosaic.flight.picture.output import room_for
+from skymosaic.geometry.homography import resize_matrix
 
 
 def leave_free(monkeypatch: pytest.MonkeyPatch, free_bytes: int) -> None:
@@ -27,6 +28,14 @@ def test_a_mosaic_grows_as_the_file_and_the_disk_allow(tmp_path: Path, monkeypat
     room = room_for(tmp_path / "m.tif", 4)
     assert room.share_of(survey) == pytest.approx(0.5, rel=2e-3)
     assert room.reason == "the disk has 3204 MB left"
+
+
+@pytest.mark.parametrize("size_px", [(1_000_000, 20), (1001, 1001), (3, 900_000)])
+def test_a_reduced_canvas_keeps_to_its_room(size_px: tuple[int, int]) -> None:
+    # A band is reduced to few rows, of which rounding adds one.
+    for area_px in (1e6, 1000, 10):
+        smaller = resize_matrix(Room(area_px=area_px).share_of(Canvas(0, 0, *size_px)))
+        enclosing_canvas([size_px], [smaller], limit_px=area_px)
 
 
 def test_a_canvas_that_just_fits_is_not_reduced() -> None:

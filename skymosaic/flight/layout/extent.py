@@ -1,0 +1,123 @@
+"""What the views of a layout show of the ground, and which of them cannot lie where the layout puts them."""
+
+from collections.abc import Mapping, Sequence
+
+import cv2
+import numpy as np
+
+from golden_model.arrays import Array
+from skymosaic.compositing import warp
+from skymosaic.compositing.warp import Canvas, nearness
+from skymosaic.flight.layout.linked_group import groups
+from skymosaic.flight.linking.links import Link
+from skymosaic.flight.linking.view import View
+from skymosaic.geometry.homography import apply
+
+REMOTE_PERCENTILE = 5
+"""Percentile of the nearness of a photograph's ties that counts as its farthest; single ones may be false."""
+BEYOND_TIES = 0.63
+"""Ground is shown if it is at least this near, relative to the farthest ties: there, pixels are twice as large."""
+AT_HORIZON = 0.05
+"""Nearness at which the outline of a view that looks to the horizon ends: a pixel there covers 8,000 times as much."""
+LOST_PX = 30.0
+"""A link that alone joins two parts can be met exactly. If its ties stay this far apart, no plane explains them."""
+MAX_AREA_RATIO = 100.0
+"""A view shows at most so much more or less ground than those it is linked with: from a kite 4, towards the horizon 18.
+"""
+
+
+def outline(view: View, transform: Array) -> Array:
+    """Corners (N, 2) of a view under a transformation of its working pixels; four, unless it looks to the horizon."""
+    size = view.working_size
+    whole = nearness(size, transform, Canvas(0, 0, *size).corners).min() > 0
+    return apply(transform, warp.outline(size, transform, 0.0 if whole else AT_HORIZON))
+
+
+def overlap(one: Array, other: Array) -> float:
+    """Common area of two convex outlines (N, 2), as a share of the smaller."""
+    one, other = one.astype(np.float32), other.astype(np.float32)
+    area, _ = cv2.intersectConvexConvex(one, other)
+    return float(area) / max(min(cv2.contourArea(one), cv2.contourArea(other)), 1.0)
+
+
+def least_nearness(views: Sequence[View], transforms: Mapping[int, Array], links: Sequence[Link]) -> dict[int, float]:
+    """How near ground has to be that each view of a layout shows, see `skymosaic.compositing.warp.nearness`.
+
+    A photograph that looks to the horizon would cover a village with what it shows of the fields behind. Far beyond
+    its ties it is coarse, and nothing says whether the ground there is where the layout puts it.
+    """
+    tied: dict[int, list[Array]] = {member: [] for member in transforms}
+    for link in links:
+        tied[link.left].append(link.left_points)
+        tied[link.right].append(link.right_points)
+    least = dict.fromkeys(transforms, 0.0)
+    for member, points in tied.items():
+        if not points:
+            continue
+        size, transform = views[member].working_size, transforms[member]
+        tied_from = float(np.percentile(nearness(size, transform, np.concatenate(points)), REMOTE_PERCENTILE))
+        whole = float(nearness(size, transform, Canvas(0, 0, *size).corners).min())
+        least[member] = 0.0 if whole >= BEYOND_TIES * tied_from else BEYOND_TIES * tied_from
+    return least
+
+
+def find_misplaced(
+    views: Sequence[View], transforms: Mapping[int, Array], links: Sequence[Link], errors_px: Sequence[Array]
+) -> dict[int, str]:
+    """Views that cannot lie where a layout puts them, with the reason; never all of them.
+
+    Parameters are as in `skymosaic.flight.layout.layout.Layout`. A view that fails harms what is linked with it, so of
+    several that do only the worst is returned, until it is laid out without them.
+    """
+    return (
+        _find_apart(views, transforms, links, errors_px)
+        or _find_behind(views, transforms, links)
+        or _find_out_of_scale(views, transforms, links)
+    )
+
+
+def _find_apart(
+    views: Sequence[View], transforms: Mapping[int, Array], links: Sequence[Link], errors_px: Sequence[Array]
+) -> dict[int, str]:
+    """Views of all parts but the largest, where the links between the parts do not hold."""
+    apart_px = [float(np.median(error)) for error in errors_px]
+    kept = [link for link, off_px in zip(links, apart_px, strict=True) if off_px <= LOST_PX]
+    if len(kept) == len(links):
+        return {}
+    together = next(part for part in groups(len(views), kept) if transforms.keys() >= set(part))
+    worst = int(np.argmax(apart_px))
+    names = f"{views[links[worst].left].name} and {views[links[worst].right].name}"
+    reason = f"no plane explains the {links[worst].ties} matches of {names}: they stay {apart_px[worst]:.0f} px apart"
+    return {member: reason for member in transforms if member not in together}
+
+
+def _find_behind(views: Sequence[View], transforms: Mapping[int, Array], links: Sequence[Link]) -> dict[int, str]:
+    """The view with the matches that are farthest behind it."""
+    least: dict[int, float] = {}
+    for link in links:
+        for member, points in ((link.left, link.left_points), (link.right, link.right_points)):
+            near = float(nearness(views[member].working_size, transforms[member], points).min())
+            least[member] = min(near, least.get(member, 1.0))
+    worst = min(least, key=least.__getitem__)
+    return {} if least[worst] > 0 else {worst: "some of its matches would lie behind the camera"}
+
+
+def _find_out_of_scale(views: Sequence[View], transforms: Mapping[int, Array], links: Sequence[Link]) -> dict[int, str]:
+    """The view whose ground differs most in size from that of its neighbours, if too much."""
+    least = least_nearness(views, transforms, links)
+    area = {member: _shown_area(views[member], transforms[member], least[member]) for member in transforms}
+    around: dict[int, list[float]] = {member: [] for member in transforms}
+    for link in links:
+        around[link.left].append(area[link.right])
+        around[link.right].append(area[link.left])
+    ratios = {member: area[member] / float(np.median(areas)) for member, areas in around.items()}
+    worst = max(ratios, key=lambda member: max(ratios[member], 1 / ratios[member]))
+    if 1 / MAX_AREA_RATIO <= ratios[worst] <= MAX_AREA_RATIO:
+        return {}
+    return {worst: f"it would show {ratios[worst]:.3g} times as much ground as the photographs that it is linked with"}
+
+
+def _shown_area(view: View, transform: Array, least: float) -> float:
+    """Ground (px²) that a view shows, at least 1e-9."""
+    shown = apply(transform, warp.outline(view.working_size, transform, least))
+    return max(float(cv2.contourArea(shown.astype(np.float32))), 1e-9)

@@ -1,0 +1,161 @@
+"""Groups of linked views: their ties in common coordinates, and a first pose of each view on the ground."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
+
+from golden_model.arrays import Array
+from skymosaic.flight.layout.adjustment import WIDEST_SCALE_PX, Network, Ties
+from skymosaic.flight.layout.expected_shape import are_possible
+from skymosaic.flight.linking.links import Link
+from skymosaic.flight.linking.view import View
+from skymosaic.geometry.homography import apply, estimate
+
+ROUGH_STEPS = 4
+OPEN_LOOP = 0.1
+"""How far apart the ends of a loop of three links lie that counts a quarter, in half diagonals of a view."""
+ANNEALED_TIES_PER_LINK = 20
+"""Enough to see which links hold together."""
+MAX_TIES_PER_LINK = 200
+"""More ties per link change a layout by less than it is off, but take longer."""
+
+
+def groups(count: int, links: Sequence[Link]) -> list[list[int]]:
+    """Group the views that links join directly or through others, the largest group first."""
+    inliers = _inlier_matrix(count, [(link.left, link.right) for link in links], links)
+    _, label = connected_components(inliers, directed=False)
+    parts = [np.flatnonzero(label == group).tolist() for group in range(int(label.max()) + 1)]
+    return sorted(parts, key=lambda members: (-len(members), members[0]))
+
+
+class LinkedGroup:
+    """Linked views, renumbered from 0, and their ties in normalised coordinates.
+
+    Parameters
+    ----------
+    sizes : mapping of int to (int, int)
+        Width and height of each view of the group, working px, by its index.
+    links : sequence of Link
+        Links that hold; those outside the group are ignored.
+    reference : int or None
+        Row of the view whose position, rotation and scale stay fixed; None: the most connected one.
+    """
+
+    def __init__(
+        self, sizes: Mapping[int, tuple[int, int]], links: Sequence[Link], reference: int | None = None
+    ) -> None:
+        row = {member: index for index, member in enumerate(sizes)}
+        self.links = [link for link in links if link.left in row and link.right in row]
+        self.sizes = sizes
+        self.members = tuple(sizes)
+        self.normalisations = [normalisation(size) for size in sizes.values()]
+        self.units_px = [1 / float(matrix[0, 0]) for matrix in self.normalisations]
+        self._pairs = [(row[link.left], row[link.right]) for link in self.links]
+        if reference is None:
+            weights = _inlier_matrix(len(sizes), self._pairs, self.links)
+            reference = int(np.argmax((weights + weights.T).sum(axis=0)))
+        self.reference = reference
+
+    @cached_property
+    def start(self) -> Array:
+        """Similarities (V, 3, 3) chained from the reference along strong links that loops confirm, then annealed."""
+        if not self.links:
+            return np.tile(np.eye(3), (len(self.members), 1, 1))
+        motions = np.stack([estimate(tie.left_points, tie.right_points, model="similarity") for tie in self._ties()])
+        motions[~are_possible(motions)] = np.eye(3)
+        pairs = {pair: row for row, pair in enumerate(self._pairs)}
+        # The spanning tree is that of the least cost: one false link in it would displace all that hangs on it.
+        strength = np.array([link.inliers for link in self.links]) * trust_by_loops(pairs, motions)
+        cost = csr_array((1 / strength, np.array(list(pairs)).T), shape=(len(self.members),) * 2)
+        order, parents = breadth_first_order(minimum_spanning_tree(cost), self.reference, directed=False)
+        transforms = np.tile(np.eye(3), (len(self.members), 1, 1))
+        for view, parent in zip(order[1:], parents[order[1:]], strict=True):
+            motion = motions[pairs[min(view, parent), max(view, parent)]]
+            place = transforms[parent] @ (motion if view < parent else np.linalg.inv(motion))
+            transforms[view] = place if are_possible(place[None]) else transforms[parent]
+        network = self.network(slice(None), ANNEALED_TIES_PER_LINK)
+        return network.adjust(transforms, "similarity", max_steps=ROUGH_STEPS, from_px=WIDEST_SCALE_PX)
+
+    def network(self, chosen: slice, max_ties: int | None = MAX_TIES_PER_LINK, distortion: float = 0.0) -> Network:
+        """Build the network of every link's ties, or of some of them.
+
+        Parameters
+        ----------
+        chosen : slice
+            Which of the considered ties are taken.
+        max_ties : int or None
+            Ties per link that are considered, spread evenly; None: all.
+        distortion : float
+            Distortion of the lens, see `skymosaic.flight.layout.motions.straighten`.
+        """
+        return Network(self._ties(chosen, max_ties), self.units_px, self.reference, distortion)
+
+    def _ties(self, chosen: slice = slice(None), max_ties: int | None = None) -> Iterator[Ties]:
+        """Normalise the ties of one link after the other: together, they would take as much memory as the links."""
+        for link, (left, right) in zip(self.links, self._pairs, strict=True):
+            rows = np.linspace(0, link.ties - 1, min(link.ties, max_ties or link.ties)).astype(np.intp)[chosen]
+            left_points = apply(self.normalisations[left], link.left_points[rows])
+            yield Ties(left, right, left_points, apply(self.normalisations[right], link.right_points[rows]))
+
+    def to_ground(self, transforms: Array) -> dict[int, Array]:
+        """Convert transformations (V, 3, 3) of normalised coordinates to those of pixels, by view."""
+        to_pixels = np.linalg.inv(self.normalisations[self.reference])
+        rows = zip(self.members, transforms, self.normalisations, strict=True)
+        return {member: to_pixels @ transform @ normalised for member, transform, normalised in rows}
+
+
+def trust_by_loops(pairs: Mapping[tuple[int, int], int], motions: Array) -> Array:
+    """How far loops of three links confirm each of them: 0.01 for a link in no loop, 1.5 where two of two close, (L,).
+
+    Parameters
+    ----------
+    pairs : mapping of (int, int) to int
+        Rows of the links by their two views, the smaller first.
+    motions : ndarray of float64, shape (L, 3, 3)
+        The similarity of each link, left to right, normalised coordinates.
+    """
+    neighbours: dict[int, set[int]] = {}
+    for left, right in pairs:
+        neighbours.setdefault(left, set()).add(right)
+        neighbours.setdefault(right, set()).add(left)
+    loops = [
+        (row, pairs[right, third], pairs[left, third])
+        for (left, right), row in pairs.items()
+        for third in sorted(neighbours[left] & neighbours[right])
+        if third > right
+    ]
+    closed, count = np.full(len(pairs), 0.1), np.ones(len(pairs))
+    if loops:
+        rows = np.array(loops)
+        there, on, direct = (motions[rows[:, side]] for side in range(3))
+        gap = np.linalg.inv(direct) @ on @ there - np.eye(3)
+        offset = np.linalg.norm(gap[:, :2, :2], axis=(1, 2)) / 2 + np.linalg.norm(gap[:, :2, 2], axis=1)
+        for side in range(3):
+            np.add.at(closed, rows[:, side], 1 / (1 + (offset / OPEN_LOOP) ** 2) ** 2)
+            np.add.at(count, rows[:, side], 1.0)
+    # Few loops close by chance, so one that does says more than several that another false link keeps open.
+    return np.asarray(closed**2 / count)
+
+
+def linked_group(
+    views: Sequence[View], members: Sequence[int], links: Sequence[Link], reference: int | None = None
+) -> LinkedGroup:
+    """Collect the sizes and ties of some of the views of a flight; ``reference`` is the view that stays, None: any."""
+    row = None if reference is None else list(members).index(reference)
+    return LinkedGroup({member: views[member].working_size for member in members}, links, row)
+
+
+def _inlier_matrix(count: int, pairs: Sequence[tuple[int, int]], links: Sequence[Link]) -> csr_array:
+    """Inliers of the link of each pair, as a (count, count) matrix, upper triangle."""
+    rows, columns = [left for left, _ in pairs], [right for _, right in pairs]
+    return csr_array(([float(link.inliers) for link in links], (rows, columns)), shape=(count, count))
+
+
+def normalisation(size: tuple[int, int]) -> Array:
+    """Pixels of an image of ``size`` to coordinates about its centre, in half diagonals, (3, 3)."""
+    half_px = float(np.hypot(*size)) / 2
+    x, y = (size[0] - 1) / 2, (size[1] - 1) / 2
+    return np.array([[1 / half_px, 0, -x / half_px], [0, 1 / half_px, -y / half_px], [0, 0, 1]])
