@@ -45,7 +45,7 @@ def test_what_exists_is_kept_and_nothing_else_is_written(full: Path, name: str) 
     before = sorted(full.rglob("*"))
     result = CliRunner().invoke(app, COMMANDS[name])
     assert isinstance(result.exception, InputError)
-    assert "--overwrite" in str(result.exception)
+    assert "add `overwrite`" in str(result.exception)
     assert sorted(full.rglob("*")) == before
     assert {(full / taken).read_text() for taken in TAKEN} == {"somebody's work"}
 
