@@ -4,76 +4,20 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from amaranth.lib.wiring import FlippedInterface
 
 from hdl.axi.axi_lite import Response
 from hdl.build import Build
-from hdl.registers.live_register_map import ALL_REGISTERS
 from hdl.registers.register_file import RegisterFile
 from hdl.registers.register_map import REGISTERS, Access, built_constants, fields
+from tests.hdl.axi.manager import read, write
 from tests.hdl.block_bench import BlockBench
 
-CYCLE_LIMIT = 200
 CONSTANTS = built_constants(Build())
 OFFSETS = {register.name: register.offset for register in REGISTERS}
 
 
 def offset_of(field_name: str) -> int:
     return next(r.offset for r in REGISTERS for f in r.fields if f.name == field_name)
-
-
-async def write(
-    ctx: Any, bus: FlippedInterface, address: int, data: int, *, strobe: int = 15, rng: random.Random | None = None
-) -> int:
-    """Write a register; ``rng`` chooses the order of address and data and delays the response."""
-    waits = [rng.randrange(4) for _ in range(3)] if rng else [0, 0, 0]
-    ctx.set(bus.awaddr, address)
-    ctx.set(bus.wdata, data)
-    ctx.set(bus.wstrb, strobe)
-    pending = {"aw": waits[0], "w": waits[1]}
-    for _ in range(CYCLE_LIMIT):
-        for channel, wait in pending.items():
-            ctx.set(getattr(bus, f"{channel}valid"), wait <= 0)
-        accepted = [c for c, wait in pending.items() if wait <= 0 and ctx.get(getattr(bus, f"{c}ready"))]
-        pending = {c: wait - 1 for c, wait in pending.items() if c not in accepted}
-        await ctx.tick()
-        for channel in accepted:
-            ctx.set(getattr(bus, f"{channel}valid"), 0)
-        if not pending:
-            break
-    for _ in range(waits[2]):
-        await ctx.tick()
-    return await response(ctx, bus, "b", "bresp")
-
-
-async def response(ctx: Any, bus: FlippedInterface, channel: str, field: str) -> int:
-    ctx.set(getattr(bus, f"{channel}ready"), 1)
-    for _ in range(CYCLE_LIMIT):
-        valid, value = ctx.get(getattr(bus, f"{channel}valid")), ctx.get(getattr(bus, field))
-        await ctx.tick()
-        if valid:
-            ctx.set(getattr(bus, f"{channel}ready"), 0)
-            return value
-    raise AssertionError(f"no {field} within {CYCLE_LIMIT} clocks")
-
-
-async def read(ctx: Any, bus: FlippedInterface, address: int) -> tuple[int, int]:
-    ctx.set(bus.araddr, address)
-    ctx.set(bus.arvalid, 1)
-    for _ in range(CYCLE_LIMIT):
-        ready = ctx.get(bus.arready)
-        await ctx.tick()
-        if ready:
-            break
-    ctx.set(bus.arvalid, 0)
-    ctx.set(bus.rready, 1)
-    for _ in range(CYCLE_LIMIT):
-        valid, data, resp = ctx.get(bus.rvalid), ctx.get(bus.rdata), ctx.get(bus.rresp)
-        await ctx.tick()
-        if valid:
-            ctx.set(bus.rready, 0)
-            return data, resp
-    raise AssertionError(f"no rdata within {CYCLE_LIMIT} clocks")
 
 
 def simulate(testbench: Callable[..., Any]) -> None:
@@ -83,16 +27,6 @@ def simulate(testbench: Callable[..., Any]) -> None:
         await testbench(ctx, registers)
 
     BlockBench(registers).run(bench)
-
-
-def test_names_and_offsets_are_unique_and_fields_do_not_overlap() -> None:
-    names = [field.name for register in ALL_REGISTERS for field in register.fields]
-    assert len(set(names)) == len(names)
-    assert [r.offset for r in ALL_REGISTERS] == sorted({r.offset for r in ALL_REGISTERS})
-    for register in ALL_REGISTERS:
-        assert sum(field.mask for field in register.fields) == sum({f.mask for f in register.fields})
-        assert sum(field.bits for field in register.fields) == sum(f.mask for f in register.fields).bit_count()
-        assert all(field.low + field.bits <= 32 for field in register.fields)
 
 
 def test_every_constant_is_read_back() -> None:

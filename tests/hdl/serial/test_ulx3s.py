@@ -1,0 +1,70 @@
+# amaranth: UnusedElaboratable=no
+"""The top at its pins: commands in, answers and light-emitting diodes out, and the button."""
+
+import dataclasses
+from typing import Any
+
+import pytest
+from amaranth.sim import Simulator
+
+from hdl.build import BUILDS
+from hdl.registers.register_map import IDENTITY, register_writes
+from hdl.serial import ulx3s
+from hdl.serial.link import Command, Message
+
+BUILD = dataclasses.replace(BUILDS["tiny"], shell="serial", video_bits=8)
+CLOCKS_PER_BIT = 4
+
+
+def test_registers_answer_and_the_button_resets_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ulx3s, "CLOCKS_PER_BIT", CLOCKS_PER_BIT)
+    dut = ulx3s.Ulx3s(BUILD)
+    received: list[int] = []
+
+    async def wait(ctx: Any, clocks: int) -> None:
+        for _ in range(clocks):
+            await ctx.posedge(dut.clk_25mhz)
+
+    async def send(ctx: Any, *words: int) -> None:
+        for byte in words:
+            for bit in (0, *(byte >> n & 1 for n in range(8)), 1):
+                ctx.set(dut.ftdi_txd, bit)
+                await wait(ctx, CLOCKS_PER_BIT)
+
+    async def receive(ctx: Any, count: int) -> bytes:
+        received.clear()
+        while len(received) < count:
+            while ctx.get(dut.ftdi_rxd):
+                await ctx.posedge(dut.clk_25mhz)
+            await wait(ctx, CLOCKS_PER_BIT // 2)
+            byte = 0
+            for n in range(8):
+                await wait(ctx, CLOCKS_PER_BIT)
+                byte |= ctx.get(dut.ftdi_rxd) << n
+            await wait(ctx, CLOCKS_PER_BIT)
+            received.append(byte)
+        return bytes(received)
+
+    async def run(ctx: Any) -> None:
+        ctx.set(dut.ftdi_txd, 1)
+        await wait(ctx, ulx3s.RESET_CLOCKS + 2)
+        await send(ctx, Command.READ, 0, 0)
+        assert await receive(ctx, 6) == bytes([Message.ANSWER, 0]) + IDENTITY.to_bytes(4, "little")
+        ((offset, word),) = register_writes({"enable": 1})
+        await send(ctx, Command.WRITE, offset, 0, *word.to_bytes(4, "little"))
+        assert await receive(ctx, 6) == bytes([Message.ANSWER, 0, 0, 0, 0, 0])
+        assert (ctx.get(dut.led), ctx.get(dut.wifi_gpio0)) == (1, 1)
+        ctx.set(dut.btn_fire1, 1)
+        await wait(ctx, 8)
+        assert ctx.get(dut.led) == 0
+
+    async def oscillator(ctx: Any) -> None:
+        while True:
+            for level in (1, 0):
+                ctx.set(dut.clk_25mhz, level)
+                await ctx.delay(0.5 / ulx3s.CLOCK_HZ)
+
+    simulator = Simulator(dut)
+    simulator.add_testbench(run)
+    simulator.add_testbench(oscillator, background=True)
+    simulator.run()
