@@ -66,7 +66,13 @@ def flight_sources(
         if len(sources) == 1 and isinstance(sources[0].content, Path):
             # A misspelt folder, rather than too few photographs.
             check_file(sources[0].content, "a folder, a video or at least two photographs")
-        yield [dataclasses.replace(source, index=index) for index, source in enumerate(sources)]
+        yield [_numbered(source, index) for index, source in enumerate(sources)]
+
+
+def _numbered(source: Source, index: int) -> Source:
+    """The source as one of several: an array is called by its number among all of them."""
+    name = source.name if isinstance(source.content, Path) else f"image {index}"
+    return dataclasses.replace(source, index=index, name=name)
 
 
 def refuse_single(images: Sequence[str | Path | Pixels], sources: Sequence[Source]) -> None:

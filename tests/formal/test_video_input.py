@@ -20,7 +20,7 @@ class _Framing(Elaboratable):
     """Transfers of any length, in any mode that then stays; of each byte, one bit is looked at."""
 
     def __init__(self) -> None:
-        self.video, self.admission = VideoInput(), FrameAdmission(closing_lines=1, closing_px=4)
+        self.video, self.admission = VideoInput(video_bits=32), FrameAdmission(closing_lines=1, closing_px=4)
         self.memory_mode, self.gray = Signal(), Signal()
         self.bytes, self.first, self.last = Signal(GRAY_PER_WORD), Signal(), Signal()
         self.ports = [

@@ -1,15 +1,15 @@
-"""Where tests lie: at the path of the code that they test, or among the tests of several parts."""
+"""Where tests lie: at the path of what they test, code or a helper of tests, or among the tests of several parts."""
 
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
-OF_SEVERAL_PARTS = ("tests/system", "tests/formal")
+OF_SEVERAL_PARTS = ("tests/system", "tests/formal", "tests/cocotb", "tests/fuzz", "tests/soak")
 
 
 def find_misplaced(root: Path) -> list[str]:
-    """Test files whose path, without ``tests/`` and ``test_``, names no file or folder."""
+    """Test files whose path, without ``tests/`` and ``test_``, names no file or folder, and no helper beside them."""
     misplaced = []
     for test in sorted((root / "tests").rglob("test_*.py")):
         path = test.relative_to(root)
@@ -17,6 +17,7 @@ def find_misplaced(root: Path) -> list[str]:
         if not path.as_posix().startswith(OF_SEVERAL_PARTS) and not [
             *tested.parent.glob(f"{tested.name}.*"),
             *tested.parent.glob(tested.name),
+            *test.parent.glob(f"{tested.name}.py"),
         ]:
             misplaced.append(path.as_posix())
     return misplaced

@@ -137,7 +137,7 @@ def test_a_command_asks_the_board_at_an_address(
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (("--backend", "board"), "--address HOST"),
+        (("--backend", "board"), "give it with --address"),
         (("--backend", "rtl", "--address", "pynq"), "--backend board"),
         (("--backend", "board", "--address", "127.0.0.1:1"), "no board answers"),
     ],
