@@ -6,7 +6,7 @@ import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,6 +128,7 @@ class Mismatch:
         return f"frame {self.frame}, {self.stage}{position}: expected {self.expected}, got {self.actual}"
 
 
+@runtime_checkable
 class Backend(Protocol):
     """Computes features and matches: the golden model, a simulation of the hardware, or a board.
 

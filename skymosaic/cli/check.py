@@ -15,7 +15,7 @@ from skymosaic.flight.check import FlightCheck, check_flight
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.survey import survey
 from skymosaic.imagery.band_sets import group_band_sets
-from skymosaic.imagery.key_frames import flight_sources, refuse_single
+from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.mosaicking.options import SurveyOptions
 from skymosaic.running.cache import open_cache
 from skymosaic.running.workers import Workers
@@ -36,7 +36,6 @@ def check(
         flight_sources(photographs, session.tell) as sources,
         Workers(options.scheduler, progress=progress, sources=sources) as workers,
     ):
-        refuse_single(photographs, sources)
         captures = group_band_sets(sources, tell=session.tell)
         captures = [source.with_damaged(keep=options.keeps_damaged) for source in captures]
         cache, settings = open_cache(options.cache, session.tell), options.flight_settings()

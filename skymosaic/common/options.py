@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from numbers import Integral, Real
 from typing import Any, Concatenate, Literal, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
 
 from skymosaic.common.errors import InputError
@@ -17,7 +18,12 @@ INPUT, REGISTRATION, PICTURE, MAP, HARDWARE, OUTPUT, MACHINE = GROUPS
 Class = TypeVar("Class", bound=type[Any])
 Function = TypeVar("Function", bound=Callable[..., Any])
 Default = TypeVar("Default")
+Chosen = TypeVar("Chosen", bound="Checked")
 About = ParamSpec("About")
+
+
+_NUMBERS = {int: Integral, float: Real}
+"""Types of options whose values may have NumPy's."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +74,7 @@ class Option:
     @property
     def choices(self) -> tuple[str, ...]:
         """The names that it takes; empty where it takes no name."""
-        members = (self.type, *get_args(self.type))
-        return tuple(name for each in members if get_origin(each) is Literal for name in get_args(each))
+        return tuple(name for each in _members(self.type) if get_origin(each) is Literal for name in get_args(each))
 
     @property
     def valid(self) -> str:
@@ -84,21 +89,32 @@ class Option:
         return " or ".join(map(flag_of, self.parts or [self.name]))
 
     def check(self, value: Any) -> None:
-        """Raise `InputError` for a name or a number that is not valid; None always is."""
+        """Raise `InputError` for another type, or a name or a number that is not valid; None always is."""
         # None stands for a default that depends on other options or on the photographs.
-        if value is None or not self.valid:
-            return
-        if self.choices:
-            # Objects stand for themselves.
-            if isinstance(value, str) and value not in self.choices:
-                raise InputError(f"`{self.name}` is {value!r}; valid: {self.valid}")
-        elif not (
+        if value is not None and not self._takes(value):
+            valid = f"valid: {self.valid}" if self.choices else f"it must be {self.valid or _spell_type(self.type)}"
+            raise InputError(f"`{self.name}` is {value!r}; {valid}")
+
+    def _takes(self, value: Any) -> bool:
+        if self.choices and isinstance(value, str):
+            return value in self.choices
+        # Beside names, objects stand for themselves.
+        classes: Any = tuple(_NUMBERS.get(each, each) for each in _members(self.type) if isinstance(each, type))
+        if not isinstance(value, classes):
+            return False
+        if self.choices or not self.valid:
+            return True
+        return (
             math.isfinite(value)
             and (self.above is None or value > self.above)
             and (self.minimum is None or value >= self.minimum)
             and (self.maximum is None or value <= self.maximum)
-        ):
-            raise InputError(f"`{self.name}` is {value}; it must be {self.valid}")
+        )
+
+
+def _members(annotation: Any) -> tuple[Any, ...]:
+    """A type, and the types of which it is the union."""
+    return (annotation, *get_args(annotation))
 
 
 def _field_of(describe: Callable[About, Option]) -> Callable[Concatenate[Default, About], Default]:
@@ -139,6 +155,19 @@ class Checked:
         """
         for each in options_of(type(self)):
             each.check(getattr(self, each.name))
+
+
+def choose_options(cls: type[Chosen], options: Chosen | None, changes: Mapping[str, Any]) -> Chosen:
+    """The options that a function was given: an object, and single ones, which take precedence.
+
+    Raises
+    ------
+    InputError
+        For another object.
+    """
+    if options is not None and not isinstance(options, cls):
+        raise InputError(f"options is {options!r}; give {cls.__name__}(...), or single options by their names")
+    return dataclasses.replace(options or cls(), **changes)
 
 
 def flag_of(name: str) -> str:

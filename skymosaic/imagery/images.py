@@ -19,7 +19,10 @@ from skymosaic.common.temporary import existing_parent, resolved, temporary_file
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.decoding import UPRIGHT, check_size, decode, read_header
 from skymosaic.imagery.depth import ValueRange, measure_range, sample_values
+from skymosaic.imagery.patterns import only_match
 
+Image = str | Path | Pixels
+"""A photograph as users give it."""
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 
 
@@ -78,14 +81,29 @@ def load(source: str | Path | Pixels, name: str = "image", *, keep_damaged: bool
     InputError
         Missing, empty, truncated, damaged, not an image, of an unsupported depth, or of an unsupported size.
     """
+    check_given(source, name)
     if isinstance(source, str | Path):
-        return _read(Path(source), keep_damaged=keep_damaged)
+        return _read(only_match(Path(source)), keep_damaged=keep_damaged)
+    check_size(name, source.shape[1], source.shape[0])
+    return Photograph(name, source)
+
+
+def check_given(source: Image, name: str) -> None:
+    """Check the type of what is given as a photograph, and the type and shape of an array; `load` checks the rest.
+
+    Raises
+    ------
+    InputError
+        For what can be no photograph.
+    """
+    if isinstance(source, str | Path):
+        return
+    if not isinstance(source, np.ndarray):
+        raise InputError(f"{name}: {type(source).__name__} is no photograph; give a path, or an array of pixels")
     if source.dtype != np.uint8 or source.ndim not in (2, 3) or (source.ndim == 3 and source.shape[2] != 3):
         raise InputError(
             f"{name}: an array of {source.dtype}, shape {source.shape}; give uint8 of shape (H, W) or (H, W, 3) BGR"
         )
-    check_size(name, source.shape[1], source.shape[0])
-    return Photograph(name, source)
 
 
 def _read(path: Path, *, keep_damaged: bool) -> Photograph:

@@ -3,7 +3,7 @@
 import contextlib
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ from skymosaic.common.errors import InputError
 from skymosaic.common.temporary import temporary_folder
 from skymosaic.imagery.decoding import check_file
 from skymosaic.imagery.images import reduce_to_width, save
-from skymosaic.imagery.photographs import Source, list_sources
+from skymosaic.imagery.photographs import Images, Source, list_images, list_sources
 from skymosaic.imagery.video import VIDEO_SUFFIXES, VideoReader
 
 KEY_OVERLAP = 0.65
@@ -35,28 +35,27 @@ MIN_SHARE_MOVING = 0.2
 
 
 @contextlib.contextmanager
-def flight_sources(
-    images: Sequence[str | Path | Pixels], tell: Callable[[str], None] = lambda _line: None
-) -> Iterator[list[Source]]:
+def flight_sources(images: Images, tell: Callable[[str], None] = lambda _line: None) -> Iterator[list[Source]]:
     """As `skymosaic.imagery.photographs.list_sources`, with each video replaced by its key frames.
 
     The key frames are JPEG files in a temporary folder, which is deleted when the context ends.
 
     Parameters
     ----------
-    images : sequence of str, Path or ndarray
-        Files, folders, videos and arrays.
+    images : str, Path or ndarray, or several
+        Files, folders, videos, patterns and arrays.
     tell : callable
         Receives a line per note about a video, for instance that it was cut off.
 
     Raises
     ------
     InputError
-        As for `list_sources`; also for a video that cannot be read, or a full disk.
+        As for `list_sources`; also for a single photograph, a video that cannot be read, or a full disk.
     """
     with temporary_folder() as folder:
         sources: list[Source] = []
-        for image in images:
+        given = list_images(images)
+        for image in given:
             if isinstance(image, str | Path) and Path(image).suffix.lower() in VIDEO_SUFFIXES:
                 frames = folder / str(len(sources))
                 frames.mkdir()
@@ -66,6 +65,9 @@ def flight_sources(
         if len(sources) == 1 and isinstance(sources[0].content, Path):
             # A misspelt folder, rather than too few photographs.
             check_file(sources[0].content, "a folder, a video or at least two photographs")
+            raise InputError(
+                f"{given[0]}: only one photograph; a mosaic takes two that overlap, or more, so add others"
+            )
         yield [_numbered(source, index) for index, source in enumerate(sources)]
 
 
@@ -73,12 +75,6 @@ def _numbered(source: Source, index: int) -> Source:
     """The source as one of several: an array is called by its number among all of them."""
     name = source.name if isinstance(source.content, Path) else f"image {index}"
     return dataclasses.replace(source, index=index, name=name)
-
-
-def refuse_single(images: Sequence[str | Path | Pixels], sources: Sequence[Source]) -> None:
-    """Refuse what holds a single photograph, under the name that the user gave."""
-    if len(sources) == 1 and isinstance(images[0], str | Path):
-        raise InputError(f"{images[0]}: only one photograph; a mosaic takes at least two that overlap, so add others")
 
 
 def _store_key_frames(video: str | Path, folder: Path, tell: Callable[[str], None]) -> Iterator[Source]:

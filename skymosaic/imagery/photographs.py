@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import re
 from collections import OrderedDict, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -20,9 +19,13 @@ from golden_model.small_files import open_regular
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.decoding import check_file
 from skymosaic.imagery.depth import ValueRange
-from skymosaic.imagery.images import PICTURE_SUFFIXES, Photograph, load, load_intensities
+from skymosaic.imagery.images import PICTURE_SUFFIXES, Image, Photograph, check_given, load, load_intensities
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.own_outputs import exclude_recorded
+from skymosaic.imagery.patterns import expand_pattern, natural_order
+
+Images = Image | Iterable[Image]
+"""Photographs as users give them: files, folders, patterns and arrays, one or several."""
 
 
 class Warp(Protocol):
@@ -108,16 +111,35 @@ class Source:
         return straight if self.warp is None else self.warp.apply(straight)
 
 
-def list_sources(images: Sequence[str | Path | Pixels]) -> list[Source]:
+def list_images(images: Images) -> list[Image]:
+    """What was given, one by one; a pattern such as ``flight/*.jpg`` stands for what it matches.
+
+    Raises
+    ------
+    InputError
+        For what is neither a path nor an array of a photograph's pixels.
+    """
+    # An array of four dimensions is a stack of photographs, with fewer it is one.
+    if isinstance(images, str | Path) or (isinstance(images, np.ndarray) and images.ndim < 4):
+        images = [images]
+    listed: list[Image] = []
+    for image in images if isinstance(images, Iterable) else [images]:
+        check_given(image, f"image {len(listed)}")
+        listed += expand_pattern(Path(image)) if isinstance(image, str | Path) else [image]
+    return listed
+
+
+def list_sources(images: Images) -> list[Source]:
     """List files, arrays and the pictures of folders; a folder's pictures are sorted by name, 2 before 10.
 
     Raises
     ------
     InputError
-        For a folder without pictures. Files are checked later, so that one bad file does not stop a flight.
+        As in `list_images`, and for a folder without pictures. Files are checked later, so that one bad file does not
+        stop a flight.
     """
     contents: list[Path | Pixels] = []
-    for image in images:
+    for image in list_images(images):
         if not isinstance(image, str | Path):
             contents.append(image)
         else:
@@ -184,12 +206,7 @@ def _list_pictures(folder: Path) -> list[Path]:
     pictures = exclude_recorded(folder, [path for path in pictures if not path.name.startswith(".")])
     if not pictures:
         raise InputError(f"{folder}: contains no pictures ({', '.join(PICTURE_SUFFIXES)}); choose another folder")
-    return sorted(pictures, key=lambda path: _natural_order(path.name))
-
-
-def _natural_order(name: str) -> list[tuple[int, str]]:
-    """Sorting key that compares numbers in names by value."""
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]
+    return sorted(pictures, key=lambda path: natural_order(path.name))
 
 
 _Key = tuple[str, str, bool, Warp | None, ValueRange | None]

@@ -1,19 +1,16 @@
 """Makes mosaics: the functions of the Python API, and the plan that the command line and the panel use."""
 
-import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Unpack
 
-from golden_model.arrays import Pixels
 from skymosaic.common.errors import InputError
-from skymosaic.common.options import list_options
+from skymosaic.common.options import choose_options, list_options
 from skymosaic.flight.two_photographs import flight_of_pair
 from skymosaic.imagery.band_sets import group_band_sets
-from skymosaic.imagery.key_frames import flight_sources, refuse_single
+from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.photographs import Source, forget_decoded
+from skymosaic.imagery.photographs import Images, Source, forget_decoded
 from skymosaic.mosaicking.options import MosaicKeywords, MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.mosaicking.result import Mosaic
@@ -23,7 +20,7 @@ from skymosaic.running.workers import Progress, Workers, silent
 
 @list_options
 def mosaic(
-    images: Sequence[str | Path | Pixels],
+    images: Images,
     options: MosaicOptions | None = None,
     *,
     progress: Progress = silent,
@@ -33,8 +30,9 @@ def mosaic(
 
     Parameters
     ----------
-    images : sequence of paths or arrays
-        At least two photographs; a folder stands for its pictures, a video for its key frames.
+    images : path or array, or several
+        At least two photographs; a folder stands for its pictures, a video for its key frames, and a pattern such as
+        ``flight/*.jpg`` for what it matches.
     options : MosaicOptions, optional
     progress : callable
         Receives a stage, how many of its steps are done, and how many there are (0: unknown).
@@ -57,7 +55,7 @@ def mosaic(
     >>> result.transforms[1].shape, result.image.dtype
     ((3, 3), dtype('uint8'))
     """
-    options = dataclasses.replace(options or MosaicOptions(), **changes)
+    options = choose_options(MosaicOptions, options, changes)
     # With it, the caller would wait for all groups and get one.
     if options.all_groups:
         raise InputError("`all_groups`: mosaic() makes one mosaic; call mosaics() for one of each group")
@@ -66,14 +64,14 @@ def mosaic(
 
 @list_options
 def mosaics(
-    images: Sequence[str | Path | Pixels],
+    images: Images,
     options: MosaicOptions | None = None,
     *,
     progress: Progress = silent,
     **changes: Unpack[MosaicKeywords],
 ) -> Iterator[Mosaic]:
     """Make a mosaic of each group of photographs that overlap, the largest first; arguments as `mosaic`."""
-    options = dataclasses.replace(options or MosaicOptions(), **changes)
+    options = choose_options(MosaicOptions, options, changes)
     with open_plan(images, options, progress) as plan:
         for layout in plan.layouts:
             yield plan.mosaic(layout)
@@ -94,7 +92,7 @@ def mosaic_of_pair(pair: Pair, options: MosaicOptions | None = None, **changes: 
     InputError, RegistrationError
         As in `mosaic`.
     """
-    options = dataclasses.replace(options or MosaicOptions(), **changes)
+    options = choose_options(MosaicOptions, options, changes)
     sources = [Source(side, photo.name, photo.pixels) for side, photo in enumerate((pair.left, pair.right))]
     with open_plan_of_sources(sources, options) as plan:
         # The pair's pixels are those of the photographs, without a lens's distortion: none is taken out again.
@@ -104,7 +102,7 @@ def mosaic_of_pair(pair: Pair, options: MosaicOptions | None = None, **changes: 
 
 @contextmanager
 def open_plan(
-    images: Sequence[str | Path | Pixels],
+    images: Images,
     options: MosaicOptions,
     progress: Progress = silent,
     tell: Callable[[str], None] = lambda _line: None,
@@ -122,11 +120,11 @@ def open_plan(
     Raises
     ------
     InputError
-        For a folder without pictures, an unreadable video, unusable options, or an absent scheduler.
+        For a folder without pictures, a single photograph, an unreadable video, unusable options, or an absent
+        scheduler.
     """
     progress("reading", 0, 0)
     with flight_sources(images, tell) as sources:
-        refuse_single(images, sources)
         captures = group_band_sets(sources, options.band, tell)
         with open_plan_of_sources(captures, options, progress, tell) as plan:
             yield plan

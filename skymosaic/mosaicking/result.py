@@ -9,9 +9,10 @@ from skymosaic.common.errors import InputError
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition
-from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, deliver
-from skymosaic.imagery.images import check_output
+from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, PLAIN, deliver
+from skymosaic.imagery.images import PICTURE_SUFFIXES, check_output, save
 from skymosaic.imagery.notebook import describe_in_html
+from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import forget_decoded
 from skymosaic.maps.georeference import Georeference
 from skymosaic.registration.pair import Pair
@@ -63,6 +64,28 @@ class Mosaic:
         """The registration of two photographs; empty for more."""
         return () if self.flight.pair is None else (self.flight.pair,)
 
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the mosaic; a ``.tif`` lies on the map where its place is known, and is made as by `to_geotiff`.
+
+        Parameters
+        ----------
+        path : str or Path
+            ``.png``, ``.jpg``, ``.tif`` ...; by others than ``.tif``, 8 bits are shown.
+        overwrite : bool
+            Whether an existing file may be replaced.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        path = self._check(path, PICTURE_SUFFIXES, overwrite=overwrite)
+        if path.suffix.lower() in GEOTIFF_SUFFIXES:
+            self._render(path, None)
+        else:
+            save(path, self.composition.in_8_bit(self.image))
+            record_output(path, [each.content for each in self.flight.sources if isinstance(each.content, Path)])
+
     def to_geotiff(self, path: str | Path, *, overwrite: bool = False, scheduler: str | None = None) -> Georeference:
         """Render the mosaic again, and write it as a GeoTIFF.
 
@@ -87,18 +110,26 @@ class Mosaic:
         InputError
             If the place on the map is not known (the message says why), or the file cannot be written.
         """
-        path = Path(path)
-        inputs = tuple(name for each in self.flight.sources for name in each.files)
-        check_output(path, inputs, GEOTIFF_SUFFIXES, overwrite=overwrite)
+        path = self._check(path, GEOTIFF_SUFFIXES, overwrite=overwrite)
         place = self.composition.place
         if place.georeference is None:
             raise InputError(f"{path}: the mosaic's place on the map is unknown ({place.note}); save its image instead")
+        self._render(path, scheduler)
+        return place.georeference
+
+    def _check(self, path: str | Path, suffixes: tuple[str, ...], *, overwrite: bool) -> Path:
+        """The path of an output, before the work begins."""
+        inputs = tuple(name for each in self.flight.sources for name in each.files)
+        check_output(Path(path), inputs, suffixes, overwrite=overwrite)
+        PLAIN.check(Path(path), len(self.composition.band_names))
+        return Path(path)
+
+    def _render(self, path: Path, scheduler: str | None) -> None:
         try:
             with Workers(scheduler) as workers:
                 deliver(path, self.flight, self.layout, self.composition, self.composition.bands(workers))
         finally:
             forget_decoded()
-        return place.georeference
 
     def _repr_html_(self) -> str:
         """The mosaic, reduced, for notebooks."""

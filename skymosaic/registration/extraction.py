@@ -19,7 +19,7 @@ from golden_model.records import Cause
 from golden_model.text import one_line
 from sim.backends.interface import Backend, FrameResult, Progress, silent
 from skymosaic.common.errors import InputError
-from skymosaic.common.options import list_options
+from skymosaic.common.options import choose_options, list_options
 from skymosaic.features.frames import DescribedImage
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import feature_points
@@ -120,7 +120,7 @@ def extract(
     >>> features.descriptors.shape[1]
     16
     """
-    options = dataclasses.replace(options or FeatureOptions(), **changes)
+    options = choose_options(FeatureOptions, options, changes)
     options.check()
     photograph = load(image, "image", keep_damaged=options.keeps_damaged)
     method, config = options.choose_method()

@@ -12,7 +12,7 @@ from golden_model.arrays import Mask, Matrix, Pixels, Points, Records
 from golden_model.config import Config
 from golden_model.matching.matcher import match
 from sim.backends.interface import Backend, Progress, silent
-from skymosaic.common.options import list_options
+from skymosaic.common.options import choose_options, list_options
 from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.features.frames import DescribedImage
 from skymosaic.features.positions import are_on_ground, match_points, select_ground_matches
@@ -72,7 +72,7 @@ def register(
     >>> pair.accepted, pair.homography.shape
     (True, (3, 3))
     """
-    options = dataclasses.replace(options or RegistrationOptions(), **changes)
+    options = choose_options(RegistrationOptions, options, changes)
     options.check()
     clock = Stopwatch()
     if isinstance(left, Features) or isinstance(right, Features):

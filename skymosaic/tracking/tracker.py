@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Self, Unpack
@@ -21,7 +21,7 @@ from golden_model.arrays import Array, Pixels
 from golden_model.config import MIN_FRAME_PX
 from sim.backends.interface import Backend
 from skymosaic.common.errors import InputError, RegistrationError
-from skymosaic.common.options import document_options, list_options
+from skymosaic.common.options import choose_options, document_options, list_options
 from skymosaic.compositing.warp import Canvas
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
 from skymosaic.imagery.images import load
@@ -130,7 +130,7 @@ class Tracker:
         on_frame: Callable[[TrackedFrame], object] = lambda _frame: None,
         **changes: Unpack[TrackerKeywords],
     ) -> None:
-        options = replace(options or TrackerOptions(), **changes)
+        options = choose_options(TrackerOptions, options, changes)
         options.check()
         self._template = template if isinstance(template, Roi) else load(template, "template").pixels
         self._config = options.base_config

@@ -10,7 +10,6 @@ With the estimator ``fabric``, frames are laid out by the homographies that the 
 """
 
 import contextlib
-import dataclasses
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -21,7 +20,7 @@ import numpy as np
 
 from golden_model.arrays import Array, Pixels, Records
 from skymosaic.common.errors import InputError, RegistrationError
-from skymosaic.common.options import list_options
+from skymosaic.common.options import choose_options, list_options
 from skymosaic.compositing.warp import Canvas, CanvasError
 from skymosaic.flight.candidates import MIN_VOTES, MOST_SIMILAR
 from skymosaic.flight.linking.links import Candidate, Link, link_views
@@ -33,8 +32,9 @@ from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.estimators import FABRIC
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.exif import Metadata, read_metadata
-from skymosaic.imagery.images import load, reduce_for_front_end, reduce_to_width
-from skymosaic.imagery.photographs import forget_decoded
+from skymosaic.imagery.images import check_given, load, reduce_for_front_end, reduce_to_width
+from skymosaic.imagery.patterns import only_match
+from skymosaic.imagery.photographs import Images, forget_decoded, is_folder, list_sources
 from skymosaic.mosaicking.live.composing import flight_of_frames
 from skymosaic.mosaicking.live.kept_frames import FullError, KeptFrames
 from skymosaic.mosaicking.live.preview import paint_preview
@@ -99,7 +99,7 @@ class LiveMosaic:
         on_frame: Callable[[LiveUpdate], object] = lambda _update: None,
         **changes: Unpack[LiveKeywords],
     ) -> None:
-        self._options = options = dataclasses.replace(options or LiveOptions(), **changes)
+        self._options = options = choose_options(LiveOptions, options, changes)
         options.check()
         self._config = options.base_config
         self._front_end = options.open_backend()
@@ -157,7 +157,7 @@ class LiveMosaic:
 
         Parameters
         ----------
-        image : path or ndarray of uint8, shape (H, W) or (H, W, 3) BGR
+        image : path, or ndarray of uint8, shape (H, W) or (H, W, 3) BGR
         features : structured ndarray, optional
             Its features, if a front end has already computed them (such as a camera's, in sequence mode), from the
             frame reduced to the working width.
@@ -175,10 +175,17 @@ class LiveMosaic:
 
         Raises
         ------
+        InputError
+            For what can be no frame: another type, another dtype or shape, a folder.
         FullError
             If there is no room for the frame. Those placed so far can be saved.
         """
-        number, path = len(self._frames), Path(image) if isinstance(image, str | Path) else None
+        check_given(image, "frame")
+        number, path = len(self._frames), None
+        if isinstance(image, str | Path):
+            image = path = only_match(Path(image))
+            if is_folder(path):
+                raise InputError(f"{path}: a folder is no frame; extend() adds its pictures")
         name = name or str(path or f"frame {number}")
         frame, placement, transform, reason = None, None, None, ""
         try:
@@ -198,6 +205,10 @@ class LiveMosaic:
         update = LiveUpdate(number, name, seconds, transform, placement, reason, len(self._submaps), *facts)
         self._on_frame(update)
         return update
+
+    def extend(self, images: Images) -> list[LiveUpdate]:
+        """Register several frames in turn; a folder stands for its pictures, a pattern for what it matches."""
+        return [self.add(source.content) for source in list_sources(images)]
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Delivery:
         """Compose the frames as `skymosaic.mosaic` composes photographs, and write the mosaic.

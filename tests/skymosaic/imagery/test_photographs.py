@@ -77,3 +77,37 @@ def test_a_warped_photograph_is_another_one_in_the_cache() -> None:
     assert photographs.pixels(plain, Lens())[10, 10] == 10
     assert photographs.pixels(warped[0], Lens())[10, 10] == 13
     assert photographs.pixels(warped[1], Lens()) is photographs.pixels(warped[0], Lens())
+
+
+def test_one_string_and_a_pattern_stand_for_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "flight").mkdir()
+    for name in ("IMG_10.png", "IMG_2.png", "IMG_[3].png"):
+        (tmp_path / "flight" / name).write_bytes(b"x")
+    monkeypatch.chdir(tmp_path)
+    in_order = ["flight/IMG_2.png", "flight/IMG_10.png", "flight/IMG_[3].png"]
+    for given in ("flight", Path("flight"), "flight/*.png", Path("flight/*.png"), [str(tmp_path / "flight/*")]):
+        assert [source.name.removeprefix(f"{tmp_path}/") for source in list_sources(given)] == in_order
+    # A file of that very name is no pattern.
+    assert [source.name for source in list_sources("flight/IMG_[3].png")] == ["flight/IMG_[3].png"]
+    # As in a shell, one that matches nothing stands for itself, and is no file.
+    assert [source.name for source in list_sources("flight/*.jpg")] == ["flight/*.jpg"]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (None, "image 0: NoneType is no photograph; give a path"),
+        (["a.png", None], "image 1: NoneType is no photograph"),
+        (b"flight", "image 0: int is no photograph"),
+        (["a.png", np.zeros((64, 64), np.float32)], r"image 1: an array of float32, shape \(64, 64\); give uint8"),
+        (np.zeros((3, 64, 64, 4), np.uint8), "image 0: an array of uint8"),
+    ],
+)
+def test_what_is_no_photograph_says_what_is(given: Any, message: str) -> None:
+    with pytest.raises(InputError, match=f"^{message}"):
+        list_sources(given)
+
+
+def test_an_array_is_one_photograph_or_a_stack_of_them() -> None:
+    assert len(list_sources(np.zeros((64, 80, 3), np.uint8))) == 1
+    assert len(list_sources(np.zeros((4, 64, 80, 3), np.uint8))) == 4

@@ -21,6 +21,7 @@ from skymosaic.features import descriptors, detectors
 from skymosaic.features.descriptors import TRACKED, WINDOWS_PX
 from skymosaic.features.detectors import FRONT_END_DETECTORS
 from skymosaic.geometry.estimators import FABRIC, FUZZY_RANSAC, PROSAC
+from skymosaic.maps.positions import Positions
 from skymosaic.mosaicking.api import mosaic_of_pair
 from skymosaic.mosaicking.options import LiveKeywords, LiveOptions, MosaicKeywords, MosaicOptions
 from skymosaic.registration.options import FeatureKeywords, FeatureOptions, RegistrationKeywords, RegistrationOptions
@@ -69,6 +70,14 @@ def test_a_misspelt_name_is_an_error_for_type_checkers_and_when_it_runs() -> Non
         register(picture, picture, effort="fastt")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="`blending` is 'multiban'"):
         mosaic([picture, picture], MosaicOptions(blending="multiban"))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"options is 'fast'; give RegistrationOptions\(\.\.\.\), or single options"):
+        register(picture, picture, "fast")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="`scale` is '2'; it must be more than 0"):
+        mosaic([picture, picture], scale="2")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="`refine` is 'no'; it must be bool"):
+        register(picture, picture, refine="no")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"`lens` is 'camera\.toml'; it must be Lens or None"):
+        mosaic([picture, picture], lens="camera.toml")  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="efforts"):
         register(picture, picture, efforts="fast")  # type: ignore[call-arg]
 
@@ -115,7 +124,10 @@ def test_every_default_is_valid_and_every_sentence_ends() -> None:
         ({"seed": -1}, "`seed` is -1; it must be at least 0"),
         ({"working_width_px": 63}, "it must be at least 64 and at most 4096"),
         ({"gsd_m": 0.1, "scale": 0.5}, "`gsd_m` and `scale` both set the size"),
-        ({"repeat": object(), "positions": object()}, "`positions` and `repeat` both place the photographs"),
+        (
+            {"repeat": object(), "positions": Positions("geo.txt", ())},
+            "`positions` and `repeat` both place",
+        ),
         ({"detector": "sift", "backend": "rtl"}, "leave out `backend`"),
         ({"effort": "thorough", "estimator": "magsac"}, "oriented ILBP"),
     ],

@@ -229,3 +229,25 @@ def test_frames_with_gps_lie_on_the_map(flight: Flight, frames: list[NDArray[np.
         assert file.bounds.bottom < truth[1] < file.bounds.top
         assert np.hypot(file.transform.a, file.transform.d) == pytest.approx(metres, rel=0.05)
         assert 0.5 < (file.read(4) > 0).mean() < 1
+
+
+def test_a_folder_is_added_whole_and_what_is_no_frame_is_an_error(
+    frames: list[NDArray[np.uint8]], tmp_path: Path
+) -> None:
+    for number, frame in enumerate(frames[:2]):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), frame)
+    live = LiveMosaic(config=CONFIG)
+    assert [update.name for update in live.extend(str(tmp_path))] == [str(tmp_path / f"{n}.png") for n in (0, 1)]
+    wrong: list[tuple[Any, str]] = [
+        (None, "frame: NoneType is no photograph"),
+        (tmp_path, "a folder is no frame; extend.. adds its pictures"),
+        (str(tmp_path / "*.png"), "matches 2 files"),
+        (frames[0].astype(np.float32), "frame: an array of float32, shape .*; give uint8 of shape"),
+    ]
+    for given, message in wrong:
+        with pytest.raises(InputError, match=message):
+            live.add(given)
+    # A file that is missing or damaged is a reason, as it may be while a flight is recorded.
+    assert live.add(tmp_path / "2.png").reason.endswith("no such file; check the path")
+    assert sorted(live.transforms) == [0, 1]
+    assert list(live.left_out) == [2]
