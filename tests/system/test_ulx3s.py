@@ -1,8 +1,6 @@
 """The ULX3S: its top at the pins, through the exported driver, and what `export board ulx3s` writes and builds."""
 
 import dataclasses
-import re
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,11 +9,7 @@ import numpy as np
 import pytest
 
 from golden_model.config import PRESETS, EstimatorConfig
-from golden_model.config_file import load_config
 from hdl.build import BUILDS, Build
-from hdl.export import ulx3s as export
-from hdl.export.boards import SOURCES
-from hdl.lib.ecp5 import Ecp5
 from hdl.serial.link import Message
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends.interface import load_backend
@@ -30,17 +24,6 @@ SMALL_CONFIG = dataclasses.replace(THESIS, front_end=dataclasses.replace(THESIS.
 SMALL = dataclasses.replace(BUILD, config=SMALL_CONFIG, lanes=2, max_width_px=160, max_height_px=120)
 WHOLE = dataclasses.replace(BUILD, config=dataclasses.replace(BUILD.config, estimator=EstimatorConfig()))
 """As it is built with ``--homography``."""
-
-COUNTER = f"""module {export.TOP}(
-  input clk_25mhz, input btn_fire1, input ftdi_txd, output ftdi_rxd, output [7:0] led, output wifi_gpio0);
-  reg [15:0] count = 0;
-  always @(posedge clk_25mhz) count <= btn_fire1 ? 0 : count + 1;
-  assign led = count[15:8];
-  assign ftdi_rxd = ftdi_txd;
-  assign wifi_gpio0 = 1;
-endmodule
-"""
-"""The ports of the top, and next to nothing between them."""
 
 
 class Line:
@@ -152,55 +135,8 @@ def test_bits_in_and_records_out_equal_the_golden_model(build: Build, size_px: t
 
 @pytest.mark.slow
 @pytest.mark.needs("place_and_route")
-def test_the_tools_make_a_bitstream_of_a_small_top_with_the_pins_of_the_board(tmp_path: Path) -> None:
-    (tmp_path / "rtl").mkdir()
-    (tmp_path / "rtl" / f"{export.TOP}.v").write_text(COUNTER)
-    shutil.copy(SOURCES / "ulx3s" / "ulx3s.lpf", tmp_path)
-    made = export.build_bitstream(tmp_path)
-    assert made["bytes"] == (tmp_path / "build" / "skymosaic.bit").stat().st_size > 100_000
-    assert made["clock_mhz"] > 100
-    assert made["TRELLIS_IO"][0] == 13
-
-
-@pytest.mark.slow
-@pytest.mark.needs("place_and_route")
 def test_open_tools_build_the_bitstream(tmp_path: Path) -> None:
     result = skymosaic("export", "board", "ulx3s", "--build", "-o", "made", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert (tmp_path / "made" / "build" / "skymosaic.bit").stat().st_size > 100_000
     print(result.stdout)
-
-
-def test_the_export_has_what_its_readme_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # The Verilog takes long; it is simulated in another test.
-    monkeypatch.setattr(export, "Ulx3s", lambda build: None)
-    monkeypatch.setattr(export, "to_verilog", lambda top, **options: str(type(options["platform"]) is Ecp5))
-    export.export_ulx3s(tmp_path, BUILD)
-    found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
-    host = ("serial_bus", "serve_serial", *(f"skymosaic_{name}" for name in ("driver", "map", "registers", "server")))
-    assert found == {
-        *("README.md", "ulx3s.lpf", "config.toml", f"rtl/{export.TOP}.v", *(f"host/{name}.py" for name in host)),
-        *(f"registers/{name}" for name in ("register_map.md", "skymosaic.svd", "skymosaic_registers.h")),
-    }
-    # The Verilog is made for the ECP5.
-    assert (tmp_path / "rtl" / f"{export.TOP}.v").read_text() == "True"
-    assert load_config(tmp_path / "config.toml") == BUILD.config
-    readme = (tmp_path / "README.md").read_text()
-    named = {
-        name for cell in re.findall(r"^\| (`.*?) \|", readme, re.MULTILINE) for name in re.findall("`(.*?)`", cell)
-    }
-    assert len(named) > 4
-    # The bitstream is built by another test.
-    assert {name for name in named if not (tmp_path / name).exists()} == {"build/skymosaic.bit"}
-    assert "Not yet run on a board" in readme
-    assert all(f"\n{tool} " in readme for tool, *_ in export.STEPS)
-    # Every port has a pin.
-    pins = (tmp_path / "ulx3s.lpf").read_text()
-    ports = {"clk_25mhz", "btn_fire1", "ftdi_txd", "ftdi_rxd", "wifi_gpio0", *(f"led[{n}]" for n in range(8))}
-    assert all(f'LOCATE COMP "{port}" SITE' in pins for port in ports)
-
-
-def test_a_missing_tool_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(export, "STEPS", (("no-such-tool",),))
-    with pytest.raises(export.BuildError, match=r"no-such-tool is not installed; .*\.\[ulx3s\]"):
-        export.build_bitstream(tmp_path)

@@ -4,7 +4,6 @@ import functools
 import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pyslang
@@ -17,7 +16,6 @@ from hdl.accelerator import AcceleratorTop
 from hdl.build import BUILDS, Build
 from hdl.export import accelerator as export
 from hdl.export.boards import BOARDS
-from hdl.export.host import write_host
 from hdl.netlist import FOLDERS
 
 with contextlib.suppress(ImportError):  # without it, the tests that need it are skipped
@@ -340,54 +338,3 @@ def test_an_unknown_board_is_refused_with_the_known_ones(tmp_path: Path) -> None
     with pytest.raises(ValueError, match="pynq_z2"):
         export.export_board(tmp_path, "breadboard", TINY)
     assert not list(tmp_path.iterdir())
-
-
-HWH = """<EDKSYSTEM><MODULES><MODULE MODTYPE="{ps}"><MEMORYMAP>
-<MEMRANGE INSTANCE="skymosaic" MEMTYPE="REGISTER" BASEVALUE="{base}43C00000" HIGHVALUE="{base}43C0FFFF"/>
-<MEMRANGE INSTANCE="dma_video" MEMTYPE="REGISTER" BASEVALUE="0x40400000" HIGHVALUE="0x4040FFFF"/>
-<MEMRANGE INSTANCE="dma_features" MEMTYPE="REGISTER" BASEVALUE="0x40410000" HIGHVALUE="0x4041FFFF"/>
-<MEMRANGE INSTANCE="dma_matches" MEMTYPE="REGISTER" BASEVALUE="0x40420000" HIGHVALUE="0x4042FFFF"/>
-<MEMRANGE INSTANCE="ps" MEMTYPE="MEMORY" BASEVALUE="0x00000000" HIGHVALUE="0x1FFFFFFF"/>
-</MEMORYMAP></MODULE></MODULES></EDKSYSTEM>"""
-
-
-def device_tree(source: Path, *base: Path) -> str:
-    """A device tree, compiled without a warning, laid over a base if there is one, and written out again."""
-    compiled = str(source.with_suffix(".dtb"))
-    compile_it = ["dtc", "-@", "-I", "dts", "-O", "dtb", "-o", compiled, str(source)]
-    assert not subprocess.run(compile_it, capture_output=True, text=True, check=True).stderr
-    for each in base:
-        subprocess.run(["fdtoverlay", "-i", str(each.with_suffix(".dtb")), "-o", compiled, compiled], check=True)
-    show = ["dtc", "-I", "dtb", "-O", "dts", compiled]
-    return subprocess.run(show, capture_output=True, text=True, check=True).stdout
-
-
-@pytest.mark.needs("dtc")
-@pytest.mark.parametrize(
-    ("hwh", "cells", "reg"),
-    [
-        (HWH.format(ps="processing_system7", base="0x"), 1, "<0x43c00000 0x10000>"),
-        (HWH.format(ps="zynq_ultra_ps_e", base="0x4"), 2, "<0x04 0x43c00000 0x00 0x10000>"),
-    ],
-)
-def test_the_overlay_has_the_addresses_of_the_block_design(tmp_path: Path, hwh: str, cells: int, reg: str) -> None:
-    """Linux makes devices only of nodes at the root and on buses that were there before."""
-    (tmp_path / "skymosaic.hwh").write_text(hwh)
-    write_host(tmp_path, Build(max_width_px=4096, max_height_px=4096))
-    command = [sys.executable, str(tmp_path / "overlay.py"), str(tmp_path / "skymosaic.hwh")]
-    source, base = tmp_path / "skymosaic.dts", tmp_path / "board.dts"
-    source.write_text(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
-    base.write_text(f"/dts-v1/;\n/ {{ #address-cells = <{cells}>; #size-cells = <{cells}>; }};\n")
-    device_tree(base)
-    nodes = dict(re.findall(r"^\t(\S+) \{\n(.*?)^\t\};", device_tree(source, base), re.M | re.S))
-    assert f"reg = {reg};" in nodes[f"skymosaic@{'4' * (cells == 2)}43c00000"]
-    registers = {name.partition("@")[0] for name, node in nodes.items() if 'compatible = "generic-uio"' in node}
-    assert registers == {"skymosaic", "dma_video", "dma_features", "dma_matches"}
-    buffers = {name: node for name, node in nodes.items() if 'compatible = "ikwzm,u-dma-buf"' in node}
-    assert buffers.keys() == {"udmabuf-frame", "udmabuf-features", "udmabuf-matches"}
-    assert f"size = <{64 << 20:#x}>;" in buffers["udmabuf-frame"]
-    assert ("skymosaic-ports" in nodes) == (cells == 2)
-    (tmp_path / "skymosaic.hwh").write_text(hwh.replace("dma_matches", "other"))
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert result.returncode == 2
-    assert "skymosaic.hwh: no registers of dma_matches" in result.stderr

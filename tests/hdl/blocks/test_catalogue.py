@@ -1,0 +1,61 @@
+"""The blocks answer their vectors, and the vectors reach what they are there for."""
+
+import numpy as np
+import pytest
+from amaranth.hdl import Fragment
+from numpy.typing import NDArray
+
+from golden_model.matching import rule_bases
+from golden_model.records import HOMOGRAPHY, MATCH, SCORE, WORD_BYTES, Record
+from hdl.blocks.catalogue import CATALOGUE, CONFIG
+from hdl.blocks.vectors import Block, Row
+from tests.hdl.blocks.vector_bench import compare
+
+
+@pytest.mark.parametrize("name", ["half", "smooth", "sobel", "fast", "nms"])
+def test_a_block_in_amaranths_simulator_answers_its_vectors(name: str) -> None:
+    block = CATALOGUE[name]()
+    assert any(len(row) > 2 for row in block.outputs["o"])
+    compare(block)
+
+
+def make(name: str) -> Block:
+    block = CATALOGUE[name]()
+    # Amaranth warns of a component that nothing elaborates.
+    Fragment.get(block.component, None)
+    return block
+
+
+def records(rows: list[Row], port: str, record: Record) -> NDArray[np.void]:
+    """The records in the words of a packet; words that are not compared are 0."""
+    words = [row.get(f"{port}_data", 0) for row in rows]
+    return np.array(words, np.uint64).view(record.dtype)
+
+
+def test_vectors_of_the_rules_have_each_rule_decide_and_begin_at_zero() -> None:
+    block = make("fuzzy")
+    assert len({row["o_weight"] for row in block.outputs["o"]}) > 5
+    rules = rule_bases.aerial_orientation(CONFIG.pattern.bits).rules
+    assert {row["o_rule"] for row in block.outputs["o"]} == set(range(len(rules)))
+    assert set(block.inputs["i"][0].values()) == {0}
+
+
+def test_vectors_of_the_matcher_have_kept_and_rejected_matches() -> None:
+    rows = list(make("matcher").outputs["o_matches"])
+    ends = [number for number, row in enumerate(rows) if row["o_matches_last"]]
+    record_words = MATCH.record_bytes // WORD_BYTES
+    assert ends == [record_words - 1, len(rows) - 1]
+    matches = records(rows[record_words:-record_words], "o_matches", MATCH)
+    assert len(matches) > 20
+    assert set(matches["verdict"].tolist()) == {0, 1}
+
+
+def test_vectors_of_scoring_have_homographies_with_and_without_a_score() -> None:
+    scores = records(list(make("scoring").outputs["o"]), "o", SCORE)
+    assert {0, 1} <= {int(score > 0) for score in scores["support"]}
+
+
+def test_vectors_of_the_estimator_have_a_homography() -> None:
+    (record,) = records(list(make("homography").outputs["o"]), "o", HOMOGRAPHY)
+    assert record["causes"] == 0
+    assert record["inliers"] > 8

@@ -1,0 +1,33 @@
+"""Blocks in series behave as one, and have the ports that are left."""
+
+import pytest
+from amaranth.hdl import Fragment
+
+from golden_model.config import PRESETS
+from hdl.blocks.catalogue import CATALOGUE
+from hdl.blocks.chain import Chain, Descriptor
+from hdl.pixel.fast import WINDOW_PX, Fast
+from hdl.pixel.window import LineBuffer
+from tests.hdl.blocks.vector_bench import compare
+
+PATTERN = PRESETS["aerial"].front_end.pattern
+
+
+@pytest.mark.parametrize(
+    ("constants", "ports"), [({}, {"i", "o", "i_threshold_code"}), ({"i_threshold_code": 9}, {"i", "o"})]
+)
+def test_inputs_besides_the_beats_are_ports_unless_they_are_constant(
+    constants: dict[str, int], ports: set[str]
+) -> None:
+    lines = LineBuffer(shape=8, lines=WINDOW_PX - 1, width_px=64)
+    chain = Chain({"lines": lines, "block": Fast()}, lag_px=3, constants=constants)
+    Fragment.get(chain, None)
+    assert set(chain.signature.members) == ports
+    assert chain.lag_px == 3
+
+
+def test_candidates_four_clocks_apart_are_described() -> None:
+    block = CATALOGUE["ilbp"]()
+    assert block.spacing_cycles == Descriptor.spacing_cycles == 4
+    assert len({row["o_sector"] for row in block.outputs["o"]}) > 8
+    compare(block)

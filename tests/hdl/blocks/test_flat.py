@@ -1,0 +1,52 @@
+"""Structures become plain ports, named by their fields, and each port has its own bits."""
+
+from typing import Any
+
+from amaranth.hdl import Fragment, signed, unsigned
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from hdl.blocks.flat import FlatBlock, Leaf, flat_values, leaves
+from tests.hdl.blocks.vector_bench import pack
+
+NESTED = data.StructLayout(
+    {"valid": 1, "pair": data.ArrayLayout(data.StructLayout({"x": 5, "y": signed(7)}), 2), "code": 3}
+)
+
+
+def test_leaves_are_named_by_their_path_and_follow_each_other() -> None:
+    assert list(leaves("i", NESTED)) == [
+        Leaf("i_valid", 0, unsigned(1)),
+        Leaf("i_pair_0_x", 1, unsigned(5)),
+        Leaf("i_pair_0_y", 6, signed(7)),
+        Leaf("i_pair_1_x", 13, unsigned(5)),
+        Leaf("i_pair_1_y", 18, signed(7)),
+        Leaf("i_code", 25, unsigned(3)),
+    ]
+    assert list(leaves("i", 4)) == [Leaf("i", 0, unsigned(4))]
+
+
+def test_values_get_the_bits_that_amaranth_gives_them() -> None:
+    value: dict[int | str, Any] = {"valid": 1, "pair": [{"x": 17, "y": -3}, {"x": 2, "y": 40}], "code": 5}
+    flat = flat_values("i", value)
+    assert flat.keys() == {leaf.name for leaf in leaves("i", NESTED)}
+    assert pack("i", NESTED, flat) == NESTED.const(value).as_bits()
+
+
+class Doubler(wiring.Component):
+    """A stream of pairs, each doubled."""
+
+    i: In(stream.Signature(data.StructLayout({"low": 4, "high": 4})))
+    o: Out(stream.Signature(9))
+    i_enable: In(1)
+
+    def elaborate(self, platform: object) -> Fragment:
+        return Fragment()
+
+
+def test_a_block_has_a_port_for_each_field_and_its_handshake() -> None:
+    block = FlatBlock(Doubler())
+    Fragment.get(block, None)
+    inputs = {name for name, member in block.signature.members.items() if member.flow is In}
+    assert inputs == {"clk", "rst", "i_low", "i_high", "i_valid", "o_ready", "i_enable"}
+    assert set(block.signature.members) - inputs == {"i_ready", "o", "o_valid"}

@@ -1,0 +1,53 @@
+"""Vectors say what is specified: lags, margins, padding."""
+
+import numpy as np
+
+from golden_model.records import FRAME_STATUS, MATCH
+from hdl.blocks.vectors import answer_rows, packet, padded_status, pixel_rows, rows, sample_image
+
+PLANE = np.arange(20, dtype=np.uint8).reshape(4, 5)
+
+
+def test_pixels_come_in_raster_order() -> None:
+    beats = pixel_rows(pixel=PLANE)
+    assert [beat["i_pixel"] for beat in beats] == list(range(20))
+    assert beats[7] == {"i_x": 2, "i_y": 1, "i_pixel": 7}
+
+
+def test_an_answer_comes_later_by_its_lag_and_not_from_the_margin() -> None:
+    beats = answer_rows(lag_px=1, margin_px=1, code=PLANE)
+    specified = {(beat["o_x"], beat["o_y"]): beat["o_code"] for beat in beats if "o_code" in beat}
+    # The pixels inside are those with x from 1 to 3 and y from 1 to 2.
+    assert specified == {(x + 1, y + 1): PLANE[y, x] for y in (1, 2) for x in (1, 2, 3)}
+    assert len(beats) == PLANE.size
+
+
+def test_fields_are_flattened() -> None:
+    assert rows("i", [{"pair": [1, 2], "data": True}]) == [{"i_pair_0": 1, "i_pair_1": 2, "i_data": 1}]
+
+
+def test_a_packet_ends_with_its_last_word_and_leaves_out_what_is_unspecified() -> None:
+    records = np.zeros(2, MATCH.dtype)
+    records["left_x"] = 3
+    status = padded_status(np.zeros(1, FRAME_STATUS.dtype)[0], MATCH.record_bytes, matches=2)
+    words = packet(records, status, unspecified=(1,))
+    assert [word["last"] for word in words] == [0] * (len(words) - 1) + [1]
+    missing = [number for number, word in enumerate(words) if "data" not in word]
+    assert missing == [len(words) - MATCH.record_bytes // 8 + 1]
+    assert status["matches"] == 2
+
+
+def test_padding_is_zero_whatever_was_in_memory() -> None:
+    padded = FRAME_STATUS.dtype_padded_to(FRAME_STATUS.record_bytes + 16)
+    dirty = np.frombuffer(b"\xff" * padded.itemsize, padded).copy()
+    for name in padded.names or ():
+        dirty[name] = 0
+    assert any(dirty.tobytes())
+    assert {word["data"] for word in packet(dirty)} == {0}
+
+
+def test_the_sample_has_strong_edges_in_any_size() -> None:
+    image = sample_image(31, 17)
+    assert image.shape == (31, 17)
+    assert (np.abs(np.diff(image.astype(int), axis=1)) > 60).sum() > 20
+    assert (sample_image(31, 17, seed=4) != image).any()

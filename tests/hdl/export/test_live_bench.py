@@ -1,0 +1,54 @@
+"""The bench of a camera build expects the bursts that the ring writer makes."""
+
+import pytest
+from amaranth.hdl import Fragment
+
+from hdl.axi.axi_write import BURST_BYTES, BURST_WORDS
+from hdl.blocks.export import module_ports
+from hdl.blocks.testbench import VerilogBench
+from hdl.build import BUILDS, Build
+from hdl.export.live_bench import RING_ADDRESSES, SLOT_PAGES, make_live_bench
+from hdl.settings import PAGE_BYTES
+from hdl.shell.live import LiveTop
+from hdl.shell.slot import HEADER_BYTES
+
+BUILD = Build(config=BUILDS["tiny"].config, lanes=2, max_width_px=128, max_height_px=128, video_bits=8, shell="camera")
+
+
+@pytest.fixture(scope="module")
+def bench() -> VerilogBench:
+    top = LiveTop(BUILD)
+    # Amaranth warns of a component that nothing elaborates.
+    Fragment.get(top, None)
+    return make_live_bench("live", module_ports(top), BUILD)
+
+
+@pytest.mark.parametrize("ring", ["features", "matches"])
+def test_a_packet_is_written_behind_the_header_of_its_slot_which_comes_last(bench: VerilogBench, ring: str) -> None:
+    addresses = [row[f"m_axi_{ring}_awaddr"] for row in bench.outputs[f"m_axi_{ring}_aw"]]
+    slots = [RING_ADDRESSES[ring] + number * SLOT_PAGES * PAGE_BYTES for number in (0, 1)]
+    ends = [addresses.index(slot) + 1 for slot in slots]
+    assert ends[1] == len(addresses)
+    for slot, (begin, end) in zip(slots, ((0, ends[0]), (ends[0], ends[1])), strict=True):
+        data = addresses[begin : end - 1]
+        assert data == list(range(slot + HEADER_BYTES, slot + HEADER_BYTES + len(data) * BURST_BYTES, BURST_BYTES))
+
+
+@pytest.mark.parametrize("ring", ["features", "matches"])
+def test_every_burst_is_whole_and_answered_once(bench: VerilogBench, ring: str) -> None:
+    words = bench.outputs[f"m_axi_{ring}_w"]
+    bursts = len(bench.outputs[f"m_axi_{ring}_aw"])
+    assert len(words) == bursts * BURST_WORDS
+    assert [number for number, word in enumerate(words) if word[f"m_axi_{ring}_wlast"]] == [
+        (number + 1) * BURST_WORDS - 1 for number in range(bursts)
+    ]
+    # Words behind a packet's end are masked, and say nothing.
+    assert {word[f"m_axi_{ring}_wstrb"] for word in words} == {0, 0xFF}
+    assert len(bench.inputs[f"m_axi_{ring}_b"]) == bursts
+
+
+def test_the_camera_waits_for_the_settings_and_hypotheses_for_the_matches(bench: VerilogBench) -> None:
+    assert bench.clocks == {"s_axis_video_t": "video_aclk"}
+    assert bench.conditions["s_axis_video_t"] == f"s_axi_ctrl_b_next == {len(bench.inputs['s_axi_ctrl_w'])}"
+    assert str(len(bench.outputs["m_axi_matches_w"])) in bench.conditions["s_axis_hypotheses_t"]
+    assert len(bench.outputs["m_axis_scores_t"]) > 2
