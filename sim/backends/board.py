@@ -17,7 +17,8 @@ from golden_model.config import Config
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, Cause, Tag
 from golden_model.text import one_line
 from hdl.settings import estimator_settings, matched_frame_settings
-from sim.backends.interface import Backend, BackendError, FrameResult, Reference
+from sim.backends.errors import BackendError
+from sim.backends.interface import Backend, FrameResult, Reference
 
 PORT = 7020
 TIMEOUT_SECONDS = 30.0

@@ -14,7 +14,8 @@ from golden_model.front_end import FrameFeatures, extract
 from golden_model.geometry.estimator import frame_homography
 from golden_model.matching.matcher import ReferenceFrame, match
 from golden_model.records import MATCH
-from sim.backends.interface import Backend, BackendError, FrameResult, Progress, Reference
+from sim.backends.errors import BackendError
+from sim.backends.interface import Backend, FrameResult, Progress, Reference
 
 REMEMBERED_FRAMES = 8
 """Further passes of a registration take the same reference frames again."""

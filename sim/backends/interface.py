@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from golden_model.config import Config
 from golden_model.text import how_to_install
+from sim.backends.errors import BackendError
 
 Reference = Literal["held", "previous"]
 """Which frame each later frame is matched with: the first of the run (a pair, a template) or the one before it."""
@@ -31,10 +32,6 @@ Progress = Callable[[str], None]
 
 def silent(_line: str) -> None:
     """No-op progress callback."""
-
-
-class BackendError(Exception):
-    """A backend cannot do what was asked; one line says what is wrong, and what to do about it."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from golden_model.user_cache import cache_folder, make_private
-from sim.backends.interface import BackendError, Progress
+from sim.backends.errors import BackendError
+from sim.backends.interface import Progress
 
 CHECKSUMS = "checksums"
 """File in each folder of the cache: one line per other file, with its SHA-256 and its path."""

@@ -9,7 +9,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from sim.backends.interface import BackendError, Progress
+from sim.backends.errors import BackendError
+from sim.backends.interface import Progress
 from sim.simulators.build_cache import digest
 
 CXX_FLAGS = ("-std=c++17", "-march=native", "-fPIC", "-fvisibility=hidden", "-fno-gnu-unique", "-w")

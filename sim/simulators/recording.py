@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.backends.interface import BackendError
+from sim.backends.errors import BackendError
 
 START_OF_FRAME = 1
 END_OF_LINE = 2

@@ -10,7 +10,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from golden_model.text import how_to_install
-from sim.backends.interface import BackendError, Progress, silent
+from sim.backends.errors import BackendError
+from sim.backends.interface import Progress, silent
 from sim.simulators.build_cache import build_once, digest
 from sim.simulators.compiled import Bench, format_ports
 from sim.simulators.compiler import compile_objects, link_objects, optimisation, run_tool, toolchain_key

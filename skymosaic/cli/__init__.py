@@ -3,6 +3,7 @@
 import contextlib
 import importlib
 import sys
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
@@ -10,8 +11,9 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from golden_model.version import VERSION
-from sim.backends.interface import BackendError
+from sim.backends.errors import BackendError
 from skymosaic.cli.common import QuietOption, VerboseOption, with_common_options
+from skymosaic.cli.completion import sketch
 from skymosaic.cli.session import session
 from skymosaic.cli.terminal import abandon_output, ended_by_signals, open_outputs, without_library_messages
 from skymosaic.common.errors import InputError, RegistrationError
@@ -45,21 +47,33 @@ class _Commands(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """The command that the arguments name, and the arguments that are left."""
         name, command, rest = super().resolve_command(ctx, args)
-        return name, _import_command(name, ctx.params) if name in COMMANDS else command, rest
+        if name not in COMMANDS:
+            return name, command, rest
+        # The shell asks what could follow.
+        return name, sketch(name) if ctx.resilient_parsing else _import_command(name, ctx.params), rest
 
 
 def _import_command(name: str, before: dict[str, bool]) -> Any:
     # Before the command's module, which would fail with a traceback.
     _check_opencv()
-    command = getattr(importlib.import_module(f"skymosaic.cli.{name}"), name)
     made = typer.Typer(add_completion=False, pretty_exceptions_enable=False, help=COMMANDS[name])
-    if not isinstance(command, dict):
-        made.command(name)(with_common_options(name, command, before))
-        return get_command(made)
-    made.callback(invoke_without_command=True)(_require_command)
-    for each, function in command.items():
-        made.command(each)(with_common_options(f"{name} {each}", function, before))
+    functions = import_functions(name, before)
+    for words, function in functions.items():
+        made.command(words.split()[-1])(function)
+    if name not in functions:
+        made.callback(invoke_without_command=True)(_require_command)
     return get_command(made)
+
+
+def import_functions(name: str, before: dict[str, bool]) -> dict[str, Callable[..., None]]:
+    """The function of a command, or of each command of a group, with the common options, by the words that call it."""
+    command = getattr(importlib.import_module(f"skymosaic.cli.{name}"), name)
+    own = (
+        {f"{name} {each}": function for each, function in command.items()}
+        if isinstance(command, dict)
+        else {name: command}
+    )
+    return {words: with_common_options(words, function, before) for words, function in own.items()}
 
 
 def _require_command(context: typer.Context) -> None:
@@ -79,9 +93,15 @@ def _print_version(asked: bool) -> None:
         raise typer.Exit
 
 
-app = typer.Typer(cls=_Commands, help="Overlapping UAV images in, one mosaic out.", pretty_exceptions_enable=False)
+app = typer.Typer(
+    cls=_Commands,
+    help="Overlapping UAV images in, one mosaic out.",
+    pretty_exceptions_enable=False,
+    # Rich would triple the time that the help takes.
+    rich_markup_mode=None,
+)
 for _name, _summary in COMMANDS.items():
-    app.command(_name, help=_summary)(_replaced)
+    app.command(_name, short_help=_summary)(_replaced)
 
 
 @app.callback(invoke_without_command=True)

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from sim.backends.interface import BackendError
+from sim.backends.errors import BackendError
 from sim.scene import make_pair
 from skymosaic.cli.options import OverwriteOption, output_option, with_options
 from skymosaic.cli.session import session

@@ -4,6 +4,8 @@ With ``--json`` the results are one object instead; docs/how-to/command_line.md 
 """
 
 import contextlib
+import functools
+import importlib
 import json
 import math
 import platform
@@ -11,10 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
-
-from rich.console import Console, RenderableType
-from rich.text import Text
+from typing import TYPE_CHECKING, Any
 
 from golden_model.text import one_line
 from golden_model.version import VERSION
@@ -22,18 +21,19 @@ from skymosaic.common.errors import InputError
 from skymosaic.common.options import flag_of, respell
 from skymosaic.common.temporary import temporary_folder
 
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from skymosaic.cli.console import Terminal
+
 STDOUT = Path("-")
 """The output of this name is standard output."""
-PIPED_WIDTH = 1000
-"""Columns of a table that is not read on a terminal, where nothing should be wrapped."""
 
 
-class _Console(Console):
-    """Without Rich's answer to a closed pipe, which ends the program with 1 and discards standard output."""
-
-    def on_broken_pipe(self) -> None:
-        """Leave it to whoever prints: a closed standard error must not cost the user the mosaic."""
-        raise BrokenPipeError
+def _open_terminal(*, stderr: bool) -> "Terminal":
+    """A terminal by Rich, which is not imported before something is printed."""
+    terminal: Terminal = importlib.import_module("skymosaic.cli.console").Terminal(stderr=stderr)
+    return terminal
 
 
 class Session:
@@ -50,7 +50,6 @@ class Session:
     """
 
     def __init__(self) -> None:
-        self._errors = _Console(stderr=True)
         self.begin("", started_s=time.perf_counter(), quiet=False, verbose=False, as_json=False)
 
     def begin(self, command: str, *, started_s: float, quiet: bool, verbose: bool, as_json: bool) -> None:
@@ -69,7 +68,11 @@ class Session:
         self.seconds: dict[str, float] = {}
         self.status = 0
         if verbose:
-            self._print_error(f"skymosaic {VERSION}, Python {platform.python_version()}, {platform.platform()}")
+            self._errors.print_line(f"skymosaic {VERSION}, Python {platform.python_version()}, {platform.platform()}")
+
+    @functools.cached_property
+    def _errors(self) -> "Terminal":
+        return _open_terminal(stderr=True)
 
     @property
     def animated(self) -> bool:
@@ -79,29 +82,21 @@ class Session:
     def tell(self, line: str) -> None:
         """Print a note or a line of progress, unless the command is to be quiet; options it names become flags."""
         if not self._quiet:
-            self._print_error(line)
+            self._errors.print_line(line)
 
     def warn(self, line: str) -> None:
         """Print a warning, and put it into the JSON object."""
         self._warnings.append(one_line(respell(line, flag_of)))
-        self._print_error(f"warning: {line}", "yellow")
+        self._errors.print_line(f"warning: {line}", "yellow")
 
     def error(self, reason: str) -> None:
         """Print why the command failed."""
-        self._print_error(f"error: {reason}", "red")
+        self._errors.print_line(f"error: {reason}", "red")
 
-    def show(self, result: RenderableType) -> None:
+    def show(self, result: "RenderableType") -> None:
         """Print a line of text or a table of the result; on standard error if standard output is a file's bytes."""
-        if self._as_json:
-            return
-        console = self._errors if self._stdout_taken else _Console()
-        if not console.is_terminal:
-            console = _Console(stderr=console.stderr, width=PIPED_WIDTH)
-        # Names of files are not Rich's markup, and stay on one line.
-        text = Text(one_line(result)) if isinstance(result, str) else result
-        console.print(text, highlight=False, soft_wrap=isinstance(result, str))
-        # Where both go to one file, results and progress stay in order.
-        console.file.flush()
+        if not self._as_json:
+            (self._errors if self._stdout_taken else _open_terminal(stderr=False)).show(result)
 
     def stream(self, numbers: Mapping[str, Any]) -> None:
         """With ``--json``, print an object on a line of its own, ahead of the command's object at the end."""
@@ -121,8 +116,8 @@ class Session:
             self.tell(stage)
             yield self.tell
             return
-        with self._errors.status(Text(stage)) as status:
-            yield lambda line: status.update(Text(f"{stage}: {one_line(line)}"))
+        with self._errors.working(stage) as tell:
+            yield tell
 
     @contextlib.contextmanager
     def destination(self, output: Path, name: str) -> Iterator[Path]:
@@ -171,13 +166,6 @@ class Session:
         total = time.perf_counter() - self._started_s
         stages = {"starting": self._begun_s - self._started_s, **self.seconds}
         return {**stages, "other": total - sum(stages.values()), "total": total}
-
-    def _print_error(self, line: str, style: str = "") -> None:
-        # A closed standard error must not cost the user the mosaic.
-        with contextlib.suppress(OSError):
-            self._errors.print(
-                one_line(respell(line, flag_of)), style=style, markup=False, highlight=False, soft_wrap=True
-            )
 
 
 def _to_json(numbers: Mapping[str, Any]) -> str:

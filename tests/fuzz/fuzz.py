@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from sim.backends.interface import BackendError
+from sim.backends.errors import BackendError
 from skymosaic.common.errors import InputError
 from tests.fuzz.targets import TARGETS
 

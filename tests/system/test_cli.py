@@ -235,6 +235,7 @@ def test_neither_the_library_nor_its_help_imports_hardware_or_simulation(code: s
     assert {name for name in loaded if name.split(".")[0] == "sim"} <= {
         "sim",
         "sim.backends",
+        "sim.backends.errors",
         "sim.backends.interface",
         "sim.simulators",
         "sim.simulators.build_cache",

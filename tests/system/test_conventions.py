@@ -1,10 +1,7 @@
 """What users of other command lines expect of this one: docs/how-to/command_line.md promises it."""
 
 import json
-import os
 import re
-import subprocess
-import sys
 from fractions import Fraction
 from pathlib import Path
 
@@ -162,14 +159,9 @@ def test_a_wrong_command_line_is_one_line_that_names_the_help(run: Run, words: t
     assert errors.rstrip().endswith("--help")
 
 
-def test_version_choices_and_completion(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_version_and_choices(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     assert re.fullmatch(rb"skymosaic \d+\.\d+\.\d+\S*\n", run("--version")[1])
     monkeypatch.setenv("COLUMNS", "300")
     shown = run("mosaic", "--help")[1].decode()
     for choices in ("aerial|thesis", "golden|rtl", "refuse|keep", "average|distance|multiband", "fast|normal|thorough"):
         assert choices in shown
-    asked = {"_SKYMOSAIC_COMPLETE": "complete_bash", "COMP_WORDS": "skymosaic register --detector a", "COMP_CWORD": "3"}
-    completed = subprocess.run(
-        [sys.executable, "-m", "skymosaic"], env={**os.environ, **asked}, capture_output=True, text=True, check=False
-    )
-    assert completed.stdout.split() == ["akaze"]

@@ -21,7 +21,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-from sim.backends.interface import BackendError
+from sim.backends.errors import BackendError
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.panel.steps import Steps
 

@@ -14,7 +14,8 @@ from typing import Any
 
 import pytest
 
-from sim.backends.interface import BackendError, silent
+from sim.backends.errors import BackendError
+from sim.backends.interface import silent
 from sim.simulators.build_cache import build_once, cache_folder, digest
 
 SLOW_BUILD = """

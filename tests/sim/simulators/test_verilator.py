@@ -11,7 +11,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from sim.backends.interface import BackendError
+from sim.backends.errors import BackendError
 from sim.simulators import verilator
 from sim.simulators.recording import NO_PAUSES, Pauses, Recording
 from tests.sim.simulators import pysim

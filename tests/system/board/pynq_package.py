@@ -17,7 +17,8 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 from golden_model.user_cache import cache_folder
-from sim.backends.interface import BackendError, Progress, silent
+from sim.backends.errors import BackendError
+from sim.backends.interface import Progress, silent
 from sim.simulators.build_cache import build_once
 
 NEWEST = "4.0.0"

@@ -22,7 +22,8 @@ from golden_model.config_file import to_toml
 from hdl.build import BUILDS
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends import board
-from sim.backends.interface import BackendError, Reference, load_backend
+from sim.backends.errors import BackendError
+from sim.backends.interface import Reference, load_backend
 from sim.benches.exported import host_programs
 from sim.scene import make_pair
 from sim.simulators.accelerator_designs import MATCHES

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from sim.backends import board
-from sim.backends.interface import BackendError, load_backend
+from sim.backends.errors import BackendError
+from sim.backends.interface import load_backend
 from sim.benches.exported import host_programs
 from tests.hdl.test_accelerator import BUILD, CONFIG, views
 from tests.system.board.pynq_board import AcceleratorSystem, open_board

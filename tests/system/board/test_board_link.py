@@ -20,7 +20,8 @@ from golden_model.fuzzy.rules import MatchRules, read_shipped
 from golden_model.records import FRAME_STATUS
 from hdl.settings import REQUESTED
 from sim.backends.board import KEY_VARIABLE
-from sim.backends.interface import BackendError, FrameResult, load_backend
+from sim.backends.errors import BackendError
+from sim.backends.interface import FrameResult, load_backend
 from tests.system.board.conftest import CONFIG, FEATURE, Serve
 
 FRAME = np.zeros((64, 96), np.uint8)

@@ -1,0 +1,60 @@
+"""The shell completes from a table, which is that of the commands, and imports none of them for it."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from skymosaic.cli import COMMANDS
+from skymosaic.cli.completion import TABLE
+from tools.completion import describe_commands
+
+PROGRAM = (sys.executable, "-X", "importtime", "-m", "skymosaic")
+HEAVY = ("numpy", "cv2", "scipy", "rasterio")
+
+
+def imported(*words: str, **environment: str) -> tuple[list[str], set[str]]:
+    """What a command line prints, word by word, and the packages that it imports."""
+    done = subprocess.run(
+        [*PROGRAM, *words], env={**os.environ, **environment}, capture_output=True, text=True, check=False
+    )
+    names = (line.rsplit("|")[-1].strip().split(".")[0] for line in done.stderr.splitlines() if "|" in line)
+    return done.stdout.split(), set(names)
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("skymosaic reg", ["register"]),
+        ("skymosaic register --detector a", ["akaze"]),
+        ("skymosaic register a.jpg b.jpg --working", ["--working-width"]),
+        ("skymosaic mosaic --js", ["--json"]),
+        ("skymosaic panel --no-", ["--no-browser"]),
+        ("skymosaic export c", ["camera"]),
+        ("skymosaic export board zy", ["zybo_z7_20"]),
+        # A value of its own, or a file, which the shell completes.
+        ("skymosaic mosaic --scale ", []),
+        ("skymosaic mosaic a.jpg ", []),
+    ],
+)
+def test_a_key_is_answered_without_what_computes(typed: str, offered: list[str]) -> None:
+    count = str(len(typed.split(" ")) - 1)
+    asked = {"_SKYMOSAIC_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": count}
+    words, packages = imported(**asked)
+    assert words == offered
+    assert packages.isdisjoint(HEAVY)
+
+
+@pytest.mark.parametrize("flag", ["--version", "--help"])
+def test_the_program_introduces_itself_at_once(flag: str) -> None:
+    words, packages = imported(flag)
+    assert "skymosaic" in words
+    assert packages.isdisjoint((*HEAVY, "rich"))
+    if flag == "--help":
+        # Whole sentences, which plain help would cut.
+        assert all(summary.split()[-1] in words for summary in COMMANDS.values())
+
+
+def test_the_table_is_that_of_the_commands() -> None:
+    assert TABLE.read_text(encoding="utf-8") == describe_commands(), "run python -m tools.completion"
