@@ -1,4 +1,4 @@
-"""Clocks of the hardware, by the golden models: matcher, scoring and estimation of homographies, and live builds.
+"""Clocks of the hardware, by the golden models: matcher, scoring and estimation of homographies, and camera builds.
 
     python -m bench.hardware matcher
     python -m bench.hardware scoring
@@ -44,7 +44,7 @@ LANES = (8, 16)
 MAX_NOISE = 0.3
 """Share of a descriptor's bits that differ between partners."""
 SIZES_PX = ((640, 480), (1280, 720), (1920, 1080), (3840, 2160))
-LIVE_FEATURES, LIVE_MATCHES = 2000, 1400
+CAMERA_FEATURES, CAMERA_MATCHES = 2000, 1400
 
 
 def partners(count: int, pattern: DescriptorPattern) -> tuple[Records, Records]:
@@ -143,11 +143,11 @@ def homography(
 
 @app.command()
 def rates(json_file: JsonFile = None) -> None:
-    """What a live build reaches at its clock, with many features in every frame."""
+    """What a camera build reaches at its clock, with many features in every frame."""
     rows: list[Row] = []
     for width_px, height_px in SIZES_PX:
-        indices = np.linspace(0, LIVE_FEATURES - 1, LIVE_MATCHES).astype(int)
-        work = FrameWork(width_px, height_px, good=True, left=LIVE_FEATURES, right=LIVE_FEATURES, rows=indices)
+        indices = np.linspace(0, CAMERA_FEATURES - 1, CAMERA_MATCHES).astype(int)
+        work = FrameWork(width_px, height_px, good=True, left=CAMERA_FEATURES, right=CAMERA_FEATURES, rows=indices)
         pace = steady_pace(work, AERIAL, lanes=max(LANES))
         assert pace is not None
         rows.append(
@@ -158,7 +158,7 @@ def rates(json_file: JsonFile = None) -> None:
                 "last pixel to last match, ms": round(pace[1] / CLOCK_MHZ / 1000, 2),
             }
         )
-    report(f"live builds, {LIVE_FEATURES} features of which {LIVE_MATCHES} match", rows, json_file)
+    report(f"camera builds, {CAMERA_FEATURES} features of which {CAMERA_MATCHES} match", rows, json_file)
 
 
 if __name__ == "__main__":

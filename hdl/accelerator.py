@@ -18,9 +18,9 @@ from hdl.geometry.records import RecordEstimator
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
 from hdl.matching.matcher import Matcher
-from hdl.registers.live_register_map import list_registers
 from hdl.registers.register_file import RegisterFile
 from hdl.registers.register_map import built_constants
+from hdl.registers.shell_register_map import list_registers
 from hdl.settings import ESTIMATION, FRONT_END, KEEP_ABOVE
 from hdl.streams import WordPayload, fork
 
@@ -173,7 +173,7 @@ class Accelerator(wiring.Component):
         wiring.connect(m, matches.o, wiring.flipped(self.o_matches))
         m.d.comb += [features.i_clear.eq(clear), matches.i_clear.eq(clear)]
         if not self._has_shell:
-            # The shell of a live build says when its rings have written the last packets.
+            # The shell of a camera build says when its rings have written the last packets.
             closing = features.o_closing | matches.o_closing
             m.d.comb += self.registers.i_clearing.eq(self.registers.o_clear | clear | closing)
         return m
@@ -183,7 +183,7 @@ class Accelerator(wiring.Component):
         registers = self.registers
         m.d.comb += [
             *(self._front_end.settings[each.name].eq(getattr(registers, f"o_{each.name}")) for each in FRONT_END),
-            # The shell of a live build discards packets itself and needs to see them.
+            # The shell of a camera build discards packets itself and needs to see them.
             self._feature_gate.i_enable.eq(registers.o_features_enable | self._has_shell),
             self._match_gate.i_enable.eq(registers.o_matches_enable | self._has_shell),
         ]

@@ -113,7 +113,7 @@ ESTIMATOR = {
 """The settings of a build with an estimator by name; `hdl.registers.register_map` gives each its register and bits."""
 
 RINGS = ("features", "matches", "homographies")
-"""The rings of buffers in memory that a live build writes, the last one only with an estimator."""
+"""The rings of buffers in memory that a camera build writes, the last one only with an estimator."""
 PAGE_BYTES = 4096
 """Unit of a ring's base and of its slots; no AXI burst crosses a multiple of it."""
 MIN_SLOTS = 2
@@ -145,7 +145,7 @@ SHELL = {
         *(_mask_setting(event) for event in ("frames_ready", "frame_dropped", "camera_stops", "memory_error")),
     )
 }
-"""The settings of a live build's shell by name; `hdl.registers.live_register_map` gives each its register and bits."""
+"""The settings of a camera build's shell by name; `hdl.registers.shell_register_map` gives each a register and bits."""
 
 REQUESTED = ("width_px", "height_px", "cell_log2", "per_cell", "detector", "threshold_code", "keep_above")
 """Settings that a request to a board's server contains. The driver sets the others, ``gray_input`` from the frames."""

@@ -11,13 +11,13 @@ from hdl.export import ip_xact, register_docs
 from hdl.export.accelerator_bench import make_accelerator_bench
 from hdl.export.boards import SOURCES, board_facts
 from hdl.export.bus_interfaces import vivado_attributes
+from hdl.export.camera_bench import make_camera_bench
 from hdl.export.host import write_host
-from hdl.export.live_bench import make_live_bench
 from hdl.netlist import to_verilog
-from hdl.registers.live_register_map import list_registers
-from hdl.shell.live import LiveTop
+from hdl.registers.shell_register_map import list_registers
+from hdl.shell.camera_top import CameraTop
 
-TOP, LIVE_TOP = register_docs.NAME, "skymosaic_live"
+TOP, CAMERA_TOP = register_docs.NAME, "skymosaic_camera"
 VIDEO = {
     32: "32-bit words from a DMA, or AXI4-Stream video in their low bytes",
     24: "AXI4-Stream video in RGB, 8 bits per colour (UG934)",
@@ -83,14 +83,14 @@ def export_camera(folder: Path, build: Build) -> None:
     OSError
         If the folder cannot be written.
     """
-    top = LiveTop(build)
+    top = CameraTop(build)
     write_files(
         folder,
         {
-            **core_files(LIVE_TOP, to_verilog(top, name=LIVE_TOP, aliases=False), build),
-            **bench_files(LIVE_TOP, make_live_bench(LIVE_TOP, module_ports(top), build)),
-            f"constraints/{LIVE_TOP}.xdc": (SOURCES / "live" / f"{LIVE_TOP}.xdc").read_text(),
-            "README.md": fill_readme(["live/README.md"], build),
+            **core_files(CAMERA_TOP, to_verilog(top, name=CAMERA_TOP, aliases=False), build),
+            **bench_files(CAMERA_TOP, make_camera_bench(CAMERA_TOP, module_ports(top), build)),
+            f"constraints/{CAMERA_TOP}.xdc": (SOURCES / "camera" / f"{CAMERA_TOP}.xdc").read_text(),
+            "README.md": fill_readme(["camera/README.md"], build),
         },
     )
     write_host(folder / "host", build)

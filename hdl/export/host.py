@@ -15,8 +15,8 @@ from hdl.build import Build
 from hdl.export.boards import SOURCES
 from hdl.export.ip_xact import VLNV
 from hdl.export.register_docs import NAME
-from hdl.registers.live_register_map import list_registers
 from hdl.registers.register_map import Access, Field, built_constants, fields
+from hdl.registers.shell_register_map import list_registers
 from hdl.settings import ESTIMATION, ESTIMATOR, FLAG, PAGE_BYTES, REQUESTED, SETTINGS, SHELL
 from hdl.shell.slot import HEADER, HEADER_BYTES
 
@@ -24,7 +24,7 @@ WRITABLE = (Access.SETTING, Access.REQUEST, Access.COMMAND)
 HOST_FOLDERS = {
     "streams": ("host", "server", "pynq_common", "pynq"),
     "serial": ("host", "server", "serial"),
-    "camera": ("host", "pynq_common", "live"),
+    "camera": ("host", "pynq_common", "camera"),
 }
 """The folders of `SOURCES` with the programs for each shell."""
 
@@ -69,7 +69,7 @@ def driver_map(build: Build) -> str:
         f"CORE = {VLNV!r}",
         "# The fields in a request to the server.",
         f"REQUESTED = {REQUESTED!r}",
-        "# Those besides, in a request for homographies.",
+        "# What a request for homographies has besides.",
         f"ESTIMATION = {tuple(setting.name for setting in ESTIMATION)!r}",
         *_dictionary("BUILT", constants, "Values of the constant fields"),
         *_dictionary("REQUEST_BITS", request_bits, "Offset of a register: its bits that are requests"),

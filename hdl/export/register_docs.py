@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from golden_model.version import VERSION
 from hdl.axi.axi_lite import ADDRESS_BITS
-from hdl.registers.live_register_map import ALL_REGISTERS, HOMOGRAPHY_RING_OFFSET, SHELL_OFFSET
 from hdl.registers.register_map import ESTIMATOR_OFFSET, REGISTER_BITS, REGISTERS, Access, Register
+from hdl.registers.shell_register_map import ALL_REGISTERS, HOMOGRAPHY_RING_OFFSET, SHELL_OFFSET
 from hdl.templates import render
 
 NAME = "skymosaic"

@@ -2,8 +2,8 @@
 
 The hardware (`hdl.registers.register_file`), the Markdown, SVD and C descriptions (`hdl.export.register_docs`) and the
 exported driver's constants (`hdl.export.host.driver_map`) come from `REGISTERS`; the settings in it come from
-`hdl.settings`. A build that estimates homographies has `ESTIMATOR_REGISTERS` behind them, a live build those of its
-shell (`hdl.registers.live_register_map`).
+`hdl.settings`. A build that estimates homographies has `ESTIMATOR_REGISTERS` behind them, a camera build those of its
+shell (`hdl.registers.shell_register_map`).
 """
 
 import enum
@@ -107,7 +107,7 @@ REGISTERS = (
         Field("built_detectors", 2, 2, _CONSTANT, f"Available detectors, a bit each: {', '.join(DETECTORS)}."),
         Field("built_rule_base", 4, 2, _CONSTANT, "Index into " + ", ".join(RULE_BASES) + "; 3: own."),
         Field("built_selection", 6, 1, _CONSTANT, "Whether corners are selected by cells."),
-        Field("built_live", 7, 1, _CONSTANT, "Whether a streaming shell and the registers from 0x100 on exist."),
+        Field("built_shell", 7, 1, _CONSTANT, "Whether a streaming shell and the registers from 0x100 on exist."),
         Field("built_descriptor_bytes", 8, 8, _CONSTANT, "Length of a descriptor."),
         Field("built_lanes", 16, 8, _CONSTANT, "Left descriptors compared at a time."),
         Field("built_video_bits", 24, 8, _CONSTANT, "Width of the video input; 48 and 16 hold two pixels per clock."),
@@ -190,8 +190,8 @@ REGISTERS = (
             3,
             1,
             _STATUS,
-            "A packet that `clear` broke off has not ended, or, in a live build, has not been written to memory. Once "
-            "this is 0, and while `enable` is, no packet and no burst is open: `aresetn` may be asserted.",
+            "A packet that `clear` broke off has not ended, or, in a camera build, has not been written to memory. "
+            "Once this is 0, and while `enable` is, no packet and no burst is open: `aresetn` may be asserted.",
         ),
     ),
     status_word("FRAMES", 0x44, "Frames since clear.", "Good and bad ones."),
@@ -301,7 +301,7 @@ def built_constants(build: Build) -> dict[str, int]:
         "built_rule_base": (*RULE_BASES, matcher.rule_base).index(matcher.rule_base),
         "built_rules_digest": matcher.rules_digest(pattern),
         "built_selection": int(front_end.selection),
-        "built_live": int(build.shell == "camera"),
+        "built_shell": int(build.shell == "camera"),
         "built_homographies": int(build.config.estimator is not None),
         "built_descriptor_bytes": pattern.descriptor_bytes,
         "built_lanes": build.lanes,

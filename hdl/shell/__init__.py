@@ -1,1 +1,1 @@
-"""The streaming shell of a live build: from a camera's clock to rings of packets in memory, without software."""
+"""The streaming shell of a camera build: from a camera's clock to rings of packets in memory, without software."""

@@ -7,7 +7,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import MAX_FRAME_PX
 from hdl.axi.video_input import VideoPayload
-from hdl.registers.live_register_map import Reason
+from hdl.registers.shell_register_map import Reason
 from hdl.shell.ring_writer import FRAME_INFO
 
 NUMBER_BITS = 8

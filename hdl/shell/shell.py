@@ -28,7 +28,7 @@ class Shell(wiring.Component):
     Parameters
     ----------
     registers : RegisterFile
-        The registers of a live build; the shell drives the fields of its own.
+        The registers of a camera build; the shell drives the fields of its own.
     record_words, max_words : mapping of str to int
         For each ring that is built, the length of a record and of the longest packet.
     video_bits : {24, 8}

@@ -14,7 +14,7 @@ from golden_model.config import MAX_FRAME_PX, Config, EstimatorConfig
 from hdl.accelerator import AcceleratorTop
 from hdl.build import Build, Shell
 from hdl.serial.ulx3s import Ulx3s
-from hdl.shell.live import LiveTop
+from hdl.shell.camera_top import CameraTop
 from sim.simulators.design import Design, Ports
 from sim.simulators.front_end_top import SETTINGS, FrontEndTop, Tap
 
@@ -33,7 +33,7 @@ def choose_build(config: Config, frames: Sequence[NDArray[np.uint8]]) -> Build:
 
 TOPS: dict[Shell, Callable[[Build], wiring.Component[Any]]] = {
     "streams": AcceleratorTop,
-    "camera": LiveTop,
+    "camera": CameraTop,
     "serial": Ulx3s,
 }
 

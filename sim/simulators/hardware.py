@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from golden_model.config import Config
 from golden_model.geometry.estimator import MAX_CYCLES
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, WORD_BYTES, Record
-from hdl.registers.live_register_map import ALL_REGISTERS
 from hdl.registers.register_map import register_writes
+from hdl.registers.shell_register_map import ALL_REGISTERS
 from hdl.settings import RUNNING, estimator_settings, matched_frame_settings
 from sim.backends.interface import Backend, FrameClocks, FrameResult, Mismatch, Progress, Reference
 from sim.simulators.accelerator_designs import FEATURES, HOMOGRAPHIES, MATCHES, choose_build, design_accelerator

@@ -12,8 +12,8 @@ from cocotb.triggers import ClockCycles, Combine
 from cocotbext.axi import AxiResp
 
 from hdl.axi.axi_lite import ADDRESS_BITS
-from hdl.registers.live_register_map import list_registers
 from hdl.registers.register_map import Access, built_constants
+from hdl.registers.shell_register_map import list_registers
 from tests.cocotb.bench import RESET_CYCLES, Bench
 from tests.cocotb.runner import KIT, SEED
 

@@ -9,8 +9,8 @@ import pytest
 
 from golden_model.config import PRESETS, EstimatorConfig
 from hdl.build import Build
-from hdl.registers.live_register_map import ALL_REGISTERS
 from hdl.registers.register_map import register_writes
+from hdl.registers.shell_register_map import ALL_REGISTERS
 from sim.backends.golden import GoldenBackend
 from sim.backends.interface import FrameResult
 from sim.scene import make_pair

@@ -5,8 +5,8 @@ import sys
 import pytest
 
 from golden_model.config import PRESETS, EstimatorConfig
-from hdl.registers.live_register_map import ALL_REGISTERS
 from hdl.registers.register_map import REGISTERS, Access, fields
+from hdl.registers.shell_register_map import ALL_REGISTERS
 from hdl.settings import (
     ESTIMATOR,
     FRONT_END,

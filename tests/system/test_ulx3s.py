@@ -1,4 +1,4 @@
-"""The ULX3S: its top at the pins, through the exported driver, and what `export board ulx3s` writes and builds."""
+"""The ULX3S: its top at the pins, through the exported driver, and the bitstream that open tools build of it."""
 
 import dataclasses
 from collections.abc import Iterator

@@ -38,7 +38,7 @@ def test_the_constants_say_what_was_built_and_fit_their_fields() -> None:
         pattern = build.config.front_end.pattern
         assert constants["built_descriptor_bytes"] == pattern.bits // 8
         assert constants["built_feature_bytes"] == pattern.record.dtype.itemsize
-        assert constants["built_live"] == (build.shell == "camera")
+        assert constants["built_shell"] == (build.shell == "camera")
         assert constants["built_homographies"] == (build.config.estimator is not None)
 
 

@@ -13,8 +13,8 @@ from amaranth.hdl import Elaboratable
 from amaranth.sim import Simulator
 
 from golden_model.records import WORD_BYTES, Tag
-from hdl.registers.live_register_map import ALL_REGISTERS
 from hdl.registers.register_map import Access, fields
+from hdl.registers.shell_register_map import ALL_REGISTERS
 from hdl.settings import PAGE_BYTES, RINGS
 from hdl.shell.shell import Shell
 from hdl.shell.slot import HEADER, HEADER_BYTES

@@ -6,7 +6,7 @@ import pytest
 from amaranth import ClockDomain, Module
 from amaranth.sim import Simulator
 
-from hdl.registers.live_register_map import Reason
+from hdl.registers.shell_register_map import Reason
 from hdl.shell.camera import CameraCrossing, CameraGate
 from tests.hdl.block_bench import CLOCK_S, BlockBench
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from hdl.registers.live_register_map import Reason, Refusal, RingFault
+from hdl.registers.shell_register_map import Reason, Refusal, RingFault
 from hdl.settings import PAGE_BYTES, RINGS
 from hdl.shell.slot import HeaderFlag
 from tests.hdl.shell.axi_memory import AxiMemory

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hdl.build import BUILDS, Build
 from hdl.export.ip_xact import VLNV
 from hdl.settings import PAGE_BYTES
-from sim.benches.live import BASE, LiveBench
+from sim.benches.camera import BASE, CameraBench
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
 from sim.simulators.compiled import Bench
@@ -183,7 +183,7 @@ class Board:
 class _Polled:
     """Registers; time passes when one is read."""
 
-    def __init__(self, block: Block, system: AcceleratorSystem | LiveSystem) -> None:
+    def __init__(self, block: Block, system: AcceleratorSystem | CameraSystem) -> None:
         self._block, self._system = block, system
 
     def read(self, offset: int) -> int:
@@ -241,20 +241,20 @@ class AcceleratorSystem:
             send.sent(sent * BEAT_BYTES)
 
 
-class LiveSystem:
-    """A live build with the DMA of its scores, around a `LiveBench` whose memory is the board's.
+class CameraSystem:
+    """A camera build with the DMA of its scores, around a `CameraBench` whose memory is the board's.
 
     Parameters
     ----------
-    bench : LiveBench
+    bench : CameraBench
     """
 
-    def __init__(self, bench: LiveBench) -> None:
+    def __init__(self, bench: CameraBench) -> None:
         self.bench = bench
         self.board = board = Board(bench.memory, BASE)
         self.scores = Dma(SendChannel(board, address_bits=40), ReceiveChannel(board, address_bits=40))
         registers = _Polled(bench, self)
-        board.add("skymosaic_live", ACCELERATOR_ADDRESS, "skymosaic:vision:skymosaic_live:1.0", registers, {})
+        board.add("skymosaic_camera", ACCELERATOR_ADDRESS, "skymosaic:vision:skymosaic_camera:1.0", registers, {})
         board.add_dma("dma_scores", DMA_ADDRESS, self.scores, _Polled(self.scores, self))
 
     def advance(self) -> None:

@@ -16,7 +16,7 @@ from hdl.build import BUILDS
 from hdl.frame_admission import FrameAdmission
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.shell.camera import CameraCrossing, CameraGate
-from hdl.shell.live import LiveAccelerator
+from hdl.shell.camera_top import CameraAccelerator
 from tests.hdl.block_bench import CLOCK_S
 
 
@@ -61,19 +61,19 @@ def causes(size_px: tuple[int, int], *, closing_lines: int, depth: int) -> list[
 
 
 @functools.cache
-def live_build(border_px: int, max_width_px: int) -> LiveAccelerator:
+def build_camera(border_px: int, max_width_px: int) -> CameraAccelerator:
     """Kept: Amaranth warns of parts that are built and not used."""
     config = PRESETS["aerial"]
     config = dataclasses.replace(config, front_end=dataclasses.replace(config.front_end, border_px=border_px))
-    return LiveAccelerator(dataclasses.replace(BUILDS["camera"], config=config, max_width_px=max_width_px))
+    return CameraAccelerator(dataclasses.replace(BUILDS["camera"], config=config, max_width_px=max_width_px))
 
 
 def test_the_frame_behind_a_short_line_is_whole_where_a_wide_border_takes_long_to_close() -> None:
-    live = live_build(40, 65)
-    closing_lines = max(level.closing_lines for level in live.accelerator._front_end.levels)
-    found = causes((65, 65), closing_lines=closing_lines, depth=live._shell._crossing.depth)
+    core = build_camera(40, 65)
+    closing_lines = max(level.closing_lines for level in core.accelerator._front_end.levels)
+    found = causes((65, 65), closing_lines=closing_lines, depth=core._shell._crossing.depth)
     assert found == [Cause.EARLY_END, 0]
 
 
 def test_the_default_build_has_the_queue_that_was_synthesised() -> None:
-    assert live_build(20, 1920)._shell._crossing.depth == 4096
+    assert build_camera(20, 1920)._shell._crossing.depth == 4096

@@ -7,9 +7,9 @@ from hdl.axi.axi_write import BURST_BYTES, BURST_WORDS
 from hdl.blocks.export import module_ports
 from hdl.blocks.testbench import VerilogBench
 from hdl.build import BUILDS, Build
-from hdl.export.live_bench import RING_ADDRESSES, SLOT_PAGES, make_live_bench
+from hdl.export.camera_bench import RING_ADDRESSES, SLOT_PAGES, make_camera_bench
 from hdl.settings import PAGE_BYTES
-from hdl.shell.live import LiveTop
+from hdl.shell.camera_top import CameraTop
 from hdl.shell.slot import HEADER_BYTES
 
 BUILD = Build(config=BUILDS["tiny"].config, lanes=2, max_width_px=128, max_height_px=128, video_bits=8, shell="camera")
@@ -17,10 +17,10 @@ BUILD = Build(config=BUILDS["tiny"].config, lanes=2, max_width_px=128, max_heigh
 
 @pytest.fixture(scope="module")
 def bench() -> VerilogBench:
-    top = LiveTop(BUILD)
+    top = CameraTop(BUILD)
     # Amaranth warns of a component that nothing elaborates.
     Fragment.get(top, None)
-    return make_live_bench("live", module_ports(top), BUILD)
+    return make_camera_bench("camera", module_ports(top), BUILD)
 
 
 @pytest.mark.parametrize("ring", ["features", "matches"])

@@ -1,13 +1,13 @@
-"""Reads the rings that a live build of skymosaic writes. Needs Python 3.10 and numpy.
+"""Reads the rings that a camera build of skymosaic writes. Needs Python 3.10 and numpy.
 
-`Live` uses a *bus*: registers, memory that the accelerator can write, and a wait. On a board it is `live_bus.LiveBus`;
-tests pass an object with the same methods that runs a simulation.
+`RingReader` uses a *bus*: registers, memory that the accelerator can write, and a wait. On a board it is
+`ring_bus.RingBus`; tests pass an object with the same methods that runs a simulation.
 
-    live = Live(bus, settings)
-    for frame in live:
+    rings = RingReader(bus, settings)
+    for frame in rings:
         use(frame.number, frame.features, frame.matches)
-    print(live.counts())
-    live.close()
+    print(rings.counts())
+    rings.close()
 """
 
 import skymosaic_map as register_map
@@ -22,7 +22,7 @@ TIMEOUT_SECONDS = 5.0
 COUNTERS = ("camera_frames", "dropped", "cut", "scored", "unscored")
 
 
-class LiveFrame:
+class RingFrame:
     """A frame in memory; the arrays are views of the rings, valid until the next frame is requested.
 
     Attributes
@@ -120,12 +120,12 @@ class Ring:
         self.registers.write(**{f"{self.name}_read": self.read})
 
 
-class Live:
+class RingReader:
     """Frames of a camera with their features, matches and homographies, as they arrive in memory.
 
     Parameters
     ----------
-    bus : LiveBus or an object with its methods
+    bus : RingBus or an object with its methods
     settings : dict
         Values of the register fields in `skymosaic_map.REQUESTED`, and ``gray_input``; those in
         `skymosaic_map.ESTIMATION` keep theirs if they are left out.
@@ -194,7 +194,7 @@ class Live:
                 slots = [ring.head() for ring in self._rings.values()]
                 numbers = [None if slot is None else int(slot[0]["number"]) for slot in slots]
                 if None not in numbers and len(set(numbers)) == 1:
-                    return LiveFrame(*slots)
+                    return RingFrame(*slots)
                 self._skip_damaged(numbers)
             elif waits:
                 waits -= 1

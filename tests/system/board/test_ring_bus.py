@@ -1,4 +1,4 @@
-"""The live build's bus, reader and scorer as they are exported, on PYNQ's own classes and the live build's Verilog."""
+"""The camera build's bus, reader and scorer as they are exported, on PYNQ's own classes and the build's Verilog."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -11,15 +11,15 @@ import pytest
 from golden_model.config import PRESETS
 from golden_model.geometry.scoring import answers, quantise
 from hdl.settings import REQUESTED
+from sim.benches.camera import CameraBench, CameraTiming, MemoryRules
 from sim.benches.exported import host_programs
-from sim.benches.live import CameraTiming, LiveBench, MemoryRules
-from tests.system import test_live_build
-from tests.system.board.pynq_board import ACCELERATOR_ADDRESS, LiveSystem
+from tests.system import test_camera_build
+from tests.system.board.pynq_board import ACCELERATOR_ADDRESS, CameraSystem
 from tests.system.board.pynq_package import NEWEST, OLDER, import_pynq, remove_pynq
-from tests.system.test_live_build import SETTINGS, SLOTS, check, views
+from tests.system.test_camera_build import SETTINGS, SLOTS, check, views
 
 CONFIG = PRESETS["aerial"]
-BUILD = dataclasses.replace(test_live_build.BUILD, config=CONFIG)
+BUILD = dataclasses.replace(test_camera_build.BUILD, config=CONFIG)
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs("pynq")]
 
@@ -29,18 +29,18 @@ def board(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     """The simulated board, its bus, a reader of the rings and a scorer, on a version of PYNQ."""
     camera = CameraTiming(line_blank=20, frame_blank=40_000, steps=3, period=4)
     rules = MemoryRules(waits=60, latency_clocks=60)
-    bench = LiveBench(BUILD, length_bytes=1 << 22, camera=camera, rules=rules)
-    system = LiveSystem(bench)
+    bench = CameraBench(BUILD, length_bytes=1 << 22, camera=camera, rules=rules)
+    system = CameraSystem(bench)
     import_pynq(request.param, system.board)
     with host_programs(BUILD) as load:
         overlay: Any = load("pynq_overlay")
         overlay.LOCK = tmp_path_factory.mktemp("lock") / "lock"
-        bus = load("live_bus").LiveBus("skymosaic_live.bit", ACCELERATOR_ADDRESS)
+        bus = load("ring_bus").RingBus("skymosaic_camera.bit", ACCELERATOR_ADDRESS)
         settings = {name: SETTINGS[name] for name in (*REQUESTED, "gray_input")}
-        live = load("skymosaic_live").Live(bus, settings, slots=SLOTS)
+        rings = load("skymosaic_rings").RingReader(bus, settings, slots=SLOTS)
         scorer, error = load("skymosaic_scores").Scorer(bus), load("skymosaic_registers").AcceleratorError
-        yield SimpleNamespace(system=system, bus=bus, live=live, scorer=scorer, error=error)
-        live.close()
+        yield SimpleNamespace(system=system, bus=bus, rings=rings, scorer=scorer, error=error)
+        rings.close()
     assert bench.violations == 0
     bench.close()
     remove_pynq()
@@ -57,13 +57,13 @@ def test_frames_and_scores_pass_pynqs_own_classes(board: Any) -> None:
     """Errors of the scores' DMA are named, and the next packet is scored."""
     frames, delivered = views(4), []
     board.system.bench.show(frames)
-    while (frame := board.live.next_frame(0.2)) is not None:
+    while (frame := board.rings.next_frame(0.2)) is not None:
         assert frame.good
         delivered.append((frame.number, frame.features.copy(), frame.matches.copy(), frame.homography))
         newest = int(frame.match_status["frame"])
-        board.live.release()
+        board.rings.release()
     assert delivered
-    check(delivered, frames, board.live.counts(), CONFIG)
+    check(delivered, frames, board.rings.counts(), CONFIG)
     matches = delivered[-1][2]
     assert len(matches) > 20
     check_scores(board, matches, newest)

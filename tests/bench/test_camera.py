@@ -1,9 +1,9 @@
-"""A short flight through the whole live build, by way of the bench: every record of every frame equals the model."""
+"""A short flight through the whole camera build, by way of the bench: every record of every frame equals the model."""
 
 import cv2
 import pytest
 
-from bench import live
+from bench import camera
 from sim.scene import make_lawnmower
 
 SIZE_PX = (160, 120)
@@ -13,10 +13,10 @@ FRAMES = 16
 @pytest.mark.slow
 def test_a_flight_and_a_host_that_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
     # Nine frames come meanwhile, and the rings have eight slots.
-    monkeypatch.setattr(live, "PAUSE_EVERY", 4)
+    monkeypatch.setattr(camera, "PAUSE_EVERY", 4)
     images = make_lawnmower(2, FRAMES, SIZE_PX, forward_overlap=0.9).images
     flight = [cv2.cvtColor(images[n], cv2.COLOR_BGR2GRAY) for n in range(FRAMES)]
-    figures = live.fly(flight, SIZE_PX, seed=2)
+    figures = camera.fly(flight, SIZE_PX, seed=2)
     delivered = figures["delivered"]
     assert figures["of these, equal to the golden model in every record"] == delivered < FRAMES
     assert figures["reported as dropped"] == figures["really missing"] == FRAMES - delivered

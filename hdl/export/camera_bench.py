@@ -1,4 +1,4 @@
-"""A test bench for the exported live build: a camera's frames into rings in memory, and homographies to score."""
+"""A test bench for the exported camera build: a camera's frames into rings in memory, and homographies to score."""
 
 import numpy as np
 
@@ -26,8 +26,8 @@ SLOT_PAGES = 256
 _HYPOTHESES = "s_axis_hypotheses_t"
 
 
-def make_live_bench(module: str, ports: dict[str, Port], build: Build) -> VerilogBench:
-    """Make a bench for `hdl.shell.live.LiveTop`: both frames come from a camera with a clock of its own.
+def make_camera_bench(module: str, ports: dict[str, Port], build: Build) -> VerilogBench:
+    """Make a bench for `hdl.shell.camera_top.CameraTop`: both frames come from a camera with a clock of its own.
 
     It compares every burst that is written into the rings, answers them, and has two homographies scored.
     """

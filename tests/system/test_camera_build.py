@@ -1,4 +1,4 @@
-"""The whole live build: camera, accelerator, estimator, memory and reader; delivered frames equal the model."""
+"""The whole camera build: camera, accelerator, estimator, memory and reader; delivered frames equal the model."""
 
 import dataclasses
 import sys
@@ -14,8 +14,8 @@ from golden_model.geometry.scoring import ScoreCause, answers, quantise
 from hdl.build import BUILDS
 from hdl.settings import REQUESTED, RINGS, matched_frame_settings
 from sim.backends.golden import add_matches
+from sim.benches.camera import CameraBench, CameraTiming, MemoryRules
 from sim.benches.exported import host_programs
-from sim.benches.live import CameraTiming, LiveBench, MemoryRules
 from sim.scene import make_pair
 
 SIZE_PX = (160, 120)
@@ -34,14 +34,14 @@ def reader() -> Iterator[Any]:
     """The exported reader, with the map of this build."""
     with host_programs(BUILD) as load:
         load("skymosaic_scores")
-        yield load("skymosaic_live")
+        yield load("skymosaic_rings")
 
 
-def opened(reader: Any, **rules: int) -> tuple[LiveBench, Any]:
+def opened(reader: Any, **rules: int) -> tuple[CameraBench, Any]:
     camera = CameraTiming(line_blank=20, frame_blank=2000, jitter=9, steps=3, period=4)
-    bench = LiveBench(BUILD, length_bytes=1 << 21, camera=camera, rules=MemoryRules(**rules))
+    bench = CameraBench(BUILD, length_bytes=1 << 21, camera=camera, rules=MemoryRules(**rules))
     settings = {name: SETTINGS[name] for name in (*REQUESTED, "gray_input")} | vars(CONFIG.estimator)
-    return bench, reader.Live(bench, settings, slots=SLOTS)
+    return bench, reader.RingReader(bench, settings, slots=SLOTS)
 
 
 def views(count: int) -> list[np.ndarray]:
@@ -69,36 +69,36 @@ def check(
 
 
 def test_a_host_that_pauses_loses_frames_that_are_reported(reader: Any) -> None:
-    bench, live = opened(reader, waits=60, latency_clocks=60, seed=4)
+    bench, rings = opened(reader, waits=60, latency_clocks=60, seed=4)
     frames, delivered = views(12), []
     bench.show(frames)
     for number in range(12):
         if number == 2:
             bench.run(200_000)
-        frame = live.next_frame(0.05)
+        frame = rings.next_frame(0.05)
         if frame is None:
             break
         assert frame.good
         delivered.append((frame.number, frame.features.copy(), frame.matches.copy(), frame.homography.copy()))
         assert np.shares_memory(frame.features, bench.memory)
         assert frame.clocks < frame.homography_clocks
-        live.release()
-    counts = live.counts()
+        rings.release()
+    counts = rings.counts()
     check(delivered, frames, counts)
     assert counts["dropped"] > 0
     assert sum(len(matches) for *_, matches, _ in delivered) > 50
     assert sum(homography["causes"] == 0 for *_, homography in delivered) > 3
-    assert (bench.violations, live.damaged, live.registers.read("lost_homographies")) == (0, 0, 0)
+    assert (bench.violations, rings.damaged, rings.registers.read("lost_homographies")) == (0, 0, 0)
     bench.close()
 
 
 def test_hypotheses_are_scored_by_the_newest_frame_while_the_camera_runs(reader: Any) -> None:
     """Those that are out of range are answered with their cause, and counted."""
-    bench, live = opened(reader, waits=60, latency_clocks=60, seed=5)
+    bench, rings = opened(reader, waits=60, latency_clocks=60, seed=5)
     scorer, rng = sys.modules["skymosaic_scores"].Scorer(bench), np.random.default_rng(1)
     bench.show(views(5))
     matches, scored = {}, []
-    while (frame := live.next_frame(0.05)) is not None:
+    while (frame := rings.next_frame(0.05)) is not None:
         matches[int(frame.match_status["frame"])] = frame.matches.copy()
         homographies = np.eye(3) + rng.normal(size=(6, 3, 3)) * [[1e-3, 1e-3, 3], [1e-3, 1e-3, 3], [1e-6, 1e-6, 0]]
         hypotheses = quantise(homographies)
@@ -106,7 +106,7 @@ def test_hypotheses_are_scored_by_the_newest_frame_while_the_camera_runs(reader:
         hypotheses[2, 0, 1] = 1 << 24
         hypotheses[3] >>= 2
         scored.append((hypotheses, scorer.score_integers(hypotheses)))
-        live.release()
+        rings.release()
     for hypotheses, found in scored:
         # The packet of one frame may end between two hypotheses.
         for each in np.unique(found["frame"]):
@@ -115,7 +115,7 @@ def test_hypotheses_are_scored_by_the_newest_frame_while_the_camera_runs(reader:
     causes = np.concatenate([found["causes"] for _, found in scored])
     assert (causes == 0).sum() >= 4 * (len(scored) - 1)
     assert {int(ScoreCause.OUT_OF_RANGE), int(ScoreCause.NOT_NORMALISED)} <= set(causes.tolist())
-    counts = live.counts()
+    counts = rings.counts()
     assert (counts["scored"], counts["unscored"]) == ((causes == 0).sum(), (causes != 0).sum())
     assert bench.violations == 0
     with pytest.raises(sys.modules["skymosaic_registers"].AcceleratorError, match="homography 0 is zero"):
@@ -124,39 +124,39 @@ def test_hypotheses_are_scored_by_the_newest_frame_while_the_camera_runs(reader:
 
 
 def test_errors_of_the_memory_cost_packets_and_a_restart_mends_everything(reader: Any) -> None:
-    bench, live = opened(reader, failures=12, seed=3)
+    bench, rings = opened(reader, failures=12, seed=3)
     frames = views(6)
     bench.show(frames)
-    seen = [frame.good for frame in iter(lambda: _taken(live), None)]
-    counts = live.counts()
+    seen = [frame.good for frame in iter(lambda: _taken(rings), None)]
+    counts = rings.counts()
     assert sum(counts[f"{ring}_errors"] for ring in RINGS) == bench.errors > 0
-    assert live.damaged > 0
-    assert len(seen) + live.damaged + counts["dropped"] == len(frames)
-    live.restart()
+    assert rings.damaged > 0
+    assert len(seen) + rings.damaged + counts["dropped"] == len(frames)
+    rings.restart()
     bench.show(views(1))
     bench.run(60_000)
     assert bench.violations == 0
-    assert live.counts()["camera_frames"] == len(frames) + 1
+    assert rings.counts()["camera_frames"] == len(frames) + 1
     bench.close()
 
 
 def test_a_camera_that_breaks_frames_off_and_changes_size(reader: Any) -> None:
     """The frame behind a broken one is whole: closing the broken one does not cost another."""
-    bench, live = opened(reader, seed=1)
+    bench, rings = opened(reader, seed=1)
     whole = views(5)
     bench.show([whole[0], whole[1][:50], whole[2], whole[3][:, :100], whole[4]])
-    frames = [(frame.number, frame.good, len(frame.features)) for frame in iter(lambda: _taken(live), None)]
+    frames = [(frame.number, frame.good, len(frame.features)) for frame in iter(lambda: _taken(rings), None)]
     assert [(number, good) for number, good, _ in frames] == [(1, True), (2, False), (3, True), (4, False), (5, True)]
     assert all(count > 50 for _, good, count in frames if good)
-    assert live.counts()["cut"] == 2
-    assert live.counts()["dropped"] == 0
+    assert rings.counts()["cut"] == 2
+    assert rings.counts()["dropped"] == 0
     assert bench.violations == 0
     bench.close()
 
 
 def test_no_burst_is_open_when_a_clear_is_complete(reader: Any) -> None:
     """Whenever it is asked for, and however the memory waits: the reset that follows cuts nothing off."""
-    bench, live = opened(reader, waits=150, latency_clocks=300, seed=2)
+    bench, rings = opened(reader, waits=150, latency_clocks=300, seed=2)
     rng, frames, open_before = np.random.default_rng(3), views(3), 0
     for number in range(40):
         bench.show(frames[:2])
@@ -167,16 +167,16 @@ def test_no_burst_is_open_when_a_clear_is_complete(reader: Any) -> None:
             if bench.open_bursts and rng.random() < 0.02:
                 break
         open_before += bench.open_bursts > 0
-        live.close()
+        rings.close()
         assert bench.open_bursts == 0
         bench.run(int(rng.integers(3000)))
         assert bench.open_bursts == 0
         bench.reset()
         assert bench.violations == 0
-        live.restart()
+        rings.restart()
     assert open_before > 10
     bench.show(frames)
-    found = [frame for frame in iter(lambda: _taken(live), None) if frame.good][-1]
+    found = [frame for frame in iter(lambda: _taken(rings), None) if frame.good][-1]
     expected = extract(frames[-1], CONFIG.front_end.for_size(*SIZE_PX), frame=int(found.status["frame"]))
     np.testing.assert_array_equal(found.features, expected.features)
     bench.close()
@@ -193,8 +193,8 @@ def test_a_reset_without_a_clear_leaves_bursts_open(reader: Any) -> None:
     bench.close()
 
 
-def _taken(live: Any) -> Any:
-    frame = live.next_frame(0.05)
+def _taken(rings: Any) -> Any:
+    frame = rings.next_frame(0.05)
     if frame is not None:
-        live.release()
+        rings.release()
     return frame

@@ -1,6 +1,6 @@
-"""A rendered flight through the whole live build with its estimator, in simulation.
+"""A rendered flight through the whole camera build with its estimator, in simulation.
 
-    python -m bench.live [--frames 100] [--size 1280x720] [--seed N]
+    python -m bench.camera [--frames 100] [--size 1280x720] [--seed N]
 
 A camera with its own clock, a memory with random latency and back-pressure, a host that reads the rings through the
 exported reader, has homographies scored, some of them out of range, and pauses from time to time. Every frame that is
@@ -28,8 +28,8 @@ from golden_model.geometry.scoring import answers, quantise
 from hdl.build import BUILDS
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends.golden import add_matches
+from sim.benches.camera import CameraBench, CameraTiming, MemoryRules
 from sim.benches.exported import host_programs
-from sim.benches.live import CameraTiming, LiveBench, MemoryRules
 from sim.scene import make_lawnmower
 
 app = program(__doc__)
@@ -58,11 +58,11 @@ def main(
     flight = [cv2.cvtColor(images[n], cv2.COLOR_BGR2GRAY) for n in track(range(frames), "rendering", transient=True)]
     figures = fly(flight, (width_px, height_px), seed)
     rows: list[Row] = [{f"{frames} frames of {width_px}×{height_px}": name, "": figures[name]} for name in figures]
-    report("live build", rows, json_file)
+    report("camera build", rows, json_file)
 
 
 def fly(frames: list[Pixels], size_px: tuple[int, int], seed: int) -> dict[str, int]:
-    """Send a flight through the live build, and compare what is delivered."""
+    """Send a flight through the camera build, and compare what is delivered."""
     width_px, height_px = size_px
     settings = matched_frame_settings(CONFIG, *size_px, gray_input=True)
     # Small frames come less often: the estimator takes as long as 640x480 pixels.
@@ -73,10 +73,10 @@ def fly(frames: list[Pixels], size_px: tuple[int, int], seed: int) -> dict[str, 
     build = dataclasses.replace(
         BUILDS["camera"], config=CONFIG, max_width_px=width_px, max_height_px=height_px, video_bits=8
     )
-    bench = LiveBench(build, length_bytes=1 << 22, camera=camera, rules=rules, progress=Console().print)
+    bench = CameraBench(build, length_bytes=1 << 22, camera=camera, rules=rules, progress=Console().print)
     with host_programs(build) as load:
         requested = {name: settings[name] for name in (*REQUESTED, "gray_input")}
-        live = load("skymosaic_live").Live(bench, requested, slots=SLOTS)
+        rings = load("skymosaic_rings").RingReader(bench, requested, slots=SLOTS)
         scorer = load("skymosaic_scores").Scorer(bench)
     bench.show(frames)
     rng = np.random.default_rng(seed)
@@ -85,18 +85,18 @@ def fly(frames: list[Pixels], size_px: tuple[int, int], seed: int) -> dict[str, 
     patience_s = WAIT_S_PER_CLOCK * (2.5 * frame_clocks + MAX_CYCLES)
     delivered: list[Any] = []
     latencies, matches, scored = [], {}, []
-    while (frame := live.next_frame(patience_s)) is not None:
+    while (frame := rings.next_frame(patience_s)) is not None:
         assert frame.good
         delivered.append((frame.number, frame.features.copy(), frame.matches.copy(), frame.homography.copy()))
         waited = frame.time - bench.last_pixels[frame.number - 1]
         latencies.append((waited + frame.clocks, waited + frame.homography_clocks))
         matches[int(frame.match_status["frame"])] = delivered[-1][2]
-        live.release()
+        rings.release()
         hypotheses = propose(delivered[-1][2], rng)
         scored.append((hypotheses, scorer.score_integers(hypotheses)))
         if len(delivered) % PAUSE_EVERY == 0:
             bench.run(PAUSE_FRAMES * frame_clocks)
-    counts = live.counts()
+    counts = rings.counts()
     to_matches, to_homography = np.array(latencies).T
     return {
         "frames sent": counts["camera_frames"],
@@ -106,7 +106,7 @@ def fly(frames: list[Pixels], size_px: tuple[int, int], seed: int) -> dict[str, 
         "really missing": len(frames) - len({number for number, *_ in delivered}),
         "features per frame": round(np.mean([len(features) for _, features, *_ in delivered])),
         "the chip's homographies, accepted": sum(int(homography["causes"] == 0) for *_, homography in delivered),
-        "the chip's homographies, lost": live.registers.read("lost_homographies"),
+        "the chip's homographies, lost": rings.registers.read("lost_homographies"),
         "homographies answered": sum(len(records) for _, records in scored),
         "of these answers, equal to the golden model": sum(
             count_equal_scores(hypotheses, records, matches) for hypotheses, records in scored

@@ -1,4 +1,4 @@
-"""Registers, memory and the scores' DMA of a live build under PYNQ. Not yet run on a board."""
+"""Registers, memory and the scores' DMA of a camera build under PYNQ. Not yet run on a board."""
 
 import time
 
@@ -13,8 +13,8 @@ END_NUMBER = 0xFFFF
 """Number of the record that ends a broken packet; no hypothesis has it."""
 
 
-class LiveBus(OverlayBus):
-    """Loads an overlay, and accesses the registers of its live build and memory for the rings.
+class RingBus(OverlayBus):
+    """Loads an overlay, and accesses the registers of its camera build and memory for the rings.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class LiveBus(OverlayBus):
 
     def __init__(self, bitstream, address):
         overlay = load_overlay(bitstream)
-        # By address: a live build is not packaged, so the overlay does not know its name.
+        # By address: a camera build is not packaged, so the overlay does not know its name.
         super().__init__(MMIO(address, REGISTER_BYTES))
         self._transfers = Transfers(overlay, {"hypotheses": "dma_scores"}, {"scores": "dma_scores"})
         self._is_ready = False
@@ -73,6 +73,6 @@ class LiveBus(OverlayBus):
 
 
 def _is_end(packet):
-    """Whether the last answer of a packet is that to the record that `LiveBus` ends packets with."""
+    """Whether the last answer of a packet is that to the record that `RingBus` ends packets with."""
     last = np.array(packet[-register_map.SCORE.itemsize :])
     return last.nbytes == register_map.SCORE.itemsize and last.view(register_map.SCORE)["number"][0] == END_NUMBER

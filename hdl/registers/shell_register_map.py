@@ -1,4 +1,4 @@
-"""The registers of the streaming shell, which follow those of the accelerator in a live build."""
+"""The registers of the streaming shell, which follow those of the accelerator in a camera build."""
 
 import enum
 
@@ -86,7 +86,7 @@ def _ring_registers(ring: str, offset: int) -> tuple[Register, ...]:
 
 SHELL_REGISTERS = (
     Register(
-        "LIVE_STATUS",
+        "SHELL_STATUS",
         SHELL_OFFSET,
         "Whether frames can be taken.",
         Field("refused", 0, 8, _STATUS, f"Every frame is dropped because of: {list_values(Refusal)}."),
@@ -125,7 +125,7 @@ SHELL_REGISTERS = (
         setting_field("coalesce_timeout", 16),
     ),
     Register(
-        "LIVE_IRQ_STATUS",
+        "SHELL_IRQ_STATUS",
         0x124,
         "Events of the shell; they share the interrupt with IRQ_STATUS.",
         Field("frames_ready", 0, 1, Access.EVENT, "All packets of frames are in memory."),
@@ -134,7 +134,7 @@ SHELL_REGISTERS = (
         Field("memory_error", 3, 1, Access.EVENT, "The response to a write was an error."),
     ),
     Register(
-        "LIVE_IRQ_MASK",
+        "SHELL_IRQ_MASK",
         0x128,
         "Which events of the shell interrupt.",
         setting_field("frames_ready_mask", 0),
@@ -147,14 +147,14 @@ SHELL_REGISTERS = (
     *_ring_registers("features", 0x140),
     *_ring_registers("matches", 0x160),
 )
-"""The shell's registers that every live build has, by offset."""
+"""The shell's registers that every camera build has, by offset."""
 
 HOMOGRAPHY_RING = (
     *_ring_registers("homographies", HOMOGRAPHY_RING_OFFSET),
     Register(
         "HOMOGRAPHIES_STATUS",
         0x198,
-        "The state of the ring of homographies, as LIVE_STATUS has it of the others.",
+        "The state of the ring of homographies, as SHELL_STATUS has it of the others.",
         Field("homographies_refused", 0, 3, _STATUS, f"Every frame is dropped because of: {list_values(RingFault)}."),
         Field("homographies_active", 8, 1, _STATUS, "The ring is on, or still writes a record."),
     ),

@@ -1,4 +1,4 @@
-"""The live build in a simulation: a camera with its own clock, a memory that waits and fails, a bus for the host."""
+"""The camera build in a simulation: a camera with its own clock, a memory that waits and fails, a bus for the host."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BASE = 0x8_4000_0000
 WAIT_CLOCKS = 20_000
 POLL_CLOCKS = 500
 MAX_SCORING_CLOCKS = 5_000_000
-HARNESS = verilator.HARNESS / "live.cpp"
+HARNESS = verilator.HARNESS / "camera.cpp"
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ class MemoryRules:
     seed: int = 0
 
 
-class LiveBench(Model):
-    """A running simulation, and the bus of `constraints/live/skymosaic_live.py`.
+class CameraBench(Model):
+    """A running simulation, and the bus of `constraints/camera/skymosaic_rings.py`.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class LiveBench(Model):
         camera, rules = camera or CameraTiming(), rules or MemoryRules()
         self.memory = np.zeros(length_bytes, np.uint8)
         library = verilator.build_library(design_accelerator(build), progress=progress, harness=HARNESS)
-        super().__init__(library, "live", _FUNCTIONS)
+        super().__init__(library, "camera", _FUNCTIONS)
         self._used = 0
         self._frames: list[NDArray[np.uint8]] = []
         self.call("memory", self.memory.ctypes.data, BASE, length_bytes)
@@ -193,4 +193,4 @@ _FUNCTIONS = {
     "violations": (_WIDE,),
     "errors": (_WIDE,),
 }
-"""The functions of live.cpp."""
+"""The functions of camera.cpp."""

@@ -1,4 +1,4 @@
-"""The live build: from a camera to packets of features, matches and homographies in memory, without software."""
+"""The camera build: from a camera to packets of features, matches and homographies in memory, without software."""
 
 # Annotations are evaluated here: a component takes its ports from them.
 from amaranth import ClockDomain, ClockSignal, Const, Module, ResetInserter, Signal
@@ -22,7 +22,7 @@ from hdl.streams import WordPayload
 FIFO_WORDS = 512
 
 
-class LiveAccelerator(wiring.Component):
+class CameraAccelerator(wiring.Component):
     """`Accelerator` in a `Shell`, for a build with the shell ``camera``, and scoring by the newest frame's matches.
 
     The camera's pixels are in the domain ``camera``, everything else in ``sync``.
@@ -45,7 +45,7 @@ class LiveAccelerator(wiring.Component):
     o_scores: Out(stream.Signature(WordPayload))
     """Packets of Score records."""
     control: In(AXI_LITE)
-    """`hdl.registers.live_register_map.list_registers`."""
+    """`hdl.registers.shell_register_map.list_registers`."""
     o_interrupt: Out(1)
 
     def __init__(self, build: Build) -> None:
@@ -106,8 +106,8 @@ class LiveAccelerator(wiring.Component):
                 m.d.sync += count.eq(count + 1)
 
 
-class LiveTop(FlatTop):
-    """`LiveAccelerator` with two clocks and flat ports, named as AMD names them.
+class CameraTop(FlatTop):
+    """`CameraAccelerator` with two clocks and flat ports, named as AMD names them.
 
     Members
     -------
@@ -127,9 +127,9 @@ class LiveTop(FlatTop):
     """
 
     def __init__(self, build: Build) -> None:
-        self.live = live = LiveAccelerator(build)
+        self.core = core = CameraAccelerator(build)
         self._reset_n = Signal(name="reset_n")
-        camera, hypotheses = live.i_camera, live.i_hypotheses
+        camera, hypotheses = core.i_camera, core.i_hypotheses
         super().__init__(
             {
                 "aclk": (In(1), ClockSignal()),
@@ -138,28 +138,28 @@ class LiveTop(FlatTop):
                 "s_axis_video_tdata": (In(build.video_bits), camera.data),
                 "s_axis_video_tuser": (In(1), camera.first),
                 "s_axis_video_tlast": (In(1), camera.last),
-                "s_axis_video_tvalid": (In(1), live.i_camera_valid),
+                "s_axis_video_tvalid": (In(1), core.i_camera_valid),
                 "s_axis_video_tready": (Out(1), Const(1)),
                 **stream_pins("s_axis_hypotheses", hypotheses, In, tdata=hypotheses.payload.data),
-                **packet_pins("m_axis_scores", live.o_scores),
-                **bus_pins("s_axi_ctrl", live.control),
+                **packet_pins("m_axis_scores", core.o_scores),
+                **bus_pins("s_axi_ctrl", core.control),
                 **{
                     name: pin
-                    for ring in live.rings
-                    for name, pin in bus_pins(f"m_axi_{ring}", getattr(live, ring)).items()
+                    for ring in core.rings
+                    for name, pin in bus_pins(f"m_axi_{ring}", getattr(core, ring)).items()
                 },
-                "interrupt": (Out(1), live.o_interrupt),
+                "interrupt": (Out(1), core.o_interrupt),
             }
         )
 
     def elaborate(self, platform: object) -> Module:
         """Connect ports by name."""
         m = Module()
-        # `LiveAccelerator` has its reset as a port. The pixel clock needs one of its own, since it is asynchronous.
+        # `CameraAccelerator` has its reset as a port. The pixel clock needs one of its own, since it is asynchronous.
         m.domains.sync = ClockDomain(reset_less=True)
         m.domains.camera = ClockDomain()
         m.submodules.camera_reset = ResetSynchronizer(~self._reset_n, domain="camera")
-        m.submodules.live = self.live
-        m.d.comb += self.live.i_reset.eq(~self._reset_n)
+        m.submodules.core = self.core
+        m.d.comb += self.core.i_reset.eq(~self._reset_n)
         self.connect_pins(m)
         return m

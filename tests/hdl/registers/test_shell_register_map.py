@@ -4,7 +4,8 @@ import pytest
 
 from golden_model.config import EstimatorConfig
 from hdl.build import BUILDS, Build
-from hdl.registers.live_register_map import (
+from hdl.registers.register_map import ESTIMATOR_REGISTERS, REGISTERS
+from hdl.registers.shell_register_map import (
     ALL_REGISTERS,
     HOMOGRAPHY_RING,
     SHELL_REGISTERS,
@@ -12,7 +13,6 @@ from hdl.registers.live_register_map import (
     RingFault,
     list_registers,
 )
-from hdl.registers.register_map import ESTIMATOR_REGISTERS, REGISTERS
 
 
 def test_names_and_offsets_are_unique_and_fields_do_not_overlap() -> None:

@@ -1,8 +1,0 @@
-# Paths between the two clocks of skymosaic_live: read_xdc -ref skymosaic_live skymosaic_live.xdc
-# The bits of a Gray counter must arrive within one clock of each other. 6.6 ns is the shorter period, of 150 MHz. Its
-# highest bit equals that of the binary counter beside it: a tool may keep either register of the two.
-set_max_delay -datapath_only 6.6 -from [get_cells {live/shell/crossing/queue/produce_w_gry_reg[*] live/shell/crossing/queue/produce_w_bin_reg[*]}] -to [get_cells {live/shell/crossing/queue/produce_cdc/stage0_reg[*]}]
-set_max_delay -datapath_only 6.6 -from [get_cells {live/shell/crossing/queue/consume_r_gry_reg[*] live/shell/crossing/queue/consume_r_bin_reg[*]}] -to [get_cells {live/shell/crossing/queue/consume_cdc/stage0_reg[*]}]
-# Resets: asynchronous where they begin, synchronised where they end.
-set_false_path -to [get_pins {camera_reset/stage0_reg/PRE camera_reset/stage1_reg/PRE}]
-set_false_path -to [get_pins {live/shell/crossing/queue/rst_cdc/stage0_reg/PRE live/shell/crossing/queue/rst_cdc/stage1_reg/PRE}]
