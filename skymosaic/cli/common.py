@@ -9,6 +9,7 @@ import typer
 
 import skymosaic
 from golden_model.text import how_to_install
+from skymosaic.cli.outputs import check_outputs
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError
 
@@ -34,11 +35,14 @@ def with_common_options(name: str, command: Callable[..., None], before: dict[st
         Options that were given before the command's name.
     """
 
+    own = inspect.signature(command, eval_str=True)
+
     @functools.wraps(command)
     def run(*, as_json: bool, quiet: bool, verbose: bool, **options: Any) -> None:
         quiet, verbose = quiet or before.get("quiet", False), verbose or before.get("verbose", False)
         session.begin(name, started_s=skymosaic.IMPORTED_S, quiet=quiet, verbose=verbose, as_json=as_json)
         try:
+            check_outputs(own, options)
             command(**options)
         except ModuleNotFoundError as error:
             # Any other missing module is a fault of the installation, whose traceback is worth seeing.
@@ -49,7 +53,6 @@ def with_common_options(name: str, command: Callable[..., None], before: dict[st
         if session.status:
             raise typer.Exit(session.status)
 
-    own = inspect.signature(command, eval_str=True)
     common = {"quiet": QuietOption, "verbose": VerboseOption, "as_json": JsonOption}
     parameters = [*own.parameters.values()]
     parameters += [

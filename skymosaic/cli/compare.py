@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from skymosaic.cli.options import OverwriteOption, with_options
+from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.options import HARDWARE, OUTPUT
 from skymosaic.evaluation.hardware import compare as compare_pair
@@ -23,6 +24,7 @@ def compare(
         typer.Option(
             rich_help_panel=OUTPUT, help="VCD file of the simulated run: tens of kilobytes per clock, for small frames."
         ),
+        Writes(),
     ] = None,
     homography: Annotated[
         bool,
@@ -37,7 +39,7 @@ def compare(
 ) -> None:
     """Run a pair through the golden model and the hardware; every field of every record has to be equal."""
     if waves:
-        check_output(waves, (str(left), str(right)), (".vcd",), overwrite=overwrite)
+        check_output(waves, suffixes=(".vcd",), overwrite=overwrite)
     with session.working("comparing") as step:
         result = compare_pair(left, right, options, homography=homography, waves=waves, progress=step)
     session.numbers = result.summary()

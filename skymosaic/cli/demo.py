@@ -11,6 +11,7 @@ import typer
 from sim.backends.errors import BackendError
 from sim.scene import make_pair
 from skymosaic.cli.options import OverwriteOption, output_option, with_options
+from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.errors import RegistrationError
 from skymosaic.common.stopwatch import Stopwatch
@@ -22,12 +23,14 @@ from skymosaic.registration.options import BackendOptions, PhotographOptions
 from skymosaic.reports.pair import write_pair_report
 
 MAX_ERROR_PX = 0.5
+OWN_NAMES = r"(left|right|mosaic)\.png|report"
+FolderOption = Annotated[Path, output_option("Folder for mosaic, pictures and report."), Writes(OWN_NAMES)]
 
 
 @with_options
 def demo(
     *,
-    output: Annotated[Path, output_option("Folder for mosaic, pictures and report.")] = Path("demo"),
+    output: FolderOption = Path("demo"),
     overwrite: OverwriteOption = False,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the rendered landscape.")] = 9,
     options: BackendOptions = BackendOptions(backend="rtl"),

@@ -15,6 +15,7 @@ from golden_model.fuzzy.fll import load_system
 from hdl.build import BUILDS, Build
 from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD
 from skymosaic.cli.options import OverwriteOption, output_option, read_file, with_options
+from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import HARDWARE, OUTPUT, option
@@ -58,7 +59,11 @@ class BuildOptions(ConfigOptions):
             raise InputError(str(error)) from None
 
 
-FolderOption = Annotated[Path, output_option("Folder to write.")]
+OWN_NAMES = (
+    r"README\.md|config\.toml|[\w.-]+\.(core|hex|lpf|v|xml)|build|constraints|host|litex|pynq|registers|rtl|sim|vivado"
+)
+"""Regular expression of the names in an export's folder."""
+FolderOption = Annotated[Path, output_option("Folder to write."), Writes(OWN_NAMES)]
 
 
 @with_options

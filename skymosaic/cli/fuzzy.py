@@ -14,6 +14,7 @@ from golden_model.fuzzy.fll import load_system
 from golden_model.fuzzy.rules import SHIPPED
 from golden_model.text import one_line
 from skymosaic.cli.options import OverwriteOption, import_plots, output_option, read_file
+from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.common.errors import InputError
 from skymosaic.fuzzy.golden import (
@@ -25,6 +26,8 @@ from skymosaic.fuzzy.golden import (
 )
 from skymosaic.fuzzy.plotted_systems import PLOTTED_SYSTEMS, PlottedSystem, plan_plot
 from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
+
+FOLDER = Path("fuzzy")
 
 
 @dataclass(frozen=True)
@@ -48,9 +51,13 @@ def fuzzy(
         ),
     ] = None,
     plot: Annotated[bool, typer.Option("--plot", help="Draw membership curves and rule surfaces.")] = False,
-    output: Annotated[Path | None, output_option("Folder for the pictures of --plot; by default fuzzy.")] = None,
+    output: Annotated[
+        Path | None,
+        output_option("Folder for the pictures of --plot; by default fuzzy."),
+        Writes(r".*\.png", list_outputs=lambda output, typed: [output or FOLDER] if typed["plot"] else []),
+    ] = None,
     write: Annotated[
-        Path | None, typer.Option(help="Write the named built-in system to an .fll file; -: to stdout.")
+        Path | None, typer.Option(help="Write the named built-in system to an .fll file; -: to stdout."), Writes()
     ] = None,
     entries: Annotated[
         int, typer.Option(min=2, max=1 << 16, help="Table entries of each input in the integer model of a file.")
@@ -86,7 +93,7 @@ def _check_plot(names: list[str], output: Path | None, *, overwrite: bool) -> Pa
         if other := drawn.get(stem := Path(name).stem):
             raise InputError(f"{name}: its picture would replace that of {other}; draw it into another folder")
         drawn[stem] = name
-    folder = output or Path("fuzzy")
+    folder = output or FOLDER
     check_output_folder(folder, overwrite=overwrite)
     return folder
 

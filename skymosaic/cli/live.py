@@ -1,23 +1,31 @@
 """The command for a mosaic that grows while the camera is still in the air."""
 
-import contextlib
 from collections.abc import Mapping
+from itertools import count
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from skymosaic.cli.options import OverwriteOption, RequireMapOption, StrictOption, output_option, with_options
+from skymosaic.cli.options import (
+    PICTURES,
+    OverwriteOption,
+    RequireMapOption,
+    StrictOption,
+    output_option,
+    with_options,
+)
+from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
-from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.common.errors import RegistrationError
 from skymosaic.common.options import INPUT
 from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.mapping.place import explain_absence
-from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm
+from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm, numbered
 from skymosaic.imagery import images
 from skymosaic.imagery.live_frames import read_live_frames
 from skymosaic.imagery.own_outputs import record_output
-from skymosaic.imagery.photographs import is_folder, list_sources
+from skymosaic.imagery.photographs import is_folder
 from skymosaic.mosaicking.live.mosaic import LiveMosaic
 from skymosaic.mosaicking.live.pace import Pace
 from skymosaic.mosaicking.live.run import grow
@@ -28,28 +36,31 @@ from skymosaic.mosaicking.options import LiveOptions
 @with_options
 def live(
     *,
-    source: Annotated[str, typer.Argument(help="A folder being filled, a video file or address, or a camera number.")],
+    source: Annotated[
+        str, typer.Argument(help="A folder being filled, a video file or address, or a camera number."), PICTURES
+    ],
     idle_seconds: Annotated[
         float | None,
         typer.Option(min=0, rich_help_panel=INPUT, help="End when no new file has come for this long."),
     ] = None,
-    output: Annotated[Path, output_option("The mosaic, written at the end: .png, .tif ...")],
+    output: Annotated[
+        Path,
+        output_option("The mosaic, written at the end: .png, .tif ..."),
+        Writes(list_outputs=lambda output, _: [output, _preview_of(output)]),
+    ],
     overwrite: OverwriteOption = False,
     strict: StrictOption = False,
     require_map: RequireMapOption = False,
     options: LiveOptions,
 ) -> None:
     """Grow a mosaic frame by frame, with a preview beside it; Ctrl-C or SIGTERM stops and writes it."""
-    inputs: tuple[str, ...] = (source,)
-    # The folder may still be empty.
-    with contextlib.suppress(InputError):
-        inputs = tuple(each.name for each in list_sources([source]))
-    images.check_output(output, inputs, overwrite=overwrite)
+    images.check_output(output, overwrite=overwrite)
     form = OutputForm(require_map=require_map)
     form.check(output)
-    preview = output.with_suffix(".preview.jpg")
-    images.check_output(preview, inputs, overwrite=overwrite)
+    preview = _preview_of(output)
+    images.check_output(preview, overwrite=overwrite)
     pace = Pace(options.base_config, options.backend_name)
+    replaces = output.exists()
 
     def report(update: LiveUpdate) -> None:
         pace.add(update)
@@ -57,12 +68,11 @@ def live(
         session.tell(f"{update.number} {update.name}: {_describe(update)}")
 
     mosaic = LiveMosaic(options, on_frame=report)
-    made = output, preview
     frames = read_live_frames(
         source,
         idle_seconds=idle_seconds,
         tell=session.tell,
-        made=made,
+        made=(output, preview),
         band=options.band,
         keep_damaged=options.keeps_damaged,
     )
@@ -72,13 +82,16 @@ def live(
     # The frames so far are written.
     except (KeyboardInterrupt, SystemExit):
         session.tell("stopped; writing the mosaic")
+    target = output if replaces else _find_unused(output)
     try:
-        delivery, absent = _write(mosaic, output, form, overwrite=overwrite, strict=strict)
+        delivery, absent = _write(mosaic, target, form, overwrite=overwrite, strict=strict)
     except RegistrationError:
         # Nothing is left behind that a second run would not overwrite.
         preview.unlink(missing_ok=True)
         raise
-    written = [path for path in made if path.exists()]
+    if target != output:
+        session.warn(f"{output}: came as a frame meanwhile, and stays; the mosaic is {target}")
+    written = [path for path in (target, preview) if path.exists()]
     if is_folder(Path(source)):
         for path in written:
             record_output(path, [Path(source) / path.name])
@@ -87,6 +100,15 @@ def live(
     session.tell(str(pace))
     _show(delivery, absent, mosaic, pace)
     session.numbers |= options.base_config.rules_summary()
+
+
+def _preview_of(output: Path) -> Path:
+    return output.parent / f"{output.stem}.preview.jpg"
+
+
+def _find_unused(output: Path) -> Path:
+    """The first of the names of several outputs that nothing has."""
+    return next(path for path in (numbered(output, number) for number in count(1)) if not path.exists())
 
 
 def _write(

@@ -1,6 +1,5 @@
 """The command that makes a mosaic: of two photographs, or of a flight."""
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -18,11 +17,11 @@ from skymosaic.cli.options import (
     print_pair,
     with_options,
 )
+from skymosaic.cli.outputs import Typed, Writes
 from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.common.options import MAP, OUTPUT
-from skymosaic.common.temporary import resolved
 from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.check import check_flight, doubts, layout_errors
 from skymosaic.flight.flight import Flight
@@ -30,21 +29,33 @@ from skymosaic.flight.mapping.place import explain_absence
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm
 from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
 from skymosaic.maps.geotiff import COMPRESSIONS
+from skymosaic.maps.tiles import OWN_NAMES as TILE_NAMES
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.mosaicking.outputs import check_outputs
+from skymosaic.mosaicking.outputs import check_outputs, list_numbered
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.reports.flight import describe_bands, describe_cuts, describe_map, flight_numbers, write_report
-from skymosaic.reports.pages import OWN_NAMES
+from skymosaic.reports.pages import OWN_NAMES as REPORT_NAMES
+
+
+def _list_groups(output: Path | None, typed: Typed) -> list[Path]:
+    """An output, and those of further groups that exist."""
+    if output is None:
+        return []
+    return [output, *(list_numbered(output) if typed["all_groups"] else ())]
 
 
 @with_options
 def mosaic(
     *,
     photographs: PhotographsArgument,
-    output: Annotated[Path, output_option("The mosaic: .png, .tif ...; -: PNG on stdout.")],
+    output: Annotated[
+        Path, output_option("The mosaic: .png, .tif ...; -: PNG on stdout."), Writes(list_outputs=_list_groups)
+    ],
     report: Annotated[
-        Path | None, typer.Option(rich_help_panel=OUTPUT, help="Folder for pictures and numbers.")
+        Path | None,
+        typer.Option(rich_help_panel=OUTPUT, help="Folder for pictures and numbers."),
+        Writes(REPORT_NAMES),
     ] = None,
     save_camera: Annotated[
         Path | None,
@@ -53,6 +64,7 @@ def mosaic(
             rich_help_panel=OUTPUT,
             help="Write the lens estimated from a flight's tie points, for --camera of the next one.",
         ),
+        Writes(),
     ] = None,
     compress: Annotated[
         str, choice(COMPRESSIONS, "Compression of a .tif; deflate is lossless.", group=OUTPUT)
@@ -63,6 +75,7 @@ def mosaic(
     tiles: Annotated[
         Path | None,
         typer.Option(rich_help_panel=MAP, help="Folder for map tiles and a page that shows them offline."),
+        Writes(TILE_NAMES, list_outputs=_list_groups),
     ] = None,
     options: MosaicOptions,
 ) -> None:
@@ -79,23 +92,14 @@ def mosaic(
         if save_camera:
             if len(plan.sources) == 2:
                 raise InputError("--save-camera: two photographs are too few to estimate the lens; leave it out")
-            check_output(save_camera, (str(target), *photographs), (".toml",), overwrite=overwrite)
+            check_output(save_camera, suffixes=(".toml",), overwrite=overwrite)
         if report:
-            _check_report(report, target, tiles, overwrite=overwrite)
+            check_output_folder(report, overwrite=overwrite)
         deliveries = _write_mosaics(plan, target, form, report, overwrite=overwrite, strict=strict)
     # Before anything is printed, which a closed pipe ends.
     if save_camera:
         _save_camera(save_camera, deliveries[0].flight)
     _show(deliveries, output, report, save_camera)
-
-
-def _check_report(report: Path, output: Path, tiles: Path | None, *, overwrite: bool) -> None:
-    check_output_folder(report, overwrite=overwrite)
-    if tiles and resolved(report) == resolved(tiles):
-        raise InputError(f"{report}: is both --report and --tiles; name two folders")
-    # macOS and Windows take MOSAIC.JPG for the same file.
-    if re.fullmatch(OWN_NAMES, output.name, re.IGNORECASE) and resolved(report) == resolved(output.parent):
-        raise InputError(f"{output}: would be replaced by a file of --report {report}; choose another name or folder")
 
 
 def _write_mosaics(

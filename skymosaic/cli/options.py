@@ -15,9 +15,11 @@ from rich.table import Table
 from rich.text import Text
 
 from golden_model.text import how_to_install, one_line
+from skymosaic.cli.outputs import Reads
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import GROUPS, MAP, OUTPUT, Option, flag_of, options_of, respell
+from skymosaic.imagery.photographs import list_sources
 from skymosaic.registration.pair import Pair
 
 Content = TypeVar("Content")
@@ -43,6 +45,8 @@ def output_option(help_text: str) -> Any:
     return typer.Option("-o", "--output", rich_help_panel=OUTPUT, help=help_text)
 
 
+PICTURES = Reads(lambda folder: [file for source in list_sources([folder]) for file in source.files])
+"""Marks an argument that may be a folder of photographs."""
 OverwriteOption = Annotated[
     bool,
     typer.Option("--overwrite", rich_help_panel=OUTPUT, help="Replace files that exist; without it they are refused."),
@@ -62,6 +66,7 @@ RequireMapOption = Annotated[
 PhotographsArgument = Annotated[
     list[str],
     typer.Argument(help="Overlapping photographs, folders of them, or a video.", metavar="PHOTOGRAPHS|FOLDER|VIDEO"),
+    PICTURES,
 ]
 
 

@@ -8,21 +8,28 @@ from typing import Annotated
 import typer
 
 from skymosaic.cli.options import OverwriteOption, import_plots, output_option
+from skymosaic.cli.outputs import Reads, Writes
 from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import session
+from skymosaic.evaluation.known_pairs import list_files
 from skymosaic.imagery.images import check_output_folder, save_bytes
 from skymosaic.running.workers import Progress
 from skymosaic.thesis import dataset, pictures, tables
 from skymosaic.thesis.dataset import Source
 from skymosaic.thesis.experiments import find_best_pair, run_experiments
 
+OWN_NAMES = r"index\.html|measurements\.csv"
+FolderOption = Annotated[Path, output_option("Folder for the page and the measurements."), Writes(OWN_NAMES)]
+
 
 def thesis(
     *,
     data: Annotated[
-        Path | None, typer.Option(help="Folder with pairs.csv; by default a rendered flight.", show_default=False)
+        Path | None,
+        typer.Option(help="Folder with pairs.csv; by default a rendered flight.", show_default=False),
+        Reads(list_files),
     ] = None,
-    output: Annotated[Path, output_option("Folder for the page and the measurements.")] = Path("thesis"),
+    output: FolderOption = Path("thesis"),
     overwrite: OverwriteOption = False,
 ) -> None:
     """Repeat the thesis's experiments, tables IV-1 to IV-7 and figure IV-6, beside the published figures."""

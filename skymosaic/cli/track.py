@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from skymosaic.cli.options import OverwriteOption, output_option, with_options
+from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError
 from skymosaic.imagery import images
@@ -28,20 +29,19 @@ def track(
     inputs: Annotated[
         list[Path], typer.Argument(help="A picture of the object, and the video.", metavar="[TEMPLATE] VIDEO")
     ],
-    output: Annotated[Path, output_option("The video with the outline: .mp4, .mov or .mkv.")],
+    output: Annotated[Path, output_option("The video with the outline: .mp4, .mov or .mkv."), Writes()],
     roi: Annotated[
         str | None, typer.Option(metavar="X,Y,W,H", help="Object's rectangle in the first frame, instead of TEMPLATE.")
     ] = None,
-    corners: Annotated[Path | None, typer.Option(help="The corners in every frame: .csv or .json.")] = None,
+    corners: Annotated[Path | None, typer.Option(help="The corners in every frame: .csv or .json."), Writes()] = None,
     overwrite: OverwriteOption = False,
     options: TrackerOptions,
 ) -> None:
     """Follow an object: its outline in every frame of a video, and its corners as numbers."""
     template, video = _template_and_video(inputs, roi)
-    names = tuple(map(str, inputs))
-    images.check_output(output, names, OUTPUT_SUFFIXES, overwrite=overwrite)
+    images.check_output(output, suffixes=OUTPUT_SUFFIXES, overwrite=overwrite)
     if corners:
-        images.check_output(corners, names, TABLE_SUFFIXES, overwrite=overwrite)
+        images.check_output(corners, suffixes=TABLE_SUFFIXES, overwrite=overwrite)
     reader = VideoReader(video)
     tracker = Tracker(template, options)
     start = time.perf_counter()

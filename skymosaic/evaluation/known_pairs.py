@@ -55,6 +55,11 @@ def read_pairs(folder: Path) -> list[KnownPair]:
     return pairs
 
 
+def list_files(folder: Path) -> list[Path]:
+    """List the files of the pairs, and the list itself; raises as `read_pairs`."""
+    return [folder / LIST_NAME, *(file for pair in read_pairs(folder) for file in (pair.left, pair.right))]
+
+
 def _parse_row(folder: Path, row: dict[str, str], line: int) -> KnownPair:
     try:
         truth = np.array([float(row[element]) for element in ELEMENTS]).reshape(3, 3)

@@ -2,8 +2,7 @@
 
 import contextlib
 import os
-import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
@@ -15,7 +14,8 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array, Intensities, Pixels
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX
 from skymosaic.common.errors import InputError
-from skymosaic.common.temporary import existing_parent, resolved, temporary_file
+from skymosaic.common.replaced import refuse_inputs
+from skymosaic.common.temporary import existing_parent, temporary_file
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.decoding import UPRIGHT, check_size, decode, read_header
 from skymosaic.imagery.depth import ValueRange, measure_range, sample_values
@@ -176,7 +176,7 @@ def reduce_for_front_end(original: Pixels, width_px: int, name: str) -> tuple[Pi
 
 def check_output(
     path: Path,
-    inputs: tuple[str, ...] = (),
+    inputs: Sequence[Path] = (),
     suffixes: tuple[str, ...] = PICTURE_SUFFIXES,
     *,
     overwrite: bool = False,
@@ -195,18 +195,17 @@ def check_output(
         raise InputError(f"{path}: its folder does not exist; create it first")
     if path.is_dir() or not os.access(path.parent, os.W_OK):
         raise InputError(f"{path}: cannot be written; choose another folder")
-    if any(resolved(Path(source)) == resolved(path) for source in inputs):
-        raise InputError(f"{path}: is one of the inputs; choose another name")
+    refuse_inputs(path, inputs)
     check_unused(path, overwrite=overwrite)
 
 
-def check_output_folder(path: Path, inputs: tuple[str, ...] = (), own: str = "", *, overwrite: bool = False) -> None:
+def check_output_folder(path: Path, inputs: Sequence[Path] = (), own: str = "", *, overwrite: bool = False) -> None:
     """Check that a folder can be made or filled, before the work starts.
 
     Parameters
     ----------
     path : Path
-    inputs : tuple of str
+    inputs : sequence of Path
         Files that must stay.
     own : str
         Regular expression of the names in the folder that will be replaced.
@@ -223,11 +222,8 @@ def check_output_folder(path: Path, inputs: tuple[str, ...] = (), own: str = "",
     place = path if path.is_dir() else existing_parent(path)
     if not place.is_dir() or not os.access(place, os.W_OK):
         raise InputError(f"{path}: cannot be made in {place}; choose another folder")
-    folder = resolved(path)
-    for source in inputs:
-        file = resolved(Path(source))
-        if folder in file.parents and re.fullmatch(own, name := file.relative_to(folder).parts[0]):
-            raise InputError(f"{path}: its {name} holds {source}, one of the inputs; choose another folder")
+    if own:
+        refuse_inputs(path, inputs, own)
     check_unused(path, overwrite=overwrite)
 
 

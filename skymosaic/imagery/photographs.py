@@ -62,9 +62,10 @@ class Source:
     bands: Mapping[str, Source] = field(default_factory=dict)
 
     @property
-    def files(self) -> tuple[str, ...]:
-        """Names of all its files."""
-        return tuple(source.name for source in self.bands.values()) or (self.name,)
+    def files(self) -> tuple[Path, ...]:
+        """All its files; none for an array."""
+        contents = [source.content for source in self.bands.values()] or [self.content]
+        return tuple(content for content in contents if isinstance(content, Path))
 
     def with_damaged(self, *, keep: bool) -> Source:
         """The same source, which uses damaged files as far as they can be decoded, or refuses them."""

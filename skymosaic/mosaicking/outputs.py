@@ -37,7 +37,7 @@ def check_outputs(
         For a map that is required where nothing can give the mosaic a place.
     """
     form.check(output, len(sources[0].bands))
-    inputs = tuple(name for source in sources for name in source.files)
+    inputs = [file for source in sources for file in source.files]
     if form.tiles is not None:
         check_output_folder(form.tiles, inputs, OWN_NAMES, overwrite=overwrite)
     check_output(output, inputs, overwrite=overwrite)
@@ -47,11 +47,10 @@ def check_outputs(
     if form.require_map and (note := _explain_no_place(sources, options)):
         raise RegistrationError(f"{explain_absence(output, MapPlace(note=note))}; nothing was written")
     if options.all_groups:
-        # How many groups there are is not known yet.
-        for path in _numbered_beside(output):
+        for path in list_numbered(output):
             check_output(path, inputs, overwrite=overwrite)
         if form.tiles is not None:
-            for path in _numbered_beside(form.tiles):
+            for path in list_numbered(form.tiles):
                 check_output_folder(path, inputs, OWN_NAMES, overwrite=overwrite)
     # Last, because it may read all files.
     _check_headers(output, form, sources, options.scale)
@@ -105,8 +104,8 @@ def _explain_no_place(sources: Sequence[Source], options: MosaicOptions) -> str:
     return explain_missing_gps(taken)
 
 
-def _numbered_beside(base: Path) -> list[Path]:
-    """What exists under the names that the outputs of further groups get."""
+def list_numbered(base: Path) -> list[Path]:
+    """List what exists under the names that the outputs of further groups get: how many there are is not known yet."""
     if base.name in ("", ".."):
         raise InputError(f"{base}: has no name that could be numbered for several groups; name another folder")
     numbered = re.compile(re.escape(base.stem) + r"_\d+" + re.escape(base.suffix))

@@ -84,7 +84,7 @@ class Mosaic:
             self._render(path, None)
         else:
             save(path, self.composition.in_8_bit(self.image))
-            record_output(path, [each.content for each in self.flight.sources if isinstance(each.content, Path)])
+            record_output(path, self._files)
 
     def to_geotiff(self, path: str | Path, *, overwrite: bool = False, scheduler: str | None = None) -> Georeference:
         """Render the mosaic again, and write it as a GeoTIFF.
@@ -117,10 +117,13 @@ class Mosaic:
         self._render(path, scheduler)
         return place.georeference
 
+    @property
+    def _files(self) -> list[Path]:
+        return [file for source in self.flight.sources for file in source.files]
+
     def _check(self, path: str | Path, suffixes: tuple[str, ...], *, overwrite: bool) -> Path:
         """The path of an output, before the work begins."""
-        inputs = tuple(name for each in self.flight.sources for name in each.files)
-        check_output(Path(path), inputs, suffixes, overwrite=overwrite)
+        check_output(Path(path), self._files, suffixes, overwrite=overwrite)
         PLAIN.check(Path(path), len(self.composition.band_names))
         return Path(path)
 

@@ -17,6 +17,7 @@ from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import PREVIEW_WIDTH_PX, Delivery
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.images import reduce_to_width, save
+from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import short_names
 from skymosaic.reports import pages
 from skymosaic.reports.footprints import outline_photographs, write_footprints
@@ -43,6 +44,9 @@ def write_report(folder: Path, flight: Flight, deliveries: Sequence[Delivery]) -
         write_pair_report(folder, flight.pair, deliveries[0].preview if deliveries else None)
     elif deliveries:
         write_flight_report(folder, deliveries, check_flight(flight))
+    # Among the photographs, the pictures are none of them.
+    for path in pages.list_pictures(folder):
+        record_output(path, [file for source in flight.sources for file in source.files])
 
 
 def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: FlightCheck) -> Path:

@@ -56,6 +56,11 @@ def staged_report(folder: Path) -> Iterator[Path]:
         raise InputError(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
 
 
+def list_pictures(folder: Path) -> list[Path]:
+    """List the pictures of a report."""
+    return [path for path in folder.glob("*.[jp][pn]g") if re.fullmatch(OWN_NAMES, path.name)]
+
+
 def render(template: str, **values: object) -> bytes:
     """Fill in a template of this folder, in UTF-8."""
     return _TEMPLATES.get_template(template).render(values).encode()

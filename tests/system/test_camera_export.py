@@ -18,6 +18,7 @@ from hdl.build import BUILDS
 from hdl.export import accelerator as export
 from hdl.registers.register_map import REGISTERS
 from hdl.registers.shell_register_map import SHELL_REGISTERS
+from skymosaic.cli.export import OWN_NAMES
 
 TINY = dataclasses.replace(BUILDS["tiny"], shell="camera", video_bits=24)
 ACCEPTED = {
@@ -32,6 +33,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The export of a small camera build."""
     folder = tmp_path_factory.mktemp("camera")
     export.export_camera(folder, TINY)
+    assert all(re.fullmatch(OWN_NAMES, path.name) for path in folder.iterdir())
     return folder
 
 

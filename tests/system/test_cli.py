@@ -1,5 +1,6 @@
 import importlib
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import pytest
 
 from sim.scene import Flight, make_pair
 from skymosaic.cli import COMMANDS, app, main
+from skymosaic.cli.demo import OWN_NAMES
 from skymosaic.evaluation.metrics import grid_error
 from tests.conftest import Run
 from tests.system.command_line import only_error, skymosaic
@@ -75,6 +77,7 @@ def test_demo_measures_itself_against_the_truth(tmp_path: Path) -> None:
     assert "mean homography error" in result.stdout
     for name in ("mosaic.png", "report/matches.png", "report/index.html"):
         assert (tmp_path / "out" / name).stat().st_size > 0
+    assert all(re.fullmatch(OWN_NAMES, path.name) for path in (tmp_path / "out").iterdir())
 
 
 @pytest.mark.parametrize(

@@ -100,6 +100,21 @@ def test_a_folder_is_watched_until_no_more_frames_arrive(
     assert (pace.numbers["seen"], pace.numbers["dropped"]) == (4, 0)
 
 
+def test_a_frame_that_comes_under_the_name_of_the_mosaic_stays(
+    frames: list[np.ndarray], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def arriving() -> Iterator[Path]:
+        for name, frame in zip(("0.png", "1.png", "m.png"), frames, strict=False):
+            cv2.imwrite(str(tmp_path / name), frame)
+            yield tmp_path / name
+
+    monkeypatch.setattr("skymosaic.imagery.live_frames.time", FolderClock(arriving()))
+    live_command(source=str(tmp_path), output=tmp_path / "m.png", overwrite=True, idle_seconds=2.0)
+    np.testing.assert_array_equal(cv2.imread(str(tmp_path / "m.png")), frames[2])
+    assert cv2.imread(str(tmp_path / "m_2.png")).shape[0] > SIZE[1]
+    assert "m.png: came as a frame meanwhile, and stays; the mosaic is" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_live_makes_the_mosaic_of_a_video(video: Path, tmp_path: Path) -> None:
     result = skymosaic("live", video, "-o", "live.png", cwd=tmp_path)

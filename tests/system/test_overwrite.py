@@ -59,6 +59,17 @@ def test_overwrite_replaces_it(full: Path, name: str) -> None:
     assert (full / "folder" / "README.md").read_text() == "somebody's work"
 
 
+def test_outputs_among_the_photographs_are_no_photographs(full: Path) -> None:
+    for side in ("left", "right"):
+        (full / f"{side}.png").rename(full / "photographs" / f"{side}.png")
+    command = ["mosaic", "photographs", "-o", "photographs/m.png", "--report", "photographs", "--overwrite"]
+    for _ in range(2):
+        result = CliRunner().invoke(app, command)
+        assert result.exception is None
+        assert "2 photographs of 2" in result.output
+    assert len(list((full / "photographs").glob("*.[jp][pn]g"))) == 7
+
+
 def test_overwritten_tiles_and_reports_have_nothing_of_the_old_ones(full: Path) -> None:
     old = [full / "tiles" / "9" / "1" / "1.webp", full / "tiles" / "index.html", full / "folder" / "mosaic_2.jpg"]
     for path in old:

@@ -12,6 +12,7 @@ from PIL.ExifTags import IFD
 
 from sim.scene import Flight
 from skymosaic import mosaic
+from skymosaic.common.errors import InputError
 from tests.system.command_line import only_error, skymosaic
 from tests.system.conftest import IMAGES, SIZE
 
@@ -54,7 +55,11 @@ def test_a_pair_with_gps_becomes_a_geotiff(flight: Flight, tmp_path: Path) -> No
     result = skymosaic("mosaic", "0.jpg", "1.jpg", "-o", "m.tif", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "nothing checks them" in result.stderr
-    place = mosaic([tmp_path / "0.jpg", tmp_path / "1.jpg"]).to_geotiff(tmp_path / "again.tif")
+    (tmp_path / "linked.tif").hardlink_to(tmp_path / "1.jpg")
+    made = mosaic([tmp_path / "0.jpg", tmp_path / "1.jpg"])
+    with pytest.raises(InputError, match=r"linked\.tif: is the same file as .*1\.jpg, one of the inputs"):
+        made.to_geotiff(tmp_path / "linked.tif", overwrite=True)
+    place = made.to_geotiff(tmp_path / "again.tif")
     assert place.crs == "EPSG:32615"
     with rasterio.open(tmp_path / "m.tif") as file, rasterio.open(tmp_path / "again.tif") as again:
         assert file.crs.to_epsg() == again.crs.to_epsg() == 32615

@@ -184,7 +184,7 @@ def deliver(
         else:
             _write_picture(path, flight, composition, (composition.in_8_bit(pixels) for pixels, _ in bands))
         # At once: if the tiles fail, the next run must not take the mosaic for a photograph.
-        record_output(path, [source.content for source in flight.sources if isinstance(source.content, Path)])
+        record_output(path, [file for source in flight.sources for file in source.files])
         if form.tiles is not None:
             write_tiles(form.tiles, raster, path.stem, values)
     note = composition.place.note

@@ -21,6 +21,7 @@ import numpy as np
 from golden_model.arrays import Array, Pixels, Records
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.common.options import choose_options, list_options
+from skymosaic.common.replaced import refuse_inputs
 from skymosaic.compositing.warp import Canvas, CanvasError
 from skymosaic.flight.candidates import MIN_VOTES, MOST_SIMILAR
 from skymosaic.flight.linking.links import Candidate, Link, link_views
@@ -110,6 +111,7 @@ class LiveMosaic:
         self._submaps: list[Submap] = []
         self._frames: list[tuple[str, str]] = []
         """Name of each frame, and why it was left out."""
+        self._files: list[Path] = []
         self._on_frame = on_frame
         self._started_s = time.monotonic()
 
@@ -187,6 +189,7 @@ class LiveMosaic:
             if is_folder(path):
                 raise InputError(f"{path}: a folder is no frame; extend() adds its pictures")
         name = name or str(path or f"frame {number}")
+        self._files += [each for each in (path, file) if each]
         frame, placement, transform, reason = None, None, None, ""
         try:
             pixels = load(image, "frame", keep_damaged=self._options.keeps_damaged).pixels
@@ -218,10 +221,11 @@ class LiveMosaic:
         Raises
         ------
         InputError
-            For a file that cannot be written, or exists and must not be overwritten.
+            For a file that cannot be written, is one of the frames, or exists and must not be overwritten.
         RegistrationError
             Without a frame.
         """
+        refuse_inputs(Path(path), self._files)
         with self.open_plan() as plan:
             return plan.write(Path(path), overwrite=overwrite)[0]
 

@@ -8,6 +8,7 @@ import pytest
 
 from hdl.blocks.catalogue import CATALOGUE
 from hdl.blocks.export import export_block
+from skymosaic.cli.export import OWN_NAMES
 from tests.conftest import Run
 from tests.system.command_line import only_error
 
@@ -80,6 +81,7 @@ def test_a_block_of_ones_own_is_exported_by_module_and_class(tmp_path: Path) -> 
     assert "module gray(" in (tmp_path / "component" / "gray.v").read_text()
     export_block(tmp_path / "block", "hdl.blocks.catalogue:_gray")
     assert (tmp_path / "block" / "_gray_tb.v").exists()
+    assert all(re.fullmatch(OWN_NAMES, path.name) for path in (tmp_path / "block").iterdir())
     for name, says in {
         "nowhere:Gray": "No module named 'nowhere'",
         "hdl.pixel.gray:Grey": "no attribute 'Grey'",

@@ -17,6 +17,7 @@ from hdl.build import BUILDS, Build
 from hdl.export import accelerator as export
 from hdl.export.boards import BOARDS
 from hdl.netlist import FOLDERS
+from skymosaic.cli.export import OWN_NAMES
 
 with contextlib.suppress(ImportError):  # without it, the tests that need it are skipped
     from tkinter import Tcl, TclError
@@ -74,6 +75,7 @@ def exported(folder: Path, board: str, verilog: str, build: Build = TINY) -> Pat
         patch.setattr(export, "AcceleratorTop", lambda _: top())
         patch.setattr(export, "verilog", lambda _: verilog)
         export.export_board(folder, board, build)
+    assert all(re.fullmatch(OWN_NAMES, path.name) for path in folder.iterdir())
     return folder
 
 

@@ -11,6 +11,7 @@ from hdl.build import BUILDS
 from hdl.export import ulx3s as export
 from hdl.export.boards import SOURCES
 from hdl.lib.ecp5 import Ecp5
+from skymosaic.cli.export import OWN_NAMES
 
 BUILD = BUILDS["ulx3s"]
 COUNTER = f"""module {export.TOP}(
@@ -48,6 +49,7 @@ def test_the_export_has_what_its_readme_names(tmp_path: Path, monkeypatch: pytes
         *("README.md", "ulx3s.lpf", "config.toml", f"rtl/{export.TOP}.v", *(f"host/{name}.py" for name in host)),
         *(f"registers/{name}" for name in ("register_map.md", "skymosaic.svd", "skymosaic_registers.h")),
     }
+    assert all(re.fullmatch(OWN_NAMES, Path(name).parts[0]) for name in (*found, "build/skymosaic.bit"))
     # The Verilog is made for the ECP5.
     assert (tmp_path / "rtl" / f"{export.TOP}.v").read_text() == "True"
     assert load_config(tmp_path / "config.toml") == BUILD.config

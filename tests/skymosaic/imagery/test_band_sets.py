@@ -49,7 +49,7 @@ def test_bands_are_told_by_the_ends_of_names(
     ]
     assert [source.index for source in found] == [0, 1, 2]
     for each, number in zip(found, (10, 11, 12), strict=True):
-        assert all(f"IMG_{number:04}_" in name for name in each.files)
+        assert all(f"IMG_{number:04}_" in file.name for file in each.files)
 
 
 @pytest.mark.parametrize(

@@ -86,7 +86,7 @@ def test_an_unwritable_output_is_refused_before_the_work(tmp_path: Path, name: s
 
 def test_an_input_is_never_overwritten(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="one of the inputs"):
-        images.check_output(tmp_path / "a.png", (str(tmp_path / "a.png"),))
+        images.check_output(tmp_path / "a.png", [tmp_path / "a.png"])
 
 
 def test_a_tall_image_is_reduced_by_its_height() -> None:

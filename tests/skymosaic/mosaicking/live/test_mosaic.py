@@ -136,6 +136,11 @@ def test_what_happens_to_files_meanwhile_is_said_by_name(frames: list[NDArray[np
     for number, frame in enumerate(frames[:4]):
         cv2.imwrite(str(tmp_path / f"{number}.png"), frame)
         live.add(tmp_path / f"{number}.png")
+    live.add(tmp_path / "missing.png")
+    (tmp_path / "link.png").symlink_to("2.png")
+    for name in ("1.png", "link.png", "missing.png"):
+        with pytest.raises(InputError, match=f"{name}: is .*one of the inputs"):
+            live.save(tmp_path / name, overwrite=True)
     (tmp_path / "0.png").unlink()
     cv2.imwrite(str(tmp_path / "3.png"), frames[0])
     written = live.save(tmp_path / "m.png")

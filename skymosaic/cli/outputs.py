@@ -1,0 +1,105 @@
+"""One rule for all commands, by what their parameters declare: no output is an input, and no two are the same."""
+
+import contextlib
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar, get_args
+
+from skymosaic.cli.session import STDOUT
+from skymosaic.common.errors import InputError
+from skymosaic.common.options import flag_of
+from skymosaic.common.replaced import find_replaced, refuse_inputs
+from skymosaic.common.temporary import resolved
+from skymosaic.imagery.patterns import expand_pattern
+
+Typed = Mapping[str, Any]
+Mark = TypeVar("Mark")
+
+
+def _as_typed(path: Path | None, _typed: Typed) -> Iterable[Path]:
+    return () if path is None else (path,)
+
+
+@dataclass(frozen=True)
+class Writes:
+    """Marks a parameter that names an output; stands behind what Typer reads.
+
+    Attributes
+    ----------
+    own : str
+        Regular expression of the names that the command replaces in a folder; empty for a file.
+    list_outputs : callable
+        Lists the outputs, of what is typed here, None if nothing, and of all that is typed.
+    """
+
+    own: str = ""
+    list_outputs: Callable[[Any, Typed], Iterable[Path]] = _as_typed
+
+
+@dataclass(frozen=True)
+class Reads:
+    """Marks a parameter that may name a folder; ``list_files`` lists what is read of it, and raises InputError."""
+
+    list_files: Callable[[Path], Iterable[Path]]
+
+
+class _Output(NamedTuple):
+    path: Path
+    flag: str
+    own: str
+
+
+def check_outputs(command: inspect.Signature, typed: Typed) -> None:
+    """Refuse an output that would replace an input, or another output, under whatever name.
+
+    Inputs are all files that are typed where no output is, and those of folders; without a file, nothing is lost.
+
+    Raises
+    ------
+    InputError
+    """
+    inputs: list[Path] = []
+    outputs: list[_Output] = []
+    for name, parameter in command.parameters.items():
+        value = typed[name]
+        if writes := _mark(parameter, Writes):
+            paths = writes.list_outputs(value, typed)
+            outputs += [_Output(path, flag_of(name), writes.own) for path in paths if path != STDOUT]
+        else:
+            for each in value if isinstance(value, list) else [value]:
+                inputs += _list_files(each, _mark(parameter, Reads))
+    for output in outputs:
+        refuse_inputs(output.path, inputs, output.own)
+    for output in outputs:
+        for other in outputs:
+            if other is not output:
+                _refuse_clash(output, other)
+
+
+def _mark(parameter: inspect.Parameter, kind: type[Mark]) -> Mark | None:
+    return next((mark for mark in get_args(parameter.annotation) if isinstance(mark, kind)), None)
+
+
+def _list_files(value: object, reads: Reads | None) -> Iterable[Path]:
+    """The files of one typed value, which may be a file, a pattern, a folder, an address or a number."""
+    files: list[Path] = []
+    # Whoever reads it says what is wrong.
+    with contextlib.suppress(InputError, OSError, ValueError):
+        for path in expand_pattern(Path(value)) if isinstance(value, str | Path) else ():
+            if path.is_file():
+                files.append(path)
+            elif reads and path.is_dir():
+                files += reads.list_files(path)
+    return files
+
+
+def _refuse_clash(output: _Output, other: _Output) -> None:
+    if output.own and resolved(output.path) == resolved(other.path):
+        raise InputError(f"{output.path}: is both {output.flag} and {other.flag}; name two folders")
+    if find_replaced(output.path, [other.path], output.own):
+        if output.own:
+            by = f"would be replaced by a file of {output.flag} {output.path}"
+            raise InputError(f"{other.path}: {by}; choose another name or folder")
+        raise InputError(f"{output.path}: is both {output.flag} and {other.flag}; name two files")
