@@ -98,7 +98,7 @@ class CameraBench(Model):
         self._frames: list[NDArray[np.uint8]] = []
         self.call("memory", self.memory.ctypes.data, BASE, length_bytes)
         self.call("rules", rules.waits, rules.latency_clocks, rules.failures, rules.seed)
-        self.call("camera", camera.line_blank, camera.frame_blank, camera.jitter, camera.steps, camera.period)
+        self.call("timing", camera.line_blank, camera.frame_blank, camera.jitter, camera.steps, camera.period)
 
     def show(self, frames: Sequence[NDArray[np.uint8]]) -> None:
         """Queue gray frames of any size for the camera."""
@@ -183,7 +183,7 @@ _FUNCTIONS = {
     "open": (_ADDRESS,),
     "memory": (None, _ADDRESS, _WIDE, _WIDE),
     "rules": (None, _WORD, _WORD, _WORD, _WIDE),
-    "camera": (None, *[_WORD] * 5),
+    "timing": (None, *[_WORD] * 5),
     "frame": (None, _ADDRESS, _WORD, _WORD),
     "run": (None, _WIDE),
     "hypotheses": (None, _ADDRESS, _WIDE, ctypes.c_int),
