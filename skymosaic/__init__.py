@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from skymosaic.mosaicking.live.mosaic import LiveMosaic
     from skymosaic.mosaicking.live.update import LiveUpdate
     from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
+    from skymosaic.mosaicking.pairs import register_pairs, table_of_pairs
     from skymosaic.mosaicking.result import Mosaic
     from skymosaic.registration.extraction import Features, extract
     from skymosaic.registration.options import FeatureOptions, RegistrationOptions
@@ -40,7 +41,9 @@ __all__ = [
     "mosaic",
     "mosaics",
     "register",
+    "register_pairs",
     "select_key_frames",
+    "table_of_pairs",
 ]
 IMPORTED_S = time.perf_counter()
 """When the program began, for times that add up to its wall time."""
@@ -63,7 +66,9 @@ _MODULES = {
     "mosaic": "skymosaic.mosaicking.api",
     "mosaics": "skymosaic.mosaicking.api",
     "register": "skymosaic.registration.register",
+    "register_pairs": "skymosaic.mosaicking.pairs",
     "select_key_frames": "skymosaic.imagery.key_frames",
+    "table_of_pairs": "skymosaic.mosaicking.pairs",
 }
 
 

@@ -4,12 +4,17 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from golden_model.arrays import Intensities, Matrix
 from skymosaic.common.errors import InputError
+from skymosaic.common.tables import Table, tabulate
+from skymosaic.flight.check import PhotographCheck, check_flight
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, PLAIN, deliver
+from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import PICTURE_SUFFIXES, check_output, save
 from skymosaic.imagery.notebook import describe_in_html
 from skymosaic.imagery.own_outputs import record_output
@@ -63,6 +68,30 @@ class Mosaic:
     def pairs(self) -> tuple[Pair, ...]:
         """The registration of two photographs; empty for more."""
         return () if self.flight.pair is None else (self.flight.pair,)
+
+    def table(self) -> Table:
+        """A row for each photograph that was given, for pandas, polars or `csv`.
+
+        Its centre lies at ``x_px``, ``y_px`` on the canvas, and at ``map_x``, ``map_y`` in metres of the georeference's
+        coordinate system; other columns are those of `skymosaic.flight.check.PhotographCheck`. NaN stands for what is
+        not known, or of a photograph that is not placed.
+        """
+        flight, on_map = self.flight, self.composition.place.georeference
+        checked = zip(flight.sources, check_flight(flight).photographs, strict=True)
+        checks = {source.index: check for source, check in checked}
+        middles = {each.source.index: (np.array([each.size]) - 1) / 2 for each in self.composition.placements}
+        unread = PhotographCheck("", links=0, overlap=0.0, sharpness=np.nan, clipped=np.nan, gps=False, problems=())
+        rows = []
+        for index, name in enumerate(flight.names):
+            place, metres = np.full((1, 2), np.nan), np.full((1, 2), np.nan)
+            if index in middles:
+                place = apply(self.transforms[index], middles[index])
+                metres = metres if on_map is None else apply(on_map.to_map, place)
+            row = {"photograph": name, "placed": index in middles, "reason": self.left_out.get(index, "")}
+            row |= dict(zip(("x_px", "y_px", "map_x", "map_y"), (*place[0], *metres[0]), strict=True))
+            measures = ("links", "overlap", "sharpness", "clipped", "gps", "error_px", "error_90_px")
+            rows.append(row | {measure: getattr(checks.get(index, unread), measure) for measure in measures})
+        return tabulate(rows)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the mosaic; a ``.tif`` lies on the map where its place is known, and is made as by `to_geotiff`.

@@ -15,6 +15,7 @@ from golden_model.config import Config
 from golden_model.formats import WEIGHT
 from golden_model.text import how_to_install, one_line
 from skymosaic.common.errors import InputError
+from skymosaic.common.tables import Table
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply, rescale, transfer_error
@@ -181,6 +182,42 @@ class Pair:
         names = np.array(self.method.rule_names(self.config))
         return MatchedPoints(left, right, records["weight"] / WEIGHT.one, names[records["rule"]])
 
+    def table(self, kind: str = "inliers") -> Table:
+        """A row for each match, in original pixels, for pandas, polars or `csv`; errors of a refused pair are NaN.
+
+        Parameters
+        ----------
+        kind : str
+            As in `points`, which also says what is raised.
+        """
+        left, right, weights, rules = self.points(kind)
+        mapped = np.full_like(left, np.nan) if self.homography is None else apply(self.homography, left)
+        return {
+            **{"left_x": left[:, 0], "left_y": left[:, 1], "right_x": right[:, 0], "right_y": right[:, 1]},
+            "error_px": np.linalg.norm(mapped - right, axis=1),
+            "weight": weights,
+            "rule": rules,
+        }
+
+    def row(self) -> dict[str, Any]:
+        """The pair as a row of `skymosaic.table_of_pairs`: numbers and texts by the names of their columns."""
+        counts = ("matches", "kept", "inliers", "refined_inliers", "passes", "inverted")
+        summary, trust = self.summary(), self.confidence
+        entries = np.full(9, np.nan) if self.homography is None else self.homography.ravel()
+        return {
+            "left": self.left.name,
+            "right": self.right.name,
+            "accepted": self.accepted,
+            "reason": self.reason,
+            "verdict": "" if trust is None else trust.verdict,
+            "predicted_px": None if trust is None else trust.predicted_px,
+            "left_features": len(self.features[0]),
+            "right_features": len(self.features[1]),
+            **{name: summary[name] for name in counts},
+            "seconds": sum(self.seconds.values()),
+            **{f"h{row}{column}": entries[3 * row + column - 4] for row in (1, 2, 3) for column in (1, 2, 3)},
+        }
+
     def plot(self, kind: str = "inliers") -> Figure:
         """Draw both photographs beside each other with lines between matched points, coloured by weight.
 
@@ -235,6 +272,8 @@ class Pair:
     def summary(self) -> dict[str, Any]:
         """The pair in plain numbers, as ``register --json`` prints it."""
         return {
+            "left": self.left.name,
+            "right": self.right.name,
             "accepted": self.accepted,
             "homography": None if self.homography is None else self.homography.tolist(),
             "features": [len(side) for side in self.features],

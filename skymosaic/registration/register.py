@@ -121,7 +121,7 @@ def register_photographs(
     homography = None if state.homography is None else map_to_originals(state.homography, (to_left, to_right))
     pair = Pair(
         left=photographs[0],
-        right=_with_notes(photographs, stands_still=stands_still, inverted=state.inverted),
+        right=_with_notes(photographs, (left, right), stands_still=stands_still, inverted=state.inverted),
         to_original=(to_left, to_right),
         working=(left, ~right if state.inverted else right),
         features=state.evidence.features,
@@ -207,10 +207,12 @@ def _search(
     return run(moving, lambda matches: remove_still(remove_masked(matches))), True
 
 
-def _with_notes(photographs: tuple[Photograph, Photograph], *, stands_still: bool, inverted: bool) -> Photograph:
+def _with_notes(
+    photographs: tuple[Photograph, Photograph], working: tuple[Pixels, Pixels], *, stands_still: bool, inverted: bool
+) -> Photograph:
     """The right photograph with what is to be said of the pair."""
     left, right = photographs
-    if np.array_equal(left.pixels, right.pixels):
+    if np.array_equal(*working):
         right = right.with_note(f"the same picture as {left.name}")
     if stands_still:
         right = right.with_note(STANDS_STILL)

@@ -164,6 +164,7 @@ def test_a_mosaic_without_gps_has_no_place_on_the_map(pair: Pair, tmp_path: Path
 DOCUMENTED = (
     "mosaicking.live.mosaic",
     "mosaicking.api",
+    "mosaicking.pairs",
     "registration.extraction",
     "registration.pair",
     "registration.register",

@@ -14,7 +14,7 @@ from IPython.core.completer import IPCompleter, provisionalcompleter
 from golden_model.config import PRESETS
 from golden_model.feature.ilbp import PATTERNS
 from sim.backends.interface import BACKENDS
-from skymosaic import LiveMosaic, Tracker, extract, mosaic, mosaics, register
+from skymosaic import LiveMosaic, Tracker, extract, mosaic, mosaics, register, register_pairs
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import GROUPS, options_of
 from skymosaic.features import descriptors, detectors
@@ -30,6 +30,7 @@ from skymosaic.tracking.tracker import TrackerKeywords, TrackerOptions
 TAKERS: dict[Callable[..., object], tuple[type, type]] = {
     extract: (FeatureOptions, FeatureKeywords),
     register: (RegistrationOptions, RegistrationKeywords),
+    register_pairs: (RegistrationOptions, RegistrationKeywords),
     mosaic: (MosaicOptions, MosaicKeywords),
     mosaics: (MosaicOptions, MosaicKeywords),
     mosaic_of_pair: (MosaicOptions, MosaicKeywords),
