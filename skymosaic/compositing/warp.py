@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Intensities, Mask, Pixels
 from skymosaic.geometry.homography import apply, rescale, resize_matrix
+from skymosaic.geometry.horizon import ahead, clip_polygon
 
 CANVAS_LIMIT_PX = 250_000_000
 """Default limit on the area of a canvas."""
@@ -191,13 +192,7 @@ def outline(size: tuple[int, int], transform: Array, least_nearness: float = 0.0
         if near.min() <= 0:
             raise CanvasError(f"a corner of an image of {size[0]}x{size[1]} px would lie behind the camera")
         return corners
-    kept = []
-    for start, end, first, last in zip(np.roll(corners, 1, axis=0), corners, np.roll(near, 1), near, strict=True):
-        if (first < least_nearness) != (last < least_nearness):
-            kept.append(start + (end - start) * (least_nearness - first) / (last - first))
-        if last >= least_nearness:
-            kept.append(end)
-    return np.array(kept)
+    return clip_polygon(corners, near - least_nearness)
 
 
 def nearness(size: tuple[int, int], transform: Array, points: Array) -> Array:
@@ -210,8 +205,9 @@ def nearness(size: tuple[int, int], transform: Array, points: Array) -> Array:
 
 def nearest_corner(size: tuple[int, int], transform: Array) -> float:
     """The third homogeneous coordinate of the corner that is nearest to the camera; its sign is arbitrary."""
-    third = Canvas(0, 0, *size).corners @ transform[2, :2] + transform[2, 2]
-    return float(third[np.argmax(np.abs(third))])
+    corners = Canvas(0, 0, *size).corners
+    nearest = corners[np.argmax(ahead(transform, corners))]
+    return float(transform[2] @ [*nearest, 1])
 
 
 def magnification(size: tuple[int, int], transform: Array) -> float:

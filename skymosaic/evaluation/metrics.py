@@ -8,6 +8,7 @@ from scipy.spatial import KDTree
 
 from golden_model.arrays import Array, Mask
 from skymosaic.geometry.homography import apply, transfer_error
+from skymosaic.geometry.horizon import ahead
 
 GRID_POINTS = 20
 MISSING_ERROR_PX = 1000.0
@@ -113,7 +114,7 @@ def grid_error(estimated: Array | None, truth: Array, left_size: tuple[int, int]
     axes = (np.linspace(0, side - 1, GRID_POINTS) for side in left_size)
     points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     expected = apply(truth, points)
-    inside = _inside(expected, right_size)
+    inside = _inside(expected, right_size) & (ahead(truth, points) > 0)
     if not inside.any():
         raise ValueError("the images do not overlap under the true homography")
     if estimated is None:

@@ -8,8 +8,8 @@ error of 27 px.
 import cv2
 import numpy as np
 
-from golden_model.arrays import Array, Matrix, Points
-from skymosaic.geometry.homography import apply
+from golden_model.arrays import Array, Matrix, Pixels, Points
+from skymosaic.geometry.horizon import clip_polygon
 
 Size = tuple[int, int]
 """Width and height of an image, px."""
@@ -19,8 +19,8 @@ CELL_PX = 4.0
 MIN_SHARE_OF_OVERLAP = 0.10
 MIN_SHARE_OF_IMAGE = 0.08
 """Hull of the inliers that is large enough, as a share of the overlap, or of the smaller image."""
-MAX_COORDINATE_PX = 1e6
-"""A corner mapped farther than this is at the horizon, for all that float32 can tell."""
+SHIFT_BITS = 4
+"""Fractional bits of the corners that OpenCV fills a polygon by."""
 
 
 def count_places(left: Points, right: Points) -> int:
@@ -31,20 +31,24 @@ def count_places(left: Points, right: Points) -> int:
 def overlap(homography: Matrix, left_size: Size, right_size: Size) -> Points:
     """The part of the left image that the right one shows, as a convex polygon (N, 2); N = 0 without an overlap.
 
-    N = 0 also where the homography folds the image over the horizon, because that polygon would not be convex.
+    It ends at the horizon of either image, and is at least one pixel large.
     """
-    nothing = np.zeros((0, 2))
-    corners = _corners(left_size)
-    depth = corners @ homography[2, :2] + homography[2, 2]
-    if depth.min() * depth.max() <= 0:
-        return nothing
-    mapped = apply(homography, corners)
-    if np.abs(mapped).max() > MAX_COORDINATE_PX:
-        return nothing
-    area, common = cv2.intersectConvexConvex(mapped.astype(np.float32), _corners(right_size).astype(np.float32))
-    if area <= 0 or common is None:
-        return nothing
-    return apply(np.asarray(np.linalg.inv(homography)), common.reshape(-1, 2))
+    polygon = _corners(left_size)
+    low, high = _corners(right_size)[[0, 2]]
+    x, y, w = homography * np.sign(np.linalg.det(homography))
+    # With w > 0, x/w >= low is the half-plane x - low w >= 0. Two opposite ones exclude what has w < 0, the sky.
+    for border in (x - low[0] * w, high[0] * w - x, y - low[1] * w, high[1] * w - y):
+        polygon = clip_polygon(polygon, polygon @ border[:2] + border[2])
+    return polygon if hull_area(polygon) >= 1 else polygon[:0]
+
+
+def overlap_mask(homography: Matrix, left_size: Size, right_size: Size) -> Pixels:
+    """The `overlap` as a mask of the left image: 255 where the right one shows it, else 0."""
+    mask = np.zeros(left_size[::-1], np.uint8)
+    corners = np.round(overlap(homography, left_size, right_size) * 2**SHIFT_BITS).astype(np.int32)
+    if len(corners):
+        cv2.fillConvexPoly(mask, corners, 255, shift=SHIFT_BITS)
+    return mask
 
 
 def hull_area(points: Points) -> float:

@@ -56,8 +56,7 @@ class FitQuality:
 def assess_fit(homography: Matrix, left: Points, right: Points, left_size: Size, right_size: Size) -> FitQuality:
     """Measure how good a homography is, by matches of which some may be wrong.
 
-    The worst values, 12 px and a share of 0, stand for what cannot be measured. So does everything of a homography
-    whose horizon crosses the left image, because its overlap has no bounds.
+    The worst values, 12 px and a share of 0, stand for what cannot be measured.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ import numpy as np
 
 from golden_model.arrays import Float32, Mask, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
-from skymosaic.geometry.acceptance import Size, hull_share
+from skymosaic.geometry.acceptance import Size, hull_share, overlap_mask
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.geometry.uncertainty import NEAR_PX, FitQuality, assess_fit, one_per_place
@@ -136,7 +136,7 @@ def correlate_overlap(images: tuple[Pixels, Pixels], homography: Matrix) -> floa
     # The homography maps left to right: the inverse map, by which OpenCV looks up each pixel of the warped image.
     to_left_grid = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     warped = cv2.warpPerspective(right, homography, size, flags=to_left_grid)
-    covered = cv2.warpPerspective(np.full(right.shape, 255, np.uint8), homography, size, flags=to_left_grid)
+    covered = overlap_mask(homography, size, (right.shape[1], right.shape[0]))
     # At the edge of the overlap the high-pass mixes in what lies outside it.
     radius = round(3 * HIGH_PASS_SIGMA_PX)
     kernel = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)

@@ -14,7 +14,7 @@ import numpy as np
 from golden_model.arrays import Mask, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
 from skymosaic.features.positions import match_points
-from skymosaic.geometry.acceptance import hull_area, overlap
+from skymosaic.geometry.acceptance import hull_area, overlap, overlap_mask
 from skymosaic.geometry.held_out import clearly_better, held_out_agreement
 from skymosaic.geometry.homography import apply, transfer_error
 from skymosaic.geometry.prosac import INLIER_PX, estimate_homography
@@ -86,7 +86,7 @@ def match_densely(left: Pixels, right: Pixels, homography: Matrix) -> tuple[Poin
     """
     size = (left.shape[1], left.shape[0])
     to_left_grid = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    covered = cv2.warpPerspective(np.full(right.shape, 255, np.uint8), homography, size, flags=to_left_grid)
+    covered = overlap_mask(homography, size, (right.shape[1], right.shape[0]))
     # A reflection beyond the overlap has no edge that would draw the flow.
     warped = cv2.warpPerspective(right, homography, size, flags=to_left_grid, borderMode=cv2.BORDER_REFLECT)
     x, y, width, height = cv2.boundingRect(covered)

@@ -8,7 +8,7 @@ from skymosaic.geometry.homography import apply
 
 IMAGE = np.full((300, 400), 90, np.uint8)
 # Looks along y: rows above 60 show the sky.
-HORIZON = np.array([[1.0, 0, 0], [0, 0.5, 0], [0, 1 / 60, -1]])
+HORIZON = np.array([[-1.0, 0, 0], [0, 0.5, 0], [0, 1 / 60, -1]])
 
 
 def enlarged(factor: float, x: float = 0, y: float = 0) -> Array:

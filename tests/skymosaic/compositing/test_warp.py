@@ -11,6 +11,7 @@ from skymosaic.compositing.warp import (
     CanvasError,
     enclosing_canvas,
     footprint,
+    nearness,
     shrink,
     source_window,
     warp_backward,
@@ -67,6 +68,14 @@ def test_image_that_reaches_behind_the_camera_is_refused(sign: int) -> None:
     for width in (91, 120):
         with pytest.raises(CanvasError, match=f"{width}x100 px would lie behind the camera"):
             enclosing_canvas([(width, 100)], [sign * horizon])
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_ground_is_near_even_where_most_of_an_image_is_sky(sign: int) -> None:
+    # It maps column 20 to infinity; what is left of it is ground.
+    horizon = np.array([[1.0, 0, 0], [0, 1, 0], [-1 / 20, 0, 1]])
+    points = np.array([[0.0, 0], [10, 5], [20, 0], [80, 0]])
+    np.testing.assert_allclose(nearness((81, 60), sign * horizon, points), [1, 0.5, 0, -3])
 
 
 @pytest.mark.parametrize("channels", [(), (3,)], ids=["gray", "bgr"])

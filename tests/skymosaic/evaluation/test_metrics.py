@@ -70,6 +70,17 @@ def test_grid_error_counts_only_the_overlap() -> None:
     assert grid_error(zoomed, left_of_it, (100, 80), (100, 80)) == pytest.approx(expected)
 
 
+def test_grid_error_ends_at_the_horizon() -> None:
+    # Left columns from 80 on show ground of the right image. Formally, so do the first 19, from behind the camera.
+    truth = np.array([[1.0, 0, -80], [0.8, 0.2, -40], [0.02, 0, -1]])
+    wider = np.diag([1.01, 1, 1]) @ truth
+    columns = np.linspace(0, 99, 20)
+    ground = columns[columns >= 80]
+    assert grid_error(wider, truth, (100, 80), (100, 80)) == pytest.approx(
+        0.01 * ((ground - 80) / (0.02 * ground - 1)).mean()
+    )
+
+
 def test_grid_error_of_nothing() -> None:
     assert grid_error(None, SHIFT, (64, 64), (64, 64)) == MISSING_ERROR_PX
     to_infinity = np.array([[1.0, 0, 0], [0, 1, 0], [-1 / 63, 0, 1]])

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
-from skymosaic.geometry.uncertainty import NEAR_PX, assess_fit, covariance
+from skymosaic.geometry.uncertainty import assess_fit, covariance
 
 SIZE = (640, 480)
 TRUTH = np.array([[0.98, -0.05, 20], [0.04, 1.01, -15], [1e-5, -2e-5, 1]])
@@ -60,9 +60,13 @@ def test_few_matches_give_the_worst_values_and_no_error() -> None:
     assert quality.instability_px == quality.covariance_px == 12
 
 
-def test_a_horizon_in_the_image_gives_the_worst_values_and_no_error() -> None:
+def test_beyond_a_horizon_in_the_image_nothing_is_measured() -> None:
     tilted = np.array([[1.0, 0, 0], [0, 1, 0], [0, -1 / 300, 1]])
-    left = np.random.default_rng(0).uniform((0, 0), (640, 200), (60, 2))
-    quality = assess_fit(tilted, left, apply(tilted, left), SIZE, SIZE)
-    assert quality.covariance_px == quality.instability_px == quality.held_out_px == NEAR_PX
-    assert quality.held_out_share == quality.hull_share == 0
+    rng = np.random.default_rng(0)
+    left = rng.uniform((0, 0), (640, 200), (60, 2))
+    quality = assess_fit(tilted, left, apply(tilted, left) + rng.normal(0, 0.3, left.shape), SIZE, SIZE)
+    # The right image shows 640 x 480 px of ground as far as row 185 of the left one, where it is half as large.
+    assert quality.hull_share > 0.9
+    assert quality.held_out_share == 1
+    assert 0 < quality.instability_px < 1
+    assert 0 < quality.covariance_px < 1
