@@ -92,7 +92,7 @@ def test_images_correlate_as_far_as_the_horizon(left: Pixels) -> None:
     left = left.copy()
     right = np.asarray(cv2.warpPerspective(left, tilted, size, borderMode=cv2.BORDER_REFLECT), dtype=np.uint8)
     left[:60] = np.random.default_rng(0).integers(0, 256, (60, size[0]))
-    assert correlate_overlap((left, right), tilted) > 0.9
+    assert correlate_overlap((left, right), tilted) > 0.85
 
 
 def test_many_matches_at_few_places_are_not_clear() -> None:
