@@ -19,9 +19,9 @@ from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.errors import RegistrationError
 from skymosaic.common.options import INPUT
-from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.mapping.place import explain_absence
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm, numbered
+from skymosaic.geometry.ground import MOVES_WITH_CAMERA
 from skymosaic.imagery import images
 from skymosaic.imagery.live_frames import read_live_frames
 from skymosaic.imagery.own_outputs import record_output
@@ -124,8 +124,8 @@ def _write(
 
 
 def _show(delivery: Delivery, absent: Mapping[int, str], mosaic: LiveMosaic, pace: Pace) -> None:
-    if mosaic.stands_still:
-        session.warn(STANDS_STILL)
+    if mosaic.left_out_moving:
+        session.warn(MOVES_WITH_CAMERA)
     composition, output = delivery.composition, delivery.path
     if composition.reduced:
         session.warn(f"{output}: {composition.reduced}")

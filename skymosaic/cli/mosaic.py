@@ -22,11 +22,11 @@ from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.common.options import MAP, OUTPUT
-from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.check import check_flight, doubts, layout_errors
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.mapping.place import explain_absence
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm
+from skymosaic.geometry.ground import MOVES_WITH_CAMERA
 from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
 from skymosaic.maps.geotiff import COMPRESSIONS
 from skymosaic.maps.tiles import OWN_NAMES as TILE_NAMES
@@ -141,8 +141,8 @@ def _show(deliveries: Sequence[Delivery], output: Path, report: Path | None, cam
         print_pair(flight.pair)
         if flight.sources[0].warp is not None:
             session.show("warp: a mesh warps the left photograph to follow the relief")
-    if any(link.standing for link in flight.links):
-        session.warn(f"{STANDS_STILL}; --mask hides it")
+    if any(link.moves_with_camera for link in flight.links):
+        session.warn(f"{MOVES_WITH_CAMERA}; --mask hides it")
     for delivery in deliveries:
         _show_mosaic(delivery, output if output == STDOUT else delivery.path)
     if (lens := flight.calibration) is not None:

@@ -4,12 +4,12 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from skymosaic.features.standing import STANDS_STILL
 from skymosaic.flight.flight import BLURRED, Flight
 from skymosaic.flight.layout.extent import outline, overlap
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.layout.linked_group import groups
 from skymosaic.flight.linking.links import Link
+from skymosaic.geometry.ground import MOVES_WITH_CAMERA
 from skymosaic.imagery.photographs import short_names
 
 MIN_BEST_OVERLAP = 0.3
@@ -196,8 +196,8 @@ def _problems_of_all(flight: Flight) -> Iterator[str]:
     unusable = len(flight.names) - len(flight.views)
     if unusable:
         yield f"{unusable} of {len(flight.names)} photographs cannot be used or repeat another"
-    if standing := sum(link.standing for link in flight.links):
-        yield f"{standing} pairs: {STANDS_STILL}"
+    if moving := sum(link.moves_with_camera for link in flight.links):
+        yield f"{moving} pairs: {MOVES_WITH_CAMERA}"
     if len(flight.layouts) > 1:
         sizes = ", ".join(str(len(layout.members)) for layout in flight.layouts)
         yield f"{len(flight.layouts)} groups that no link joins for sure ({sizes} photographs): fly again between them"

@@ -23,6 +23,7 @@ from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings, View
 from skymosaic.flight.mapping.anchoring import fit_layout
 from skymosaic.flight.second_look import link_across_heights, link_by_more_features
+from skymosaic.geometry.ground import MOVES_WITH_CAMERA
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.photographs import Source
 from skymosaic.maps.control_points import ControlPoints
@@ -282,6 +283,8 @@ def _why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:
     if held := sum(link.holds for link in tried):
         return f"{held} links contradict each other or the layout, so its place is unknown"
     best = max(tried, key=lambda link: link.inliers)
+    if not best.inliers and any(link.moves_with_camera for link in tried):
+        return f"nothing links it to the others; {MOVES_WITH_CAMERA}"
     other = views[best.left + best.right - view].name
     best_match = f"at best {best.inliers} matches agree, with {other}; {MIN_INLIERS} are needed"
     return f"nothing links it to the others ({best_match})"

@@ -13,6 +13,7 @@ import numpy as np
 from golden_model.arrays import Float32, Mask, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
 from skymosaic.geometry.acceptance import Size, hull_share, overlap_mask
+from skymosaic.geometry.ground import GroundAgreement, Sight, measure_agreement
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.geometry.uncertainty import NEAR_PX, FitQuality, assess_fit, one_per_place
@@ -58,6 +59,8 @@ class Confidence:
         NCC of the overlap after warping, high-pass, -1 to 1.
     quality : FitQuality
         How well the matches fit the homography.
+    ground : GroundAgreement
+        How much of the ground agrees with it.
     """
 
     verdict: str
@@ -65,6 +68,7 @@ class Confidence:
     predicted_px: float
     correlation: float
     quality: FitQuality
+    ground: GroundAgreement
 
     @property
     def extrapolates(self) -> bool:
@@ -74,16 +78,21 @@ class Confidence:
     def summary(self) -> dict[str, Any]:
         """All numbers by name, ready for JSON."""
         values = {"predicted_px": self.predicted_px, "correlation": self.correlation, **asdict(self.quality)}
+        values |= {"ground_share": self.ground.share, "ground_required": max(self.ground.required, 0.0)}
         return {"verdict": self.verdict, "reason": self.reason} | {key: round(v, 4) for key, v in values.items()}
 
 
-def assess(images: tuple[Pixels, Pixels], homography: Matrix, left: Points, right: Points) -> Confidence:
+def assess(
+    images: tuple[Pixels, Pixels], sights: tuple[Sight, Sight], homography: Matrix, left: Points, right: Points
+) -> Confidence:
     """Predict the error of a homography between two working images.
 
     Parameters
     ----------
     images : tuple of ndarray of uint8
         Left and right working image.
+    sights : tuple of Sight
+        The same, reduced.
     homography : (3, 3) ndarray
         Left to right, working px.
     left, right : (N, 2) ndarray
@@ -98,7 +107,10 @@ def assess(images: tuple[Pixels, Pixels], homography: Matrix, left: Points, righ
     predicted_px = float(np.exp(np.clip(exponent, -5, 5)))
     verdict = "good" if predicted_px < GOOD_PX else "check" if predicted_px < POOR_PX else "poor"
     reason = _explain(quality, correlation, predicted_px, verdict)
-    return Confidence(verdict, reason, predicted_px, correlation, quality)
+    ground = measure_agreement(*sights, homography)
+    if not ground.is_good:
+        verdict, reason = "poor" if ground.is_refused or verdict == "poor" else "check", f"{ground.explain()}; {reason}"
+    return Confidence(verdict, reason, predicted_px, correlation, quality, ground)
 
 
 def fits_throughout(homography: Matrix, left: Points, right: Points, left_size: Size, right_size: Size) -> bool:

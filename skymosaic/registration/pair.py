@@ -18,6 +18,7 @@ from skymosaic.common.errors import InputError
 from skymosaic.common.tables import Table
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
+from skymosaic.geometry.ground import Sight
 from skymosaic.geometry.homography import apply, rescale, transfer_error
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.imagery.images import Photograph, load
@@ -69,6 +70,8 @@ class Pair:
         Working pixels to original pixels, left and right.
     working : tuple of ndarray
         The images that the front end processed.
+    sights : tuple of Sight
+        The same, reduced, with what a lens masks.
     features : tuple of structured arrays
         Feature records, left and right (`golden_model.records.feature_record`), in 1/16 working px.
     matches, kept, inliers : structured arrays
@@ -103,6 +106,7 @@ class Pair:
     right: Photograph
     to_original: tuple[Matrix, Matrix]
     working: tuple[Pixels, Pixels]
+    sights: tuple[Sight, Sight]
     features: tuple[Records, Records]
     matches: Records
     kept: Records
@@ -146,7 +150,7 @@ class Pair:
         """How far to trust the homography; computed on first use. None where not accepted."""
         if self.working_homography is None:
             return None
-        return assess(self.working, self.working_homography, *match_points(self.kept))
+        return assess(self.working, self.sights, self.working_homography, *match_points(self.kept))
 
     def points(self, kind: str = "inliers") -> MatchedPoints:
         """The matches in pixels of the original photographs.

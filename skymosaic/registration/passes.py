@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from golden_model.arrays import Mask, Matrix, Pixels, Records
+from golden_model.arrays import Mask, Matrix, Pixels, Points, Records
 from golden_model.config import Config
 from golden_model.feature.orientation import SECTORS
 from golden_model.matching.matcher import match
@@ -113,6 +113,11 @@ class SearchState:
     places: int
     passes: int
     inverted: bool = False
+
+    @property
+    def inlier_points(self) -> tuple[Points, Points]:
+        """Positions of the inliers, left and right, working px."""
+        return match_points(self.evidence.matches[self.inliers])
 
 
 MatchedFrames = tuple[Change, tuple[Records, Records], tuple[ChangedImage, ChangedImage], Records]
@@ -290,7 +295,7 @@ class Search:
             return False
         if np.count_nonzero(state.inliers) < STRONG_SHARE_OF_KEPT * len(state.evidence.kept):
             return False
-        left, _ = match_points(state.evidence.matches[state.inliers])
+        left, _ = state.inlier_points
         return acceptance.hull_share(state.homography, left, *self._sizes) >= STRONG_SHARE_OF_OVERLAP
 
 

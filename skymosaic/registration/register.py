@@ -16,9 +16,9 @@ from skymosaic.common.options import choose_options, list_options
 from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.features.frames import DescribedImage
 from skymosaic.features.positions import are_on_ground, match_points, select_ground_matches
-from skymosaic.features.standing import STANDS_STILL, are_still, remove_still, stands_on_still_parts
 from skymosaic.geometry.estimators import FABRIC, estimate
 from skymosaic.geometry.fabric import draw_config
+from skymosaic.geometry.ground import MOVES_WITH_CAMERA, GroundAgreement, LeftOut, Sight, find_ground
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end
 from skymosaic.imagery.lens import Lens
 from skymosaic.registration.confidence import fits_throughout
@@ -113,24 +113,29 @@ def register_photographs(
     first = _match_first(front_end, (left, right), config, options, features=features, masked=lens is not None)
     masks = [lens.visible_mask((image.shape[1], image.shape[0])) if lens else None for image in (left, right)]
     clock.lap("features and matches")
-    remove_masked = partial(select_ground_matches, visible=masks)
+    sights = Sight.of(left, masks[0]), Sight.of(right, masks[1])
     shared = None if features is None else (features[0].working, features[1].working)
-    state, stands_still = _search(
-        first, front_end, (left, right), options, effort=effort, remove_masked=remove_masked, shared=shared
+    state, agreement, left_out = _search(
+        first, front_end, (left, right), options, effort=effort, masks=masks, sights=sights, shared=shared
     )
+    # Without a rival, what was rejected is what there is.
+    if agreement is None or not agreement.suffices:
+        left_out = LeftOut()
+    notes = [MOVES_WITH_CAMERA] if left_out.rejected else []
     homography = None if state.homography is None else map_to_originals(state.homography, (to_left, to_right))
     pair = Pair(
         left=photographs[0],
-        right=_with_notes(photographs, (left, right), stands_still=stands_still, inverted=state.inverted),
+        right=_with_notes(photographs, (left, right), [*notes, INVERTED_NOTE] if state.inverted else notes),
         to_original=(to_left, to_right),
         working=(left, ~right if state.inverted else right),
+        sights=_see(sights, state),
         features=state.evidence.features,
         matches=state.evidence.matches,
         kept=state.evidence.kept,
         inliers=state.evidence.matches[state.inliers],
         refined_inliers=0,
         homography=homography,
-        reason="" if homography is not None else explain_refusal(state) + (f"; {STANDS_STILL}" if stands_still else ""),
+        reason="" if homography is not None else explain_refusal(state),
         config=first.config,
         method=method,
         estimator=options.estimator,
@@ -141,7 +146,9 @@ def register_photographs(
         seconds=clock.seconds,
     )
     clock.lap("homography")
-    pair = _settle(pair, options, partial(_show_ground, masks=masks, stands_still=stands_still))
+    if agreement is not None and agreement.is_refused and not options.accept_poor:
+        pair = pair.refused(f"{agreement.explain()}; `accept_poor` delivers it nevertheless")
+    pair = _settle(pair, options, partial(_show_ground, masks=masks, left_out=left_out))
     clock.lap("refinement")
     return pair
 
@@ -185,44 +192,47 @@ def _search(
     options: RegistrationOptions,
     *,
     effort: str,
-    remove_masked: Callable[[Records], Records],
+    masks: Sequence[Pixels | None],
+    sights: tuple[Sight, Sight],
     shared: tuple[DescribedImage, DescribedImage] | None,
-) -> tuple[SearchState, bool]:
-    """Search; and once more without what stands still in both photographs, where that is all that was found."""
+) -> tuple[SearchState, GroundAgreement | None, LeftOut]:
+    """Search, and again without what moves with the camera, where that is all that was found."""
     # One generator for all passes: a result depends on the seed alone.
     rng = np.random.default_rng(options.seed)
 
-    def run(evidence: Evidence, remove: Callable[[Records], Records], homography: np.void | None = None) -> SearchState:
-        search = Search(front_end, images, first.config, rng, remove, shared=shared)
-        size = (images[1].shape[1], images[1].shape[0])
-        found = _estimate(options.estimator, size, rng, evidence.matches, homography)
-        return search.run(effort, search.accept(evidence, *found, passes=1))
+    def search(left_out: LeftOut) -> SearchState:
+        def remove(matches: Records) -> Records:
+            shown = select_ground_matches(matches, masks)
+            apart: Records = shown[left_out.are_apart(*match_points(shown))]
+            return apart
 
-    evidence = Evidence(first.features, remove_masked(first.matches))
-    state = run(evidence, remove_masked, first.homography)
-    inliers = match_points(state.evidence.matches[state.inliers])
-    if state.homography is None or not stands_on_still_parts(*inliers, state.evidence.features):
-        return state, False
-    moving = dataclasses.replace(evidence, matches=remove_still(evidence.matches))
-    return run(moving, lambda matches: remove_still(remove_masked(matches))), True
+        passes = Search(front_end, images, first.config, rng, remove, shared=shared)
+        evidence = Evidence(first.features, remove(first.matches))
+        size = (images[1].shape[1], images[1].shape[0])
+        estimated = None if left_out.rejected else first.homography
+        found = _estimate(options.estimator, size, rng, evidence.matches, estimated)
+        return passes.run(effort, passes.accept(evidence, *found, passes=1))
+
+    return find_ground(search, partial(_see, sights))
+
+
+def _see(sights: tuple[Sight, Sight], state: SearchState) -> tuple[Sight, Sight]:
+    """The pictures that a search compared."""
+    return (sights[0], sights[1].inverted()) if state.inverted else sights
 
 
 def _with_notes(
-    photographs: tuple[Photograph, Photograph], working: tuple[Pixels, Pixels], *, stands_still: bool, inverted: bool
+    photographs: tuple[Photograph, Photograph], working: tuple[Pixels, Pixels], notes: Sequence[str]
 ) -> Photograph:
     """The right photograph with what is to be said of the pair."""
     left, right = photographs
-    if np.array_equal(*working):
-        right = right.with_note(f"the same picture as {left.name}")
-    if stands_still:
-        right = right.with_note(STANDS_STILL)
-    return right.with_note(INVERTED_NOTE) if inverted else right
+    same = [f"the same picture as {left.name}"] if np.array_equal(*working) else []
+    return dataclasses.replace(right, notes=(*right.notes, *same, *notes))
 
 
-def _show_ground(left: Points, right: Points, *, masks: Sequence[Pixels | None], stands_still: bool) -> Mask:
-    """Which points (N, 2) show ground in both images: unmasked, and moved where something stands still."""
-    shown = are_on_ground(left, masks[0]) & are_on_ground(right, masks[1])
-    return shown & ~are_still(left, right) if stands_still else shown
+def _show_ground(left: Points, right: Points, *, masks: Sequence[Pixels | None], left_out: LeftOut) -> Mask:
+    """Which points (N, 2) show ground in both images: unmasked, and apart from what moves with the camera."""
+    return are_on_ground(left, masks[0]) & are_on_ground(right, masks[1]) & left_out.are_apart(left, right)
 
 
 def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Points, Points], Mask]) -> Pair:

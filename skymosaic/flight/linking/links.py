@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -11,15 +12,15 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
-from golden_model.arrays import Matrix, Points, Records
+from golden_model.arrays import Array, Matrix, Points, Records
 from golden_model.config import Config
 from golden_model.formats import WEIGHT
 from golden_model.matching import hamming
 from golden_model.matching.matcher import match
 from skymosaic.features.positions import feature_points, match_points
-from skymosaic.features.standing import are_still, stands_on_still_parts
+from skymosaic.geometry.ground import LeftOut, Sight, find_ground
 from skymosaic.geometry.homography import apply, transfer_error
-from skymosaic.geometry.prosac import estimate_homography
+from skymosaic.geometry.prosac import Estimate, estimate_homography
 from skymosaic.running.cache import Arrays
 
 TIE_PX = 3.0
@@ -39,7 +40,7 @@ the prediction, epipolar lines do not tell."""
 FIRST_LOOK_SAMPLES = 1000
 """A third of the samples of a single pair: most candidates overlap well or not at all."""
 
-_POINTS = ("left_points", "right_points", "left_checks", "right_checks")
+_POINTS = ("left_points", "right_points", "left_checks", "right_checks", "left_moving", "right_moving")
 Candidate = tuple[int, int]
 """Indices of two views, the smaller first."""
 
@@ -58,11 +59,11 @@ class Link:
         Matches within 2 px of the best homography.
     near : int
         Matches within 12 px of it.
-    standing : bool
-        Matches that moved with the camera were left out.
     left_checks, right_checks : ndarray of float64, shape (M, 2)
         Matches that are no ties, although as good: they are for `skymosaic.flight.layout.accuracy`. The epipolar
         geometry of the pair explains them, so they lie on the plane or on relief.
+    left_moving, right_moving : ndarray of float64, shape (K, 2)
+        Matches that agree, but not on the ground: they move with the camera, and were left out.
     """
 
     left: int
@@ -71,9 +72,10 @@ class Link:
     right_points: Points
     inliers: int
     near: int
-    standing: bool = False
     left_checks: Points = field(default_factory=lambda: np.zeros((0, 2)))
     right_checks: Points = field(default_factory=lambda: np.zeros((0, 2)))
+    left_moving: Points = field(default_factory=lambda: np.zeros((0, 2)))
+    right_moving: Points = field(default_factory=lambda: np.zeros((0, 2)))
 
     @property
     def ties(self) -> int:
@@ -85,17 +87,22 @@ class Link:
         """Whether the views are linked."""
         return self.ties > 0
 
+    @property
+    def moves_with_camera(self) -> bool:
+        """Whether matches that move with the camera were left out."""
+        return len(self.left_moving) > 0
+
     def pack(self) -> Arrays:
         """Turn the link into arrays for a file, without the indices, which are valid for one list of views only."""
-        counts = np.array([self.inliers, self.near, self.standing])
+        counts = np.array([self.inliers, self.near])
         return {name: getattr(self, name) for name in _POINTS} | {"counts": counts}
 
     @classmethod
     def unpack(cls, arrays: Arrays, left: int, right: int) -> Link:
         """Read the link that `pack` turned into arrays."""
-        inliers, near, standing = arrays["counts"].tolist()
+        inliers, near = arrays["counts"].tolist()
         points = {name: arrays[name].astype(np.float64) for name in _POINTS}
-        return cls(left, right, inliers=inliers, near=near, standing=bool(standing), **points)
+        return cls(left, right, inliers=inliers, near=near, **points)
 
     def move(self, left: Callable[[Points], Points], right: Callable[[Points], Points]) -> Link:
         """The same link with the points of both views moved."""
@@ -105,12 +112,31 @@ class Link:
             right_points=right(self.right_points),
             left_checks=left(self.left_checks),
             right_checks=right(self.right_checks),
+            left_moving=left(self.left_moving),
+            right_moving=right(self.right_moving),
         )
 
 
 def valid_links(links: Mapping[Candidate, Link]) -> list[Link]:
     """The links that hold."""
     return [link for link in links.values() if link.holds]
+
+
+class _Fit(NamedTuple):
+    """Matches, their weights, and what was estimated from them."""
+
+    left_points: Points
+    right_points: Points
+    weight: Array
+    estimate: Estimate
+
+    @property
+    def homography(self) -> Matrix | None:
+        return self.estimate.homography
+
+    @property
+    def inlier_points(self) -> tuple[Points, Points]:
+        return self.left_points[self.estimate.inliers], self.right_points[self.estimate.inliers]
 
 
 def link_views(
@@ -120,6 +146,7 @@ def link_views(
     *,
     config: Config,
     seed: int,
+    sights: tuple[Sight, Sight],
     max_samples: int = FIRST_LOOK_SAMPLES,
     predicted: Matrix | None = None,
 ) -> Link:
@@ -134,6 +161,8 @@ def link_views(
         The configuration by which the features were computed.
     seed : int
         Seed of the robust estimator. The same for every pair, so that no link depends on which others are tried.
+    sights : tuple of Sight
+        The pictures of both, which tell whether it is the ground that agrees.
     max_samples : int
         Samples of the robust estimator, at most.
     predicted : ndarray of float64, shape (3, 3), or None
@@ -144,28 +173,32 @@ def link_views(
     else:
         matches = match_nearby(left, right, predicted, config)
     accepted = matches[matches["verdict"] == 1]
-    left_points, right_points = match_points(accepted)
-    weight = accepted["weight"].astype(np.float64)
     rng = np.random.default_rng(seed)
-    # One search: a link that it misses is made up for by the others, which the layout predicts.
-    estimate = estimate_homography(left_points, right_points, weight, rng=rng, max_samples=max_samples, restarts=1)
-    standing = estimate.homography is not None and stands_on_still_parts(
-        left_points[estimate.inliers], right_points[estimate.inliers], (left, right)
-    )
-    if standing:
-        moving = ~are_still(left_points, right_points)
-        left_points, right_points, weight = left_points[moving], right_points[moving], weight[moving]
-        estimate = estimate_homography(left_points, right_points, weight, rng=rng, max_samples=max_samples, restarts=1)
-    inliers = int(np.count_nonzero(estimate.inliers))
-    if estimate.homography is None:
-        return Link(*pair, left_points[:0], right_points[:0], inliers, near=0, standing=standing)
+
+    def search(left_out: LeftOut) -> _Fit:
+        points = match_points(accepted)
+        apart = left_out.are_apart(*points)
+        left_points, right_points, weight = points[0][apart], points[1][apart], accepted["weight"][apart].astype(float)
+        # One search: a link that it misses is made up for by the others, which the layout predicts.
+        found = estimate_homography(left_points, right_points, weight, rng=rng, max_samples=max_samples, restarts=1)
+        return _Fit(left_points, right_points, weight, found)
+
+    (left_points, right_points, weight, estimate), agreement, left_out = find_ground(search, lambda _fit: sights)
+    inliers, nothing = int(np.count_nonzero(estimate.inliers)), np.zeros((0, 2))
+    link = Link(*pair, nothing, nothing, inliers, near=0)
+    if left_out.rejected:
+        _, left_moving, right_moving = left_out.rejected[0]
+        link = replace(link, left_moving=left_moving, right_moving=right_moving)
+    if estimate.homography is None or not (agreement is None or agreement.suffices):
+        return link
     checks = np.zeros(len(left_points), np.bool_)
     checks[::CHECKED] = True
-    link = tie_views(pair, left_points[~checks], right_points[~checks], estimate.homography, inliers)
+    tied = tie_views(pair, left_points[~checks], right_points[~checks], estimate.homography, inliers)
+    link = replace(link, left_points=tied.left_points, right_points=tied.right_points, near=tied.near)
     checks &= are_right(left_points, right_points, estimate.homography)
     if predicted is not None:
         checks &= weight > SURE_WEIGHT * WEIGHT.one
-    return replace(link, standing=standing, left_checks=left_points[checks], right_checks=right_points[checks])
+    return replace(link, left_checks=left_points[checks], right_checks=right_points[checks])
 
 
 def match_nearby(left: Records, right: Records, predicted: Matrix, config: Config) -> Records:

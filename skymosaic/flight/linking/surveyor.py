@@ -3,20 +3,25 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Matrix, Records
+from golden_model.arrays import Matrix, Pixels, Records
 from skymosaic.common.errors import InputError
 from skymosaic.flight.linking import resemblance
 from skymosaic.flight.linking.links import FIRST_LOOK_SAMPLES, Candidate, Link, link_views
 from skymosaic.flight.linking.view import HEAVY, Settings, View, describe, describe_thumbnail
+from skymosaic.geometry.ground import Sight
+from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import Source
 from skymosaic.running.cache import ResultCache, key_of
 from skymosaic.running.workers import Workers
 
+_LINKED_BY = attrgetter("features", "thumbnail", "to_thumbnail")
 LOOKED_UP_AT_ONCE = 16
 """Views in one call: neighbours share most of the photographs that they are compared with."""
 
@@ -112,9 +117,11 @@ class Surveyor:
         for pair, homography in sorted(predicted.items(), key=lambda item: item[0]):
             left, right = (views[side] for side in pair)
             key = key_of(link_views, left.key, right.key, *how, None if homography is None else homography.tolist())
-            calls.append((pair, left.features, right.features, homography, key))
+            calls.append((pair, homography, key, *_LINKED_BY(left), *_LINKED_BY(right)))
         link_pair = partial(link_views, config=self.settings.config, seed=self.seed, max_samples=self.max_samples)
-        links = self.workers.run("pairs", partial(_link, compute=link_pair, cache=self.cache), calls)
+        links = self.workers.run(
+            "pairs", partial(_link, compute=link_pair, lens=self.settings.lens, cache=self.cache), calls
+        )
         return dict(zip((pair for pair, *_ in calls), links, strict=True))
 
 
@@ -133,20 +140,26 @@ def _describe(source: Source, settings: Settings, cache: ResultCache) -> View | 
 
 def _link(
     pair: Candidate,
-    left: Records,
-    right: Records,
     predicted: Matrix | None,
     key: str,
-    *,
+    *sides: Any,
     compute: Callable[..., Link],
+    lens: Lens,
     cache: ResultCache,
 ) -> Link:
-    """Load or compute a link."""
+    """Load or compute a link; ``sides`` are features, thumbnail and its map of the left view, then of the right one."""
     if arrays := cache.load(key):
         return Link.unpack(arrays, *pair)
-    link = compute(pair, left, right, predicted=predicted)
+    (left, *left_picture), (right, *right_picture) = sides[:3], sides[3:]
+    sights = _see(lens, *left_picture), _see(lens, *right_picture)
+    link = compute(pair, left, right, sights=sights, predicted=predicted)
     cache.save(key, link.pack())
     return link
+
+
+def _see(lens: Lens, thumbnail: Pixels, to_thumbnail: Matrix) -> Sight:
+    visible = lens.visible_mask((thumbnail.shape[1], thumbnail.shape[0]))
+    return Sight.of(thumbnail, visible, np.linalg.inv(to_thumbnail).astype(np.float64))
 
 
 def _count_votes(partners: Mapping[int, Sequence[int]], compacts: Mapping[int, Records]) -> list[list[int]]:

@@ -188,6 +188,7 @@ def describe_thumbnail(thumbnail: Pixels, view: View, settings: Settings) -> Vie
         to_thumbnail=np.eye(3),
         features=features,
         strongest=compact(features),
+        thumbnail=thumbnail,
     )
 
 

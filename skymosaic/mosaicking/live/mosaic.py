@@ -24,7 +24,7 @@ from skymosaic.common.options import choose_options, list_options
 from skymosaic.common.replaced import refuse_inputs
 from skymosaic.compositing.warp import Canvas, CanvasError
 from skymosaic.flight.candidates import MIN_VOTES, MOST_SIMILAR
-from skymosaic.flight.linking.links import Candidate, Link, link_views
+from skymosaic.flight.linking.links import Link, link_views
 from skymosaic.flight.linking.resemblance import count_votes
 from skymosaic.flight.linking.view import THUMBNAIL_WIDTH_PX
 from skymosaic.flight.mapping.cameras import Camera
@@ -71,7 +71,7 @@ class LiveMosaic:
 
     Attributes
     ----------
-    stands_still : bool
+    left_out_moving : bool
         Whether frames showed what moves with the camera, such as a display, which was not counted.
 
     Raises
@@ -106,7 +106,7 @@ class LiveMosaic:
         self._front_end = options.open_backend()
         by_chip = options.estimator == FABRIC
         self._chain = RecordChain(self._front_end, self._config, options.seed) if by_chip else None
-        self.stands_still = False
+        self.left_out_moving = False
         self._kept = KeptFrames(keep_damaged=options.keeps_damaged)
         self._submaps: list[Submap] = []
         self._frames: list[tuple[str, str]] = []
@@ -257,11 +257,15 @@ class LiveMosaic:
     def _empty_submap(self) -> Submap:
         return Submap(self._link)
 
-    def _link(self, pair: Candidate, left: Records, right: Records) -> Link:
+    def _link(self, left: Frame, right: Frame) -> Link:
+        pair = left.number, right.number
         if self._chain:
             return self._chain.link(pair)
-        link = link_views(pair, left, right, config=self._config, seed=self._options.seed)
-        self.stands_still |= link.standing
+        sights = left.sight, right.sight
+        link = link_views(
+            pair, left.features, right.features, config=self._config, seed=self._options.seed, sights=sights
+        )
+        self.left_out_moving |= link.moves_with_camera
         return link
 
     def _describe(self, pixels: Pixels, features: Records | None, name: str, taken: Metadata) -> Frame:

@@ -17,8 +17,9 @@ from skymosaic.compositing.warp import Canvas, CanvasError, footprint
 from skymosaic.flight.layout.adjustment import MODELS, Network, Ties
 from skymosaic.flight.layout.linked_group import LinkedGroup, normalisation
 from skymosaic.flight.layout.motions import shapes
-from skymosaic.flight.linking.links import TIE_PX, Candidate, Link
+from skymosaic.flight.linking.links import TIE_PX, Link
 from skymosaic.flight.linking.resemblance import compact
+from skymosaic.geometry.ground import Sight
 from skymosaic.geometry.homography import apply, estimate, rescale
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.exif import Metadata
@@ -55,7 +56,7 @@ class Frame:
     taken : Metadata
         What the camera recorded.
     thumbnail : ndarray of uint8, shape (H, W) or (H, W, 3) BGR
-        For previews.
+        For previews, and for `sight`.
     from_thumbnail : ndarray of float64, shape (3, 3)
         Its pixels to working pixels.
     """
@@ -74,6 +75,11 @@ class Frame:
     def compact(self) -> Records:
         """The strongest features, to find frames that resemble this one."""
         return compact(self.features)
+
+    @cached_property
+    def sight(self) -> Sight:
+        """The ground that it shows, to tell whether this agrees."""
+        return Sight.of(self.thumbnail, to_working=self.from_thumbnail)
 
     @cached_property
     def outline(self) -> Float32:
@@ -116,8 +122,8 @@ class Submap:
 
     Parameters
     ----------
-    link_views : callable
-        `skymosaic.flight.linking.links.link_views` with the configuration and the seed of the mosaic.
+    link_frames : callable
+        Links two frames, the earlier first.
 
     Attributes
     ----------
@@ -127,20 +133,20 @@ class Submap:
         Those that placed the frames.
     """
 
-    def __init__(self, link_views: Callable[[Candidate, Records, Records], Link]) -> None:
+    def __init__(self, link_frames: Callable[[Frame, Frame], Link]) -> None:
         self.frames: dict[int, Frame] = {}
         self.links: list[Link] = []
-        self._link_views = link_views
+        self._link_frames = link_frames
         # So the first layout is computed at four frames.
         self._laid_out = 2
 
     def register(self, frame: Frame, similar: Frame) -> Placement | None:
         """Register a new frame against a ``similar`` one and others that it overlaps; None if too few points agree."""
-        first = self._link(similar, frame)
+        first = self._link_frames(similar, frame)
         if not first.holds:
             return None
         guess = frame.moved(estimate(first.right_points, self._ground_points(first), model="similarity"))
-        others = (self._link(other, frame) for other in self._neighbours(guess, similar))
+        others = (self._link_frames(other, frame) for other in self._neighbours(guess, similar))
         links = [first, *(link for link in others if link.holds)]
         # If the neighbours contradict each other, too few ties agree; then only the first neighbour is used.
         for group in (links, links[:1]):
@@ -194,9 +200,6 @@ class Submap:
             transforms = network.adjust(transforms, model)
         to_ground = group.to_ground(transforms)
         return {number: frame.moved(rescale(to_ground[number])) for number, frame in self.frames.items()}
-
-    def _link(self, other: Frame, frame: Frame) -> Link:
-        return self._link_views((other.number, frame.number), other.features, frame.features)
 
     def _ground_points(self, link: Link) -> Array:
         """The points of a link's registered frame in the reference frame, (N, 2)."""

@@ -1,11 +1,20 @@
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from golden_model.config import preset_config
 from golden_model.formats import POSITION
 from golden_model.front_end import extract
 from sim.scene import make_lawnmower
 from skymosaic.flight.linking.links import are_right, link_views
+from skymosaic.geometry.ground import Sight
 from skymosaic.geometry.homography import transfer_error
+
+
+def see(images: Sequence[NDArray[np.uint8]]) -> tuple[Sight, Sight]:
+    return Sight.of(images[0]), Sight.of(images[1])
 
 
 def test_matches_on_relief_are_right_and_others_are_not() -> None:
@@ -30,7 +39,7 @@ def test_checks_are_no_ties_and_lie_on_relief_too() -> None:
     config = preset_config("aerial")
     flight = make_lawnmower(3, 4, (640, 480), relief=True)
     features = [extract(image, config.front_end).features for image in flight.images[:2]]
-    link = link_views((0, 1), *features, config=config, seed=0)
+    link = link_views((0, 1), *features, config=config, seed=0, sights=see(flight.images))
     assert link.ties > 2 * len(link.left_checks) > 50
     ties = {tuple(point) for point in link.left_points.tolist()}
     assert ties.isdisjoint(tuple(point) for point in link.left_checks.tolist())
@@ -45,18 +54,19 @@ def test_twins_of_features_are_told_apart_near_the_place_that_a_layout_predicts(
     config = preset_config("aerial")
     flight = make_lawnmower(3, 4, (640, 480))
     left, right = (extract(image, config.front_end).features for image in flight.images[:2])
+    how: dict[str, Any] = {"config": config, "seed": 0, "sights": see(flight.images)}
     twins, rng = right.copy(), np.random.default_rng(0)
     for axis in ("x", "y"):
         twins[axis] += rng.integers(40, 200, len(twins), np.uint16) * POSITION.one
     # The first of equal descriptors is taken.
     right = np.concatenate([twins, right])
-    assert not link_views((0, 1), left, right, config=config, seed=0).holds
+    assert not link_views((0, 1), left, right, **how).holds
     truth = flight.homography_between(0, 1)
     off = np.array([[1.0, 0, 15], [0, 1, -20], [0, 0, 1]])
-    link = link_views((0, 1), left, right, config=config, seed=0, predicted=off @ truth)
+    link = link_views((0, 1), left, right, **how, predicted=off @ truth)
     assert link.ties > 2 * len(link.left_checks) > 50
     for points in ((link.left_points, link.right_points), (link.left_checks, link.right_checks)):
         assert np.median(transfer_error(truth, *points)) < 0.5
     # Farther than the search, nothing is found, however well it would match.
     farther = np.array([[1.0, 0, 30], [0, 1, -30], [0, 0, 1]])
-    assert not link_views((0, 1), left, right, config=config, seed=0, predicted=farther @ truth).holds
+    assert not link_views((0, 1), left, right, **how, predicted=farther @ truth).holds
