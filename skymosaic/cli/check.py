@@ -33,12 +33,12 @@ def check(
     """
     with (
         progress_bars() as progress,
-        flight_sources(photographs, session.tell) as sources,
+        flight_sources(photographs, session.note, recursive=options.recursive) as sources,
         Workers(options.scheduler, progress=progress, sources=sources) as workers,
     ):
-        captures = group_band_sets(sources, tell=session.tell)
+        captures = group_band_sets(sources, tell=session.note)
         captures = [source.with_damaged(keep=options.keeps_damaged) for source in captures]
-        cache, settings = open_cache(options.cache, session.tell), options.flight_settings()
+        cache, settings = open_cache(options.cache, session.note), options.flight_settings()
         positions, control = options.positions, options.control_points
         flight = survey(captures, settings, options.seed, workers, cache, positions=positions, control=control)
     report = check_flight(flight)

@@ -23,9 +23,9 @@ from skymosaic.flight.mapping.place import explain_absence
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm, numbered
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA
 from skymosaic.imagery import images
+from skymosaic.imagery.folders import is_folder
 from skymosaic.imagery.live_frames import read_live_frames
 from skymosaic.imagery.own_outputs import record_output
-from skymosaic.imagery.photographs import is_folder
 from skymosaic.mosaicking.live.mosaic import LiveMosaic
 from skymosaic.mosaicking.live.pace import Pace
 from skymosaic.mosaicking.live.run import grow
@@ -71,9 +71,10 @@ def live(
     frames = read_live_frames(
         source,
         idle_seconds=idle_seconds,
-        tell=session.tell,
+        tell=session.note,
         made=(output, preview),
         band=options.band,
+        recursive=options.recursive,
         keep_damaged=options.keeps_damaged,
     )
     try:
@@ -117,7 +118,7 @@ def _write(
     """Compose and write what was placed; also returns the frames that are not in it, with the reasons."""
     # Without a moving display, which a closed terminal would not take.
     session.tell("writing")
-    with mosaic.open_plan(session.tell) as plan:
+    with mosaic.open_plan(session.note) as plan:
         absent = mosaic.left_out | plan.flight.absent_from(plan.layouts[0])
         report_absent(absent, strict=strict)
         return plan.write(output, form, overwrite=overwrite)[0], absent

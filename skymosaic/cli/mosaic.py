@@ -86,7 +86,7 @@ def mosaic(
     with (
         session.destination(output, "mosaic.png") as target,
         progress_bars() as progress,
-        open_plan(photographs, options, progress, session.tell) as plan,
+        open_plan(photographs, options, progress, session.note) as plan,
     ):
         check_outputs(target, form, plan.sources, options, overwrite=overwrite)
         if save_camera:

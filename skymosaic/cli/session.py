@@ -63,6 +63,7 @@ class Session:
         self._ended = False
         self._stdout_taken = False
         self._warnings: list[str] = []
+        self._notes: list[str] = []
         self._outputs: list[str] = []
         self.numbers: dict[str, Any] = {}
         self.seconds: dict[str, float] = {}
@@ -83,6 +84,11 @@ class Session:
         """Print a note or a line of progress, unless the command is to be quiet; options it names become flags."""
         if not self._quiet:
             self._errors.print_line(line)
+
+    def note(self, line: str) -> None:
+        """As `tell`, and put the line into the JSON object."""
+        self._notes.append(one_line(respell(line, flag_of)))
+        self.tell(line)
 
     def warn(self, line: str) -> None:
         """Print a warning, and put it into the JSON object."""
@@ -157,6 +163,7 @@ class Session:
                 "error": None if error is None else one_line(respell(error, flag_of)),
                 "warnings": self._warnings,
                 "outputs": self._outputs,
+                "notes": [*self._notes, *self.numbers.pop("notes", [])],
             }
             numbers = {**common, **self.numbers, "seconds": {name: round(value, 4) for name, value in times.items()}}
             print(_to_json(numbers))

@@ -35,7 +35,9 @@ MIN_SHARE_MOVING = 0.2
 
 
 @contextlib.contextmanager
-def flight_sources(images: Images, tell: Callable[[str], None] = lambda _line: None) -> Iterator[list[Source]]:
+def flight_sources(
+    images: Images, tell: Callable[[str], None] = lambda _line: None, *, recursive: bool = False
+) -> Iterator[list[Source]]:
     """As `skymosaic.imagery.photographs.list_sources`, with each video replaced by its key frames.
 
     The key frames are JPEG files in a temporary folder, which is deleted when the context ends.
@@ -45,7 +47,10 @@ def flight_sources(images: Images, tell: Callable[[str], None] = lambda _line: N
     images : str, Path or ndarray, or several
         Files, folders, videos, patterns and arrays.
     tell : callable
-        Receives a line per note about a video, for instance that it was cut off.
+        Receives a line per note about a video, for instance that it was cut off, and about what a folder has beside
+        the pictures that are read.
+    recursive : bool
+        Whether folders inside a folder are read.
 
     Raises
     ------
@@ -61,7 +66,7 @@ def flight_sources(images: Images, tell: Callable[[str], None] = lambda _line: N
                 frames.mkdir()
                 sources += _store_key_frames(image, frames, tell)
             else:
-                sources += list_sources([image])
+                sources += list_sources([image], tell, recursive=recursive)
         if len(sources) == 1 and isinstance(sources[0].content, Path):
             # A misspelt folder, rather than too few photographs.
             check_file(sources[0].content, "a folder, a video or at least two photographs")

@@ -3,6 +3,7 @@
 import contextlib
 import time
 from collections.abc import Callable, Collection, Iterator
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,9 +15,10 @@ from skymosaic.common.errors import InputError
 from skymosaic.common.temporary import resolved
 from skymosaic.imagery.band_sets import select_band
 from skymosaic.imagery.exif import Metadata, read_metadata
+from skymosaic.imagery.folders import is_folder, list_pictures
 from skymosaic.imagery.images import load
 from skymosaic.imagery.key_frames import name_frame, select_key_frames
-from skymosaic.imagery.photographs import is_folder, list_folder, list_sources
+from skymosaic.imagery.photographs import Source, list_sources
 from skymosaic.imagery.video import VideoReader
 
 POLL_SECONDS = 0.2
@@ -40,6 +42,7 @@ def read_live_frames(
     tell: Callable[[str], None],
     made: Collection[Path] = (),
     band: str | None = None,
+    recursive: bool = False,
     keep_damaged: bool = False,
 ) -> Iterator[LiveFrame]:
     """Yield frames as they arrive.
@@ -52,11 +55,13 @@ def read_live_frames(
     idle_seconds : float or None
         A folder ends when no new picture has appeared for this time; None: never.
     tell : callable
-        Receives a line per file that cannot be used, and per note about a video.
+        Receives a line per file that cannot be used, per note about a video, and about what else a folder has.
     made : collection of Path
         Pictures that the caller writes meanwhile, which are no frames even in the folder.
     band : str or None
         The band whose files are the frames, for a folder of multi-band sets.
+    recursive : bool
+        Whether the pictures of folders inside the folder are frames too.
     keep_damaged : bool
         Whether damaged files are frames as far as they can be decoded.
 
@@ -72,9 +77,11 @@ def read_live_frames(
             yield LiveFrame(name_frame(f"camera {source}", frame.number), frame.pixels)
     elif is_folder(Path(source)):
         # Only a folder that has been read once may later be away for a while.
-        list_folder(Path(source))
+        if unread := list_pictures(Path(source), recursive=recursive).describe_unread():
+            tell(f"note {source}: not read: {unread}")
         own = {resolved(path) for path in made}
-        yield from _watch_folder(Path(source), idle_seconds, tell, own, band, keep_damaged=keep_damaged)
+        read = partial(list_sources, [source], recursive=recursive)
+        yield from _watch_folder(read, idle_seconds, tell, own, band, keep_damaged=keep_damaged)
     else:
         reader = VideoReader(source)
         for frame in select_key_frames(reader):
@@ -84,7 +91,7 @@ def read_live_frames(
 
 
 def _watch_folder(
-    folder: Path,
+    read: Callable[[], list[Source]],
     idle_seconds: float | None,
     tell: Callable[[str], None],
     made: Collection[Path],
@@ -96,7 +103,7 @@ def _watch_folder(
     done: set[tuple[Path, int]] = set()
     last = time.monotonic()
     while idle_seconds is None or time.monotonic() - last < idle_seconds:
-        complete = _complete_pictures(folder, band)
+        complete = _complete_pictures(read, band)
         new = [version for version in complete if version not in done and resolved(version[0]) not in made]
         for path, changed in new:
             done.add((path, changed))
@@ -111,10 +118,10 @@ def _watch_folder(
             time.sleep(POLL_SECONDS)
 
 
-def _complete_pictures(folder: Path, band: str | None) -> list[tuple[Path, int]]:
+def _complete_pictures(read: Callable[[], list[Source]], band: str | None) -> list[tuple[Path, int]]:
     """The folder's complete pictures, or those of one band, each with the time of its last change in ns."""
     try:
-        pictures = list_sources([folder])
+        pictures = read()
     # There are no pictures yet.
     except InputError:
         return []

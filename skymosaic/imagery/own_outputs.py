@@ -2,6 +2,7 @@
 
 import contextlib
 import hashlib
+import os
 from collections.abc import Collection, Iterable
 from functools import lru_cache
 from pathlib import Path
@@ -15,9 +16,14 @@ RECORD_NAME = ".skymosaic-outputs"
 
 
 def record_output(output: Path, inputs: Iterable[Path]) -> None:
-    """Record a complete mosaic if it lies in a folder of its photographs; other folders need no record."""
+    """Record a complete mosaic if a run that reads the folder of all its photographs may find it; others need none."""
     folder = resolved(output).parent
-    if not any(resolved(path).parent == folder for path in inputs):
+    try:
+        common = os.path.commonpath([resolved(path).parent for path in inputs])
+    # There is none, as of arrays.
+    except ValueError:
+        return
+    if not folder.is_relative_to(common):
         return
     record = {name: digest for name, digest in _read_record(folder).items() if (folder / name).exists()}
     record[output.name] = _digest(output)

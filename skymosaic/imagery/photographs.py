@@ -19,10 +19,10 @@ from golden_model.small_files import open_regular
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.decoding import check_file
 from skymosaic.imagery.depth import ValueRange
+from skymosaic.imagery.folders import is_folder, list_pictures
 from skymosaic.imagery.images import PICTURE_SUFFIXES, Image, Photograph, check_given, load, load_intensities
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.own_outputs import exclude_recorded
-from skymosaic.imagery.patterns import expand_pattern, natural_order
+from skymosaic.imagery.patterns import expand_pattern
 
 Images = Image | Iterable[Image]
 """Photographs as users give them: files, folders, patterns and arrays, one or several."""
@@ -130,8 +130,18 @@ def list_images(images: Images) -> list[Image]:
     return listed
 
 
-def list_sources(images: Images) -> list[Source]:
-    """List files, arrays and the pictures of folders; a folder's pictures are sorted by name, 2 before 10.
+def list_sources(
+    images: Images, tell: Callable[[str], None] = lambda _line: None, *, recursive: bool = False
+) -> list[Source]:
+    """List files, arrays and the pictures of folders, see `skymosaic.imagery.folders.list_pictures`.
+
+    Parameters
+    ----------
+    images : str, Path or ndarray, or several
+    tell : callable
+        Receives a line for each folder with more than is read.
+    recursive : bool
+        Whether folders inside a folder are read.
 
     Raises
     ------
@@ -143,12 +153,26 @@ def list_sources(images: Images) -> list[Source]:
     for image in list_images(images):
         if not isinstance(image, str | Path):
             contents.append(image)
+        elif is_folder(path := Path(image)):
+            contents += _read_folder(path, tell, recursive=recursive)
         else:
-            contents += _list_pictures(Path(image)) if is_folder(Path(image)) else [Path(image)]
+            contents.append(path)
     return [
         Source(index, str(content) if isinstance(content, Path) else f"image {index}", content)
         for index, content in enumerate(contents)
     ]
+
+
+def _read_folder(folder: Path, tell: Callable[[str], None], *, recursive: bool) -> Sequence[Path]:
+    """The pictures of a folder, of which there must be one; what else it has is told, or is part of the error."""
+    listing = list_pictures(folder, recursive=recursive)
+    unread = listing.describe_unread()
+    if not listing.pictures:
+        remedy = unread or "choose another folder"
+        raise InputError(f"{folder}: contains no pictures ({', '.join(PICTURE_SUFFIXES)}); {remedy}")
+    if unread:
+        tell(f"note {folder}: not read: {unread}")
+    return listing.pictures
 
 
 def short_names(names: Sequence[str]) -> list[str]:
@@ -177,37 +201,6 @@ def index_names(photographs: Sequence[str]) -> Callable[[str], list[int]]:
         return [index for index in by_file.get(wanted.name, ()) if paths[index].parts[-length:] == wanted.parts]
 
     return find
-
-
-def is_folder(path: Path) -> bool:
-    """Whether a path names a folder; False for a name that the file system cannot have."""
-    try:
-        return path.is_dir()
-    except (OSError, ValueError):
-        return False
-
-
-def list_folder(folder: Path) -> list[Path]:
-    """List what a folder contains.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read.
-    """
-    try:
-        return list(folder.iterdir())
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be read ({error.strerror}); check its permissions") from None
-
-
-def _list_pictures(folder: Path) -> list[Path]:
-    pictures = [path for path in list_folder(folder) if path.suffix.lower() in PICTURE_SUFFIXES and path.is_file()]
-    # File systems and unfinished copies leave files whose names start with a dot.
-    pictures = exclude_recorded(folder, [path for path in pictures if not path.name.startswith(".")])
-    if not pictures:
-        raise InputError(f"{folder}: contains no pictures ({', '.join(PICTURE_SUFFIXES)}); choose another folder")
-    return sorted(pictures, key=lambda path: natural_order(path.name))
 
 
 _Key = tuple[str, str, bool, Warp | None, ValueRange | None]

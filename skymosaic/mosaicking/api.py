@@ -114,7 +114,7 @@ def open_plan(
     images, options, progress
         As in `mosaic`.
     tell : callable
-        Receives a line for each video that is cut off, for pictures that are not used, or if the cache cannot be
+        Receives a line for each video that is cut off, for what is not used of a folder, or if the cache cannot be
         written.
 
     Raises
@@ -124,7 +124,7 @@ def open_plan(
         scheduler.
     """
     progress("reading", 0, 0)
-    with flight_sources(images, tell) as sources:
+    with flight_sources(images, tell, recursive=options.recursive) as sources:
         captures = group_band_sets(sources, options.band, tell)
         with open_plan_of_sources(captures, options, progress, tell) as plan:
             yield plan

@@ -29,7 +29,14 @@ LiveEstimator = Literal["prosac", "fabric"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class CanvasOptions(Checked):
+class FolderOptions(Checked):
+    """Which pictures of a folder are read."""
+
+    recursive: bool = option(False, "Read the folders inside a folder too.", INPUT)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CanvasOptions(FolderOptions):
     """What is laid out, and how large it becomes: the same for a flight and for a live mosaic."""
 
     band: str | None = option(
@@ -61,7 +68,7 @@ class LiveOptions(CanvasOptions, Seeded, PhotographOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SurveyOptions(Seeded, PhotographOptions):
+class SurveyOptions(FolderOptions, Seeded, PhotographOptions):
     """How the photographs of a flight are linked and laid out."""
 
     lens: Lens | None = option(
@@ -183,6 +190,7 @@ class MosaicOptions(CanvasOptions, SurveyOptions, RegistrationOptions):
 class CanvasKeywords(TypedDict, total=False):
     """The fields of `CanvasOptions` as keyword arguments."""
 
+    recursive: bool
     band: str | None
     scale: float
     canvas_limit_px: int | None

@@ -5,7 +5,10 @@ from pathlib import Path
 
 from skymosaic.common.errors import InputError
 from skymosaic.common.temporary import resolved
-from skymosaic.imagery.photographs import is_folder, list_folder, list_sources
+from skymosaic.imagery.folders import Listing, is_folder, list_folder, list_pictures
+
+OPEN = "open one of them"
+"""What to do with the photographs of folders inside a folder."""
 
 
 class Roots:
@@ -48,19 +51,22 @@ class Roots:
         inside.sort(key=lambda path: path.name.lower())
         return [path for path in (folder.parent, *inside) if self._contain(resolved(path))]
 
-    def list_photographs(self, folder: Path) -> list[Path]:
-        """The photographs of a folder in the order that every command gives them.
+    def list_photographs(self, folder: Path) -> Listing:
+        """The photographs of a folder as every command reads it, and what else it holds.
 
         Raises
         ------
         InputError
             If there are none, or one is a link that leads out of the roots.
         """
-        paths = [Path(source.name) for source in list_sources([folder])]
-        for path in paths:
+        listing = list_pictures(folder)
+        if not listing.pictures:
+            remedy = listing.describe_unread(OPEN) or "open another folder"
+            raise InputError(f"{folder}: contains no pictures; {remedy}")
+        for path in listing.pictures:
             if path.is_symlink() and not self._contain(resolved(path)):
                 raise InputError(f"{path}: a link that leads out of what this panel may open; remove it")
-        return paths
+        return listing
 
     def _contain(self, path: Path) -> bool:
         return any(path.is_relative_to(root) for root in self.folders)

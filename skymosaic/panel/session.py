@@ -14,7 +14,7 @@ from nicegui import Event, background_tasks
 from nicegui.binding import BindableProperty
 
 from skymosaic.common.errors import InputError
-from skymosaic.panel.folders import Roots
+from skymosaic.panel.folders import OPEN, Roots
 from skymosaic.panel.options import Options, in_labels
 from skymosaic.panel.results import Decoded, HardwareResult, InputFile, MosaicResult, TrackingResult
 from skymosaic.panel.rules_edit import RulesEdit
@@ -66,7 +66,7 @@ class Session:
     reading : Job or None
         Makes the thumbnails of the opened folder, in the order of the photographs.
     unread : str
-        Which photographs of the folder could not be read; empty if all could.
+        What of the folder is not read, and which of its photographs could not be; empty if nothing.
     options : Options
     mosaic_result, hardware_result, tracking_result
         The latest of each kind; None before the first.
@@ -164,13 +164,14 @@ class Session:
             For a folder outside of the roots or without photographs, or a link that leads out.
         """
         folder = await asyncio.to_thread(self.roots.find_folder, path)
-        photographs = await asyncio.to_thread(self.roots.list_photographs, folder)
+        listing = await asyncio.to_thread(self.roots.list_photographs, folder)
         self._stop_reading()
         pictures = self.files.folder(f"pictures/{self.files.new_number()}")
-        names = [photograph.name for photograph in photographs]
+        names = [photograph.name for photograph in listing.pictures]
+        self.unread = listing.describe_unread(OPEN)
         self.reading = Job(f"Reading {folder}", upload_tasks.make_thumbnails, folder, names, pictures)
         background_tasks.create(self._finish_reading(self.reading, len(names)), name="reading")
-        self.set_photographs(InputFile(str(each), pictures / f"{each.name}.jpg") for each in photographs)
+        self.set_photographs(InputFile(str(each), pictures / f"{each.name}.jpg") for each in listing.pictures)
 
     async def _finish_reading(self, job: Job, photographs: int) -> None:
         try:
@@ -181,7 +182,8 @@ class Session:
             faults = [str(error)]
         if job is self.reading:
             count = f"{len(faults)} of {photographs} photographs could not be read" if len(faults) > 1 else ""
-            self.reading, self.unread = None, "; the first: ".join(filter(None, (count, *faults[:1])))
+            named = "; the first: ".join(filter(None, (count, *faults[:1])))
+            self.reading, self.unread = None, "; ".join(filter(None, (self.unread, named)))
             self.changed.emit()
 
     async def _decode_in_place(self, photograph: InputFile) -> None:

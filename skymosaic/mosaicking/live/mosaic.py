@@ -33,9 +33,10 @@ from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.estimators import FABRIC
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.exif import Metadata, read_metadata
+from skymosaic.imagery.folders import is_folder
 from skymosaic.imagery.images import check_given, load, reduce_for_front_end, reduce_to_width
 from skymosaic.imagery.patterns import only_match
-from skymosaic.imagery.photographs import Images, forget_decoded, is_folder, list_sources
+from skymosaic.imagery.photographs import Images, forget_decoded, list_sources
 from skymosaic.mosaicking.live.composing import flight_of_frames
 from skymosaic.mosaicking.live.kept_frames import FullError, KeptFrames
 from skymosaic.mosaicking.live.preview import paint_preview
@@ -211,7 +212,7 @@ class LiveMosaic:
 
     def extend(self, images: Images) -> list[LiveUpdate]:
         """Register several frames in turn; a folder stands for its pictures, a pattern for what it matches."""
-        return [self.add(source.content) for source in list_sources(images)]
+        return [self.add(source.content) for source in list_sources(images, recursive=self._options.recursive)]
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Delivery:
         """Compose the frames as `skymosaic.mosaic` composes photographs, and write the mosaic.

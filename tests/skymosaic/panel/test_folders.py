@@ -24,7 +24,7 @@ def test_photographs_inside_are_listed_as_by_every_command(root: Path) -> None:
     roots = Roots([root])
     folder = roots.find_folder("flight")
     assert folder == roots.find_folder(str(root / "flight" / ".." / "flight")) == root / "flight"
-    assert [path.name for path in roots.list_photographs(folder)] == ["DJI_2.png", "DJI_10.png"]
+    assert [path.name for path in roots.list_photographs(folder).pictures] == ["DJI_2.png", "DJI_10.png"]
     assert roots.list_folders(folder) == [root]
     assert roots.list_folders(root) == [root / "flight"]
 
@@ -47,7 +47,7 @@ def test_no_path_leads_out(root: Path, path: str) -> None:
 def test_a_photograph_that_is_a_link_out_is_refused_by_name(root: Path) -> None:
     roots = Roots([root])
     (root / "flight" / "inside.png").symlink_to("DJI_2.png")
-    assert len(roots.list_photographs(root / "flight")) == 3
+    assert len(roots.list_photographs(root / "flight").pictures) == 3
     (root / "flight" / "secret.png").symlink_to(root.parent / "outside" / "DJI_2.png")
     with pytest.raises(InputError, match=r"secret\.png: a link that leads out"):
         roots.list_photographs(root / "flight")

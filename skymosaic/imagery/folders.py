@@ -1,0 +1,116 @@
+"""Reads folders by one rule for all commands: which pictures are photographs, and what else might have been."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from skymosaic.common.errors import InputError
+from skymosaic.common.temporary import PAGE
+from skymosaic.imagery.images import PICTURE_SUFFIXES
+from skymosaic.imagery.own_outputs import exclude_recorded
+from skymosaic.imagery.patterns import natural_order
+from skymosaic.imagery.video import VIDEO_SUFFIXES
+
+RAW_SUFFIXES = (".dng", ".arw", ".cr2", ".cr3", ".nef", ".orf", ".raf", ".rw2")
+OTHER_SUFFIXES = (".heic", ".heif", ".avif", ".jp2", ".jxl", ".gif", ".ppm")
+REMEDIES = {
+    **dict.fromkeys(RAW_SUFFIXES, "develop them as JPEG or TIFF"),
+    **dict.fromkeys(OTHER_SUFFIXES, "convert them to JPEG or TIFF"),
+    **dict.fromkeys(VIDEO_SUFFIXES, "name one by its file"),
+}
+"""What to do with files that may be photographs too, by the end of their names."""
+LOOKED_INTO = 3
+"""How deep folders are looked into for what is not read: more than a camera's, less than a disk."""
+NAMED = 5
+
+
+@dataclass(frozen=True)
+class Listing:
+    """What a folder holds.
+
+    Attributes
+    ----------
+    pictures : tuple of Path
+        What is read, by name, 2 before 10; those of folders inside after those of the folder around them.
+    in_folders : dict of str to int
+        How many pictures the folders inside hold that are not read, by their paths inside the folder.
+    others : dict of str to int
+        How many files are of a kind that cannot be read, by the ends of their names. Those that a camera writes beside
+        a picture of the same name are left out: they show the same.
+    """
+
+    pictures: tuple[Path, ...]
+    in_folders: dict[str, int]
+    others: dict[str, int]
+
+    def describe_unread(self, remedy: str = "name them, or add `recursive`") -> str:
+        """What is not read and what to do, in one phrase; empty if that is nothing. ``remedy`` is for folders."""
+        parts = []
+        if self.in_folders:
+            named = ", ".join(list(self.in_folders)[:NAMED]) + (", ..." if len(self.in_folders) > NAMED else "")
+            parts.append(f"{sum(self.in_folders.values())} pictures in folders inside ({named}): {remedy}")
+        parts += [f"{count} {suffix}: {REMEDIES[suffix.lower()]}" for suffix, count in self.others.items()]
+        return "; ".join(parts)
+
+
+def list_pictures(folder: Path, *, recursive: bool = False) -> Listing:
+    """List the pictures of a folder; with ``recursive`` also those of all folders inside, else how many these have.
+
+    Hidden files and folders, earlier mosaics, links to folders, and folders with a page for a browser (reports, tiles)
+    are passed over.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be read; with ``recursive``, also if one inside cannot be.
+    """
+    pictures: list[Path] = []
+    in_folders: dict[str, int] = {}
+    others: Counter[str] = Counter()
+    for place, files in _walk(folder, 1 << 30 if recursive else LOOKED_INTO, strict=recursive):
+        found = exclude_recorded(place, [file for file in files if file.suffix.lower() in PICTURE_SUFFIXES])
+        if place == folder or recursive:
+            pictures += found
+        elif found:
+            in_folders[str(place.relative_to(folder))] = len(found)
+        shown = {file.stem for file in found}
+        others.update(file.suffix for file in files if file.suffix.lower() in REMEDIES and file.stem not in shown)
+    return Listing(tuple(pictures), in_folders, dict(others))
+
+
+def _walk(folder: Path, depth: int, *, strict: bool) -> Iterator[tuple[Path, list[Path]]]:
+    """A folder and those inside, each with its files in order; where not ``strict``, unreadable ones inside are not."""
+    # File systems and unfinished copies leave files whose names start with a dot.
+    inside = [path for path in list_folder(folder) if not path.name.startswith(".")]
+    inside.sort(key=lambda path: natural_order(path.name))
+    yield folder, [path for path in inside if path.is_file()]
+    for path in inside if depth > 0 else ():
+        if is_folder(path) and not path.is_symlink() and not (path / PAGE).exists():
+            try:
+                yield from _walk(path, depth - 1, strict=strict)
+            except InputError:
+                if strict:
+                    raise
+
+
+def is_folder(path: Path) -> bool:
+    """Whether a path names a folder; False for a name that the file system cannot have."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def list_folder(folder: Path) -> list[Path]:
+    """List what a folder contains.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    try:
+        return list(folder.iterdir())
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be read ({error.strerror}); check its permissions") from None

@@ -1,0 +1,72 @@
+"""Folders are read by one rule, and nothing in them that may be a photograph is passed over without a word."""
+
+from pathlib import Path
+
+import pytest
+
+from skymosaic.common.errors import InputError
+from skymosaic.imagery.folders import list_pictures
+from skymosaic.imagery.own_outputs import record_output
+from skymosaic.imagery.photographs import list_sources
+
+
+@pytest.fixture
+def card(tmp_path: Path) -> Path:
+    """A folder as a camera leaves it, with what other programs add."""
+    for name in (
+        "DCIM/DJI_1.JPG", "DCIM/DJI_1.DNG", "DCIM/DJI_2.DNG", "DCIM/DJI_2.SRT", "DCIM/IMG_3.heic", "DCIM/DJI_4.MP4",
+        "DCIM/101MEDIA/DJI_10.JPG", "DCIM/101MEDIA/DJI_9.JPG", "DCIM/101MEDIA/more/DJI_11.JPG",
+        "DCIM/report/index.html", "DCIM/report/mosaic_1.jpg", "DCIM/.thumbnails/DJI_1.JPG",
+    ):  # fmt: skip
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(name.encode())
+    return tmp_path / "DCIM"
+
+
+def test_what_is_not_read_is_counted_by_kind_with_what_to_do(card: Path) -> None:
+    told: list[str] = []
+    assert [Path(source.name).name for source in list_sources(card, told.append)] == ["DJI_1.JPG"]
+    assert told == [
+        f"note {card}: not read: "
+        "3 pictures in folders inside (101MEDIA, 101MEDIA/more): name them, or add `recursive`; "
+        "1 .DNG: develop them as JPEG or TIFF; 1 .MP4: name one by its file; 1 .heic: convert them to JPEG or TIFF"
+    ]
+
+
+def test_folders_inside_are_read_if_asked_for(card: Path) -> None:
+    told: list[str] = []
+    sources = list_sources(card, told.append, recursive=True)
+    assert [str(Path(source.name).relative_to(card)) for source in sources] == [
+        "DJI_1.JPG", "101MEDIA/DJI_9.JPG", "101MEDIA/DJI_10.JPG", "101MEDIA/more/DJI_11.JPG",
+    ]  # fmt: skip
+    assert "folders inside" not in told[0]
+
+
+def test_a_folder_of_folders_says_so(card: Path) -> None:
+    (card / "DJI_1.JPG").unlink()
+    with pytest.raises(InputError, match=r"contains no pictures .*3 pictures in folders inside \(101MEDIA"):
+        list_sources(card)
+    assert len(list_sources(card, recursive=True)) == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"), [("a.dng", "1 .dng: develop"), ("a.HEIC", "1 .HEIC: convert"), ("a.mov", "1 .mov: name one")]
+)
+def test_a_folder_of_what_cannot_be_read_says_what_to_do(tmp_path: Path, name: str, remedy: str) -> None:
+    (tmp_path / name).write_bytes(b"x")
+    with pytest.raises(InputError, match=f"contains no pictures .*{remedy}"):
+        list_sources(tmp_path)
+
+
+def test_a_mosaic_of_folders_inside_is_no_photograph_of_the_next_run(card: Path) -> None:
+    photographs = list_pictures(card, recursive=True).pictures
+    for output in (card / "mosaic.jpg", card / "101MEDIA" / "mosaic.jpg", card / "out" / "mosaic.jpg"):
+        output.parent.mkdir(exist_ok=True)
+        output.write_bytes(b"a mosaic")
+        record_output(output, photographs)
+    assert list_pictures(card, recursive=True).pictures == photographs
+
+
+def test_a_link_to_a_folder_is_not_followed(card: Path) -> None:
+    (card / "101MEDIA" / "loop").symlink_to(card)
+    assert len(list_pictures(card, recursive=True).pictures) == 4
