@@ -78,7 +78,7 @@ def live(
         keep_damaged=options.keeps_damaged,
     )
     try:
-        grow(mosaic, frames, preview, session.tell)
+        grow(mosaic, pace.watch(frames), preview, session.tell)
     # Ctrl-C is how a live mosaic usually ends; `ended_by_signals` turns SIGTERM and a closed terminal into SystemExit.
     # The frames so far are written.
     except (KeyboardInterrupt, SystemExit):

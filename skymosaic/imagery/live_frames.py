@@ -27,10 +27,14 @@ SETTLED_SECONDS = 0.5
 
 
 class LiveFrame(NamedTuple):
-    """A frame; its name is that of its file, or of the video with the frame's number."""
+    """A frame; its name is that of its file, or of the video with the frame's number.
+
+    ``seen`` is how many frames the source has shown up to it, those of a video that are passed over included.
+    """
 
     name: str
     pixels: Pixels
+    seen: int = 0
     taken: Metadata = Metadata()
     file: Path | None = None
 
@@ -74,7 +78,7 @@ def read_live_frames(
         raise InputError(f"`band` {band}: only a folder can hold multi-band sets; leave it out")
     if source.isdecimal():
         for frame in select_key_frames(_camera(int(source))):
-            yield LiveFrame(name_frame(f"camera {source}", frame.number), frame.pixels)
+            yield LiveFrame(name_frame(f"camera {source}", frame.number), frame.pixels, frame.number + 1)
     elif is_folder(Path(source)):
         # Only a folder that has been read once may later be away for a while.
         if unread := list_pictures(Path(source), recursive=recursive).describe_unread():
@@ -85,7 +89,7 @@ def read_live_frames(
     else:
         reader = VideoReader(source)
         for frame in select_key_frames(reader):
-            yield LiveFrame(name_frame(source, frame.number), frame.pixels)
+            yield LiveFrame(name_frame(source, frame.number), frame.pixels, frame.number + 1)
         for note in reader.notes:
             tell(f"{source}: {note}")
 
@@ -108,7 +112,8 @@ def _watch_folder(
         for path, changed in new:
             done.add((path, changed))
             try:
-                yield LiveFrame(str(path), load(path, keep_damaged=keep_damaged).pixels, read_metadata(path), path)
+                pixels = load(path, keep_damaged=keep_damaged).pixels
+                yield LiveFrame(str(path), pixels, len(done), read_metadata(path), path)
             except InputError as error:
                 # A slow copy may have paused. If the file changes again, it is read again.
                 tell(f"left out: {error}")

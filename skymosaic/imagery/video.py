@@ -26,8 +26,19 @@ FILE_OPTIONS = {
     "format_whitelist": "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,asf",
 }
 """FFmpeg recognises formats by content. Among them are play lists, which open other files and addresses."""
-STREAM_OPTIONS = {"protocol_whitelist": "rtsp,rtp,udp,tcp,tls,http,https,httpproxy,rtmp,rtmps,srt,crypto"}
+PROTOCOLS = "rtsp,rtp,udp,tcp,tls,http,https,httpproxy,rtmp,rtmps,srt,crypto"
+STREAM_OPTIONS = {"protocol_whitelist": PROTOCOLS}
 """A stream must not name local files."""
+
+OPEN_SECONDS = 10.0
+STREAM_FAULTS: dict[type[Exception], str] = {
+    av.error.ConnectionRefusedError: "nothing answers there; check host and port, and that the camera is on",
+    av.error.ExitError: f"nothing came for {OPEN_SECONDS:g} seconds; check that the camera sends, and the network",
+    av.error.HTTPUnauthorizedError: "it asks for a name and a password; put them before the host, NAME:PASSWORD@HOST",
+    av.error.HTTPNotFoundError: "the host has no such stream; check the end of the address",
+    av.error.ProtocolNotFoundError: f"unknown kind of address; valid: {PROTOCOLS.replace(',', ', ')}",
+}
+UNREADABLE = "not a readable video, or a recording cut off before its index was written; give another file or repair it"
 
 
 class VideoReader:
@@ -57,16 +68,14 @@ class VideoReader:
     def __init__(self, path: str | Path) -> None:
         self.name = str(path)
         self.notes: list[str] = []
-        is_stream = "://" in self.name
-        if not is_stream:
+        self._is_stream = "://" in self.name
+        if not self._is_stream:
             check_file(Path(path), "a video")
+        options, timeout_s = (STREAM_OPTIONS, (OPEN_SECONDS, None)) if self._is_stream else (FILE_OPTIONS, None)
         try:
-            self._container = av.open(self.name, options=STREAM_OPTIONS if is_stream else FILE_OPTIONS)
-        except (FFmpegError, OSError, ValueError):
-            raise InputError(
-                f"{self.name}: not a readable video, or a recording cut off before its index was written; "
-                "give another file or repair it"
-            ) from None
+            self._container = av.open(self.name, options=options, timeout=timeout_s)
+        except (FFmpegError, OSError, ValueError) as error:
+            raise InputError(f"{self.name}: {_explain(error) if self._is_stream else UNREADABLE}") from None
         # A stream that was cut off inside its first frame has no codec context.
         streams = [stream for stream in self._container.streams.video if stream.codec_context]
         if not streams:
@@ -104,11 +113,21 @@ class VideoReader:
     def _decode(self) -> Iterator[tuple[int, Pixels]]:
         """Decode the frames as they are stored; yields the quarter turns and the pixels of each."""
         packets = self._container.demux(self._stream)
-        # The demuxer raises an error if the file ends in the middle of a packet.
-        with contextlib.suppress(FFmpegError):
+        try:
             for packet in packets:
                 if not packet.is_corrupt:
                     yield from _decode_packet(packet)
+        # The demuxer raises an error if the file ends in the middle of a packet.
+        except FFmpegError as error:
+            if self._is_stream:
+                self.notes.append(f"the stream broke off: {error.strerror}")
+
+
+def _explain(error: Exception) -> str:
+    """Why a stream cannot be opened, and what to do."""
+    fault = next((fault for kind, fault in STREAM_FAULTS.items() if isinstance(error, kind)), "")
+    reason = getattr(error, "strerror", None) or str(error)
+    return f"the stream cannot be opened: {fault or f'{reason}; check the address and the network'}"
 
 
 def _decode_packet(packet: av.Packet) -> list[tuple[int, Pixels]]:

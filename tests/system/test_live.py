@@ -89,7 +89,7 @@ def test_a_folder_is_watched_until_no_more_frames_arrive(
     live = LiveMosaic(config=CONFIG, on_frame=pace.add)
     # The preview lies among the photographs and is none of them.
     arriving_frames = read_live_frames(str(tmp_path), idle_seconds=2.0, tell=told.append, made=[preview])
-    grow(live, arriving_frames, preview, told.append)
+    grow(live, pace.watch(arriving_frames), preview, told.append)
     assert preview.exists()
     assert len(live.transforms) == 4
     assert pair_errors_px(live.transforms, flight).max() < 1.0
@@ -97,7 +97,7 @@ def test_a_folder_is_watched_until_no_more_frames_arrive(
     # 480x360 pixels take longer than matching their features.
     assert pace.numbers["accelerator"]["clocks_per_frame"] == SIZE[0] * SIZE[1]
     assert 0 < pace.numbers["accelerator"]["latency_ms"] < 1
-    assert (pace.numbers["seen"], pace.numbers["dropped"]) == (4, 0)
+    assert [pace.numbers[count] for count in ("seen", "used", "dropped")] == [4, 4, 0]
 
 
 def test_a_frame_that_comes_under_the_name_of_the_mosaic_stays(

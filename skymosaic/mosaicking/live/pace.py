@@ -1,7 +1,8 @@
-"""Live numbers: how many frames are processed per second, and what the accelerator takes for each of them."""
+"""Live numbers: how many frames come and are used per second, and what the accelerator takes for each of them."""
 
 import importlib
 import time
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from golden_model.arrays import Records
 from golden_model.config import Config
 from golden_model.matching.matcher import match
 from golden_model.timing import FrameWork, steady_pace
+from skymosaic.imagery.live_frames import LiveFrame
 from skymosaic.mosaicking.live.update import LiveUpdate
 
 CLOCK_HZ = 150_000_000
@@ -17,27 +19,35 @@ CLOCK_HZ = 150_000_000
 
 
 class Pace:
-    """Counts frames as they are added, and the accelerator's clocks for them.
+    """Counts frames as they come and are added, and the accelerator's clocks for them.
 
-    Frames per second are those of this computer, and with a simulated accelerator mostly the simulation's. What the
-    accelerator itself takes is computed from its exact timeline (`golden_model.timing`), for frames that follow each
-    other without a pause: from the size of a frame, its features, and its matches with the frame before it.
+    Work is what is done between one frame and the next, by this computer and with a simulated accelerator mostly by the
+    simulation; the clock also counts waiting for frames, reading them, and those of a video that are passed over.
+    What the accelerator itself takes is computed from its exact timeline (`golden_model.timing`), for frames that
+    follow each other without a pause: from the size of a frame, its features, and its matches with the frame before it.
     """
 
     def __init__(self, config: Config, backend: str) -> None:
         self._config = config
         self._has_clocks = backend != "golden"
         self._started_s = time.monotonic()
-        self._seconds = 0.0
-        self._frames = self._dropped = 0
+        self._seconds = self._work_seconds = 0.0
+        self._seen = self._used = self._dropped = 0
         self._before: Records | None = None
         self._paces: list[tuple[int, int]] = []
 
+    def watch(self, frames: Iterable[LiveFrame]) -> Iterator[LiveFrame]:
+        """The same frames, while the time is taken that whoever asks for them works on each."""
+        for frame in frames:
+            self._seen, start_s = frame.seen, time.monotonic()
+            yield frame
+            end_s = time.monotonic()
+            self._work_seconds, self._seconds = self._work_seconds + end_s - start_s, end_s - self._started_s
+
     def add(self, update: LiveUpdate) -> None:
-        """Count a frame; dropped: unreadable, with too few features, or beyond the canvas limit."""
-        self._frames += 1
+        """Count a frame as used or dropped: unreadable, with too few features, or beyond the canvas limit."""
+        self._used += not update.reason
         self._dropped += bool(update.reason)
-        self._seconds = time.monotonic() - self._started_s
         if self._has_clocks and update.features is not None:
             self._add_clocks(update.features, update.size_px)
             self._before = update.features
@@ -57,11 +67,15 @@ class Pace:
 
     @property
     def numbers(self) -> dict[str, Any]:
-        """Frames, dropped frames and frames per second; with clocks also the accelerator's, for its slowest frame."""
+        """Frames, seconds and frames per second; with clocks also the accelerator's, for its slowest frame."""
         numbers: dict[str, Any] = {
-            "seen": self._frames,
+            "seen": self._seen,
+            "used": self._used,
             "dropped": self._dropped,
-            "frames_per_second": round(self._frames / self._seconds, 2) if self._seconds else None,
+            "work_seconds": round(self._work_seconds, 3),
+            "clock_seconds": round(self._seconds, 3),
+            "used_per_second_of_work": round(self._used / self._work_seconds, 2) if self._work_seconds else None,
+            "seen_per_second_of_clock": round(self._seen / self._seconds, 2) if self._seconds else None,
         }
         if self._paces:
             clocks, latency = (max(values) for values in zip(*self._paces, strict=True))
@@ -75,9 +89,12 @@ class Pace:
     def __str__(self) -> str:
         """One line of all numbers."""
         numbers = self.numbers
-        line = f"{self._frames} frames in {self._seconds:.1f} s, {self._dropped} dropped"
-        if numbers["frames_per_second"] is not None:
-            line += f": {numbers['frames_per_second']:g} per second"
+        line = "{seen} frames seen, {used} used, {dropped} dropped".format(**numbers)
+        if self._work_seconds:
+            line += (
+                "; {used_per_second_of_work:g} used per second of work ({work_seconds:.1f} s), "
+                "{seen_per_second_of_clock:g} seen per second of the clock ({clock_seconds:.1f} s)"
+            ).format(**numbers)
         if "accelerator" in numbers:
             accelerator = numbers["accelerator"]
             line += (

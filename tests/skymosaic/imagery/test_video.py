@@ -1,4 +1,7 @@
+import http.server
 import resource
+import socket
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -171,3 +174,41 @@ def test_a_full_disk_is_told_and_nothing_is_left(tmp_path: Path) -> None:
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert list(tmp_path.iterdir()) == []
+
+
+class Refusing(http.server.BaseHTTPRequestHandler):
+    """A camera that asks for a password at /private, and has nothing else."""
+
+    def do_GET(self) -> None:
+        self.send_error(401 if self.path == "/private" else 404)
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def camera() -> Iterator[str]:
+    """Address of a server, without its scheme."""
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Refusing) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+def test_a_stream_that_cannot_be_opened_says_why(camera: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("skymosaic.imagery.video.OPEN_SECONDS", 0.2)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unused:
+        unused.bind(("127.0.0.1", 0))
+        silent = f"udp://127.0.0.1:{unused.getsockname()[1]}"
+    faults = {
+        "rtsp://127.0.0.1:9/camera": "nothing answers there; check host and port",
+        f"http://{camera}/private": "it asks for a name and a password",
+        f"http://{camera}/camera": "the host has no such stream",
+        "telepathy://camera": "unknown kind of address; valid: rtsp, rtp, udp",
+        silent: "nothing came for 10 seconds; check that the camera sends",
+        "rtsp://camera.invalid/": "Input/output error; check the address and the network",
+    }
+    for address, fault in faults.items():
+        with pytest.raises(InputError) as refused:
+            VideoReader(address)
+        assert str(refused.value).startswith(f"{address}: the stream cannot be opened: {fault}")

@@ -1,0 +1,37 @@
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from golden_model.config import preset_config
+from skymosaic.imagery.live_frames import LiveFrame
+from skymosaic.mosaicking.live.pace import Pace
+from skymosaic.mosaicking.live.update import LiveUpdate
+
+PICTURE = np.zeros((64, 64), np.uint8)
+
+
+def test_what_is_counted_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two key frames of a stream of 15 frames per second come four seconds apart; half a second each is work."""
+    now = [100.0]
+    monkeypatch.setattr("skymosaic.mosaicking.live.pace.time.monotonic", lambda: now[0])
+
+    def arriving() -> Iterator[LiveFrame]:
+        for seen in (60, 120):
+            now[0] += 4
+            yield LiveFrame(f"frame {seen - 1}", PICTURE, seen)
+
+    pace = Pace(preset_config("aerial"), "golden")
+    for number, frame in enumerate(pace.watch(arriving())):
+        now[0] += 0.5
+        reason = "too few features" if number else ""
+        pace.add(LiveUpdate(number, frame.name, 0.0, None, None, reason, 1))
+    assert str(pace) == (
+        "120 frames seen, 1 used, 1 dropped; 1 used per second of work (1.0 s), "
+        "13.33 seen per second of the clock (9.0 s)"
+    )
+    assert pace.numbers["used_per_second_of_work"] == 1.0
+
+
+def test_no_frame_has_no_rate() -> None:
+    assert str(Pace(preset_config("aerial"), "golden")) == "0 frames seen, 0 used, 0 dropped"
