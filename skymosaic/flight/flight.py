@@ -1,6 +1,7 @@
 """A flight laid out: its photographs, the links between them, and their layouts."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -94,6 +95,13 @@ class Flight:
     def lens(self) -> Lens:
         """The lens that straightens the photographs: as given, or as estimated from tie points."""
         return self.settings.lens if self.calibration is None else self.calibration.lens
+
+    def without(self, reasons: Mapping[int, str]) -> "Flight":
+        """The same flight without some views in its layouts, by their indices, with the reasons."""
+        layouts = (layout.without(reasons) for layout in self.layouts)
+        left_out = self.left_out | {self.sources[view].index: reason for view, reason in reasons.items()}
+        kept = tuple(layout for layout in layouts if len(layout.members) > 1)
+        return replace(self, layouts=kept, left_out=left_out) if reasons else self
 
     @cached_property
     def relative_sharpness(self) -> Array:

@@ -193,6 +193,8 @@ def _straighten(
     surveyor = replace(surveyor, settings=replace(surveyor.settings, lens=calibration.lens))
     # Photographs of another camera, which no link joins to these, stay as they are.
     through = [index for index, view in enumerate(views) if calibration.lens.fits(view.size)]
+    # Nor is another photograph read in the place of one that was replaced meanwhile; it will be left out.
+    through = [index for index in through if not sources[index].change]
     straight_views = list(views)
     for index, view in zip(through, surveyor.describe_all([sources[index] for index in through]), strict=True):
         # Positions may come from a file instead of the photographs.

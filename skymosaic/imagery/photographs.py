@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import os
 from collections import OrderedDict, defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -82,13 +83,34 @@ class Source:
             For a file that cannot be read.
         """
         if isinstance(self.content, Path):
-            check_file(self.content, "an image")
-            try:
-                with open(self.content, "rb", opener=open_regular) as file:
-                    return hashlib.file_digest(file, "sha256").hexdigest()
-            except OSError as error:
-                raise InputError(f"{self.name}: cannot be read ({error.strerror}); check the file") from None
+            return self._first_read[0]
         return hashlib.sha256(repr(self.content.shape).encode() + self.content.tobytes()).hexdigest()
+
+    @cached_property
+    def _first_read(self) -> tuple[str, tuple[int, ...]]:
+        """The digest of a file, and by what one sees without reading it that it may have changed since."""
+        assert isinstance(self.content, Path)
+        check_file(self.content, "an image")
+        try:
+            with open(self.content, "rb", opener=open_regular) as file:
+                state = _state_of(os.fstat(file.fileno()))
+                return hashlib.file_digest(file, "sha256").hexdigest(), state
+        except OSError as error:
+            raise InputError(f"{self.name}: cannot be read ({error.strerror}); check the file") from None
+
+    @property
+    def change(self) -> str:
+        """Why a file is no longer the photograph that it was when its digest was computed; empty if it is."""
+        for source in self.bands.values() or [self]:
+            if not isinstance(source.content, Path):
+                continue
+            digest, state = source._first_read
+            try:
+                if _state_of(source.content.stat()) != state and dataclasses.replace(source).digest != digest:
+                    return f"{source.name}: was replaced after it had been read"
+            except (InputError, OSError):
+                return f"{source.name}: was removed after it had been read"
+        return ""
 
     def read_photograph(self, lens: Lens) -> Photograph:
         """Decode the photograph, turn it upright and remove the lens's distortion.
@@ -110,6 +132,10 @@ class Source:
     def _straighten(self, pixels: Intensities, lens: Lens) -> Intensities:
         straight = lens.straighten(pixels)
         return straight if self.warp is None else self.warp.apply(straight)
+
+
+def _state_of(status: os.stat_result) -> tuple[int, ...]:
+    return status.st_ino, status.st_size, status.st_mtime_ns
 
 
 def list_images(images: Images) -> list[Image]:
@@ -232,6 +258,9 @@ class DecodedPhotographs:
                 return self._pixels[key]
         # Outside the lock, so that threads decode different photographs at the same time.
         pixels = source.read_intensities(lens, values)
+        # Afterwards, so that no change is missed.
+        if source.change:
+            raise InputError(f"{source.change}; make the mosaic again")
         self.keep(source, lens, pixels, values)
         return pixels
 

@@ -105,7 +105,7 @@ class MosaicPlan:
         cache = open_cache(options.cache, self._tell)
         if options.repeat is not None:
             return repeat_flight(options.repeat.flight, self.sources, options.seed, self._workers, cache)
-        return survey(
+        flight = survey(
             self.sources,
             options.flight_settings(),
             options.seed,
@@ -114,6 +114,8 @@ class MosaicPlan:
             positions=options.positions,
             control=options.control_points,
         )
+        # The picture is made of what lies there now.
+        return flight.without({view: source.change for view, source in enumerate(flight.sources) if source.change})
 
     @property
     def layouts(self) -> tuple[Layout, ...]:

@@ -1,6 +1,6 @@
 """Layout of a flight: the pose of each view on the ground, by the links, and which of both contradict it."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -60,6 +60,20 @@ class Layout:
     model: str = "similarity"
     reason: str = "a single view"
     misplaced: dict[int, str] = field(default_factory=dict)
+
+    def without(self, absent: Collection[int]) -> "Layout":
+        """The same places without some of the views."""
+        members = tuple(member for member in self.members if member not in absent)
+        rows = [row for row, link in enumerate(self.links) if {link.left, link.right}.isdisjoint(absent)]
+        return replace(
+            self,
+            members=members,
+            reference=self.reference if self.reference in members else next(iter(members), self.reference),
+            transforms={member: self.transforms[member] for member in members},
+            links=tuple(self.links[row] for row in rows),
+            contradicting=tuple(link for link in self.contradicting if {link.left, link.right}.isdisjoint(absent)),
+            errors_px=tuple(self.errors_px[row] for row in rows),
+        )
 
     @cached_property
     def accuracy(self) -> Accuracy | None:

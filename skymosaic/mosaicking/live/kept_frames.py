@@ -1,7 +1,6 @@
 """Keeps the frames of a live mosaic until it is composed: files where they are, other pixels in a temporary folder."""
 
 import contextlib
-import dataclasses
 import weakref
 from pathlib import Path
 
@@ -31,7 +30,6 @@ class KeptFrames:
     def __init__(self, *, keep_damaged: bool = False) -> None:
         self._keep_damaged = keep_damaged
         self._sources: dict[int, Source] = {}
-        self._digests: dict[int, str] = {}
         self._folders = contextlib.ExitStack()
         # A later run removes the folder of a process that was killed.
         weakref.finalize(self, self._folders.close)
@@ -49,7 +47,9 @@ class KeptFrames:
             For a file that cannot be read.
         """
         source = Source(number, name, file or self._store(number, pixels), keep_damaged=self._keep_damaged)
-        self._sources[number], self._digests[number] = source, source.digest
+        # Computed now, so that a change is noticed.
+        _ = source.digest
+        self._sources[number] = source
 
     def read(self, number: int) -> Source:
         """What holds a frame.
@@ -59,11 +59,9 @@ class KeptFrames:
         InputError
             If its file was removed, or is another picture by now.
         """
-        # A new object, because a source remembers its digest.
-        source = dataclasses.replace(self._sources[number])
-        if source.digest != self._digests[number]:
-            raise InputError(f"{source.name}: was replaced after it had been placed")
-        return source
+        if change := self._sources[number].change:
+            raise InputError(change)
+        return self._sources[number]
 
     def _store(self, number: int, pixels: Pixels) -> Path:
         if self._folder is None:

@@ -147,7 +147,7 @@ def test_what_happens_to_files_meanwhile_is_said_by_name(frames: list[NDArray[np
     left_out = written.flight.absent_from(written.layout)
     assert sorted(left_out) == [0, 3]
     assert "0.png" in left_out[0]
-    assert "3.png: was replaced after it had been placed" in left_out[3]
+    assert "3.png: was replaced after it had been read" in left_out[3]
 
 
 def test_a_full_disk_ends_the_growth_and_not_the_mosaic(
