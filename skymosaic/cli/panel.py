@@ -14,6 +14,9 @@ from golden_model.text import how_to_install
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError
 
+PACKAGES = ("nicegui", "fastapi", "starlette", "uvicorn", "anyio")
+"""Of the extra that only this command needs."""
+
 
 def panel(
     port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes any free port.")] = 8080,
@@ -31,9 +34,14 @@ def panel(
         # NiceGUI is an extra, and takes a second to import: only this command needs it.
         server = importlib.import_module("skymosaic.panel.server")
     except ModuleNotFoundError as error:
+        # Any other missing module is a fault of the installation, whose traceback is worth seeing.
+        if error.name not in PACKAGES:
+            raise
         raise InputError(f"the panel needs {error.name}; {how_to_install('panel')}") from None
 
-    def announce(address: str) -> None:
+    def announce(address: str, note: str) -> None:
+        if note:
+            session.warn(note)
         session.numbers["address"] = address
         session.show(f"the panel is at {address} (Ctrl-C ends it)")
         if browser and sys.stdout.isatty():

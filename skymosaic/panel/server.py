@@ -20,6 +20,7 @@ from skymosaic.panel.pages.runs_page import build_runs_page
 from skymosaic.panel.pages.tracking_page import build_tracking_page
 from skymosaic.panel.session import Session
 from skymosaic.panel.sessions import Sessions
+from skymosaic.panel.tasks.containment import IS_POSIX, MISSING_LIMITS
 from skymosaic.panel.tasks.jobs import prepare_workers
 
 HOST = "127.0.0.1"
@@ -29,7 +30,7 @@ SECONDS_TO_RECONNECT = 30
 
 
 def serve(
-    port: int, boards: tuple[str, ...], roots: Sequence[Path], runs: Path, announce: Callable[[str], None]
+    port: int, boards: tuple[str, ...], roots: Sequence[Path], runs: Path, announce: Callable[[str, str], None]
 ) -> None:
     """Run the panel until it is interrupted.
 
@@ -44,7 +45,7 @@ def serve(
     runs : Path
         Folder in which their finished runs are kept.
     announce : callable
-        Receives the address, with its token, once browsers can open it.
+        Receives the address, with its token, once browsers can open it; and what the system cannot limit, or nothing.
 
     Raises
     ------
@@ -60,7 +61,7 @@ def serve(
     # Other users of this machine reach the port too: only who knows the token may open folders.
     token = secrets.token_urlsafe()
     app = _application(sessions, port, token)
-    announce(f"http://{HOST}:{port}/?token={token}")
+    announce(f"http://{HOST}:{port}/?token={token}", MISSING_LIMITS)
     config = uvicorn.Config(
         OriginCheck(app, port),
         log_level="warning",
@@ -73,7 +74,9 @@ def serve(
 
 def _listen(port: int) -> socket.socket:
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    # A port that a panel has just left. Elsewhere than on POSIX, two programs would share one that is in use.
+    if IS_POSIX:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind((HOST, port))
     except OSError as error:

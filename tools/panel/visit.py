@@ -1,9 +1,13 @@
-"""A panel in a process of its own, the machine's Chromium, and the steps of a user in both."""
+"""A panel in a process of its own, the machine's Chromium, and the steps of a user in both.
+
+``python -m tools.panel.visit`` makes the mosaic of the built-in pair.
+"""
 
 import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -147,3 +151,10 @@ def threshold_to_corners_ms(page: Page, keys: Sequence[str]) -> list[float]:
         page.wait_for_function("window.painted > 0")
         milliseconds.append(page.evaluate("window.painted - window.pressed"))
     return milliseconds
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as log_folder, running_panel(Path(log_folder)) as panel, chromium() as visited:
+        visitor = open_page(visited, panel)
+        load_built_in_pair(visitor)
+        make_mosaic(visitor)

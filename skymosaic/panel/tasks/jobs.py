@@ -5,17 +5,14 @@ and everything the worker started, compilers included.
 """
 
 import asyncio
-import contextlib
+import importlib
 import multiprocessing
 import os
-import resource
-import signal
 import threading
 import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
-from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -24,9 +21,11 @@ from typing import Any
 from sim.backends.errors import BackendError
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.panel.steps import Steps
+from skymosaic.panel.tasks.containment import IS_POSIX, end_group, lead_group, limit_worker, took_too_long
 
 # Workers are forked from a helper process that has imported the libraries once and shares nothing else with the server.
-_processes = multiprocessing.get_context("forkserver")
+# Where nothing forks, each imports them itself.
+_processes: Any = multiprocessing.get_context("forkserver" if IS_POSIX else "spawn")
 
 MAX_SOCKET_FOLDER = 86
 """Bytes: the path of a socket has 104 on some systems, and multiprocessing adds 17."""
@@ -41,7 +40,8 @@ Arguments and result must be picklable. ``progress`` takes a line, and optionall
 class Limits:
     """What a worker may use: seconds until its result, and address space beyond what it has at its start.
 
-    The wall time also contains waiting for other workers; what a file may cost is ``processor_seconds``.
+    The wall time also contains waiting for other workers; what a file may cost is ``processor_seconds``. Memory is not
+    limited everywhere, see `skymosaic.panel.tasks.containment.MISSING_LIMITS`.
     """
 
     seconds: float
@@ -60,8 +60,11 @@ class JobCancelledError(Exception):
 def prepare_workers(folder: Path | None = None) -> None:
     """Start the helper process that workers are forked from, so that the first job does not wait for its imports.
 
-    Its socket lies in ``folder``, or in the system's temporary folder, where a killed server would leave it.
+    Its socket lies in ``folder``, or in the system's temporary folder, where a killed server would leave it. Where
+    nothing forks there is no helper.
     """
+    if not IS_POSIX:
+        return
     _processes.set_forkserver_preload(
         [
             "skymosaic.panel.tasks.mosaic_tasks",
@@ -72,7 +75,7 @@ def prepare_workers(folder: Path | None = None) -> None:
     if folder is not None and len(os.fsencode(folder)) <= MAX_SOCKET_FOLDER:
         # There is no public way. A folder that multiprocessing makes itself it also removes, after ours has gone.
         multiprocessing.current_process()._config["tempdir"] = str(folder)  # type: ignore[attr-defined]
-    forkserver.ensure_running()
+    importlib.import_module("multiprocessing.forkserver").ensure_running()
 
 
 class Job:
@@ -154,8 +157,7 @@ class Job:
         self._cancelled.set()
         if self._process is not None and self._process.pid is not None:
             # The worker's first instruction makes it the leader of a process group; before that it has no children.
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(self._process.pid, signal.SIGKILL)
+            end_group(self._process.pid)
             self._process.kill()
 
     async def _start(self, process: BaseProcess) -> None:
@@ -175,7 +177,7 @@ class Job:
                     raise JobCancelledError from None
                 assert self._process is not None
                 await asyncio.to_thread(self._process.join)
-                if self._limits is not None and self._process.exitcode == -signal.SIGXCPU:
+                if self._limits is not None and took_too_long(self._process.exitcode):
                     limit = self._limits.processor_seconds
                     raise JobFailedError(f"took more than {limit} s of processor time; try a smaller file") from None
                 # Without a message: killed from outside, by the system for its memory, or by a fault in a library.
@@ -196,26 +198,18 @@ def _end_with_server() -> None:
     server = multiprocessing.parent_process()
     assert server is not None
     server.join()
-    os.killpg(0, signal.SIGKILL)
-
-
-def _limit_memory(extra_bytes: int) -> None:
-    """Let this process allocate ``extra_bytes`` at most, on Linux."""
-    with contextlib.suppress(OSError):
-        # The libraries that are already loaded have reserved far more address space than they use.
-        reserved_pages = int(Path("/proc/self/statm").read_text().split()[0])
-        limit = reserved_pages * resource.getpagesize() + extra_bytes
-        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    end_group(os.getpid())
+    # Without groups, the worker may be gone before what ends it.
+    os._exit(1)
 
 
 def _run_in_worker(
     sender: Connection, limits: Limits | None, task: Task, folder: Path, arguments: tuple[object, ...]
 ) -> None:
-    os.setsid()
+    lead_group()
     threading.Thread(target=_end_with_server, daemon=True).start()
     if limits is not None:
-        _limit_memory(limits.memory_bytes)
-        resource.setrlimit(resource.RLIMIT_CPU, (limits.processor_seconds, limits.processor_seconds + 1))
+        limit_worker(limits.processor_seconds, limits.memory_bytes)
 
     def progress(line: str, done: int = 0, total: int = 0) -> None:
         sender.send(("progress", (line, done, total)))

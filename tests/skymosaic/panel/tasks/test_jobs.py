@@ -195,3 +195,63 @@ def test_a_queue_runs_all_its_jobs(tasks: ModuleType, tmp_path: Path) -> None:
         return await asyncio.gather(*(Job("adding", tasks.add, tmp_path, n, n).run(queue) for n in range(3)))
 
     assert [total for total, _ in asyncio.run(three_in_one_queue())] == [0, 2, 4]
+
+
+ELSEWHERE = """
+import os, signal, sys
+sys.modules["resource"] = None
+del os.killpg, os.setsid, signal.SIGXCPU
+"""
+"""What every Python process that finds this file runs before all else: a system that is not POSIX."""
+TASKKILL = """#!/bin/sh
+[ "$1 $2 $3" = "/F /T /PID" ] || exit 1
+pkill -KILL -P "$4"
+kill -KILL "$4"
+"""
+WITHOUT_POSIX = """
+import asyncio, sys
+from pathlib import Path
+from skymosaic.panel.tasks.containment import MISSING_LIMITS
+from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits, prepare_workers
+import tasks_for_the_jobs_test as tasks
+
+async def scenario(folder):
+    queue = asyncio.Semaphore(1)
+    print(await Job("adding", tasks.add, folder, 2, 3, limits=Limits(60, 60, 1 << 30)).run(queue))
+    try:
+        await Job("compute", tasks.compute, folder, limits=Limits(60, 1, 1 << 30)).run(queue)
+    except JobFailedError as error:
+        print(error)
+    job = Job("long", tasks.last_long, folder)
+    running = asyncio.create_task(job.run(queue))
+    while job.line != "under way":
+        await asyncio.sleep(0.02)
+    job.cancel()
+    try:
+        await running
+    except JobCancelledError:
+        print("cancelled;", MISSING_LIMITS)
+
+if __name__ == "__main__":
+    prepare_workers()
+    asyncio.run(scenario(Path(sys.argv[1])))
+"""
+
+
+def test_jobs_run_where_nothing_forks_and_nothing_limits_memory(tasks: ModuleType, tmp_path: Path) -> None:
+    files = {"sitecustomize.py": ELSEWHERE, "taskkill": TASKKILL, "scenario.py": WITHOUT_POSIX}
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "taskkill").chmod(0o755)
+    paths = [str(tmp_path), str(Path(tasks.__file__ or "").parent), str(Path.cwd())]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+    environment["PATH"] = os.pathsep.join([str(tmp_path), environment["PATH"]])
+    command = [sys.executable, str(tmp_path / "scenario.py"), str(tmp_path)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines() == [
+        f"(5, {tmp_path!r})",
+        "took more than 1 s of processor time; try a smaller file",
+        "cancelled; this system limits time alone, not memory: open photographs only of those whom you trust",
+    ], done.stderr
+    processes = [int(word) for word in (tmp_path / "processes").read_text().split()]
+    assert eventually(lambda: not any(map(alive, processes)))
