@@ -10,8 +10,8 @@ whether they fit best where the homography says.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol, TypeVar
 
 import cv2
 import numpy as np
@@ -20,16 +20,18 @@ from scipy.spatial import KDTree
 
 from golden_model.arrays import Array, Float32, Mask, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
+from skymosaic.geometry.acceptance import overlap_mask
 from skymosaic.geometry.homography import apply, resize_matrix, transfer_error
 
-LONGER_SIDE_PX = 160
-"""Longer side of the reduced pictures, in whose pixels the sizes below are."""
+COARSE_SIDE_PX, FINE_SIDE_PX = 160, 480
+"""Longer sides of the reduced pictures, in whose pixels the sizes below are. In the finer ones, what lies between the
+lines of a display has blocks of its own; they are compared where the coarser ones leave a doubt."""
 BLOCK_PX = 12
 SEARCH_PX, NEAR_PX = 4, 1
 """A block agrees if its best place within the first distance, along both axes, is within the second: by chance, one in
 nine does."""
-FINE_PX, COARSE_PX = 1.0, 5.0
-"""Sigmas of the band-pass: what is finer is noise, what is coarser light."""
+NOISE_PX, LIGHT_PX = 1.0, 5.0
+"""Sigmas of the band-pass: what is finer than the first is noise, what is coarser than the second light."""
 MIN_CONTRAST, MIN_WARPED_CONTRAST = 1.0, 0.3
 """Gray levels (standard deviation) of a block that can vote. In the warped picture it may be blurred."""
 MIN_BLOCKS = 12
@@ -39,8 +41,9 @@ STILL_SHARE, SHARE_PER_SIDE = 0.7, 3.0
 moved."""
 FAR = STILL_SHARE / SHARE_PER_SIDE
 """From here on, nothing must agree."""
-DOUBT = 0.2
-"""What lacks more of the share is refused; what lacks less is in doubt."""
+DOUBT, FINE_DOUBT = 0.2, 0.15
+"""What lacks more of the share is refused, in the coarser pictures or in the finer ones; what lacks less is in doubt.
+Displays reach 62 and 49 % where a camera stands still, a shore with 45 % of water 56 and 57 %."""
 GOOD_SHARE, RIVAL_SHARE = 0.4, 0.25
 """Share without which no pair is good, and without which no other homography is taken instead of a rejected one."""
 MAX_RIVALS = 3
@@ -51,30 +54,25 @@ MOVES_WITH_CAMERA = "what moves with the camera (a display, a border, dirt on th
 """Note of a result that leaves such matches out."""
 
 
-@dataclass(frozen=True, eq=False)
-class Sight:
-    """A photograph, reduced: gray and where it shows ground (255), (H, W), and the map (3, 3) to its working pixels."""
+class Sight(NamedTuple):
+    """A picture of the ground, (H, W) or (H, W, 3) BGR: a working image, or a reduced one."""
 
-    gray: Pixels
-    visible: Pixels
-    to_working: Array
+    pixels: Pixels
+    visible: Pixels | None = None
+    """255 where it shows ground, (H, W); None: everywhere."""
+    to_working: Array = np.eye(3)
+    """Its pixels to working ones, (3, 3)."""
 
-    @classmethod
-    def of(cls, pixels: Pixels, visible: Pixels | None = None, to_working: Array | None = None) -> Sight:
-        """Reduce a picture, (H, W) or (H, W, 3) BGR; by default a working image that shows ground everywhere."""
-        height, width = pixels.shape[:2]
-        factor = min(LONGER_SIDE_PX / max(width, height), 1.0)
+    def reduced(self, side_px: int) -> Sight:
+        """The same in gray, with the longer side at most so long."""
+        height, width = self.pixels.shape[:2]
+        factor = min(side_px / max(width, height), 1.0)
         size = max(round(width * factor), 1), max(round(height * factor), 1)
-        small = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-        shown = np.full(size[::-1], 255, np.uint8)
+        gray = to_gray(np.asarray(cv2.resize(self.pixels, size, interpolation=cv2.INTER_AREA), dtype=np.uint8))
+        visible = self.visible
         if visible is not None:
-            shown = np.asarray(cv2.resize(visible, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-        to_picture = resize_matrix(width / size[0], height / size[1])
-        return cls(to_gray(small), shown, to_picture if to_working is None else to_working @ to_picture)
-
-    def inverted(self) -> Sight:
-        """Its negative."""
-        return Sight(~self.gray, self.visible, self.to_working)
+            visible = np.asarray(cv2.resize(visible, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+        return Sight(gray, visible, self.to_working @ resize_matrix(width / size[0], height / size[1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,15 +87,20 @@ class GroundAgreement:
         How many voted.
     motion : float
         Mean motion of the picture's corners, as a share of its longer side.
+    finer : GroundAgreement or None
+        That of the finer pictures, which decides where these leave a doubt.
     """
 
     agreeing: Mask
     blocks: int
     motion: float
+    finer: GroundAgreement | None = None
 
     @property
     def share(self) -> float:
         """Share of the blocks that agree; 1 where too few can tell."""
+        if self.finer is not None:
+            return self.finer.share
         return float(np.count_nonzero(self.agreeing)) / self.blocks if self.blocks >= MIN_BLOCKS else 1.0
 
     @property
@@ -123,7 +126,7 @@ class GroundAgreement:
     @property
     def is_refused(self) -> bool:
         """Whether far less agrees than must."""
-        return self.share < self.required - DOUBT
+        return self.share < self.required - (DOUBT if self.finer is None else FINE_DOUBT)
 
     def explain(self) -> str:
         """What agrees, how much of the ground it covers, how much it should, and what may be the cause."""
@@ -139,13 +142,29 @@ def measure_agreement(left: Sight, right: Sight, homography: Matrix, explained: 
 
     Blocks (rows, columns) that are ``explained`` otherwise do not vote.
     """
+    coarse = _count(COARSE_SIDE_PX, left, right, homography, explained)
+    if explained is not None or coarse.suffices or coarse.is_refused:
+        return coarse
+    return replace(coarse, finer=_count(FINE_SIDE_PX, left, right, homography))
+
+
+def _count(
+    side_px: int, left: Sight, right: Sight, homography: Matrix, explained: Mask | None = None
+) -> GroundAgreement:
+    """`measure_agreement` in pictures of one size."""
+    left, right = left.reduced(side_px), right.reduced(side_px)
     to_right = _between(left, right, homography)
-    (height, width), to_left = left.gray.shape, cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    covered = cv2.warpPerspective(right.visible, to_right, (width, height), flags=to_left)
+    size = left.pixels.shape[1], left.pixels.shape[0]
+    to_left = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     # A reflection beyond the overlap has no edge that would look like ground.
-    warped = cv2.warpPerspective(right.gray, to_right, (width, height), flags=to_left, borderMode=cv2.BORDER_REFLECT)
-    own, other = _band_pass(left.gray), _band_pass(warped)
-    votes = _blocks(np.minimum(covered, left.visible)).mean(axis=(1, 3)) > 0.98 * 255
+    warped = cv2.warpPerspective(right.pixels, to_right, size, flags=to_left, borderMode=cv2.BORDER_REFLECT)
+    own, other = _band_pass(left.pixels), _band_pass(warped)
+    shown = overlap_mask(to_right, size, (right.pixels.shape[1], right.pixels.shape[0]))
+    if left.visible is not None:
+        shown = np.minimum(shown, left.visible)
+    if right.visible is not None:
+        shown = np.minimum(shown, cv2.warpPerspective(right.visible, to_right, size, flags=to_left))
+    votes = _blocks(shown).mean(axis=(1, 3)) > 0.98 * 255
     votes &= _blocks(own).std(axis=(1, 3)) > MIN_CONTRAST
     votes &= _blocks(other).std(axis=(1, 3)) > MIN_WARPED_CONTRAST
     if explained is not None:
@@ -154,7 +173,7 @@ def measure_agreement(left: Sight, right: Sight, homography: Matrix, explained: 
     around = np.pad(other, SEARCH_PX)
     for row, column in np.argwhere(votes).tolist():
         agreeing[row, column] = _fits_best_here(own, around, BLOCK_PX * row, BLOCK_PX * column)
-    return GroundAgreement(agreeing, int(np.count_nonzero(votes)), _motion(to_right, width, height))
+    return GroundAgreement(agreeing, int(np.count_nonzero(votes)), _motion(to_right, *size))
 
 
 def _between(left: Sight, right: Sight, homography: Matrix) -> Matrix:
@@ -169,7 +188,7 @@ def _motion(to_right: Matrix, width: int, height: int) -> float:
 
 def _band_pass(gray: NDArray[np.number]) -> Float32:
     values = gray.astype(np.float32)
-    return np.asarray(cv2.GaussianBlur(values, (0, 0), FINE_PX) - cv2.GaussianBlur(values, (0, 0), COARSE_PX))
+    return np.asarray(cv2.GaussianBlur(values, (0, 0), NOISE_PX) - cv2.GaussianBlur(values, (0, 0), LIGHT_PX))
 
 
 def _blocks(values: NDArray[np.number]) -> NDArray[np.number]:
@@ -182,7 +201,8 @@ def _fits_best_here(own: Float32, around: Float32, y: int, x: int) -> bool:
     """Whether a block of a picture fits best where it is in the other one, which has a border of `SEARCH_PX`."""
     window = around[y : y + BLOCK_PX + 2 * SEARCH_PX, x : x + BLOCK_PX + 2 * SEARCH_PX]
     likeness = cv2.matchTemplate(window, own[y : y + BLOCK_PX, x : x + BLOCK_PX], cv2.TM_CCOEFF_NORMED)
-    return bool(np.abs(np.subtract(cv2.minMaxLoc(likeness)[3], SEARCH_PX)).max() <= NEAR_PX)
+    best_x, best_y = cv2.minMaxLoc(likeness)[3]
+    return bool(max(abs(best_x - SEARCH_PX), abs(best_y - SEARCH_PX)) <= NEAR_PX)
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,7 +261,8 @@ def find_ground(
         if fit.homography is None:
             break
         sights = see(fit)
-        if first is None and _motion(_between(*sights, fit.homography), *sights[0].gray.shape[::-1]) >= FAR:
+        size = sights[0].pixels.shape[1], sights[0].pixels.shape[0]
+        if first is None and _motion(_between(*sights, fit.homography), *size) >= FAR:
             return fit, None, left_out
         agreement = measure_agreement(*sights, fit.homography, explained)
         if agreement.suffices and (first is None or agreement.wins):

@@ -83,7 +83,11 @@ class Confidence:
 
 
 def assess(
-    images: tuple[Pixels, Pixels], sights: tuple[Sight, Sight], homography: Matrix, left: Points, right: Points
+    images: tuple[Pixels, Pixels],
+    visible: tuple[Pixels | None, Pixels | None],
+    homography: Matrix,
+    left: Points,
+    right: Points,
 ) -> Confidence:
     """Predict the error of a homography between two working images.
 
@@ -91,8 +95,8 @@ def assess(
     ----------
     images : tuple of ndarray of uint8
         Left and right working image.
-    sights : tuple of Sight
-        The same, reduced.
+    visible : tuple of (ndarray of uint8 or None)
+        255 where they show ground; None: everywhere.
     homography : (3, 3) ndarray
         Left to right, working px.
     left, right : (N, 2) ndarray
@@ -107,7 +111,7 @@ def assess(
     predicted_px = float(np.exp(np.clip(exponent, -5, 5)))
     verdict = "good" if predicted_px < GOOD_PX else "check" if predicted_px < POOR_PX else "poor"
     reason = _explain(quality, correlation, predicted_px, verdict)
-    ground = measure_agreement(*sights, homography)
+    ground = measure_agreement(Sight(images[0], visible[0]), Sight(images[1], visible[1]), homography)
     if not ground.is_good:
         verdict, reason = "poor" if ground.is_refused or verdict == "poor" else "check", f"{ground.explain()}; {reason}"
     return Confidence(verdict, reason, predicted_px, correlation, quality, ground)

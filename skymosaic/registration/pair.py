@@ -18,7 +18,6 @@ from skymosaic.common.errors import InputError
 from skymosaic.common.tables import Table
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
-from skymosaic.geometry.ground import Sight
 from skymosaic.geometry.homography import apply, rescale, transfer_error
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.imagery.images import Photograph, load
@@ -70,8 +69,8 @@ class Pair:
         Working pixels to original pixels, left and right.
     working : tuple of ndarray
         The images that the front end processed.
-    sights : tuple of Sight
-        The same, reduced, with what a lens masks.
+    visible : tuple of (ndarray of uint8 or None)
+        255 where these show ground, (H, W); None: everywhere.
     features : tuple of structured arrays
         Feature records, left and right (`golden_model.records.feature_record`), in 1/16 working px.
     matches, kept, inliers : structured arrays
@@ -106,7 +105,7 @@ class Pair:
     right: Photograph
     to_original: tuple[Matrix, Matrix]
     working: tuple[Pixels, Pixels]
-    sights: tuple[Sight, Sight]
+    visible: tuple[Pixels | None, Pixels | None]
     features: tuple[Records, Records]
     matches: Records
     kept: Records
@@ -150,7 +149,7 @@ class Pair:
         """How far to trust the homography; computed on first use. None where not accepted."""
         if self.working_homography is None:
             return None
-        return assess(self.working, self.sights, self.working_homography, *match_points(self.kept))
+        return assess(self.working, self.visible, self.working_homography, *match_points(self.kept))
 
     def points(self, kind: str = "inliers") -> MatchedPoints:
         """The matches in pixels of the original photographs.
@@ -251,7 +250,7 @@ class Pair:
     def without_pixels(self) -> Pair:
         """This pair with all its numbers, below 1 MB; `plot` reads files again."""
         left, right = (replace(photograph, pixels=NO_PIXELS) for photograph in (self.left, self.right))
-        bare = replace(self, left=left, right=right, working=(NO_PIXELS, NO_PIXELS))
+        bare = replace(self, left=left, right=right, working=(NO_PIXELS, NO_PIXELS), visible=(None, None))
         # From here on only what is computed already can be told.
         vars(bare)["confidence"] = self.confidence
         return bare

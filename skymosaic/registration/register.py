@@ -111,12 +111,11 @@ def register_photographs(
         else [(each.working.image, each.to_original) for each in features]
     )
     first = _match_first(front_end, (left, right), config, options, features=features, masked=lens is not None)
-    masks = [lens.visible_mask((image.shape[1], image.shape[0])) if lens else None for image in (left, right)]
+    masks = _mask(lens, left), _mask(lens, right)
     clock.lap("features and matches")
-    sights = Sight.of(left, masks[0]), Sight.of(right, masks[1])
     shared = None if features is None else (features[0].working, features[1].working)
     state, agreement, left_out = _search(
-        first, front_end, (left, right), options, effort=effort, masks=masks, sights=sights, shared=shared
+        first, front_end, (left, right), options, effort=effort, masks=masks, shared=shared
     )
     # Without a rival, what was rejected is what there is.
     if agreement is None or not agreement.suffices:
@@ -128,7 +127,7 @@ def register_photographs(
         right=_with_notes(photographs, (left, right), [*notes, INVERTED_NOTE] if state.inverted else notes),
         to_original=(to_left, to_right),
         working=(left, ~right if state.inverted else right),
-        sights=_see(sights, state),
+        visible=masks,
         features=state.evidence.features,
         matches=state.evidence.matches,
         kept=state.evidence.kept,
@@ -192,8 +191,7 @@ def _search(
     options: RegistrationOptions,
     *,
     effort: str,
-    masks: Sequence[Pixels | None],
-    sights: tuple[Sight, Sight],
+    masks: tuple[Pixels | None, Pixels | None],
     shared: tuple[DescribedImage, DescribedImage] | None,
 ) -> tuple[SearchState, GroundAgreement | None, LeftOut]:
     """Search, and again without what moves with the camera, where that is all that was found."""
@@ -213,12 +211,14 @@ def _search(
         found = _estimate(options.estimator, size, rng, evidence.matches, estimated)
         return passes.run(effort, passes.accept(evidence, *found, passes=1))
 
-    return find_ground(search, partial(_see, sights))
+    def see(state: SearchState) -> tuple[Sight, Sight]:
+        return Sight(images[0], masks[0]), Sight(~images[1] if state.inverted else images[1], masks[1])
+
+    return find_ground(search, see)
 
 
-def _see(sights: tuple[Sight, Sight], state: SearchState) -> tuple[Sight, Sight]:
-    """The pictures that a search compared."""
-    return (sights[0], sights[1].inverted()) if state.inverted else sights
+def _mask(lens: Lens | None, image: Pixels) -> Pixels | None:
+    return lens.visible_mask((image.shape[1], image.shape[0])) if lens else None
 
 
 def _with_notes(

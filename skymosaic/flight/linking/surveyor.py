@@ -159,7 +159,7 @@ def _link(
 
 def _see(lens: Lens, thumbnail: Pixels, to_thumbnail: Matrix) -> Sight:
     visible = lens.visible_mask((thumbnail.shape[1], thumbnail.shape[0]))
-    return Sight.of(thumbnail, visible, np.linalg.inv(to_thumbnail).astype(np.float64))
+    return Sight(thumbnail, visible, np.linalg.inv(to_thumbnail).astype(np.float64))
 
 
 def _count_votes(partners: Mapping[int, Sequence[int]], compacts: Mapping[int, Records]) -> list[list[int]]:

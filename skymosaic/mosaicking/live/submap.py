@@ -76,10 +76,10 @@ class Frame:
         """The strongest features, to find frames that resemble this one."""
         return compact(self.features)
 
-    @cached_property
+    @property
     def sight(self) -> Sight:
         """The ground that it shows, to tell whether this agrees."""
-        return Sight.of(self.thumbnail, to_working=self.from_thumbnail)
+        return Sight(self.thumbnail, None, self.from_thumbnail)
 
     @cached_property
     def outline(self) -> Float32:

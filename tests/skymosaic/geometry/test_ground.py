@@ -122,24 +122,34 @@ def test_water_below_a_camera_that_hovers_is_refused_with_the_shares_and_deliver
     assert delivered.confidence.reason.startswith("what agrees covers 4")
 
 
+def test_a_shore_below_a_camera_that_hovers_is_delivered_but_not_good(sites: list[NDArray[np.uint8]]) -> None:
+    later = sites[0].copy()
+    later[:, 390:] = sites[1][:, 390:]
+    pair = register(sites[0], later)
+    assert pair.homography == pytest.approx(np.eye(3), abs=0.01)
+    assert pair.confidence is not None
+    assert pair.confidence.verdict == "check"
+    assert pair.confidence.reason.startswith("what agrees covers 6")
+
+
 def test_what_a_mask_hides_does_not_vote(sites: list[NDArray[np.uint8]]) -> None:
     moved = sites[0].copy()
     moved[:, 250:] = sites[1][:, 250:]
     visible = np.zeros(moved.shape[:2], np.uint8)
     visible[:, :250] = 255
-    whole = measure_agreement(Sight.of(sites[0]), Sight.of(moved), np.eye(3))
-    masked = measure_agreement(Sight.of(sites[0], visible), Sight.of(moved), np.eye(3))
+    whole = measure_agreement(Sight(sites[0]), Sight(moved), np.eye(3))
+    masked = measure_agreement(Sight(sites[0], visible), Sight(moved), np.eye(3))
     assert whole.share < 0.5
     assert masked.share == 1
     assert 0.3 * whole.blocks < masked.blocks < 0.45 * whole.blocks
 
 
 def test_the_farther_a_camera_moves_the_less_must_agree(sites: list[NDArray[np.uint8]]) -> None:
-    sight = Sight.of(sites[0])
+    sight = Sight(sites[0])
     moved = [measure_agreement(sight, sight, np.array([[1.0, 0, x], [0, 1, 0], [0, 0, 1]])) for x in (0, 64, 160)]
     assert [each.required for each in moved] == pytest.approx([0.7, 0.4, -0.05])
     assert [each.suffices for each in moved] == [True, False, True]
-    assert measure_agreement(sight, sight.inverted(), np.eye(3)).share == 0
+    assert measure_agreement(sight, Sight(~sites[0]), np.eye(3)).share == 0
 
 
 def test_a_flight_behind_a_display_is_whole() -> None:

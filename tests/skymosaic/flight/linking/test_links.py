@@ -14,7 +14,7 @@ from skymosaic.geometry.homography import transfer_error
 
 
 def see(images: Sequence[NDArray[np.uint8]]) -> tuple[Sight, Sight]:
-    return Sight.of(images[0]), Sight.of(images[1])
+    return Sight(images[0]), Sight(images[1])
 
 
 def test_matches_on_relief_are_right_and_others_are_not() -> None:
