@@ -36,6 +36,13 @@ FLAT = (
 UNINITIALISED = re.compile(r"^  reg (?:\[(\d+):0\] )?(\S+) ?\[(\d+):0\];\n(?!  initial begin)", re.MULTILINE)
 SYNCHRONISER = re.compile(r'(?ms)^\(\* src = "amaranth/lib/cdc\.py:\d+" \*\)\nmodule .*?^endmodule')
 """Modules in which every register is a stage of a synchroniser."""
+OPERATION = re.compile(
+    r"  cell \$(?P<kind>add|sub|lt|le|gt|ge|eq|ne) \S+\n"
+    r"    parameter \\A_SIGNED (?P<signed>[01])\n    parameter \\B_SIGNED (?P=signed)\n"
+    r"    parameter \\A_WIDTH (?P<A_width>\d+)\n    parameter \\B_WIDTH (?P<B_width>\d+)\n"
+    r"    parameter \\Y_WIDTH (?P<Y_width>\d+)\n    connect \\A (?P<A_operand>.*)\n    connect \\B (?P<B_operand>.*)\n"
+)
+"""A cell whose operands Verilog widens by itself where they are narrower than the result, of which linters warn."""
 MAX_LOOP_WORDS = 4096
 """Words of the largest memory that is cleared. Yosys unrolls the loop in quadratic time, 20 minutes and more for a
 whole frame. Larger memories are queues, which are written before they are read."""
@@ -81,7 +88,11 @@ def to_verilog(
     output = ("memory_collect", f"attrmap {remove}", f"attrmap -modattr {remove}", "write_verilog")
 
     def netlist() -> str:
-        return _add_attributes(_convert(component, name, platform, sources=not flat), port_attributes or {})
+        converted = _convert(component, name, platform, sources=not flat)
+        # What people read, and linters. The tools of a known family read what they were measured with.
+        if not aliases and platform is None:
+            converted = OPERATION.sub(_widen_operands, converted)
+        return _add_attributes(converted, port_attributes or {})
 
     text = _run_yosys(netlist, (*passes, *output))
     return text if flat else SYNCHRONISER.sub(_mark_stages, UNINITIALISED.sub(_clear_memory, text))
@@ -94,6 +105,20 @@ def _add_attributes(netlist: str, attributes: Attributes) -> str:
         # Substituting everywhere is safe: only the top module has ports of these names.
         netlist = wire.sub(lines.replace("\\", r"\\") + r"\g<0>", netlist)
     return netlist
+
+
+def _widen_operands(cell: re.Match[str]) -> str:
+    """Give both operands of a sum the width of the result, and those of a comparison that of the wider one."""
+    widths = {port: int(cell[f"{port}_width"]) for port in "ABY"}
+    width = widths["Y"] if cell["kind"] in ("add", "sub") else max(widths["A"], widths["B"])
+    text = cell[0]
+    for port in "AB":
+        if (missing := width - widths[port]) > 0:
+            operand, sign = cell[f"{port}_operand"], widths[port] - 1
+            filling = f"{operand} [{sign}] " * missing if cell["signed"] == "1" else f"{missing}'{'0' * missing} "
+            text = text.replace(f"\\{port}_WIDTH {widths[port]}\n", f"\\{port}_WIDTH {width}\n")
+            text = text.replace(f"connect \\{port} {operand}\n", f"connect \\{port} {{ {filling}{operand} }}\n")
+    return text
 
 
 def _mark_stages(synchroniser: re.Match[str]) -> str:

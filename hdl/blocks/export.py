@@ -21,11 +21,15 @@ CORE_VENDOR, CORE_LIBRARY = "skymosaic", "vision"
 
 
 def export_block(folder: Path, name: str) -> None:
-    """Write a block into ``folder``, with a test bench where it has vectors.
+    """Write the block that `find_block` finds into ``folder``, with a test bench where it has vectors."""
+    write_block(folder, *find_block(name))
+
+
+def find_block(name: str) -> tuple[str, Block | wiring.Component]:
+    """Make a block, and its name as a Verilog module.
 
     Parameters
     ----------
-    folder : Path
     name : str
         A name in `hdl.blocks.catalogue.CATALOGUE`; or ``MODULE:CLASS``, a component of one's own, or a function that
         returns a `hdl.blocks.vectors.Block`, both without arguments.
@@ -35,16 +39,11 @@ def export_block(folder: Path, name: str) -> None:
     ValueError
         For an unknown block, naming the valid ones; for a module or class that cannot be used.
     """
-    if ":" not in name:
-        if name not in CATALOGUE:
-            raise ValueError(f"unknown block {name!r}; valid: {', '.join(CATALOGUE)}, or MODULE:CLASS of your own")
-        write_block(folder, name, CATALOGUE[name]())
-        return
-    own, name = _make_own(name), name.partition(":")[2].lower()
-    if isinstance(own, Block):
-        write_block(folder, name, own)
-        return
-    write_files(folder, {f"{name}.v": to_verilog(FlatBlock(own), name=name, aliases=False)})
+    if ":" in name:
+        return name.partition(":")[2].lower(), _make_own(name)
+    if name not in CATALOGUE:
+        raise ValueError(f"unknown block {name!r}; valid: {', '.join(CATALOGUE)}, or MODULE:CLASS of your own")
+    return name, CATALOGUE[name]()
 
 
 def _make_own(path: str) -> Block | wiring.Component:
@@ -59,8 +58,11 @@ def _make_own(path: str) -> Block | wiring.Component:
     raise ValueError(f"{path}: makes a {type(made).__name__}, no component and no block with vectors")
 
 
-def write_block(folder: Path, name: str, block: Block) -> None:
+def write_block(folder: Path, name: str, block: Block | wiring.Component) -> None:
     """Write a block and its test bench into ``folder``; the Verilog module is called ``name``."""
+    if not isinstance(block, Block):
+        write_files(folder, {f"{name}.v": to_verilog(FlatBlock(block), name=name, aliases=False)})
+        return
     top = FlatBlock(block.component)
     bench = VerilogBench(
         module=name,

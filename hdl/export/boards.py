@@ -16,6 +16,12 @@ SERIAL_BOARD = "ulx3s"
 ALL_BOARDS = (*BOARDS, SERIAL_BOARD)
 
 
+def check_board(board: str) -> None:
+    """Raise ValueError for an unknown board, naming the valid ones."""
+    if board not in ALL_BOARDS:
+        raise ValueError(f"unknown board {board!r}; valid: {', '.join(ALL_BOARDS)}")
+
+
 def board_facts(board: str) -> dict[str, str]:
     """Read a board's Tcl file; every board has ``part``, ``family`` and ``clock_mhz``.
 
@@ -24,8 +30,7 @@ def board_facts(board: str) -> dict[str, str]:
     ValueError
         For an unknown board, naming the valid ones.
     """
-    if board not in BOARDS:
-        raise ValueError(f"unknown board {board!r}; valid: {', '.join(ALL_BOARDS)}")
+    check_board(board)
     # Read from the Tcl that Vivado runs, so that a board is described once.
     text = (SOURCES / "boards" / f"{board}.tcl").read_text()
     return dict(re.findall(r"^    (\w+) +\{?(.*?)\}?$", text, re.MULTILINE))

@@ -10,6 +10,12 @@ module {{ module }}_tb;
     .{{ name }}({{ name }}){{ "," if not loop.last }}
 {% endfor %}
   );
+  // +dump=waves.vcd writes all signals.
+  reg [8191:0] dump;
+  initial if ($value$plusargs("dump=%s", dump)) begin
+    $dumpfile(dump);
+    $dumpvars(0, {{ module }}_tb);
+  end
   wire running = {{ reset }} != {{ reset_level }};
   integer cycle = 0;
   integer idle = 0;

@@ -13,7 +13,7 @@ import typer
 from golden_model.config import EstimatorConfig
 from golden_model.fuzzy.fll import load_system
 from hdl.build import BUILDS, Build
-from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD
+from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD, check_board
 from skymosaic.cli.options import OverwriteOption, output_option, read_file, with_options
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
@@ -82,6 +82,7 @@ def board(
     ] = False,
 ) -> None:
     """Write Verilog, register map, driver and what the tools need, for a kit."""
+    read_file(check_board, name)
     if bitstream and name != SERIAL_BOARD:
         raise InputError(f"--build makes the bitstream of the {SERIAL_BOARD}; leave it out, or use Vivado")
     build = options.build(BUILDS.get(name, Build()))
@@ -113,7 +114,9 @@ def block(
     """Write Verilog and test bench of one block."""
     # A module of one's own lies in the folder where the command is called.
     sys.path.insert(0, str(Path.cwd()))
-    _export(output, lambda folder: _import_hdl("blocks.export").export_block(folder, name), overwrite=overwrite)
+    blocks = _import_hdl("blocks.export")
+    found = read_file(blocks.find_block, name)
+    _export(output, lambda folder: blocks.write_block(folder, *found), overwrite=overwrite)
 
 
 def fuzzy(

@@ -15,7 +15,7 @@ from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError
 
 PACKAGES = ("nicegui", "fastapi", "starlette", "uvicorn", "anyio")
-"""Of the extra that only this command needs."""
+"""Packages of the extra that only this command needs."""
 
 
 def panel(

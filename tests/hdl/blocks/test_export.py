@@ -2,6 +2,7 @@
 
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -17,10 +18,10 @@ QUICK = ("gray", "fast", "nms", "fuzzy")
 """The others take longer to export."""
 
 
-def simulate(folder: Path, name: str) -> subprocess.CompletedProcess[str]:
+def simulate(folder: Path, name: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     compiled = ["iverilog", "-g2012", "-o", "bench", f"{name}.v", f"{name}_tb.v"]
     subprocess.run(compiled, cwd=folder, check=True)
-    return subprocess.run(["vvp", "-n", "bench"], cwd=folder, capture_output=True, text=True, check=False)
+    return subprocess.run(["vvp", "-n", "bench", *arguments], cwd=folder, capture_output=True, text=True, check=False)
 
 
 @pytest.mark.parametrize(
@@ -54,6 +55,25 @@ def test_the_bench_fails_on_anything_else(tmp_path: Path, file: str, old: str, n
     assert "FAIL" in run.stdout
 
 
+def test_the_bench_writes_waves_when_asked(tmp_path: Path) -> None:
+    export_block(tmp_path, "gray")
+    assert simulate(tmp_path, "gray").returncode == 0
+    assert not list(tmp_path.glob("*.vcd"))
+    assert simulate(tmp_path, "gray", "+dump=waves.vcd").returncode == 0
+    waves = (tmp_path / "waves.vcd").read_text()
+    # The ports of the block inside the bench, with values that change.
+    assert re.search(r"\$scope module gray_tb .*\$scope module dut .*\$var wire 1 \S+ o_valid ", waves, re.DOTALL)
+    assert waves.count("\n#") > 100
+
+
+def test_verilator_has_nothing_to_say_about_harris(tmp_path: Path) -> None:
+    """Sums and comparisons name the widths of their operands, which Verilog would widen by itself."""
+    export_block(tmp_path, "harris")
+    command = [sys.executable, "-m", "verilator", "--lint-only", "harris.v"]
+    lint = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (lint.returncode, lint.stderr) == (0, "")
+
+
 def test_an_unknown_block_is_refused_with_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="harris, fast, nms"):
         export_block(tmp_path / "block", "canny")
@@ -66,12 +86,16 @@ def test_the_command_writes_a_block_or_says_what_to_choose(tmp_path: Path, run: 
     assert (tmp_path / "sobel" / "sobel_tb.v").exists()
     for wrong, message in (
         (("block", "canny", "-o", "other"), "harris, fast, nms"),
+        (("block", "nowhere:Gray", "-o", "other"), "No module named 'nowhere'"),
+        (("board", "nexys", "-o", "other"), "unknown board 'nexys'; valid: arty_a7_100"),
         (("block", "sobel", "--lanes", "8", "-o", "other"), "No such option: --lanes"),
         (("--block", "sobel"), "No such option: --block; run skymosaic export --help"),
         ((), "one of board, camera, block, fuzzy"),
     ):
         status, _, error = run("export", *wrong)
         assert status == 2
+        # Before it says that it writes.
+        assert error.startswith("error: ")
         assert message in only_error(error)
         assert not (tmp_path / "other").exists()
 

@@ -34,7 +34,6 @@ ACCEPTED_WARNINGS = {
     "UNSIGNED": "A clamp that is written for any range compares an unsigned count with 0.",
     "UNUSEDSIGNAL": "Low bits that rounding drops, fields that no block needs, and AxPROT.",
     "VARHIDDEN": "Inside a module, a signal may have the name of the module's instance: gray in gray.",
-    "WIDTHEXPAND": "Verilog extends operands to the result's width; Amaranth's widths rely on it.",
     "WIDTHTRUNC": "Verilog cuts off upper bits on assignment, where Amaranth assigns to a narrower signal.",
 }
 """Classes of ``verilator -Wall`` that are accepted, with the reason; UNDRIVEN and the like are not."""
