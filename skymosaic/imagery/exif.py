@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from PIL.ExifTags import GPS, IFD, Base
 
+from golden_model.text import one_line
 from skymosaic.imagery.decoding import open_header
 
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0}  # EXIF's codes of inch, centimetre and millimetre
@@ -75,6 +76,10 @@ class Metadata:
         Horizontal standard deviation of the position, from RTK.
     gps_fault : str
         Why what GPS wrote is no position; empty if it is one, or there is nothing.
+    time : str
+        When it was taken by the camera's clock, "2026-05-01 10:20:30"; empty if that is not known.
+    camera : str
+        Make and model; empty if they are not known.
     """
 
     position: Position | None = None
@@ -84,6 +89,8 @@ class Metadata:
     black_level: float | None = None
     accuracy_m: float | None = None
     gps_fault: str = ""
+    time: str = ""
+    camera: str = ""
 
 
 def read_metadata(path: Path) -> Metadata:
@@ -112,6 +119,8 @@ def read_metadata(path: Path) -> Metadata:
         black,
         max(accuracy) if min(accuracy) > 0 else None,
         "" if position else fault,
+        _time(details.get(Base.DateTimeOriginal) or exif.get(Base.DateTime)),
+        _camera(exif.get(Base.Make), exif.get(Base.Model)),
     )
 
 
@@ -120,6 +129,18 @@ def explain_missing_gps(taken: Sequence[Metadata]) -> str:
     faults = Counter(each.gps_fault for each in taken if each.gps_fault)
     but = f", but {faults.total()} have GPS {faults.most_common(1)[0][0]}" if faults else ""
     return f"0 of {len(taken)} photographs have GPS{' that can be used' if faults else ''}{but}"
+
+
+def _time(written: Any) -> str:
+    """EXIF's 2026:05:01 10:20:30 as ISO writes dates."""
+    found = re.match(r"(\d{4}):(\d\d):(\d\d) (\d\d:\d\d:\d\d)", str(written))
+    return "{}-{}-{} {}".format(*found.groups()) if found and int(found[1]) else ""
+
+
+def _camera(make: Any, model: Any) -> str:
+    """Make and model, of which some cameras write the make twice."""
+    first, second = (one_line(str(each or "").partition("\0")[0].strip()) for each in (make, model))
+    return second if second.lower().startswith(first.lower()) else f"{first} {second}".strip()
 
 
 def _black(levels: Any) -> float | None:

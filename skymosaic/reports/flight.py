@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from skymosaic.common.temporary import PAGE
-from skymosaic.compositing.warp import magnification
 from skymosaic.flight.check import FlightCheck, check_flight, layout_errors
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
@@ -22,6 +21,7 @@ from skymosaic.imagery.photographs import short_names
 from skymosaic.reports import pages
 from skymosaic.reports.footprints import outline_photographs, write_footprints
 from skymosaic.reports.pair import write_pair_report
+from skymosaic.reports.summary import ground_error_m, list_files, on_white, summarise, summary_rows
 
 MAX_FLAT_RELIEF = 0.05
 """Ground counts as flat if less than this share of the matches lies off the plane."""
@@ -64,10 +64,10 @@ def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: Fli
     numbers = flight_numbers(deliveries, check)
     with pages.staged_report(folder) as staged:
         for number, delivery in enumerate(deliveries, start=1):
-            save(staged / f"mosaic_{number}.jpg", reduce_to_width(delivery.preview, PREVIEW_WIDTH_PX)[0])
+            save(staged / f"mosaic_{number}.jpg", reduce_to_width(on_white(delivery), PREVIEW_WIDTH_PX)[0])
             if delivery.georeference is not None:
                 write_footprints(staged / f"footprints_{number}", delivery)
-        pages.write_report_files(staged, numbers, _render_page(deliveries, check, numbers))
+        pages.write_report_files(staged, numbers, _render_page(deliveries, check, numbers, folder))
     return folder / PAGE
 
 
@@ -110,6 +110,7 @@ def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
     return {
         "file": str(delivery.path),
         "size": list(composition.size),
+        **summarise(delivery),
         "placed": len(layout.members),
         "reference": flight.views[layout.reference].name,
         "model": layout.model,
@@ -149,7 +150,7 @@ def describe_map(delivery: Delivery) -> str:
     if np.isfinite(on_map.scale_error):
         parts.append(f"scale ± {on_map.scale_error:.2%}")
     if delivery.layout.median_error_px:
-        parts.append(f"layout off by {_ground_error_m(delivery):.2g} m in the median")
+        parts.append(f"layout off by {ground_error_m(delivery):.2g} m in the median")
     if place.height_m is not None and place.recorded_height_m is not None:
         parts.append(f"flown at {place.height_m:.0f} m (recorded: {place.recorded_height_m:.0f} m)")
     if place.turned_deg is not None:
@@ -171,17 +172,6 @@ def describe_bands(composition: Composition) -> str:
     registering = next(name for name in composition.band_names if name not in composition.aligned_px)
     others = ", ".join(f"{name} {error:.2f} px" for name, error in composition.aligned_px.items())
     return f"{', '.join(composition.band_names)}; registered by {registering}, median error of the others: {others}"
-
-
-def _ground_error_m(delivery: Delivery) -> float:
-    """Median error of the layout on the ground, m."""
-    layout, views, composition = delivery.layout, delivery.flight.views, delivery.composition
-    assert delivery.georeference is not None
-    reference = layout.members.index(layout.reference)
-    working_px = np.asarray(composition.transforms[reference] @ views[layout.reference].to_original)
-    error_px = layout.median_error_px if layout.accuracy is None else layout.accuracy.whole.median_px
-    canvas_px = error_px * magnification(views[layout.reference].working_size, working_px)
-    return canvas_px * delivery.georeference.metres_per_pixel
 
 
 def _disagreeing(delivery: Delivery) -> list[tuple[str, float]]:
@@ -209,7 +199,7 @@ def _map_numbers(delivery: Delivery) -> dict[str, Any]:
         "offsets_m": offsets,
         "check_points_m": {name: round(m, 3) for name, m in place.checked_m.items()},
         "left_out": [name for name, _ in _disagreeing(delivery)],
-        "median_error_m": round(_ground_error_m(delivery), 4),
+        "median_error_m": round(ground_error_m(delivery), 4),
         "height_m": place.height_m,
         "recorded_height_m": place.recorded_height_m,
         "turned_from_recorded_yaw_deg": place.turned_deg,
@@ -232,7 +222,7 @@ def _link_numbers(flight: Flight, layout: Layout, row: int) -> dict[str, Any]:
     }
 
 
-def _render_page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: dict[str, Any]) -> bytes:
+def _render_page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: dict[str, Any], report: Path) -> bytes:
     flight = deliveries[0].flight
     placed = sum(len(delivery.layout.members) for delivery in deliveries)
     folder = _common_folder(flight.names)
@@ -244,7 +234,9 @@ def _render_page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: di
     return pages.render(
         "flight.html",
         title=f"Flight of {len(flight.names)} photographs",
-        rows=rows,
+        rows=summary_rows(deliveries[0]),
+        files=list_files(deliveries, report),
+        details=rows,
         left_out=[reason.replace(folder, "") for reason in flight.left_out.values()],
         advice=[problem.replace(folder, "") for problem in _problems(check)],
         mosaics=[

@@ -4,11 +4,13 @@ import contextlib
 import json
 import re
 from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from golden_model.text import encodable
+from golden_model.version import VERSION
 from skymosaic.common.errors import InputError
 from skymosaic.common.temporary import PAGE, staged_folder
 from skymosaic.imagery.images import save_bytes
@@ -18,6 +20,11 @@ OWN_NAMES = (
     r"|footprints_\d+\.(geojson|kml)"
 )
 """Regular expression of the names of a mosaic report's files."""
+
+
+def provenance() -> dict[str, str]:
+    """What writes a file of numbers, and when."""
+    return {"program": "skymosaic", "version": VERSION, "written": datetime.now(UTC).isoformat(timespec="seconds")}
 
 
 def open_templates(folder: Path) -> Environment:
@@ -67,6 +74,6 @@ def render(template: str, **values: object) -> bytes:
 
 
 def write_report_files(folder: Path, numbers: Mapping[str, object], page: bytes) -> None:
-    """Write ``report.json`` and ``index.html``."""
-    save_bytes(folder / "report.json", (json.dumps(numbers, indent=1) + "\n").encode())
+    """Write ``report.json``, which also says what wrote it and when, and ``index.html``."""
+    save_bytes(folder / "report.json", (json.dumps({**provenance(), **numbers}, indent=1) + "\n").encode())
     save_bytes(folder / PAGE, page)

@@ -36,9 +36,9 @@ def write_pair_report(folder: Path, pair: Pair, mosaic: Pixels | None) -> Path:
 def collect_pair_numbers(pair: Pair) -> dict[str, Any]:
     """Collect all numbers and texts of the report, ready for JSON."""
     return {
+        **pair.summary(),
         "left": _photograph_numbers(pair, 0),
         "right": _photograph_numbers(pair, 1),
-        **pair.summary(),
         "configuration": dataclasses.asdict(pair.config),
     }
 

@@ -95,6 +95,8 @@ class Delivery:
         Why there is no georeference, why the file does not contain it, or why it may be wrong; else empty.
     preview : ndarray of uint8
         The mosaic, reduced.
+    coverage : ndarray of uint8, shape (H, W)
+        How much of each pixel of the preview a photograph shows: 255, all of it.
     seconds : float
         Wall time of blending and writing.
     tiles : Path or None
@@ -107,8 +109,15 @@ class Delivery:
     composition: Composition
     map_note: str
     preview: Pixels
+    coverage: Pixels
     seconds: float
     tiles: Path | None = None
+
+    @property
+    def covered_px(self) -> float:
+        """Canvas pixels that show a photograph."""
+        width_px, height_px = self.composition.size
+        return float(self.coverage.mean()) / 255 * width_px * height_px
 
     @property
     def georeference(self) -> Georeference | None:
@@ -170,7 +179,7 @@ def deliver(
     values, on_map = composition.values, composition.place.georeference
     if form.compress == "jpeg" and values is not None and values.deep:
         raise too_deep_for_jpeg(path)
-    previews: list[Pixels] = []
+    previews: list[tuple[Pixels, Pixels]] = []
     # Every band is rendered once: on its way into the file it also fills the preview and the raster for tiles.
     bands = _collect_previews(bands, composition, min(1.0, preview_width_px / composition.size[0]), previews)
     with temporary_folder(path.parent) as folder:
@@ -190,18 +199,23 @@ def deliver(
     note = composition.place.note
     if not note and not _is_tiff(path):
         note = f"{path.suffix} files have no georeference; .tif files do"
-    preview = np.concatenate(previews)
-    return Delivery(path, flight, layout, composition, note, preview, time.perf_counter() - start, form.tiles)
+    preview, coverage = map(np.concatenate, zip(*previews, strict=True))
+    seconds = time.perf_counter() - start
+    return Delivery(path, flight, layout, composition, note, preview, coverage, seconds, form.tiles)
 
 
 def _collect_previews(
-    bands: Iterable[tuple[Intensities, Mask]], composition: Composition, scale: float, previews: list[Pixels]
+    bands: Iterable[tuple[Intensities, Mask]],
+    composition: Composition,
+    scale: float,
+    previews: list[tuple[Pixels, Pixels]],
 ) -> Iterator[tuple[Intensities, Mask]]:
-    """Pass on the bands of a picture, and append each, in 8 bits and reduced by ``scale``, to ``previews``."""
+    """Pass on the bands of a picture, and append each, in 8 bits and reduced, to ``previews``, with its coverage."""
     for pixels, mask in bands:
         size = (max(1, round(pixels.shape[1] * scale)), max(1, round(len(pixels) * scale)))
-        small = cv2.resize(composition.in_8_bit(pixels), size, interpolation=cv2.INTER_AREA)
-        previews.append(np.asarray(small, dtype=np.uint8))
+        whole = composition.in_8_bit(pixels), 255 * mask.astype(np.uint8)
+        small, coverage = (cv2.resize(each, size, interpolation=cv2.INTER_AREA).astype(np.uint8) for each in whole)
+        previews.append((small, coverage))
         yield pixels, mask
 
 

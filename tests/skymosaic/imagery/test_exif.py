@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image, TiffImagePlugin
-from PIL.ExifTags import IFD
+from PIL.ExifTags import IFD, Base
 
 from skymosaic.imagery.exif import Metadata, Position, explain_missing_gps, read_metadata
 
@@ -90,3 +90,19 @@ def test_metres_between_positions() -> None:
     east, north = Position(46.0, -91.99).metres_from(Position(45.99, -92.0))
     assert north == pytest.approx(1112, rel=0.005)
     assert east == pytest.approx(1112 * np.cos(np.radians(46)), rel=0.005)
+
+
+@pytest.mark.parametrize(
+    ("written", "read"),
+    [
+        (("DJI\0\0\0", "FC300S\0", "2016:06:23 16:31:59"), ("DJI FC300S", "2016-06-23 16:31:59")),
+        (("SONY", "SONY ILCE-6000 ", "0000:00:00 00:00:00"), ("SONY ILCE-6000", "")),
+        (("", "", "yesterday"), ("", "")),
+    ],
+)
+def test_camera_and_time_are_read(tmp_path: Path, written: tuple[str, str, str], read: tuple[str, str]) -> None:
+    exif = Image.Exif()
+    exif[Base.Make], exif[Base.Model], exif.get_ifd(IFD.Exif)[Base.DateTimeOriginal] = written
+    Image.new("RGB", (64, 64)).save(tmp_path / "a.jpg", exif=exif)
+    taken = read_metadata(tmp_path / "a.jpg")
+    assert (taken.camera, taken.time) == read

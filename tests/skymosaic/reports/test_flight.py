@@ -14,6 +14,7 @@ from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.mapping.place import MapPlace
 from skymosaic.imagery.depth import ValueRange
+from skymosaic.imagery.exif import Metadata
 from skymosaic.maps.georeference import Georeference
 from skymosaic.reports import flight as report
 
@@ -43,7 +44,9 @@ def delivered(**changes: Any) -> Any:
         reason="as good as a homography",
     )
     views = [
-        SimpleNamespace(name=n, size=(800, 600), working_size=(400, 300), to_original=np.diag([2.0, 2, 1]))
+        SimpleNamespace(
+            name=n, size=(800, 600), working_size=(400, 300), to_original=np.diag([2.0, 2, 1]), taken=Metadata()
+        )
         for n in NAMES
     ]
     placements = [SimpleNamespace(source=SimpleNamespace(name=NAMES[m])) for m in layout.members]
@@ -68,6 +71,7 @@ def delivered(**changes: Any) -> Any:
     delivery = SimpleNamespace(
         path=Path("out/m.tif"), layout=layout, flight=flight, composition=composition, map_note="", seconds=1.26
     )
+    delivery.covered_px = 400_000
     for name, value in changes.items():
         owner = next(part for part in (composition, delivery, flight) if hasattr(part, name))
         setattr(owner, name, value)

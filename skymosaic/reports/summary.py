@@ -1,0 +1,111 @@
+"""What a client asks first of a mosaic: the area, when and with what it was flown, how fine and how accurate it is."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import cv2
+import numpy as np
+
+from golden_model.arrays import Pixels
+from skymosaic.compositing.warp import magnification
+from skymosaic.flight.check import layout_errors
+from skymosaic.flight.picture.output import Delivery
+from skymosaic.reports.pages import provenance
+
+HECTARE_M2 = 10_000
+
+
+def summarise(delivery: Delivery) -> dict[str, Any]:
+    """Area, m², times of the first and the last photograph, cameras, and metres per pixel; None where not known."""
+    taken = [delivery.flight.views[member].taken for member in delivery.layout.members]
+    times = sorted(each.time for each in taken if each.time)
+    on_map = delivery.georeference
+    return {
+        "area_m2": None if on_map is None else round(delivery.covered_px * on_map.metres_per_pixel**2, 1),
+        "first_taken": times[0] if times else None,
+        "last_taken": times[-1] if times else None,
+        "cameras": sorted({each.camera for each in taken if each.camera}),
+    }
+
+
+def summary_rows(delivery: Delivery) -> list[tuple[str, str]]:
+    """The same in words, with what is not known left out, and who made the mosaic."""
+    facts, on_map = summarise(delivery), delivery.georeference
+    width_px, height_px = delivery.composition.size
+    rows = [("accuracy", describe_accuracy(delivery))]
+    if on_map is not None:
+        hectares = facts["area_m2"] / HECTARE_M2
+        area = f"{hectares:.2f} ha" if hectares >= 1 else f"{facts['area_m2']:.0f} m²"
+        rows = [("area", area), ("resolution", f"{100 * on_map.metres_per_pixel:.1f} cm per pixel"), *rows]
+    if facts["cameras"]:
+        rows.insert(0, ("camera", ", ".join(facts["cameras"])))
+    if facts["first_taken"]:
+        whole = [facts["first_taken"], facts["last_taken"]]
+        end = whole[1].removeprefix(whole[0][:11]) if whole[1][:10] == whole[0][:10] else whole[1]
+        rows.insert(0, ("flown", whole[0] if whole[0] == whole[1] else f"{whole[0]} to {end}"))
+    made = provenance()
+    written = made["written"][:16].replace("T", " ")
+    photographs = f"{len(delivery.layout.members)} of {len(delivery.flight.names)} photographs"
+    return [
+        ("mosaic", f"{delivery.path.name}, {width_px} x {height_px} pixels, {photographs}"),
+        *rows,
+        ("made by", f"skymosaic {made['version']}, {written} UTC"),
+    ]
+
+
+def describe_accuracy(delivery: Delivery) -> str:
+    """How far a mosaic is off, in one sentence without terms of the trade."""
+    on_map, place = delivery.georeference, delivery.composition.place
+    if on_map is None:
+        errors = layout_errors(delivery.flight, delivery.layout)
+        if errors is None:
+            return "Not known: no matches were kept aside to measure it."
+        return f"Half of the points that photographs have in common meet within {errors.median_px:.1f} pixels."
+    error_cm = 100 * ground_error_m(delivery)
+    within = f"Half of the points that photographs have in common meet within {error_cm:.1f} cm"
+    if place.checked_m:
+        rms_m = float(np.sqrt(np.mean(np.square(list(place.checked_m.values())))))
+        return f"{within}; {len(place.checked_m)} check points are off by {rms_m:.2f} m (root mean square)."
+    return f"{within}; on the map, the {place.by} fits within {on_map.residual_m:.2f} m."
+
+
+def ground_error_m(delivery: Delivery) -> float:
+    """Median error of the layout on the ground, m."""
+    layout, views, composition = delivery.layout, delivery.flight.views, delivery.composition
+    assert delivery.georeference is not None
+    reference = layout.members.index(layout.reference)
+    working_px = np.asarray(composition.transforms[reference] @ views[layout.reference].to_original)
+    error_px = layout.median_error_px if layout.accuracy is None else layout.accuracy.whole.median_px
+    canvas_px = error_px * magnification(views[layout.reference].working_size, working_px)
+    return canvas_px * delivery.georeference.metres_per_pixel
+
+
+def list_files(deliveries: Sequence[Delivery], folder: Path) -> list[tuple[str, str]]:
+    """What was written beside a report in ``folder``: what it is, and its address from there."""
+    files = []
+    for number, delivery in enumerate(deliveries, start=1):
+        of = f" {number}" if len(deliveries) > 1 else ""
+        files.append((f"mosaic{of}", _address(delivery.path, folder)))
+        if delivery.tiles is not None:
+            files.append((f"map to zoom{of}", _address(delivery.tiles / "index.html", folder)))
+        if delivery.georeference is not None:
+            files.append((f"footprints{of} for Google Earth", f"footprints_{number}.kml"))
+            files.append((f"footprints{of} for GIS", f"footprints_{number}.geojson"))
+    return [*files, ("all numbers", "report.json")]
+
+
+def _address(path: Path, folder: Path) -> str:
+    # On Windows, nothing leads from one drive to another.
+    try:
+        return quote(Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix())
+    except ValueError:
+        return path.resolve().as_uri()
+
+
+def on_white(delivery: Delivery) -> Pixels:
+    """The preview, white instead of black where no photograph shows."""
+    missing = 255 - delivery.coverage
+    return np.asarray(cv2.add(delivery.preview, missing if delivery.preview.ndim == 2 else cv2.merge([missing] * 3)))

@@ -1,0 +1,103 @@
+"""What a client reads first, looked at as a reader would: the page, its pictures, and where its links lead."""
+
+import html
+import json
+import re
+from pathlib import Path
+from urllib.parse import unquote
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+from PIL.ExifTags import IFD, Base
+
+from golden_model.version import VERSION
+from sim.scene import make_pair
+from skymosaic.flight.picture.output import OutputForm
+from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.reports.flight import write_report
+from tests.skymosaic.panel.tasks.test_mosaic_tasks import METRES_PER_PIXEL, write_flight_with_gps
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a map of a flight, its tiles, and its report."""
+    folder = tmp_path_factory.mktemp("site")
+    (folder / "flight").mkdir()
+    for minute, name in enumerate(write_flight_with_gps(folder / "flight")):
+        with Image.open(folder / "flight" / name) as photograph:
+            exif, pixels = photograph.getexif(), photograph.copy()
+        exif[Base.Make], exif[Base.Model] = "DJI\0\0", "FC300S\0"
+        exif.get_ifd(IFD.Exif)[Base.DateTimeOriginal] = f"2026:05:01 10:2{minute}:30"
+        pixels.save(folder / "flight" / name, quality=92, exif=exif)
+    with open_plan(folder / "flight", MosaicOptions()) as plan:
+        made = plan.write(folder / "map #1 of the site.tif", OutputForm(tiles=folder / "tiles"))
+        write_report(folder / "report", plan.flight, made)
+    return folder
+
+
+def rows_of(page: str) -> dict[str, str]:
+    found = re.findall(r"<th>(.*?)</th><td[^>]*>(.*?)</td>", page, re.DOTALL)
+    return {name: html.unescape(value) for name, value in reversed(found)}
+
+
+def test_the_page_says_what_a_client_asks(site: Path) -> None:
+    page = (site / "report" / "index.html").read_text()
+    rows = rows_of(page)
+    assert re.fullmatch(r"map #1 of the site\.tif, \d+ x \d+ pixels, 4 of 4 photographs", rows["mosaic"])
+    assert rows["flown"] == "2026-05-01 10:20:30 to 10:23:30"
+    assert rows["camera"] == "DJI FC300S"
+    resolution = re.fullmatch(r"([\d.]+) cm per pixel", rows["resolution"])
+    assert resolution
+    assert float(resolution[1]) == pytest.approx(100 * METRES_PER_PIXEL, rel=0.05)
+    assert re.fullmatch(
+        r"Half of the points that photographs have in common meet within [\d.]+ cm; "
+        r"on the map, the GPS fits within [\d.]+ m\.",
+        rows["accuracy"],
+    )
+    assert rows["made by"].startswith(f"skymosaic {VERSION}, 20")
+    # Before what only its maker reads.
+    assert page.index("<img") < page.index("How it was made")
+
+
+def test_the_area_is_that_of_the_ground_that_shows(site: Path) -> None:
+    numbers = json.loads((site / "report" / "report.json").read_text())
+    (mosaic,) = numbers["mosaics"]
+    picture = cv2.imread(str(site / "map #1 of the site.tif"), cv2.IMREAD_UNCHANGED)
+    assert picture is not None
+    shown_m2 = np.count_nonzero(picture[..., 3]) * mosaic["metres_a_pixel"] ** 2
+    assert mosaic["area_m2"] == pytest.approx(shown_m2, rel=0.005)
+    assert (numbers["program"], numbers["version"]) == ("skymosaic", VERSION)
+    assert re.fullmatch(r"20\d\d-\d\d-\d\dT[\d:]+\+00:00", numbers["written"])
+    assert (mosaic["first_taken"], mosaic["cameras"]) == ("2026-05-01 10:20:30", ["DJI FC300S"])
+
+
+def test_white_surrounds_the_mosaic(site: Path) -> None:
+    picture = cv2.imread(str(site / "report" / "mosaic_1.jpg"))
+    alpha = cv2.imread(str(site / "map #1 of the site.tif"), cv2.IMREAD_UNCHANGED)
+    assert picture is not None
+    assert alpha is not None
+    missing = cv2.resize(alpha[..., 3], (picture.shape[1], picture.shape[0]), interpolation=cv2.INTER_AREA)
+    empty = cv2.erode((missing == 0).astype(np.uint8), np.ones((9, 9))) == 1
+    full = cv2.erode((missing == 255).astype(np.uint8), np.ones((9, 9))) == 1
+    assert empty.any()
+    assert picture[empty].min() > 245
+    assert picture[full].mean() < 200
+
+
+def test_links_lead_to_what_was_written(site: Path) -> None:
+    page = (site / "report" / "index.html").read_text()
+    links = {name: unquote(html.unescape(address)) for address, name in re.findall(r'href="(.*?)">(.*?)</a>', page)}
+    assert list(links) == ["mosaic", "map to zoom", "footprints for Google Earth", "footprints for GIS", "all numbers"]
+    for address in links.values():
+        assert (site / "report" / address).is_file(), address
+
+
+def test_the_report_of_a_pair_names_its_maker_and_both_photographs(tmp_path: Path) -> None:
+    with open_plan(make_pair(seed=5, size=(320, 240)).images, MosaicOptions()) as plan:
+        write_report(tmp_path / "report", plan.flight, plan.write(tmp_path / "m.png"))
+    numbers = json.loads((tmp_path / "report" / "report.json").read_text())
+    assert numbers["version"] == VERSION
+    assert numbers["left"]["size"] == [320, 240]
