@@ -132,6 +132,8 @@ def _show(delivery: Delivery, absent: Mapping[int, str], mosaic: LiveMosaic, pac
         session.warn(f"{output}: {composition.reduced}")
     if delivery.georeference is None and output.suffix.lower() in GEOTIFF_SUFFIXES:
         session.warn(explain_absence(output, composition.place))
+    for contradiction in composition.place.contradictions:
+        session.warn(contradiction)
     width_px, height_px = composition.size
     count = len(composition.placements)
     session.numbers = {"size": [width_px, height_px], "frames": count, "left_out": absent, "pace": pace.numbers}

@@ -184,6 +184,8 @@ def _show_mosaic(delivery: Delivery, path: Path) -> None:
         session.show(f"range: {values.description}")
     if delivery.georeference:
         session.show(describe_map(delivery))
+    for contradiction in delivery.composition.place.contradictions:
+        session.warn(contradiction)
     if not delivery.georeference and delivery.path.suffix.lower() in GEOTIFF_SUFFIXES:
         session.warn(explain_absence(path, delivery.composition.place))
     # Who asks for a picture of two photographs expects no map.

@@ -28,6 +28,8 @@ MAX_RESIDUAL = 0.25
 """A fit is refused if its residual is larger than this share of the spread of the positions."""
 MAX_DISAGREEING = 1 / 3
 """A fit is refused if a larger share of the positions disagrees with it."""
+MIN_GSD_M = 1e-5
+"""A fit with less on the ground per pixel is refused: such coordinates are degrees, or of another unit."""
 FAR_OFF = 3.0
 """A position disagrees if its offset is more than this many times the median, which noise does once in 500, ..."""
 NEGLIGIBLE = 2e-3
@@ -163,6 +165,8 @@ def fit_to_map(
         agreeing, similarity = _fit_agreeing(upright, targets)
     except DegenerateError:
         return None, "the positions coincide or do not fit the layout at all"
+    if not (step_m := math.hypot(*similarity[:2, 0])) > MIN_GSD_M:
+        return None, f"{step_m:.1g} m per pixel is finer than any photograph; check the unit of the coordinates"
     offsets = transfer_error(similarity, upright, targets)
     residual = float(np.sqrt(np.mean(offsets[agreeing] ** 2)))
     spread = _spread(targets[agreeing])

@@ -203,6 +203,7 @@ def _map_numbers(delivery: Delivery) -> dict[str, Any]:
         "height_m": place.height_m,
         "recorded_height_m": place.recorded_height_m,
         "turned_from_recorded_yaw_deg": place.turned_deg,
+        "contradictions": list(place.contradictions),
     }
 
 
@@ -276,6 +277,7 @@ def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
         rows.append(("range", values.description))
     if delivery.georeference:
         rows.append(("map", describe_map(delivery)))
+    rows += [("contradiction", line) for line in delivery.composition.place.contradictions]
     return rows + ([("map note", delivery.map_note)] if delivery.map_note else [])
 
 

@@ -11,6 +11,7 @@ from skymosaic.common.errors import InputError
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.cameras import Camera, cameras_of, measure_turn
+from skymosaic.flight.mapping.contradictions import compare_places, doubt_records
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import explain_missing_gps
 from skymosaic.imagery.photographs import index_names, short_names
@@ -35,13 +36,15 @@ class MapPlace:
     note : str
         Why there is none, or why it may be wrong; else empty.
     height_m : float or None
-        Median height of the cameras above the ground, by the layout.
+        Median height of the cameras above the ground, by the layout; None where no focal length is known.
     recorded_height_m : float or None
         Median of the heights that the cameras recorded, above where they started.
     turned_deg : float or None
         Median difference of the directions of the photographs from those that the cameras recorded, clockwise.
     checked_m : dict of str to float
         Distance of each check point from its place on the map. They had no part in the layout or its place.
+    contradictions : tuple of str
+        Two sources of the place that contradict each other, a line each.
     """
 
     georeference: Georeference | None = None
@@ -52,6 +55,7 @@ class MapPlace:
     recorded_height_m: float | None = None
     turned_deg: float | None = None
     checked_m: dict[str, float] = field(default_factory=dict)
+    contradictions: tuple[str, ...] = ()
 
 
 NOWHERE = MapPlace()
@@ -94,13 +98,18 @@ def place_cameras(cameras: Sequence[Camera]) -> MapPlace:
     if len(cameras) == 2:
         note = "two GPS positions fit exactly, so that nothing checks them"
         note += "" if turned is None else f" but the cameras' compass, which differs by {abs(turned):.0f} degrees"
+    # The focal length of common drones is good enough for the place below a camera, and not for its height.
+    known = all(camera.focal_half_diagonals or camera.taken.focal_half_diagonals for camera in cameras)
+    height_m = float(np.median(places[:, 2])) * georeference.metres_per_pixel if known else None
+    recorded_m = _median([camera.taken.height_m for camera in cameras])
     return MapPlace(
         georeference=georeference,
         fitted_to=names,
         note=note,
-        height_m=float(np.median(places[:, 2])) * georeference.metres_per_pixel,
-        recorded_height_m=_median([camera.taken.height_m for camera in cameras]),
+        height_m=height_m,
+        recorded_height_m=recorded_m,
         turned_deg=turned,
+        contradictions=tuple(doubt_records(height_m, recorded_m, turned)),
     )
 
 
@@ -129,7 +138,18 @@ def _fit_to_control_points(control: ControlPoints, flight: Flight, layout: Layou
         for point, mean in means.items()
         if control.checks(point)
     }
-    return MapPlace(georeference=georeference, fitted_to=names, by="control points", checked_m=checked_m)
+    cameras = cameras_of(flight, layout)
+    contradiction, by_gps = "", place_cameras(cameras).georeference
+    if by_gps is not None:
+        below, by = np.array([camera.position[:2] for camera in cameras]), f"control points ({control.name})"
+        contradiction = compare_places(georeference, by, by_gps, "GPS", below)
+    return MapPlace(
+        georeference=georeference,
+        fitted_to=names,
+        by="control points",
+        checked_m=checked_m,
+        contradictions=(contradiction,) if contradiction else (),
+    )
 
 
 def sightings_of(control: ControlPoints, flight: Flight, layout: Layout) -> Iterator[tuple[int, int, Points]]:

@@ -114,10 +114,11 @@ def test_a_file_of_positions_puts_a_flight_without_gps_on_the_map(flight: Flight
 
 def flown(folders: tuple[str, ...], position: Position | None = None) -> tuple[Any, Any]:
     """Photographs of one name in several folders, side by side on the ground, each 100 px wide."""
-    views = [SimpleNamespace(name=f"{folder}/1.jpg", size=(100, 100), gps=position) for folder in folders]
+    taken = Metadata(position=position)
+    views = [SimpleNamespace(name=f"{folder}/1.jpg", size=(100, 100), gps=position, taken=taken) for folder in folders]
     shifts = {view: np.array([[1.0, 0, 100 * view], [0, 1, 0], [0, 0, 1]]) for view in range(len(views))}
     layout = SimpleNamespace(members=tuple(shifts), to_reference=lambda _views: shifts)
-    return SimpleNamespace(views=views, lens=Lens()), layout
+    return SimpleNamespace(views=views, lens=Lens(), settings=SimpleNamespace(lens=Lens())), layout
 
 
 def test_photographs_of_one_name_in_two_folders_are_told_apart(tmp_path: Path) -> None:

@@ -1,0 +1,86 @@
+"""Holds two sources of a layout's place against each other: each may be wrong while a fit to it alone looks well."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from golden_model.arrays import Points
+from skymosaic.common.errors import InputError
+from skymosaic.maps.georeference import Georeference, reproject
+
+MAX_SCALE, REFUSED_SCALE = 0.03, 0.4
+"""Difference of two scales, as a logarithm and beyond its uncertainty, that is a contradiction; one that is refused."""
+MAX_TURN_DEG, REFUSED_TURN_DEG = 3.0, 30.0
+MAX_AWAY_M, REFUSED_AWAY_M = 10.0, 1000.0
+"""GPS is off by up to 5 m as a whole; a datum that was mistaken for another one moves a map by a few hundred."""
+MAX_HEIGHT_RATIO = 2.0
+"""Heights are recorded above where the flight began, which may lie higher or lower than the ground."""
+MAX_YAW_DEG, MOUNTED_DEG = 30.0, 15.0
+"""Cameras are mounted turned by quarters, which the recorded yaw of an aircraft leaves out."""
+
+
+def compare_places(one: Georeference, by_one: str, other: Georeference, by_other: str, places: Points) -> str:
+    """Compare two georeferences of one layout.
+
+    Parameters
+    ----------
+    one, other : Georeference
+        The first is the one that is used; the second may be less exact, as its uncertainty says.
+    by_one, by_other : str
+        What each is fitted to.
+    places : (N, 2) float64 ndarray
+        Places of the layout, px, for instance of its cameras; differences are those at their middle.
+
+    Returns
+    -------
+    str
+        How they contradict each other, with both scales, the turn and the distance; empty if they agree.
+
+    Raises
+    ------
+    InputError
+        If they contradict each other by so much that a map by either would be of no use.
+    """
+    middle = places.mean(axis=0)
+    probe = np.stack([middle, middle + np.ptp(places, axis=0) + 1])
+    first, second = (
+        reproject(np.column_stack((probe, np.ones(2))) @ each.to_map[:2].T, each.crs, one.crs) @ [1, 1j]
+        for each in (one, other)
+    )
+    ratio = (second[1] - second[0]) / (first[1] - first[0])
+    scale, turn_deg, away_m = abs(ratio), -np.degrees(np.angle(ratio)), abs(second[0] - first[0])
+    # A first source that fits badly must not excuse itself.
+    unsure = float(np.nan_to_num(other.scale_error))
+    # A fit that leaves the scale uncertain by a share leaves the direction uncertain by the same angle.
+    turn_allowed_deg, away_allowed_m = MAX_TURN_DEG + np.degrees(unsure), MAX_AWAY_M + other.residual_m
+    if abs(np.log(scale)) <= MAX_SCALE + unsure and abs(turn_deg) <= turn_allowed_deg and away_m <= away_allowed_m:
+        return ""
+    text = (
+        f"{by_one} and {by_other} contradict each other: {one.metres_per_pixel:.3g} and {other.metres_per_pixel:.3g} m "
+        f"per pixel, {abs(turn_deg):.0f} degrees apart, {away_m:.0f} m away"
+    )
+    refused = abs(np.log(scale)) > REFUSED_SCALE + unsure, abs(turn_deg) > REFUSED_TURN_DEG + turn_allowed_deg
+    if any(refused) or not away_m <= REFUSED_AWAY_M:
+        raise InputError(f"{text}; check names, pixels, coordinate system and order of the axes (east comes first)")
+    return f"{text}; the map is by {by_one}: check names, pixels and coordinates"
+
+
+def doubt_records(height_m: float | None, recorded_m: float | None, turned_deg: float | None) -> Iterator[str]:
+    """A line each for a recorded height and a recorded yaw that contradict the positions.
+
+    Parameters
+    ----------
+    height_m, recorded_m : float or None
+        Height above the ground by positions and focal length, and as recorded.
+    turned_deg : float or None
+        Turn of the photographs against the recorded yaw.
+    """
+    if height_m and recorded_m and recorded_m > 0:
+        ratio = height_m / recorded_m
+        if not 1 / MAX_HEIGHT_RATIO <= ratio <= MAX_HEIGHT_RATIO:
+            yield (
+                f"flown at {height_m:.0f} m by positions and focal length, at {recorded_m:.0f} m by the recorded "
+                "height: one of the three is wrong, or the ground lies far from where the flight began"
+            )
+    if turned_deg is not None and abs(turned_deg) > MAX_YAW_DEG and abs((turned_deg + 45) % 90 - 45) > MOUNTED_DEG:
+        yield f"positions and recorded yaw contradict each other: {abs(turned_deg):.0f} degrees apart"

@@ -1,0 +1,125 @@
+"""Control points and records that are wrong while a fit to them alone looks well, beside GPS that is right."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from skymosaic.common.errors import InputError
+from skymosaic.flight.mapping.cameras import Camera
+from skymosaic.flight.mapping.place import place_cameras, place_on_map
+from skymosaic.imagery.exif import Metadata, Position
+from skymosaic.imagery.lens import Lens
+from skymosaic.maps.control_points import load_control_points
+from skymosaic.maps.georeference import map_to_globe
+
+CORNER, METRES, SIZE = np.array([576_600.0, 5_188_200.0]), 0.1, (400, 300)
+STEPS = [(150 * column, 120 * row) for row in range(3) for column in range(4)]
+MIDDLE = CORNER + np.array([40, -28])
+Change = Callable[[np.ndarray], np.ndarray]
+
+
+def taken_above(x_px: float, y_px: float, **recorded: Any) -> Metadata:
+    """What the camera above a place of the layout records."""
+    ((longitude, latitude),) = map_to_globe(CORNER + METRES * np.array([[x_px, -y_px]]), "EPSG:32615")
+    return Metadata(position=Position(latitude, longitude), **recorded)
+
+
+def flown() -> tuple[Any, Any]:
+    """Twelve photographs in three strips, 0.1 m per pixel, with exact GPS."""
+    middle = (np.array(SIZE) - 1) / 2
+    views = [
+        SimpleNamespace(name=f"{number}.jpg", size=SIZE, taken=taken, gps=taken.position)
+        for number, taken in enumerate(taken_above(*(step + middle)) for step in STEPS)
+    ]
+    shifts = {view: np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]]) for view, (x, y) in enumerate(STEPS)}
+    layout = SimpleNamespace(members=tuple(shifts), to_reference=lambda _views: shifts)
+    return SimpleNamespace(views=views, lens=Lens(), settings=SimpleNamespace(lens=Lens())), layout
+
+
+def write_control(path: Path, place: Change, pixel: Change, shift: int) -> Path:
+    """Six points with their sightings, changed as a user's mistake would."""
+    lines = ["EPSG:32615"]
+    for point in ((200, 150), (520, 170), (760, 260), (230, 480), (560, 500), (800, 440)):
+        east, north = place(CORNER + METRES * np.array([point[0], -point[1]]))
+        for number, step in enumerate(STEPS):
+            seen = np.subtract(point, step)
+            if (seen >= 5).all() and (seen < np.array(SIZE) - 5).all():
+                x_px, y_px = pixel(seen)
+                lines.append(f"{east} {north} 0 {x_px} {y_px} {(number + shift) % len(STEPS)}.jpg")
+    path.write_text("\n".join(lines))
+    return path
+
+
+def same(values: np.ndarray) -> np.ndarray:
+    return values
+
+
+@pytest.mark.parametrize(
+    ("place", "pixel", "shift", "found"),
+    [
+        (same, same, 0, ""),
+        (lambda at: at + np.array([3, 0]), same, 0, ""),
+        (same, lambda at: at * 0.8, 0, "0.108 and 0.1 m per pixel"),
+        (lambda at: at + np.array([15, 0]), same, 0, "0.1 and 0.1 m per pixel, 0 degrees apart, 15 m away"),
+        (same, same, 1, "positions and layout differ"),
+        (lambda at: MIDDLE + 0.5 * (at - MIDDLE), same, 0, "refused: .*0.05 and 0.1 m per pixel"),
+        (lambda at: MIDDLE + 20 * (at - MIDDLE), same, 0, "refused: .*2 and 0.1 m per pixel"),
+        (lambda at: MIDDLE + (at - MIDDLE)[::-1] * [-1, 1], same, 0, "refused: .*90 degrees apart"),
+        (lambda at: at + np.array([9000, 0]), same, 0, "refused: .*9000 m away"),
+    ],
+    ids=["right", "3 m", "reduced copies", "15 m", "names shifted", "half", "x 20", "turned", "9 km"],
+)
+def test_control_points_are_held_against_gps(
+    tmp_path: Path, place: Change, pixel: Change, shift: int, found: str
+) -> None:
+    control = load_control_points(write_control(tmp_path / "gcp.txt", place, pixel, shift))
+    try:
+        result = "; ".join(place_on_map(*flown(), control).contradictions)
+    except InputError as error:
+        result = f"refused: {error}"
+    assert not result if not found else re.search(found, result), result
+
+
+def cameras(*, focal: float | None = 1.5, height_m: float | None = None, yaw_deg: float | None = None) -> list[Camera]:
+    """Twelve cameras, all at one height, looking down, north up."""
+    middle = (np.array(SIZE) - 1) / 2
+    recorded: dict[str, Any] = {"focal_half_diagonals": focal, "height_m": height_m, "yaw_deg": yaw_deg}
+    return [
+        Camera(
+            f"{number}.jpg",
+            SIZE,
+            np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]]),
+            taken_above(middle[0] + x, middle[1] + y, **recorded),
+        )
+        for number, (x, y) in enumerate(STEPS)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("recorded", "found"),
+    [
+        # The true height is 1.5 half diagonals of 250 px, of 0.1 m each.
+        ({"height_m": 60.0}, ""),
+        ({"height_m": 90.0}, "flown at 38 m by positions and focal length, at 90 m by the recorded height"),
+        ({"height_m": 5.0}, "flown at 38 m .* at 5 m"),
+        ({"focal": None, "height_m": 60.0}, ""),
+        ({"yaw_deg": 12.0}, ""),
+        ({"yaw_deg": 180.0}, ""),
+        ({"yaw_deg": -50.0}, "positions and recorded yaw contradict each other: 5[01] degrees apart"),
+    ],
+)
+def test_recorded_heights_and_yaw_are_held_against_gps(recorded: dict[str, Any], found: str) -> None:
+    place = place_cameras(cameras(**recorded))
+    result = "; ".join(place.contradictions)
+    assert not result if not found else re.search(found, result), result
+
+
+def test_without_a_focal_length_there_is_no_height() -> None:
+    """It would be that of another camera: 19 m, where 30 m were recorded."""
+    assert place_cameras(cameras(focal=None)).height_m is None
+    assert place_cameras(cameras()).height_m == pytest.approx(37.5, rel=1e-3)
