@@ -113,6 +113,9 @@ def _write_mosaics(
         layouts = plan.layouts
         absent = flight.left_out if plan.options.all_groups else flight.absent_from(layouts[0])
         report_absent(absent, strict=strict)
+        if len(layouts) > 1 and not plan.options.all_groups:
+            rule = "the one with most photographs, of as many the one with most pixels"
+            session.note(f"note: {len(layouts)} groups; this is {rule}; `all_groups` makes a mosaic of each")
         deliveries = plan.write(output, form, overwrite=overwrite)
     except RegistrationError:
         # The report of two photographs shows what was matched, and so why they were refused.

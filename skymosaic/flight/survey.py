@@ -84,7 +84,7 @@ def survey(
     clock.lap("features")
     links = _link(surveyor, usable, views)
     clock.lap("pairs")
-    parts = groups(len(views), valid_links(links))
+    parts = sorted(groups(len(views), valid_links(links)), key=partial(_rank, views))
     calibration, remaining = None, dict[int, float]()
     workers.progress("lens", 0, 0)
     # A lens that was given is trusted: photographs through it are straight already.
@@ -238,7 +238,12 @@ def lay_out_all(
         todo += [part for part in groups(len(views), inside) if part[0] in doubtful]
     placed = {member for layout in layouts for member in layout.members}
     alone = {view: reason for view, reason in reasons.items() if view not in placed}
-    return sorted(layouts, key=lambda layout: -len(layout.members)), alone
+    return sorted(layouts, key=lambda layout: _rank(views, layout.members)), alone
+
+
+def _rank(views: Sequence[View], members: Sequence[int]) -> tuple[int, float]:
+    """What sorts groups: most photographs first; of as many, those with most pixels, as of a wide beside a thermal."""
+    return -len(members), -float(np.median([np.prod(views[member].size) for member in members]))
 
 
 def _lay_out_again(

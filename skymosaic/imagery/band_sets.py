@@ -54,7 +54,7 @@ def group_band_sets(
     Raises
     ------
     InputError
-        For a missing band, bands of different sizes, photographs among sets, and an unknown band.
+        For a band that most captures lack, bands of different sizes, photographs among sets, and an unknown band.
     """
     captures, others = _group_by_capture(sources)
     if not _are_sets(captures):
@@ -71,9 +71,9 @@ def group_band_sets(
     registering = _choose_band(band, bands)
     grouped = []
     for index, (capture, files) in enumerate(captures.items()):
-        _check_capture(capture, files, bands)
-        by_band = {name: files[name] for name in bands}
-        grouped.append(dataclasses.replace(files[registering], index=index, bands=by_band))
+        by_band = {name: files.get(name) or _absent(capture, name, captures) for name in bands}
+        _check_sizes(files, bands)
+        grouped.append(dataclasses.replace(by_band[registering], index=index, bands=by_band))
     return grouped
 
 
@@ -158,14 +158,22 @@ def _choose_band(band: str | None, bands: Sequence[str]) -> str:
     return wanted
 
 
-def _check_capture(capture: _Capture, files: Mapping[str, Source], bands: Sequence[str]) -> None:
-    """Check that a capture has all bands, and that they have one size."""
-    missing = [band for band in bands if band not in files]
-    if missing:
+def _absent(capture: _Capture, band: str, captures: Mapping[_Capture, Mapping[str, Source]]) -> Source:
+    """The file that a capture lacks, by its name: as a damaged one, it leaves out the capture when it is read."""
+    having = [(other, files[band].name) for other, files in captures.items() if band in files]
+    if len(having) <= len(captures) / 2:
         raise InputError(
-            f"{capture[0] / capture[1]}: band {', '.join(missing)} is missing; copy it again from the camera, or "
-            "remove the other files of this capture"
+            f"{having[0][1]}: {len(captures) - len(having)} of {len(captures)} captures have no band {band}; put the "
+            "files of this band into another folder"
         )
+    other, name = having[0]
+    path = capture[0] / Path(name).name.replace(other[1], capture[1], 1)
+    return Source(0, str(path), path)
+
+
+def _check_sizes(files: Mapping[str, Source], bands: Sequence[str]) -> None:
+    """Check that the bands of a capture have one size."""
+    bands = [band for band in bands if band in files]
     sizes = {band: _size_px(files[band]) for band in bands}
     other = next((band for band in bands if sizes[band] != sizes[bands[0]]), None)
     if other is not None:

@@ -97,8 +97,9 @@ def test_what_no_plane_explains_is_left_out_with_the_reason_and_what_it_contradi
     points = np.random.default_rng(1).uniform(50, 250, (40, 2))
     # Two groups that fit, joined by links of noise; and a photograph that only noise links.
     true = [Link(0, 1, points, points + 5, 40, 40), Link(2, 3, points, points + 5, 40, 40)]
+    size_px = (300, 300)
     noise = [Link(left, right, points, points[::-1], 40, 40) for left, right in ((1, 2), (3, 4))]
-    views: list[Any] = [SimpleNamespace(name=f"{view}.jpg", working_size=(300, 300)) for view in range(5)]
+    views: list[Any] = [SimpleNamespace(name=f"{view}.jpg", size=size_px, working_size=size_px) for view in range(5)]
     links = {(link.left, link.right): link for link in sorted([*true, *noise], key=lambda link: link.left)}
     layouts, alone = survey.lay_out_all(views, [[0, 1, 2, 3, 4]], links, lambda _layout: {})
     assert [layout.members for layout in layouts] == [(0, 1), (2, 3)]
@@ -123,3 +124,13 @@ def test_photographs_that_no_layout_explains_are_refused_with_counts() -> None:
         plan.flight = replace(plan.flight, links=(Link(0, 1, np.zeros((9, 2)), np.zeros((9, 2)), 9, 9),))
         with pytest.raises(RegistrationError, match="no two photographs make a mosaic; 1 of 1 pairs show common"):
             _ = plan.layouts
+
+
+def test_of_groups_of_one_size_that_with_most_pixels_comes_first(flight: Flight) -> None:
+    """Wide and thermal pictures of one drone in one folder: which is delivered must not depend on their order."""
+    small = [cv2.resize(image[:, ::-1], (320, 240), interpolation=cv2.INTER_AREA) for image in flight.images[:3]]
+    # Nothing links mirrored ground to the other photographs.
+    for images in ([*small, *flight.images[:3]], [*flight.images[:3], *small]):
+        with open_plan(images, MosaicOptions(all_groups=True)) as plan:
+            sizes = [{plan.flight.views[member].size for member in layout.members} for layout in plan.layouts]
+        assert sizes == [{flight.images[0].shape[1::-1]}, {(320, 240)}]

@@ -24,6 +24,15 @@ def grouped(sources: list[Source], band: str | None = None) -> list[list[str]]:
     return [[Path(source.name).name, *source.bands] for source in group_band_sets(sources, band)]
 
 
+def fault_of(capture: Source) -> str:
+    """Why a capture cannot be read; empty if it can."""
+    try:
+        _ = capture.digest, [band.digest for band in capture.bands.values()]
+    except InputError as error:
+        return str(error)
+    return ""
+
+
 def three(*endings: str) -> list[str]:
     """Names of three captures."""
     return [f"IMG_{number:04}_{ending}" for number in (10, 11, 12) for ending in endings]
@@ -92,10 +101,23 @@ def test_a_photograph_among_sets_is_refused(tmp_path: Path, stray: str) -> None:
         grouped(sources_of(tmp_path, *names))
 
 
-def test_one_capture_of_several_that_lacks_a_band_or_has_another_size_is_refused(tmp_path: Path) -> None:
+def test_a_capture_that_lacks_a_band_is_left_out_by_the_name_of_the_file(tmp_path: Path) -> None:
+    names = three("GRE.tif", "RED.TIF", "NIR.tif")
+    kept = [name for name in names if name not in ("IMG_0011_RED.TIF", "IMG_0012_GRE.tif")]
+    captures = group_band_sets(sources_of(tmp_path, *kept))
+    for capture, lacking in zip(captures, ("", "IMG_0011_RED.TIF", "IMG_0012_GRE.tif"), strict=True):
+        fault = fault_of(capture)
+        assert fault.endswith(f"{lacking}: no such file; check the path") if lacking else not fault
+
+
+def test_a_band_that_most_captures_lack_is_refused(tmp_path: Path) -> None:
+    names = three("1.tif", "2.tif")
+    with pytest.raises(InputError, match=r"IMG_0010_3\.tif: 2 of 3 captures have no band 3; put the files"):
+        group_band_sets(sources_of(tmp_path, *names, "IMG_0010_3.tif"))
+
+
+def test_one_capture_of_several_that_has_another_size_is_refused(tmp_path: Path) -> None:
     names = three("1.tif", "2.tif", "3.tif")
-    with pytest.raises(InputError, match=r"IMG_0011: band 2, 3 is missing; copy it again from the camera, or remove"):
-        grouped(sources_of(tmp_path, *(each for each in names if each not in ("IMG_0011_2.tif", "IMG_0011_3.tif"))))
     sources = sources_of(tmp_path, *names)
     cv2.imwrite(sources[-1].name, np.zeros((70, 90), np.uint16))
     with pytest.raises(InputError, match=r"IMG_0012_3\.tif: 90x70 pixels, but band 1 has 80x70; all bands need one"):
