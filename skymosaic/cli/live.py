@@ -128,8 +128,8 @@ def _show(delivery: Delivery, absent: Mapping[int, str], mosaic: LiveMosaic, pac
     if mosaic.left_out_moving:
         session.warn(MOVES_WITH_CAMERA)
     composition, output = delivery.composition, delivery.path
-    if composition.reduced:
-        session.warn(f"{output}: {composition.reduced}")
+    for line in filter(None, (composition.reduced, composition.uneven)):
+        session.warn(f"{output}: {line}")
     if delivery.georeference is None and output.suffix.lower() in GEOTIFF_SUFFIXES:
         session.warn(explain_absence(output, composition.place))
     for contradiction in composition.place.contradictions:

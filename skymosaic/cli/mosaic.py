@@ -177,8 +177,8 @@ def _show_mosaic(delivery: Delivery, path: Path) -> None:
     if delivery.tiles:
         session.wrote(delivery.tiles)
         session.show(f"tiles {delivery.tiles / 'index.html'}")
-    if delivery.composition.reduced:
-        session.warn(f"{path}: {delivery.composition.reduced}")
+    for line in filter(None, (delivery.composition.reduced, delivery.composition.uneven)):
+        session.warn(f"{path}: {line}")
     if delivery.composition.cut_off:
         session.show(f"cut off: {describe_cuts(delivery.composition)}")
     if delivery.composition.band_names:

@@ -1,6 +1,6 @@
 """Estimates the tone of each photograph of a flight, so that all of them agree where they overlap.
 
-The logarithm of an intensity is that of the ground plus the photograph's exposure plus the lens falloff, so the
+The logarithm of an intensity is that of the ground plus the photograph's exposure plus the camera's shading, so the
 unknowns enter linearly. Least squares on the gains themselves (Brown and Lowe 2007, equation 29) pulls them towards
 zero, because darker pictures always differ less; differences of logarithms have no such bias. Differences that
 exposures do not explain are left to a smooth light field per photograph, see `skymosaic.compositing.light`.
@@ -14,13 +14,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from golden_model.arrays import Array, Float32, Intensities
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.light import LOG_SIGMA, estimate_light
 from skymosaic.compositing.overlaps import Overlaps, compare_overlaps
-from skymosaic.compositing.tone import NEUTRAL, SHOULDER_START, Tone
+from skymosaic.compositing.tone import NEUTRAL, SHADING_TERMS, SHOULDER_START, Tone
 from skymosaic.compositing.warp import Canvas
 from skymosaic.imagery.depth import TAIL_PERCENT, ValueRange
 
@@ -28,17 +29,28 @@ EXPOSURE_SIGMA, BALANCE_SIGMA = 0.7, 0.05
 """Expected spread of the exposures, and of the channels of a photograph around its exposure."""
 CELLS_OF_PRIOR = 4
 """Weight of these expectations, in cells: enough for photographs without an overlap, too little to bend a strip."""
-FALLOFF_SIGMA = 0.3
+SHADING_SIGMA = 0.3
+"""Expected size of the shading's coefficients."""
+SHADINGS = ((0, 0, 0, 0), (1, 1, 0, 0), (0, 0, 1, 1), (1, 1, 1, 1))
+"""Terms of the shading to choose from: none, those of a lens, those of a light at one side, or all."""
+MEAN_TERMS = (1 / 3, 0.16, 0.0, 0.0)
+"""Means of the terms over a photograph; that of r^4 is .156 for a square one, and .168 for one of 16:9."""
 ROUNDS = 5
 NEARLY_WHITE = 250 / 255
 MAX_MORE_WHITE = 0.0005
 """Share of white from which ground looks white, and the share of pixels that may become so."""
 SHOULDERS = (SHOULDER_START, 160 / 255, 120 / 255, 80 / 255)
 """Shoulders to try until few enough pixels become white; if none does it, the last one stays."""
+USUAL_KEPT, UNEVEN_PERCENTILES = (0.8, 1.25), (10, 90)
+"""Brightness over that of the photograph which needs no warning, and the percentiles of photographs that are judged."""
 ANCHORINGS = 3
 """Rounds of scaling all gains together, because compressed highlights darken the photographs again."""
 MAX_HELD_OUT_DIFFERENCE = 0.99
-"""A lens falloff is used if it lowers the median difference of held-out overlaps below this share."""
+"""Terms of the shading are used if they lower the median difference of held-out overlaps below this share."""
+CLEARLY_LESS, MAX_LEFT_STEPS = 0.001, 0.5
+"""Decrease of that difference which is more than that of smaller exposures, and the share of the squared steps of
+exposure from photograph to photograph that a light at one side may leave.
+"""
 
 
 def estimate_levels(samples: Sequence[NDArray[Any]], blacks: Sequence[float | None]) -> tuple[float, float]:
@@ -76,12 +88,12 @@ def estimate_tones(thumbnails: Sequence[Layer], *, black: float = 0.0, white: fl
     """
     number = len(thumbnails)
     overlaps = compare_overlaps(thumbnails, black, white)
-    logs, falloff, overlaps = _fit_gains(overlaps, number)
+    logs, shading, overlaps = _fit_gains(overlaps, number)
     light = estimate_light(overlaps, number)
     joined = np.unique(np.concatenate((overlaps.i, overlaps.j))).tolist()
     if not joined:
         return [NEUTRAL] * number
-    gains, common = np.exp(logs).tolist(), (float(falloff[0]), float(falloff[1]))
+    gains, common = np.exp(logs).tolist(), shading if shading.any() else None
     tones = [Tone(tuple(gains[k]), common, black, None if light is None else light[k]) for k in joined]
     anchored = dict(zip(joined, _anchor([thumbnails[k] for k in joined], tones), strict=True))
     return [anchored.get(k, NEUTRAL) for k in range(number)]
@@ -103,6 +115,23 @@ def measure_toned_range(
     toned = [tone.apply(np.asarray(sample, np.uint16)[:, None]) for tone, sample in zip(tones, samples, strict=True)]
     low, high = np.percentile(np.concatenate([each.ravel() for each in toned]), (TAIL_PERCENT, 100 - TAIL_PERCENT))
     return replace(values, low=float(low), high=float(high))
+
+
+def describe_uneven(thumbnails: Sequence[Layer], tones: Sequence[Tone]) -> str:
+    """Say what to expect where tones make many photographs much darker or brighter than they are; else empty.
+
+    Light that moves with the camera looks like ground that grows darker or brighter along the flight, unless
+    neighbouring lines of the flight head in different directions.
+    """
+    kept = [_measure_toned(layer, tone)[0] for layer, tone in zip(thumbnails, tones, strict=True)]
+    low, high = np.percentile(kept, UNEVEN_PERCENTILES)
+    if USUAL_KEPT[0] <= low and high <= USUAL_KEPT[1]:
+        return ""
+    return (
+        f"brightness: a tenth of the photographs are shown at {low:.2f} of theirs or less, and a tenth at {high:.2f} "
+        "or more; exposure, ground or a light that moves with the camera changes along the flight. Fix the exposure, "
+        "and fly neighbouring lines in opposite directions"
+    )
 
 
 def _anchor(thumbnails: Sequence[Layer], tones: Sequence[Tone]) -> list[Tone]:
@@ -133,58 +162,61 @@ def _measure_toned(layer: Layer, tone: Tone) -> tuple[float, float]:
 
 
 def _fit_gains(overlaps: Overlaps, number: int) -> tuple[Array, Array, Overlaps]:
-    """Logarithmic gains (number, 3), the lens falloff (2,), and the overlaps with what neither explains."""
-    exposure, falloff = _fit_exposure(overlaps, number)
-    logs = exposure[:, None] + _fit_balance(overlaps, number)
-    channels = zip(overlaps.difference.T, logs.T, strict=True)
-    left = np.column_stack([channel - _explain(overlaps, gains, falloff) for channel, gains in channels])
-    return logs, falloff, overlaps._replace(difference=left.astype(np.float32))
+    """Logarithmic gains (number, 3), the shading (4, 3), and the overlaps with what neither explains."""
+    mean = overlaps.difference.mean(axis=1, keepdims=True)
+    exposure, common = _fit_chosen(overlaps, mean, number, EXPOSURE_SIGMA)
+    balance, tint = _fit_chosen(overlaps, overlaps.difference - mean, number, BALANCE_SIGMA)
+    logs, shading = exposure + balance, common + tint
+    left = overlaps.difference - _explain(overlaps, logs, shading)
+    # A tint in the corners alone must not become one of the whole mosaic.
+    return logs - MEAN_TERMS @ tint, shading, overlaps._replace(difference=left.astype(np.float32))
 
 
-def _fit_exposure(overlaps: Overlaps, number: int) -> tuple[Array, Array]:
-    """Logarithmic exposure of each photograph, and the lens falloff where it explains held-out overlaps."""
-    mean = overlaps.difference.mean(axis=1)
+def _fit_chosen(overlaps: Overlaps, target: Float32, number: int, spread: float) -> tuple[Array, Array]:
+    """Gains (number, C) and shading (4, C) for differences (N, C), with the terms that explain held-out overlaps."""
     # Every second pair is held out, so that both halves cover the whole flight.
-    odd = overlaps.pair % 2 == 1
-    with_falloff = False
-    if odd.any() and not odd.all():
-        fitted_to, held_out = (Overlaps._make(column[chosen] for column in overlaps) for chosen in (~odd, odd))
-        plain, reduced = (
-            np.median(np.abs(mean[odd] - _explain(held_out, *_fit(fitted_to, mean[~odd], number, with_falloff=each))))
-            for each in (False, True)
-        )
-        with_falloff = bool(reduced < MAX_HELD_OUT_DIFFERENCE * plain)
-    return _fit(overlaps, mean, number, with_falloff=with_falloff)
+    fitted = overlaps.pair % 2 == 0
+    ends = sparse.coo_array((np.ones(fitted.sum()), (overlaps.i[fitted], overlaps.j[fitted])), (number, number))
+    part = connected_components(ends, directed=False)[1]
+    # The other half knows nothing of exposures that no pair of this half joins.
+    held_out = ~fitted & (part[overlaps.i] == part[overlaps.j])
+    chosen = SHADINGS[0]
+    if held_out.any():
+        used, rest = (Overlaps._make(column[half] for column in overlaps) for half in (fitted, held_out))
+        least = fewest = np.inf
+        for terms in SHADINGS:
+            gains, shading = _fit_channels(used, target[fitted], number, spread, terms)
+            left = float(np.median(np.abs(target[held_out] - _explain(rest, gains, shading))))
+            steps = float(np.square(gains[used.i] - gains[used.j]).mean())
+            # A bright side is hard to tell from exposures that rise along the flight; it has to explain these, or more.
+            clear = not any(terms[2:]) or least - left > CLEARLY_LESS or steps < MAX_LEFT_STEPS * fewest
+            if left < MAX_HELD_OUT_DIFFERENCE * least and clear:
+                least, fewest, chosen = left, steps, terms
+    return _fit_channels(overlaps, target, number, spread, chosen)
 
 
-def _fit_balance(overlaps: Overlaps, number: int) -> Array:
-    """Logarithmic gain of each channel against the photograph's exposure, (number, 3)."""
-    beyond = overlaps.difference - overlaps.difference.mean(axis=1, keepdims=True)
-    return np.stack([_fit(overlaps, channel, number, spread=BALANCE_SIGMA)[0] for channel in beyond.T], axis=1)
+def _explain(overlaps: Overlaps, gains: Array, shading: Array) -> Array:
+    """The differences (N, ...) that gains (number, ...) and a shading (4, ...) explain."""
+    return np.asarray(gains[overlaps.i] - gains[overlaps.j] + overlaps.shading @ shading)
 
 
-def _explain(overlaps: Overlaps, gains: Array, falloff: Array) -> Array:
-    """The differences (N,) that the gains of one channel and the lens falloff explain."""
-    return np.asarray(gains[overlaps.i] - gains[overlaps.j] + overlaps.falloff @ falloff)
-
-
-def _fit(
-    overlaps: Overlaps,
-    target: Float32,
-    number: int,
-    *,
-    spread: float = EXPOSURE_SIGMA,
-    with_falloff: bool = False,
+def _fit_channels(
+    overlaps: Overlaps, target: Float32, number: int, spread: float, terms: tuple[int, ...]
 ) -> tuple[Array, Array]:
-    """Robust least squares for the gains (number,) of one channel, and for the lens falloff (2,), which may be left 0.
+    """Gains (number, C) and a shading (4, C) that has only some terms."""
+    overlaps = overlaps._replace(shading=overlaps.shading * np.array(terms, np.float32))
+    gains, shading = zip(*(_fit(overlaps, channel, number, spread) for channel in target.T), strict=True)
+    return np.column_stack(gains), np.column_stack(shading)
+
+
+def _fit(overlaps: Overlaps, target: Float32, number: int, spread: float) -> tuple[Array, Array]:
+    """Robust least squares for the gains (number,) and the shading (4,) of one channel.
 
     Iteratively reweighted with Geman and McClure's weights, since moving things and parallax differ by more than
     exposure.
     """
-    if not with_falloff:
-        overlaps = overlaps._replace(falloff=np.zeros_like(overlaps.falloff))
-    prior = np.concatenate((np.full(number, CELLS_OF_PRIOR / spread**2), np.full(2, 1 / FALLOFF_SIGMA**2)))
-    weight, fitted = np.full(len(target), 1 / LOG_SIGMA**2), np.zeros(number + 2)
+    prior = np.concatenate((np.full(number, CELLS_OF_PRIOR / spread**2), np.full(SHADING_TERMS, 1 / SHADING_SIGMA**2)))
+    weight, fitted = np.full(len(target), 1 / LOG_SIGMA**2), np.zeros(len(prior))
     for _ in range(ROUNDS):
         matrix, right = _normal_equations(overlaps, target, weight, number)
         fitted = splu((matrix + sparse.diags_array(prior)).tocsc()).solve(right)
@@ -196,16 +228,16 @@ def _fit(
 def _normal_equations(
     overlaps: Overlaps, target: Float32, weight: Array, number: int
 ) -> tuple[sparse.coo_array, Array]:
-    """The equations (number + 2) of the gains and the falloff, without a matrix of all cells.
+    """The equations (number + 4) of the gains and the shading, without a matrix of all cells.
 
     The cells of a pair have the same two gains, so their weights are summed first.
     """
     first = np.flatnonzero(np.diff(overlaps.pair, prepend=-1))
     ends, signs = np.column_stack((overlaps.i[first], overlaps.j[first])).ravel(), np.tile([1.0, -1.0], len(first))
     pairs = sparse.csr_array((signs, ends, 2 * np.arange(len(first) + 1)), shape=(len(first), number))
-    terms = np.column_stack((np.ones_like(target), target, overlaps.falloff))
+    terms = np.column_stack((np.ones_like(target), target, overlaps.shading))
     sums = np.add.reduceat(weight[:, None] * terms, first)
     gains, across = pairs.T @ sparse.diags_array(sums[:, 0]) @ pairs, pairs.T @ sums[:, 2:]
-    falloff = (weight[:, None] * overlaps.falloff).T
-    matrix = sparse.block_array([[gains, across], [across.T, falloff @ overlaps.falloff]])
-    return matrix, np.concatenate((pairs.T @ sums[:, 1], falloff @ target))
+    shading = (weight[:, None] * overlaps.shading).T
+    matrix = sparse.block_array([[gains, across], [across.T, shading @ overlaps.shading]])
+    return matrix, np.concatenate((pairs.T @ sums[:, 1], shading @ target))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Float32
 from skymosaic.compositing.layer import Layer
-from skymosaic.compositing.tone import squared_radius
+from skymosaic.compositing.tone import SHADING_TERMS, shading_terms
 from skymosaic.compositing.warp import Canvas
 from skymosaic.geometry.homography import apply
 
@@ -33,8 +33,8 @@ class Overlaps(NamedTuple):
         Logarithms of the channels in j less those in i.
     at_i, at_j : ndarray of float32, shape (N, 2)
         The cell's place in each photograph, from (0, 0) at the first pixel to (1, 1) at the last one.
-    falloff : ndarray of float32, shape (N, 2)
-        r^2 and r^4 in i less those in j, with r the distance from the photograph's centre in half diagonals.
+    shading : ndarray of float32, shape (N, 4)
+        `skymosaic.compositing.tone.shading_terms` in i less those in j.
     pair : ndarray of int32, shape (N,)
         Number of the pair of photographs, from 0.
     """
@@ -44,7 +44,7 @@ class Overlaps(NamedTuple):
     difference: Float32
     at_i: Float32
     at_j: Float32
-    falloff: Float32
+    shading: Float32
     pair: NDArray[np.int32]
 
 
@@ -58,12 +58,11 @@ class _Cells:
     valid: NDArray[np.bool_]
 
     def locate(self, cells: NDArray[np.intp]) -> tuple[Float32, Float32]:
-        """The places of cells (N, 2) in the photograph (N, 2), see `Overlaps.at_i`, and r^2 and r^4 there (N, 2)."""
+        """The places of cells (N, 2) in the photograph (N, 2), see `Overlaps.at_i`, and the shading there (N, 4)."""
         size = self.layer.size
         points = apply(np.asarray(np.linalg.inv(self.layer.transform)), CELL_PX * (cells + 0.5) - 0.5)
-        squared = squared_radius(points, size)
-        powers = np.stack((squared, squared**2), axis=-1)
-        return (points / (np.array(size) - 1)).astype(np.float32), powers.astype(np.float32)
+        places = points / (np.array(size) - 1)
+        return places.astype(np.float32), shading_terms(points, size).astype(np.float32)
 
 
 def compare_overlaps(thumbnails: Sequence[Layer], black: float, white: float) -> Overlaps:
@@ -93,9 +92,9 @@ def compare_overlaps(thumbnails: Sequence[Layer], black: float, white: float) ->
         overlaps.i[part], overlaps.j[part], overlaps.pair[part] = i, j, number
         overlaps.difference[part] = (cells[j].logs[in_j] - cells[i].logs[in_i])[rows, columns]
         chosen = np.column_stack((columns + common.x_px, rows + common.y_px))
-        overlaps.at_i[part], powers_i = cells[i].locate(chosen)
-        overlaps.at_j[part], powers_j = cells[j].locate(chosen)
-        overlaps.falloff[part] = powers_i - powers_j
+        overlaps.at_i[part], terms_i = cells[i].locate(chosen)
+        overlaps.at_j[part], terms_j = cells[j].locate(chosen)
+        overlaps.shading[part] = terms_i - terms_j
         end, number = part.stop, number + 1
     return Overlaps._make(column[:end] for column in overlaps)
 
@@ -114,8 +113,8 @@ def _meeting_pairs(windows: Sequence[Canvas]) -> list[tuple[int, int]]:
 def _reserve(count: int) -> Overlaps:
     """Room for so many cells; what is never written takes no memory."""
     i, j, pair = (np.empty(count, np.int32) for _ in range(3))
-    at_i, at_j, falloff = (np.empty((count, 2), np.float32) for _ in range(3))
-    return Overlaps(i, j, np.empty((count, 3), np.float32), at_i, at_j, falloff, pair)
+    difference, at_i, at_j, shading = (np.empty((count, columns), np.float32) for columns in (3, 2, 2, SHADING_TERMS))
+    return Overlaps(i, j, difference, at_i, at_j, shading, pair)
 
 
 def _measure_cells(layer: Layer, black: float, white: float) -> _Cells:

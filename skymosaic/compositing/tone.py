@@ -1,4 +1,4 @@
-"""Tone of a photograph in a mosaic: exposure gain, lens falloff, light field and highlight shoulder."""
+"""Tone of a photograph in a mosaic: exposure gain, the camera's shading, light field and highlight shoulder."""
 
 from dataclasses import dataclass
 
@@ -11,6 +11,8 @@ from skymosaic.geometry.homography import apply
 
 SHOULDER_START = 200 / 255
 """Toned intensities above this share of white are compressed, so that what was below white stays below white."""
+SHADING_TERMS = 4
+"""Terms of the shading, see `shading_terms`."""
 FIELD_STEP_PX = 16
 """Factors are computed on a grid this coarse and interpolated, with errors of a hundredth at most."""
 
@@ -23,10 +25,9 @@ class Tone:
     ----------
     gain : tuple of float
         Factor on the intensities, one for all channels or one per channel.
-    falloff : tuple of float
-        Coefficients v of the lens falloff, the same for all photographs of a camera: the photograph is darker towards
-        its corners by exp(-(v[0] r^2 + v[1] r^4)), with r the distance from its centre in half diagonals; the tone
-        undoes that.
+    shading : ndarray of float64, shape (4, 1 or 3), or None
+        The light that belongs to the camera, the same for all its photographs: each is darker by the exponential of
+        `shading_terms` times these coefficients, and the tone undoes that.
     black : float
         The intensity that no gain changes. Above 0 for photographs of 16 bits from a camera with a black level.
     light : ndarray of float32, shape (rows, columns, 1 or 3), or None
@@ -36,7 +37,7 @@ class Tone:
     """
 
     gain: tuple[float, ...] = (1.0,)
-    falloff: tuple[float, float] = (0.0, 0.0)
+    shading: Array | None = None
     black: float = 0.0
     light: Float32 | None = None
     shoulder: float = SHOULDER_START
@@ -44,7 +45,7 @@ class Tone:
     @property
     def varies(self) -> bool:
         """Whether the tone differs between places of the photograph."""
-        return self.light is not None or any(self.falloff)
+        return self.light is not None or self.shading is not None
 
     def apply(self, pixels: Intensities, factors: Float32 | None = None) -> Intensities:
         """Apply the tone to intensities.
@@ -107,8 +108,9 @@ class Tone:
         points = np.stack(np.meshgrid(x, y), axis=-1)
         if to_image is not None:
             points = apply(to_image, points)
-        squared = squared_radius(points, size)
-        logs = np.asarray((self.falloff[0] * squared + self.falloff[1] * squared**2)[..., None] + np.log(self.gain))
+        logs = np.broadcast_to(np.log(self.gain), (*points.shape[:2], len(self.gain)))
+        if self.shading is not None:
+            logs = logs + shading_terms(points, size) @ self.shading
         if self.light is not None:
             nodes = np.array(self.light.shape[1::-1]) - 1
             places = (np.clip(points / (np.array(size) - 1), 0, 1) * nodes).astype(np.float32)
@@ -122,7 +124,16 @@ class Tone:
 NEUTRAL = Tone()
 
 
-def squared_radius(points: Array, size: tuple[int, int]) -> Array:
-    """Squared distances (...) of points (..., 2) from the centre of an image (width, height), in half diagonals."""
-    centre = (np.array(size) - 1) / 2
-    return np.asarray(((points - centre) ** 2).sum(axis=-1) / (np.hypot(*size) / 2) ** 2)
+def shading_terms(points: Array, size: tuple[int, int]) -> Array:
+    """What the camera's shading is made of, (..., 4): r^2, r^4, x and y, as of a falling lens and a lamp at one side.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (..., 2)
+        Pixels of a photograph. Their x, y and r count from its centre, in half diagonals.
+    size : (int, int)
+        Width and height of the photograph, px.
+    """
+    from_centre = (points - (np.array(size) - 1) / 2) / (np.hypot(*size) / 2)
+    squared = (from_centre**2).sum(axis=-1, keepdims=True)
+    return np.concatenate((squared, squared**2, from_centre), axis=-1)

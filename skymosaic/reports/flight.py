@@ -124,6 +124,7 @@ def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
             for placement, transform in zip(composition.placements, composition.transforms, strict=True)
         },
         "reduced": composition.reduced,
+        "uneven": composition.uneven,
         "cut_off": {name: round(share, 4) for name, share in composition.cut_off.items()},
         "links": [_link_numbers(flight, layout, row) for row in range(len(layout.links))],
         "contradicting": [[flight.views[end].name for end in (x.left, x.right)] for x in layout.contradicting],
@@ -269,6 +270,8 @@ def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
     ]
     if delivery.composition.reduced:
         rows.append(("size", delivery.composition.reduced))
+    if delivery.composition.uneven:
+        rows.append(("light", delivery.composition.uneven))
     if delivery.composition.cut_off:
         rows.append(("cut off", describe_cuts(delivery.composition)))
     if delivery.composition.band_names:

@@ -134,8 +134,8 @@ class Composition:
         Of a multi-band mosaic; else empty.
     aligned_px : dict of str to float
         The median error of the alignment of each band with the registering one, px.
-    reduced : str
-        Why it is smaller than asked for, and what to do; else empty.
+    reduced, uneven : str
+        Why it is smaller than asked for, and what to do; what to expect of its brightness; else empty.
     """
 
     placements: tuple[Placement, ...]
@@ -148,6 +148,7 @@ class Composition:
     band_names: tuple[str, ...] = ()
     aligned_px: dict[str, float] = field(default_factory=dict)
     reduced: str = ""
+    uneven: str = ""
 
     @property
     def size(self) -> tuple[int, int]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from golden_model.arrays import Intensities
 from skymosaic.common.memory import release_free_memory
-from skymosaic.compositing.exposure import estimate_levels, estimate_tones, measure_toned_range
+from skymosaic.compositing.exposure import describe_uneven, estimate_levels, estimate_tones, measure_toned_range
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.seams import find_seams
 from skymosaic.compositing.warp import magnification
@@ -99,11 +99,13 @@ def equalise(composition: Composition, views: Sequence[View], thumbnails: Sequen
     """
     values = composition.values
     if values is None or not values.deep:
-        return composition.with_each(tone=estimate_tones(thumbnails))
+        tones = estimate_tones(thumbnails)
+        return replace(composition.with_each(tone=tones), uneven=describe_uneven(thumbnails, tones))
     samples = [view.sample for view in views]
     black, white = estimate_levels(samples, [view.taken.black_level for view in views])
     tones = estimate_tones(thumbnails, black=black, white=white)
-    return replace(composition.with_each(tone=tones), values=measure_toned_range(tones, samples, values))
+    values = measure_toned_range(tones, samples, values)
+    return replace(composition.with_each(tone=tones), values=values, uneven=describe_uneven(thumbnails, tones))
 
 
 def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[list[Layer], float]:

@@ -1,3 +1,4 @@
+import re
 from typing import Any
 
 import cv2
@@ -5,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from skymosaic.compositing.exposure import estimate_levels, estimate_tones, measure_toned_range
+from skymosaic.compositing.exposure import describe_uneven, estimate_levels, estimate_tones, measure_toned_range
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.overlaps import compare_overlaps
 from skymosaic.compositing.tone import NEUTRAL, SHOULDER_START, Tone
@@ -74,13 +75,56 @@ def test_white_balance_follows_the_overlaps_by_channel() -> None:
 
 def test_a_common_falloff_of_the_lens_is_found() -> None:
     tones = estimate_tones(strip(np.array([1.0, 0.8, 1.1, 0.9, 1.2, 1.0])[:, None], falloff=0.35))
-    first, second = tones[0].falloff
-    assert {tone.falloff for tone in tones} == {(first, second)}
-    assert first + second == pytest.approx(0.35, abs=0.05)
+    shading = tones[0].shading
+    assert shading is not None
+    assert all(tone.shading is shading for tone in tones)
+    np.testing.assert_allclose(shading[:2].sum(axis=0), 0.35, atol=0.05)
 
 
 def test_a_lens_without_falloff_gets_none() -> None:
-    assert estimate_tones(strip(np.ones((6, 1))))[0].falloff == pytest.approx((0, 0), abs=0.02)
+    shading = estimate_tones(strip(np.ones((6, 1))))[0].shading
+    np.testing.assert_allclose(0 if shading is None else shading, 0, atol=0.02)
+
+
+def lit_strip(lamp: NDArray[np.float64], exposures: NDArray[np.float64]) -> list[Layer]:
+    """Photographs that all head the same way, under a light (H, 1, 3) that moves with the camera."""
+    ground, layers, rng = scene(320, 1500), [], np.random.default_rng(3)
+    for number, exposure in enumerate(exposures):
+        top = 75 * number
+        exposed = ground[top : top + SIZE_PX[1]] * lamp * exposure + rng.normal(0, 2, (*SIZE_PX[::-1], 3))
+        layers.append(
+            Layer(np.rint(np.clip(exposed, 0, 255)).astype(np.uint8), np.array([[1.0, 0, 0], [0, 1, top], [0, 0, 1]]))
+        )
+    return layers
+
+
+def kept_brightness(layers: list[Layer], tones: list[Tone]) -> NDArray[np.float64]:
+    """The channels' brightness (N, 3) of toned photographs, over that of the photographs."""
+    pairs = zip(layers, tones, strict=True)
+    return np.array([toned(layer, tone).mean(axis=(0, 1)) / layer.image.mean(axis=(0, 1)) for layer, tone in pairs])
+
+
+DOWN = np.linspace(-0.5, 0.5, SIZE_PX[1])[:, None, None]
+
+
+@pytest.mark.parametrize("lamp", [1 - 0.6 * DOWN * np.ones(3), np.exp(0.6 * DOWN * [1, 0, -1])], ids=["gray", "tinted"])
+def test_light_that_moves_with_the_camera_makes_no_ramp(lamp: NDArray[np.float64]) -> None:
+    layers = lit_strip(lamp, np.ones(14))
+    tones = estimate_tones(layers)
+    np.testing.assert_allclose(kept_brightness(layers, tones), 1, atol=0.12)
+    assert describe_uneven(layers, tones) == ""
+    shown = np.concatenate([toned(layer, tone)[60:140] for layer, tone in zip(layers, tones, strict=True)])
+    # The scene is as bright at its end as where it begins.
+    np.testing.assert_allclose(shown[:400].mean(axis=(0, 1)) / shown[-400:].mean(axis=(0, 1)), 1, atol=0.2)
+
+
+def test_an_exposure_that_jumps_is_no_light_of_the_camera() -> None:
+    layers = lit_strip(np.ones((1, 1, 3)), np.repeat([1.0, 0.5], 7))
+    tones = estimate_tones(layers)
+    np.testing.assert_allclose(0 if tones[0].shading is None else tones[0].shading, 0, atol=0.03)
+    kept = kept_brightness(layers, tones).mean(axis=1)
+    np.testing.assert_allclose(kept[7:] / kept[:7], 2, rtol=0.05)
+    assert re.search(r"at 0\.6\d of theirs or less, and a tenth at 1\.3\d or more", describe_uneven(layers, tones))
 
 
 def test_moving_things_do_not_count() -> None:

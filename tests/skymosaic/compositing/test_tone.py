@@ -45,7 +45,7 @@ def test_channels_have_their_own_gains() -> None:
 
 def test_falloff_brightens_the_corners_as_given() -> None:
     size = (401, 301)
-    tone = Tone((1.0,), (0.2, 0.1))
+    tone = Tone((1.0,), np.array([[0.2], [0.1], [0.0], [0.0]]))
     toned = tone.apply(np.full((301, 401), 100, np.uint8), tone.factors(size, Canvas(0, 0, *size)))
     assert toned[150, 200] == 100
     assert toned[0, 0] == pytest.approx(100 * np.exp(0.3), abs=1.5)
@@ -56,7 +56,7 @@ def test_factors_belong_to_places_of_the_source_image() -> None:
     part = Canvas(30, 70, 333, 222)
     light = np.zeros((3, 5, 3), np.float32)
     light[..., 1] = np.linspace(-0.3, 0.5, 5)  # along x, green only
-    factors = Tone((1.0, 2.0, 1.0), (0.2, 0.0), light=light).factors((640, 480), part, turned)
+    factors = Tone((1.0, 2.0, 1.0), np.array([[0.2], [0], [0], [0]]), light=light).factors((640, 480), part, turned)
     for x, y in ((10, 10), (332, 221), (100, 57)):
         mapped = turned @ [part.x_px + x, part.y_px + y, 1]
         at = mapped[:2] / mapped[2]

@@ -62,6 +62,7 @@ def delivered(**changes: Any) -> Any:
         placements=placements,
         transforms=[np.eye(3), np.diag([3.0, 3, 1]), np.eye(3)],
         reduced="",
+        uneven="",
         cut_off={},
         band_names=(),
         aligned_px={},
@@ -112,6 +113,7 @@ def test_what_only_some_mosaics_have_is_a_row_of_its_own() -> None:
     rich = delivered(
         layout=dataclasses.replace(layout, links=tuple(flat)),
         reduced="to a quarter",
+        uneven="burnt",
         cut_off={"/site/3.jpg": 0.123, "/site/0.jpg": 0.5},
         band_names=("green", "red", "nir"),
         aligned_px={"green": 0.314, "nir": 1.2},
@@ -122,7 +124,7 @@ def test_what_only_some_mosaics_have_is_a_row_of_its_own() -> None:
     rows = dict(report._mosaic_rows(rich))
     assert rows["ground"] == "flat (1% of the matches lie 3 to 12 px off the plane)"
     assert rows["error"].startswith("median 2.00 px, 90 % below 3.00 px")
-    assert rows["size"] == "to a quarter"
+    assert (rows["size"], rows["light"]) == ("to a quarter", "burnt")
     assert rows["cut off"] == "3.jpg 12%, 0.jpg 50%: ground far beyond their matches, towards the horizon"
     assert rows["bands"] == "green, red, nir; registered by red, median error of the others: green 0.31 px, nir 1.20 px"
     assert rows["range"] == "120..5000 of all photographs shown as 0..255; .tif keeps 16 bits"
