@@ -157,7 +157,11 @@ struct Bench {
 #pragma GCC visibility push(default)
 extern "C" {
 Bench *bench_open(const char *waves) { return new Bench(waves); }
-void bench_close(Bench *bench) { delete bench; }
+int bench_close(Bench *bench) {
+    int error = bench->model.close();
+    delete bench;
+    return error;
+}
 void bench_reset(Bench *bench) { bench->reset(); }
 void bench_set(Bench *bench, int setting, uint64_t value) { bench->set(setting, value); }
 #ifdef CONTROL

@@ -67,8 +67,9 @@ class Model:
         return self._functions[name](self._model, *arguments)
 
     def close(self) -> None:
-        """End the simulation, and close the wave file."""
-        self.call("close")
+        """End the simulation, and close the wave file; raises OSError if that could not be written."""
+        if error := self.call("close"):
+            raise OSError(error, os.strerror(error))
 
     def reset(self) -> None:
         """Reset the design, whatever its state."""
@@ -188,6 +189,7 @@ class Bench(Model):
 _FUNCTIONS = {
     **COMMON_FUNCTIONS,
     "open": (_POINTER, ctypes.c_char_p),
+    "close": (ctypes.c_int,),
     "set": (None, ctypes.c_int, ctypes.c_uint64),
     "run": (ctypes.c_bool, ctypes.POINTER(_Request)),
     "sent": (ctypes.c_uint64,),

@@ -1,5 +1,6 @@
 """The command that compares the hardware with the golden model."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,7 @@ from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.options import HARDWARE, OUTPUT
 from skymosaic.evaluation.hardware import compare as compare_pair
-from skymosaic.imagery.images import check_output
+from skymosaic.imagery.images import check_output, write_atomically
 from skymosaic.registration.options import PhotographOptions
 
 
@@ -40,8 +41,8 @@ def compare(
     """Run a pair through the golden model and the hardware; every field of every record has to be equal."""
     if waves:
         check_output(waves, suffixes=(".vcd",), overwrite=overwrite)
-    with session.working("comparing") as step:
-        result = compare_pair(left, right, options, homography=homography, waves=waves, progress=step)
+    with session.working("comparing") as step, write_atomically(waves) if waves else nullcontext() as path:
+        result = compare_pair(left, right, options, homography=homography, waves=path, progress=step)
     session.numbers = result.summary()
     session.seconds["simulating"] = result.seconds
     session.show(f"NOT EQUAL: {result.mismatch}" if result.mismatch else "equal")

@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from golden_model.arrays import Intensities
 from sim.backends.errors import BackendError
 from sim.scene import make_pair
 from skymosaic.cli.options import OverwriteOption, output_option, with_options
@@ -54,15 +55,16 @@ def _make_mosaic(folder: Path, photographs: tuple[Path, Path], seed: int) -> Non
         step("rendering a synthetic flight")
         flight = make_pair(seed=seed)
         for path, image in zip(photographs, flight.images, strict=True):
-            save(path, image)
+            _save(path, image)
         clock.lap("rendering")
         step("making the mosaic")
         result = mosaic(photographs)
         clock.lap("mosaic")
         step("drawing")
-        save(folder / "mosaic.png", result.image)
+        _save(folder / "mosaic.png", result.image)
         pair = result.pairs[0]
         page = write_pair_report(folder / "report", pair, np.asarray(result.image, dtype=np.uint8))
+        session.wrote(page.parent)
         clock.lap("drawing")
     assert pair.homography is not None  # mosaic() raises without one
     error_px = grid_error(pair.homography, flight.homography_between(0, 1), pair.left.size, pair.right.size)
@@ -75,8 +77,12 @@ def _make_mosaic(folder: Path, photographs: tuple[Path, Path], seed: int) -> Non
     session.show(f"photographs {photographs[0]} {photographs[1]}")
     outputs = {"mosaic": folder / "mosaic.png", "matches": page.with_name("matches.png"), "report": page}
     for name, path in outputs.items():
-        session.wrote(path)
         session.show(f"{name:11} {path}")
+
+
+def _save(path: Path, pixels: Intensities) -> None:
+    save(path, pixels)
+    session.wrote(path)
 
 
 def _compare_hardware(photographs: tuple[Path, Path], options: BackendOptions) -> None:

@@ -17,10 +17,10 @@ from skymosaic.cli.options import (
 )
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
-from skymosaic.common.errors import RegistrationError
+from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.options import INPUT
 from skymosaic.flight.mapping.place import explain_absence
-from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm, numbered
+from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm, numbered, room_for
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA
 from skymosaic.imagery import images
 from skymosaic.imagery.folders import is_folder
@@ -31,6 +31,10 @@ from skymosaic.mosaicking.live.pace import Pace
 from skymosaic.mosaicking.live.run import grow
 from skymosaic.mosaicking.live.update import LiveUpdate
 from skymosaic.mosaicking.options import LiveOptions
+from skymosaic.mosaicking.outputs import check_room
+
+PLANES = 4
+"""A mosaic in colour has these, with alpha."""
 
 
 @with_options
@@ -59,6 +63,8 @@ def live(
     form.check(output)
     preview = _preview_of(output)
     images.check_output(preview, overwrite=overwrite)
+    if options.canvas_limit_px is None:
+        check_room(output, room_for(output, PLANES))
     pace = Pace(options.base_config, options.backend_name)
     replaces = output.exists()
 
@@ -90,17 +96,25 @@ def live(
         # Nothing is left behind that a second run would not overwrite.
         preview.unlink(missing_ok=True)
         raise
-    if target != output:
-        session.warn(f"{output}: came as a frame meanwhile, and stays; the mosaic is {target}")
+    except (InputError, OSError):
+        # It is all that there is.
+        if preview.exists():
+            session.wrote(preview)
+        raise
     written = [path for path in (target, preview) if path.exists()]
-    if is_folder(Path(source)):
-        for path in written:
-            record_output(path, [Path(source) / path.name])
     for path in written:
         session.wrote(path)
+    if target != output:
+        session.warn(f"{output}: came as a frame meanwhile, and stays; the mosaic is {target}")
     session.tell(str(pace))
     _show(delivery, absent, mosaic, pace)
     session.numbers |= options.base_config.rules_summary()
+    failures = list(delivery.failures)
+    for path in written if is_folder(Path(source)) else ():
+        with noting(failures):
+            record_output(path, [Path(source) / path.name])
+    if failures:
+        raise InputError("; ".join(failures))
 
 
 def _preview_of(output: Path) -> Path:

@@ -1,6 +1,6 @@
 """The command that makes a mosaic: of two photographs, or of a flight."""
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -20,10 +20,9 @@ from skymosaic.cli.options import (
 from skymosaic.cli.outputs import Typed, Writes
 from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import STDOUT, session
-from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.options import MAP, OUTPUT
 from skymosaic.flight.check import check_flight, doubts, layout_errors
-from skymosaic.flight.flight import Flight
 from skymosaic.flight.mapping.place import explain_absence
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA
@@ -95,16 +94,28 @@ def mosaic(
             check_output(save_camera, suffixes=(".toml",), overwrite=overwrite)
         if report:
             check_output_folder(report, overwrite=overwrite)
-        deliveries = _write_mosaics(plan, target, form, report, overwrite=overwrite, strict=strict)
+        written = _write_mosaics(plan, target, form, report, overwrite=overwrite, strict=strict)
     # Before anything is printed, which a closed pipe ends.
     if save_camera:
-        _save_camera(save_camera, deliveries[0].flight)
-    _show(deliveries, output, report, save_camera)
+        _save_camera(save_camera, written)
+    _show(written, output)
+    if written.failures:
+        raise InputError("; ".join(written.failures))
+
+
+@dataclass
+class _Written:
+    """The outputs that were written, and lines about those that could not be."""
+
+    deliveries: list[Delivery]
+    failures: list[str]
+    report: Path | None = None
+    camera: Path | None = None
 
 
 def _write_mosaics(
     plan: MosaicPlan, output: Path, form: OutputForm, report: Path | None, *, overwrite: bool, strict: bool
-) -> list[Delivery]:
+) -> _Written:
     """Write the mosaics and their report; of a pair that cannot be registered, the report alone, which shows why."""
     deliveries: list[Delivery] = []
     # An error of the survey itself leaves nothing to report.
@@ -122,21 +133,27 @@ def _write_mosaics(
         if report:
             write_report(report, flight, deliveries)
         raise
+    written = _Written(deliveries, [line for delivery in deliveries for line in delivery.failures])
     if report:
-        write_report(report, flight, deliveries)
-    return deliveries
+        with noting(written.failures):
+            write_report(report, flight, deliveries)
+            written.report = report
+    return written
 
 
-def _save_camera(path: Path, flight: Flight) -> None:
+def _save_camera(path: Path, written: _Written) -> None:
     """Write the lens estimated from tie points, or say why there is none."""
-    if flight.calibration is None:
+    lens = written.deliveries[0].flight.calibration
+    if lens is None:
         session.warn("no camera file: correcting the lens does not improve the tie points, or they are too few")
-    else:
-        save_bytes(path, flight.calibration.camera_file.encode())
+        return
+    with noting(written.failures):
+        save_bytes(path, lens.camera_file.encode())
+        written.camera = path
 
 
-def _show(deliveries: Sequence[Delivery], output: Path, report: Path | None, camera: Path | None) -> None:
-    flight = deliveries[0].flight
+def _show(written: _Written, output: Path) -> None:
+    deliveries, flight = written.deliveries, written.deliveries[0].flight
     session.seconds = dict(flight.seconds)
     session.numbers = flight_numbers(deliveries, check_flight(flight))
     if flight.pair is not None:
@@ -153,12 +170,12 @@ def _show(deliveries: Sequence[Delivery], output: Path, report: Path | None, cam
             f"lens: k1 {lens.k1:.4f} (focal length {lens.focal_px:.0f} px); median error of held-out ties "
             f"{lens.before_px:.2f} px without it, {lens.after_px:.2f} px with it"
         )
-    if report:
-        session.wrote(report)
-        session.show(f"report {report / 'index.html'}")
-    if camera and lens is not None:
-        session.wrote(camera)
-        session.show(f"camera {camera}")
+    if written.report:
+        session.wrote(written.report)
+        session.show(f"report {written.report / 'index.html'}")
+    if written.camera:
+        session.wrote(written.camera)
+        session.show(f"camera {written.camera}")
 
 
 def _show_mosaic(delivery: Delivery, path: Path) -> None:

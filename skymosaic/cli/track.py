@@ -55,15 +55,15 @@ def track(
                 step(f"frame {frame.number}")
 
         rows = follow_video(tracker, reader, output, report)
+    session.wrote(output)
+    session.numbers = {"frames": len(rows), "corners": [dataclasses.asdict(each) for each in rows]}
     if corners:
         save_corners(corners, rows)
+        session.wrote(corners)
     session.seconds["tracking"] = time.perf_counter() - start
-    session.numbers = {"frames": len(rows), "corners": [dataclasses.asdict(each) for each in rows]}
     _show_summary(rows, session.seconds["tracking"] / len(rows))
     for note in reader.notes:
         session.warn(f"{video}: {note}")
-    for path in (output, *([corners] if corners else [])):
-        session.wrote(path)
     session.show(f"video {output}" + (f", corners {corners}" if corners else ""))
 
 

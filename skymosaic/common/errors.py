@@ -1,5 +1,8 @@
 """Errors that end a request; each has a one-line message for the user."""
 
+import contextlib
+from collections.abc import Iterator
+
 from golden_model.text import one_line
 
 
@@ -20,3 +23,14 @@ class DamagedError(InputError):
 
 class RegistrationError(_OneLineError):
     """The images are valid but no mosaic can be made of them; the message says why, with counts (exit status 3)."""
+
+
+@contextlib.contextmanager
+def noting(failures: list[str]) -> Iterator[None]:
+    """Context of one output of several: where it cannot be written, ``failures`` gets the line, and others follow."""
+    try:
+        yield
+    except InputError as error:
+        failures.append(str(error))
+    except OSError as error:
+        failures.append(f"{error.filename}: cannot be written ({error.strerror}); check the disk")

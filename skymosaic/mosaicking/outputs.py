@@ -20,13 +20,20 @@ from skymosaic.maps.tiles import OWN_NAMES
 from skymosaic.mosaicking.options import MEGAPIXEL, MosaicOptions
 
 MIN_ROOM_PX = 1_000_000
-"""A disk with less room is refused before the first feature; one with more gets a reduced mosaic."""
+"""A disk with less room is refused before the first feature; one with more gets a reduced mosaic. What is computed
+already goes where it can."""
 
 
 def check_outputs(
-    output: Path, form: OutputForm, sources: Sequence[Source], options: MosaicOptions, *, overwrite: bool = False
+    output: Path,
+    form: OutputForm,
+    sources: Sequence[Source],
+    options: MosaicOptions,
+    *,
+    overwrite: bool = False,
+    computed: bool = False,
 ) -> None:
-    """Check that the mosaics of ``sources`` can be written, before anything is computed.
+    """Check that the mosaics of ``sources`` can be written, before anything is ``computed``, or afterwards.
 
     Raises
     ------
@@ -41,9 +48,8 @@ def check_outputs(
     if form.tiles is not None:
         check_output_folder(form.tiles, inputs, OWN_NAMES, overwrite=overwrite)
     check_output(output, inputs, overwrite=overwrite)
-    room = room_of(output, sources, options)
-    if options.canvas_limit_px is None and room.area_px < MIN_ROOM_PX:
-        raise InputError(f"{output}: {room.reason}, too little for a mosaic; free some, or choose another folder")
+    if options.canvas_limit_px is None and not computed:
+        check_room(output, room_of(output, sources, options))
     if form.require_map and (note := _explain_no_place(sources, options)):
         raise RegistrationError(f"{explain_absence(output, MapPlace(note=note))}; nothing was written")
     if options.all_groups:
@@ -54,6 +60,12 @@ def check_outputs(
                 check_output_folder(path, inputs, OWN_NAMES, overwrite=overwrite)
     # Last, because it may read all files.
     _check_headers(output, form, sources, options.scale)
+
+
+def check_room(output: Path, room: Room) -> None:
+    """Raise InputError for a disk that is too full to begin."""
+    if room.area_px < MIN_ROOM_PX:
+        raise InputError(f"{output}: {room.reason}, too little for a mosaic; free some, or choose another folder")
 
 
 def refuse_without_place(output: Path, compositions: Sequence[Composition]) -> None:

@@ -2,11 +2,13 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
 from golden_model.arrays import Intensities, Mask
-from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.memory import release_free_memory
 from skymosaic.flight.bands.spectrum import in_all_bands
 from skymosaic.flight.flight import Flight
@@ -71,21 +73,25 @@ class MosaicPlan:
             As in `layouts`; for a mosaic without a place on the map where ``form`` requires one.
         """
         # What can be refused is refused before the work begins.
-        check_outputs(output, form, self.sources, self.options, overwrite=overwrite)
+        computed = "flight" in vars(self)
+        check_outputs(output, form, self.sources, self.options, overwrite=overwrite, computed=computed)
         # Features, links, lens, layouts and their places on the map.
         flight, layouts = self.flight, self.layouts if self.options.all_groups else self.layouts[:1]
         # Canvas, exposure and seams; of all groups, since one that cannot be made leaves no half of the mosaics behind.
         compositions = [self.composition(layout, output) for layout in layouts]
         if form.require_map:
             refuse_without_place(output, compositions)
-        deliveries = []
+        deliveries, failures = list[Delivery](), list[str]()
         for number, (layout, composition) in enumerate(zip(layouts, compositions, strict=True), start=1):
             # Warped and blended band by band, while the file is written.
             bands, path = self.bands(composition), numbered(output, number)
             own_form = form.numbered(number)
-            deliveries.append(
-                deliver(path, flight, layout, composition, bands, form=own_form, preview_width_px=preview_width_px)
-            )
+            # Of several, those that are written stay, and have their report.
+            with noting(failures) if deliveries else nullcontext():
+                deliveries.append(
+                    deliver(path, flight, layout, composition, bands, form=own_form, preview_width_px=preview_width_px)
+                )
+        deliveries[-1] = replace(deliveries[-1], failures=(*deliveries[-1].failures, *failures))
         return deliveries
 
     def mosaic(self, layout: Layout) -> Mosaic:

@@ -159,9 +159,11 @@ class Mosaic:
     def _render(self, path: Path, scheduler: str | None) -> None:
         try:
             with Workers(scheduler) as workers:
-                deliver(path, self.flight, self.layout, self.composition, self.composition.bands(workers))
+                made = deliver(path, self.flight, self.layout, self.composition, self.composition.bands(workers))
         finally:
             forget_decoded()
+        if made.failures:
+            raise InputError("; ".join(made.failures))
 
     def _repr_html_(self) -> str:
         """The mosaic, reduced, for notebooks."""

@@ -3,12 +3,14 @@
 import itertools
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -98,6 +100,15 @@ def test_a_folder_is_watched_until_no_more_frames_arrive(
     assert pace.numbers["accelerator"]["clocks_per_frame"] == SIZE[0] * SIZE[1]
     assert 0 < pace.numbers["accelerator"]["latency_ms"] < 1
     assert [pace.numbers[count] for count in ("seen", "used", "dropped")] == [4, 4, 0]
+
+
+def test_a_disk_too_full_for_a_mosaic_is_refused_before_the_first_frame(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda _path: SimpleNamespace(free=20_000_000))
+    monkeypatch.setattr("skymosaic.cli.live.read_live_frames", lambda *_, **__: pytest.fail("a frame was read"))
+    with pytest.raises(InputError, match=r"m\.tif: the disk has 19 MB left, too little for a mosaic; free some"):
+        live_command(source=str(tmp_path), output=tmp_path / "m.tif")
 
 
 def test_a_frame_that_comes_under_the_name_of_the_mosaic_stays(

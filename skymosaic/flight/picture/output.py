@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Intensities, Mask, Pixels
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import InputError, noting
 from skymosaic.common.temporary import temporary_folder
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
@@ -101,6 +101,8 @@ class Delivery:
         Wall time of blending and writing.
     tiles : Path or None
         Folder of map tiles.
+    failures : tuple of str
+        What could not be written beside the mosaic, and why.
     """
 
     path: Path
@@ -112,6 +114,7 @@ class Delivery:
     coverage: Pixels
     seconds: float
     tiles: Path | None = None
+    failures: tuple[str, ...] = ()
 
     @property
     def covered_px(self) -> float:
@@ -128,12 +131,17 @@ class Delivery:
 def room_for(path: Path, planes: int) -> Room:
     """How large the mosaic of a flight may become in a file of this name, with ``planes`` bands, alpha included."""
     suffix = path.suffix.lower()
+    free_bytes = shutil.disk_usage(path.parent).free
+    by_disk = f"the disk has {free_bytes >> 20} MB left"
     if suffix == ".png" or _is_tiff(path):
-        free_bytes = shutil.disk_usage(path.parent).free
-        return Room(free_bytes / (BYTES_PER_SAMPLE * planes), reason=f"the disk has {free_bytes >> 20} MB left")
+        return Room(free_bytes / (BYTES_PER_SAMPLE * planes), reason=by_disk)
+    side_px = MAX_SIDES_PX.get(suffix, Room.side_px)
+    # No file of the others is larger than the pixels.
+    if free_bytes / planes < Room.area_px:
+        return Room(free_bytes / planes, side_px, by_disk)
     if suffix in MAX_SIDES_PX:
         reason = f"{suffix} files have limits and the picture is in memory; a .tif has room for more"
-        return Room(side_px=MAX_SIDES_PX[suffix], reason=reason)
+        return Room(side_px=side_px, reason=reason)
     return Room()
 
 
@@ -173,13 +181,14 @@ def deliver(
     Raises
     ------
     InputError
-        If a file cannot be written or a photograph can no longer be read; no partial file is left.
+        If the mosaic cannot be written or a photograph can no longer be read; no partial file is left. What fails after
+        it is among the failures of the delivery.
     """
     start = time.perf_counter()
     values, on_map = composition.values, composition.place.georeference
     if form.compress == "jpeg" and values is not None and values.deep:
         raise too_deep_for_jpeg(path)
-    previews: list[tuple[Pixels, Pixels]] = []
+    previews, failures = list[tuple[Pixels, Pixels]](), list[str]()
     # Every band is rendered once: on its way into the file it also fills the preview and the raster for tiles.
     bands = _collect_previews(bands, composition, min(1.0, preview_width_px / composition.size[0]), previews)
     with temporary_folder(path.parent) as folder:
@@ -193,15 +202,19 @@ def deliver(
         else:
             _write_picture(path, flight, composition, (composition.in_8_bit(pixels) for pixels, _ in bands))
         # At once: if the tiles fail, the next run must not take the mosaic for a photograph.
-        record_output(path, [file for source in flight.sources for file in source.files])
-        if form.tiles is not None:
-            write_tiles(form.tiles, raster, path.stem, values)
+        with noting(failures):
+            record_output(path, [file for source in flight.sources for file in source.files])
+        tiles = None
+        with noting(failures):
+            if form.tiles is not None:
+                write_tiles(form.tiles, raster, path.stem, values)
+                tiles = form.tiles
     note = composition.place.note
     if not note and not _is_tiff(path):
         note = f"{path.suffix} files have no georeference; .tif files do"
     preview, coverage = map(np.concatenate, zip(*previews, strict=True))
     seconds = time.perf_counter() - start
-    return Delivery(path, flight, layout, composition, note, preview, coverage, seconds, form.tiles)
+    return Delivery(path, flight, layout, composition, note, preview, coverage, seconds, tiles, tuple(failures))
 
 
 def _collect_previews(

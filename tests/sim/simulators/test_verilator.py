@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -96,6 +97,20 @@ def test_waves(simulator: ModuleType, tmp_path: Path) -> None:
     seen = [int(line.split()[0][1:], 2) for line in changes.splitlines() if line.endswith(f" {identifier}")]
     expected = images.ravel()[np.diff(images.ravel(), prepend=0) != 0]
     assert [value for value in seen if value][-len(expected[expected > 0]) :] == expected[expected > 0].tolist()
+
+
+@pytest.mark.slow
+def test_waves_that_do_not_fit_are_an_error_and_end_nothing_else(tmp_path: Path) -> None:
+    hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+    verilator.build_library(DESIGN, waves=True)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (8192, hard))
+    try:
+        with pytest.raises(OSError, match="File too large"):
+            verilator.simulate(DESIGN, [segment(random_images(1))], waves=tmp_path / "waves.vcd")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+    with pytest.raises(FileNotFoundError):
+        verilator.simulate(DESIGN, [segment(random_images(1))], waves=tmp_path / "missing" / "waves.vcd")
 
 
 def test_missing_compiler_is_one_clear_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

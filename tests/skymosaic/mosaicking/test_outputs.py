@@ -28,7 +28,11 @@ def test_a_full_disk_is_refused_before_the_first_feature(tmp_path: Path, monkeyp
     with open_plan(photographs, MosaicOptions()) as plan:
         with pytest.raises(InputError, match=r"m\.tif: the disk has 19 MB left, too little for a mosaic; free some"):
             check(plan, tmp_path / "m.tif")
+        check(plan, tmp_path / "m.tif", computed=True)
         check(plan, tmp_path / "m.jpg")
+        usage.free = 3_900_000
+        with pytest.raises(InputError, match=r"m\.jpg: the disk has 3 MB left, too little"):
+            check(plan, tmp_path / "m.jpg")
 
 
 def test_what_headers_forbid_is_refused_before_the_first_feature(tmp_path: Path) -> None:

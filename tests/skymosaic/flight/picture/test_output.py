@@ -28,6 +28,12 @@ def test_a_mosaic_grows_as_the_file_and_the_disk_allow(tmp_path: Path, monkeypat
     room = room_for(tmp_path / "m.tif", 4)
     assert room.share_of(survey) == pytest.approx(0.5, rel=2e-3)
     assert room.reason == "the disk has 3204 MB left"
+    # Of files whose pixels are in memory, too.
+    leave_free(monkeypatch, 40_000_000)
+    for suffix in (".jpg", ".webp", ".bmp"):
+        room = room_for(tmp_path / f"m{suffix}", 4)
+        assert (room.area_px, room.reason) == (10_000_000, "the disk has 38 MB left")
+    assert room_for(tmp_path / "m.webp", 4).side_px == 16_383
 
 
 @pytest.mark.parametrize("size_px", [(1_000_000, 20), (1001, 1001), (3, 900_000)])

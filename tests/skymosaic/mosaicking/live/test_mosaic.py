@@ -1,4 +1,6 @@
+import shutil
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -163,6 +165,22 @@ def test_a_full_disk_ends_the_growth_and_not_the_mosaic(
     assert any(line.startswith("stopped: frames take more than") for line in told)
     assert any(line.startswith("note: no preview: ") for line in told)
     assert len(live.save(tmp_path / "m.png").composition.placements) == 3
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".jpg"])
+def test_what_was_placed_is_written_as_large_as_the_disk_allows(
+    frames: list[NDArray[np.uint8]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    live = LiveMosaic(config=CONFIG)
+    for frame in frames[:4]:
+        live.add(frame)
+    free_bytes = 600_000 if suffix == ".jpg" else 3_000_000
+    monkeypatch.setattr(shutil, "disk_usage", lambda _path: SimpleNamespace(free=free_bytes))
+    written = live.save(tmp_path / f"m{suffix}")
+    assert "because the disk has " in written.composition.reduced
+    height_px, width_px = cv2.imread(str(written.path)).shape[:2]
+    assert 0.9 * free_bytes < height_px * width_px * (4 if suffix == ".jpg" else 24) <= free_bytes
+    assert written.path.stat().st_size < free_bytes / 2
 
 
 def test_a_scale_beyond_one_is_refused() -> None:

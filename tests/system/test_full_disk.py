@@ -1,0 +1,182 @@
+"""A disk that is full at any moment of any command: outputs are whole or absent, and only what had no room is lost."""
+
+import builtins
+import errno
+import io
+import json
+import os
+import re
+import resource
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from sim.scene import make_lawnmower, make_pair
+from skymosaic.imagery.video import VideoReader, write_video
+from tests.conftest import Run
+from tests.system.command_line import only_error
+
+PAIR = "mosaic pair/left.png pair/right.png -o out/m.png --report out/report --tiles out/tiles"
+COMMANDS = {
+    "pair": PAIR,
+    "track": "track film.mkv --roi 40,40,160,120 -o out/t.mp4 --corners out/c.csv",
+    "rules": "fuzzy aerial --write out/a.fll",
+    "flight": "mosaic flight -o out/m.tif --report out/report --tiles out/tiles --cache cache",
+    "live": "live flight -o out/m.png --idle-seconds 0.1",
+    "plot": "fuzzy ransac --plot -o out/plots",
+    "demo": "demo -o out/demo --backend golden",
+}
+FAST = ("pair", "track", "rules")
+LATER = {"pair": ("out/report", "out/tiles"), "flight": ("out/report", "out/tiles"), "track": ("out/c.csv",)}
+"""What comes after the first output of a command, and is lost alone."""
+
+
+@pytest.fixture(autouse=True)
+def _inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    for folder in ("flight", "pair"):
+        Path(folder).mkdir()
+    pictures = dict(zip(("pair/left", "pair/right"), make_pair(seed=5, size=(320, 240)).images, strict=True))
+    views = make_lawnmower(3, 6, (400, 300)).images
+    for name, image in {**pictures, **{f"flight/{n}": image for n, image in enumerate(views)}}.items():
+        cv2.imwrite(f"{name}.png", image)
+        # Complete for long, so that nobody waits for the rest.
+        os.utime(f"{name}.png", (0, 0))
+    with write_video(Path("film.mkv"), Fraction(25)) as write:
+        for step in range(4):
+            write(np.ascontiguousarray(views[0][:240, 4 * step : 4 * step + 320]))
+
+
+class Disk:
+    """Counts files and folders as they are made, and has no room for one of them."""
+
+    def __init__(self, full_at: int = -1) -> None:
+        self.made, self._full_at = 0, full_at
+
+    @contextmanager
+    def mounted(self) -> Iterator[None]:
+        with pytest.MonkeyPatch.context() as patch:
+            for module, name in ((os, "open"), (os, "mkdir"), (io, "open"), (builtins, "open")):
+                patch.setattr(module, name, self._counting(getattr(module, name), name))
+            yield
+
+    def _counting(self, make: Callable[..., Any], name: str) -> Callable[..., Any]:
+        def counted(path: Any, *rest: Any, **more: Any) -> Any:
+            mode = rest[0] if rest else more.get("mode", more.get("flags", "r"))
+            writes = mode & os.O_CREAT if isinstance(mode, int) else set("wxa") & set(mode)
+            if name == "mkdir" or writes:
+                self.made += 1
+                if self.made == self._full_at:
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+            return make(path, *rest, **more)
+
+        return counted
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """What each file holds; of those that a run's duration or its threads change, whether they are complete."""
+    files = {str(path): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    films = {name: str(sum(1 for _ in VideoReader(name))).encode() for name in files if name.endswith(".mp4")}
+    pages = {name: data[-3:] for name, data in files.items() if name.endswith(("index.html", "report.json"))}
+    return {**files, **films, **pages}
+
+
+def attempt(run: Run, words: str, disk: Disk) -> tuple[dict[str, bytes], list[str], int]:
+    """The files that a command has made, the outputs that it names, and its status."""
+    subprocess.run(["rm", "-rf", "out"], check=True)
+    Path("out").mkdir()
+    with disk.mounted():
+        status, out, errors = run(*words.split(), "--json")
+    if status:
+        assert status == 2
+        assert "No space left on device" in only_error(errors) or "File too large" in only_error(errors)
+    assert "Traceback" not in errors
+    return contents(Path("out")), json.loads(out.splitlines()[-1])["outputs"], status
+
+
+def check(whole: dict[str, bytes], found: dict[str, bytes], named: list[str]) -> None:
+    """Each file is as it should be, and those that a command names are all that there are."""
+    assert {name for name, data in found.items() if whole[name] != data} == set()
+    for name in named:
+        assert Path(name).exists()
+    assert all(any(Path(each) in (Path(name), *Path(name).parents) for each in named) for name in found), named
+
+
+@pytest.mark.parametrize(
+    ("words", "output"),
+    [
+        ("mosaic pair/left.png pair/right.png -o out/m.tif", "out/m.tif"),
+        ("track film.mkv --roi 40,40,160,120 -o out/t.mp4", "out/t.mp4"),
+    ],
+)
+def test_a_file_that_grows_beyond_its_room_is_not_there(run: Run, words: str, output: str) -> None:
+    """As GDAL and FFmpeg meet it, which write by themselves."""
+    attempt(run, words, Disk())
+    size = Path(output).stat().st_size
+    Path(output).unlink()
+    hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+    for share in (0.3, 0.6, 0.99):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (int(share * size), hard))
+        try:
+            status, _, errors = run(*words.split())
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+        assert status == 2
+        assert only_error(errors).startswith(f"error: {output}: cannot be written (")
+        assert not contents(Path("out"))
+
+
+SMALL_DISK = (
+    *("unshare", "-rm", "sh", "-c"),
+    'mount -t tmpfs -o size=$0 none out && { "$@"; status=$?; cp -r out kept; exit $status; }',
+)
+"""Runs a command with a small disk in the place of the folder ``out``, and keeps what it wrote: the size, then it."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["pair", "flight", "track", "plot"])
+def test_on_a_small_disk_outputs_are_whole_or_absent(run: Run, name: str) -> None:
+    attempt(run, COMMANDS[name], Disk())
+    whole, *_ = attempt(run, COMMANDS[name], Disk())
+    if subprocess.run([*SMALL_DISK, "4k", "true"], capture_output=True, check=False).returncode:
+        pytest.skip("no mount name spaces here")
+    total = sum(Path(each).stat().st_size for each in whole)
+    for share in (0.02, 0.2, 0.5, 0.9, 4):
+        subprocess.run(["rm", "-rf", "kept"], check=True)
+        words = [*SMALL_DISK, f"{max(4, int(share * total / 1024))}k", sys.executable, "-m", "skymosaic"]
+        done = subprocess.run([*words, *COMMANDS[name].split()], capture_output=True, text=True, check=False)
+        assert done.returncode in (0, 2), done.stderr
+        assert "Traceback" not in done.stderr
+        if done.returncode:
+            assert re.search(r"No space left on device|the disk has \d+ MB left", only_error(done.stderr))
+        kept = {name.replace("kept", "out", 1): data for name, data in contents(Path("kept")).items()}
+        # A flight has a smaller mosaic.
+        assert kept.items() <= whole.items() or "reduced from" in done.stderr, share
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in FAST else [pytest.mark.slow]) for name in COMMANDS]
+)
+def test_one_file_that_has_no_room_costs_one_output(run: Run, name: str) -> None:
+    attempt(run, COMMANDS[name], Disk())
+    whole, outputs, status = attempt(run, COMMANDS[name], disk := Disk())
+    assert (status, bool(whole)) == (0, True)
+    lost: set[str] = set()
+    for number in range(1, disk.made + 1):
+        found, named, status = attempt(run, COMMANDS[name], Disk(number))
+        missing = set(outputs) - set(named)
+        check(whole, found, named)
+        assert bool(status) == bool(missing) or found.items() == whole.items() or name in ("live", "flight")
+        if outputs[0] in named and name in LATER:
+            assert len(missing) <= 1, (number, missing)
+            lost |= missing
+    assert lost >= set(LATER.get(name, ()))
