@@ -48,7 +48,7 @@ def track(
     with session.working("tracking") as step:
 
         def report(frame: TrackedFrame, row: TrackedCorners) -> None:
-            facts = {"name": name_frame(video, frame.number), "placed": not frame.reason, "reason": frame.reason}
+            facts = {"name": name_frame(video, frame.number), "placed": not frame.reason}
             pose = None if frame.pose is None else frame.pose.homography.tolist()
             session.stream({**dataclasses.asdict(row), **facts, "pose": pose})
             if session.animated or frame.number % LINE_EVERY_FRAMES == 0:
@@ -86,4 +86,4 @@ def _show_summary(rows: list[TrackedCorners], seconds: float) -> None:
     session.show(f"found in {len(seen)} of {len(rows)} frames, {1000 * seconds:.0f} ms per frame")
     lost = [list(group) for missing, group in groupby(rows, key=lambda each: each.corners is None) if missing]
     for group in lost:
-        session.show(f"lost in frames {group[0].frame} to {group[-1].frame}")
+        session.show(f"frames {group[0].frame} to {group[-1].frame}: {group[-1].reason}")

@@ -119,7 +119,7 @@ def check_file(path: Path, what: str) -> None:
         raise InputError(f"{path}: larger than {MAX_DECODED_BYTES // 1_000_000} MB; reduce it first")
 
 
-def read_header(path: Path) -> Header:
+def read_header(path: Path, min_side_px: int = MIN_FRAME_PX) -> Header:
     """Read a header, and check the file's kind and declared size before anything is decoded.
 
     Raises
@@ -142,7 +142,7 @@ def read_header(path: Path) -> Header:
     # Pillow's plugins raise ValueError, SyntaxError, struct.error, KeyError and others for invalid headers.
     except Exception as error:
         raise InputError(f"{path}: its header is damaged ({error}); copy it again from the camera") from None
-    check_size(str(path), *declared.size)
+    check_size(str(path), *declared.size, min_side_px)
     if declared.decoded_bytes > MAX_DECODED_BYTES:
         raise InputError(
             f"{path}: {declared.decoded_bytes // 1_000_000} MB when decoded, more than the "
@@ -151,11 +151,11 @@ def read_header(path: Path) -> Header:
     return declared
 
 
-def check_size(name: str, width_px: int, height_px: int) -> None:
+def check_size(name: str, width_px: int, height_px: int, min_side_px: int = MIN_FRAME_PX) -> None:
     """Raise InputError for a picture of an unsupported size."""
-    if min(width_px, height_px) < MIN_FRAME_PX:
+    if min(width_px, height_px) < min_side_px:
         raise InputError(
-            f"{name}: {width_px}x{height_px} pixels is too small; at least {MIN_FRAME_PX}x{MIN_FRAME_PX} needed"
+            f"{name}: {width_px}x{height_px} pixels is too small; at least {min_side_px}x{min_side_px} needed"
         )
     if width_px * height_px > MAX_AREA_PX:
         raise InputError(

@@ -60,7 +60,9 @@ class Photograph:
         return self.pixels.shape[1], self.pixels.shape[0]
 
 
-def load(source: str | Path | Pixels, name: str = "image", *, keep_damaged: bool = False) -> Photograph:
+def load(
+    source: str | Path | Pixels, name: str = "image", *, keep_damaged: bool = False, min_side_px: int = MIN_FRAME_PX
+) -> Photograph:
     """Read a file, or check an array of pixels.
 
     Parameters
@@ -70,6 +72,8 @@ def load(source: str | Path | Pixels, name: str = "image", *, keep_damaged: bool
         Name of an array, for messages.
     keep_damaged : bool
         Accept a damaged JPEG or TIFF with a note, as far as it can be decoded.
+    min_side_px : int
+        Smaller pictures are refused.
 
     Returns
     -------
@@ -83,8 +87,8 @@ def load(source: str | Path | Pixels, name: str = "image", *, keep_damaged: bool
     """
     check_given(source, name)
     if isinstance(source, str | Path):
-        return _read(only_match(Path(source)), keep_damaged=keep_damaged)
-    check_size(name, source.shape[1], source.shape[0])
+        return _read(only_match(Path(source)), keep_damaged=keep_damaged, min_side_px=min_side_px)
+    check_size(name, source.shape[1], source.shape[0], min_side_px)
     return Photograph(name, source)
 
 
@@ -106,8 +110,8 @@ def check_given(source: Image, name: str) -> None:
         )
 
 
-def _read(path: Path, *, keep_damaged: bool) -> Photograph:
-    header = read_header(path)
+def _read(path: Path, *, keep_damaged: bool, min_side_px: int) -> Photograph:
+    header = read_header(path, min_side_px)
     decoded, damage = decode(path, header, keep_damaged=keep_damaged)
     turned = ("turned upright by its EXIF orientation",) if header.orientation != UPRIGHT else ()
     opaque = ("transparent pixels count as ground",) if header.transparent else ()

@@ -25,13 +25,14 @@ _SUBPIXEL_SHIFT = 4
 
 @dataclass(frozen=True)
 class TrackedCorners:
-    """One row of the table: corners (x, y) clockwise from the template's top left; None if the template was lost."""
+    """One row of the table: corners (x, y) clockwise from the template's top left, or the reason why there are none."""
 
     frame: int
     seconds: float
     corners: tuple[tuple[float, float], ...] | None
     model: str
     inliers: int
+    reason: str = ""
 
 
 def draw_outline(frame: TrackedFrame) -> Pixels:
@@ -47,7 +48,7 @@ def make_row(frame: TrackedFrame, frame_rate: Fraction) -> TrackedCorners:
     """Make the table row of a frame; corners are rounded to 0.001 px."""
     seconds = round(float(frame.number / frame_rate), 6)
     if frame.corners is None or frame.pose is None:
-        return TrackedCorners(frame.number, seconds, None, "", 0)
+        return TrackedCorners(frame.number, seconds, None, "", 0, frame.reason)
     corners = tuple((round(float(x), 3), round(float(y), 3)) for x, y in frame.corners)
     return TrackedCorners(frame.number, seconds, corners, frame.pose.model, frame.pose.inliers)
 
@@ -70,7 +71,10 @@ def follow_video(
             on_frame(frame, rows[-1])
         # Raised in here, so that no video is left behind.
         if not any(each.corners for each in rows):
-            raise RegistrationError(f"{reader.name}: the template was found in none of {len(rows)} frames")
+            raise RegistrationError(
+                f"{reader.name}: the template was found in none of {len(rows)} frames; one that is cut from this video "
+                "is found best, for example with --roi"
+            )
     return rows
 
 
@@ -88,9 +92,9 @@ def _csv(rows: Sequence[TrackedCorners]) -> str:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(
-        ["frame", "seconds", *(f"{axis}{corner}" for corner in range(4) for axis in "xy"), "model", "inliers"]
+        ["frame", "seconds", *(f"{axis}{corner}" for corner in range(4) for axis in "xy"), "model", "inliers", "reason"]
     )
     for each in rows:
         values = [""] * 8 if each.corners is None else [value for point in each.corners for value in point]
-        table.writerow([each.frame, each.seconds, *values, each.model, each.inliers])
+        table.writerow([each.frame, each.seconds, *values, each.model, each.inliers, each.reason])
     return text.getvalue()

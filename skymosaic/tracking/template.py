@@ -1,8 +1,9 @@
 """The tracked object: how the front end sees it, and how it is found in a frame.
 
 A small object has few corners at its own size, and none within the border that descriptors need. So the front end
-processes a *view*: the object enlarged, with its surroundings, whose features are ignored. A frame is warped into the
-same view by the expected pose of the object; matching with the held reference then measures the error of this pose.
+processes a *view*: the object enlarged, with its surroundings. A frame is warped into the same view by the expected
+pose of the object; matching with a reference, the first view or a recent one, then measures the error of this pose.
+The surroundings show how the ground moves.
 """
 
 from dataclasses import dataclass
@@ -13,18 +14,23 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Array, Pixels
+from golden_model.arrays import Array, Mask, Pixels
 from golden_model.config import Config
 from sim.backends.interface import Backend
-from skymosaic.compositing.warp import Canvas, shrink, warp_backward
+from skymosaic.compositing.warp import Canvas, magnification, shrink, warp_backward
 from skymosaic.features.positions import feature_points, match_points
-from skymosaic.geometry.homography import apply, resize_matrix, transfer_error
-from skymosaic.geometry.model_selection import TOLERANCE_PX, fit, fit_similarity
+from skymosaic.geometry.homography import apply, rescale, resize_matrix, transfer_error
+from skymosaic.geometry.model_selection import TOLERANCE_PX, fit_similarity
+from skymosaic.tracking.motion import Matches, fit_object, fit_surroundings
 
+MIN_ROI_PX = 16
+"""Smallest side of a template."""
 MIN_VIEW_SIDE_PX, MAX_VIEW_SIDE_PX = 128, 256
 """Limits of the object's side in the view, measured as the square root of its area; the object is resized to them."""
 MARGIN_PX = 64
 """Surroundings in the view: the front end's border at half size (40 px) and the possible error of the expected pose."""
+NEAR_PX = 12.0
+"""Distance from features that followed the object, in a recent view, within which others are taken for its own."""
 
 
 class Roi(NamedTuple):
@@ -36,18 +42,42 @@ class Roi(NamedTuple):
     height_px: int
 
 
+class View(NamedTuple):
+    """A picture in which the object was seen.
+
+    ``from_frame`` (3, 3) maps pixels of the frame to those of ``picture``, and ``in_frame`` (3, 3) template pixels to
+    those of the frame. ``points`` (N, 2), pixels of the picture, are the features that followed the object in a recent
+    view; None in the first one.
+    """
+
+    picture: Pixels
+    from_frame: Array
+    in_frame: Array
+    points: Array | None = None
+
+
 class TemplatePose(NamedTuple):
     """Pose of the template in a frame.
 
     ``homography`` (3, 3) maps template pixels to frame pixels; ``model`` is the estimated model, "similarity" or
-    "projective"; ``features`` are the indices of the template's features that agree within 3 view pixels; ``inliers``
-    counts the trusted ones among them.
+    "projective"; ``inliers`` counts the trusted matches that agree within 3 view pixels. ``followed`` and ``left_out``
+    are indices of the template's features: those that agree, and those that moved like the surroundings or stood still
+    while the object did not; both are empty where a recent view was the reference. ``view`` is what was seen.
     """
 
     homography: Array
     model: str
     inliers: int
-    features: NDArray[np.intp]
+    followed: NDArray[np.intp]
+    left_out: NDArray[np.intp]
+    view: View
+
+
+class Look(NamedTuple):
+    """What was found in a frame: the template, or not, and whether what surrounded it in the reference was seen."""
+
+    pose: TemplatePose | None
+    sees_surroundings: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,44 +123,64 @@ class Template:
 
         A rectangle drawn around an object contains more of the ground towards its edges.
         """
-        features = self.front_end.run([self._reference], self.config)[0].features
+        features = self.front_end.run([self.first_view.picture], self.config)[0].features
         points = feature_points(features)
-        first, last = apply(self._to_view, self.corners)[[0, 2]]
-        # From -1 to 1 across the template.
-        from_middle = (2 * points - first - last) / (last - first)
-        inside = (np.abs(from_middle) <= 1).all(axis=1)
-        return np.where(inside, np.exp(-(from_middle**2).sum(axis=1)), 0)
+        return np.where(self._is_inside(points), np.exp(-(self._from_middle(points) ** 2).sum(axis=1)), 0)
 
-    def find_near(
-        self, frame: Pixels, expected: Array, weight: Array, *, min_inliers: int, rng: np.random.Generator
-    ) -> TemplatePose | None:
-        """Find the template within about a quarter of its size from the expected pose.
+    def look_near(
+        self,
+        frame: Pixels,
+        expected: Array,
+        reference: View,
+        weight: Array,
+        *,
+        moves: bool,
+        min_inliers: int,
+        rng: np.random.Generator,
+    ) -> Look:
+        """Look for the template within about a quarter of its size from the expected pose.
 
         Parameters
         ----------
         frame : ndarray of uint8
         expected : ndarray, shape (3, 3)
             Expected pose, template to frame pixels.
+        reference : View
+            `first_view`, or the view of a recent pose.
         weight : ndarray, shape (F,)
-            Weight of the template's features; 0 for features that are not trusted.
+            Weight of the first view's features; 0 for features that are not trusted.
+        moves : bool
+            Whether the object is known to move otherwise than its surroundings.
         min_inliers : int
             Inliers needed.
         rng : numpy.random.Generator
             Source of the robust estimator's samples.
-
-        Returns
-        -------
-        TemplatePose or None
-            None if the template is not found.
         """
-        index, left, right = self._match(self._view(frame, expected))
-        trusted = weight[index] > 0
-        best = fit(left[trusted], right[trusted], weight[index[trusted]], fewest=min_inliers, rng=rng)
+        view = self._view(frame, expected)
+        index, before, now = self._match(reference.picture, view.picture)
+        # The frame at the scale of the enlarged template: so a similarity of the two has no shear.
+        scaled = resize_matrix(self.zoom / magnification(self.roi[2:], expected))
+        left = apply(self._to_view @ np.linalg.inv(reference.from_frame @ reference.in_frame), before)
+        right = apply(scaled @ np.linalg.inv(view.from_frame), now)
+        inside = self._is_inside(left)
+        if reference.points is None:
+            trust = weight[index]
+        else:
+            trust = np.where(inside & _are_near(before, reference.points), 1.0, 0)
+        matches = Matches(left, right, trust, ~inside)
+        around = fit_surroundings(matches)
+        still, ahead = (scaled @ pose @ np.linalg.inv(self._to_view) for pose in (reference.in_frame, expected))
+        foreign = [still, around.matrix] if around else [still]
+        best, left_out = fit_object(matches, foreign, ahead if moves else None, fewest=min_inliers, rng=rng)
         if best is None:
-            return None
-        agreeing = transfer_error(best.matrix, left, right) <= TOLERANCE_PX
-        homography = expected @ np.linalg.inv(self._to_view) @ best.matrix @ self._to_view
-        return TemplatePose(homography / homography[2, 2], best.model, best.inliers, index[agreeing])
+            return Look(None, around is not None)
+        agreeing = inside & (transfer_error(best.matrix, left, right) <= TOLERANCE_PX)
+        homography = rescale(np.linalg.inv(scaled) @ best.matrix @ self._to_view)
+        # Features of a recent view have numbers of their own.
+        told = np.full(len(index), reference.points is None)
+        followed, others = index[agreeing & told], index[left_out & ~agreeing & told]
+        seen = view._replace(in_frame=homography, points=now[agreeing])
+        return Look(TemplatePose(homography, best.model, best.inliers, followed, others, seen), around is not None)
 
     def guess_within(
         self, frame: Pixels, part: Canvas, zoom: float, weight: Array, *, min_inliers: int
@@ -140,7 +190,7 @@ class Template:
         A similarity needs ``min_inliers``; up to 3 matches agree by chance.
         """
         magnified = resize_matrix(zoom)
-        index, left, right = self._match(_warp(frame, magnified, part))
+        index, left, right = self._match(self.first_view.picture, _warp(frame, magnified, part))
         trusted = weight[index] > 0
         best = fit_similarity(left[trusted], right[trusted], weight[index[trusted]], fewest=min_inliers)
         if best is None:
@@ -154,23 +204,38 @@ class Template:
         return np.array([[1.0, 0, MARGIN_PX], [0, 1, MARGIN_PX], [0, 0, 1]]) @ resize_matrix(self.zoom)
 
     @cached_property
-    def _reference(self) -> Pixels:
+    def first_view(self) -> View:
+        """The picture that the template was cut from."""
         return self._view(self.picture, self.in_picture)
 
-    def _view(self, frame: Pixels, pose: Array) -> Pixels:
+    def _from_middle(self, points: Array) -> Array:
+        """Points (N, 2) of the enlarged template, from -1 to 1 across it."""
+        first, last = apply(self._to_view, self.corners)[[0, 2]]
+        return np.asarray((2 * points - first - last) / (last - first))
+
+    def _is_inside(self, points: Array) -> Mask:
+        return np.asarray((np.abs(self._from_middle(points)) <= 1).all(axis=1))
+
+    def _view(self, frame: Pixels, pose: Array) -> View:
         """The view of a frame, for a template in ``pose`` (template to frame pixels, (3, 3))."""
         width, height = (round(self.zoom * side) + 2 * MARGIN_PX for side in self.roi[2:])
-        return _warp(frame, self._to_view @ np.linalg.inv(pose), Canvas(0, 0, width, height))
+        from_frame = self._to_view @ np.linalg.inv(pose)
+        return View(_warp(frame, from_frame, Canvas(0, 0, width, height)), from_frame, pose)
 
-    def _match(self, picture: Pixels) -> tuple[NDArray[np.intp], Array, Array]:
-        """Match the template's features: feature index (N,) and positions (N, 2) in the view and in ``picture``.
+    def _match(self, reference: Pixels, picture: Pixels) -> tuple[NDArray[np.intp], Array, Array]:
+        """Match two pictures: index (N,) of the feature in the first, and positions (N, 2) in both.
 
-        Matches of the surroundings are left out. The fuzzy stage's verdicts are ignored, because the relative
-        orientation that most matches agree on may be that of the surroundings.
+        The fuzzy stage's verdicts are ignored, because the relative orientation that most matches agree on may be that
+        of the surroundings.
         """
-        matches = self.front_end.run([self._reference, picture], self.config, reference="held")[1].matches
-        matches = matches[self.weight[matches["left_index"]] > 0]
+        matches = self.front_end.run([reference, picture], self.config, reference="held")[1].matches
         return matches["left_index"].astype(np.intp), *match_points(matches)
+
+
+def _are_near(points: Array, others: Array) -> Mask:
+    """Whether each of some points (N, 2) has another one within `NEAR_PX`, (N,)."""
+    distance = np.linalg.norm(points[:, None] - others, axis=2)
+    return np.asarray((distance <= NEAR_PX).any(axis=1))
 
 
 def _warp(frame: Pixels, transform: Array, canvas: Canvas) -> Pixels:

@@ -44,7 +44,7 @@ def test_the_command_writes_video_and_corners(film: Pursuit, roi: Roi, video: Pa
         "track", video, "--roi", ",".join(map(str, roi)), "-o", "out.mp4", "--corners", "c.csv", cwd=tmp_path
     )
     assert result.returncode == 0, result.stderr
-    assert "lost in frames" in result.stdout
+    assert "lost: hidden" in result.stdout
     with (tmp_path / "c.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == IMAGES

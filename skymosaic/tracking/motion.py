@@ -1,0 +1,79 @@
+"""Which of the matches around an object move with it, and which with its surroundings."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from golden_model.arrays import Array, Mask
+from skymosaic.geometry.homography import apply, transfer_error
+from skymosaic.geometry.model_selection import TOLERANCE_PX, Fit, fit, fit_similarity
+
+MIN_OTHERS = 8
+"""Matches that have to agree on another motion than that of the surroundings before it is known that there is one."""
+MAX_SURROUNDINGS = 24
+"""Matches of the surroundings that determine their motion; more take longer."""
+
+
+class Matches(NamedTuple):
+    """Matches of two views of an object.
+
+    ``left`` and ``right`` (N, 2) are positions in the enlarged template and, at the same scale, in the frame;
+    ``weight`` (N,) is 0 for matches that are not trusted, and ``outside`` (N,) are those of the surroundings.
+    """
+
+    left: Array
+    right: Array
+    weight: Array
+    outside: Mask
+
+
+def fit_surroundings(matches: Matches) -> Fit | None:
+    """How the surroundings move; None where fewer than 8 of their matches agree."""
+    outside = np.flatnonzero(matches.outside)
+    some = outside[:: 1 + len(outside) // MAX_SURROUNDINGS]
+    return fit_similarity(matches.left[some], matches.right[some], np.ones(len(some)), fewest=MIN_OTHERS)
+
+
+def fit_object(
+    matches: Matches, foreign: list[Array], expected: Array | None, *, fewest: int, rng: np.random.Generator
+) -> tuple[Fit | None, Mask]:
+    """Fit the motion of an object, as `fit` does, without the matches of other motions.
+
+    A rectangle around an object has some ground in it, and text may lie over it. Until the object is known to move
+    otherwise, such matches are left out only where at least 8 others agree on a motion that most of them do not have.
+
+    Parameters
+    ----------
+    matches : Matches
+    foreign : list of ndarray, shape (3, 3)
+        Motions of the surroundings and of what stands still in the frame, left to right.
+    expected : ndarray, shape (3, 3), or None
+        The expected motion of an object that is known to move otherwise.
+    fewest, rng
+        As in `fit`.
+
+    Returns
+    -------
+    fit : Fit or None
+    left_out : ndarray of bool, shape (N,)
+        The trusted matches that were left out.
+    """
+    left, right, weight, _ = matches
+    trusted = weight > 0
+    if expected is not None:
+        # Where both motions lead to the same place, they cannot be told apart.
+        ahead = apply(expected, left)
+        foreign = [each for each in foreign if np.median(transfer_error(each, left, ahead)) > 2 * TOLERANCE_PX]
+    left_out = trusted & np.any([transfer_error(each, left, right) <= TOLERANCE_PX for each in foreign], axis=0)
+    others = trusted & ~left_out
+    if left_out.any():
+        needed = MIN_OTHERS if expected is None else fewest
+        own = fit(left[others], right[others], weight[others], fewest=needed, rng=rng)
+        if expected is not None or (own and _differ(own.matrix, left[left_out], right[left_out])):
+            return own, left_out
+    return fit(left[trusted], right[trusted], weight[trusted], fewest=fewest, rng=rng), np.zeros_like(trusted)
+
+
+def _differ(motion: Array, left: Array, right: Array) -> bool:
+    """Whether most matches do not have a motion."""
+    return bool(np.median(transfer_error(motion, left, right)) > TOLERANCE_PX)

@@ -1,0 +1,86 @@
+"""Objects that are not there, or not alone: lost, and said, never found elsewhere."""
+
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from golden_model.arrays import Pixels
+from sim.scene import render_ground
+from skymosaic.common.errors import InputError
+from skymosaic.tracking.template import Roi
+from skymosaic.tracking.tracker import TrackedFrame, Tracker
+
+WIDTH, HEIGHT = 320, 240
+ROI = Roi(60, 80, 80, 60)
+
+
+@pytest.fixture(scope="module")
+def ground() -> Pixels:
+    return render_ground(11, 900, 500)
+
+
+def fly(ground: Pixels, step_px: int, frames: int, start_px: int = 0) -> list[Pixels]:
+    """Views of the ground from a camera that moves to the right."""
+    noise = np.random.default_rng(1)
+    starts = range(start_px, start_px + step_px * frames, step_px)
+    views = [ground[:HEIGHT, x : x + WIDTH].astype(float) for x in starts]
+    return [np.clip(view + noise.normal(0, 2, view.shape), 0, 255).astype(np.uint8) for view in views]
+
+
+def follow(template: Roi | Pixels, frames: list[Pixels]) -> list[TrackedFrame]:
+    with Tracker(template) as tracker:
+        return [tracker.follow(frame) for frame in frames]
+
+
+def places(tracked: list[TrackedFrame]) -> list[Any]:
+    """Where the left edge is in each frame."""
+    return [None if each.corners is None else float(each.corners[0, 0]) for each in tracked]
+
+
+def test_an_object_that_never_appears_is_not_found(ground: Pixels) -> None:
+    tracked = follow(render_ground(5, 100, 80), fly(ground, 10, 6))
+    assert places(tracked) == [None] * 6
+    assert all("not found yet" in each.reason for each in tracked)
+
+
+def test_an_object_that_leaves_for_good_is_lost_and_said_to_have_left(ground: Pixels) -> None:
+    tracked = follow(ROI, fly(ground, 25, 12))
+    found = [place is not None for place in places(tracked)]
+    assert found[:3] == [True] * 3
+    # All of it is out of the frame.
+    assert found[6:] == [False] * 6
+    assert "left the frame" in tracked[-1].reason
+
+
+def test_a_twin_is_not_taken_for_an_object_that_is_hidden(ground: Pixels) -> None:
+    both = ground.copy()
+    cut = render_ground(5, ROI.width_px, ROI.height_px)
+    for x in (ROI.x_px, ROI.x_px + 110):
+        both[ROI.y_px : ROI.y_px + ROI.height_px, x : x + ROI.width_px] = cut
+    frames = fly(both, 2, 12)
+    for number, frame in enumerate(frames[3:], 3):
+        cv2.rectangle(frame, (50 - 2 * number, 70), (150 - 2 * number, 150), (90, 90, 90), cv2.FILLED)
+    tracked = follow(ROI, frames)
+    assert [place is not None for place in places(tracked)] == [True] * 3 + [False] * 9
+    assert any("another object looks like it" in each.reason for each in tracked[3:])
+
+
+def test_an_object_may_fill_the_frame(ground: Pixels) -> None:
+    tracked = follow(Roi(0, 0, WIDTH, HEIGHT), fly(ground, 4, 6))
+    np.testing.assert_allclose(places(tracked), -0.5 - 4 * np.arange(6), atol=1)
+
+
+def test_after_a_cut_the_object_is_lost_and_the_cut_is_said(ground: Pixels) -> None:
+    tracked = follow(ROI, [*fly(ground, 4, 3), *fly(render_ground(5, 500, 300), 4, 6)])
+    assert [place is not None for place in places(tracked)] == [True] * 3 + [False] * 6
+    assert "changed altogether" in tracked[3].reason
+
+
+def test_a_small_picture_is_a_template_and_a_tiny_one_is_refused(ground: Pixels) -> None:
+    frames = fly(ground, 5, 3)
+    small = ground[ROI.y_px : ROI.y_px + 40, ROI.x_px : ROI.x_px + 50]
+    np.testing.assert_allclose(places(follow(small, frames)), ROI.x_px - 0.5 - 5 * np.arange(3), atol=1)
+    with pytest.raises(InputError, match="template: 40x12 pixels is too small; at least 16x16 needed"):
+        Tracker(small[:12, :40])

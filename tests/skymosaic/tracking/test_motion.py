@@ -1,0 +1,64 @@
+"""Which matches move with an object, on matches whose motions are chosen."""
+
+from typing import Any
+
+import numpy as np
+
+from golden_model.arrays import Array
+from skymosaic.geometry.homography import apply
+from skymosaic.tracking.motion import Matches, fit_object, fit_surroundings
+
+STILL = np.eye(3)
+GROUND = np.array([[1.0, 0, 20], [0, 1, 5], [0, 0, 1]])
+OBJECT = np.array([[0.0, -1, 300], [1, 0, -20], [0, 0, 1]])
+
+
+def make_matches(*motions: Array, each: int = 20, outside: int = 0) -> Matches:
+    """Matches of each motion; the last ``outside`` ones are of the surroundings."""
+    left = np.random.default_rng(4).uniform(0, 200, (each * len(motions), 2))
+    right = np.concatenate(
+        [apply(motion, part) for motion, part in zip(motions, np.split(left, len(motions)), strict=True)]
+    )
+    is_outside = np.arange(len(left)) >= len(left) - outside
+    return Matches(left, right, np.where(is_outside, 0.0, 1.0), is_outside)
+
+
+def fitted(matches: Matches, expected: Array | None = None) -> tuple[Any, int]:
+    around = fit_surroundings(matches)
+    foreign = [STILL, around.matrix] if around else [STILL]
+    best, left_out = fit_object(matches, foreign, expected, fewest=6, rng=np.random.default_rng(0))
+    return (None if best is None else best.matrix), int(left_out.sum())
+
+
+def test_most_of_a_rectangle_may_be_ground() -> None:
+    matches = make_matches(OBJECT, GROUND, GROUND, GROUND, each=20, outside=30)
+    motion, left_out = fitted(matches)
+    np.testing.assert_allclose(motion, OBJECT, atol=1e-6)
+    assert left_out == 30
+
+
+def test_text_that_stands_still_is_left_out() -> None:
+    motion, left_out = fitted(make_matches(OBJECT, STILL, STILL))
+    np.testing.assert_allclose(motion, OBJECT, atol=1e-6)
+    assert left_out == 40
+
+
+def test_seven_others_are_too_few_until_the_object_is_known_to_move() -> None:
+    of_object, ground = make_matches(OBJECT, each=7), make_matches(GROUND, each=40, outside=20)
+    matches = Matches(*(np.concatenate(both) for both in zip(of_object, ground, strict=True)))
+    np.testing.assert_allclose(fitted(matches)[0], GROUND, atol=1e-6)
+    np.testing.assert_allclose(fitted(matches, OBJECT)[0], OBJECT, atol=1e-6)
+    # Hidden, it is not sought on the ground.
+    assert fitted(make_matches(GROUND, each=40, outside=20), OBJECT)[0] is None
+
+
+def test_an_object_of_the_ground_keeps_all_its_matches() -> None:
+    motion, left_out = fitted(make_matches(GROUND, GROUND, outside=15))
+    np.testing.assert_allclose(motion, GROUND, atol=1e-6)
+    assert left_out == 0
+
+
+def test_an_object_that_moves_is_found_while_it_stands_still_in_the_frame() -> None:
+    motion, left_out = fitted(make_matches(STILL, GROUND, outside=15), STILL)
+    np.testing.assert_allclose(motion, STILL, atol=1e-6)
+    assert left_out == 5
