@@ -12,6 +12,7 @@ from golden_model.arrays import Intensities
 from skymosaic.common.memory import release_free_memory
 from skymosaic.compositing.exposure import describe_uneven, estimate_levels, estimate_tones, measure_toned_range
 from skymosaic.compositing.layer import Layer
+from skymosaic.compositing.palette import have_palette
 from skymosaic.compositing.seams import find_seams
 from skymosaic.compositing.warp import magnification
 from skymosaic.flight.flight import BLURRED, Flight
@@ -25,6 +26,11 @@ from skymosaic.imagery.depth import ValueRange
 
 BLURRED_FAVOUR = 1e-3
 """Weight of a blurred photograph: it loses almost every pixel to a sharp one, and still shows where it is alone."""
+PALETTE = (
+    "brightness: the photographs show a quantity by a palette, as thermal cameras do, and are left as they are: gains "
+    "would make colours that mean nothing. Where each has a range of its own, the same ground has several colours; fix "
+    "the range in the camera, or export gray TIFFs of 16 bits"
+)
 
 
 def compose(
@@ -89,6 +95,8 @@ def compose(
 def equalise(composition: Composition, views: Sequence[View], thumbnails: Sequence[Layer]) -> Composition:
     """Set the tones of all placements, and for photographs of 16 bits the value range that the tones need.
 
+    Photographs with the colours of a palette keep them.
+
     Parameters
     ----------
     composition : Composition
@@ -98,6 +106,8 @@ def equalise(composition: Composition, views: Sequence[View], thumbnails: Sequen
         From `thumbnail_layers`.
     """
     values = composition.values
+    if values is None and have_palette([layer.image for layer in thumbnails]):
+        return replace(composition, uneven=PALETTE)
     if values is None or not values.deep:
         tones = estimate_tones(thumbnails)
         return replace(composition.with_each(tone=tones), uneven=describe_uneven(thumbnails, tones))

@@ -1,5 +1,11 @@
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
 from sim.scene import Flight
-from skymosaic.flight.picture.preparation import thumbnail_layers
+from skymosaic.compositing.tone import NEUTRAL
+from skymosaic.flight.picture.preparation import PALETTE, equalise, thumbnail_layers
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 
@@ -11,3 +17,12 @@ def test_thumbnails_need_no_larger_canvas_than_the_mosaic(flight: Flight) -> Non
     assert reduction == 1
     for layer in layers:
         assert layer.footprint.intersection(composition.canvas.grown(1)) == layer.footprint
+    assert composition.uneven == ""
+    assert any(placement.tone is not NEUTRAL for placement in composition.placements)
+    hot = [
+        replace(layer, image=np.asarray(cv2.applyColorMap(layer.image[..., 1], cv2.COLORMAP_INFERNO), np.uint8))
+        for layer in layers
+    ]
+    left_alone = equalise(composition.with_each(tone=[NEUTRAL] * len(hot)), plan.flight.views, hot)
+    assert left_alone.uneven == PALETTE
+    assert all(placement.tone is NEUTRAL for placement in left_alone.placements)
