@@ -1,5 +1,6 @@
-"""Reads FLL, the FuzzyLite Language: zero-order Sugeno systems with one output."""
+"""Reads FLL, the FuzzyLite Language: zero-order Sugeno systems, of several outputs one."""
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -30,6 +31,11 @@ KEYS = {
 }  # fmt: skip
 """What each block may contain; some of it changes nothing in a Sugeno system, see `_check_entry`."""
 REPEATED = {"term", "rule"}
+MATCH = "match"
+"""The output of several that is computed unless another is named."""
+SUM = "UnboundedSum"
+OR = ("Maximum", SUM)
+HEDGES = {"not", "with", "any", "very", "somewhat", "extremely", "seldom"}
 Result = TypeVar("Result")
 
 
@@ -49,18 +55,17 @@ class _Block:
         return next((value for _, value in self.find_all(key)), default)
 
 
-def load_system(path: Path) -> FuzzySystem:
-    """Read a system from an ``.fll`` file.
+def load_system(path: Path, output: str | None = None) -> FuzzySystem:
+    """Read a system from an ``.fll`` file; ``output`` as in `read_fll`.
 
     Raises
     ------
     ValueError
-        For a file that cannot be read, or describes no zero-order Sugeno system with one output; the message is one
-        line that names it.
+        For a file that cannot be read, or describes no zero-order Sugeno system; the message is one line that names it.
     """
     text = read_file(path)
     try:
-        return read_fll(text)
+        return read_fll(text, output)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -83,66 +88,112 @@ def read_file(path: Path) -> str:
         raise ValueError(f"{path}: is not text in UTF-8; save it as such") from None
 
 
-def read_fll(text: str) -> FuzzySystem:
+def read_fll(text: str, output: str | None = None) -> FuzzySystem:
     """Parse FLL text.
+
+    Parameters
+    ----------
+    text : str
+    output : str, optional
+        Which of several outputs is computed; by default the one named ``match``.
 
     Raises
     ------
     ValueError
-        For text that is malformed, with the line, or that is no zero-order Sugeno system with one output and AND alone.
+        For text that is malformed, or is no zero-order Sugeno system; with the line.
     """
     blocks = _split_blocks(text)
     inputs = [_parse_input(block) for block in blocks if block.kind == "InputVariable"]
     if len(inputs) > MAX_INPUTS:
         raise ValueError(f"has {len(inputs)} inputs; at most {MAX_INPUTS} are supported")
     outputs = [block for block in blocks if block.kind == "OutputVariable"]
+    chosen, others = _choose_output(outputs, output), {block.name for block in outputs}
     rule_blocks = [block for block in blocks if block.kind == "RuleBlock"]
-    for kind, matching in (("output variable", outputs), ("rule block", rule_blocks)):
-        if len(matching) != 1:
-            raise ValueError(f"has {len(matching)} {kind}s; one is supported")
+    if len(rule_blocks) != 1:
+        raise ValueError(f"has {len(rule_blocks)} rule blocks; one is supported")
     _check_places(blocks)
     (rules,) = rule_blocks
-    conjunction = rules.get("conjunction", "none")
-    if conjunction not in AND:
-        raise ValueError(f"line {rules.line}: conjunction is {conjunction}; valid: {', '.join(AND)}")
     if rules.get("activation", "General") != "General":
         raise ValueError(f"line {rules.line}: activation is {rules.get('activation', '')}; General is supported")
-    output = _parse_output(outputs[0])
+    parsed = [
+        replace(each, line=line)
+        for line, value in rules.find_all("rule")
+        for each in _parse_at(line, _parse_rule, value, chosen.name, others)
+    ]
+    conjunction = rules.get("conjunction", "none")
+    if conjunction not in AND:
+        joint = next((rule.line for rule in parsed if len(rule.conditions) > 1), None)
+        if joint is not None or conjunction != "none":
+            where = f"line {rules.line}" if joint is None else f"line {joint} needs AND, and line {rules.line}"
+            raise ValueError(f"{where}: conjunction is {conjunction}; valid: {', '.join(AND)}")
     engine = next((block for block in blocks if block.kind == "Engine"), None)
+    disjunction, split = rules.get("disjunction", "none"), [rule.line for rule in parsed if rule.joins]
+    if split and disjunction not in OR:
+        where = f"line {split[0]} needs OR, and line {rules.line}"
+        raise ValueError(f"{where}: disjunction is {disjunction}; valid: {', '.join(OR)}")
+    # Sums need no alternatives: each is a rule.
+    if disjunction == SUM:
+        parsed = [replace(rule, joins=False) for rule in parsed]
     return FuzzySystem(
         name=engine.name if engine else "",
         inputs=tuple(inputs),
-        output=output,
-        rules=tuple(
-            replace(_parse_at(line, _parse_rule, value, output.name), line=line)
-            for line, value in rules.find_all("rule")
-        ),
-        conjunction=AND[conjunction],
+        output=_parse_output(chosen),
+        rules=tuple(parsed),
+        # Where nothing is joined, either gives the same.
+        conjunction=AND.get(conjunction, "minimum"),
         description=engine.get("description", "") if engine else "",
     )
 
 
-def _parse_rule(text: str, output: str) -> IfThen:
-    """Parse ``if A is x and B is y then OUTPUT is z`` and nothing else; the keywords may be in capitals."""
-    # With AND alone, parentheses change nothing.
+def _choose_output(outputs: list[_Block], name: str | None) -> _Block:
+    names = ", ".join(block.name for block in outputs)
+    if name is None and len(outputs) == 1:
+        return outputs[0]
+    found = next((block for block in outputs if block.name == (name or MATCH)), None)
+    if found is None and name is not None:
+        raise ValueError(f"has no output {name}; there are {names}")
+    if found is None:
+        raise ValueError(f"has {len(outputs)} outputs, {names}; choose one, or name one {MATCH}")
+    return found
+
+
+def _parse_rule(text: str, output: str, outputs: set[str]) -> list[IfThen]:
+    """Parse ``if A is x and B is y then OUTPUT is z``; the keywords may be in capitals.
+
+    With ``or`` it is several rules; if it concludes on other outputs alone, none.
+    """
+    # Without OR, parentheses change nothing.
     words = text.replace("(", " ").replace(")", " ").split()
     lowered = [word.lower() for word in words]
     if lowered[:1] != ["if"] or lowered.count("then") != 1:
         raise ValueError(f"rule {text.strip()!r} is not of the form: if A is x and B is y then {output} is z")
-    refused = {"or", "not", "with", "any", "very", "somewhat", "extremely", "seldom"}.intersection(lowered)
-    if refused:
-        raise ValueError(f"rule {text.strip()!r}: only AND of terms is supported, not {min(refused)}")
     end = lowered.index("then")
-    conclusion = words[end + 1 :]
-    if len(conclusion) != 3 or conclusion[0] != output or conclusion[1].lower() != "is":
+    conclusions = _split_words(words[end + 1 :], "and")
+    of_output = [part for part in conclusions if part[:1] == [output]]
+    if not of_output and all(part and part[0] in outputs for part in conclusions):
+        return []
+    refused = HEDGES.intersection([*lowered[:end], *(word.lower() for part in of_output for word in part)])
+    if refused:
+        raise ValueError(f"rule {text.strip()!r}: terms stand alone here, without {min(refused)}")
+    if len(of_output) != 1 or len(of_output[0]) != 3 or of_output[0][1].lower() != "is":
         raise ValueError(f"rule {text.strip()!r}: what follows 'then' is not: {output} is CONSTANT")
-    conditions: dict[str, str] = {}
-    for start in range(1, end, 4):
-        part, joint = words[start : start + 3], lowered[start + 3 : start + 4]
-        if len(part) != 3 or part[1].lower() != "is" or joint not in (["and"], ["then"]) or part[0] in conditions:
-            raise ValueError(f"rule {text.strip()!r}: {' '.join(part)!r} is not a condition of another input")
-        conditions[part[0]] = part[2]
-    return IfThen(conditions, conclusion[2])
+    if "or" in lowered[:end] and "(" in text:
+        raise ValueError(f"rule {text.strip()!r}: 'or' with parentheses is not supported; write AND within OR")
+    rules: list[IfThen] = []
+    for alternative in _split_words(words[1:end], "or"):
+        conditions: dict[str, str] = {}
+        for part in _split_words(alternative, "and"):
+            if len(part) != 3 or part[1].lower() != "is" or part[0] in conditions:
+                raise ValueError(f"rule {text.strip()!r}: {' '.join(part)!r} is not a condition of another input")
+            conditions[part[0]] = part[2]
+        rules.append(IfThen(conditions, of_output[0][2], joins=bool(rules)))
+    return rules
+
+
+def _split_words(words: list[str], keyword: str) -> list[list[str]]:
+    """The parts of a list of words between a keyword in any case."""
+    ends = [index for index, word in enumerate(words) if word.lower() == keyword]
+    return [words[start + 1 : end] for start, end in itertools.pairwise([-1, *ends, len(words)])]
 
 
 def _split_blocks(text: str) -> list[_Block]:
@@ -187,6 +238,8 @@ def _check_entry(block: _Block, line: int, key: str, value: str) -> None:
     limit = MAX_TERMS if block.kind == "InputVariable" else MAX_RULES
     if len(before) >= limit:
         raise ValueError(f"line {line}: more than {limit} {key}s of {block.kind} {block.name}".rstrip())
+    if key == "lock-previous" and value == "true":
+        raise ValueError(f"line {line}: lock-previous is true, but hardware keeps no value; give a default instead")
     if key in ("enabled", "lock-range", "lock-previous") and value != ("true" if key == "enabled" else "false"):
         raise ValueError(f"line {line}: {key} is {value}, which is not supported")
 
@@ -219,6 +272,9 @@ def _parse_output(block: _Block) -> Output:
 
 def _parse_constant(text: str, low: float, high: float) -> tuple[str, float]:
     words = text.split()
+    # A plane without slopes.
+    if words[1:2] == ["Linear"] and not any(map(_parse_number, words[2:-1])):
+        words = [words[0], "Constant", *words[-1:]]
     if len(words) != 3 or words[1] != "Constant":
         raise ValueError(f"term {text!r}: an output of order zero has terms of the form NAME Constant NUMBER")
     value = _parse_number(words[2])
@@ -250,7 +306,7 @@ def _parse_number(text: str) -> float:
     return float(text)
 
 
-def _parse_at(line: int, parse: Callable[..., Result], *arguments: str | float) -> Result:
+def _parse_at(line: int, parse: Callable[..., Result], *arguments: str | float | set[str]) -> Result:
     """Call ``parse``; an error in ``arguments`` is reported with the line number."""
     try:
         return parse(*arguments)

@@ -8,6 +8,7 @@ import numpy as np
 
 from golden_model.arrays import Array
 from golden_model.fuzzy.terms import Term
+from golden_model.matching.fuzzy import count_largest
 
 CONJUNCTIONS = ("minimum", "product")
 
@@ -37,10 +38,14 @@ class Output:
 
 @dataclass(frozen=True)
 class IfThen:
-    """The rule ``if INPUT is TERM and ... then OUTPUT is CONSTANT``; an input without a condition may be anything."""
+    """The rule ``if INPUT is TERM and ... then OUTPUT is CONSTANT``; an input without a condition may be anything.
+
+    A rule that ``joins`` the one before is its alternative (OR): only the largest strength of them counts.
+    """
 
     conditions: Mapping[str, str]
     conclusion: str
+    joins: bool = False
     line: int = field(default=0, compare=False)
 
 
@@ -111,7 +116,7 @@ class FuzzySystem:
 
     def evaluate(self, *values: Array) -> Array:
         """Compute the output, (N,), for (N,) values of each input; the default where no rule fires."""
-        strengths = self.strengths(*values)
+        strengths = count_largest(self.strengths(*values), [rule.joins for rule in self.rules])
         total = strengths.sum(axis=1)
         constants = np.array([self.output.constants[rule.conclusion] for rule in self.rules])
         with np.errstate(invalid="ignore"):

@@ -32,6 +32,7 @@ def make_tables(system: FuzzySystem, positions: Sequence[Array], *, trimmed: boo
             Rule(
                 tuple(rule.conditions.get(variable.name) for variable in system.inputs),
                 (output.constants[rule.conclusion] - output.low) / (output.high - output.low),
+                rule.joins,
             )
             for rule in system.rules
         ),

@@ -8,9 +8,10 @@ rounding, so that hardware may form the products in any order. The systems of th
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ MAX_RULES = 32
 """The rule field of a match record has 5 bits."""
 
 Table = NDArray[np.int64]
+Number = TypeVar("Number", np.int64, np.float64)
 
 
 @dataclass(frozen=True)
@@ -54,11 +56,13 @@ class Variable:
 class Rule:
     """``IF input 0 is sets[0] AND input 1 is sets[1] … THEN output``.
 
-    ``None`` instead of a set ignores that input. ``output`` is a real number in 0..1, rounded to UQ1.8.
+    ``None`` instead of a set ignores that input. ``output`` is a real number in 0..1, rounded to UQ1.8. Rules that
+    ``joins`` the one before are its alternatives (OR), with the same output: the largest of their strengths counts.
     """
 
     sets: tuple[str | None, ...]
     output: float
+    joins: bool = False
 
     @property
     def singleton(self) -> int:
@@ -116,6 +120,8 @@ class SugenoSystem:
         for variable, set_name in zip(self.inputs, rule.sets, strict=True):
             if set_name is not None and set_name not in variable.sets:
                 raise ValueError(f"{where}: {variable.name} has no set {set_name!r}; it has {', '.join(variable.sets)}")
+        if rule.joins and (self.conjunction == "product" or index == 0 or self.rules[index - 1].output != rule.output):
+            raise ValueError(f"{where}: OR needs conjunction 'minimum', and a rule before it with the same output")
         if not 0 <= rule.output <= 1:
             raise ValueError(f"{where}: output is {rule.output}; it must be 0 to 1")
 
@@ -154,7 +160,8 @@ class SugenoSystem:
             ([name and names.index(name) for names, name in zip(order, rule.sets, strict=True)], rule.singleton)
             for rule in self.rules
         ]
-        described = json.dumps([self.conjunction, tables, rules]).encode()
+        alternatives = [number for number, rule in enumerate(self.rules) if rule.joins]
+        described = json.dumps([self.conjunction, tables, rules, *([alternatives] if alternatives else [])]).encode()
         return int.from_bytes(hashlib.sha256(described).digest()[:4], "big")
 
     def strengths(self, *values: NDArray[np.integer]) -> NDArray[np.int64]:
@@ -193,18 +200,31 @@ class SugenoSystem:
             Index of the strongest rule, ties to the lowest.
         """
         strengths = self.strengths(*values)
-        total = strengths @ self._singletons
+        counted = count_largest(strengths, [rule.joins for rule in self.rules])
+        total = counted @ self._singletons
         # The strengths of a product system sum to one: a shift replaces the division.
         if self.conjunction == "product":
             weight = round_shift(total, self.strength_one.bit_length() - 1)
         else:
             # At least 1, so that inputs for which no rule fires get weight 0.
-            divisor = np.maximum(strengths.sum(axis=1), 1)
+            divisor = np.maximum(counted.sum(axis=1), 1)
             # total / divisor, rounded half up.
             weight = (2 * total + divisor) // (2 * divisor)
         # `argmax` takes the first of equal ones, so ties go to the lowest rule.
         dominant = strengths.argmax(axis=1)
         return np.minimum(weight, WEIGHT.max_raw).astype(np.uint8), dominant.astype(np.uint8)
+
+
+def count_largest(strengths: NDArray[Number], joins: Sequence[bool]) -> NDArray[Number]:
+    """What each rule's strength, (N, rules), exceeds those of the rules that it joins by: they sum to the largest."""
+    counted = strengths.copy()
+    for number, joined in enumerate(joins):
+        if joined:
+            # What was counted so far of the alternatives is their largest.
+            first = max(n for n in range(number) if not joins[n])
+            largest = counted[:, first:number].sum(axis=1)
+            counted[:, number] = np.maximum(strengths[:, number] - largest, 0)
+    return counted
 
 
 def _look_up(variable: Variable, value: NDArray[np.integer]) -> dict[str, Table]:

@@ -77,10 +77,11 @@ class Sugeno(wiring.Component):
         degrees = [self._degree(m, n, index, rule) for n, index in enumerate(indices)]
         if self._is_product:
             strength, term = self._product(m, degrees, self._fold(m, indices[-1], rule))
+            counted = strength
         else:
-            strength, term = self._minimum(m, degrees, rule)
+            strength, counted, term = self._minimum(m, degrees, rule)
         valid = delayed(m, issuing, self._term_cycles, reset_less=False)
-        total, fired = self._add_up(m, valid, delayed(m, rule, self._term_cycles), strength, term)
+        total, fired = self._add_up(m, valid, delayed(m, rule, self._term_cycles), strength, (counted, term))
 
         ended = delayed(m, last, self._term_cycles + 1, reset_less=False)
         if self._is_product:
@@ -146,7 +147,8 @@ class Sugeno(wiring.Component):
             folded = delayed(m, folded, PRODUCT_CYCLES)
         return delayed(m, others * last, PRODUCT_CYCLES), delayed(m, others * folded, PRODUCT_CYCLES)
 
-    def _minimum(self, m: Module, degrees: list[Value], rule: Value) -> tuple[Value, Value]:
+    def _minimum(self, m: Module, degrees: list[Value], rule: Value) -> tuple[Value, Value, Value]:
+        """The strength of a rule, what of it counts, and that times the singleton."""
         strength, *others = degrees
         for n, degree in enumerate(others):
             # The minimum with the nth degree is taken n clocks later.
@@ -154,17 +156,33 @@ class Sugeno(wiring.Component):
             strength = delayed(m, Mux(waiting < strength, waiting, strength), 1)
         singletons = Array(Const(each.singleton, MEMBERSHIP.bits) for each in self.system.rules)
         singleton = delayed(m, singletons[rule], 1 + len(others))
-        return delayed(m, strength, PRODUCT_CYCLES), delayed(m, strength * singleton, PRODUCT_CYCLES)
+        later = delayed(m, strength, PRODUCT_CYCLES)
+        if not any(each.joins for each in self.system.rules):
+            return later, later, delayed(m, strength * singleton, PRODUCT_CYCLES)
+        counted = self._excess(m, strength, delayed(m, rule, 1 + len(others)))
+        return later, delayed(m, counted, PRODUCT_CYCLES), delayed(m, counted * singleton, PRODUCT_CYCLES)
 
-    def _add_up(self, m: Module, valid: Value, rule: Value, strength: Value, term: Value) -> tuple[Signal, Signal]:
-        """Sum terms and strengths, and keep the dominant rule (ties to the lowest); cleared after each result."""
+    def _excess(self, m: Module, strength: Value, rule: Value) -> Value:
+        """What a rule's strength exceeds those of the rules that it joins by, which come in the clocks before."""
+        largest = Signal.like(strength)
+        joins = Array(Const(each.joins, 1) for each in self.system.rules)
+        before = Mux(joins[rule], largest, 0)
+        exceeds = strength > before
+        m.d.sync += largest.eq(Mux(exceeds, strength, before))
+        return Mux(exceeds, (strength - before)[: len(strength)], 0)
+
+    def _add_up(
+        self, m: Module, valid: Value, rule: Value, strength: Value, summed: tuple[Value, Value]
+    ) -> tuple[Signal, Signal]:
+        """Sum what counts of strengths and terms, and keep the dominant rule (ties to the lowest), for one result."""
+        counted, term = summed
         # The strengths of a product system sum to one; those of a minimum system may all be 1.
         largest = self.system.strength_one * (1 if self._is_product else len(self.system.rules))
         total = Signal(range(largest * MEMBERSHIP.one + 1))
         fired = Signal(range(largest + 1))
         dominant_strength = Signal.like(strength)
         with m.If(valid):
-            m.d.sync += [total.eq(total + term), fired.eq(fired + strength)]
+            m.d.sync += [total.eq(total + term), fired.eq(fired + counted)]
             with m.If(strength > dominant_strength):
                 m.d.sync += [dominant_strength.eq(strength), self.o.payload.rule.eq(rule)]
         with m.If(self.i.ready):

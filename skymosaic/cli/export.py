@@ -14,7 +14,7 @@ from golden_model.config import EstimatorConfig
 from golden_model.fuzzy.fll import load_system
 from hdl.build import BUILDS, Build
 from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD, check_board
-from skymosaic.cli.options import OverwriteOption, output_option, read_file, with_options
+from skymosaic.cli.options import OutputVariableOption, OverwriteOption, output_option, read_file, with_options
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError
@@ -125,9 +125,10 @@ def fuzzy(
     output: FolderOption,
     overwrite: OverwriteOption = False,
     entries: Annotated[int, typer.Option(min=2, help="Table entries of each input.")] = ENTRIES,
+    output_variable: OutputVariableOption = None,
 ) -> None:
     """Write Verilog and test bench of a fuzzy system of your own."""
-    system = read_file(load_system, file)
+    system = read_file(load_system, file, output_variable)
 
     def write(folder: Path) -> None:
         make_block = importlib.import_module("skymosaic.fuzzy.verilog").make_block

@@ -13,7 +13,7 @@ from rich.text import Text
 from golden_model.fuzzy.fll import load_system
 from golden_model.fuzzy.rules import SHIPPED
 from golden_model.text import one_line
-from skymosaic.cli.options import OverwriteOption, import_plots, output_option, read_file
+from skymosaic.cli.options import OutputVariableOption, OverwriteOption, import_plots, output_option, read_file
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.common.errors import InputError
@@ -62,6 +62,7 @@ def fuzzy(
     entries: Annotated[
         int, typer.Option(min=2, max=1 << 16, help="Table entries of each input in the integer model of a file.")
     ] = ENTRIES,
+    output_variable: OutputVariableOption = None,
     overwrite: OverwriteOption = False,
 ) -> None:
     """Print the rules of the fuzzy systems, or of your own in FLL files, and draw them.
@@ -76,7 +77,10 @@ def fuzzy(
         raise InputError(f"-o {output} is the folder for pictures; add --plot, or leave it out")
     if write:
         _write(names, write, overwrite=overwrite)
-    shown = [_describe_file(Path(name), entries) if Path(name).suffix else _describe_shipped(name) for name in names]
+    shown = [
+        _describe_file(Path(name), entries, output_variable) if Path(name).suffix else _describe_shipped(name)
+        for name in names
+    ]
     session.numbers["systems"] = [each.numbers for each in shown]
     for each in shown:
         session.show(each.rules)
@@ -109,8 +113,8 @@ def _describe_shipped(name: str) -> _Description:
     return _Description(name, table, lambda: plotted, {"name": name, "conjunction": system.conjunction, "rules": rules})
 
 
-def _describe_file(path: Path, entries: int) -> _Description:
-    system = read_file(load_system, path)
+def _describe_file(path: Path, entries: int, output_variable: str | None) -> _Description:
+    system = read_file(load_system, path, output_variable)
     try:
         golden = quantise(system, entries)
     except ValueError as error:

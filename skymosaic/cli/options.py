@@ -51,6 +51,10 @@ OverwriteOption = Annotated[
     bool,
     typer.Option("--overwrite", rich_help_panel=OUTPUT, help="Replace files that exist; without it they are refused."),
 ]
+OutputVariableOption = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Which of several outputs of an .fll file is meant; by default match."),
+]
 StrictOption = Annotated[
     bool,
     typer.Option(

@@ -11,6 +11,8 @@ export default {
       <text class="axis-name" :x="x(high)" :y="74" text-anchor="middle">{{ high }}</text>
       <polyline v-for="([name, points], n) in curves" :key="name" class="set" :class="kind(n)"
         :transform="'translate(14 60) scale(216 -52)'" vector-effect="non-scaling-stroke" :points="points" />
+      <text v-for="([name, points], n) in curves" :key="'name of ' + name" class="set-name" :class="kind(n)"
+        :x="peak(points)" y="6" text-anchor="middle" aria-hidden="true">{{ name }}</text>
       <circle v-for="([at, degree, name], n) in corners" :key="n" class="corner" r="5" tabindex="0" role="slider"
         :cx="x(held === n ? place[0] : at)" :cy="y(held === n ? place[1] : degree)" :aria-label="name"
         aria-valuemin="0" :aria-valuemax="high" :aria-valuenow="at"
@@ -25,6 +27,13 @@ export default {
   methods: {
     x(value) { return LEFT + (WIDTH - LEFT - RIGHT) * value / this.high; },
     y(degree) { return TOP + (HEIGHT - TOP - BOTTOM) * (1 - degree); },
+    // The middle of where a curve is highest.
+    peak(points) {
+      const places = points.split(" ").map((point) => point.split(",").map(Number));
+      const top = Math.max(...places.map(([, degree]) => degree));
+      const highest = places.filter(([, degree]) => degree === top);
+      return 14 + 216 * (highest[0][0] + highest.at(-1)[0]) / 2;
+    },
     kind(n) { return ["first", "second", "third"][n % 3]; },
     hold(n) {
       if (this.held !== n) this.place = this.corners[n].slice(0, 2);

@@ -135,15 +135,17 @@ def test_values_are_those_of_fuzzylite(name: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("if temp is cold and", "if temp is cold or", "not or"),
+        ("if temp is cold and", "if temp is cold or", "disjunction is none; valid: Maximum"),
+        ("conjunction: Minimum", "conjunction: none", "conjunction is none; valid: Minimum"),
+        ("if temp is cold and", "if temp is very cold and", "terms stand alone here, without very"),
         ("if temp is cold and", "if temp is warm and", "temp has no term warm; it has cold, hot"),
         ("inlet Constant 100", "inlet Ramp 1 2", "order zero"),
         ("then valve is closed", "then tap is closed", "valve is CONSTANT"),
-        ("then valve is closed", "then valve is closed with 0.5", "not with"),
+        ("then valve is closed", "then valve is closed with 0.5", "without with"),
         ("RuleBlock: rules", "", "has 0 rule blocks"),
         ("conjunction: Minimum", "conjunction: HamacherProduct", "HamacherProduct; valid: Minimum"),
         ("Ramp 27 3", "Ramp 27", "Ramp takes 2 numbers, not 1"),
-        ("Ramp 27 3", "Gaussian 0.3 0.1", "Gaussian is not known"),
+        ("Ramp 27 3", "Arc 0.3 0.1", "Arc is not known"),
         ("Ramp 27 3", "Ramp nought 3", "line 4"),
         ("WeightedAverage", "Centroid 100", "WeightedAverage is supported"),
         ("range: 3 27", "range: 3", "give two numbers"),
@@ -241,3 +243,95 @@ def test_names_are_no_markup(tmp_path: Path) -> None:
     assert "low[/b]" in result.output
     assert "x[/y]" in result.output
     assert "\x1b" not in result.output
+
+
+@pytest.mark.parametrize(
+    "term",
+    [
+        "ZShape -1 2", "SShape -2.5 1", "PiShape -2 0 1 3", "PiShape -2 -2 1 1", "PiShape 0 1 1 2", "Gaussian 0.5 1.2",
+        "GaussianProduct -1 0.5 1 2", "GaussianProduct 1 2 -1 0.5", "Bell 0.5 1.5 3", "Bell -1 -2 0.7", "Cosine 0.5 3",
+        "Spike 0.5 2", "SigmoidDifference -1 4 5 2", "SigmoidProduct -1 4 -5 2",
+    ],
+)  # fmt: skip
+def test_each_shape_is_that_of_fuzzylite(term: str) -> None:
+    """At positions between and at all that the parameters name."""
+    system = read_fll(SMALL.replace("Ramp 6 0", term).replace("range: 0 6", "range: -3 4"))
+    (theirs,) = fuzzylite.FllImporter().from_string(SMALL.replace("Ramp 6 0", term)).input_variables[0].terms
+    x = np.append(np.linspace(-3, 4, 141), system.inputs[0].terms["low"].parameters)
+    np.testing.assert_allclose(
+        system.inputs[0].terms["low"].degree(x), [theirs.membership(float(at)) for at in x], atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("term", "message"),
+    [("Gaussian 1 0", "a width of 0"), ("ZShape 2 1", "rising positions"), ("SShape 1 1", "two different positions")],
+)
+def test_a_shape_without_width_is_refused(term: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        read_fll(SMALL.replace("Ramp 6 0", term))
+
+
+TIP = """Engine: tip
+InputVariable: service
+  range: 0 10
+  term: poor Gaussian 0 1.5
+  term: average Gaussian 5 1.5
+  term: good Gaussian 10 1.5
+InputVariable: food
+  range: 0 10
+  term: rancid Trapezoid -5 0 1 3
+  term: delicious Trapezoid 7 9 10 15
+OutputVariable: other
+  range: 0 1
+  defuzzifier: WeightedAverage
+  default: nan
+  term: one Function service / food
+OutputVariable: match
+  range: 0 30
+  defuzzifier: WeightedAverage
+  default: nan
+  term: cheap Linear 0 0 5
+  term: average Constant 15
+  term: generous Linear 0 0 25
+RuleBlock: rules
+  conjunction: none
+  disjunction: Maximum
+  activation: General
+  rule: if service is poor or food is rancid or service is average then match is cheap
+  rule: if service is average then other is one and match is average
+  rule: if service is good or food is delicious then match is generous
+  rule: if service is good then other is one
+"""
+
+
+@pytest.mark.parametrize("disjunction", ["Maximum", "UnboundedSum"])
+def test_or_and_one_of_several_outputs_give_what_fuzzylite_gives(disjunction: str) -> None:
+    text = TIP.replace("Maximum", disjunction)
+    system = read_fll(text)
+    assert system.conjunction == "minimum"
+    assert len(system.rules) == 6
+    grid = [axis.ravel() for axis in np.meshgrid(np.linspace(0, 10, 33), np.linspace(0, 10, 33))]
+    # Its own functions need more than a number: only the output that is asked for is compared.
+    alone = text.replace("Function service / food", "Constant 1")
+    engine = fuzzylite.FllImporter().from_string(alone)
+    fuzzylite.lib.abs_tolerance = 0.0
+    theirs = []
+    for row in zip(*grid, strict=True):
+        for variable, value in zip(engine.input_variables, row, strict=True):
+            variable.value = float(value)
+        engine.process()
+        theirs.append(engine.output_variable("match").value)
+    np.testing.assert_allclose(system.evaluate(*grid), theirs, atol=1e-12)
+    assert measure_errors(quantise(system, 33)).firm < 0.01
+
+
+def test_which_of_several_outputs_is_asked_for() -> None:
+    named = TIP.replace("match", "tip")
+    with pytest.raises(ValueError, match="has 2 outputs, other, tip; choose one, or name one match"):
+        read_fll(named)
+    with pytest.raises(ValueError, match="has no output price; there are other, tip"):
+        read_fll(named, "price")
+    assert read_fll(named, "tip").output.name == "tip"
+    with pytest.raises(ValueError, match=r"line 29: .* what follows 'then' is not: tip is CONSTANT"):
+        read_fll(named.replace("then tip is generous", "then tap is generous"), "tip")

@@ -47,7 +47,7 @@ def test_a_steep_sigmoid_is_a_step_and_overflows_nowhere() -> None:
 @pytest.mark.parametrize(
     ("shape", "parameters", "message"),
     [
-        ("Gaussian", (0.0, 1.0), "shape Gaussian is not known; valid: Ramp, Triangle"),
+        ("Arc", (0.0, 1.0), "shape Arc is not known; valid: Ramp, Triangle"),
         ("Ramp", (1.0,), "Ramp takes 2 numbers, not 1"),
         ("Trapezoid", (1.0, 2.0, 3.0), "Trapezoid takes 4 numbers, not 3"),
         ("Discrete", (1.0, 0.0), "at least two points of two numbers, not 2"),
@@ -55,7 +55,7 @@ def test_a_steep_sigmoid_is_a_step_and_overflows_nowhere() -> None:
         ("Sigmoid", (math.nan, 1.0), "a parameter is not a number"),
         ("Triangle", (0.0, 2.0, 1.0), "Triangle needs rising positions"),
         ("Discrete", (1.0, 0.0, 0.0, 1.0), "Discrete needs rising positions"),
-        ("Ramp", (1.0, 1.0), "a Ramp needs two different positions"),
+        ("Ramp", (1.0, 1.0), "Ramp needs two different positions"),
     ],
 )
 def test_wrong_parameters_are_refused(shape: str, parameters: tuple[float, ...], message: str) -> None:

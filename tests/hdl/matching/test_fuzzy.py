@@ -2,6 +2,7 @@
 """Sugeno systems equal the golden ones."""
 
 import itertools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -104,6 +105,36 @@ def test_a_rule_may_ignore_an_input_and_without_a_firing_rule_the_weight_is_0() 
     expected = golden(system, inputs)
     assert expected[-1, 0] == 0
     np.testing.assert_array_equal(evaluated(system, 2, inputs), expected)
+
+
+def test_of_alternatives_the_strongest_counts_once() -> None:
+    """OR: rules that join the one before; held against the maximum, over all inputs."""
+    rising, falling = np.arange(9) * 32, 256 - np.arange(9) * 32
+    peak = np.minimum(rising, falling) * 2
+    a = Variable("a", {"low": falling, "high": rising})
+    b = Variable("b", {"low": falling, "peak": peak})
+    rules = (
+        fuzzy.Rule(("low", None), 0.25),
+        fuzzy.Rule((None, "peak"), 0.25, joins=True),
+        fuzzy.Rule(("high", "low"), 0.25, joins=True),
+        fuzzy.Rule(("high", "peak"), 0.75),
+        fuzzy.Rule(("high", None), 0.875),
+    )
+    system = SugenoSystem("alternatives", inputs=(a, b), rules=rules, conjunction="minimum")
+    inputs = list(itertools.product(range(9), repeat=2))
+    x, y = np.array(inputs).T
+    first = np.max([falling[x], peak[y], np.minimum(rising[x], falling[y])], axis=0)
+    strengths = np.stack([first, np.minimum(rising[x], peak[y]), rising[x]], axis=1)
+    mean = strengths @ (64, 192, 224) / strengths.sum(axis=1)
+    np.testing.assert_allclose(golden(system, inputs)[:, 0], mean, atol=0.5)
+    np.testing.assert_array_equal(evaluated(system, 4, inputs), golden(system, inputs))
+    unjoined = SugenoSystem(
+        "sum", inputs=(a, b), rules=tuple(replace(rule, joins=False) for rule in rules), conjunction="minimum"
+    )
+    assert unjoined.digest != system.digest
+    for wrong in (rules[1:], (rules[0], replace(rules[1], output=0.5))):
+        with pytest.raises(ValueError, match="OR needs conjunction 'minimum', and a rule before it with the same"):
+            SugenoSystem("wrong", inputs=(a, b), rules=wrong, conjunction="minimum")
 
 
 def test_product_of_too_many_inputs_is_refused() -> None:
