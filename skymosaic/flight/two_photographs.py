@@ -60,7 +60,7 @@ def register_two(
         sources = [replace(sources[0], warp=mesh), sources[1]]
         left = replace(left, pixels=np.asarray(mesh.apply(left.pixels), dtype=np.uint8))
     for source, photograph in zip(sources, (left, right), strict=True):
-        decoded_photographs(memory_bytes).keep(source, lens, photograph.pixels)
+        decoded_photographs(memory_bytes).keep(source, lens, (photograph.pixels, photograph.visible))
     return flight_of_pair(pair, sources, lens)
 
 

@@ -15,11 +15,13 @@ from PIL import Image as PillowImage
 from PIL import UnidentifiedImageError
 from PIL.ExifTags import Base
 
+from golden_model.arrays import Pixels
 from golden_model.config import MIN_FRAME_PX
 from golden_model.small_files import open_regular, read_small_file
 from skymosaic.common.errors import DamagedError, InputError
 from skymosaic.imagery.jpeg import END, decode_strictly
 from skymosaic.imagery.tiff import check_tiff
+from skymosaic.imagery.validity import fill_hidden, find_visible
 
 MAX_AREA_PX = 89_000_000
 """Just below the limit of Pillow, which reads the header first."""
@@ -34,6 +36,7 @@ and comments one by one, in Python, and a file may declare hundreds of millions 
 SPARE_BYTES = 64_000_000
 """Limit of bytes read from a header, beyond the size of the file, because TIFF tags can all name the same bytes."""
 UPRIGHT = 1
+NODATA_TAG = 42113
 
 # libtiff would print every unknown tag and fault, even where standard error is not ours to redirect.
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
@@ -60,6 +63,8 @@ class Header:
         Size of the decoded pixels.
     transparent : bool
         It has an alpha channel or a transparent colour.
+    nodata : float or None
+        The value that pixels without data have, as GDAL writes it into TIFF.
     """
 
     kind: str
@@ -68,6 +73,7 @@ class Header:
     sample_bytes: int
     decoded_bytes: int
     transparent: bool
+    nodata: float | None = None
 
 
 class _MeasuredFile(io.FileIO):
@@ -132,7 +138,8 @@ def read_header(path: Path, min_side_px: int = MIN_FRAME_PX) -> Header:
         with open_header(path) as header:
             # Pillow parses some chunks of PNG and WebP while it opens the file, but EXIF only on request.
             orientation, sizes = _orientation(header), _decoded_sizes(header, path)
-            declared = Header(str(header.format), header.size, orientation, *sizes, header.has_transparency_data)
+            transparent, nodata = header.has_transparency_data, _nodata(header)
+            declared = Header(str(header.format), header.size, orientation, *sizes, transparent, nodata)
     except UnidentifiedImageError:
         raise InputError(f"{path}: not an image that can be read; give PNG, JPEG or TIFF") from None
     except (PillowImage.DecompressionBombError, PillowImage.DecompressionBombWarning):
@@ -193,14 +200,22 @@ def _decoded_sizes(header: PillowImage.Image, path: Path) -> tuple[int, int]:
     return depth_bytes, width_px * height_px * channels * depth_bytes
 
 
+def _nodata(header: PillowImage.Image) -> float | None:
+    try:
+        return float(getattr(header, "tag_v2", {})[NODATA_TAG].strip("\0 "))
+    # It is text of unknown origin.
+    except (KeyError, ValueError, AttributeError):
+        return None
+
+
 def _tiff_tag(header: PillowImage.Image, tag: int) -> tuple[int, ...]:
     """The numbers of a TIFF tag; if it is missing, 1, the default of the tags that are read here."""
     value = getattr(header, "tag_v2", {}).get(tag, 1)
     return value if isinstance(value, tuple) else (value,)
 
 
-def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[np.generic], str]:
-    """Decode a file and turn it upright.
+def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[np.generic], Pixels | None, str]:
+    """Decode a file and turn it upright; pixels that show nothing get the values of their neighbours.
 
     Parameters
     ----------
@@ -214,6 +229,8 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
     -------
     pixels : ndarray, shape (H, W) or (H, W, 3) BGR
         Of the file's own type.
+    visible : ndarray of uint8, shape (H, W), or None
+        See `skymosaic.imagery.validity.find_visible`.
     damage : str
         The report about a damaged file that is kept; else empty.
 
@@ -226,6 +243,13 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
         data = read_small_file(path, MAX_DECODED_BYTES)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({_reason(error)}); check the file") from None
+    decoded, damage = _decode_data(path, header, data, keep_damaged=keep_damaged)
+    visible = find_visible(decoded, data, header)
+    return decoded if visible is None else fill_hidden(decoded, visible), visible, damage
+
+
+def _decode_data(path: Path, header: Header, data: bytes, *, keep_damaged: bool) -> tuple[NDArray[np.generic], str]:
+    """The pixels of a file's bytes, and what is damaged."""
     damage = ""
     if header.kind in ("JPEG", "MPO"):
         try:

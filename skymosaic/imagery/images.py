@@ -42,6 +42,8 @@ class Photograph:
         The range that 8 bits show, for a file of more than 8 bits.
     sample : ndarray
         Values of a file of more than 8 bits, from `skymosaic.imagery.depth.sample_values`; else empty.
+    visible : ndarray of uint8, shape (H, W), or None
+        0 where the file has no data or is transparent, else 255; None: 255 everywhere.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Photograph:
     notes: tuple[str, ...] = ()
     value_range: ValueRange | None = None
     sample: NDArray[np.generic] = field(default_factory=lambda: np.zeros(0, np.uint8))
+    visible: Pixels | None = None
 
     def with_note(self, note: str) -> Self:
         """This photograph with one more note."""
@@ -112,30 +115,34 @@ def check_given(source: Image, name: str) -> None:
 
 def _read(path: Path, *, keep_damaged: bool, min_side_px: int) -> Photograph:
     header = read_header(path, min_side_px)
-    decoded, damage = decode(path, header, keep_damaged=keep_damaged)
+    decoded, visible, damage = decode(path, header, keep_damaged=keep_damaged)
     turned = ("turned upright by its EXIF orientation",) if header.orientation != UPRIGHT else ()
-    opaque = ("transparent pixels count as ground",) if header.transparent else ()
+    hidden = () if visible is None else (f"{np.mean(visible == 0):.1%} has no data or is transparent, and no ground",)
     kept = (f"kept although {damage.removeprefix(f'{path}: ')}",) if damage else ()
     if decoded.dtype == np.uint8:
-        return Photograph(str(path), decoded.astype(np.uint8, copy=False), turned + opaque + kept)
+        pixels = decoded.astype(np.uint8, copy=False)
+        return Photograph(str(path), pixels, turned + hidden + kept, visible=visible)
     values = measure_range(decoded, str(path))
     mapping = (f"{decoded.dtype}: {values.low:g}..{values.high:g} mapped to 0..255",)
-    return Photograph(
-        str(path), values.to_8_bit(decoded), turned + opaque + mapping + kept, values, sample_values(decoded)
-    )
+    notes = turned + hidden + mapping + kept
+    return Photograph(str(path), values.to_8_bit(decoded), notes, values, sample_values(decoded), visible)
 
 
 def load_intensities(
     source: str | Path | Pixels, name: str, values: ValueRange | None, *, keep_damaged: bool = False
-) -> Intensities:
-    """As `load`, but more than 8 bits are mapped by the range of a whole flight, or kept where that is deep."""
+) -> tuple[Intensities, Pixels | None]:
+    """As `load`, but more than 8 bits are mapped by the range of a whole flight, or kept where that is deep.
+
+    Returns the pixels, and which of them show something, as `Photograph.visible`.
+    """
     if values is None or not isinstance(source, str | Path):
-        return load(source, name, keep_damaged=keep_damaged).pixels
+        photograph = load(source, name, keep_damaged=keep_damaged)
+        return photograph.pixels, photograph.visible
     path = Path(source)
-    decoded, _ = decode(path, read_header(path), keep_damaged=keep_damaged)
+    decoded, visible, _ = decode(path, read_header(path), keep_damaged=keep_damaged)
     if decoded.dtype == np.uint8 or (values.deep and decoded.dtype == np.uint16):
-        return np.asarray(decoded)
-    return values.to_8_bit(decoded)
+        return np.asarray(decoded), visible
+    return values.to_8_bit(decoded), visible
 
 
 def reduce_to_width(pixels: Pixels, width_px: int) -> tuple[Pixels, Array]:

@@ -86,9 +86,17 @@ class Lens:
         straight = cv2.undistortPoints(points.reshape(-1, 1, 2), matrix, distortion, P=matrix)
         return np.asarray(straight, dtype=np.float64).reshape(-1, 2)
 
-    def visible_mask(self, size: tuple[int, int]) -> Pixels | None:
-        """Mask of a straightened photograph of ``size`` (width, height): 255 where it shows ground; None: all of it."""
-        return None if self.mask is None and self.matrix is None else _visible_mask(self, size)
+    def visible_mask(self, size: tuple[int, int], own: Pixels | None = None) -> Pixels | None:
+        """Mask of a straightened photograph of ``size`` (width, height): 255 where it shows ground; None: all of it.
+
+        ``own`` is the photograph's own mask, of any size, which may hide more.
+        """
+        mask = None if self.mask is None and self.matrix is None else _visible_mask(self, size)
+        if own is None:
+            return mask
+        resized = cv2.resize(own, size, interpolation=cv2.INTER_AREA)
+        whole = np.where(resized == 255, np.uint8(255), np.uint8(0))
+        return whole if mask is None else np.minimum(whole, mask)
 
     def to_toml(self) -> str:
         """The lines of a camera file that `load_lens` reads; for a lens with a calibration matrix."""

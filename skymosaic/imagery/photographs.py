@@ -29,6 +29,10 @@ Images = Image | Iterable[Image]
 """Photographs as users give them: files, folders, patterns and arrays, one or several."""
 
 
+Shown = tuple[Intensities, Pixels | None]
+"""Pixels of a photograph, and 255 where they show something, 0 elsewhere; None: 255 everywhere."""
+
+
 class Warp(Protocol):
     """Moves the pixels of a photograph, for instance `skymosaic.compositing.mesh.Mesh`; equal if it does the same."""
 
@@ -122,12 +126,19 @@ class Source:
         """
         decoded = load(self.content, self.name, keep_damaged=self.keep_damaged)
         pixels = np.asarray(self._straighten(decoded.pixels, lens), dtype=np.uint8)
-        return dataclasses.replace(decoded, name=self.name, pixels=pixels)
+        visible = self._straighten_mask(decoded.visible, lens)
+        return dataclasses.replace(decoded, name=self.name, pixels=pixels, visible=visible)
 
-    def read_intensities(self, lens: Lens, values: ValueRange | None) -> Intensities:
+    def read_intensities(self, lens: Lens, values: ValueRange | None) -> Shown:
         """Read the straightened pixels as a mosaic shows them, see `skymosaic.imagery.images.load_intensities`."""
-        decoded = load_intensities(self.content, self.name, values, keep_damaged=self.keep_damaged)
-        return self._straighten(decoded, lens)
+        decoded, visible = load_intensities(self.content, self.name, values, keep_damaged=self.keep_damaged)
+        return self._straighten(decoded, lens), self._straighten_mask(visible, lens)
+
+    def _straighten_mask(self, visible: Pixels | None, lens: Lens) -> Pixels | None:
+        if visible is None:
+            return None
+        # A pixel that interpolates across the edge does not count.
+        return np.where(self._straighten(visible, lens) == 255, np.uint8(255), np.uint8(0))
 
     def _straighten(self, pixels: Intensities, lens: Lens) -> Intensities:
         straight = lens.straighten(pixels)
@@ -241,33 +252,33 @@ class DecodedPhotographs:
 
     def __init__(self, limit_bytes: int) -> None:
         self._limit_bytes = limit_bytes
-        self._pixels: OrderedDict[_Key, Intensities] = OrderedDict()
+        self._pixels: OrderedDict[_Key, Shown] = OrderedDict()
         self._lock = Lock()
 
     @property
     def size_bytes(self) -> int:
         """Bytes in the cache now."""
-        return sum(pixels.nbytes for pixels in self._pixels.values())
+        return sum(part.nbytes for shown in self._pixels.values() for part in shown if part is not None)
 
-    def pixels(self, source: Source, lens: Lens, values: ValueRange | None = None) -> Intensities:
-        """The straightened pixels of ``source``; ``values`` as in `Source.read_intensities`."""
+    def pixels(self, source: Source, lens: Lens, values: ValueRange | None = None) -> Shown:
+        """The straightened pixels of ``source``, and which show something; as `Source.read_intensities`."""
         key = _key(source, lens, values)
         with self._lock:
             if key in self._pixels:
                 self._pixels.move_to_end(key)
                 return self._pixels[key]
         # Outside the lock, so that threads decode different photographs at the same time.
-        pixels = source.read_intensities(lens, values)
+        shown = source.read_intensities(lens, values)
         # Afterwards, so that no change is missed.
         if source.change:
             raise InputError(f"{source.change}; make the mosaic again")
-        self.keep(source, lens, pixels, values)
-        return pixels
+        self.keep(source, lens, shown, values)
+        return shown
 
-    def keep(self, source: Source, lens: Lens, pixels: Intensities, values: ValueRange | None = None) -> None:
+    def keep(self, source: Source, lens: Lens, shown: Shown, values: ValueRange | None = None) -> None:
         """Keep straightened pixels of ``source`` that are decoded already, and drop the oldest beyond the limit."""
         with self._lock:
-            self._pixels[_key(source, lens, values)] = pixels
+            self._pixels[_key(source, lens, values)] = shown
             while self.size_bytes > self._limit_bytes:
                 self._pixels.popitem(last=False)
 

@@ -111,7 +111,7 @@ def register_photographs(
         else [(each.working.image, each.to_original) for each in features]
     )
     first = _match_first(front_end, (left, right), config, options, features=features, masked=lens is not None)
-    masks = _mask(lens, left), _mask(lens, right)
+    masks = _mask(lens, left, photographs[0].visible), _mask(lens, right, photographs[1].visible)
     clock.lap("features and matches")
     shared = None if features is None else (features[0].working, features[1].working)
     state, agreement, left_out = _search(
@@ -217,8 +217,8 @@ def _search(
     return find_ground(search, see)
 
 
-def _mask(lens: Lens | None, image: Pixels) -> Pixels | None:
-    return lens.visible_mask((image.shape[1], image.shape[0])) if lens else None
+def _mask(lens: Lens | None, image: Pixels, own: Pixels | None) -> Pixels | None:
+    return (lens or Lens()).visible_mask((image.shape[1], image.shape[0]), own)
 
 
 def _with_notes(

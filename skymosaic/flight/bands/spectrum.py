@@ -14,7 +14,7 @@ from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.bands.rig import Alignment, align_bands
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.linking.view import THUMBNAIL_WIDTH_PX, Settings, View
+from skymosaic.flight.linking.view import THUMBNAIL_WIDTH_PX, Settings, View, reduce_mask
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.preparation import equalise, thumbnail_layers
 from skymosaic.imagery.depth import measure_common_range
@@ -112,6 +112,7 @@ def _describe_band(source: Source, reference: View, settings: Settings) -> View:
         reference,
         name=source.name,
         thumbnail=thumbnail,
+        mask=reduce_mask(photograph.visible, thumbnail),
         sample=photograph.sample,
         value_range=photograph.value_range,
         taken=read_metadata(source.content),

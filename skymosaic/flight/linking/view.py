@@ -30,7 +30,7 @@ from skymosaic.registration.options import WORKING_WIDTH_PX
 from skymosaic.running.cache import Arrays, key_of
 
 THUMBNAIL_WIDTH_PX = 320
-_ARRAYS = ("to_original", "to_thumbnail", "features", "strongest", "thumbnail", "sample")
+_ARRAYS = ("to_original", "to_thumbnail", "features", "strongest", "thumbnail", "mask", "sample")
 HEAVY = ("features", "thumbnail")
 """Attributes of a view that stay with the worker that computed them, as Dask's futures."""
 _FACTS = ("size", "working_size", "sharpness", "clipped", "notes")
@@ -55,6 +55,8 @@ class View:
     strongest : structured ndarray
         The strongest of them, see `skymosaic.flight.linking.resemblance`.
     thumbnail : ndarray of uint8, shape (h, w) or (h, w, 3)
+    mask : ndarray of uint8, shape (h, w)
+        0 where the thumbnail's pixels have no data or are transparent; empty where none are.
     sample : ndarray
         Values of a photograph of more than 8 bits, at evenly spaced places; else empty.
     value_range : ValueRange or None
@@ -78,6 +80,7 @@ class View:
     features: Records
     strongest: Records
     thumbnail: Pixels
+    mask: Pixels
     sample: NDArray[np.generic]
     value_range: ValueRange | None
     sharpness: float
@@ -109,6 +112,11 @@ class View:
     def gps(self) -> Position | None:
         """Where the camera was."""
         return self.taken.position
+
+    @property
+    def visible(self) -> Pixels | None:
+        """The mask, None for an empty one."""
+        return self.mask if self.mask.size else None
 
     @property
     def light(self) -> View:
@@ -169,14 +177,14 @@ def describe(source: Source, settings: Settings) -> View:
             # Read here, a damaged band leaves out its capture; later, it would end the run.
             load(band.content, band.name, keep_damaged=band.keep_damaged)
     working, to_original = reduce_for_front_end(photograph.pixels, settings.working_width_px, source.name)
-    features = _extract_from_ground(working, settings, source.name)
+    features = _extract_from_ground(working, settings, source.name, photograph.visible)
     return make_view(source, photograph, settings, working=working, to_original=to_original, features=features)
 
 
 def describe_thumbnail(thumbnail: Pixels, view: View, settings: Settings) -> View:
     """Take the thumbnail of a view for its working image; without features if the front end cannot take it."""
     try:
-        features = _extract_from_ground(thumbnail, settings, view.name)
+        features = _extract_from_ground(thumbnail, settings, view.name, view.visible)
     except InputError:
         features = view.strongest[:0]
     from_thumbnail = np.linalg.inv(view.to_thumbnail).astype(np.float64)
@@ -192,15 +200,15 @@ def describe_thumbnail(thumbnail: Pixels, view: View, settings: Settings) -> Vie
     )
 
 
-def _extract_from_ground(working: Pixels, settings: Settings, name: str) -> Records:
-    """Compute the features of an image, without those on what the lens masks."""
+def _extract_from_ground(working: Pixels, settings: Settings, name: str, visible: Pixels | None) -> Records:
+    """Compute the features of an image, without those on what the lens or the photograph's own mask hides."""
     backend = load_backend(settings.backend)
     try:
         results, _ = extract_within_capacity(backend, [working], settings.config)
     except ValueError as error:  # for instance, more cells than features
         raise InputError(f"{name}: the front end cannot take it: {error}") from None
     features: Records = results[0].features
-    visible = settings.lens.visible_mask((working.shape[1], working.shape[0]))
+    visible = settings.lens.visible_mask((working.shape[1], working.shape[0]), visible)
     return features[are_on_ground(feature_points(features), visible)]
 
 
@@ -239,6 +247,7 @@ def make_view(
         features=features,
         strongest=compact(features),
         thumbnail=thumbnail,
+        mask=reduce_mask(photograph.visible, thumbnail),
         sample=photograph.sample,
         value_range=photograph.value_range,
         sharpness=float(cv2.Laplacian(to_gray(working), cv2.CV_32F).var()),
@@ -246,3 +255,9 @@ def make_view(
         taken=read_metadata(source.content) if isinstance(source.content, Path) else Metadata(),
         notes=photograph.notes,
     )
+
+
+def reduce_mask(visible: Pixels | None, thumbnail: Pixels) -> Pixels:
+    """The mask of a thumbnail, as `View.mask`, from that of its photograph."""
+    mask = Lens().visible_mask((thumbnail.shape[1], thumbnail.shape[0]), visible)
+    return np.zeros((0, 0), np.uint8) if mask is None else mask

@@ -185,7 +185,8 @@ class Composition:
         """Render one tile: its pixels, 0 where no photograph shows, and a mask of where one does."""
         if not self.placements:
             return self.empty(tile.width_px, tile.height_px), np.zeros((tile.height_px, tile.width_px), np.bool_)
-        images = [decoded_photographs(memory_bytes).pixels(p.source, self.lens, self.values) for p in self.placements]
+        shown = [decoded_photographs(memory_bytes).pixels(p.source, self.lens, self.values) for p in self.placements]
+        images = [pixels for pixels, _ in shown]
         tones = [placement.tone for placement in self.placements]
         plain = prepare_layers(images, [p.transform for p in self.placements], tones, coloured=self.coloured)
         layers = [
@@ -193,10 +194,10 @@ class Composition:
                 layer,
                 favour=p.favour,
                 seam=p.seam,
-                visible=self.lens.visible_mask(layer.size),
+                visible=self.lens.visible_mask(layer.size, own),
                 least_nearness=p.least_nearness,
             )
-            for layer, p in zip(plain, self.placements, strict=True)
+            for layer, p, (_, own) in zip(plain, self.placements, shown, strict=True)
         ]
         return blend_layers(layers, tile, method=self.blending)
 

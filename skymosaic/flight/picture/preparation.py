@@ -139,7 +139,7 @@ def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[l
             Layer(
                 image=_coloured_thumbnail(view, composition.values),
                 transform=resize_matrix(reduction) @ placement.transform @ from_thumbnail,
-                visible=composition.lens.visible_mask((view.thumbnail.shape[1], view.thumbnail.shape[0])),
+                visible=composition.lens.visible_mask((view.thumbnail.shape[1], view.thumbnail.shape[0]), view.visible),
                 # Thumbnails have the same size, whatever detail their photographs show.
                 favour=placement.favour * view.size[0] / view.thumbnail.shape[1],
                 least_nearness=placement.least_nearness,

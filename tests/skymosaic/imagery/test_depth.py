@@ -39,7 +39,7 @@ def test_the_same_number_is_shown_alike_in_all_photographs(tmp_path: Path, value
         ramp = np.linspace(0, brightest, 64 * 80).reshape(64, 80).astype(np.uint16)
         ramp[0, 0] = 10_000
         cv2.imwrite(str(tmp_path / f"{name}.tif"), ramp)
-    shown = [load_intensities(tmp_path / f"{name}.tif", name, values)[0, 0] for name in ("dark", "bright")]
+    shown = [load_intensities(tmp_path / f"{name}.tif", name, values)[0][0, 0] for name in ("dark", "bright")]
     assert shown == [10_000 if values.deep else 64] * 2
     own = [load(tmp_path / f"{name}.tif").pixels[0, 0] for name in ("dark", "bright")]
     assert own[0] != own[1]

@@ -49,12 +49,15 @@ def test_deep_pixels_are_mapped_to_8_bit_and_the_mapping_is_stated(tmp_path: Pat
 
 
 @pytest.mark.parametrize("kind", ["alpha.png", "alpha.tif", "palette.png"])
-def test_transparency_that_is_ignored_is_stated(tmp_path: Path, kind: str) -> None:
+def test_what_is_transparent_is_no_ground(tmp_path: Path, kind: str) -> None:
     half = np.dstack((np.full((80, 80, 3), 90, np.uint8), np.tile([[0], [255]], (40, 80)).astype(np.uint8)))
     picture = PillowImage.fromarray(half)
     path = tmp_path / kind
     (picture.quantize(8) if kind == "palette.png" else picture).save(path)
-    assert images.load(path).notes == ("transparent pixels count as ground",)
+    photograph = images.load(path)
+    assert photograph.notes == ("50.0% has no data or is transparent, and no ground",)
+    assert photograph.visible is not None
+    np.testing.assert_array_equal(photograph.visible, half[..., 3])
     picture.convert("RGB").save(path)
     assert images.load(path).notes == ()
 

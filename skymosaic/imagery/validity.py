@@ -1,0 +1,69 @@
+"""Which pixels of a file show something: those that are neither transparent nor declared to have no data."""
+
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.arrays import Pixels
+
+TURNS = {2: (0, 1), 3: (2, 0), 4: (2, 1), 5: (-1, 1), 6: (-1, 0), 7: (1, 1), 8: (1, 0)}
+"""Quarter turns to the left, and then whether left and right change places, that make an EXIF orientation upright."""
+
+
+class Declared(Protocol):
+    """What a file's header says, see `skymosaic.imagery.decoding.Header`."""
+
+    @property
+    def kind(self) -> str:
+        """OpenCV turns TIFF upright also where it decodes alpha, and nothing else."""
+
+    @property
+    def transparent(self) -> bool:
+        """Whether there may be an alpha channel."""
+
+    @property
+    def orientation(self) -> int:
+        """Of EXIF, 1 to 8."""
+
+    @property
+    def nodata(self) -> float | None:
+        """The value of pixels without data; NaN is always one."""
+
+
+def find_visible(decoded: NDArray[Any], data: bytes, header: Declared) -> Pixels | None:
+    """Find the pixels that show something.
+
+    Parameters
+    ----------
+    decoded : ndarray, shape (H, W) or (H, W, 3)
+        Upright pixels, without alpha.
+    data : bytes
+        The file.
+    header : Header
+
+    Returns
+    -------
+    ndarray of uint8, shape (H, W), or None
+        255 where something is shown, else 0; None: everywhere, or nowhere, as of an alpha channel that nobody filled.
+    """
+    shown = np.ones(decoded.shape[:2], np.bool_)
+    if header.transparent:
+        whole = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        if whole is not None and whole.ndim == 3 and whole.shape[2] == 4:
+            turns, mirrored = TURNS.get(header.orientation, (0, 0)) if header.kind != "TIFF" else (0, 0)
+            alpha = np.rot90(whole[..., 3], turns)
+            shown &= (alpha[:, ::-1] if mirrored else alpha) > np.iinfo(whole.dtype).max // 2
+    if header.nodata is not None or decoded.dtype.kind == "f":
+        lacking = ~np.isfinite(decoded) | (decoded == header.nodata)
+        shown &= ~(lacking if lacking.ndim == 2 else lacking.all(axis=2))
+    return None if shown.all() or not shown.any() else shown.astype(np.uint8) * np.uint8(255)
+
+
+def fill_hidden(pixels: NDArray[np.generic], visible: Pixels) -> NDArray[np.generic]:
+    """Give each pixel that shows nothing the value of the nearest one that does, so that no filter sees an edge."""
+    _, labels = cv2.distanceTransformWithLabels(255 - visible, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    nearest = np.zeros(labels.max() + 1, np.intp)
+    nearest[labels[visible > 0]] = np.flatnonzero(visible)
+    return np.asarray(pixels.reshape(-1, *pixels.shape[2:])[nearest[labels]])

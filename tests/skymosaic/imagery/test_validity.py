@@ -1,0 +1,87 @@
+"""Pixels that show nothing, transparent ones and those without data, are no ground: from the file to the mosaic."""
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import rasterio
+from PIL import Image as PillowImage
+
+from sim.scene import Flight
+from skymosaic.compositing.blend import Blending
+from skymosaic.imagery.images import load
+from skymosaic.maps.georeference import configured_rasterio
+from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.options import MosaicOptions
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+@pytest.mark.parametrize("suffix", [".tif", ".png", ".webp"])
+def test_alpha_is_turned_as_the_pixels_are(tmp_path: Path, orientation: int, suffix: str) -> None:
+    pixels = np.full((70, 100, 4), 200, np.uint8)
+    pixels[:, :, 3] = 255
+    # The corner that is black is the one that is transparent.
+    pixels[:20, :40] = 0
+    exif = PillowImage.Exif()
+    exif[274] = orientation
+    options: dict[str, Any] = {"tiffinfo": {274: orientation}} if suffix == ".tif" else {"exif": exif, "lossless": True}
+    PillowImage.fromarray(pixels).save(tmp_path / f"p{suffix}", **options)
+    photograph = load(tmp_path / f"p{suffix}")
+    unmasked: Any = cv2.imdecode(np.fromfile(tmp_path / f"p{suffix}", np.uint8), cv2.IMREAD_COLOR)
+    assert photograph.visible is not None
+    np.testing.assert_array_equal(photograph.visible, np.where(unmasked[..., 0] == 200, 255, 0))
+    # What shows nothing looks like what is beside it.
+    assert (photograph.pixels == 200).all()
+
+
+@pytest.mark.parametrize("orientation", range(1, 3))
+def test_alpha_that_nobody_filled_hides_nothing(tmp_path: Path, orientation: int) -> None:
+    pixels = np.dstack([np.full((80, 80, 3), 9, np.uint8), np.full((80, 80), 255 * (orientation - 1), np.uint8)])
+    PillowImage.fromarray(pixels).save(tmp_path / "p.png")
+    assert load(tmp_path / "p.png").visible is None
+
+
+@pytest.mark.parametrize(
+    ("dtype", "nodata", "declared"),
+    [("float32", -9999, -9999), ("float32", np.nan, None), ("uint16", 0, 0), ("uint8", 255, 255)],
+)
+def test_nodata_neither_shows_nor_stretches_the_range(
+    tmp_path: Path, dtype: str, nodata: float, declared: float | None
+) -> None:
+    values = np.tile(np.linspace(10, 30, 100), (80, 1)).astype(dtype)
+    values[:9, :] = np.array(nodata, dtype)
+    profile = {"driver": "GTiff", "width": 100, "height": 80, "count": 1, "dtype": dtype, "nodata": declared}
+    with configured_rasterio(), rasterio.open(tmp_path / "t.tif", "w", **profile) as file:
+        file.write(values, 1)
+    photograph = load(tmp_path / "t.tif")
+    assert photograph.visible is not None
+    assert not photograph.visible[:9].any()
+    assert photograph.visible[9:].all()
+    if photograph.value_range is not None:
+        assert (photograph.value_range.low, photograph.value_range.high) == pytest.approx((10, 30), abs=0.2)
+    np.testing.assert_array_equal(photograph.pixels[:9], np.tile(photograph.pixels[9], (9, 1)))
+
+
+@pytest.mark.parametrize("blending", ["multiband", "distance"])
+def test_a_mosaic_shows_none_of_what_is_transparent(flight: Flight, tmp_path: Path, blending: Blending) -> None:
+    """Photographs that were turned, with transparent corners: the mosaic has no black, and ends where they do."""
+    height, width = flight.images[0].shape[:2]
+    turn = cv2.getRotationMatrix2D((width / 2, height / 2), 20, 1.0)
+    for number, image in enumerate(flight.images[:4]):
+        # Nothing but the alpha channel tells the corners, which are as black as some ground, apart.
+        pixels = np.dstack([np.maximum(image, 40), np.full((height, width), 255, np.uint8)])
+        cv2.imwrite(str(tmp_path / f"{number}.png"), cv2.warpAffine(pixels, turn, (width, height)))
+    with open_plan(tmp_path, MosaicOptions(blending=blending)) as plan:
+        composition = plan.composition(plan.layouts[0])
+        features = [view.strongest for view in plan.flight.views]
+        pixels, shown = (np.concatenate(part) for part in zip(*plan.bands(composition), strict=True))
+    assert len(composition.placements) == 4
+    assert all(len(each) > 100 for each in features)
+    assert pixels[shown].min() > 15
+    corners = [np.rint(transform @ [2.0, 2.0, 1.0])[:2].astype(int) for transform in composition.transforms]
+    assert not all(shown[y, x] for x, y in corners)
+    # The first photograph's corner lies outside of all others.
+    hidden = cv2.warpAffine(np.full((height, width), 255, np.uint8), turn, (width, height)) == 0
+    assert shown.mean() < 1 - 0.5 * hidden.mean()
