@@ -317,12 +317,22 @@ def test_an_overlay_without_the_blocks_is_named(
         sys.modules["pynq_bus"].PynqBus("skymosaic.bit")
 
 
-def test_a_frame_longer_than_a_transfer_is_refused_before_anything_is_sent(device: Any, address: str) -> None:
+def test_a_frame_longer_than_a_transfer_is_refused_before_anything_is_sent(
+    device: Any, address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     error = sys.modules["skymosaic_registers"].AcceleratorError
     device.check_frame((4096, 4096))
     device.check_frame((4095, 4096, 3))
     with pytest.raises(error, match="4096x4096 has 67108864 bytes, a DMA sends at most 67108863"):
         device.check_frame((4096, 4096, 3))
+    # With two pixels per clock, a line of odd width is sent with one more.
+    for bits, shape in ((48, (4096, 4095, 3)), (16, (16384, 4095))):
+        device.check_frame(shape)
+        monkeypatch.setattr(device, "video_bits", bits)
+        device.check_frame((shape[0], shape[1] - 1, *shape[2:]))
+        with pytest.raises(error, match=f"4095x{shape[0]} has 67108864 bytes, a DMA sends at most 67108863"):
+            device.check_frame(shape)
+        monkeypatch.undo()
     with pytest.raises(error, match="67108864 bytes of video; a DMA transfers 1 to 67108863"):
         device.bus.start_send(device._sent, 1 << 26)
 
