@@ -10,7 +10,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --no-compile
 REQUIRE ?=
 PYTEST := $(BIN)/pytest -n 2 --dist loadgroup --no-loadscope-reorder $(if $(REQUIRE),--require $(REQUIRE))
 
-.PHONY: demo test test-slow test-fuzz test-soak dist docs tools lint clean
+.PHONY: demo test test-slow test-fuzz test-soak test-mutants dist docs tools lint clean
 
 demo: $(VENV)/runs
 	$(BIN)/skymosaic demo -o demo --overwrite
@@ -32,6 +32,12 @@ test-fuzz: $(VENV)/installed
 SOAK_CLOCKS ?= 100000000
 test-soak: $(VENV)/installed
 	$(BIN)/python -m tests.soak.soak $(SOAK_CLOCKS)
+
+# Wrong lines, a sample of them, which the tests should notice; of some files only, or of what changed since a commit:
+# make test-mutants MUTANTS="--count 100 --seed 7 --since main skymosaic/maps"
+MUTANTS ?= --count 40
+test-mutants: $(VENV)/installed
+	$(BIN)/python -m tools.mutants $(MUTANTS)
 
 # Wheel and source package, in dist; the tests unpack a wheel into an empty environment and use it there.
 dist: $(VENV)/installed

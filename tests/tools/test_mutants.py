@@ -1,0 +1,63 @@
+"""Wrong lines are wrong in one place, and the tests that see a file are found."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from tools.mutants import ROOT, choose_tests, find_mutants, notices
+
+SOURCE = '''"""Docstrings, True and 1 in texts, are left alone."""
+
+def clamp(x: int = 3, *, strict: bool = False) -> bool:
+    if not strict and (x + 1) * 2 >= min(x, 7):
+        raise ValueError(f"{x + 1} is not valid")
+    return all(y is not None for y in (x, x % 2))
+'''
+
+
+def test_each_mutant_is_one_other_program() -> None:
+    found = find_mutants(Path("a.py"), SOURCE.encode())
+    texts = {mutant.apply(SOURCE.encode()).decode() for mutant in found}
+    assert len(texts) == len(found)
+    assert all(ast.dump(ast.parse(text)) != ast.dump(ast.parse(SOURCE)) for text in texts)
+    for before, after in {
+        "x: int = 3": "x: int = 4",
+        "strict: bool = False": "strict: bool = True",
+        "not strict and": "not strict or",
+        "if not strict and (x + 1) * 2 >= min(x, 7)": "if (not (not strict and (x + 1) * 2 >= min(x, 7)))",
+        "(x + 1) * 2": "(x - 1) * 2",
+        "(x + 1) * 2 ": "(x + 1) / 2 ",
+        ">= min": "> min",
+        "min(x": "max(x",
+        "all(y": "any(y",
+        "y is not None": "y is None",
+        "x % 2": "x * 2",
+    }.items():
+        assert SOURCE.replace(before, after, 1) in texts, after
+    assert not any("valid" not in text or "x - 1} is" in text or "Docstrings, False" in text for text in texts)
+    (described,) = (each.describe(SOURCE.encode()) for each in found if "any(" in each.describe(SOURCE.encode()))
+    assert described.startswith("a.py:6: return all(y is not None for y in (x, x % 2))  ->  return any(y is not None")
+
+
+@pytest.mark.parametrize(
+    ("path", "first", "among"),
+    [
+        ("skymosaic/maps/positions.py", "tests/skymosaic/maps/test_positions.py", "tests/skymosaic/cli/test_check.py"),
+        ("skymosaic/common/replaced.py", "tests/skymosaic/common/test_replaced.py", "tests/skymosaic/imagery"),
+    ],
+)
+def test_the_tests_beside_a_file_come_first(path: str, first: str, among: str) -> None:
+    chosen = choose_tests(Path(path))
+    assert str(chosen[0]) == first
+    assert any(str(each).startswith(among) for each in chosen)
+    assert all((ROOT / each).exists() for each in chosen)
+
+
+@pytest.mark.parametrize(("line", "says"), [("x = 1", ""), ("x = 2", "test_a.py::test_it")])
+def test_what_the_tests_say_of_a_tree(tmp_path: Path, line: str, says: str) -> None:
+    (tmp_path / "code_of_tree.py").write_text(line)
+    (tmp_path / "test_a.py").write_text("def test_it():\n    import code_of_tree\n    assert code_of_tree.x == 1\n")
+    said = notices(tmp_path, [Path("test_a.py")])
+    assert bool(said) == bool(says)
+    assert says in said

@@ -1,0 +1,195 @@
+"""Wrong lines that the tests should notice: ``python -m tools.mutants --count 40``, or ``make test-mutants``.
+
+A sample of places in the code is made wrong, one at a time and in a copy of the tree, and the fast tests run that lie
+beside the file and that reach it. Who reads the survivors decides: a user would notice it, so a test is missing; or the
+line does the same as before, or only costs time.
+"""
+
+import argparse
+import ast
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from golden_model.code_digest import digest_each
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("golden_model", "hdl", "sim", "skymosaic")
+MAX_REACHING = 8
+"""So many test files of other folders run that reach the line, those that import least."""
+SECONDS = 300
+"""Tests that take longer hang: the mutant is noticed."""
+SWAPS: dict[type[ast.AST], tuple[str, str]] = {
+    ast.Lt: ("<", "<="), ast.LtE: ("<=", "<"), ast.Gt: (">", ">="), ast.GtE: (">=", ">"), ast.Eq: ("==", "!="),
+    ast.NotEq: ("!=", "=="), ast.Is: ("is", "is not"), ast.IsNot: ("is not", "is"), ast.In: ("in", "not in"),
+    ast.NotIn: ("not in", "in"), ast.And: ("and", "or"), ast.Or: ("or", "and"), ast.Add: ("+", "-"),
+    ast.Sub: ("-", "+"), ast.Mult: ("*", "/"), ast.Div: ("/", "*"), ast.FloorDiv: ("//", "*"), ast.Mod: ("%", "*"),
+    ast.LShift: ("<<", ">>"), ast.RShift: (">>", "<<"), ast.BitAnd: ("&", "|"), ast.BitOr: ("|", "&"),
+}  # fmt: skip
+NAMES = {"any": "all", "all": "any", "min": "max", "max": "min"}
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A wrong place: ``after`` stands for the bytes from ``begin`` to ``end`` of a file."""
+
+    path: Path
+    line: int
+    begin: int
+    end: int
+    after: str
+
+    def apply(self, text: bytes) -> bytes:
+        return text[: self.begin] + self.after.encode() + text[self.end :]
+
+    def describe(self, text: bytes) -> str:
+        line = text.splitlines()[self.line - 1].decode().strip()
+        wrong = self.apply(text).splitlines()[self.line - 1].decode().strip()
+        return f"{self.path}:{self.line}: {line[:90]}  ->  {wrong[:90]}"
+
+
+def find_mutants(path: Path, text: bytes) -> list[Mutant]:
+    """List all places of a file that can be made wrong."""
+    starts = [0]
+    for line in text.splitlines(keepends=True):
+        starts.append(starts[-1] + len(line))
+
+    def replace(node: ast.stmt | ast.expr, after: str) -> Mutant:
+        assert node.end_lineno
+        assert node.end_col_offset
+        begin, end = starts[node.lineno - 1] + node.col_offset, starts[node.end_lineno - 1] + node.end_col_offset
+        return Mutant(path, node.lineno, begin, end, after)
+
+    def swap(left: ast.expr, operator: ast.AST, right: ast.expr) -> Mutant:
+        """What stands between two operands, with another operator."""
+        begin, end = replace(left, "").end, replace(right, "").begin
+        between = text[begin:end].decode()
+        line = text[:begin].count(b"\n") + 1
+        return Mutant(path, line, begin, end, between.replace(*SWAPS[type(operator)], 1))
+
+    def negate(node: ast.expr) -> Mutant:
+        place = replace(node, "")
+        return replace(node, f"(not ({text[place.begin : place.end].decode()}))")
+
+    found = []
+    for node in _walk(ast.parse(text)):
+        match node:
+            case ast.Compare(left=left, ops=[operator], comparators=[right]):
+                found.append(swap(left, operator, right))
+            case ast.BinOp(left=left, op=operator, right=right) if type(operator) in SWAPS:
+                found.append(swap(left, operator, right))
+            case ast.BoolOp(values=[left, right, *_], op=operator):
+                found.append(swap(left, operator, right))
+            case ast.UnaryOp(op=ast.Not()):
+                found.append(negate(node))
+            case ast.If(test=test) | ast.IfExp(test=test):
+                found.append(negate(test))
+            case ast.Constant(value=bool(value)):
+                found.append(replace(node, str(not value)))
+            case ast.Constant(value=int(value)):
+                found.append(replace(node, str(value + 1)))
+            case ast.Name(id=name, ctx=ast.Load()) if name in NAMES:
+                found.append(replace(node, NAMES[name]))
+            case ast.AugAssign() | ast.Expr(value=ast.Call()) | ast.Break():
+                found.append(replace(node, "pass"))
+    return found
+
+
+def _walk(node: ast.AST) -> Iterator[ast.AST]:
+    """All that computes: no annotations, no docstrings, no text of messages."""
+    if isinstance(node, ast.Assert | ast.Raise | ast.JoinedStr | ast.Import | ast.ImportFrom):
+        return
+    yield node
+    for name, value in ast.iter_fields(node):
+        if name not in ("annotation", "returns", "decorator_list"):
+            for child in value if isinstance(value, list) else [value]:
+                if isinstance(child, ast.AST):
+                    yield from _walk(child)
+
+
+@cache
+def _closures() -> dict[Path, set[str]]:
+    """The modules that each file of tests imports, those that import least first."""
+    files = [path.relative_to(ROOT) for path in sorted((ROOT / "tests").rglob("test_*.py"))]
+    closures = {path: set(digest_each(".".join(path.with_suffix("").parts))) for path in files}
+    return dict(sorted(closures.items(), key=lambda each: len(each[1])))
+
+
+def choose_tests(path: Path) -> list[Path]:
+    """The file of tests beside a file of code, those of its folder, and some of those that reach it."""
+    module = ".".join(path.with_suffix("").parts)
+    beside = Path("tests") / path.with_name(f"test_{path.name}")
+    reaching = [each for each, modules in _closures().items() if module in modules]
+    near = [each for each in reaching if each.parent == beside.parent]
+    chosen = dict.fromkeys([*([beside] if (ROOT / beside).exists() else []), *near])
+    others = [each for each in reaching if each not in chosen]
+    return [*chosen, *others[:MAX_REACHING]]
+
+
+def notices(tree: Path, tests: Sequence[Path]) -> str:
+    """What the tests say in a tree: the first that fails, "time", or nothing."""
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", "not slow", "-p", "no:cacheprovider"]
+    try:
+        environment = {**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
+        done = subprocess.run(
+            [*command, *map(str, tests)], cwd=tree, env=environment, capture_output=True, text=True, timeout=SECONDS,
+            check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return "time"
+    if done.returncode in (0, 5):
+        return ""
+    failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return failed[0][:150] if failed else f"status {done.returncode}"
+
+
+def _list_files(given: Sequence[Path], since: str) -> list[Path]:
+    command = ["git", "diff", "--name-only", since] if since else ["git", "ls-files"]
+    listed = subprocess.run(
+        [*command, "--", *map(str, given or PACKAGES)], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    paths = [Path(line) for line in listed.stdout.splitlines() if line.endswith(".py") and (ROOT / line).exists()]
+    return [path for path in paths if path.parts[0] in PACKAGES]
+
+
+def main() -> None:
+    """Sample, run and list; the survivors come last."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("paths", nargs="*", type=Path, help="files or folders; by default all packages")
+    parser.add_argument("--count", type=int, default=40, help="mutants")
+    parser.add_argument("--seed", type=int, default=None, help="by default another one each time, which is printed")
+    parser.add_argument("--since", default="", help="only files that have changed since this commit")
+    given = parser.parse_args()
+    seed = given.seed if given.seed is not None else random.SystemRandom().randrange(1000)
+    places = [
+        each
+        for path in _list_files(given.paths, given.since)
+        for each in find_mutants(path, (ROOT / path).read_bytes())
+    ]
+    sample = random.Random(seed).sample(places, min(given.count, len(places)))
+    print(f"seed {seed}: {len(sample)} of {len(places)} places", flush=True)
+    survivors = []
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder) / "tree"
+        shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".venv", ".git", "__pycache__", "build", "dist"))
+        for mutant in sample:
+            text, start = (ROOT / mutant.path).read_bytes(), time.monotonic()
+            (tree / mutant.path).write_bytes(mutant.apply(text))
+            said = notices(tree, choose_tests(mutant.path))
+            (tree / mutant.path).write_bytes(text)
+            survivors += [] if said else [mutant.describe(text)]
+            seconds = time.monotonic() - start
+            print(f"{mutant.describe(text)}: {said or 'NOT NOTICED'} ({seconds:.0f} s)", flush=True)
+    print(f"{len(sample) - len(survivors)} of {len(sample)} noticed; not:", *survivors, sep="\n")
+
+
+if __name__ == "__main__":
+    main()
