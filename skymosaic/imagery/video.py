@@ -6,6 +6,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import av
+import cv2
 import numpy as np
 from av.error import FFmpegError
 
@@ -19,6 +20,8 @@ VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".ts", ".mts", ".m2ts"
 OUTPUT_SUFFIXES = (".mp4", ".mov", ".mkv")
 DEFAULT_RATE = Fraction(25)
 """Frames per second of a video that does not state them."""
+MIN_SHAPE = 0.25
+"""Pixels that are said to be longer than this are a mistake; those of film are up to 2:1."""
 CONSTANT_QUALITY = "18"
 """x264's constant rate factor; 18 is visually lossless."""
 FILE_OPTIONS = {
@@ -92,7 +95,8 @@ class VideoReader:
         first: tuple[int, ...] = ()
         with self._container:
             for turns, stored in self._decode():
-                pixels = np.ascontiguousarray(np.rot90(stored, turns), dtype=np.uint8)
+                square = self._make_square(stored)
+                pixels = np.ascontiguousarray(np.rot90(square, turns), dtype=np.uint8)
                 first = first or pixels.shape
                 # Optical flow, tracking and the encoder need frames of one size.
                 if pixels.shape != first:
@@ -109,6 +113,17 @@ class VideoReader:
             self.notes.append(f"the size changes; {other_size} frames that are not {first[1]}x{first[0]} are left out")
         if frames + other_size < self._stream.frames:
             self.notes.append(f"{frames} of {self._stream.frames} frames can be decoded; the others are left out")
+
+    def _make_square(self, stored: Pixels) -> Pixels:
+        """Widen frames whose pixels are narrower than they are high, and the other way round."""
+        shape = self._stream.sample_aspect_ratio or 1
+        if not MIN_SHAPE < shape < 1 / MIN_SHAPE or shape == 1:
+            return stored
+        height, width = stored.shape[:2]
+        size = (round(width * shape), height) if shape > 1 else (width, round(height / shape))
+        if (note := f"pixels of {shape} made square: {size[0]}x{size[1]}") not in self.notes:
+            self.notes.append(note)
+        return np.asarray(cv2.resize(stored, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
 
     def _decode(self) -> Iterator[tuple[int, Pixels]]:
         """Decode the frames as they are stored; yields the quarter turns and the pixels of each."""

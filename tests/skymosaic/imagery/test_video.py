@@ -212,3 +212,25 @@ def test_a_stream_that_cannot_be_opened_says_why(camera: str, monkeypatch: pytes
         with pytest.raises(InputError) as refused:
             VideoReader(address)
         assert str(refused.value).startswith(f"{address}: the stream cannot be opened: {fault}")
+
+
+@pytest.mark.parametrize(("shape", "size"), [("64/45", (455, 240)), ("1/2", (320, 480)), ("1", (320, 240))])
+@pytest.mark.parametrize("rotation", [0, 90])
+def test_pixels_that_are_not_square_become_square(
+    tmp_path: Path, frames: list[np.ndarray], shape: str, size: tuple[int, int], rotation: int
+) -> None:
+    with av.open(str(tmp_path / "v.mp4"), "w") as container:
+        stream = container.add_stream("libx264", rate=25)
+        stream.height, stream.width, stream.pix_fmt = 240, 320, "yuv420p"
+        stream.codec_context.sample_aspect_ratio = Fraction(shape)
+        if rotation:
+            stream.set_display_rotation(rotation)
+        for frame in frames[:3]:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="bgr24")))
+        container.mux(stream.encode())
+    reader = VideoReader(tmp_path / "v.mp4")
+    read = list(reader)
+    assert {frame.shape[1::-1] for frame in read} == {size if rotation == 0 else size[::-1]}
+    assert [note for note in reader.notes if "square" in note] == (
+        [] if shape == "1" else [f"pixels of {shape} made square: {size[0]}x{size[1]}"]
+    )
