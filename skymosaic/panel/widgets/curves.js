@@ -1,18 +1,18 @@
 // Membership curves with corners to drag; a corner is a slider, so that keys move it and screen readers name it.
-const WIDTH = 240, HEIGHT = 76, LEFT = 14, RIGHT = 10, TOP = 8, BOTTOM = 16;
+const WIDTH = 240, HEIGHT = 86, LEFT = 14, RIGHT = 10, TOP = 18, BOTTOM = 16;
 const STEPS = 200;
 const INTERVAL_MS = 50;
 
 export default {
   template: `
-    <svg class="curves-plot" ref="svg" viewBox="0 0 240 76" role="group" :aria-label="label">
+    <svg class="curves-plot" ref="svg" viewBox="0 0 240 86" role="group" :aria-label="label">
       <line class="axis" :x1="x(0)" :x2="x(high)" :y1="y(0)" :y2="y(0)" />
-      <text class="axis-name" :x="x(0)" :y="74" text-anchor="middle">0</text>
-      <text class="axis-name" :x="x(high)" :y="74" text-anchor="middle">{{ high }}</text>
+      <text class="axis-name" :x="x(0)" :y="84" text-anchor="middle">0</text>
+      <text class="axis-name" :x="x(high)" :y="84" text-anchor="middle">{{ high }}</text>
       <polyline v-for="([name, points], n) in curves" :key="name" class="set" :class="kind(n)"
-        :transform="'translate(14 60) scale(216 -52)'" vector-effect="non-scaling-stroke" :points="points" />
+        :transform="'translate(14 70) scale(216 -52)'" vector-effect="non-scaling-stroke" :points="points" />
       <text v-for="([name, points], n) in curves" :key="'name of ' + name" class="set-name" :class="kind(n)"
-        :x="peak(points)" y="6" text-anchor="middle" aria-hidden="true">{{ name }}</text>
+        :x="peak(points)" y="10" text-anchor="middle" aria-hidden="true">{{ name }}</text>
       <circle v-for="([at, degree, name], n) in corners" :key="n" class="corner" r="5" tabindex="0" role="slider"
         :cx="x(held === n ? place[0] : at)" :cy="y(held === n ? place[1] : degree)" :aria-label="name"
         aria-valuemin="0" :aria-valuemax="high" :aria-valuenow="at"

@@ -67,6 +67,8 @@ def test_a_dragged_corner_recolours_the_matches(made: Page, tmp_path: Path) -> N
     made.get_by_role("button", name="Edit the rules").click()
     rejected = made.get_by_role("checkbox", name="rejected by the rules")
     at_first = rejected.text_content() or ""
+    # Each curve carries the name of its term.
+    assert made.locator(".curves-plot .set-name").all_text_contents()[:4] == ["low", "high", "big", "small"]
     corner = made.get_by_role("slider", name="Corner 1 of distance: low, high")
     undo = made.get_by_role("button", name="Undo")
     expect(undo).to_be_disabled()
