@@ -238,10 +238,10 @@ def unrelated(
 @app.command()
 def render(
     folder: Annotated[Path, typer.Argument(help="Where images and pairs.csv are written.")],
-    each: Annotated[int, typer.Option(min=1, help="Pairs for every zoom and every tilt.")] = 8,
-    kind: Annotated[list[str] | None, typer.Option(help="zoom, tilt; by default both.")] = None,
+    each: Annotated[int, typer.Option(min=1, help="Pairs for every step of a kind.")] = 8,
+    kind: Annotated[list[str] | None, typer.Option(help="zoom, tilt, horizon, overlap, small, dark.")] = None,
 ) -> None:
-    """Render pairs with zoom and tilt, whose homographies are exact."""
+    """Render hard pairs of flat ground, whose homographies are exact; by default of all kinds."""
     write_set(folder, chain.from_iterable(flat_pairs(one, each) for one in kind or STEPS))
 
 

@@ -1,8 +1,11 @@
-"""Renders pairs of views whose true geometry is known: zooms and tilts over flat ground, and ground with relief.
+"""Renders pairs of views whose true geometry is known: hard ones over flat ground, and ground with relief.
 
 ``zoom_3`` shows the same place from three times the height, at any heading; ``tilt_60`` looks at it from 60 degrees off
 the vertical, at any heading and from any side. The nearer view has one pixel for each ground pixel, so no view shows
-less detail than a camera would. For pairs with relief, no homography is right everywhere: the landscape lies over
+less detail than a camera would. In ``horizon_80`` both look 50 degrees off the vertical, 80 degrees apart, so that one
+shows ground behind the other camera. ``overlap_15`` shares 15 % of the width; ``small_55`` shares 55 % at 240x180 px,
+turned, blurred and compressed; ``dark_3`` shares 55 % at an eighth of the light, blurred, with noise of 3 gray levels.
+For pairs with relief, no homography is right everywhere: the landscape lies over
 hills and raised blocks. Each pixel's ray is followed to the surface, which gives its true position in the other view.
 """
 
@@ -18,8 +21,15 @@ from golden_model.arrays import Matrix, Pixels, Points
 from sim.scene import Camera, CameraPose, Photometry, render_ground, render_view
 from sim.scene.camera import find_visible_box
 
-STEPS = {"zoom": (1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0), "tilt": (20, 30, 40, 50, 60, 65, 70, 75)}
-"""Factors of height, and degrees."""
+STEPS = {
+    "zoom": (1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0),
+    "tilt": (20, 30, 40, 50, 60, 65, 70, 75),
+    "horizon": (60, 70, 80),
+    "overlap": (25, 20, 15, 10),
+    "small": (55, 35, 25),
+    "dark": (2, 3, 4),
+}
+"""Factors of height, degrees, percent of the width, and gray levels of noise."""
 FOCAL_WIDTHS = 0.8
 """Focal length in image widths, a common drone's."""
 TILTED_FOCAL_WIDTHS = {60: 1.6, 75: 3.2}
@@ -28,6 +38,12 @@ HEIGHTS_PX = (4.0, 12.0, 25.0, 45.0)
 """Standard deviation of the relief, ground px; the camera flies at 512."""
 OVERLAPS = (0.75, 0.55, 0.35, 0.2)
 SIZE_PX = (640, 480)
+SMALL_PX = (240, 180)
+JPEG_QUALITY = 35
+"""Of small views."""
+SIDEWAYS_DEG = 50
+DARK = 1 / 8
+DARK_SHARE = 0.55
 OVERSAMPLING = 2
 """Views are rendered larger and reduced by area, as a tilted pixel averages more ground in one direction."""
 LANDSCAPES = 3
@@ -42,17 +58,40 @@ Ground = NDArray[np.float64]
 
 
 def flat_pairs(kind: str, each: int) -> Iterator[tuple[str, str, Pixels, Pixels, Matrix]]:
-    """Render ``each`` pairs for every zoom or tilt: name, group, left and right view, true homography."""
+    """Render ``each`` pairs for every step of a kind: name, group, left and right view, true homography."""
     for step, number in itertools.product(STEPS[kind], range(each)):
         group = f"{kind}_{step:g}"
         yield f"{group}_{number:02d}", group, *flat_pair(kind, step, number)
 
 
 def flat_pair(kind: str, step: float, number: int) -> tuple[Pixels, Pixels, Matrix]:
-    """Render pair ``number`` of a zoom (a factor) or a tilt (degrees); the same on every run."""
+    """Render pair ``number`` of a kind and one of its `STEPS`; the same on every run."""
     rng = np.random.default_rng([list(STEPS).index(kind), round(10 * step), number])
     steepest = next((limit for limit in TILTED_FOCAL_WIDTHS if kind == "tilt" and step <= limit), None)
-    camera = _camera(TILTED_FOCAL_WIDTHS[steepest] if steepest else FOCAL_WIDTHS)
+    focal_widths = TILTED_FOCAL_WIDTHS[steepest] if steepest else FOCAL_WIDTHS
+    camera = _camera(focal_widths, SMALL_PX if kind == "small" else SIZE_PX)
+    near, far = _poses(kind, step, camera, rng)
+    poses = [near, far] if number % 2 else [far, near]
+    photometries = [
+        Photometry(blur_sigma_px=0.4, noise_sigma=1.5, vignetting=0.1),
+        Photometry(gain=rng.uniform(0.8, 0.95), gamma=rng.uniform(1, 1.15), noise_sigma=2.0, vignetting=0.1),
+    ]
+    if kind == "dark":
+        photometries = [replace(p, gain=DARK * p.gain, blur_sigma_px=1.0, noise_sigma=step) for p in photometries]
+    if kind == "small":
+        photometries = [replace(p, blur_sigma_px=0.8) for p in photometries]
+    left, right = (
+        _flat_view(number % LANDSCAPES, pose, camera, photometry, rng)
+        for pose, photometry in zip(poses, photometries, strict=True)
+    )
+    if kind == "small":
+        left, right = _compress(left), _compress(right)
+    to_left, to_right = (pose.homography(camera) for pose in poses)
+    return left, right, to_right @ np.linalg.inv(to_left)
+
+
+def _poses(kind: str, step: float, camera: Camera, rng: np.random.Generator) -> tuple[CameraPose, CameraPose]:
+    """The poses of a pair, the nearer one first where they differ."""
     centre = rng.uniform(-300, 300, 2)
     heading_deg, turn_deg = rng.uniform(0, 360), rng.uniform(-180, 180)
     # The centre of the other view is up to a tenth of the width away.
@@ -60,24 +99,31 @@ def flat_pair(kind: str, step: float, number: int) -> tuple[Pixels, Pixels, Matr
     near = CameraPose(x_px=centre[0], y_px=centre[1], altitude_px=camera.focal_px, heading_deg=heading_deg)
     if kind == "zoom":
         far = replace(near, x_px=other[0], y_px=other[1], altitude_px=camera.focal_px * step)
-    else:
+    elif kind == "tilt":
         # The distance along the optical axis stays the same, and with it the scale in the middle.
         pose = replace(near, x_px=0, y_px=0, altitude_px=camera.focal_px * np.cos(np.radians(step)), pitch_deg=step)
         axis = replace(pose, heading_deg=heading_deg + turn_deg).rotation[:, 2]
         ground = other - axis[:2] / axis[2] * pose.altitude_px
         far = replace(pose, x_px=ground[0], y_px=ground[1])
-    far = replace(far, heading_deg=heading_deg + turn_deg)
-    poses = [near, far] if number % 2 else [far, near]
-    photometries = (
-        Photometry(blur_sigma_px=0.4, noise_sigma=1.5, vignetting=0.1),
-        Photometry(gain=rng.uniform(0.8, 0.95), gamma=rng.uniform(1, 1.15), noise_sigma=2.0, vignetting=0.1),
-    )
-    left, right = (
-        _flat_view(number % LANDSCAPES, pose, camera, photometry, rng)
-        for pose, photometry in zip(poses, photometries, strict=True)
-    )
-    to_left, to_right = (pose.homography(camera) for pose in poses)
-    return left, right, to_right @ np.linalg.inv(to_left)
+    elif kind == "horizon":
+        altitude_px = camera.focal_px * np.cos(np.radians(SIDEWAYS_DEG))
+        near = replace(near, altitude_px=altitude_px, pitch_deg=SIDEWAYS_DEG)
+        far = replace(near, x_px=other[0], y_px=other[1])
+        turn_deg = np.copysign(step, turn_deg)
+    else:
+        share = step / 100 if kind in ("overlap", "small") else DARK_SHARE
+        across = np.radians(heading_deg)
+        shifted = centre + (1 - share) * camera.width_px * np.array([np.cos(across), np.sin(across)])
+        altitude_px = camera.focal_px * rng.uniform(1, 1.1)
+        tilts = dict(zip(("pitch_deg", "roll_deg"), rng.uniform(-3, 3, 2), strict=True))
+        far = replace(near, x_px=shifted[0], y_px=shifted[1], altitude_px=altitude_px, **tilts)
+        turn_deg = turn_deg if kind == "small" else turn_deg / 12
+    return near, replace(far, heading_deg=heading_deg + turn_deg)
+
+
+def _compress(view: Pixels) -> Pixels:
+    jpeg = cv2.imencode(".jpg", view, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
+    return np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
 
 
 def _flat_view(
@@ -91,8 +137,8 @@ def _flat_view(
     return cv2.cvtColor(photometry.apply(np.asarray(reduced, np.uint8), rng), cv2.COLOR_BGR2GRAY)
 
 
-def _camera(focal_widths: float) -> Camera:
-    width_px, height_px = SIZE_PX
+def _camera(focal_widths: float, size_px: tuple[int, int] = SIZE_PX) -> Camera:
+    width_px, height_px = size_px
     return Camera(width_px=width_px, height_px=height_px, focal_px=focal_widths * width_px)
 
 
