@@ -8,11 +8,8 @@ error of 27 px.
 import cv2
 import numpy as np
 
-from golden_model.arrays import Array, Matrix, Pixels, Points
-from skymosaic.geometry.horizon import clip_polygon
-
-Size = tuple[int, int]
-"""Width and height of an image, px."""
+from golden_model.arrays import Matrix, Pixels, Points
+from skymosaic.geometry.horizon import Size, clip_polygon, corners
 
 CELL_PX = 4.0
 """Matches in one cell of this side count once."""
@@ -33,8 +30,8 @@ def overlap(homography: Matrix, left_size: Size, right_size: Size) -> Points:
 
     It ends at the horizon of either image, and is at least one pixel large.
     """
-    polygon = _corners(left_size)
-    low, high = _corners(right_size)[[0, 2]]
+    polygon = corners(left_size)
+    low, high = corners(right_size)[[0, 2]]
     x, y, w = homography * np.sign(np.linalg.det(homography))
     # With w > 0, x/w >= low is the half-plane x - low w >= 0. Two opposite ones exclude what has w < 0, the sky.
     for border in (x - low[0] * w, high[0] * w - x, y - low[1] * w, high[1] * w - y):
@@ -45,9 +42,9 @@ def overlap(homography: Matrix, left_size: Size, right_size: Size) -> Points:
 def overlap_mask(homography: Matrix, left_size: Size, right_size: Size) -> Pixels:
     """The `overlap` as a mask of the left image: 255 where the right one shows it, else 0."""
     mask = np.zeros(left_size[::-1], np.uint8)
-    corners = np.round(overlap(homography, left_size, right_size) * 2**SHIFT_BITS).astype(np.int32)
-    if len(corners):
-        cv2.fillConvexPoly(mask, corners, 255, shift=SHIFT_BITS)
+    polygon = np.round(overlap(homography, left_size, right_size) * 2**SHIFT_BITS).astype(np.int32)
+    if len(polygon):
+        cv2.fillConvexPoly(mask, polygon, 255, shift=SHIFT_BITS)
     return mask
 
 
@@ -72,9 +69,3 @@ def spread_enough(homography: Matrix, left: Points, right: Points, left_size: Si
     # A small part of a large image may be all that the other one shows.
     smaller = int(np.argmin(areas))
     return hull_area((left, right)[smaller]) >= MIN_SHARE_OF_IMAGE * areas[smaller]
-
-
-def _corners(size: Size) -> Array:
-    # The outer corners of the corner pixels, whose centres are at integers.
-    right, bottom = size[0] - 0.5, size[1] - 0.5
-    return np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])

@@ -22,6 +22,7 @@ from golden_model.arrays import Array, Float32, Mask, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
 from skymosaic.geometry.acceptance import overlap_mask
 from skymosaic.geometry.homography import apply, resize_matrix, transfer_error
+from skymosaic.geometry.horizon import warp_reflected
 
 COARSE_SIDE_PX, FINE_SIDE_PX = 160, 480
 """Longer sides of the reduced pictures, in whose pixels the sizes below are. In the finer ones, what lies between the
@@ -155,14 +156,13 @@ def _count(
     left, right = left.reduced(side_px), right.reduced(side_px)
     to_right = _between(left, right, homography)
     size = left.pixels.shape[1], left.pixels.shape[0]
-    to_left = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    # A reflection beyond the overlap has no edge that would look like ground.
-    warped = cv2.warpPerspective(right.pixels, to_right, size, flags=to_left, borderMode=cv2.BORDER_REFLECT)
+    warped = warp_reflected(right.pixels, to_right, size)
     own, other = _band_pass(left.pixels), _band_pass(warped)
     shown = overlap_mask(to_right, size, (right.pixels.shape[1], right.pixels.shape[0]))
     if left.visible is not None:
         shown = np.minimum(shown, left.visible)
     if right.visible is not None:
+        to_left = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         shown = np.minimum(shown, cv2.warpPerspective(right.visible, to_right, size, flags=to_left))
     votes = _blocks(shown).mean(axis=(1, 3)) > 0.98 * 255
     votes &= _blocks(own).std(axis=(1, 3)) > MIN_CONTRAST

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from golden_model.arrays import Array, Mask, Matrix, Points
-from skymosaic.geometry.acceptance import CELL_PX, Size, hull_share, overlap
+from skymosaic.geometry.acceptance import CELL_PX, hull_share, overlap
 from skymosaic.geometry.homography import DegenerateError, apply, normalisation, rescale, transfer_error
+from skymosaic.geometry.horizon import Size
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.geometry.refinement import refine_robustly, transfer
 

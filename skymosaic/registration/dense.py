@@ -17,6 +17,7 @@ from skymosaic.features.positions import match_points
 from skymosaic.geometry.acceptance import hull_area, overlap, overlap_mask
 from skymosaic.geometry.held_out import clearly_better, held_out_agreement
 from skymosaic.geometry.homography import apply, transfer_error
+from skymosaic.geometry.horizon import warp_reflected
 from skymosaic.geometry.prosac import INLIER_PX, estimate_homography
 from skymosaic.registration.pair import Pair
 
@@ -85,10 +86,8 @@ def match_densely(left: Pixels, right: Pixels, homography: Matrix) -> tuple[Poin
         The points where flow agrees both ways; none in an overlap narrower than 64 px.
     """
     size = (left.shape[1], left.shape[0])
-    to_left_grid = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     covered = overlap_mask(homography, size, (right.shape[1], right.shape[0]))
-    # A reflection beyond the overlap has no edge that would draw the flow.
-    warped = cv2.warpPerspective(right, homography, size, flags=to_left_grid, borderMode=cv2.BORDER_REFLECT)
+    warped = warp_reflected(right, homography, size)
     x, y, width, height = cv2.boundingRect(covered)
     if min(width, height) < MIN_SIDE_PX:
         return np.zeros((0, 2)), np.zeros((0, 2))

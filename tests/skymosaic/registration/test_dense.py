@@ -1,6 +1,7 @@
 """The refit to dense flow: it finds the plane of the overlap, and counts only where more of that fits."""
 
 import dataclasses
+import time
 
 import cv2
 import numpy as np
@@ -33,6 +34,19 @@ def pair() -> Pair:
 def error_px(homography: Matrix | None) -> float:
     assert homography is not None
     return grid_error(homography, TRUTH, (480, 360), (480, 360))
+
+
+def test_flow_ends_at_the_horizon_and_soon() -> None:
+    left = cv2.cvtColor(LEFT, cv2.COLOR_BGR2GRAY)
+    # It maps left row 100 to infinity.
+    tilted = np.array([[-1.0, 2.4, 0], [0, 2, -100], [0, 0.01, -1]])
+    right = np.asarray(cv2.warpPerspective(left, tilted, (480, 360), borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
+    start_s = time.process_time()
+    points, moved = match_densely(left, right, tilted)
+    assert time.process_time() - start_s < 10
+    assert len(points) > 100
+    assert points[:, 1].min() > 160
+    assert np.median(transfer_error(tilted, points, moved)) < 0.5
 
 
 def test_flow_finds_each_point_from_a_homography_that_is_off() -> None:
