@@ -12,9 +12,10 @@ import numpy as np
 
 from golden_model.arrays import Float32, Mask, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
-from skymosaic.geometry.acceptance import Size, hull_share, overlap_mask
+from skymosaic.geometry.acceptance import hull_share, overlap_mask
 from skymosaic.geometry.ground import GroundAgreement, Sight, measure_agreement
 from skymosaic.geometry.homography import transfer_error
+from skymosaic.geometry.horizon import Size
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.geometry.uncertainty import NEAR_PX, FitQuality, assess_fit, one_per_place
 
@@ -22,7 +23,11 @@ from skymosaic.geometry.uncertainty import NEAR_PX, FitQuality, assess_fit, one_
 GOOD_PX = 2.0
 POOR_PX = 5.0
 FEW_INLIERS = 20
+# Inliers on less of the overlap leave most of it to a guess. From the last share of held-out matches on, their plane is
+# also that of the ground far from them; without it, rendered pairs with relief are 30 px off.
 SMALL_SHARE_OF_OVERLAP = 0.25
+SMALL_SHARE_OF_FLAT_OVERLAP = 0.15
+SURELY_FLAT_SHARE = 0.8
 # With fewer held-out matches within 2 px the ground is not flat.
 FLAT_SHARE = 0.75
 # A pair above all three needs no closer look.
@@ -73,7 +78,9 @@ class Confidence:
     @property
     def extrapolates(self) -> bool:
         """Whether the pair is poor and its inliers cover so little of the overlap that most of it is a guess."""
-        return self.verdict == "poor" and self.quality.hull_share < SMALL_SHARE_OF_OVERLAP
+        is_flat = self.quality.held_out_share >= SURELY_FLAT_SHARE
+        least = SMALL_SHARE_OF_FLAT_OVERLAP if is_flat else SMALL_SHARE_OF_OVERLAP
+        return self.verdict == "poor" and self.quality.hull_share < least
 
     def summary(self) -> dict[str, Any]:
         """All numbers by name, ready for JSON."""

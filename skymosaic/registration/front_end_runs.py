@@ -31,8 +31,11 @@ class FrontEndRun:
     swapped: bool = False
 
 
-# Half an octave either way: what lies between the octaves of the first pass meets best here.
-LARGER, SMALLER = (FrontEndRun(Change(scale), (Change(scale),)) for scale in (math.sqrt(2), math.sqrt(0.5)))
+# Half an octave either way: what lies between the octaves of the first pass meets best here. The larger frame has more
+# corners, the smaller one less noise and blur.
+LARGER, SMALLER, DOUBLE = (
+    FrontEndRun(Change(scale), (Change(scale),)) for scale in (math.sqrt(2), math.sqrt(0.5), 2.0)
+)
 # Ratios of 2.8, 4 and 5 between the frames: with two octaves each, all zooms from 1.4 to 5.7 are near one of them. The
 # image that shows more ground is enlarged, because little of it shows the other one.
 LADDER = tuple(

@@ -210,7 +210,7 @@ class RegistrationOptions(Seeded, FeatureOptions):
     )
     accept_poor: bool = option(
         False,
-        "Deliver a poor pair even where its inliers cover less than a quarter of the overlap.",
+        "Deliver a poor pair even where its inliers cover so little of the overlap that most is a guess.",
         label="Deliver a poor pair",
         not_for_more="the layout of more than two photographs judges their links together",
     )

@@ -1,9 +1,9 @@
 """Searches a pair for a homography: one pass of the front end where that is enough, further passes where it is not.
 
 A pass matches a frame of one image with a frame of the other. The first pass takes the images as they are. A weak
-result gets further passes, in this order: both images √2 times larger (and smaller), one image enlarged and the other
-reduced in steps, one image compressed as if seen from the side, the right image inverted. All go through the same front
-end and matcher. A homography is accepted by the matches of these passes alone.
+result gets further passes, in this order: both images √2 times larger (small ones also twice), both √2 times smaller,
+one image enlarged and the other reduced in steps, one image compressed as if seen from the side, the right image
+inverted. All go through the same front end and matcher. A homography is accepted by the matches of these passes alone.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from skymosaic.geometry.held_out import clearly_better, held_out_agreement
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, Estimate, estimate_homography
 from skymosaic.registration.front_end_runs import (
+    DOUBLE,
     INVERTED,
     LADDER,
     LARGER,
@@ -47,6 +48,8 @@ from skymosaic.registration.front_end_runs import (
 STRONG_INLIERS = 60
 STRONG_SHARE_OF_OVERLAP = 0.25
 STRONG_SHARE_OF_KEPT = 0.25
+SMALL_PX = 400
+"""Photographs of this side have too few corners for a second pass at √2 alone; two are better than one at twice."""
 # Most pairs that need many further passes are unrelated: one short search for each.
 FURTHER_PASS_SAMPLES = 1000
 MIN_PLACES = 12
@@ -147,7 +150,10 @@ class Search:
         """Continue after the first pass as far as ``effort`` allows and the pair needs."""
         if effort == "fast" or (effort == "normal" and self._is_strong(state)):
             return state
-        state = self._search_together(state, (LARGER, SMALLER) if effort == "thorough" else (LARGER,))
+        larger = (LARGER, DOUBLE) if max(max(size) for size in self._sizes) <= SMALL_PX else (LARGER,)
+        state = self._search_together(state, (*larger, SMALLER) if effort == "thorough" else larger)
+        if state.homography is None and effort == "normal":
+            state = self._search_together(state, (SMALLER,))
         if self._is_strong(state):
             return state
         if state.homography is not None:

@@ -10,6 +10,8 @@ from golden_model.arrays import Pixels
 from sim.scene import CameraPose
 from skymosaic import register
 from skymosaic.features.positions import match_points
+from skymosaic.geometry.ground import GroundAgreement
+from skymosaic.geometry.uncertainty import FitQuality
 from skymosaic.registration.confidence import Confidence, correlate_overlap, fits_throughout
 from tests.skymosaic.registration.rendering import CAMERA, view
 
@@ -69,6 +71,8 @@ def test_a_poor_pair_on_little_of_the_overlap_is_refused(left: Pixels, monkeypat
     # Poor, but supported by most of the overlap.
     assert register(left, right).accepted
     monkeypatch.setattr("skymosaic.registration.confidence.SMALL_SHARE_OF_OVERLAP", 1.0)
+    assert register(left, right, effort="fast").accepted
+    monkeypatch.setattr("skymosaic.registration.confidence.SURELY_FLAT_SHARE", 1.1)
     refused = register(left, right, effort="fast")
     assert not refused.accepted
     assert "`accept_poor`" in refused.reason
@@ -90,9 +94,27 @@ def test_images_correlate_as_far_as_the_horizon(left: Pixels) -> None:
     # Left rows from 162 down show ground of the right image. Formally, so do the first 50, from behind its camera.
     tilted = np.array([[-1.0, 2.4, 0], [0, 2, -100], [0, 0.01, -1]])
     left = left.copy()
-    right = np.asarray(cv2.warpPerspective(left, tilted, size, borderMode=cv2.BORDER_REFLECT), dtype=np.uint8)
+    right = np.asarray(cv2.warpPerspective(left, tilted, size, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
     left[:60] = np.random.default_rng(0).integers(0, 256, (60, size[0]))
     assert correlate_overlap((left, right), tilted) > 0.85
+
+
+@pytest.mark.parametrize(
+    ("verdict", "hull_share", "held_out_share", "extrapolates"),
+    [
+        ("poor", 0.24, 0.79, True),
+        ("poor", 0.26, 0.79, False),
+        ("poor", 0.14, 0.81, True),
+        ("poor", 0.16, 0.81, False),
+        ("check", 0.14, 0.79, False),
+    ],
+)
+def test_flat_ground_needs_less_of_the_overlap(
+    verdict: str, hull_share: float, held_out_share: float, extrapolates: bool
+) -> None:
+    quality = FitQuality(1.0, 1.0, held_out_share, 3.0, hull_share, 20)
+    ground = GroundAgreement(np.ones((4, 4), np.bool_), 16, 0.5)
+    assert Confidence(verdict, "", 6.0, 0.3, quality, ground).extrapolates is extrapolates
 
 
 def test_many_matches_at_few_places_are_not_clear() -> None:

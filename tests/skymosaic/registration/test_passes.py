@@ -34,14 +34,19 @@ def far() -> tuple[CameraPose, NDArray[np.uint8]]:
 
 
 class Counting(GoldenBackend):
-    """Counts the frames that the front end sees."""
+    """Counts the frames that the front end sees, and keeps their widths."""
 
     frames = 0
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.widths_px: set[int] = set()
 
     def run(
         self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
     ) -> list[FrameResult]:
         self.frames += len(frames)
+        self.widths_px |= {frame.shape[1] for frame in frames}
         return super().run(frames, config, reference=reference)
 
 
@@ -72,8 +77,11 @@ def test_a_strong_first_pass_is_enough(near: tuple[CameraPose, NDArray[np.uint8]
 def test_unrelated_images_are_refused_at_every_effort(near: tuple[CameraPose, NDArray[np.uint8]]) -> None:
     other = view(CameraPose(x_px=4000, y_px=5000, altitude_px=384), 2)
     for effort in ("fast", "normal", "thorough"):
-        pair = register(near[1], other, effort=effort)
+        backend = Counting()
+        pair = register(near[1], other, effort=effort, backend=backend)
         assert not pair.accepted
+        # Half an octave smaller and larger.
+        assert ({339, 679} <= backend.widths_px) is (effort != "fast")
         assert pair.confidence is None
         assert "too few" in pair.reason
         # One number everywhere, though several inliers at one place count once.
@@ -120,6 +128,17 @@ def test_a_tilt_of_65_degrees_is_found_from_either_side(monkeypatch: pytest.Monk
         assert len(pair.inliers) > 100
     monkeypatch.setattr("skymosaic.registration.passes.PROMISING_PLACES", 1000)
     assert not register(left, right).accepted
+
+
+@pytest.mark.parametrize("small_px", [400, 200])
+def test_small_photographs_are_searched_at_twice_their_size_too(small_px: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    left, right, truth = flat_pair("small", 25, 0)
+    monkeypatch.setattr("skymosaic.registration.passes.SMALL_PX", small_px)
+    pair = register(left, right)
+    assert pair.accepted is (small_px == 400)
+    if pair.accepted:
+        assert pair.passes == 3
+        assert grid_error(pair.homography, truth, (240, 180), (240, 180)) < 1
 
 
 def test_a_negative_is_registered_and_said_to_be_one(near: tuple[CameraPose, NDArray[np.uint8]]) -> None:
