@@ -2,20 +2,25 @@
 
 import dataclasses
 from pathlib import Path
+from typing import Annotated
 
 from rich.table import Table
 from rich.text import Text
 
 from golden_model.text import one_line
-from skymosaic.cli.options import PhotographsArgument, with_options
+from skymosaic.cli.options import OverwriteOption, PhotographsArgument, output_option, with_options
+from skymosaic.cli.outputs import Writes
 from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import session
 from skymosaic.common.errors import RegistrationError
 from skymosaic.flight.check import FlightCheck, check_flight
 from skymosaic.flight.flight import Flight
+from skymosaic.flight.fly_again import plan_again
 from skymosaic.flight.survey import survey
 from skymosaic.imagery.band_sets import group_band_sets
+from skymosaic.imagery.images import check_output
 from skymosaic.imagery.key_frames import flight_sources
+from skymosaic.maps.features import SUFFIXES, write_places
 from skymosaic.mosaicking.options import SurveyOptions
 from skymosaic.running.cache import open_cache
 from skymosaic.running.workers import Workers
@@ -25,12 +30,18 @@ from skymosaic.running.workers import Workers
 def check(
     *,
     photographs: PhotographsArgument,
+    output: Annotated[
+        Path | None, output_option("Where to fly again: .kml or .geojson, of a flight with GPS."), Writes()
+    ] = None,
+    overwrite: OverwriteOption = False,
     options: SurveyOptions,
 ) -> None:
     """Check overlap, blur, exposure, GPS and weak links of a flight before you leave the site.
 
     The exit status is 3 if the photographs do not make one mosaic.
     """
+    if output is not None:
+        check_output(output, suffixes=SUFFIXES, overwrite=overwrite)
     with (
         progress_bars() as progress,
         flight_sources(photographs, session.note, recursive=options.recursive) as sources,
@@ -45,6 +56,11 @@ def check(
     session.seconds = flight.seconds
     session.numbers = dataclasses.asdict(report) | {"left_out": flight.left_out}
     _print_check(flight, report)
+    if output is not None:
+        places = plan_again(flight, options.control_points)
+        write_places(output, f"fly again: {photographs[0]}", places)
+        session.wrote(output)
+        session.show(f"fly again {output}: {len(places)} places")
     if not report.complete:
         raise RegistrationError("the photographs do not make one mosaic; fly again where links are missing")
 

@@ -233,13 +233,27 @@ def doubts(flight: Flight, layout: Layout) -> Iterator[str]:
         yield f"photographs are off: {', '.join(far_off[:WORST_NAMED])}{more}: look at the mosaic there"
 
 
+def find_weak_links(flight: Flight, layout: Layout) -> list[tuple[Link, float]]:
+    """The best link of each part of a layout that only weak links join to the rest, with its overlap."""
+    return [(best, overlap) for _, _, best, overlap in _weak_parts(flight, layout)]
+
+
 def _weakly_linked(flight: Flight, layout: Layout) -> Iterator[str]:
-    """Parts of a layout that only weak links join to the rest."""
+    """A line for each part of a layout that only weak links join to the rest."""
+    names = short_names([view.name for view in flight.views])
+    for photographs, links, best, share in _weak_parts(flight, layout):
+        left, right = names[best.left], names[best.right]
+        shared = f"{best.ties} matches and {share:.0%} overlap"
+        several = f"{links} weak links, the best between " if links > 1 else ""
+        yield f"{photographs} photographs are joined only by {several}{left} and {right} with {shared}: fly again there"
+
+
+def _weak_parts(flight: Flight, layout: Layout) -> Iterator[tuple[int, int, Link, float]]:
+    """How many photographs such a part has and how many links join it, with the best of these and its overlap."""
     overlaps = _overlaps(flight, layout)
     strong = [link for link in layout.links if link.ties >= WEAK_TIES and overlaps[link] >= WEAK_OVERLAP]
     inside = set(layout.members)
     parts = [part for part in groups(len(flight.views), strong) if inside.issuperset(part)]
-    names = short_names([view.name for view in flight.views])
     named: set[Link] = set()
     for part in parts[1:]:
         across = [link for link in layout.links if (link.left in part) != (link.right in part)]
@@ -248,7 +262,4 @@ def _weakly_linked(flight: Flight, layout: Layout) -> Iterator[str]:
         if best in named:
             continue
         named.add(best)
-        left, right = names[best.left], names[best.right]
-        shared = f"{best.ties} matches and {overlaps[best]:.0%} overlap"
-        several = f"{len(across)} weak links, the best between " if len(across) > 1 else ""
-        yield f"{len(part)} photographs are joined only by {several}{left} and {right} with {shared}: fly again there"
+        yield len(part), len(across), best, overlaps[best]

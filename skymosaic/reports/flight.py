@@ -19,7 +19,7 @@ from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import short_names
 from skymosaic.reports import pages
-from skymosaic.reports.footprints import outline_photographs, write_footprints
+from skymosaic.reports.footprints import outline_photographs, write_fly_again, write_footprints
 from skymosaic.reports.pair import write_pair_report
 from skymosaic.reports.summary import ground_error_m, list_files, on_white, summarise, summary_rows
 
@@ -50,7 +50,7 @@ def write_report(folder: Path, flight: Flight, deliveries: Sequence[Delivery]) -
 
 
 def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: FlightCheck) -> Path:
-    """Write previews, footprints, ``report.json`` and ``index.html`` into ``folder``; returns the page's path.
+    """Write previews, places, ``report.json`` and ``index.html`` into ``folder``; returns the page's path.
 
     Parameters
     ----------
@@ -67,6 +67,7 @@ def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: Fli
             save(staged / f"mosaic_{number}.jpg", reduce_to_width(on_white(delivery), PREVIEW_WIDTH_PX)[0])
             if delivery.georeference is not None:
                 write_footprints(staged / f"footprints_{number}", delivery)
+        write_fly_again(staged / "fly_again", deliveries[0])
         pages.write_report_files(staged, numbers, _render_page(deliveries, check, numbers, folder))
     return folder / PAGE
 

@@ -1,37 +1,34 @@
-"""Outlines of a mosaic's photographs on the globe, as GeoJSON and KML."""
+"""Outlines of a mosaic's photographs on the globe, and where to fly again, as GeoJSON and KML."""
 
-import json
+import contextlib
 from pathlib import Path
-from xml.etree import ElementTree as XmlTree
 
 import numpy as np
 
 from golden_model.arrays import Points
-from golden_model.text import one_line
+from skymosaic.common.errors import InputError
+from skymosaic.flight.fly_again import plan_again
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.photographs import short_names
+from skymosaic.maps.features import SUFFIXES, Place, write_places
 from skymosaic.maps.georeference import map_to_globe
-
-_KML = "http://www.opengis.net/kml/2.2"
 
 
 def write_footprints(path: Path, delivery: Delivery) -> None:
     """Write the outlines to ``path`` with the suffixes ``.geojson`` and ``.kml``; the mosaic must be georeferenced."""
-    outlines = _outlines_on_globe(delivery)
-    features = [
-        {
-            "type": "Feature",
-            "properties": {"name": name},
-            "geometry": {"type": "Polygon", "coordinates": [np.round(outline, 8).tolist()]},
-        }
-        for name, outline in outlines.items()
-    ]
-    collection = json.dumps({"type": "FeatureCollection", "features": features}, indent=1)
-    save_bytes(path.with_suffix(".geojson"), (collection + "\n").encode())
-    save_bytes(path.with_suffix(".kml"), _kml(delivery.path.name, outlines))
+    places = [Place(name, "Polygon", ring) for name, ring in _outlines_on_globe(delivery).items()]
+    for suffix in SUFFIXES:
+        write_places(path.with_suffix(suffix), delivery.path.name, places)
+
+
+def write_fly_again(path: Path, delivery: Delivery) -> None:
+    """Write where to fly again, likewise; nothing for a flight without GPS, which cannot say where."""
+    with contextlib.suppress(InputError):
+        places = plan_again(delivery.flight)
+        for suffix in SUFFIXES:
+            write_places(path.with_suffix(suffix), f"fly again: {delivery.path.name}", places)
 
 
 def outline_photographs(composition: Composition) -> list[Points]:
@@ -54,17 +51,3 @@ def _outlines_on_globe(delivery: Delivery) -> dict[str, Points]:
     rings = [apply(on_map.to_map, corners) for corners in closed]
     names = short_names([placement.source.name for placement in composition.placements])
     return {name: map_to_globe(ring, on_map.crs) for name, ring in zip(names, rings, strict=True)}
-
-
-def _kml(title: str, outlines: dict[str, Points]) -> bytes:
-    root = XmlTree.Element("kml", xmlns=_KML)
-    document = XmlTree.SubElement(root, "Document")
-    XmlTree.SubElement(document, "name").text = one_line(title)
-    for name, outline in outlines.items():
-        place = XmlTree.SubElement(document, "Placemark")
-        XmlTree.SubElement(place, "name").text = one_line(name)
-        ring: XmlTree.Element = place
-        for tag in ("Polygon", "outerBoundaryIs", "LinearRing", "coordinates"):
-            ring = XmlTree.SubElement(ring, tag)
-        ring.text = " ".join(f"{longitude:.8f},{latitude:.8f}" for longitude, latitude in outline)
-    return bytes(XmlTree.tostring(root, encoding="utf-8", xml_declaration=True))

@@ -1,12 +1,18 @@
 """The command that checks a flight takes what places a flight."""
 
+import json
 from pathlib import Path
+from typing import Any
 
 import cv2
+import numpy as np
+import pytest
 
 from sim.scene import make_lawnmower
 from skymosaic.cli.check import check
 from skymosaic.cli.session import session
+from skymosaic.common.errors import InputError
+from skymosaic.maps.georeference import map_to_globe
 
 
 def test_positions_from_a_file_are_those_that_are_checked(tmp_path: Path) -> None:
@@ -19,3 +25,32 @@ def test_positions_from_a_file_are_those_that_are_checked(tmp_path: Path) -> Non
     for positions, known in ((None, False), (tmp_path / "geo.txt", True)):
         check(photographs=[str(tmp_path / "flight")], positions=positions, cache=tmp_path / "cache")
         assert [each["gps"] for each in session.numbers["photographs"]] == [known] * 3
+
+
+def test_where_to_fly_again_is_written_for_a_map(tmp_path: Path) -> None:
+    """Of three strips the middle photograph is missing."""
+    flight = make_lawnmower(seed=9, images=9, size=(320, 240), forward_overlap=0.25, side_overlap=0.25)
+    (tmp_path / "flight").mkdir()
+    middle, metres = np.mean([(pose.x_px, pose.y_px) for pose in flight.poses], axis=0), 0.1
+    lines = ["EPSG:32632"]
+    for number, (image, pose) in enumerate(zip(flight.images, flight.poses, strict=True)):
+        if number != 4:
+            cv2.imwrite(str(tmp_path / "flight" / f"{number}.png"), image)
+            east, north = (np.array([pose.x_px, pose.y_px]) - middle) * metres * [1, -1] + [500_000, 5_100_000]
+            lines.append(f"{number}.png {east} {north}")
+    (tmp_path / "geo.txt").write_text("\n".join(lines))
+    output = tmp_path / "again.geojson"
+    flown: dict[str, Any] = {"photographs": [str(tmp_path / "flight")], "cache": tmp_path / "cache"}
+    check(output=output, positions=tmp_path / "geo.txt", **flown)
+    hole, *links = json.loads(output.read_text())["features"]
+    # Photographs that overlap so little are linked by few matches.
+    assert all(each["properties"]["name"].startswith("weak link") for each in links)
+    assert hole["properties"]["name"] == "hole 1"
+    # Half of the photograph, along and across, is in none of its neighbours; the ground there is 16 x 12 m.
+    assert hole["properties"]["area_m2"] == pytest.approx(16 * 12, rel=0.15)
+    longitude, latitude = np.mean(hole["geometry"]["coordinates"][0][:-1], axis=0)
+    assert (longitude, latitude) == pytest.approx(map_to_globe(np.array([[500_000, 5_100_000]]), lines[0])[0], abs=3e-5)
+    with pytest.raises(InputError, match=r"again\.geojson: exists"):
+        check(output=output, **flown)
+    with pytest.raises(InputError, match="no part of the flight has a place on the map"):
+        check(output=output, overwrite=True, **flown)

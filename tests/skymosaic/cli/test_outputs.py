@@ -63,7 +63,7 @@ def test_every_path_is_an_output_or_read() -> None:
                 assert bool(mark(parameter, Writes)) != (name in READ or name in OF_OURS), (command, name)
                 is_output = get_args(parameter.annotation)[1].rich_help_panel == OUTPUT
                 assert mark(parameter, Writes) or not is_output, (command, name)
-    assert {command for command, _ in TABLE} == set(SIGNATURES) - {"check", "register", "panel"}
+    assert {command for command, _ in TABLE} == set(SIGNATURES) - {"register", "panel"}
 
 
 @pytest.fixture

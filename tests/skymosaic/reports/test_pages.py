@@ -6,8 +6,8 @@ from xml.etree import ElementTree as XmlTree
 
 import numpy as np
 
+from skymosaic.maps.features import Place, write_places
 from skymosaic.reports import pages
-from skymosaic.reports.footprints import _kml
 
 NAME = "a\udcff\x1b[31m<b>&\x00.jpg"
 
@@ -18,7 +18,8 @@ def test_names_that_are_no_text_are_shown_and_written(tmp_path: Path) -> None:
     shown = (tmp_path / "index.html").read_text(encoding="utf-8")
     assert "\\udcff\\x1b[31m&lt;b&gt;&amp;\\x00.jpg" in shown
     assert json.loads((tmp_path / "report.json").read_bytes())["name"] == NAME
-    kml = XmlTree.fromstring(_kml(NAME, {NAME: np.zeros((5, 2))}))
+    write_places(tmp_path / "p.kml", NAME, [Place(NAME, "Polygon", np.zeros((5, 2)))])
+    kml = XmlTree.fromstring((tmp_path / "p.kml").read_bytes())
     assert [each.text for each in kml.iter() if each.tag.endswith("name")] == ["a\\udcff\\x1b[31m<b>&\\x00.jpg"] * 2
 
 

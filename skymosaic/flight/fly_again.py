@@ -1,0 +1,114 @@
+"""Where a flight has to be flown again: holes of the area, weak links, and photographs that were left out."""
+
+from collections.abc import Iterator, Sequence
+
+import cv2
+import numpy as np
+import rasterio.features
+from rasterio import Affine
+
+from golden_model.arrays import Points
+from skymosaic.common.errors import InputError
+from skymosaic.flight.check import find_weak_links
+from skymosaic.flight.flight import Flight
+from skymosaic.flight.layout.extent import outline
+from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.mapping.place import place_on_map
+from skymosaic.geometry.homography import apply
+from skymosaic.imagery.photographs import short_names
+from skymosaic.maps.control_points import ControlPoints
+from skymosaic.maps.features import Place
+from skymosaic.maps.georeference import Georeference, map_to_globe, reproject
+
+CELLS = 100
+"""Cells along the side of a photograph on the ground, in which holes are found; fewer where the area is large, ..."""
+MAX_CELLS = 4000
+"""... at most so many along its side."""
+REACH = 1.25
+"""A gap between photographs is a hole up to this many sides of a photograph; a wider one may be meant."""
+THINNEST = 0.06
+"""Gaps thinner than this share of a side are no holes: borders of neighbours are never quite in line."""
+
+
+def plan_again(flight: Flight, control: ControlPoints | None = None) -> list[Place]:
+    """What has to be flown again, as places on the globe.
+
+    Raises
+    ------
+    InputError
+        If no part of the flight has a place on the map.
+    """
+    placed = list(_place(flight, control))
+    if not placed:
+        raise InputError("no part of the flight has a place on the map, so nothing says where to fly again")
+    names = short_names([view.name for view in flight.views])
+    places = []
+    crs = placed[0][1].crs
+    outlines = [ring for layout, on_map in placed for ring in _outlines(flight, layout, on_map, crs).values()]
+    for number, (ring, area_m2) in enumerate(find_holes(outlines), start=1):
+        places.append(Place(f"hole {number}", "Polygon", map_to_globe(ring, crs), {"area_m2": round(area_m2, 2)}))
+    for layout, on_map in placed:
+        middles = {view: ring.mean(axis=0) for view, ring in _outlines(flight, layout, on_map, crs).items()}
+        for link, overlap in find_weak_links(flight, layout):
+            ends = map_to_globe(np.array([middles[link.left], middles[link.right]]), crs)
+            name = f"weak link {names[link.left]} - {names[link.right]}"
+            places.append(Place(name, "LineString", ends, {"matches": link.ties, "overlap": round(overlap, 3)}))
+    for source, view in zip(flight.sources, flight.views, strict=True):
+        if source.index in flight.left_out and view.gps is not None:
+            degrees, reason = np.array([view.gps.degrees]), flight.left_out[source.index]
+            places.append(Place(f"left out {view.name}", "Point", degrees, {"reason": reason}))
+    return places
+
+
+def _place(flight: Flight, control: ControlPoints | None) -> Iterator[tuple[Layout, Georeference]]:
+    """The layouts that have a place on the map, each with that of its ground pixels."""
+    for layout in flight.layouts:
+        try:
+            on_map = place_on_map(flight, layout, control).georeference
+        # The control points do not reach this group.
+        except InputError:
+            continue
+        if on_map is not None:
+            yield layout, on_map.for_pixels(flight.views[layout.reference].to_original)
+
+
+def _outlines(flight: Flight, layout: Layout, on_map: Georeference, crs: str) -> dict[int, Points]:
+    """Corners of what each photograph of a layout shows, metres on one map."""
+    views = {member: outline(flight.views[member], layout.transforms[member]) for member in layout.members}
+    return {view: reproject(apply(on_map.to_map, corners), on_map.crs, crs) for view, corners in views.items()}
+
+
+def find_holes(outlines: Sequence[Points]) -> list[tuple[Points, float]]:
+    """Find what photographs leave out between them.
+
+    Parameters
+    ----------
+    outlines : sequence of (N, 2) float64 ndarray
+        Corners of what each photograph shows, m.
+
+    Returns
+    -------
+    list of (ndarray of float64, float)
+        The closed ring (N, 2) of each hole, m, counter-clockwise, and its area, m²; the largest first.
+    """
+    side_m = float(np.median([np.sqrt(cv2.contourArea(np.float32(ring - ring[0]))) for ring in outlines]))
+    # Photographs lie along the strips, and gaps between strips are rectangles in that direction.
+    edges = np.concatenate([np.diff(ring, axis=0) @ [1, 1j] for ring in outlines])
+    turn = np.angle(np.sum(np.abs(edges) * np.exp(4j * np.angle(edges)))) / 4
+    axes = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    turned = np.concatenate(outlines) @ axes
+    low, extent = turned.min(axis=0) - REACH * side_m, np.ptp(turned, axis=0) + 2 * REACH * side_m
+    cell_m = max(side_m / CELLS, extent.max() / MAX_CELLS)
+    to_map = Affine(*np.column_stack((axes * cell_m, axes @ low)).ravel())
+    shape = tuple(int(np.ceil(length / cell_m)) for length in extent[::-1])
+    polygons = ({"type": "Polygon", "coordinates": [[*ring.tolist(), ring[0].tolist()]]} for ring in outlines)
+    covered = rasterio.features.rasterize(polygons, shape, transform=to_map, dtype="uint8")
+    reach, thinnest = (np.ones((max(round(share * side_m / cell_m), 1),) * 2, np.uint8) for share in (REACH, THINNEST))
+    lacking = cv2.morphologyEx(covered, cv2.MORPH_CLOSE, reach) & ~covered & 1
+    lacking = cv2.morphologyEx(lacking, cv2.MORPH_OPEN, thinnest)
+    holes = []
+    for geometry, _ in rasterio.features.shapes(lacking, mask=lacking > 0, transform=to_map):
+        ring = np.array(geometry["coordinates"][0])
+        area_m2 = float(np.sum(ring[:-1, 0] * ring[1:, 1] - ring[1:, 0] * ring[:-1, 1])) / 2
+        holes.append((ring if area_m2 > 0 else ring[::-1], abs(area_m2)))
+    return sorted(holes, key=lambda hole: -hole[1])
