@@ -76,8 +76,7 @@ class Sugeno(wiring.Component):
         ]
         degrees = [self._degree(m, n, index, rule) for n, index in enumerate(indices)]
         if self._is_product:
-            strength, term = self._product(m, degrees, self._fold(m, indices[-1], rule))
-            counted = strength
+            (strength, term), counted = self._product(m, degrees, self._fold(m, indices[-1], rule)), None
         else:
             strength, counted, term = self._minimum(m, degrees, rule)
         valid = delayed(m, issuing, self._term_cycles, reset_less=False)
@@ -147,8 +146,8 @@ class Sugeno(wiring.Component):
             folded = delayed(m, folded, PRODUCT_CYCLES)
         return delayed(m, others * last, PRODUCT_CYCLES), delayed(m, others * folded, PRODUCT_CYCLES)
 
-    def _minimum(self, m: Module, degrees: list[Value], rule: Value) -> tuple[Value, Value, Value]:
-        """The strength of a rule, what of it counts, and that times the singleton."""
+    def _minimum(self, m: Module, degrees: list[Value], rule: Value) -> tuple[Value, Value | None, Value]:
+        """The strength of a rule, what of it counts (None: all), and that times the singleton."""
         strength, *others = degrees
         for n, degree in enumerate(others):
             # The minimum with the nth degree is taken n clocks later.
@@ -156,11 +155,11 @@ class Sugeno(wiring.Component):
             strength = delayed(m, Mux(waiting < strength, waiting, strength), 1)
         singletons = Array(Const(each.singleton, MEMBERSHIP.bits) for each in self.system.rules)
         singleton = delayed(m, singletons[rule], 1 + len(others))
-        later = delayed(m, strength, PRODUCT_CYCLES)
         if not any(each.joins for each in self.system.rules):
-            return later, later, delayed(m, strength * singleton, PRODUCT_CYCLES)
+            return delayed(m, strength, PRODUCT_CYCLES), None, delayed(m, strength * singleton, PRODUCT_CYCLES)
         counted = self._excess(m, strength, delayed(m, rule, 1 + len(others)))
-        return later, delayed(m, counted, PRODUCT_CYCLES), delayed(m, counted * singleton, PRODUCT_CYCLES)
+        terms = delayed(m, counted * singleton, PRODUCT_CYCLES)
+        return delayed(m, strength, PRODUCT_CYCLES), delayed(m, counted, PRODUCT_CYCLES), terms
 
     def _excess(self, m: Module, strength: Value, rule: Value) -> Value:
         """What a rule's strength exceeds those of the rules that it joins by, which come in the clocks before."""
@@ -172,7 +171,7 @@ class Sugeno(wiring.Component):
         return Mux(exceeds, (strength - before)[: len(strength)], 0)
 
     def _add_up(
-        self, m: Module, valid: Value, rule: Value, strength: Value, summed: tuple[Value, Value]
+        self, m: Module, valid: Value, rule: Value, strength: Value, summed: tuple[Value | None, Value]
     ) -> tuple[Signal, Signal]:
         """Sum what counts of strengths and terms, and keep the dominant rule (ties to the lowest), for one result."""
         counted, term = summed
@@ -182,7 +181,7 @@ class Sugeno(wiring.Component):
         fired = Signal(range(largest + 1))
         dominant_strength = Signal.like(strength)
         with m.If(valid):
-            m.d.sync += [total.eq(total + term), fired.eq(fired + counted)]
+            m.d.sync += [total.eq(total + term), fired.eq(fired + (strength if counted is None else counted))]
             with m.If(strength > dominant_strength):
                 m.d.sync += [dominant_strength.eq(strength), self.o.payload.rule.eq(rule)]
         with m.If(self.i.ready):
