@@ -84,7 +84,7 @@ class Latencies:
             drain=_READ_CYCLES + DISTANCE_CYCLES[pattern.bits] + lanes + 2,
             shortest_pass=lanes + 3,
             # Weight, its square, sum.
-            count=sugeno_cycles(rule_bases.aerial_orientation(pattern.bits)) + 3 + 1,
+            count=sugeno_cycles(rule_bases.aerial_orientation(pattern.bits)) + 4 + 1,
             # Features read, weight, comparison with the limit, record.
             weigh=_READ_CYCLES + weight_cycles(pattern, config.matcher) + 1 + words + result,
             result=result,
