@@ -184,6 +184,8 @@ class HomographyScoring(wiring.Component):
         begins = delayed(m, marks.first, READ_CYCLES + cycles + PRODUCT_CYCLES)
         ends = delayed(m, marks.last, READ_CYCLES + cycles + PRODUCT_CYCLES + 1, reset_less=False)
         summed_note = delayed(m, note, cycles + PRODUCT_CYCLES + 1)
+        # A flip-flop of its own: it reaches every bit of the sums.
+        refused = delayed(m, note.causes.any(), cycles + PRODUCT_CYCLES + 1)
         m.submodules.output = output = SkidBuffer(shape=self._result)
         result = output.i.payload
         score = Signal.like(result.score, reset_less=True)
@@ -192,8 +194,8 @@ class HomographyScoring(wiring.Component):
         m.d.comb += [
             output.i.valid.eq(ends),
             *(result[name].eq(summed_note[name]) for name in _NOTE.members),
-            result.score.eq(Mux(summed_note.causes.any(), 0, score)),
-            result.support.eq(Mux(summed_note.causes.any(), 0, support)),
+            result.score.eq(Mux(refused, 0, score)),
+            result.support.eq(Mux(refused, 0, support)),
         ]
         wiring.connect(m, output.o, wiring.flipped(self.o))
 
