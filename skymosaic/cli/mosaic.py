@@ -22,10 +22,9 @@ from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.options import MAP, OUTPUT
-from skymosaic.flight.check import check_flight, doubts, layout_errors
+from skymosaic.flight.check import check_flight, describe_moving, doubts, layout_errors
 from skymosaic.flight.mapping.place import explain_absence
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm
-from skymosaic.geometry.ground import MOVES_WITH_CAMERA
 from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
 from skymosaic.maps.geotiff import COMPRESSIONS
 from skymosaic.maps.tiles import OWN_NAMES as TILE_NAMES
@@ -161,8 +160,8 @@ def _show(written: _Written, output: Path) -> None:
         print_pair(flight.pair)
         if flight.sources[0].warp is not None:
             session.show("warp: a mesh warps the left photograph to follow the relief")
-    if any(link.moves_with_camera for link in flight.links):
-        session.warn(f"{MOVES_WITH_CAMERA}; --mask hides it")
+    if moves := describe_moving(flight):
+        session.warn(moves)
     for delivery in deliveries:
         _show_mosaic(delivery, output if output == STDOUT else delivery.path)
     if (lens := flight.calibration) is not None:

@@ -4,6 +4,8 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from skymosaic.flight.flight import BLURRED, Flight
 from skymosaic.flight.layout.extent import outline, overlap
 from skymosaic.flight.layout.layout import Layout
@@ -196,8 +198,8 @@ def _problems_of_all(flight: Flight) -> Iterator[str]:
     unusable = len(flight.names) - len(flight.views)
     if unusable:
         yield f"{unusable} of {len(flight.names)} photographs cannot be used or repeat another"
-    if moving := sum(link.moves_with_camera for link in flight.links):
-        yield f"{moving} pairs: {MOVES_WITH_CAMERA}"
+    if moves := describe_moving(flight):
+        yield moves
     if len(flight.layouts) > 1:
         sizes = ", ".join(str(len(layout.members)) for layout in flight.layouts)
         yield f"{len(flight.layouts)} groups that no link joins for sure ({sizes} photographs): fly again between them"
@@ -207,6 +209,15 @@ def _problems_of_all(flight: Flight) -> Iterator[str]:
     with_gps = sum(view.gps is not None for view in flight.views)
     if 0 < with_gps < len(flight.views):
         yield f"{len(flight.views) - with_gps} of {len(flight.views)} photographs have no GPS"
+
+
+def describe_moving(flight: Flight) -> str:
+    """What moves with the camera, and what was done about it; empty where nothing does."""
+    if flight.found_mask is not None:
+        share = float(np.mean(flight.found_mask == 0))
+        return f"{MOVES_WITH_CAMERA}: {share:.0%} of each photograph is masked; a report has the mask, for --mask"
+    moving = sum(link.moves_with_camera for link in flight.links)
+    return f"{moving} pairs: {MOVES_WITH_CAMERA}; --mask hides it" if moving else ""
 
 
 def doubts(flight: Flight, layout: Layout) -> Iterator[str]:

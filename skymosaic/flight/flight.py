@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from golden_model.arrays import Array
+from golden_model.arrays import Array, Pixels
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.layout.self_calibration import Calibration
 from skymosaic.flight.linking.links import Link
@@ -73,6 +73,8 @@ class Flight:
         The registration of two photographs, see `skymosaic.flight.two_photographs`.
     calibration : Calibration or None
         The lens estimated from tie points. Views, links and layouts are then those of straightened photographs.
+    found_mask : ndarray of uint8 or None
+        The lens's mask, where it was found in the photographs, see `skymosaic.flight.own_mask`.
     """
 
     names: tuple[str, ...]
@@ -85,6 +87,7 @@ class Flight:
     seconds: dict[str, float]
     pair: Pair | None = None
     calibration: Calibration | None = None
+    found_mask: Pixels | None = None
 
     @property
     def treatment(self) -> Treatment:

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from golden_model.arrays import Array
 from skymosaic.common.errors import InputError
 from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.flight import candidates
@@ -18,12 +19,14 @@ from skymosaic.flight.layout.self_calibration import (
     measure_remaining_distortion,
     straighten_links,
 )
-from skymosaic.flight.linking.links import Candidate, Link, valid_links
+from skymosaic.flight.linking.links import RELIEF_PX, Candidate, Link, valid_links
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings, View
 from skymosaic.flight.mapping.anchoring import fit_layout
+from skymosaic.flight.own_mask import find_mask
 from skymosaic.flight.second_look import link_across_heights, link_by_more_features
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA
+from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.photographs import Source
 from skymosaic.maps.control_points import ControlPoints
@@ -83,6 +86,10 @@ def survey(
         views = tuple(_with_fix(view, fixes[source.index]) for source, view in zip(usable, views, strict=True))
     clock.lap("features")
     links = _link(surveyor, usable, views)
+    masked = _mask_own(surveyor, usable, views, links)
+    if masked is not None:
+        surveyor, views, links = masked
+        settings = surveyor.settings
     clock.lap("pairs")
     parts = sorted(groups(len(views), valid_links(links)), key=partial(_rank, views))
     calibration, remaining = None, dict[int, float]()
@@ -112,6 +119,7 @@ def survey(
         settings=settings,
         seconds=clock.seconds,
         calibration=calibration,
+        found_mask=None if masked is None else settings.lens.mask,
     )
     return replace(flight, layouts=tuple(fit_layout(flight, layout, control) for layout in layouts))
 
@@ -162,6 +170,46 @@ def _link(surveyor: Surveyor, sources: Sequence[Source], views: Sequence[View]) 
     links |= link_across_heights(surveyor, views, links)
     _add_predicted(surveyor, views, links)
     return links
+
+
+def _mask_own(
+    surveyor: Surveyor, sources: Sequence[Source], views: Sequence[View], links: dict[Candidate, Link]
+) -> tuple[Surveyor, tuple[View, ...], dict[Candidate, Link]] | None:
+    """Views and links again without what moves with the camera, as a mask from a file would give them.
+
+    Where a mask leaves too few features to link what was linked, it is for the picture alone. None where a lens is
+    given, or nothing moves with the camera.
+    """
+    lens, moving = surveyor.settings.lens, _moving_links(views, links)
+    if lens.mask is not None or lens.matrix is not None or not moving:
+        return None
+    mask = find_mask(views, moving, [view.thumbnail for view in surveyor.fetch_thumbnails(views)])
+    if mask is None:
+        return None
+    surveyor = replace(surveyor, settings=replace(surveyor.settings, lens=replace(lens, mask=mask)))
+    described = surveyor.describe_all(sources)
+    again = tuple(replace(view, taken=known.taken) for view, known in zip(described, views, strict=True))
+    found = _link(surveyor, sources, again)
+    before, after = (len(groups(len(views), valid_links(each))[0]) for each in (links, found))
+    if after >= max(before, 2):
+        return surveyor, again, found
+    return (surveyor, tuple(views), links) if before >= len(views) / 2 else None
+
+
+def _moving_links(views: Sequence[View], links: Mapping[Candidate, Link]) -> list[Link]:
+    """The links with matches that move with the camera, unless the layout of the others says that they do not."""
+    moving, valid = [link for link in links.values() if link.moves_with_camera], valid_links(links)
+    parts = [part for part in groups(len(views), valid) if len(part) > 2] if moving else []
+    rough = [rough_transforms(views, part, valid) for part in parts]
+    return [link for link in moving if not any(_explains(transforms, link) for transforms in rough)]
+
+
+def _explains(transforms: Mapping[int, Array], link: Link) -> bool:
+    """Whether by a layout the matches that were taken for moving are ground, as below a camera that hovers."""
+    if link.left not in transforms or link.right not in transforms:
+        return False
+    to_right = np.linalg.inv(transforms[link.right]) @ transforms[link.left]
+    return bool(np.median(transfer_error(to_right, link.left_moving, link.right_moving)) < RELIEF_PX)
 
 
 def _add_predicted(surveyor: Surveyor, views: Sequence[View], links: dict[Candidate, Link]) -> None:

@@ -68,6 +68,8 @@ def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: Fli
             if delivery.georeference is not None:
                 write_footprints(staged / f"footprints_{number}", delivery)
         write_fly_again(staged / "fly_again", deliveries[0])
+        if (mask := deliveries[0].flight.found_mask) is not None:
+            save(staged / "mask.png", mask)
         pages.write_report_files(staged, numbers, _render_page(deliveries, check, numbers, folder))
     return folder / PAGE
 

@@ -17,7 +17,7 @@ from skymosaic.imagery.images import save_bytes
 
 OWN_NAMES = (
     rf"{re.escape(PAGE)}|report\.json|mosaic(_\d+)?\.jpg|corners_(left|right)\.png|matches\.png"
-    r"|(footprints_\d+|fly_again)\.(geojson|kml)"
+    r"|(footprints_\d+|fly_again)\.(geojson|kml)|mask\.png"
 )
 """Regular expression of the names of a mosaic report's files."""
 

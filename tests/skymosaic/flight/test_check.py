@@ -88,6 +88,7 @@ def test_halves_that_only_weak_links_join_are_named_with_their_number() -> None:
             links=links,
             layouts=(Layout(tuple(range(5)), 0, places, links),),
             relative_sharpness=np.ones(5),
+            found_mask=None,
         )
         (line,) = check_flight(flight).problems
         return line

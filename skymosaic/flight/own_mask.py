@@ -1,0 +1,77 @@
+"""Finds where the photographs of a flight show what moves with the camera, by the matches that were rejected for it."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from golden_model.arrays import Mask, Pixels
+from golden_model.pixel.gray import to_gray
+from skymosaic.flight.linking.links import Link
+from skymosaic.flight.linking.view import View
+from skymosaic.geometry.homography import apply
+
+MIN_VIEWS, MIN_SHARE_OF_VIEWS = 3, 0.5
+"""Photographs, and share of a flight, with rejected matches: a camera that hovers over water has fewer."""
+MIN_VOTES, MIN_SHARE_OF_VOTES = 2, 0.1
+"""Pairs that must have rejected matches at a place."""
+REACH_PX = 5
+"""A match tells about what is so near, and gaps of twice that are closed, in pixels of thumbnails."""
+MAX_HOLE = 0.02
+"""What is masked all around and smaller than this share of a picture is masked, too."""
+CONSTANT_SHARE = 0.25
+"""What changes less than this share of the usual from photograph to photograph, as a border does, and joins the places
+that were voted for, moves with the camera, too."""
+_AROUND = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * REACH_PX + 1, 2 * REACH_PX + 1))
+MAX_SHARE_MASKED = 0.6
+"""A mask of more is none: a sensor's pattern is everywhere."""
+
+
+def find_mask(views: Sequence[View], moving: Sequence[Link], thumbnails: Sequence[Pixels]) -> Pixels | None:
+    """Mask what moves with the camera.
+
+    Parameters
+    ----------
+    views : sequence of View
+    moving : sequence of Link
+        Those with matches that move with the camera.
+    thumbnails : sequence of ndarray of uint8
+        Those of the views.
+
+    Returns
+    -------
+    ndarray of uint8, shape (h, w), or None
+        As a thumbnail, 0 where it does not show the ground, else 255; None without such places, or for photographs of
+        several sizes.
+    """
+    involved = {end for link in moving for end in (link.left, link.right)}
+    sizes = {thumbnail.shape[:2] for thumbnail in thumbnails}
+    if len(involved) < max(MIN_VIEWS, MIN_SHARE_OF_VIEWS * len(views)) or len(sizes) > 1:
+        return None
+    votes = np.sum([_places(link, views, thumbnails[0]) for link in moving], axis=0)
+    voted = votes >= max(MIN_VOTES, MIN_SHARE_OF_VOTES * len(moving))
+    masked = _with_constant(voted, thumbnails)
+    if not voted.any() or masked.mean() > MAX_SHARE_MASKED:
+        return None
+    return np.where(masked, 0, 255).astype(np.uint8)
+
+
+def _places(link: Link, views: Sequence[View], thumbnail: Pixels) -> Mask:
+    """Where a pair has rejected matches, in either photograph."""
+    hit = np.zeros(thumbnail.shape[:2], np.uint8)
+    for view, points in ((views[link.left], link.left_moving), (views[link.right], link.right_moving)):
+        x, y = np.rint(apply(view.to_thumbnail, points)).astype(int).clip(0, np.subtract(hit.shape[::-1], 1)).T
+        hit[y, x] = 1
+    return np.asarray(cv2.dilate(hit, _AROUND) > 0)
+
+
+def _with_constant(voted: Mask, thumbnails: Sequence[Pixels]) -> Mask:
+    """These places, what is constant and joins them, and what both enclose."""
+    spread = np.std([to_gray(thumbnail) for thumbnail in thumbnails], axis=0)
+    constant = cv2.GaussianBlur(spread, (0, 0), 1.0) < CONSTANT_SHARE * np.median(spread[~voted])
+    joined = cv2.morphologyEx((voted | constant).astype(np.uint8), cv2.MORPH_CLOSE, _AROUND)
+    _, labels = cv2.connectedComponents(joined)
+    masked = np.isin(labels, np.setdiff1d(labels[voted], 0))
+    _, labels, sizes, _ = cv2.connectedComponentsWithStats((~masked).astype(np.uint8))
+    holes = np.flatnonzero(sizes[:, cv2.CC_STAT_AREA] < MAX_HOLE * masked.size)
+    return np.asarray(masked | np.isin(labels, np.setdiff1d(holes, 0)))
