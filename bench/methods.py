@@ -26,7 +26,6 @@ OURS: dict[str, tuple[str, dict[str, Any]]] = {
     "normal": ("skymosaic", {}),
     "fast": ("skymosaic, `--effort fast`", {"effort": "fast"}),
     "thorough": ("skymosaic, `--effort thorough`", {"effort": "thorough"}),
-    "refine": ("skymosaic, `--refine`", {"refine": True}),
     "fast-corners": ("skymosaic, FAST corners", {"detector": "fast"}),
     "thesis": ("skymosaic, preset `thesis`", {"preset": "thesis"}),
 }

@@ -51,7 +51,7 @@ WRONG_PX = 20.0
 WIDTH_PX = 640
 Sets = Annotated[list[str], typer.Argument(help="Folders of pairs; several are joined.", metavar="SET...")]
 Seeds = Annotated[int, typer.Option(min=1, help="Seeds of our estimator; OpenCV's are fixed.")]
-Methods = Annotated[list[str] | None, typer.Option(help="Only these: normal, thorough, refine, sift, ...")]
+Methods = Annotated[list[str] | None, typer.Option(help="Only these: normal, thorough, sift, ...")]
 
 
 @dataclass(frozen=True)

@@ -248,7 +248,7 @@ def _minimal_homographies(matches: _Matches, samples: NDArray[np.int64]) -> Arra
     usable = large & (left_areas * right_areas > 0).all(axis=1)
     left, right = left[usable], right[usable]
     ratio = right_areas[usable, :3] / left_areas[usable, :3] * np.sign(left_areas[usable, 3:])
-    crossed = np.cross(np.roll(left[:, :3], -1, axis=1), np.roll(left[:, :3], -2, axis=1))
+    crossed = np.cross(left[:, [1, 2, 0]], left[:, [2, 0, 1]])
     return np.asarray((right[:, :3] * ratio[..., None]).transpose(0, 2, 1) @ crossed)
 
 

@@ -201,13 +201,6 @@ class RegistrationOptions(Seeded, FeatureOptions):
         "fast: one pass; normal, the default: more frames where that is weak; thorough: always three scales.",
         not_for_more="more than two photographs are linked by one pass each",
     )
-    refine: bool = option(
-        False,
-        "Refit to the whole overlap by dense flow, if more of it fits then; otherwise only where the verdict is "
-        "check or poor.",
-        label="Refit to the overlap",
-        not_for_more="the layout of more than two photographs is refined by all links",
-    )
     accept_poor: bool = option(
         False,
         "Deliver a poor pair even where its inliers cover so little of the overlap that most is a guess.",
@@ -287,5 +280,4 @@ class RegistrationKeywords(FeatureKeywords, SeedKeywords, total=False):
 
     estimator: Estimator
     effort: Effort | None
-    refine: bool
     accept_poor: bool

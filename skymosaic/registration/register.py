@@ -236,16 +236,15 @@ def _show_ground(left: Points, right: Points, *, masks: Sequence[Pixels | None],
 
 
 def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Points, Points], Mask]) -> Pair:
-    """Refit a pair where that is asked for or the verdict is not good, and refuse what is mostly extrapolated."""
+    """Refit a pair where the verdict is not good, and refuse what is mostly extrapolated."""
     homography = pair.working_homography
     if homography is None:
         return pair
     sizes = [(image.shape[1], image.shape[0]) for image in pair.working]
-    clear = fits_throughout(homography, *match_points(pair.kept), sizes[0], sizes[1])
-    if clear and not options.refine:
+    if fits_throughout(homography, *match_points(pair.kept), sizes[0], sizes[1]):
         return pair
     confirmed = False
-    if options.refine or (pair.effort != "fast" and pair.confidence and pair.confidence.verdict != "good"):
+    if pair.effort != "fast" and pair.confidence and pair.confidence.verdict != "good":
         pair, confirmed = refit_pair(pair, shows_ground)
     confidence = pair.confidence
     if confidence is None or options.accept_poor or confirmed or not confidence.extrapolates:

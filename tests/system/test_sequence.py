@@ -171,7 +171,7 @@ def test_a_flight_of_16_bits_keeps_its_numbers(flight: Flight, tmp_path: Path) -
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"refine": True}, "refined by all links"),
+        ({"accept_poor": True}, "judges their links together"),
         ({"estimator": "magsac"}, "leave it out, or keep only two"),
         ({"detector": "sift"}, "Harris or FAST with ILBP"),
         ({"all_groups": True}, "mosaics()"),

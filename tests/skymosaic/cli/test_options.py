@@ -79,10 +79,10 @@ def test_a_command_has_the_options_of_its_class() -> None:
 def test_what_is_typed_becomes_the_object(tmp_path: Path) -> None:
     (tmp_path / "c.toml").write_text("[front_end]\nthreshold = 7\n")
     words = ("--blending", "average", "--memory", 100, "--canvas-limit", 3, "--gsd", 0.5, "--working-width", 640)
-    options = typed("everything", *words, "--config", tmp_path / "c.toml", "--refine", "--cache", tmp_path)
+    options = typed("everything", *words, "--config", tmp_path / "c.toml", "--accept-poor", "--cache", tmp_path)
     assert isinstance(options, MosaicOptions)
     assert (options.blending, options.memory_bytes, options.canvas_limit_px) == ("average", 100 << 20, 3_000_000)
-    assert (options.gsd_m, options.working_width_px, options.refine, options.cache) == (0.5, 640, True, tmp_path)
+    assert (options.gsd_m, options.working_width_px, options.accept_poor, options.cache) == (0.5, 640, True, tmp_path)
     assert options.base_config.front_end.threshold == 7
     defaults = typed("everything")
     assert isinstance(defaults, MosaicOptions)
@@ -111,7 +111,7 @@ def test_the_words_for_options_are_read_as_these_options(tmp_path: Path) -> None
         rules=MatchRules(rules.text),
         preset="thesis",
         blending="average",
-        refine=True,
+        accept_poor=True,
         scale=0.3,
         memory_bytes=100 << 20,
         canvas_limit_px=3_000_000,

@@ -75,8 +75,8 @@ def test_a_misspelt_name_is_an_error_for_type_checkers_and_when_it_runs() -> Non
         register(picture, picture, "fast")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="`scale` is '2'; it must be more than 0"):
         mosaic([picture, picture], scale="2")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="`refine` is 'no'; it must be bool"):
-        register(picture, picture, refine="no")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="`accept_poor` is 'no'; it must be bool"):
+        register(picture, picture, accept_poor="no")  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"`lens` is 'camera\.toml'; it must be Lens or None"):
         mosaic([picture, picture], lens="camera.toml")  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="efforts"):
@@ -152,7 +152,7 @@ def test_what_is_not_valid_is_refused_with_what_is(changes: dict[str, Any], says
             "`effort` fast: more than two photographs are linked by one pass each; leave it out, or",
         ),
         (3, {"warp": "mesh"}, "`warp` mesh: "),
-        (3, {"refine": True}, "`refine`: "),
+        (3, {"accept_poor": True}, "`accept_poor`: "),
         (3, {"descriptor": "sift"}, "Harris or FAST with ILBP"),
     ],
 )

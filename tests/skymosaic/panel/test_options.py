@@ -60,13 +60,13 @@ def test_a_preset_resets_all_options() -> None:
 def test_a_flight_has_fewer_options_than_a_pair() -> None:
     aerial = Options.of_preset("aerial")
     assert fault_of(aerial, 3) == fault_of(aerial.changed("detector", "fast"), 3) == ""
-    for name, value in (("detector", "sift"), ("estimator", "magsac"), ("refine", True)):
+    for name, value in (("detector", "sift"), ("estimator", "magsac"), ("accept_poor", True)):
         changed = aerial.changed(name, value)
         assert fault_of(changed) == ""
         assert "keep only two photographs" in fault_of(changed, 3)
     # By the names that the page shows.
     assert fault_of(aerial.changed("estimator", "magsac"), 3).startswith("Estimator magsac: ")
-    assert fault_of(aerial.changed("refine", True), 3).startswith("Refit to the overlap: ")
+    assert fault_of(aerial.changed("accept_poor", True), 3).startswith("Deliver a poor pair: ")
 
 
 def test_a_backend_that_does_not_compute_the_method_is_refused() -> None:

@@ -118,7 +118,7 @@ def test_a_refused_pair_stays_refused(pair: Pair) -> None:
     assert (refused.accepted, refused.reason) == (False, "no overlap")
 
 
-def test_the_refit_of_a_good_pair_must_be_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_good_pair_is_not_refitted(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Pair] = []
 
     def note(pair: Pair, _: object) -> tuple[Pair, bool]:
@@ -129,12 +129,9 @@ def test_the_refit_of_a_good_pair_must_be_asked_for(monkeypatch: pytest.MonkeyPa
     good = register(LEFT, RIGHT).confidence
     assert good is not None
     assert (good.verdict, asked) == ("good", [])
-    register(LEFT, RIGHT, refine=True)
-    register(LEFT, RIGHT, refine=True, detector="sift")
-    assert len(asked) == 2
     monkeypatch.setattr("skymosaic.registration.confidence.GOOD_PX", 0.0)
     monkeypatch.setattr("skymosaic.registration.confidence.CLEAR_INLIERS", 10_000)
     register(LEFT, RIGHT, effort="fast")
-    assert len(asked) == 2
+    assert not asked
     register(LEFT, RIGHT)
-    assert len(asked) == 3
+    assert len(asked) == 1

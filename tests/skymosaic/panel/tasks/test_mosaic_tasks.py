@@ -34,7 +34,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "key points": {"detector": "brisk", "descriptor": "freak"},
     "fewer key points": {"detector": "orb", "position": 16, "blending": "multiband"},
     "damaged": {"damaged": "keep", "detector": "fast", "position": 9},
-    "refined": {"estimator": "magsac", "refine": True},
+    "any estimator": {"estimator": "magsac", "accept_poor": True},
     "fuzzy estimator": {"estimator": "fuzzy-ransac"},
 }
 
