@@ -202,7 +202,10 @@ def _problems_of_all(flight: Flight) -> Iterator[str]:
         yield moves
     if len(flight.layouts) > 1:
         sizes = ", ".join(str(len(layout.members)) for layout in flight.layouts)
-        yield f"{len(flight.layouts)} groups that no link joins for sure ({sizes} photographs): fly again between them"
+        yield (
+            f"{len(flight.layouts)} groups that no link joins for sure ({sizes} photographs): fly again between them; "
+            "where the ground has no texture, fly higher or in better light"
+        )
     for layout in flight.layouts:
         yield from doubts(flight, layout)
         yield from _weakly_linked(flight, layout)

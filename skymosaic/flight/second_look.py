@@ -1,8 +1,9 @@
-"""Groups of photographs that nothing links to the largest group get a second attempt, in two ways.
+"""Groups of photographs that nothing links to the largest group get a second attempt, in three ways.
 
-With more features and longer descriptors, because too few may have agreed; and at the scale of thumbnails, because a
-link takes one pass of the front end, which meets zooms up to about 2. In its thumbnail, a photograph that was taken
-from nearer the ground looks as the others do.
+With more features and longer descriptors, because too few may have agreed; at the scale of thumbnails, because a link
+takes one pass of the front end, which meets zooms up to about 2: in its thumbnail, a photograph that was taken from
+nearer the ground looks as the others do; and by thumbnails of even contrast on both sides, because soft, murky or
+unevenly lit ground has no corners at full size.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,13 +49,7 @@ def link_by_more_features(
     settings = surveyor.settings.with_more_features()
     if settings is None:
         return {}
-    pairs: set[Candidate] = set()
-    for members in groups(len(views), valid_links(links))[1:]:
-        outside = np.setdiff1d(np.arange(len(views)), members)
-        for view in members:
-            alike = outside[np.argsort(-votes[view, outside], kind="stable")[:PARTNERS]]
-            before, after = outside[outside < view][-1:], outside[outside > view][:1]
-            pairs |= {(min(view, other), max(view, other)) for other in np.concatenate([alike, before, after]).tolist()}
+    pairs = _pairs_between_groups(links, votes)
     involved = sorted({view for pair in pairs for view in pair})
     surveyor = replace(surveyor, settings=settings, max_samples=MAX_SAMPLES)
     closer = dict(zip(involved, surveyor.describe_all([sources[view] for view in involved]), strict=True))
@@ -83,6 +78,36 @@ def link_across_heights(
             if link.holds and (pair not in best_links or link.ties > best_links[pair].ties):
                 best_links[pair] = _in_working_px(link, mixed, views)
     return best_links
+
+
+def link_by_coarse_detail(
+    surveyor: Surveyor, views: Sequence[View], links: Mapping[Candidate, Link]
+) -> dict[Candidate, Link]:
+    """Links that reconnect isolated groups, by thumbnails of even contrast of both photographs.
+
+    Parameters are those of `link_by_more_features`; only links that hold are returned.
+    """
+    isolated = groups(len(views), valid_links(links))[1:]
+    if not isolated:
+        return {}
+    settings = surveyor.settings.with_more_features() or surveyor.settings
+    surveyor = replace(surveyor, settings=settings, max_samples=MAX_SAMPLES)
+    thumbnails = surveyor.describe_thumbnails(views, even=True)
+    votes = surveyor.count_votes(thumbnails, across=np.concatenate(isolated).tolist())
+    tried = surveyor.link(thumbnails, _pairs_between_groups(links, votes))
+    return {pair: _in_working_px(link, thumbnails, views) for pair, link in tried.items() if link.holds}
+
+
+def _pairs_between_groups(links: Mapping[Candidate, Link], votes: NDArray[np.int16]) -> set[Candidate]:
+    """Pairs of each view of an isolated group, with its neighbours outside it and with what resembles it most."""
+    pairs: set[Candidate] = set()
+    for members in groups(len(votes), valid_links(links))[1:]:
+        outside = np.setdiff1d(np.arange(len(votes)), members)
+        for view in members:
+            alike = outside[np.argsort(-votes[view, outside], kind="stable")[:PARTNERS]]
+            before, after = outside[outside < view][-1:], outside[outside > view][:1]
+            pairs |= {(min(view, other), max(view, other)) for other in np.concatenate([alike, before, after]).tolist()}
+    return pairs
 
 
 def _in_working_px(link: Link, mixed: Sequence[View], views: Sequence[View]) -> Link:

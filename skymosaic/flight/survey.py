@@ -24,7 +24,7 @@ from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings, View
 from skymosaic.flight.mapping.anchoring import fit_layout
 from skymosaic.flight.own_mask import find_mask
-from skymosaic.flight.second_look import link_across_heights, link_by_more_features
+from skymosaic.flight.second_look import link_across_heights, link_by_coarse_detail, link_by_more_features
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import MIN_INLIERS
@@ -168,6 +168,7 @@ def _link(surveyor: Surveyor, sources: Sequence[Source], views: Sequence[View]) 
     # Thumbnails last: they serve only the groups that more features could not join.
     links |= link_by_more_features(surveyor, sources, views, links, votes)
     links |= link_across_heights(surveyor, views, links)
+    links |= link_by_coarse_detail(surveyor, views, links)
     _add_predicted(surveyor, views, links)
     return links
 

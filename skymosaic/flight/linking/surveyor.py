@@ -77,9 +77,9 @@ class Surveyor:
         parcels = self.workers.run("thumbnails", Parcel, [(view.thumbnail,) for view in views])
         return tuple(replace(view.light, thumbnail=parcel.pixels) for view, parcel in zip(views, parcels, strict=True))
 
-    def describe_thumbnails(self, views: Sequence[View]) -> list[View]:
-        """Replace the features of the views by those of their thumbnails."""
-        calls = [(view.thumbnail, view.light, self.settings) for view in views]
+    def describe_thumbnails(self, views: Sequence[View], *, even: bool = False) -> list[View]:
+        """Replace the features of the views by those of their thumbnails, or of thumbnails of even contrast."""
+        calls = [(view.thumbnail, view.light, self.settings, even) for view in views]
         return list(self.workers.run("thumbnails", describe_thumbnail, calls, kept=HEAVY))
 
     def count_votes(self, views: Sequence[View], across: Sequence[int] = ()) -> NDArray[np.int16]:

@@ -30,6 +30,8 @@ from skymosaic.registration.options import WORKING_WIDTH_PX
 from skymosaic.running.cache import Arrays, key_of
 
 THUMBNAIL_WIDTH_PX = 320
+DETAIL_SIGMA_PX, EVEN_SPREAD = 12.0, 45.0
+"""What is coarser is light, and the standard deviation of gray levels that is left, see `even_contrast`."""
 _ARRAYS = ("to_original", "to_thumbnail", "features", "strongest", "thumbnail", "mask", "sample")
 HEAVY = ("features", "thumbnail")
 """Attributes of a view that stay with the worker that computed them, as Dask's futures."""
@@ -181,8 +183,13 @@ def describe(source: Source, settings: Settings) -> View:
     return make_view(source, photograph, settings, working=working, to_original=to_original, features=features)
 
 
-def describe_thumbnail(thumbnail: Pixels, view: View, settings: Settings) -> View:
-    """Take the thumbnail of a view for its working image; without features if the front end cannot take it."""
+def describe_thumbnail(thumbnail: Pixels, view: View, settings: Settings, even: bool = False) -> View:
+    """Take the thumbnail of a view for its working image; without features if the front end cannot take it.
+
+    With ``even``, its contrast is made the same everywhere before.
+    """
+    if even:
+        thumbnail = even_contrast(thumbnail)
     try:
         features = _extract_from_ground(thumbnail, settings, view.name, view.visible)
     except InputError:
@@ -190,7 +197,7 @@ def describe_thumbnail(thumbnail: Pixels, view: View, settings: Settings) -> Vie
     from_thumbnail = np.linalg.inv(view.to_thumbnail).astype(np.float64)
     return dataclasses.replace(
         view,
-        key=key_of(describe_thumbnail, view.key),
+        key=key_of(describe_thumbnail, view.key, settings.config.front_end, even),
         working_size=(thumbnail.shape[1], thumbnail.shape[0]),
         to_original=view.to_original @ from_thumbnail,
         to_thumbnail=np.eye(3),
@@ -198,6 +205,18 @@ def describe_thumbnail(thumbnail: Pixels, view: View, settings: Settings) -> Vie
         strongest=compact(features),
         thumbnail=thumbnail,
     )
+
+
+def even_contrast(image: Pixels) -> Pixels:
+    """The gray image without what changes slowly, and with the same contrast everywhere.
+
+    Neighbours with opposite headings see a light that moves with the camera in opposite directions. Where contrast is
+    low, it decides what a descriptor compares.
+    """
+    gray = to_gray(image).astype(np.float32)
+    detail = gray - cv2.GaussianBlur(gray, (0, 0), DETAIL_SIGMA_PX)
+    spread = np.sqrt(cv2.GaussianBlur(detail * detail, (0, 0), 2 * DETAIL_SIGMA_PX))
+    return np.asarray(np.clip(np.rint(128 + EVEN_SPREAD * detail / (spread + 1)), 0, 255), np.uint8)
 
 
 def _extract_from_ground(working: Pixels, settings: Settings, name: str, visible: Pixels | None) -> Records:

@@ -1,8 +1,10 @@
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
+from golden_model.arrays import Pixels
 from sim.scene import Flight, make_lawnmower
 from skymosaic import mosaic
 from skymosaic.flight import survey
@@ -35,3 +37,26 @@ def test_photographs_of_two_heights_become_one_mosaic(flight: Flight) -> None:
 def test_links_across_heights_are_what_joins_them(flight: Flight, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(survey, "link_across_heights", lambda *_: {})
     assert len(mosaic(list(flight.images)).left_out) == 2
+
+
+@pytest.fixture(scope="module")
+def murky() -> list[Pixels]:
+    """Two legs over murky ground: soft, of little contrast, lit from ahead."""
+    sharp = make_lawnmower(3, 6, (960, 720), forward_overlap=0.7)
+    lamp, rng = np.linspace(1.35, 0.65, 720)[:, None, None], np.random.default_rng(0)
+    images = []
+    for image in sharp.images:
+        soft = cv2.GaussianBlur(np.asarray(image, np.float32), (0, 0), 5)
+        lit = (90 + 0.12 * (soft - soft.mean())) * lamp + rng.normal(0, 1, soft.shape)
+        images.append(np.asarray(np.clip(np.rint(lit), 0, 255), np.uint8))
+    return images
+
+
+def test_soft_ground_is_linked_by_its_coarse_detail(murky: list[Pixels]) -> None:
+    assert mosaic(murky, scale=0.2).placed == tuple(range(6))
+
+
+@pytest.mark.slow
+def test_coarse_detail_is_what_links_it(murky: list[Pixels], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(survey, "link_by_coarse_detail", lambda *_: {})
+    assert len(mosaic(murky, scale=0.2).placed) < 6
