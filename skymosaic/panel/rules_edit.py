@@ -15,9 +15,13 @@ from skymosaic.panel.results import EDITED_RULES, MosaicResult
 from skymosaic.registration.extraction import Features, extract
 from skymosaic.registration.register import register
 
-DEGREES = {"Ramp": (0.0, 1.0), "Triangle": (0.0, 1.0, 0.0), "Trapezoid": (0.0, 1.0, 1.0, 0.0), "Rectangle": (1.0, 1.0),
-           "Sigmoid": (0.5,)}  # fmt: skip
-"""Degree at each parameter that is a position, by the shape of a term; of a Discrete one, it is the next parameter."""
+DEGREES = {
+    "Ramp": (0.0, 1.0), "Triangle": (0.0, 1.0, 0.0), "Trapezoid": (0.0, 1.0, 1.0, 0.0), "Rectangle": (1.0, 1.0),
+    "ZShape": (1.0, 0.0), "SShape": (0.0, 1.0), "PiShape": (0.0, 1.0, 1.0, 0.0), "Gaussian": (1.0,), "Bell": (1.0,),
+    "Cosine": (1.0,), "Spike": (1.0,), "Sigmoid": (0.5,),
+}  # fmt: skip
+"""Degree at each parameter that is a position, by the shape of a term; of a Discrete one, it is the next parameter.
+Other shapes are edited as text."""
 X_STEPS, Y_STEPS = 200, 100
 """Corners move in these shares of the range."""
 MAX_CORNERS = 24
@@ -47,7 +51,7 @@ def find_corners(system: FuzzySystem, number: int) -> list[Corner]:
     corners: dict[object, Corner] = {}
     for term in system.inputs[number].terms.values():
         is_discrete = term.shape == "Discrete"
-        positions = range(0, len(term.parameters), 2) if is_discrete else range(len(DEGREES[term.shape]))
+        positions = range(0, len(term.parameters), 2) if is_discrete else range(len(DEGREES.get(term.shape, ())))
         for index in positions:
             x = term.parameters[index]
             y = term.parameters[index + 1] if is_discrete else DEGREES[term.shape][index]

@@ -41,7 +41,7 @@ def write_report(folder: Path, flight: Flight, deliveries: Sequence[Delivery]) -
         Its mosaics, the largest first. Empty if it could not be linked: a pair's report then shows why.
     """
     if flight.pair is not None:
-        write_pair_report(folder, flight.pair, deliveries[0].preview if deliveries else None)
+        write_pair_report(folder, flight.pair, on_white(deliveries[0]) if deliveries else None)
     elif deliveries:
         write_flight_report(folder, deliveries, check_flight(flight))
     # Among the photographs, the pictures are none of them.

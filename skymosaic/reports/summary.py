@@ -69,7 +69,7 @@ def describe_accuracy(delivery: Delivery) -> str:
     if place.checked_m:
         rms_m = float(np.sqrt(np.mean(np.square(list(place.checked_m.values())))))
         return f"{within}; {len(place.checked_m)} check points are off by {rms_m:.2f} m (root mean square)."
-    return f"{within}; on the map, the {place.by} fits within {on_map.residual_m:.2f} m."
+    return f"{within}; on the map, they fit the {place.by} within {on_map.residual_m:.2f} m."
 
 
 def ground_error_m(delivery: Delivery) -> float:

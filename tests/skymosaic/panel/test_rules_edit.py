@@ -1,5 +1,6 @@
 """Edited rules decide as a new run with them would, and every change can be taken back."""
 
+import re
 from pathlib import Path
 
 import cv2
@@ -8,6 +9,7 @@ import pytest
 
 from golden_model.config import preset_config
 from golden_model.fuzzy.rules import MatchRules, read_shipped
+from golden_model.fuzzy.terms import SHAPES
 from sim.scene import make_pair
 from skymosaic import register
 from skymosaic.panel.options import OWN, Options
@@ -100,6 +102,29 @@ def test_the_terms_of_a_minimum_move_alone() -> None:
     assert len(find_corners(MatchRules(text).system, 0)) == 4
     moved = move_corner(text, 0, 0, 0.5, 0)
     assert moved == text.replace("low Ramp 0.34 0.1", "low Ramp 0.5 0.1")
+
+
+EVERY_SHAPE = {
+    "Ramp": "0.3 0", "Triangle": "0 0.1 0.3", "Trapezoid": "0 0.1 0.2 0.3", "Rectangle": "0 0.3", "ZShape": "0 0.3",
+    "SShape": "0 0.3", "PiShape": "0 0.1 0.2 0.3", "Gaussian": "0 0.1", "GaussianProduct": "0 0.1 0.2 0.1",
+    "Bell": "0 0.1 3", "Cosine": "0 0.4", "Spike": "0 0.4", "Sigmoid": "0.2 -30", "Discrete": "0 1 0.2 0",
+    "SigmoidDifference": "0.1 40 40 0.3", "SigmoidProduct": "0.1 40 -40 0.3",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_terms_of_every_shape_have_the_corners_that_lie_on_them(shape: str) -> None:
+    text = re.sub(r"term: low .*", f"term: low {shape} {EVERY_SHAPE[shape]}", AERIAL, count=1)
+    text = re.sub("default: .*", "default: 0", text.replace("AlgebraicProduct", "Minimum"))
+    system = MatchRules(text).system
+    mine = [corner for corner in find_corners(system, 0) if dict(corner.members).get("low") is not None]
+    # A vertical edge is as high as its upper end.
+    for corner in mine:
+        degree = float(system.inputs[0].terms["low"].degree(np.array([corner.x]))[0])
+        assert degree == pytest.approx(corner.y, abs=0.01) or degree == 1
+    if mine:
+        index = find_corners(system, 0).index(mine[0])
+        assert move_corner(text, 0, index, 0.05, mine[0].y) != text
 
 
 def test_the_thesis_rules_are_edited_too(tmp_path: Path) -> None:

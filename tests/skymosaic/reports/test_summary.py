@@ -54,7 +54,7 @@ def test_the_page_says_what_a_client_asks(site: Path) -> None:
     assert float(resolution[1]) == pytest.approx(100 * METRES_PER_PIXEL, rel=0.05)
     assert re.fullmatch(
         r"Half of the points that photographs have in common meet within [\d.]+ cm; "
-        r"on the map, the GPS fits within [\d.]+ m\.",
+        r"on the map, they fit the GPS within [\d.]+ m\.",
         rows["accuracy"],
     )
     assert rows["made by"].startswith(f"skymosaic {VERSION}, 20")
@@ -101,3 +101,7 @@ def test_the_report_of_a_pair_names_its_maker_and_both_photographs(tmp_path: Pat
     numbers = json.loads((tmp_path / "report" / "report.json").read_text())
     assert numbers["version"] == VERSION
     assert numbers["left"]["size"] == [320, 240]
+    picture = cv2.imread(str(tmp_path / "report" / "mosaic.jpg"))
+    assert picture is not None
+    # The photographs lie beside each other, and leave a corner open.
+    assert max(corner.min() for corner in (picture[:6, :6], picture[:6, -6:], picture[-6:, :6])) > 245
