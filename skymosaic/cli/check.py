@@ -50,8 +50,16 @@ def check(
         captures = group_band_sets(sources, tell=session.note)
         captures = [source.with_damaged(keep=options.keeps_damaged) for source in captures]
         cache, settings = open_cache(options.cache, session.note), options.flight_settings()
-        positions, control = options.positions, options.control_points
-        flight = survey(captures, settings, options.seed, workers, cache, positions=positions, control=control)
+        flight = survey(
+            captures,
+            settings,
+            options.seed,
+            workers,
+            cache,
+            positions=options.positions,
+            control=options.control_points,
+            keep_all=options.keep_all,
+        )
     report = check_flight(flight)
     session.seconds = flight.seconds
     session.numbers = dataclasses.asdict(report) | {"left_out": flight.left_out}

@@ -10,6 +10,7 @@ from golden_model.arrays import Array
 from skymosaic.common.errors import InputError
 from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.flight import candidates
+from skymosaic.flight.belonging import find_strangers
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout, lay_out, rough_transforms
 from skymosaic.flight.layout.linked_group import groups
@@ -47,6 +48,7 @@ def survey(
     *,
     positions: Positions | None = None,
     control: ControlPoints | None = None,
+    keep_all: bool = False,
 ) -> Flight:
     """Lay out a flight: features, links, lens, layouts, and their place on the map.
 
@@ -65,6 +67,8 @@ def survey(
         Where the cameras were, instead of what the photographs contain.
     control : ControlPoints or None
         Surveyed points, instead of positions.
+    keep_all : bool
+        Whether to take what differs from the other photographs in several properties.
 
     Returns
     -------
@@ -82,6 +86,10 @@ def survey(
     clock = Stopwatch()
     surveyor = Surveyor(settings, seed, workers, cache)
     usable, views, left_out = _describe(surveyor, sources)
+    strangers = {} if keep_all else find_strangers(views)
+    left_out |= {usable[view].index: reason for view, reason in strangers.items()}
+    usable = tuple(source for view, source in enumerate(usable) if view not in strangers)
+    views = tuple(each for view, each in enumerate(views) if view not in strangers)
     if fixes is not None:
         views = tuple(_with_fix(view, fixes[source.index]) for source, view in zip(usable, views, strict=True))
     clock.lap("features")

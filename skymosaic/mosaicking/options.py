@@ -91,6 +91,12 @@ class SurveyOptions(FolderOptions, Seeded, PhotographOptions):
         read=load_positions,
         not_for_two="two photographs stay in the frame of the right one",
     )
+    keep_all: bool = option(
+        False,
+        "Take pictures that differ from the others in size, kind, GPS and the like, as maps and contact sheets do.",
+        INPUT,
+        not_for_two="two photographs are taken as they are",
+    )
     scheduler: str | None = option(None, "Dask scheduler, tcp://HOST:PORT or a scheduler file.", MACHINE)
     cache: Path | None = option(
         None,
@@ -208,6 +214,7 @@ class MosaicKeywords(CanvasKeywords, RegistrationKeywords, total=False):
     lens: Lens | None
     control_points: ControlPoints | None
     positions: Positions | None
+    keep_all: bool
     scheduler: str | None
     cache: Path | None
     blending: Blending | None

@@ -119,6 +119,7 @@ class MosaicPlan:
             cache,
             positions=options.positions,
             control=options.control_points,
+            keep_all=options.keep_all,
         )
         # The picture is made of what lies there now.
         return flight.without({view: source.change for view, source in enumerate(flight.sources) if source.change})
