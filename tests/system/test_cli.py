@@ -1,6 +1,5 @@
 import importlib
 import json
-import re
 import shutil
 import subprocess
 import sys
@@ -12,7 +11,6 @@ import pytest
 
 from sim.scene import Flight, make_pair
 from skymosaic.cli import COMMANDS, app, main
-from skymosaic.cli.demo import OWN_NAMES
 from skymosaic.evaluation.metrics import grid_error
 from tests.conftest import Run
 from tests.system.command_line import only_error, skymosaic
@@ -69,15 +67,6 @@ def test_mosaic_writes_picture_and_report(photographs: tuple[Path, Path], tmp_pa
     report = json.loads((tmp_path / "r" / "report.json").read_text())
     assert report["accepted"]
     assert report["configuration"]["front_end"]["descriptor"] == "ilbp-128"
-
-
-def test_demo_measures_itself_against_the_truth(tmp_path: Path) -> None:
-    result = skymosaic("demo", "-o", "out", "--backend", "golden", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    assert "mean homography error" in result.stdout
-    for name in ("mosaic.png", "report/matches.png", "report/index.html"):
-        assert (tmp_path / "out" / name).stat().st_size > 0
-    assert all(re.fullmatch(OWN_NAMES, path.name) for path in (tmp_path / "out").iterdir())
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from sim.scene import make_pair
+from skymosaic.cli.demo import OWN_NAMES
 from skymosaic.imagery.video import write_video
 from tests.conftest import Run
 from tests.system.command_line import only_error
@@ -61,6 +62,7 @@ def test_json_ends_with_an_object_with_the_documented_keys(run: Run, name: str) 
     assert set(found) - COMMON <= documented(name)
     assert (found["command"], found["status"], found["error"]) == (name, 0, None)
     assert all(Path(path).exists() for path in found["outputs"])
+    assert all(re.fullmatch(OWN_NAMES, path.name) for path in Path().glob("shown/*"))
     seconds = found["seconds"]
     total = seconds.pop("total")
     assert sum(seconds.values()) == pytest.approx(total, abs=0.01)

@@ -90,8 +90,6 @@ def test_overwritten_tiles_and_reports_have_nothing_of_the_old_ones(full: Path) 
         (("--tiles", "taken.png"), "is no folder"),
         (("--tiles", "taken.png/tiles"), "taken.png; choose another folder"),
         (("--report", "taken.png"), "is no folder"),
-        (("--report", "x", "--tiles", "x"), "name two folders"),
-        (("--report", "folder", "-o", "folder/mosaic.jpg"), "choose another name or folder"),
     ],
 )
 def test_a_wrong_folder_is_refused_before_the_first_photograph(
