@@ -48,6 +48,8 @@ def find_visible(decoded: NDArray[Any], data: bytes, header: Declared) -> Pixels
     ndarray of uint8, shape (H, W), or None
         255 where something is shown, else 0; None: everywhere, or nowhere, as of an alpha channel that nobody filled.
     """
+    if not header.transparent and header.nodata is None and decoded.dtype.kind != "f":
+        return None
     shown = np.ones(decoded.shape[:2], np.bool_)
     if header.transparent:
         whole = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
