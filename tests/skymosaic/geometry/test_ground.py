@@ -144,6 +144,21 @@ def test_what_a_mask_hides_does_not_vote(sites: list[NDArray[np.uint8]]) -> None
     assert 0.3 * whole.blocks < masked.blocks < 0.45 * whole.blocks
 
 
+def test_what_lies_between_the_lines_of_a_display_votes_in_finer_pictures(sites: list[NDArray[np.uint8]]) -> None:
+    def with_lines(site: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        shown = np.asarray(36 + 0.5 * site.astype(np.float64), dtype=np.uint8)
+        for line in range(8):
+            text = f"ALT {100 + 7 * line} M SPD {line}.4 GPS 12 BAT 14.{line}V LAT 4{line}.2{line}"
+            cv2.putText(shown, text, (5, 25 + 40 * line), cv2.FONT_HERSHEY_SIMPLEX, 0.7, (255, 255, 255), 2)
+        return shown
+
+    agreement = measure_agreement(Sight(with_lines(sites[0])), Sight(with_lines(sites[1])), np.eye(3))
+    coarse = np.count_nonzero(agreement.agreeing) / agreement.blocks
+    assert agreement.required - 0.2 < coarse < agreement.required
+    assert agreement.share < 0.53
+    assert agreement.is_refused
+
+
 def test_the_farther_a_camera_moves_the_less_must_agree(sites: list[NDArray[np.uint8]]) -> None:
     sight = Sight(sites[0])
     moved = [measure_agreement(sight, sight, np.array([[1.0, 0, x], [0, 1, 0], [0, 0, 1]])) for x in (0, 64, 160)]
