@@ -19,6 +19,7 @@ from golden_model.text import one_line
 from golden_model.version import VERSION
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import flag_of, respell
+from skymosaic.common.provenance import provenance
 from skymosaic.common.temporary import temporary_folder
 
 if TYPE_CHECKING:
@@ -158,7 +159,7 @@ class Session:
         if self._as_json:
             common = {
                 "command": self._command,
-                "version": VERSION,
+                **provenance(),
                 "status": status,
                 "error": None if error is None else one_line(respell(error, flag_of)),
                 "warnings": self._warnings,

@@ -26,8 +26,9 @@ MAX_CELLS = 4000
 """... at most so many along its side."""
 REACH = 1.25
 """A gap between photographs is a hole up to this many sides of a photograph; a wider one may be meant."""
-THINNEST = 0.06
-"""Gaps thinner than this share of a side are no holes: borders of neighbours are never quite in line."""
+THINNEST, SMALLEST = 0.06, 0.01
+"""Gaps thinner than this share of a side, or smaller than this share of a photograph, are no holes: borders of
+neighbours are never quite in line."""
 
 
 def plan_again(flight: Flight, control: ControlPoints | None = None) -> list[Place]:
@@ -110,5 +111,6 @@ def find_holes(outlines: Sequence[Points]) -> list[tuple[Points, float]]:
     for geometry, _ in rasterio.features.shapes(lacking, mask=lacking > 0, transform=to_map):
         ring = np.array(geometry["coordinates"][0])
         area_m2 = float(np.sum(ring[:-1, 0] * ring[1:, 1] - ring[1:, 0] * ring[:-1, 1])) / 2
-        holes.append((ring if area_m2 > 0 else ring[::-1], abs(area_m2)))
+        if abs(area_m2) >= SMALLEST * side_m**2:
+            holes.append((ring if area_m2 > 0 else ring[::-1], abs(area_m2)))
     return sorted(holes, key=lambda hole: -hole[1])

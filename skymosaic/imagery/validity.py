@@ -1,6 +1,8 @@
 """Which pixels of a file show something: those that are neither transparent nor declared to have no data."""
 
-from typing import Any, Protocol
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -8,31 +10,15 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Pixels
 
+if TYPE_CHECKING:
+    from skymosaic.imagery.decoding import Header
+
 TURNS = {2: (0, 1), 3: (2, 0), 4: (2, 1), 5: (-1, 1), 6: (-1, 0), 7: (1, 1), 8: (1, 0)}
-"""Quarter turns to the left, and then whether left and right change places, that make an EXIF orientation upright."""
+"""Quarter turns to the left, and then whether left and right change places, that make an EXIF orientation upright.
+OpenCV does it by itself for TIFF, and for other files where it leaves out alpha."""
 
 
-class Declared(Protocol):
-    """What a file's header says, see `skymosaic.imagery.decoding.Header`."""
-
-    @property
-    def kind(self) -> str:
-        """OpenCV turns TIFF upright also where it decodes alpha, and nothing else."""
-
-    @property
-    def transparent(self) -> bool:
-        """Whether there may be an alpha channel."""
-
-    @property
-    def orientation(self) -> int:
-        """Of EXIF, 1 to 8."""
-
-    @property
-    def nodata(self) -> float | None:
-        """The value of pixels without data; NaN is always one."""
-
-
-def find_visible(decoded: NDArray[Any], data: bytes, header: Declared) -> Pixels | None:
+def find_visible(decoded: NDArray[Any], data: bytes, header: Header) -> Pixels | None:
     """Find the pixels that show something.
 
     Parameters
@@ -48,6 +34,8 @@ def find_visible(decoded: NDArray[Any], data: bytes, header: Declared) -> Pixels
     ndarray of uint8, shape (H, W), or None
         255 where something is shown, else 0; None: everywhere, or nowhere, as of an alpha channel that nobody filled.
     """
+    if not header.transparent and header.nodata is None and decoded.dtype.kind != "f":
+        return None
     shown = np.ones(decoded.shape[:2], np.bool_)
     if header.transparent:
         whole = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)

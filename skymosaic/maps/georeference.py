@@ -30,6 +30,8 @@ MAX_DISAGREEING = 1 / 3
 """A fit is refused if a larger share of the positions disagrees with it."""
 MIN_GSD_M = 1e-5
 """A fit with less on the ground per pixel is refused: such coordinates are degrees, or of another unit."""
+MIN_SPREAD_M = 0.1
+"""Nor are positions that spread less: not even RTK places cameras by them."""
 FAR_OFF = 3.0
 """A position disagrees if its offset is more than this many times the median, which noise does once in 500, ..."""
 NEGLIGIBLE = 2e-3
@@ -170,6 +172,11 @@ def fit_to_map(
     offsets = transfer_error(similarity, upright, targets)
     residual = float(np.sqrt(np.mean(offsets[agreeing] ** 2)))
     spread = _spread(targets[agreeing])
+    if spread < MIN_SPREAD_M:
+        return (
+            None,
+            f"the positions spread over {spread:.2g} m, too little for a map; check their unit",
+        )
     if residual > MAX_RESIDUAL * spread or agreeing.mean() < 1 - MAX_DISAGREEING:
         farthest = known[np.argsort(-offsets)][:WORST_NAMED].tolist()
         worst = ", ".join(str(index) if names is None else names[index] for index in farthest)

@@ -4,14 +4,13 @@ import contextlib
 import json
 import re
 from collections.abc import Iterator, Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from golden_model.text import encodable
-from golden_model.version import VERSION
 from skymosaic.common.errors import InputError
+from skymosaic.common.provenance import provenance
 from skymosaic.common.temporary import PAGE, staged_folder
 from skymosaic.imagery.images import save_bytes
 
@@ -20,11 +19,6 @@ OWN_NAMES = (
     r"|(footprints_\d+|fly_again)\.(geojson|kml)|mask\.png"
 )
 """Regular expression of the names of a mosaic report's files."""
-
-
-def provenance() -> dict[str, str]:
-    """What writes a file of numbers, and when."""
-    return {"program": "skymosaic", "version": VERSION, "written": datetime.now(UTC).isoformat(timespec="seconds")}
 
 
 def open_templates(folder: Path) -> Environment:

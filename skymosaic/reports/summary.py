@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Pixels
+from skymosaic.common.provenance import provenance
 from skymosaic.compositing.warp import magnification
 from skymosaic.flight.check import layout_errors
 from skymosaic.flight.picture.output import Delivery
-from skymosaic.reports.pages import provenance
 
 HECTARE_M2 = 10_000
 

@@ -17,7 +17,7 @@ from tests.conftest import Run
 from tests.system.command_line import only_error
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "how-to" / "command_line.md"
-COMMON = {"command", "version", "status", "error", "warnings", "outputs", "notes", "seconds"}
+COMMON = {"command", "program", "version", "written", "status", "error", "warnings", "outputs", "notes", "seconds"}
 WRITES_JSON = {
     "register": ("left.png", "right.png"),
     "mosaic": ("left.png", "right.png", "-o", "m.png"),

@@ -51,11 +51,13 @@ def least_nearness(views: Sequence[View], transforms: Mapping[int, Array], links
         tied[link.left].append(link.left_points)
         tied[link.right].append(link.right_points)
     least = dict.fromkeys(transforms, 0.0)
-    for member, points in tied.items():
-        if not points:
+    for member, parts in tied.items():
+        # A pair that was fitted again to dense flow may have no matches on its plane.
+        points = np.concatenate([np.zeros((0, 2)), *parts])
+        if not len(points):
             continue
         size, transform = views[member].working_size, transforms[member]
-        tied_from = float(np.percentile(nearness(size, transform, np.concatenate(points)), REMOTE_PERCENTILE))
+        tied_from = float(np.percentile(nearness(size, transform, points), REMOTE_PERCENTILE))
         whole = float(nearness(size, transform, Canvas(0, 0, *size).corners).min())
         least[member] = 0.0 if whole >= BEYOND_TIES * tied_from else BEYOND_TIES * tied_from
     return least

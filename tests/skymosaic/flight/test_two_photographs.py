@@ -6,6 +6,9 @@ from sim.scene import CameraPose
 from skymosaic import mosaic
 from skymosaic.compositing.warp import nearness
 from skymosaic.evaluation.metrics import grid_error
+from skymosaic.flight.layout.extent import least_nearness
+from skymosaic.flight.linking.links import Link
+from tests.skymosaic.flight.layout.cameras import views_of
 from tests.skymosaic.registration.rendering import CAMERA, view
 
 
@@ -24,3 +27,9 @@ def test_a_pair_with_a_horizon_becomes_a_mosaic_without_the_far_field() -> None:
     assert 0.3 < left.cut_off < 0.9
     assert right.cut_off == 0
     assert 1.2 * size[0] * size[1] < np.count_nonzero(result.image) < 5 * size[0] * size[1]
+
+
+def test_a_pair_without_matches_on_its_plane_is_not_cut() -> None:
+    nothing = np.zeros((0, 2))
+    link = Link(0, 1, nothing, nothing, inliers=0, near=0)
+    assert least_nearness(views_of(2), {0: np.eye(3), 1: np.eye(3)}, [link]) == {0: 0.0, 1: 0.0}

@@ -147,3 +147,15 @@ def test_of_too_many_that_are_off_the_worst_are_named_first() -> None:
         r"differ by \d\.\d m in the median and 300\.\d m at most, too much for a spread of \d+\.\d m", reason
     )
     assert "farthest off: 5.jpg, 6.jpg, 9.jpg, 2.jpg, " in reason
+
+
+@pytest.mark.parametrize(
+    ("metres_per_px", "spread_px", "message"),
+    [(5e-7, 3000, "5e-07 m per pixel is finer"), (1e-4, 300, "the positions spread over 0.0"), (1e-3, 1000, "")],
+)
+def test_a_map_that_is_too_small_to_be_one_is_refused(metres_per_px: float, spread_px: float, message: str) -> None:
+    """Degrees that are read as metres."""
+    points = np.random.default_rng(6).uniform(0, spread_px, (9, 2))
+    found, reason = fit_to_map(points, points * metres_per_px * [1, -1] + [500_000, 5e6], "EPSG:32615")
+    assert (found is None) == bool(message)
+    assert message in reason

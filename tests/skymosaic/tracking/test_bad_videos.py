@@ -21,11 +21,10 @@ def ground() -> Pixels:
     return render_ground(11, 900, 500)
 
 
-def fly(ground: Pixels, step_px: int, frames: int, start_px: int = 0) -> list[Pixels]:
+def fly(ground: Pixels, step_px: int, frames: int) -> list[Pixels]:
     """Views of the ground from a camera that moves to the right."""
     noise = np.random.default_rng(1)
-    starts = range(start_px, start_px + step_px * frames, step_px)
-    views = [ground[:HEIGHT, x : x + WIDTH].astype(float) for x in starts]
+    views = [ground[:HEIGHT, x : x + WIDTH].astype(float) for x in step_px * np.arange(frames)]
     return [np.clip(view + noise.normal(0, 2, view.shape), 0, 255).astype(np.uint8) for view in views]
 
 
@@ -84,3 +83,36 @@ def test_a_small_picture_is_a_template_and_a_tiny_one_is_refused(ground: Pixels)
     np.testing.assert_allclose(places(follow(small, frames)), ROI.x_px - 0.5 - 5 * np.arange(3), atol=1)
     with pytest.raises(InputError, match="template: 40x12 pixels is too small; at least 16x16 needed"):
         Tracker(small[:12, :40])
+
+
+@pytest.mark.parametrize("camera_step_px", [4, 0], ids=["the ground moves", "the ground stands still"])
+def test_a_loose_rectangle_stays_on_the_object(ground: Pixels, camera_step_px: int) -> None:
+    frames = fly(ground, camera_step_px, 7)
+    cut = render_ground(5, 50, 40)
+    for number, frame in enumerate(frames):
+        frame[90:130, 80 + 8 * number : 130 + 8 * number] = cut
+    tracked = follow(Roi(55, 70, 100, 80), frames)
+    np.testing.assert_allclose(places(tracked), 54.5 + 8 * np.arange(7), atol=2)
+
+
+def test_a_caption_over_the_rectangle_is_not_followed(ground: Pixels) -> None:
+    frames = fly(ground, 4, 7)
+    cut, caption = render_ground(5, 60, 60), render_ground(8, 70, 60)
+    for number, frame in enumerate(frames):
+        frame[90:150, 110 + 8 * number : 170 + 8 * number] = cut
+        frame[90:150, 40:110] = caption
+    tracked = follow(Roi(40, 90, 130, 60), frames)
+    np.testing.assert_allclose(places(tracked), 39.5 + 8 * np.arange(7), atol=2)
+
+
+def test_an_object_that_jumps_and_changes_its_look_is_followed_by_its_last_view(ground: Pixels) -> None:
+    x_px = np.array([80, 92, 83, 100, 88, 105, 90, 110, 95])
+    first, last = render_ground(5, 80, 60), render_ground(8, 80, 60)
+    frames = fly(ground, 4, len(x_px))
+    for number, (frame, x) in enumerate(zip(frames, x_px, strict=True)):
+        frame[90:150, x : x + 80] = cv2.addWeighted(first, 1 - number / 8, last, number / 8, 0)
+    tracked = follow(Roi(80, 90, 80, 60), frames)
+    # Frames that were predicted badly are smoothed by 15 %.
+    np.testing.assert_allclose(places(tracked), x_px - 0.5, atol=6)
+    assert tracked[-1].pose is not None
+    np.testing.assert_allclose(tracked[-1].pose.homography[:2, 2], (95, 90), atol=2)
