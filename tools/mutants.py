@@ -1,4 +1,4 @@
-"""Wrong lines that the tests should notice: ``python -m tools.mutants --count 40``, or ``make test-mutants``.
+"""Wrong lines that the tests should notice: ``make test-mutants``, or ``python -m tools.mutants``.
 
 A sample of places in the code is made wrong, one at a time and in a copy of the tree, and the fast tests run that lie
 beside the file and that reach it. Who reads the survivors decides: a user would notice it, so a test is missing; or the
