@@ -63,8 +63,9 @@ def test_pairs_share_features_and_find_the_same(pair: Pair) -> None:
         once = skymosaic.register(pair.left.pixels, pair.right.pixels, working_width_px=400, effort="thorough")
         np.testing.assert_array_equal(again.matches, once.matches)
         np.testing.assert_array_equal(again.homography, once.homography)
-        assert again.passes == once.passes == 3
-    assert len(left.working.kept) == 2
+        # Three scales, and twice the size of small photographs.
+        assert again.passes == once.passes == 4
+    assert len(left.working.kept) == 3
     with pytest.raises(InputError, match="image: its features were extracted with other options"):
         skymosaic.register(left, right)
     with pytest.raises(InputError, match="features of sift are not shared"):

@@ -110,7 +110,8 @@ def thesis(written: Path) -> None:
 
 def test_a_mosaic_without_a_place_has_no_footprints(written: Path) -> None:
     assert {path.name for path in (written / "two mosaics").iterdir()} == {
-        "index.html", "report.json", "mosaic_1.jpg", "mosaic_2.jpg", "footprints_1.geojson", "footprints_1.kml"
+        "index.html", "report.json", "mosaic_1.jpg", "mosaic_2.jpg", "footprints_1.geojson", "footprints_1.kml",
+        "fly_again.geojson", "fly_again.kml",
     }  # fmt: skip
 
 

@@ -1,5 +1,9 @@
-"""Where tests lie: at the path of what they test, code or a helper of tests, or among the tests of several parts."""
+"""Where tests lie: at the path of what they test, code or a helper of tests, or among the tests of several parts.
 
+In the golden model and the hardware, whatever computes has tests at its path.
+"""
+
+import ast
 from pathlib import Path
 
 import pytest
@@ -35,3 +39,17 @@ def test_a_misplaced_test_is_found(tmp_path: Path, name: str, misplaced: list[st
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).touch()
     assert find_misplaced(tmp_path) == misplaced
+
+
+def computes(path: Path) -> bool:
+    """Whether a module has logic: names of types and protocols have none."""
+    nodes = ast.walk(ast.parse(path.read_text()))
+    functions = [node for node in nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
+    return any(not isinstance(node.body[-1], ast.Expr) or len(node.body) > 1 for node in functions)
+
+
+def test_every_module_of_model_and_hardware_that_computes_has_tests_at_its_path() -> None:
+    modules = [path for package in ("golden_model", "hdl") for path in sorted((ROOT / package).rglob("*.py"))]
+    computing = [path.relative_to(ROOT) for path in modules if path.stem != "__init__" and computes(path)]
+    assert len(computing) > 100
+    assert [path for path in computing if not (ROOT / "tests" / path).with_name(f"test_{path.name}").exists()] == []
