@@ -70,7 +70,8 @@ def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: Fli
         write_fly_again(staged / "fly_again", deliveries[0])
         if (mask := deliveries[0].flight.found_mask) is not None:
             save(staged / "mask.png", mask)
-        pages.write_report_files(staged, numbers, _render_page(deliveries, check, numbers, folder))
+        files = list_files(deliveries, folder, staged)
+        pages.write_report_files(staged, numbers, _render_page(deliveries, check, numbers, files))
     return folder / PAGE
 
 
@@ -227,7 +228,9 @@ def _link_numbers(flight: Flight, layout: Layout, row: int) -> dict[str, Any]:
     }
 
 
-def _render_page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: dict[str, Any], report: Path) -> bytes:
+def _render_page(
+    deliveries: Sequence[Delivery], check: FlightCheck, numbers: dict[str, Any], files: Sequence[tuple[str, str]]
+) -> bytes:
     flight = deliveries[0].flight
     placed = sum(len(delivery.layout.members) for delivery in deliveries)
     folder = _common_folder(flight.names)
@@ -240,7 +243,7 @@ def _render_page(deliveries: Sequence[Delivery], check: FlightCheck, numbers: di
         "flight.html",
         title=f"Flight of {len(flight.names)} photographs",
         rows=summary_rows(deliveries[0]),
-        files=list_files(deliveries, report),
+        files=files,
         details=rows,
         left_out=[reason.replace(folder, "") for reason in flight.left_out.values()],
         advice=[problem.replace(folder, "") for problem in _problems(check)],

@@ -16,6 +16,12 @@ from skymosaic.flight.check import layout_errors
 from skymosaic.flight.picture.output import Delivery
 
 HECTARE_M2 = 10_000
+OF_SOME_FLIGHTS = {
+    "fly_again.kml": "where to fly again for Google Earth",
+    "fly_again.geojson": "where to fly again for GIS",
+    "mask.png": "mask of what moves with the camera",
+}
+"""Files that not every report has, and what they are."""
 
 
 def summarise(delivery: Delivery) -> dict[str, Any]:
@@ -83,8 +89,8 @@ def ground_error_m(delivery: Delivery) -> float:
     return canvas_px * delivery.georeference.metres_per_pixel
 
 
-def list_files(deliveries: Sequence[Delivery], folder: Path) -> list[tuple[str, str]]:
-    """What was written beside a report in ``folder``: what it is, and its address from there."""
+def list_files(deliveries: Sequence[Delivery], folder: Path, staged: Path) -> list[tuple[str, str]]:
+    """What was written beside a report in ``folder``, so far in ``staged``: what it is, and its address from there."""
     files = []
     for number, delivery in enumerate(deliveries, start=1):
         of = f" {number}" if len(deliveries) > 1 else ""
@@ -94,6 +100,7 @@ def list_files(deliveries: Sequence[Delivery], folder: Path) -> list[tuple[str, 
         if delivery.georeference is not None:
             files.append((f"footprints{of} for Google Earth", f"footprints_{number}.kml"))
             files.append((f"footprints{of} for GIS", f"footprints_{number}.geojson"))
+    files += [(what, name) for name, what in OF_SOME_FLIGHTS.items() if (staged / name).exists()]
     return [*files, ("all numbers", "report.json")]
 
 
