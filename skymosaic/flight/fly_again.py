@@ -45,11 +45,13 @@ def plan_again(flight: Flight, control: ControlPoints | None = None) -> list[Pla
     names = short_names([view.name for view in flight.views])
     places = []
     crs = placed[0][1].crs
-    outlines = [ring for layout, on_map in placed for ring in _outlines(flight, layout, on_map, crs).values()]
-    for number, (ring, area_m2) in enumerate(find_holes(outlines), start=1):
+    outlines = [_outlines(flight, layout, on_map, crs) for layout, on_map in placed]
+    for number, (ring, area_m2) in enumerate(
+        find_holes([ring for each in outlines for ring in each.values()]), start=1
+    ):
         places.append(Place(f"hole {number}", "Polygon", map_to_globe(ring, crs), {"area_m2": round(area_m2, 2)}))
-    for layout, on_map in placed:
-        middles = {view: ring.mean(axis=0) for view, ring in _outlines(flight, layout, on_map, crs).items()}
+    for (layout, _), rings in zip(placed, outlines, strict=True):
+        middles = {view: ring.mean(axis=0) for view, ring in rings.items()}
         for link, overlap in find_weak_links(flight, layout):
             ends = map_to_globe(np.array([middles[link.left], middles[link.right]]), crs)
             name = f"weak link {names[link.left]} - {names[link.right]}"

@@ -173,10 +173,7 @@ def fit_to_map(
     residual = float(np.sqrt(np.mean(offsets[agreeing] ** 2)))
     spread = _spread(targets[agreeing])
     if spread < MIN_SPREAD_M:
-        return (
-            None,
-            f"the positions spread over {spread:.2g} m, too little for a map; check their unit",
-        )
+        return None, f"the positions spread over {spread:.2g} m, too little for a map; check their unit"
     if residual > MAX_RESIDUAL * spread or agreeing.mean() < 1 - MAX_DISAGREEING:
         farthest = known[np.argsort(-offsets)][:WORST_NAMED].tolist()
         worst = ", ".join(str(index) if names is None else names[index] for index in farthest)

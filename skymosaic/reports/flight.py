@@ -45,7 +45,7 @@ def write_report(folder: Path, flight: Flight, deliveries: Sequence[Delivery]) -
     elif deliveries:
         write_flight_report(folder, deliveries, check_flight(flight))
     # Among the photographs, the pictures are none of them.
-    for path in pages.list_pictures(folder):
+    for path in pages.list_own_pictures(folder):
         record_output(path, [file for source in flight.sources for file in source.files])
 
 

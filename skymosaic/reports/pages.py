@@ -57,7 +57,7 @@ def staged_report(folder: Path) -> Iterator[Path]:
         raise InputError(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
 
 
-def list_pictures(folder: Path) -> list[Path]:
+def list_own_pictures(folder: Path) -> list[Path]:
     """List the pictures of a report."""
     return [path for path in folder.glob("*.[jp][pn]g") if re.fullmatch(OWN_NAMES, path.name)]
 

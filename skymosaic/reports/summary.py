@@ -25,7 +25,7 @@ OF_SOME_FLIGHTS = {
 
 
 def summarise(delivery: Delivery) -> dict[str, Any]:
-    """Area, m², times of the first and the last photograph, cameras, and metres per pixel; None where not known."""
+    """Area, m², times of the first and the last photograph, and cameras; None where not known."""
     taken = [delivery.flight.views[member].taken for member in delivery.layout.members]
     times = sorted(each.time for each in taken if each.time)
     on_map = delivery.georeference

@@ -173,10 +173,10 @@ def link_views(
     else:
         matches = match_nearby(left, right, predicted, config)
     accepted = matches[matches["verdict"] == 1]
+    points = match_points(accepted)
     rng = np.random.default_rng(seed)
 
     def search(left_out: LeftOut) -> _Fit:
-        points = match_points(accepted)
         apart = left_out.are_apart(*points)
         left_points, right_points, weight = points[0][apart], points[1][apart], accepted["weight"][apart].astype(float)
         # One search: a link that it misses is made up for by the others, which the layout predicts.

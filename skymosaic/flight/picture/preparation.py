@@ -110,11 +110,11 @@ def equalise(composition: Composition, views: Sequence[View], thumbnails: Sequen
         return replace(composition, uneven=PALETTE)
     if values is None or not values.deep:
         tones = estimate_tones(thumbnails)
-        return replace(composition.with_each(tone=tones), uneven=describe_uneven(thumbnails, tones))
-    samples = [view.sample for view in views]
-    black, white = estimate_levels(samples, [view.taken.black_level for view in views])
-    tones = estimate_tones(thumbnails, black=black, white=white)
-    values = measure_toned_range(tones, samples, values)
+    else:
+        samples = [view.sample for view in views]
+        black, white = estimate_levels(samples, [view.taken.black_level for view in views])
+        tones = estimate_tones(thumbnails, black=black, white=white)
+        values = measure_toned_range(tones, samples, values)
     return replace(composition.with_each(tone=tones), values=values, uneven=describe_uneven(thumbnails, tones))
 
 
