@@ -51,7 +51,7 @@ class _Output(NamedTuple):
     own: str
 
 
-def check_outputs(command: inspect.Signature, typed: Typed) -> None:
+def check_typed_outputs(command: inspect.Signature, typed: Typed) -> None:
     """Refuse an output that would replace an input, or another output, under whatever name.
 
     Inputs are all files that are typed where no output is, and those of folders; without a file, nothing is lost.

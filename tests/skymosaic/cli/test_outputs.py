@@ -11,7 +11,7 @@ from typing import Any, get_args
 import pytest
 
 from skymosaic.cli import COMMANDS
-from skymosaic.cli.outputs import Reads, Writes, check_outputs
+from skymosaic.cli.outputs import Reads, Writes, check_typed_outputs
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import OUTPUT
 from skymosaic.evaluation.known_pairs import COLUMNS
@@ -145,8 +145,8 @@ def test_no_output_is_an_input(folder: Path, command: str, output: str, spell: C
             value = given if "Path" in spelt(parameter) else str(given)
             typed = typed_for(command, **{output: path, name: [value] if "list" in spelt(parameter) else value})
             with pytest.raises(InputError, match=r"^made.* one of the inputs; choose another (name|folder)$"):
-                check_outputs(signature, typed)
-            check_outputs(signature, typed | {output: Path("elsewhere", "new.png")})
+                check_typed_outputs(signature, typed)
+            check_typed_outputs(signature, typed | {output: Path("elsewhere", "new.png")})
         for left in Path("elsewhere").iterdir():
             left.replace(target) if spell is linked_from_it else left.unlink()
 
@@ -163,7 +163,7 @@ def test_what_a_folder_holds_is_an_input(folder: Path, command: str, output: str
             )
             value = ["elsewhere"] if "list" in spelt(parameter) else Path("elsewhere")
             with pytest.raises(InputError, match="one of the inputs"):
-                check_outputs(signature, typed_for(command, **{output: path, name: value}))
+                check_typed_outputs(signature, typed_for(command, **{output: path, name: value}))
             read.unlink()
 
 
@@ -209,9 +209,9 @@ def test_outputs_are_apart() -> None:
         ({"report": Path("x/7/r"), "tiles": Path("x")}, "x/7/r: would be replaced by a file of --tiles x; choose"),
     ):
         with pytest.raises(InputError, match=f"^{re.escape(says)}"):
-            check_outputs(mosaic, typed_for("mosaic", **given))
-    check_outputs(track, typed_for("track", output=Path("a.mp4"), corners=Path("a.csv")))
-    check_outputs(mosaic, typed_for("mosaic", output=Path("x/m.png"), report=Path("x"), tiles=Path("x/tiles")))
-    check_outputs(
+            check_typed_outputs(mosaic, typed_for("mosaic", **given))
+    check_typed_outputs(track, typed_for("track", output=Path("a.mp4"), corners=Path("a.csv")))
+    check_typed_outputs(mosaic, typed_for("mosaic", output=Path("x/m.png"), report=Path("x"), tiles=Path("x/tiles")))
+    check_typed_outputs(
         mosaic, typed_for("mosaic", output=Path("-"), report=Path("-"), camera="rtsp://a/b\0", mask="x" * 999)
     )
