@@ -16,6 +16,7 @@ from skymosaic.common.errors import RegistrationError
 from skymosaic.flight.check import FlightCheck, check_flight
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.fly_again import plan_again
+from skymosaic.flight.mapping.place import list_contradictions
 from skymosaic.flight.survey import survey
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.images import check_output
@@ -61,6 +62,8 @@ def check(
             keep_all=options.keep_all,
         )
     report = check_flight(flight)
+    contradictions = list_contradictions(flight, options.control_points)
+    report = dataclasses.replace(report, problems=(*report.problems, *contradictions))
     session.seconds = flight.seconds
     session.numbers = dataclasses.asdict(report) | {"left_out": flight.left_out}
     _print_check(flight, report)

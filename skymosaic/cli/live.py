@@ -1,6 +1,7 @@
 """The command for a mosaic that grows while the camera is still in the air."""
 
 from collections.abc import Mapping
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Annotated
@@ -132,10 +133,11 @@ def _write(
     """Compose and write what was placed; also returns the frames that are not in it, with the reasons."""
     # Without a moving display, which a closed terminal would not take.
     session.tell("writing")
+    on_absent = partial(report_absent, strict=strict)
     with mosaic.open_plan(session.note) as plan:
-        absent = mosaic.left_out | plan.flight.absent_from(plan.layouts[0])
-        report_absent(absent, strict=strict)
-        return plan.write(output, form, overwrite=overwrite)[0], absent
+        on_absent(mosaic.left_out)
+        (delivery,) = plan.write(output, form, overwrite=overwrite, on_absent=on_absent)
+        return delivery, mosaic.left_out | delivery.flight.absent_from(delivery.layout)
 
 
 def _show(delivery: Delivery, absent: Mapping[int, str], mosaic: LiveMosaic, pace: Pace) -> None:

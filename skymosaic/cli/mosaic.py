@@ -1,6 +1,7 @@
 """The command that makes a mosaic: of two photographs, or of a flight."""
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -116,26 +117,22 @@ def _write_mosaics(
     plan: MosaicPlan, output: Path, form: OutputForm, report: Path | None, *, overwrite: bool, strict: bool
 ) -> _Written:
     """Write the mosaics and their report; of a pair that cannot be registered, the report alone, which shows why."""
-    deliveries: list[Delivery] = []
     # An error of the survey itself leaves nothing to report.
-    flight = plan.flight
+    groups = len(plan.flight.layouts)
+    if groups > 1 and not plan.options.all_groups:
+        rule = "the one with most photographs, of as many the one with most pixels"
+        session.note(f"note: {groups} groups; this is {rule}; `all_groups` makes a mosaic of each")
     try:
-        layouts = plan.layouts
-        absent = flight.left_out if plan.options.all_groups else flight.absent_from(layouts[0])
-        report_absent(absent, strict=strict)
-        if len(layouts) > 1 and not plan.options.all_groups:
-            rule = "the one with most photographs, of as many the one with most pixels"
-            session.note(f"note: {len(layouts)} groups; this is {rule}; `all_groups` makes a mosaic of each")
-        deliveries = plan.write(output, form, overwrite=overwrite)
+        deliveries = plan.write(output, form, overwrite=overwrite, on_absent=partial(report_absent, strict=strict))
     except RegistrationError:
         # The report of two photographs shows what was matched, and so why they were refused.
         if report:
-            write_report(report, flight, deliveries)
+            write_report(report, plan.flight, [])
         raise
     written = _Written(deliveries, [line for delivery in deliveries for line in delivery.failures])
     if report:
         with noting(written.failures):
-            write_report(report, flight, deliveries)
+            write_report(report, plan.flight, deliveries)
             written.report = report
     return written
 

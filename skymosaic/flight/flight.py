@@ -75,6 +75,8 @@ class Flight:
         The lens estimated from tie points. Views, links and layouts are then those of straightened photographs.
     found_mask : ndarray of uint8 or None
         The lens's mask, where it was found in the photographs, see `skymosaic.flight.own_mask`.
+    positions : str
+        The file that says where the cameras were, instead of their GPS; else empty.
     """
 
     names: tuple[str, ...]
@@ -88,6 +90,7 @@ class Flight:
     pair: Pair | None = None
     calibration: Calibration | None = None
     found_mask: Pixels | None = None
+    positions: str = ""
 
     @property
     def treatment(self) -> Treatment:

@@ -128,14 +128,16 @@ def survey(
         seconds=clock.seconds,
         calibration=calibration,
         found_mask=None if masked is None else settings.lens.mask,
+        positions="" if positions is None else positions.name,
     )
     return replace(flight, layouts=tuple(fit_layout(flight, layout, control) for layout in layouts))
 
 
 def _with_fix(view: View, fix: Fix | None) -> View:
-    """The same view with a position from a file; None takes away the camera's own."""
+    """The same view with a position from a file in place of the camera's own; None is no position."""
     position, accuracy_m = (None, None) if fix is None else (fix.position, fix.accuracy_m)
-    return replace(view, taken=replace(view.taken, position=position, accuracy_m=accuracy_m))
+    taken = replace(view.taken, position=position, accuracy_m=accuracy_m, own_position=view.gps)
+    return replace(view, taken=taken)
 
 
 def _describe(

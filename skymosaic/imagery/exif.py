@@ -80,6 +80,8 @@ class Metadata:
         When it was taken by the camera's clock, "2026-05-01 10:20:30"; empty if that is not known.
     camera : str
         Make and model; empty if they are not known.
+    own_position : Position or None
+        The one that the camera wrote, where a file's has taken its place.
     """
 
     position: Position | None = None
@@ -91,6 +93,7 @@ class Metadata:
     gps_fault: str = ""
     time: str = ""
     camera: str = ""
+    own_position: Position | None = None
 
 
 def read_metadata(path: Path) -> Metadata:

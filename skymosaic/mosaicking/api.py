@@ -73,8 +73,7 @@ def mosaics(
     """Make a mosaic of each group of photographs that overlap, the largest first; arguments as `mosaic`."""
     options = choose_options(MosaicOptions, options, changes)
     with open_plan(images, options, progress) as plan:
-        for layout in plan.layouts:
-            yield plan.mosaic(layout)
+        yield from plan.mosaics()
 
 
 @list_options
@@ -97,7 +96,7 @@ def mosaic_of_pair(pair: Pair, options: MosaicOptions | None = None, **changes: 
     with open_plan_of_sources(sources, options) as plan:
         # The pair's pixels are those of the photographs, without a lens's distortion: none is taken out again.
         plan.flight = flight_of_pair(pair, sources, Lens())
-        return plan.mosaic(plan.layouts[0])
+        return next(plan.mosaics())
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """The road of a mosaic, stage by stage, which the API, the command line and the panel share."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import cached_property
@@ -62,8 +62,17 @@ class MosaicPlan:
         *,
         preview_width_px: int = PREVIEW_WIDTH_PX,
         overwrite: bool = False,
+        on_absent: Callable[[Mapping[int, str]], None] = lambda _reasons: None,
     ) -> list[Delivery]:
         """Write the mosaic of the largest group; with ``all_groups`` those of the others too, numbered from 2.
+
+        Parameters
+        ----------
+        output, form, preview_width_px, overwrite
+            As in `check_outputs` and `deliver`.
+        on_absent : callable
+            Receives which photographs will be missing, by their index, with the reason; then also those that change
+            while the picture is made, which begins anew without them.
 
         Raises
         ------
@@ -75,8 +84,22 @@ class MosaicPlan:
         # What can be refused is refused before the work begins.
         computed = "flight" in vars(self)
         check_outputs(output, form, self.sources, self.options, overwrite=overwrite, computed=computed)
-        # Features, links, lens, layouts and their places on the map.
-        flight, layouts = self.flight, self.layouts if self.options.all_groups else self.layouts[:1]
+        absent: dict[int, str] = {}
+        while True:
+            # Features, links, lens, layouts and their places on the map.
+            layouts = self.layouts if self.options.all_groups else self.layouts[:1]
+            known = absent
+            absent = self.flight.left_out if self.options.all_groups else self.flight.absent_from(layouts[0])
+            on_absent({index: reason for index, reason in absent.items() if index not in known})
+            try:
+                return self._write(layouts, output, form, preview_width_px)
+            except InputError:
+                if not self._leave_out_changed():
+                    raise
+
+    def _write(
+        self, layouts: Sequence[Layout], output: Path, form: OutputForm, preview_width_px: int
+    ) -> list[Delivery]:
         # Canvas, exposure and seams; of all groups, since one that cannot be made leaves no half of the mosaics behind.
         compositions = [self.composition(layout, output) for layout in layouts]
         if form.require_map:
@@ -89,15 +112,34 @@ class MosaicPlan:
             # Of several, those that are written stay, and have their report.
             with noting(failures) if deliveries else nullcontext():
                 deliveries.append(
-                    deliver(path, flight, layout, composition, bands, form=own_form, preview_width_px=preview_width_px)
+                    deliver(
+                        path, self.flight, layout, composition, bands, form=own_form, preview_width_px=preview_width_px
+                    )
                 )
         deliveries[-1] = replace(deliveries[-1], failures=(*deliveries[-1].failures, *failures))
         return deliveries
 
-    def mosaic(self, layout: Layout) -> Mosaic:
-        """The mosaic of one group in memory."""
-        composition = self.composition(layout)
-        return Mosaic(composition.joined(self.bands(composition)), self.flight, layout, composition)
+    def mosaics(self) -> Iterator[Mosaic]:
+        """The mosaic of each group in memory, the largest first; raises as `write`."""
+        number = 0
+        while number < len(self.layouts):
+            layout = self.layouts[number]
+            try:
+                composition = self.composition(layout)
+                image = composition.joined(self.bands(composition))
+            except InputError:
+                if not self._leave_out_changed():
+                    raise
+            else:
+                yield Mosaic(image, self.flight, layout, composition)
+                number += 1
+
+    def _leave_out_changed(self) -> bool:
+        """Leave out placed photographs that are no longer what they were when they were laid out; whether any were."""
+        placed = [member for layout in self.flight.layouts for member in layout.members]
+        changes = {member: change for member in placed if (change := self.flight.sources[member].change)}
+        self.flight = self.flight.without(changes)
+        return bool(changes)
 
     @cached_property
     def flight(self) -> Flight:
@@ -111,7 +153,7 @@ class MosaicPlan:
         cache = open_cache(options.cache, self._tell)
         if options.repeat is not None:
             return repeat_flight(options.repeat.flight, self.sources, options.seed, self._workers, cache)
-        flight = survey(
+        return survey(
             self.sources,
             options.flight_settings(),
             options.seed,
@@ -121,8 +163,6 @@ class MosaicPlan:
             control=options.control_points,
             keep_all=options.keep_all,
         )
-        # The picture is made of what lies there now.
-        return flight.without({view: source.change for view, source in enumerate(flight.sources) if source.change})
 
     @property
     def layouts(self) -> tuple[Layout, ...]:

@@ -49,8 +49,8 @@ def compare_places(one: Georeference, by_one: str, other: Georeference, by_other
     )
     ratio = (second[1] - second[0]) / (first[1] - first[0])
     scale, turn_deg, away_m = abs(ratio), -np.degrees(np.angle(ratio)), abs(second[0] - first[0])
-    # A first source that fits badly must not excuse itself.
-    unsure = float(np.nan_to_num(other.scale_error))
+    # A first source that fits badly must not excuse itself. Two positions, which fit exactly, may be off by as much.
+    unsure = float(np.nan_to_num(other.scale_error, nan=MAX_AWAY_M / abs(second[1] - second[0])))
     # A fit that leaves the scale uncertain by a share leaves the direction uncertain by the same angle.
     turn_allowed_deg, away_allowed_m = MAX_TURN_DEG + np.degrees(unsure), MAX_AWAY_M + other.residual_m
     if abs(np.log(scale)) <= MAX_SCALE + unsure and abs(turn_deg) <= turn_allowed_deg and away_m <= away_allowed_m:

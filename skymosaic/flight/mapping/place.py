@@ -1,13 +1,13 @@
 """Puts a layout on the map: by the GPS positions of its cameras, or by ground control points."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from golden_model.arrays import Points
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import InputError, noting
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.cameras import Camera, cameras_of, measure_turn
@@ -32,7 +32,7 @@ class MapPlace:
         Georeference of the layout's reference frame.
     fitted_to : tuple of str
         Names of the photographs or control points that the georeference's offsets belong to.
-    by : {"GPS", "control points"}
+    by : {"GPS", "positions", "control points"}
     note : str
         Why there is none, or why it may be wrong; else empty.
     height_m : float or None
@@ -68,16 +68,41 @@ def explain_absence(path: Path, place: MapPlace) -> str:
 
 
 def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None = None) -> MapPlace:
-    """Fit a layout to ground control points, or to the GPS positions of its photographs.
+    """Fit a layout to ground control points, or to the positions of its cameras, and hold it against their GPS.
 
     Raises
     ------
     InputError
-        If the control points do not fit the layout.
+        If the control points do not fit the layout, or GPS contradicts what it is fitted to by too much.
     """
+    cameras = cameras_of(flight, layout)
+    place, by = place_cameras(cameras), "GPS"
+    if flight.positions:
+        own = [replace(each, taken=replace(each.taken, position=each.taken.own_position)) for each in cameras]
+        known, by = place_cameras(own), f"positions ({flight.positions})"
+        place = _hold_against(replace(place, by="positions"), by, known, "GPS", cameras)
     if control is not None:
-        return _fit_to_control_points(control, flight, layout)
-    return place_cameras(cameras_of(flight, layout))
+        fitted = _fit_to_control_points(control, flight, layout)
+        place = _hold_against(fitted, f"control points ({control.name})", place, by, cameras)
+    return place
+
+
+def _hold_against(place: MapPlace, by: str, other: MapPlace, by_other: str, cameras: Sequence[Camera]) -> MapPlace:
+    """A place with the contradiction to another source of it, if both are known and contradict each other."""
+    if place.georeference is None or other.georeference is None:
+        return place
+    below = np.array([camera.position[:2] for camera in cameras])
+    found = compare_places(place.georeference, by, other.georeference, by_other, below)
+    return replace(place, contradictions=(*place.contradictions, found)) if found else place
+
+
+def list_contradictions(flight: Flight, control: ControlPoints | None = None) -> list[str]:
+    """How the sources of a flight's place contradict each other, those included for which a mosaic is refused."""
+    found: list[str] = []
+    for layout in flight.layouts:
+        with noting(found):
+            found += place_on_map(flight, layout, control).contradictions
+    return found
 
 
 def place_cameras(cameras: Sequence[Camera]) -> MapPlace:
@@ -138,18 +163,7 @@ def _fit_to_control_points(control: ControlPoints, flight: Flight, layout: Layou
         for point, mean in means.items()
         if control.checks(point)
     }
-    cameras = cameras_of(flight, layout)
-    contradiction, by_gps = "", place_cameras(cameras).georeference
-    if by_gps is not None:
-        below, by = np.array([camera.position[:2] for camera in cameras]), f"control points ({control.name})"
-        contradiction = compare_places(georeference, by, by_gps, "GPS", below)
-    return MapPlace(
-        georeference=georeference,
-        fitted_to=names,
-        by="control points",
-        checked_m=checked_m,
-        contradictions=(contradiction,) if contradiction else (),
-    )
+    return MapPlace(georeference=georeference, fitted_to=names, by="control points", checked_m=checked_m)
 
 
 def sightings_of(control: ControlPoints, flight: Flight, layout: Layout) -> Iterator[tuple[int, int, Points]]:

@@ -32,16 +32,19 @@ def test_where_to_fly_again_is_written_for_a_map(tmp_path: Path) -> None:
     flight = make_lawnmower(seed=9, images=9, size=(320, 240), forward_overlap=0.25, side_overlap=0.25)
     (tmp_path / "flight").mkdir()
     middle, metres = np.mean([(pose.x_px, pose.y_px) for pose in flight.poses], axis=0), 0.1
-    lines = ["EPSG:32632"]
+    lines, points = ["EPSG:32632"], ["EPSG:32632"]
     for number, (image, pose) in enumerate(zip(flight.images, flight.poses, strict=True)):
         if number != 4:
             cv2.imwrite(str(tmp_path / "flight" / f"{number}.png"), image)
             east, north = (np.array([pose.x_px, pose.y_px]) - middle) * metres * [1, -1] + [500_000, 5_100_000]
             lines.append(f"{number}.png {east} {north}")
+            points.append(f"{east + 60} {north} 0 159.5 119.5 {number}.png")
     (tmp_path / "geo.txt").write_text("\n".join(lines))
+    (tmp_path / "gcp.txt").write_text("\n".join(points))
     output = tmp_path / "again.geojson"
     flown: dict[str, Any] = {"photographs": [str(tmp_path / "flight")], "cache": tmp_path / "cache"}
     check(output=output, positions=tmp_path / "geo.txt", **flown)
+    assert not any("contradict each other" in problem for problem in session.numbers["problems"])
     hole, *links = json.loads(output.read_text())["features"]
     # Photographs that overlap so little are linked by few matches.
     assert all(each["properties"]["name"].startswith("weak link") for each in links)
@@ -54,3 +57,8 @@ def test_where_to_fly_again_is_written_for_a_map(tmp_path: Path) -> None:
         check(output=output, **flown)
     with pytest.raises(InputError, match="no part of the flight has a place on the map"):
         check(output=output, overwrite=True, **flown)
+    check(positions=tmp_path / "geo.txt", control_points=tmp_path / "gcp.txt", **flown)
+    (problem,) = (each for each in session.numbers["problems"] if "contradict each other" in each)
+    both = f"control points ({tmp_path / 'gcp.txt'}) and positions ({tmp_path / 'geo.txt'})"
+    assert problem.startswith(both)
+    assert "0 degrees apart, 60 m away" in problem

@@ -1,13 +1,15 @@
 """From photographs to mosaics: what is read a second time is what was read first."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 
 from sim.scene import Flight
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import RegistrationError
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 
@@ -46,16 +48,41 @@ def test_a_photograph_that_changes_after_its_features_is_left_out_by_name(
             change(folder)
 
     with open_plan(folder, MosaicOptions(), progress) as plan:
-        left_out, (layout,) = plan.flight.left_out, plan.layouts
-        assert {index: reason.split(": ", 1)[1][: len(reasons[index])] for index, reason in left_out.items()} == reasons
-        assert all(reason.startswith(f"{folder / str(index)}.png: ") for index, reason in left_out.items())
-        assert set(layout.members) == set(range(9)) - set(reasons)
-        assert plan.mosaic(layout).image.any()
+        mosaic = next(plan.mosaics())
+    assert {
+        index: reason.split(": ", 1)[1][: len(reasons[index])] for index, reason in mosaic.left_out.items()
+    } == reasons
+    assert all(reason.startswith(f"{folder / str(index)}.png: ") for index, reason in mosaic.left_out.items())
+    assert set(mosaic.placed) == set(range(9)) - set(reasons)
+    assert mosaic.image.any()
 
 
-def test_a_photograph_that_changes_while_the_picture_is_made_ends_it(folder: Path) -> None:
+def test_a_photograph_that_changes_while_the_picture_is_made_is_left_out_by_name(
+    folder: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """The picture begins anew, and is what it is without the photograph from the start."""
+    output, told = tmp_path_factory.mktemp("made") / "m.png", list[dict[int, str]]()
+    reason = f"{folder / '1.png'}: was replaced after it had been read"
+
+    def progress(stage: str, _done: int, _count: int) -> None:
+        if stage == "exposure and seams" and told:
+            shutil.copy(folder / "7.png", folder / "1.png")
+
+    with open_plan(folder, MosaicOptions(), progress) as plan:
+        plan.flight = plan.flight.without({1: reason})
+        expected = next(plan.mosaics())
+        del plan.flight
+        (delivery,) = plan.write(output, on_absent=lambda absent: told.append(dict(absent)))
+    assert told == [{}, {1: reason}]
+    assert expected.left_out == delivery.flight.left_out == {1: reason}
+    assert np.array_equal(np.asarray(cv2.imread(str(output))), expected.image)
+
+
+def test_where_all_photographs_change_there_is_no_mosaic(folder: Path, tmp_path: Path) -> None:
     with open_plan(folder, MosaicOptions()) as plan:
-        layout = plan.layouts[0]
-        swap(folder / "1.png", folder / "7.png")
-        with pytest.raises(InputError, match=r"[17]\.png: was replaced after it had been read; make the mosaic again"):
-            plan.mosaic(layout)
+        assert plan.layouts
+        for path in folder.glob("*.png"):
+            path.unlink()
+        with pytest.raises(RegistrationError, match=r"no two photographs make a mosaic; .*0.png: was removed after it"):
+            plan.write(tmp_path / "m.tif")
+        assert not any(tmp_path.iterdir())

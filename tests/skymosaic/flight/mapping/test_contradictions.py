@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 
 from skymosaic.common.errors import InputError
 from skymosaic.flight.mapping.cameras import Camera
-from skymosaic.flight.mapping.place import place_cameras, place_on_map
+from skymosaic.flight.mapping.place import list_contradictions, place_cameras, place_on_map
 from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.imagery.lens import Lens
 from skymosaic.maps.control_points import load_control_points
@@ -38,7 +39,9 @@ def flown() -> tuple[Any, Any]:
     ]
     shifts = {view: np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]]) for view, (x, y) in enumerate(STEPS)}
     layout = SimpleNamespace(members=tuple(shifts), to_reference=lambda _views: shifts)
-    return SimpleNamespace(views=views, lens=Lens(), settings=SimpleNamespace(lens=Lens())), layout
+    return SimpleNamespace(
+        views=views, lens=Lens(), settings=SimpleNamespace(lens=Lens()), layouts=(layout,), positions=""
+    ), layout
 
 
 def write_control(path: Path, place: Change, pixel: Change, shift: int) -> Path:
@@ -57,6 +60,53 @@ def write_control(path: Path, place: Change, pixel: Change, shift: int) -> Path:
 
 def same(values: np.ndarray) -> np.ndarray:
     return values
+
+
+def with_positions(place: Change) -> tuple[Any, Any]:
+    """The same flight with a file of positions, changed likewise."""
+    flight, layout = flown()
+    flight.positions = "geo.txt"
+    for view, (x_px, y_px) in zip(flight.views, STEPS, strict=True):
+        east_north = place(CORNER + METRES * np.array([x_px, -y_px]) + METRES * np.array([199.5, -149.5]))
+        ((longitude, latitude),) = map_to_globe(east_north[None], "EPSG:32615")
+        view.taken = replace(view.taken, position=Position(latitude, longitude), own_position=view.taken.position)
+    return flight, layout
+
+
+@pytest.mark.parametrize(
+    ("place", "found"),
+    [
+        (same, ""),
+        (lambda at: at + np.array([3, 0]), ""),
+        (
+            lambda at: at + np.array([15, 0]),
+            r"^positions \(geo.txt\) and GPS contradict .* 15 m away; the map is by pos",
+        ),
+        (lambda at: MIDDLE + 1.1 * (at - MIDDLE), "0.11 and 0.1 m per pixel"),
+        (lambda at: MIDDLE + 2 * (at - MIDDLE), r"^refused: positions \(geo.txt\) and GPS .*0.2 and 0.1 m per pixel"),
+        (lambda at: at + np.array([9000, 0]), "refused: .*9000 m away"),
+    ],
+    ids=["right", "3 m", "15 m", "x 1.1", "x 2", "9 km"],
+)
+def test_a_file_of_positions_is_held_against_gps(place: Change, found: str) -> None:
+    flight, layout = with_positions(place)
+    try:
+        at = place_on_map(flight, layout)
+        result = "; ".join(at.contradictions)
+        assert at.by == "positions"
+    except InputError as error:
+        result = f"refused: {error}"
+    assert list_contradictions(flight) == ([result.removeprefix("refused: ")] if result else [])
+    assert not result if not found else re.search(found, result), result
+
+
+def test_two_gps_positions_say_little_of_the_scale() -> None:
+    """Each may be 5 m off, and they fit exactly."""
+    flight, layout = with_positions(lambda at: MIDDLE + 1.25 * (at - MIDDLE))
+    flight.views = [flight.views[0], flight.views[3]]
+    layout.to_reference = lambda _views: {0: np.eye(3), 1: np.array([[1.0, 0, 450], [0, 1, 0], [0, 0, 1]])}
+    layout.members = (0, 1)
+    assert not place_on_map(flight, layout).contradictions
 
 
 @pytest.mark.parametrize(

@@ -118,7 +118,9 @@ def flown(folders: tuple[str, ...], position: Position | None = None) -> tuple[A
     views = [SimpleNamespace(name=f"{folder}/1.jpg", size=(100, 100), gps=position, taken=taken) for folder in folders]
     shifts = {view: np.array([[1.0, 0, 100 * view], [0, 1, 0], [0, 0, 1]]) for view in range(len(views))}
     layout = SimpleNamespace(members=tuple(shifts), to_reference=lambda _views: shifts)
-    return SimpleNamespace(views=views, lens=Lens(), settings=SimpleNamespace(lens=Lens())), layout
+    return SimpleNamespace(
+        views=views, lens=Lens(), settings=SimpleNamespace(lens=Lens()), layouts=(layout,), positions=""
+    ), layout
 
 
 def test_photographs_of_one_name_in_two_folders_are_told_apart(tmp_path: Path) -> None:
