@@ -7,10 +7,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Array, Float32, Intensities, Mask
+from golden_model.arrays import Float32, Intensities, Mask
 from skymosaic.compositing.layer import Layer
-from skymosaic.compositing.tone import Tone
-from skymosaic.compositing.warp import Canvas, shrink
+from skymosaic.compositing.warp import Canvas
 
 Blending = Literal["average", "distance", "multiband"]
 METHODS: tuple[Blending, ...] = get_args(Blending)
@@ -57,28 +56,6 @@ def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: str) -> tup
         else:
             mosaic[where], shown[where] = _blend_average(layers, tile, by_distance=method == "distance")
     return mosaic, shown
-
-
-def prepare_layers(
-    images: Sequence[Intensities], transforms: Sequence[Array], tones: Sequence[Tone], *, coloured: bool
-) -> list[Layer]:
-    """Prepare images for blending: all gray or all BGR, reduced by area where the transformation shrinks them.
-
-    Parameters
-    ----------
-    images : sequence of (H, W) or (H, W, 3) ndarray
-        All of uint8 or all of uint16, gray or BGR.
-    transforms : sequence of (3, 3) float64 ndarray
-        Image pixels to reference pixels.
-    tones : sequence of Tone
-    coloured : bool
-        Whether the layers are BGR; they must be if any image is.
-    """
-    layers = []
-    for image, transform, tone in zip(images, transforms, tones, strict=True):
-        pixels, matrix = shrink(image, transform)
-        layers.append(Layer(_as_bgr(pixels) if coloured else pixels, matrix, tone))
-    return layers
 
 
 def _blend_average(layers: Sequence[Layer], tile: Canvas, *, by_distance: bool) -> tuple[Intensities, Mask]:
@@ -189,10 +166,6 @@ def _divide(total: Float32, weight: Float32) -> Float32:
 def _per_channel(plane: Float32, pixels: Float32) -> Float32:
     """Repeat a plane for each channel of ``pixels``, because broadcasting multiplies three times slower."""
     return plane if pixels.ndim == 2 else np.asarray(cv2.merge([plane] * pixels.shape[2]), dtype=np.float32)
-
-
-def _as_bgr(image: Intensities) -> Intensities:
-    return image if image.ndim == 3 else np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), dtype=image.dtype)
 
 
 def _round(values: Float32, kind: np.dtype[np.uint8 | np.uint16]) -> Intensities:

@@ -54,14 +54,9 @@ exposure from photograph to photograph that a light at one side may leave.
 
 
 def estimate_levels(samples: Sequence[NDArray[Any]], blacks: Sequence[float | None]) -> tuple[float, float]:
-    """Estimate the camera's numbers for black and white in photographs of 16 bits.
+    """Estimate the camera's numbers for black and white, by values of each photograph of 16 bits.
 
-    Parameters
-    ----------
-    samples : sequence of ndarray of uint16
-        Values of each photograph.
-    blacks : sequence of float or None
-        Black level that the camera wrote into each photograph; without any, black is 0.
+    ``blacks`` are the levels that the camera wrote into the photographs; without any, black is 0.
     """
     least, most = min(sample.min() for sample in samples), max(sample.max() for sample in samples)
     known = [black for black in blacks if black is not None]
@@ -71,20 +66,11 @@ def estimate_levels(samples: Sequence[NDArray[Any]], blacks: Sequence[float | No
 
 
 def estimate_tones(thumbnails: Sequence[Layer], *, black: float = 0.0, white: float = 255.0) -> list[Tone]:
-    """Estimate the tone of each photograph.
+    """Estimate the tone of each photograph, by thumbnails on a reduced canvas, all BGR and without tones.
 
-    Parameters
-    ----------
-    thumbnails : sequence of Layer
-        The photographs on a reduced canvas, all BGR, without tones.
-    black, white : float
-        The camera's numbers for black and white, see `estimate_levels`.
-
-    Returns
-    -------
-    list of Tone
-        Scaled so that the median photograph keeps its brightness, with a shoulder that turns no more ground white
-        than the photographs show. Neutral for photographs without an overlap.
+    The tones are scaled so that the median photograph keeps its brightness, with a shoulder that turns no more ground
+    white than the photographs show. They are neutral for photographs without an overlap. ``black`` and ``white`` are
+    the camera's numbers, see `estimate_levels`.
     """
     number = len(thumbnails)
     overlaps = compare_overlaps(thumbnails, black, white)
@@ -102,16 +88,7 @@ def estimate_tones(thumbnails: Sequence[Layer], *, black: float = 0.0, white: fl
 def measure_toned_range(
     tones: Sequence[Tone], samples: Sequence[NDArray[np.generic]], values: ValueRange
 ) -> ValueRange:
-    """Measure the range of photographs of 16 bits after toning.
-
-    Parameters
-    ----------
-    tones : sequence of Tone
-    samples : sequence of ndarray of uint16, shape (N,) or (N, 3)
-        Values of each photograph.
-    values : ValueRange
-        The range before toning.
-    """
+    """Measure the range of photographs of 16 bits after toning, by samples (N,) or (N, 3), and the range before."""
     toned = [tone.apply(np.asarray(sample, np.uint16)[:, None]) for tone, sample in zip(tones, samples, strict=True)]
     low, high = np.percentile(np.concatenate([each.ravel() for each in toned]), (TAIL_PERCENT, 100 - TAIL_PERCENT))
     return replace(values, low=float(low), high=float(high))

@@ -26,21 +26,14 @@ reach."""
 
 @dataclass(frozen=True, eq=False)
 class SeamMask:
-    """Pixels that seams assign to a photograph, on a reduced canvas.
-
-    Attributes
-    ----------
-    mask : ndarray of uint8, shape (h, w)
-        255 where the photograph shows, else 0.
-    canvas : Canvas
-        The part of the reduced reference frame that the mask covers.
-    scale : float
-        Pixels of the reduced frame per pixel of the reference frame.
-    """
+    """Pixels that seams assign to a photograph, on a reduced canvas."""
 
     mask: Pixels
+    """(h, w): 255 where the photograph shows, else 0."""
     canvas: Canvas
+    """The part of the reduced reference frame that the mask covers."""
     scale: float
+    """Pixels of the reduced frame per pixel of the reference frame."""
 
     def __reduce__(self) -> tuple[Callable[..., SeamMask], tuple[Parcel, Canvas, float]]:
         return _unpack_seam, (Parcel(self.mask), self.canvas, self.scale)
@@ -71,31 +64,20 @@ def _unpack_seam(mask: Parcel, canvas: Canvas, scale: float) -> SeamMask:
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """A photograph with its transformation to the reference frame.
-
-    Attributes
-    ----------
-    image : ndarray of uint8 or uint16, shape (H, W) or (H, W, 3)
-    transform : ndarray of float64, shape (3, 3)
-        Image pixels to reference pixels.
-    tone : Tone
-    visible : ndarray of uint8, shape (H, W), or None
-        255 where the image shows the ground, else 0; None: everywhere.
-    favour : float
-        Factor on the claim, below 1 for a photograph that should show only where others do not.
-    seam : SeamMask or None
-        The pixels that seams assign to it; None: each pixel belongs to the photograph with the largest `claim`.
-    least_nearness : float
-        What is farther from the camera is not shown, see `skymosaic.compositing.warp.nearness`; 0 shows all.
-    """
+    """A photograph with its transformation to the reference frame."""
 
     image: Intensities
     transform: Array
+    """(3, 3): image pixels to reference pixels."""
     tone: Tone = NEUTRAL
     visible: Pixels | None = None
+    """(H, W): 255 where the image shows the ground, else 0; None: everywhere."""
     favour: float = 1.0
+    """Factor on the claim, below 1 for a photograph that should show only where others do not."""
     seam: SeamMask | None = None
+    """The pixels that seams assign to it; None: each pixel belongs to the photograph with the largest `claim`."""
     least_nearness: float = 0.0
+    """What is farther from the camera is not shown, see `skymosaic.compositing.warp.nearness`; 0 shows all."""
 
     @property
     def size(self) -> tuple[int, int]:

@@ -28,19 +28,9 @@ MAX_HELD_OUT_COST = 0.95
 
 
 def estimate_light(overlaps: Overlaps, number: int) -> Float32 | None:
-    """Estimate the light fields of photographs from differences that exposures do not explain.
+    """Estimate the light fields of a number of photographs from overlaps with what exposures do not explain.
 
-    Parameters
-    ----------
-    overlaps : Overlaps
-        With the differences that exposures do not explain.
-    number : int
-        Number of photographs.
-
-    Returns
-    -------
-    ndarray of float32, shape (number, 5, 7, 3), or None
-        Logarithms of gains; None where they do not lower the differences of held-out pairs.
+    They are logarithms of gains, (number, 5, 7, 3); None where they do not lower the differences of held-out pairs.
     """
     residual, odd = overlaps.difference, overlaps.pair % 2 == 1
     if odd.all() or not odd.any():

@@ -36,19 +36,13 @@ MIN_GAIN = 0.03
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Displacements of an image's pixels at the nodes of a grid, bilinear in between.
-
-    Attributes
-    ----------
-    size : (int, int)
-        Width and height of the image, px.
-    nodes_px : ndarray of float64, shape (rows, columns, 2)
-        Added to a position in the warped image, they give the position in the image. The outermost nodes are at the
-        image's corner pixels.
-    """
+    """Displacements of an image's pixels at the nodes of a grid, bilinear in between."""
 
     size: tuple[int, int]
+    """Width and height of the image, px."""
     nodes_px: Array
+    """(rows, columns, 2): added to a position in the warped image, they give the position in the image. The outermost
+    nodes are at the image's corner pixels."""
 
     def displacement(self, points: Points) -> Points:
         """Displacements (N, 2) at points (N, 2) of the warped image."""
@@ -84,21 +78,10 @@ class Mesh:
 
 
 def fit_mesh(homography: Matrix, left: Points, right: Points, size: tuple[int, int]) -> Mesh | None:
-    """Fit the grid that brings the left image of a pair closer to the right one under its homography.
+    """Fit the grid that brings the left image of a pair closer to the right one under its homography, left to right.
 
-    Parameters
-    ----------
-    homography : (3, 3) ndarray
-        Left to right.
-    left, right : (N, 2) ndarray
-        Matches, wrong ones included, px.
-    size : (int, int)
-        Width and height of the left image, px.
-
-    Returns
-    -------
-    Mesh or None
-        None with fewer than 30 matches within 12 px of the homography.
+    Wrong matches may be among ``left`` and ``right`` (N, 2). ``size`` is that of the left image. None with fewer than
+    30 matches within 12 px of the homography.
     """
     near = transfer_error(homography, left, right) <= NEAR_PX
     if np.count_nonzero(near) < MIN_MATCHES:

@@ -23,29 +23,20 @@ MIN_LEVEL, MAX_LEVEL = 4 / 255, 250 / 255
 
 
 class Overlaps(NamedTuple):
-    """N cells that two photographs show.
-
-    Attributes
-    ----------
-    i, j : ndarray of int32, shape (N,)
-        The two photographs of each cell.
-    difference : ndarray of float32, shape (N, 3)
-        Logarithms of the channels in j less those in i.
-    at_i, at_j : ndarray of float32, shape (N, 2)
-        The cell's place in each photograph, from (0, 0) at the first pixel to (1, 1) at the last one.
-    shading : ndarray of float32, shape (N, 4)
-        `skymosaic.compositing.tone.shading_terms` in i less those in j.
-    pair : ndarray of int32, shape (N,)
-        Number of the pair of photographs, from 0.
-    """
+    """N cells that two photographs show."""
 
     i: NDArray[np.int32]
     j: NDArray[np.int32]
+    """(N,): the two photographs of each cell."""
     difference: Float32
+    """(N, 3): logarithms of the channels in j less those in i."""
     at_i: Float32
     at_j: Float32
+    """(N, 2): the cell's place in each photograph, from (0, 0) at the first pixel to (1, 1) at the last one."""
     shading: Float32
+    """(N, 4): `skymosaic.compositing.tone.shading_terms` in i less those in j."""
     pair: NDArray[np.int32]
+    """(N,): number of the pair of photographs, from 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,15 +57,7 @@ class _Cells:
 
 
 def compare_overlaps(thumbnails: Sequence[Layer], black: float, white: float) -> Overlaps:
-    """Compare all photographs that overlap.
-
-    Parameters
-    ----------
-    thumbnails : sequence of Layer
-        On a reduced canvas, all BGR, without tones.
-    black, white : float
-        The camera's numbers for black and white.
-    """
+    """Compare all photographs that overlap; arguments as of `skymosaic.compositing.exposure.estimate_tones`."""
     cells = [_measure_cells(layer, black, white) for layer in thumbnails]
     windows = [each.window for each in cells]
     pairs = _meeting_pairs(windows)

@@ -23,21 +23,9 @@ SURROUND_PX = 2
 
 
 def find_seams(thumbnails: Sequence[Layer], scale: float, values: ValueRange | None = None) -> list[SeamMask]:
-    """Find the pixels that each photograph shows.
+    """Find the pixels that each photograph shows, by thumbnails on a reduced reference frame, all BGR and with tones.
 
-    Parameters
-    ----------
-    thumbnails : sequence of Layer
-        The photographs on a reduced reference frame, all BGR, with their tones.
-    scale : float
-        Pixels of that frame per pixel of the mosaic's reference frame.
-    values : ValueRange or None
-        How 8 bits show thumbnails of 16 bits.
-
-    Returns
-    -------
-    list of SeamMask
-        One per thumbnail.
+    ``scale`` is pixels of that frame per pixel of the mosaic's; ``values`` says how 8 bits show thumbnails of 16 bits.
     """
     canvases = [layer.footprint for layer in thumbnails]
     whole = enclosing(canvases)

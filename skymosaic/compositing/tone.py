@@ -19,28 +19,20 @@ FIELD_STEP_PX = 16
 
 @dataclass(frozen=True, eq=False)
 class Tone:
-    """Correction that makes a photograph's intensities agree with those of its neighbours.
-
-    Attributes
-    ----------
-    gain : tuple of float
-        Factor on the intensities, one for all channels or one per channel.
-    shading : ndarray of float64, shape (4, 1 or 3), or None
-        The light that belongs to the camera, the same for all its photographs: each is darker by the exponential of
-        `shading_terms` times these coefficients, and the tone undoes that.
-    black : float
-        The intensity that no gain changes. Above 0 for photographs of 16 bits from a camera with a black level.
-    light : ndarray of float32, shape (rows, columns, 1 or 3), or None
-        Logarithms of further gains, from the photograph's first pixel to its last one, bilinear in between.
-    shoulder : float
-        Share of white from which highlights are compressed.
-    """
+    """Correction that makes a photograph's intensities agree with those of its neighbours."""
 
     gain: tuple[float, ...] = (1.0,)
+    """Factor on the intensities, one for all channels or one per channel."""
     shading: Array | None = None
+    """(4, 1 or 3): the light that belongs to the camera, the same for all its photographs: each is darker by the
+    exponential of `shading_terms` times these coefficients, and the tone undoes that."""
     black: float = 0.0
+    """The intensity that no gain changes. Above 0 for photographs of 16 bits from a camera with a black level."""
     light: Float32 | None = None
+    """(rows, columns, 1 or 3): logarithms of further gains, from the photograph's first pixel to its last one, bilinear
+    in between."""
     shoulder: float = SHOULDER_START
+    """Share of white from which highlights are compressed."""
 
     @property
     def varies(self) -> bool:
@@ -52,13 +44,7 @@ class Tone:
 
         White is the largest number of the pixels' type. Above the shoulder a rational curve continues the straight
         line with the same slope and ends at (white, white) for any factor. So factors above 1 burn nothing out, and
-        factors below 1 do not turn white gray.
-
-        Parameters
-        ----------
-        pixels : ndarray of uint8 or uint16, shape (H, W) or (H, W, 3)
-        factors : ndarray of float32, shape (H, W, 1 or 3), or None
-            From `factors`; None: the gain alone.
+        factors below 1 do not turn white gray. ``factors`` (H, W, 1 or 3) are from `factors`; None: the gain alone.
         """
         if all(gain == 1 for gain in self.gain) and not self.varies:
             return pixels
@@ -85,19 +71,9 @@ class Tone:
         return np.asarray(np.rint(toned, out=toned), dtype=pixels.dtype).reshape(pixels.shape)
 
     def factors(self, size: tuple[int, int], part: Canvas, to_image: Array | None = None) -> Float32:
-        """Factors on a photograph's intensities.
+        """Factors on the intensities of a photograph of ``size`` in a part of the reference frame, (H, W, 1 or 3).
 
-        Parameters
-        ----------
-        size : (int, int)
-            Width and height of the photograph, px.
-        part : Canvas
-        to_image : ndarray of float64, shape (3, 3), or None
-            Reference pixels to the photograph's pixels; None: the identity.
-
-        Returns
-        -------
-        ndarray of float32, shape (height_px, width_px, 1 or 3)
+        ``to_image`` (3, 3) takes reference pixels to the photograph's; None: the identity.
         """
         # Nodes lie in the middle of cells of the reference frame, so parts that overlap agree.
         cells = part.grown(FIELD_STEP_PX).aligned(FIELD_STEP_PX)
@@ -127,12 +103,7 @@ NEUTRAL = Tone()
 def shading_terms(points: Array, size: tuple[int, int]) -> Array:
     """What the camera's shading is made of, (..., 4): r^2, r^4, x and y, as of a falling lens and a lamp at one side.
 
-    Parameters
-    ----------
-    points : ndarray of float64, shape (..., 2)
-        Pixels of a photograph. Their x, y and r count from its centre, in half diagonals.
-    size : (int, int)
-        Width and height of the photograph, px.
+    Of ``points`` (..., 2), pixels of a photograph, x, y and r count from its centre, in half diagonals.
     """
     from_centre = (points - (np.array(size) - 1) / 2) / (np.hypot(*size) / 2)
     squared = (from_centre**2).sum(axis=-1, keepdims=True)

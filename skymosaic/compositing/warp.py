@@ -36,18 +36,11 @@ class CanvasError(ValueError):
 
 @dataclass(frozen=True)
 class Canvas:
-    """A rectangle of whole pixels of the reference frame.
-
-    Attributes
-    ----------
-    x_px, y_px : int
-        First pixel in the reference frame.
-    width_px, height_px : int
-        Size.
-    """
+    """A rectangle of whole pixels of the reference frame."""
 
     x_px: int
     y_px: int
+    """First pixel in the reference frame."""
     width_px: int
     height_px: int
 
@@ -110,18 +103,7 @@ def enclosing_canvas(
     *,
     limit_px: float = CANVAS_LIMIT_PX,
 ) -> Canvas:
-    """The smallest canvas that contains all images.
-
-    Parameters
-    ----------
-    sizes : sequence of (int, int)
-        Width and height of each image, px.
-    transforms : sequence of (3, 3) float64 ndarray
-        Image pixels to reference pixels.
-    least_nearness : sequence of float or None
-        As in `outline`, of each image; None: all of it.
-    limit_px : float
-        Maximum area.
+    """The smallest canvas that contains all images, each with arguments as of `outline`; by default the whole images.
 
     Raises
     ------
@@ -147,14 +129,7 @@ def enclosing(parts: Sequence[Canvas]) -> Canvas:
 
 
 def footprint(size: tuple[int, int], transform: Array, least_nearness: float = 0.0) -> Canvas:
-    """The bounding rectangle of the reference pixels whose centres an image of ``size`` (width, height) may cover.
-
-    Parameters
-    ----------
-    size, transform
-        Of the image.
-    least_nearness : float
-        As in `outline`.
+    """The bounding rectangle of the reference pixels whose centres an image may cover; arguments as of `outline`.
 
     Raises
     ------
@@ -172,14 +147,8 @@ def footprint(size: tuple[int, int], transform: Array, least_nearness: float = 0
 def outline(size: tuple[int, int], transform: Array, least_nearness: float = 0.0) -> Array:
     """Corners (N, 2), image pixels, of the part of an image that is near enough; four where that is all of it.
 
-    Parameters
-    ----------
-    size : (int, int)
-        Width and height, px.
-    transform : ndarray of float64, shape (3, 3)
-        Image pixels to reference pixels.
-    least_nearness : float
-        See `nearness`; 0 takes the whole image.
+    The transformation is from image pixels to reference pixels. A ``least_nearness``, see `nearness`, of 0 takes the
+    whole image.
 
     Raises
     ------

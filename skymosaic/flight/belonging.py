@@ -20,10 +20,7 @@ MAX_ALIKE = 2
 def find_strangers(views: Sequence[View]) -> dict[int, str]:
     """Find what differs from nearly all others in several properties: size, kind of file, alpha, GPS, focal length.
 
-    Returns
-    -------
-    dict of int to str
-        By the index of the view, the reason.
+    Returns the reasons by the indices of the views.
     """
     if len(views) < MIN_PHOTOGRAPHS:
         return {}

@@ -55,16 +55,9 @@ def _nearest_by_gps(views: Sequence[View]) -> list[Candidate]:
 def predicted(
     views: Sequence[View], transforms: Mapping[int, Array], links: Mapping[Candidate, Link]
 ) -> set[Candidate]:
-    """Pairs without a link that overlap according to the layout and would fix it most.
+    """Pairs without a link that overlap according to the layout of one group of linked views, and would fix it most.
 
-    Parameters
-    ----------
-    views : sequence of View
-        All views of the flight.
-    transforms : mapping of int to ndarray, shape (3, 3)
-        Layout of one group of linked views, working pixels to ground.
-    links : mapping of (int, int) to Link
-        Pairs that are not proposed, whether their links hold or not.
+    ``transforms`` are as in `Layout`; pairs with a link are not proposed, whether it holds or not.
     """
     shares = _overlaps(views, transforms)
     valid = {pair: link for pair, link in links.items() if link.holds and pair[0] in transforms}

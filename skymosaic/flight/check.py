@@ -33,58 +33,38 @@ WORST_NAMED = 3
 
 @dataclass(frozen=True)
 class PhotographCheck:
-    """One photograph of a flight.
-
-    Attributes
-    ----------
-    name : str
-    links : int
-        Photographs it is linked with.
-    overlap : float
-        Best overlap with another one, as a share of the smaller; 0 if it is in no mosaic.
-    sharpness : float
-        Relative to photographs of the same ground; 1 is as sharp as they are.
-    clipped : float
-        Share of its pixels that are black or white.
-    gps : bool
-    problems : tuple of str
-    error_px, error_90_px : float or None
-        Median and 90th percentile of the errors of its matches that the layout did not use, working px; None where
-        these are too few.
-    """
+    """One photograph of a flight."""
 
     name: str
     links: int
+    """Photographs it is linked with."""
     overlap: float
+    """Best overlap with another one, as a share of the smaller; 0 if it is in no mosaic."""
     sharpness: float
+    """Relative to photographs of the same ground; 1 is as sharp as they are."""
     clipped: float
+    """Share of its pixels that are black or white."""
     gps: bool
     problems: tuple[str, ...]
     error_px: float | None = None
     error_90_px: float | None = None
+    """Median and 90th percentile of the errors of its matches that the layout did not use, working px; None where these
+    are too few."""
 
 
 @dataclass(frozen=True)
 class LayoutErrors:
-    """Errors of the matches that a layout did not use, by name.
-
-    Attributes
-    ----------
-    matches : int
-    median_px, ninety_px : float
-        The second is the 90th percentile; working px.
-    width_px : int
-        Width of the working images.
-    worst_photographs, worst_pairs : dict of str to float
-        Median errors of those that are farthest off, px.
-    """
+    """Errors of the matches that a layout did not use, by name."""
 
     matches: int
     median_px: float
     ninety_px: float
+    """Median and 90th percentile, working px."""
     width_px: int
+    """Width of the working images."""
     worst_photographs: dict[str, float]
     worst_pairs: dict[str, float]
+    """Median errors of those that are farthest off, px."""
 
     @property
     def description(self) -> str:
@@ -101,24 +81,16 @@ class LayoutErrors:
 
 @dataclass(frozen=True)
 class FlightCheck:
-    """A flight as a whole.
-
-    Attributes
-    ----------
-    complete : bool
-        Whether all photographs that can be read make one mosaic.
-    photographs : tuple of PhotographCheck
-        In the order of the flight, without those that cannot be read.
-    problems : tuple of str
-        Problems of the whole flight, each with the remedy.
-    errors : tuple of LayoutErrors
-        Of each layout, the largest first, where matches were kept aside.
-    """
+    """A flight as a whole."""
 
     complete: bool
+    """Whether all photographs that can be read make one mosaic."""
     photographs: tuple[PhotographCheck, ...]
+    """In the order of the flight, without those that cannot be read."""
     problems: tuple[str, ...]
+    """Problems of the whole flight, each with the remedy."""
     errors: tuple[LayoutErrors, ...] = ()
+    """Those of each layout, the largest first, where matches were kept aside."""
 
 
 def check_flight(flight: Flight) -> FlightCheck:

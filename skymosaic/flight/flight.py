@@ -21,25 +21,17 @@ BLURRED = 0.25
 
 @dataclass(frozen=True)
 class Treatment:
-    """How photographs become a picture.
-
-    Attributes
-    ----------
-    blending : str
-        The usual method, see `skymosaic.compositing.blend.blend_layers`.
-    own_frame : bool
-        Whether the canvas has a frame of its own, level and with north up, without ground far beyond the ties; or that
-        of the reference photograph.
-    equalises : bool
-        Whether exposures are made equal, and blurred photographs stand back.
-    in_memory : bool
-        Whether the picture is whole in memory, so that one beyond its limit is refused instead of reduced.
-    """
+    """How photographs become a picture."""
 
     blending: str
+    """The usual method, see `skymosaic.compositing.blend.blend_layers`."""
     own_frame: bool
+    """Whether the canvas has a frame of its own, level and with north up, without ground far beyond the ties; or that
+    of the reference photograph."""
     equalises: bool
+    """Whether exposures are made equal, and blurred photographs stand back."""
     in_memory: bool
+    """Whether the picture is whole in memory, so that one beyond its limit is refused instead of reduced."""
 
 
 TWO_PHOTOGRAPHS = Treatment(blending="distance", own_frame=False, equalises=False, in_memory=True)
@@ -50,47 +42,31 @@ WHOLE_FLIGHT = Treatment(blending="multiband", own_frame=True, equalises=True, i
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """A flight laid out.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Names of all photographs, as given.
-    sources : tuple of Source
-        The photographs that could be read, without repetitions.
-    views : tuple of View
-        One for each source. Links and layouts refer to views by their index in this tuple.
-    links : tuple of Link
-        Every pair that was tried.
-    layouts : tuple of Layout
-        Groups of at least two linked views, the largest first.
-    left_out : dict of int to str
-        Photographs in none of the layouts, by their index among those given, with the reason.
-    settings : Settings
-    seconds : dict of str to float
-        Wall time of each stage.
-    pair : Pair or None
-        The registration of two photographs, see `skymosaic.flight.two_photographs`.
-    calibration : Calibration or None
-        The lens estimated from tie points. Views, links and layouts are then those of straightened photographs.
-    found_mask : ndarray of uint8 or None
-        The lens's mask, where it was found in the photographs, see `skymosaic.flight.own_mask`.
-    positions : str
-        The file that says where the cameras were, instead of their GPS; else empty.
-    """
+    """A flight laid out."""
 
     names: tuple[str, ...]
+    """Names of all photographs, as given."""
     sources: tuple[Source, ...]
+    """The photographs that could be read, without repetitions."""
     views: tuple[View, ...]
+    """One for each source. Links and layouts refer to views by their index in this tuple."""
     links: tuple[Link, ...]
+    """Every pair that was tried."""
     layouts: tuple[Layout, ...]
+    """Groups of at least two linked views, the largest first."""
     left_out: dict[int, str]
+    """Photographs in none of the layouts, by their index among those given, with the reason."""
     settings: Settings
     seconds: dict[str, float]
+    """Wall time of each stage."""
     pair: Pair | None = None
+    """The registration of two photographs, see `skymosaic.flight.two_photographs`."""
     calibration: Calibration | None = None
+    """The lens estimated from tie points. Views, links and layouts are then those of straightened photographs."""
     found_mask: Pixels | None = None
+    """The lens's mask, where it was found in the photographs, see `skymosaic.flight.own_mask`."""
     positions: str = ""
+    """The file that says where the cameras were, instead of their GPS; else empty."""
 
     @property
     def treatment(self) -> Treatment:

@@ -28,21 +28,10 @@ MAX_SHARE_MASKED = 0.6
 
 
 def find_mask(views: Sequence[View], moving: Sequence[Link], thumbnails: Sequence[Pixels]) -> Pixels | None:
-    """Mask what moves with the camera.
+    """Mask what moves with the camera, by the links with such matches and by the thumbnails of the views.
 
-    Parameters
-    ----------
-    views : sequence of View
-    moving : sequence of Link
-        Those with matches that move with the camera.
-    thumbnails : sequence of ndarray of uint8
-        Those of the views.
-
-    Returns
-    -------
-    ndarray of uint8, shape (h, w), or None
-        As a thumbnail, 0 where it does not show the ground, else 255; None without such places, or for photographs of
-        several sizes.
+    The mask has the size of a thumbnail, 0 where that does not show the ground, else 255; None without such places, or
+    for photographs of several sizes.
     """
     involved = {end for link in moving for end in (link.left, link.right)}
     sizes = {thumbnail.shape[:2] for thumbnail in thumbnails}

@@ -14,13 +14,7 @@ from skymosaic.running.workers import Workers
 def repeat_flight(known: Flight, sources: Sequence[Source], seed: int, workers: Workers, cache: ResultCache) -> Flight:
     """A flight of other photographs with the links, the lens and the layouts of a known one.
 
-    Parameters
-    ----------
-    known : Flight
-    sources : sequence of Source
-        In the order of the known flight's photographs, and of the same sizes.
-    seed, workers, cache
-        As in `skymosaic.flight.survey.survey`.
+    They are in the order of the known flight's photographs, and of the same sizes.
 
     Raises
     ------

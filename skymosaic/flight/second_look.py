@@ -35,16 +35,7 @@ def link_by_more_features(
 ) -> dict[Candidate, Link]:
     """Links that reconnect isolated groups: with the neighbours in order, and with the most similar views.
 
-    Parameters
-    ----------
-    surveyor : Surveyor
-        The first look's; nothing is linked if its preset cannot have more features.
-    sources : sequence of Source
-    views : sequence of View
-        One for each source.
-    links : mapping of (int, int) to Link
-    votes : ndarray of int16, shape (V, V)
-        From `Surveyor.count_votes`.
+    ``votes`` (V, V) are from `Surveyor.count_votes`. Nothing is linked if the preset cannot have more features.
     """
     settings = surveyor.settings.with_more_features()
     if settings is None:
@@ -59,10 +50,7 @@ def link_by_more_features(
 def link_across_heights(
     surveyor: Surveyor, views: Sequence[View], links: Mapping[Candidate, Link]
 ) -> dict[Candidate, Link]:
-    """Links that reconnect isolated groups with the largest one, by the thumbnail of one of the two photographs.
-
-    Parameters are those of `link_by_more_features`; only links that hold are returned.
-    """
+    """Links that hold and reconnect isolated groups with the largest, by the thumbnail of one of two photographs."""
     largest, *others = groups(len(views), valid_links(links))
     if not others:
         return {}
@@ -83,10 +71,7 @@ def link_across_heights(
 def link_by_coarse_detail(
     surveyor: Surveyor, views: Sequence[View], links: Mapping[Candidate, Link]
 ) -> dict[Candidate, Link]:
-    """Links that reconnect isolated groups, by thumbnails of even contrast of both photographs.
-
-    Parameters are those of `link_by_more_features`; only links that hold are returned.
-    """
+    """Links that hold and reconnect isolated groups, by thumbnails of even contrast of both photographs."""
     isolated = groups(len(views), valid_links(links))[1:]
     if not isolated:
         return {}

@@ -52,28 +52,20 @@ def survey(
 ) -> Flight:
     """Lay out a flight: features, links, lens, layouts, and their place on the map.
 
+    It has no layouts where no two photographs could be linked.
+
     Parameters
     ----------
     sources : sequence of Source
         In any order; fewer pairs have to be tried in the order of the flight.
-    settings : Settings
-    seed : int
-        Seed of the robust estimator.
-    workers : Workers
-        What computes features and pairs.
-    cache : ResultCache
-        Keeps both for the next run.
+    settings, seed, workers, cache
+        As in `Surveyor`.
     positions : Positions or None
         Where the cameras were, instead of what the photographs contain.
     control : ControlPoints or None
         Surveyed points, instead of positions.
     keep_all : bool
         Whether to take what differs from the other photographs in several properties.
-
-    Returns
-    -------
-    Flight
-        Without layouts where no two photographs could be linked.
 
     Raises
     ------

@@ -30,20 +30,9 @@ def register_two(
     memory_bytes: int,
     progress: Progress,
 ) -> Flight:
-    """Register two photographs, and keep them decoded for the picture.
+    """Register two photographs, left and right, and keep them decoded for the picture, if ``memory_bytes`` allow it.
 
-    Parameters
-    ----------
-    sources : sequence of Source
-        The left and the right photograph.
-    options : RegistrationOptions
-    lens : Lens
-        Distortion and mask of the photographs.
-    warp : {"homography", "mesh", "auto"}
-        See `choose_mesh`.
-    memory_bytes : int
-        Limit of the decoded photographs that are kept.
-    progress : callable
+    ``warp`` is as in `choose_mesh`.
     """
     progress("registering", 0, 0)
     clock = Stopwatch()
@@ -67,11 +56,7 @@ def register_two(
 def choose_mesh(pair: Pair, warp: str) -> Mesh | None:
     """Fit the mesh that warps the left photograph of a pair to follow the relief; None where it keeps its shape.
 
-    Parameters
-    ----------
-    pair : Pair
-    warp : {"homography", "mesh", "auto"}
-        auto: a grid of residuals, if held-out matches gain by it.
+    ``warp`` is "homography", "mesh", or "auto": a mesh, if held-out matches gain by it.
     """
     if warp == "homography" or pair.working_homography is None:
         return None
@@ -84,13 +69,7 @@ def choose_mesh(pair: Pair, warp: str) -> Mesh | None:
 def flight_of_pair(pair: Pair, sources: Sequence[Source], lens: Lens) -> Flight:
     """Turn a registered pair into a flight; without a layout if the pair was not accepted.
 
-    Parameters
-    ----------
-    pair : Pair
-    sources : sequence of Source
-        The left and the right photograph.
-    lens : Lens
-        Distortion and mask of the photographs; the distortion is already taken out of the pair's.
+    The distortion of the lens is already taken out of the pair's photographs.
     """
     settings = Settings(pair.config, pair.backend, max(image.shape[1] for image in pair.working), lens)
     views = tuple(

@@ -15,7 +15,7 @@ import numpy as np
 from golden_model.arrays import Array, Float32, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
 from skymosaic.common.errors import RegistrationError
-from skymosaic.geometry.homography import apply, transfer_error
+from skymosaic.geometry.homography import apply, rescale, transfer_error
 from skymosaic.geometry.prosac import estimate_homography
 from skymosaic.imagery.images import reduce_to_width
 from skymosaic.imagery.lens import Lens
@@ -44,31 +44,16 @@ Places = tuple[Points, Points, Array]
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """How one band lies on the reference band.
-
-    Attributes
-    ----------
-    homography : ndarray of float64, shape (3, 3)
-        Straightened pixels of the band to those of the reference band.
-    error_px : float
-        Median distance of the places that agree, px of the picture.
-    """
+    """How one band lies on the reference band."""
 
     homography: Matrix
+    """(3, 3): straightened pixels of the band to those of the reference band."""
     error_px: float
+    """Median distance of the places that agree, px of the picture."""
 
 
 def align_bands(captures: Sequence[Source], reference: str, lens: Lens, workers: Workers) -> Mapping[str, Alignment]:
-    """Align all bands of a rig with the reference band, which registers the flight.
-
-    Parameters
-    ----------
-    captures : sequence of Source
-        Sets of the same bands.
-    reference : str
-        Name of the reference band.
-    lens : Lens
-    workers : Workers
+    """Align all bands of some sets of the same bands with the reference band, which registers the flight.
 
     Raises
     ------
@@ -178,5 +163,5 @@ def _fit(band: str, reference: str, places: Sequence[Places], to_original: Matri
             f"{failed} it lies {max(errors):.1f} px off in one capture; the cameras of a rig must be "
             "fixed to each other and expose at the same time"
         )
-    homography = to_original @ estimate.homography @ np.linalg.inv(to_original)
-    return Alignment(np.asarray(homography / homography[2, 2]), float(np.median(errors) * to_original[0, 0]))
+    homography = rescale(to_original @ estimate.homography @ np.linalg.inv(to_original))
+    return Alignment(homography, float(np.median(errors) * to_original[0, 0]))

@@ -51,16 +51,7 @@ class SpectralComposition(Composition):
 
 
 def in_all_bands(composition: Composition, flight: Flight, layout: Layout, workers: Workers) -> SpectralComposition:
-    """Add the other bands to the composition of the reference band.
-
-    Parameters
-    ----------
-    composition : Composition
-        The composition of a layout.
-    flight : Flight
-        A flight whose sources are multi-band sets.
-    layout : Layout
-    workers : Workers
+    """Add the other bands to the composition of the reference band, for a flight whose sources are multi-band sets.
 
     Raises
     ------

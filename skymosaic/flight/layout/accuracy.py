@@ -31,32 +31,17 @@ class Errors:
 
 @dataclass(frozen=True, eq=False)
 class Accuracy:
-    """Errors of the matches that a layout did not use.
-
-    Attributes
-    ----------
-    whole : Errors
-    photographs : dict of int to Errors
-        By view, the worst first, without those of few matches.
-    pairs : dict of (int, int) to Errors
-        By the two views, likewise.
-    """
+    """Errors of the matches that a layout did not use."""
 
     whole: Errors
     photographs: dict[int, Errors]
+    """By view, the worst first, without those of few matches."""
     pairs: dict[Candidate, Errors]
+    """By the two views, likewise."""
 
 
 def measure_accuracy(transforms: Mapping[int, Array], links: Iterable[Link]) -> Accuracy | None:
-    """Measure a layout; None if no link has checks.
-
-    Parameters
-    ----------
-    transforms : mapping of int to ndarray, shape (3, 3)
-        Working pixels of each view to the ground.
-    links : iterable of Link
-        All links between these views, those that contradict the layout included.
-    """
+    """Measure a layout by all links between its views, those that contradict it included; None if none has checks."""
     by_pair: dict[Candidate, list[Array]] = {}
     by_view: dict[int, list[Array]] = {}
     for link in links:

@@ -28,7 +28,7 @@ from skymosaic.flight.layout.motions import (
     straighten,
     to_transforms,
 )
-from skymosaic.flight.layout.normal_equations import BlockSystem, normal_blocks
+from skymosaic.flight.layout.normal_equations import BlockSystem
 
 MODELS = {"similarity": 4, "affine": 6, "homography": 8}
 """Motions that each model leaves free."""
@@ -58,39 +58,27 @@ MAX_DISTORTION_CHANGE = 0.03
 
 @dataclass(frozen=True, eq=False)
 class Ties:
-    """Point pairs of one link in normalised coordinates of its views.
-
-    Attributes
-    ----------
-    left, right : int
-        Rows of the views.
-    left_points, right_points : ndarray of float64, shape (N, 2)
-    """
+    """Point pairs of one link in normalised coordinates of its views."""
 
     left: int
     right: int
+    """Rows of the views."""
     left_points: Array
     right_points: Array
+    """(N, 2)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Anchors:
-    """Points of views whose places are known otherwise: where cameras were, or surveyed points.
-
-    Attributes
-    ----------
-    views : ndarray of int, shape (N,)
-        Rows of the views.
-    points, places : ndarray of float64, shape (N, 2)
-        In normalised coordinates of the view and of the ground.
-    sigma : ndarray of float64, shape (N,)
-        Standard deviation of the places, as they are given.
-    """
+    """Points of views whose places are known otherwise: where cameras were, or surveyed points."""
 
     views: NDArray[np.intp]
+    """(N,): rows of the views."""
     points: Array
     places: Array
+    """(N, 2): in normalised coordinates of the view and of the ground."""
     sigma: Array
+    """(N,): standard deviation of the places, as they are given."""
 
 
 class _Batch:
@@ -135,9 +123,9 @@ class _Batch:
         """Normal equations of each link, and the weighted residuals and their derivative by the distortion, if any."""
         predicted, depth, between = self.map(transforms)
         root = (self.valid * self._unit_px / (1 + (self.errors_px(predicted) / scale_px) ** 2))[..., None]
-        rows = [[between[:, row, k] - predicted[..., row] * between[:, 2, k] for k in (0, 1)] for row in (0, 1)]
+        places = [[between[:, row, k] - predicted[..., row] * between[:, 2, k] for k in (0, 1)] for row in (0, 1)]
         # In memory, all points of an element follow each other, as those of `generators` do.
-        derivative = np.moveaxis(np.array(rows) / depth, (0, 1), (-2, -1))
+        derivative = np.moveaxis(np.array(places) / depth, (0, 1), (-2, -1))
         residual = (predicted - self._right) * root
         bending = np.zeros_like(residual)
         if distortion is not None:
@@ -147,8 +135,10 @@ class _Batch:
         # help. A motion of the right view moves its point away from under the mapped one.
         by_left = multiply_small(derivative, generators(self.left, free))
         jacobian = np.concatenate([by_left, -generators(predicted, free)], axis=3) * root[..., None]
+        rows = jacobian.reshape(len(self.pairs), -1, 2 * free)
         targets = np.stack([residual, bending], axis=-1).reshape(len(self.pairs), -1, 2)
-        return *normal_blocks(jacobian.reshape(len(jacobian), -1, 2 * free), targets), residual, bending
+        transposed = rows.transpose(0, 2, 1)
+        return transposed @ rows, transposed @ targets, residual, bending
 
 
 class Network:

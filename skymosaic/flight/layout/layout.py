@@ -26,40 +26,27 @@ TILTED_SCALE_PX = 25.0
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """One group of linked views and their transformations to the ground.
-
-    Attributes
-    ----------
-    members : tuple of int
-        Indices of the views, rising.
-    reference : int
-        Index of the most connected view. The ground's frame is that of this view without its tilt; for two
-        photographs, that of the right one.
-    transforms : dict of int to ndarray, shape (3, 3)
-        Working pixels of each member to ground pixels, which are the reference's working pixels.
-    links : tuple of Link
-        Links among the members that agree with the layout.
-    contradicting : tuple of Link
-        Links among the members that disagree with it.
-    errors_px : tuple of ndarray
-        Reprojection error of each tie of each of ``links``, in working pixels of the right view.
-    model : str
-        A key of `skymosaic.flight.layout.adjustment.MODELS`.
-    reason : str
-        Why that model.
-    misplaced : dict of int to str
-        Views of the group that cannot lie where a layout puts them, with the reason.
-    """
+    """One group of linked views and their transformations to the ground."""
 
     members: tuple[int, ...]
+    """Indices of the views, rising."""
     reference: int
+    """Index of the most connected view. The ground's frame is that of this view without its tilt; for two photographs,
+    that of the right one."""
     transforms: dict[int, Array]
+    """(3, 3) each: working pixels of a member to ground pixels, which are the reference's working pixels."""
     links: tuple[Link, ...] = ()
+    """Links among the members that agree with the layout."""
     contradicting: tuple[Link, ...] = ()
+    """Links among the members that disagree with it."""
     errors_px: tuple[Array, ...] = ()
+    """Reprojection error of each tie of each of ``links``, in working pixels of the right view."""
     model: str = "similarity"
+    """A key of `skymosaic.flight.layout.adjustment.MODELS`."""
     reason: str = "a single view"
+    """Why that model."""
     misplaced: dict[int, str] = field(default_factory=dict)
+    """Views of the group that cannot lie where a layout puts them, with the reason."""
 
     def without(self, absent: Collection[int]) -> "Layout":
         """The same places without some of the views."""
@@ -101,16 +88,8 @@ def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]
     """Lay out one group of linked views; the model is chosen by its error on held-out ties.
 
     Views that a single link joins to the others while another link contradicts it are left out: either may be false.
-    So are views that cannot lie where the layout puts them.
-
-    Parameters
-    ----------
-    views : sequence of View
-        All views of the flight.
-    members : sequence of int
-        The group, rising.
-    links : sequence of Link
-        Links that hold; those outside the group are ignored.
+    So are views that cannot lie where the layout puts them. ``members`` are the group, rising; ``links`` are those that
+    hold, of which those outside the group are ignored.
     """
     misplaced: dict[int, str] = {}
     while len(members) > 1:

@@ -110,12 +110,8 @@ class LinkedGroup:
 def trust_by_loops(pairs: Mapping[tuple[int, int], int], motions: Array) -> Array:
     """How far loops of three links confirm each of them: 0.01 for a link in no loop, 1.5 where two of two close, (L,).
 
-    Parameters
-    ----------
-    pairs : mapping of (int, int) to int
-        Rows of the links by their two views, the smaller first.
-    motions : ndarray of float64, shape (L, 3, 3)
-        The similarity of each link, left to right, normalised coordinates.
+    ``pairs`` are the rows of the links by their two views, the smaller first; ``motions`` (L, 3, 3) their similarities,
+    left to right, in normalised coordinates.
     """
     neighbours: dict[int, set[int]] = {}
     for left, right in pairs:

@@ -13,12 +13,6 @@ def factor_symmetric(matrix: csc_array) -> SuperLU:
     return splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
 
 
-def normal_blocks(rows: Array, targets: Array) -> tuple[Array, Array]:
-    """Normal equations of each link: derivatives (L, N, 2 free), and what they should explain, (L, N, 2)."""
-    transposed = rows.transpose(0, 2, 1)
-    return transposed @ rows, transposed @ targets
-
-
 class BlockSystem:
     """Normal equations of a network: one block of unknowns per view, and one unknown that all views share.
 
@@ -28,7 +22,7 @@ class BlockSystem:
     pairs : ndarray of int, shape (L, 2)
         Left and right view of each link.
     normal : ndarray of float64, shape (L, 2 free, 2 free)
-        From `normal_blocks`: the unknowns of the left and of the right view.
+        Of each link, for the unknowns of the left and of the right view.
     target : ndarray of float64, shape (L, 2 free, 2)
         The second column is of the derivatives by the shared unknown.
     shared : (float, float)

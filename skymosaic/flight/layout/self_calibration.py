@@ -40,22 +40,15 @@ AFFINE_STEPS = 4
 
 @dataclass(frozen=True)
 class Calibration:
-    """The lens estimated from tie points.
-
-    Attributes
-    ----------
-    distortion : float
-        A point at distance r from the centre, in half diagonals, is displaced outwards by ``distortion * r^2`` of it.
-    before_px, after_px : float
-        Median error of the held-out ties without and with it, working px.
-    lens : Lens
-        The same as OpenCV's k1, for photographs of the flight's size.
-    """
+    """The lens estimated from tie points."""
 
     distortion: float
+    """A point at distance r from the centre, in half diagonals, is displaced outwards by ``distortion * r^2`` of it."""
     before_px: float
     after_px: float
+    """Median error of the held-out ties without and with it, working px."""
     lens: Lens
+    """The same as OpenCV's k1, for photographs of the flight's size."""
 
     def with_remaining(self, distortion: float) -> Calibration:
         """Add the distortion that is left once ``lens`` has straightened the photographs."""
@@ -89,25 +82,10 @@ def calibrate(
     mask: Pixels | None = None,
     cache: ResultCache = NO_CACHE,
 ) -> Calibration | None:
-    """Estimate the distortion that all views share.
+    """Estimate the distortion that all views share, by the largest group of linked views and by links that hold.
 
-    Parameters
-    ----------
-    views : sequence of View
-        All views of the flight.
-    members : sequence of int
-        The largest group of linked views, rising.
-    links : sequence of Link
-        Links that hold.
-    mask : ndarray of uint8 or None
-        Mask of the lens, see `Lens`.
-    cache : ResultCache
-        Keeps the result for the next run with the same links.
-
-    Returns
-    -------
-    Calibration or None
-        None for few views, different sizes (different cameras), or where held-out ties do not improve.
+    None for few views, different sizes (different cameras), or where held-out ties do not improve. The cache keeps the
+    result for the next run with the same links.
     """
     sizes = {tuple(sorted(views[member].size)) for member in members}
     if len(members) < MIN_VIEWS or len(sizes) > 1:
@@ -122,7 +100,7 @@ def calibrate(
 def measure_remaining_distortion(
     views: Sequence[View], members: Sequence[int], links: Sequence[Link], cache: ResultCache = NO_CACHE
 ) -> float:
-    """Measure the distortion between straightened photographs; parameters as of `calibrate`."""
+    """Measure the distortion between straightened photographs, as `calibrate` does."""
     group = linked_group(views, members, links)
     (distortion,) = _load_or_measure(_measure_remaining, group, cache)
     return distortion

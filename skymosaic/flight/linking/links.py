@@ -47,35 +47,25 @@ Candidate = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """Two views that were matched, whether they show the same ground or not.
-
-    Attributes
-    ----------
-    left, right : int
-        Indices of the views, left < right.
-    left_points, right_points : ndarray of float64, shape (N, 2)
-        The ties: matches within 3 working px of the pair's homography; none where the views are not linked.
-    inliers : int
-        Matches within 2 px of the best homography.
-    near : int
-        Matches within 12 px of it.
-    left_checks, right_checks : ndarray of float64, shape (M, 2)
-        Matches that are no ties, although as good: they are for `skymosaic.flight.layout.accuracy`. The epipolar
-        geometry of the pair explains them, so they lie on the plane or on relief.
-    left_moving, right_moving : ndarray of float64, shape (K, 2)
-        Matches that agree, but not on the ground: they move with the camera, and were left out.
-    """
+    """Two views that were matched, whether they show the same ground or not."""
 
     left: int
     right: int
+    """Indices of the views, left < right."""
     left_points: Points
     right_points: Points
+    """(N, 2): the ties, matches within 3 working px of the pair's homography; none where the views are not linked."""
     inliers: int
+    """Matches within 2 px of the best homography."""
     near: int
+    """Matches within 12 px of it."""
     left_checks: Points = field(default_factory=lambda: np.zeros((0, 2)))
     right_checks: Points = field(default_factory=lambda: np.zeros((0, 2)))
+    """(M, 2): matches that are no ties, although as good: they are for `skymosaic.flight.layout.accuracy`. The epipolar
+    geometry of the pair explains them, so they lie on the plane or on relief."""
     left_moving: Points = field(default_factory=lambda: np.zeros((0, 2)))
     right_moving: Points = field(default_factory=lambda: np.zeros((0, 2)))
+    """(K, 2): matches that agree, but not on the ground: they move with the camera, and were left out."""
 
     @property
     def ties(self) -> int:
@@ -154,11 +144,10 @@ def link_views(
 
     Parameters
     ----------
-    pair : (int, int)
-    left, right : structured ndarray
-        Feature records.
+    pair, left, right
+        Indices of the views, and their feature records.
     config : Config
-        The configuration by which the features were computed.
+        By which the features were computed.
     seed : int
         Seed of the robust estimator. The same for every pair, so that no link depends on which others are tried.
     sights : tuple of Sight
@@ -205,21 +194,8 @@ def match_nearby(left: Records, right: Records, predicted: Matrix, config: Confi
     """Match features that lie near each other by a predicted homography.
 
     On crops, roofs or water many features look alike: their second best matches are about as good as the best, so the
-    rules reject both. Near the predicted place few are left to choose from.
-
-    Parameters
-    ----------
-    left, right : structured ndarray
-        Feature records.
-    predicted : ndarray of float64, shape (3, 3)
-        Left to right working px.
-    config : Config
-        The configuration by which the features were computed.
-
-    Returns
-    -------
-    structured ndarray
-        Match records (`golden_model.records.MATCH`). Their indices count only features with a partner in reach.
+    rules reject both. Near the predicted place few are left to choose from. Arguments are as of `link_views`; the
+    indices of the match records count only features with a partner in reach.
     """
     moved, right_points = apply(predicted, feature_points(left)), feature_points(right)
     has_right = KDTree(right_points).query(moved)[0] <= SEARCH_PX
@@ -249,17 +225,9 @@ def are_right(left_points: Points, right_points: Points, homography: Matrix) -> 
 
 
 def tie_views(pair: Candidate, left_points: Points, right_points: Points, homography: Matrix, inliers: int) -> Link:
-    """Link two views by their matches that a known homography explains.
+    """Link two views by their matches (N, 2) that a known homography explains, all in working px.
 
-    Parameters
-    ----------
-    pair : (int, int)
-    left_points, right_points : ndarray of float64, shape (N, 2)
-        The matches, in working px.
-    homography : ndarray of float64, shape (3, 3)
-        Left to right working px.
-    inliers : int
-        Matches within 2 px of it.
+    ``inliers`` is how many lie within 2 px of it.
     """
     error_px = transfer_error(homography, left_points, right_points)
     is_tie = error_px <= TIE_PX

@@ -63,13 +63,7 @@ def _count_agreeing(left: Records, right: Records, likeness: Float32) -> int:
 
 
 def likely_pairs(compacts: Sequence[Records]) -> list[tuple[int, int]]:
-    """Pair each view with the 32 that share most words with it; sorted, the smaller index of a pair first.
-
-    Parameters
-    ----------
-    compacts : sequence of structured ndarray
-        From `compact`.
-    """
+    """Pair each view with the 32 that share most words with it; sorted, the smaller index of a pair first."""
     words = _words(compacts)
     transposed = words.T.tocsr()
     pairs: set[tuple[int, int]] = set()

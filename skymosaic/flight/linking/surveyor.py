@@ -28,24 +28,15 @@ LOOKED_UP_AT_ONCE = 16
 
 @dataclass(frozen=True, eq=False)
 class Surveyor:
-    """Computes views and links, or takes them from the cache.
-
-    Attributes
-    ----------
-    settings : Settings
-    seed : int
-        Seed of the robust estimator.
-    workers : Workers
-    cache : ResultCache
-    max_samples : int
-        Samples of the robust estimator per link, at most.
-    """
+    """Computes views and links, or takes them from the cache."""
 
     settings: Settings
     seed: int
+    """Seed of the robust estimator."""
     workers: Workers
     cache: ResultCache
     max_samples: int = FIRST_LOOK_SAMPLES
+    """Samples of the robust estimator per link, at most."""
 
     def describe(self, sources: Sequence[Source]) -> list[View | str]:
         """Compute the view of each source, or say why there is none."""

@@ -40,55 +40,37 @@ _FACTS = ("size", "working_size", "sharpness", "clipped", "notes")
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A photograph as the layout of a flight knows it.
-
-    Attributes
-    ----------
-    name : str
-        Name of its source.
-    key : str
-        Cache key, which changes with the photograph's content and with everything that computed the view.
-    size, working_size : (int, int)
-        Width and height of the original and of the image the front end saw, px.
-    to_original, to_thumbnail : ndarray of float64, shape (3, 3)
-        From working pixels to those of the original and of the thumbnail.
-    features : structured ndarray
-        Feature records of the working image; none once the flight is linked.
-    strongest : structured ndarray
-        The strongest of them, see `skymosaic.flight.linking.resemblance`.
-    thumbnail : ndarray of uint8, shape (h, w) or (h, w, 3)
-    mask : ndarray of uint8, shape (h, w)
-        0 where the thumbnail's pixels have no data or are transparent; empty where none are.
-    sample : ndarray
-        Values of a photograph of more than 8 bits, at evenly spaced places; else empty.
-    value_range : ValueRange or None
-        The range that the thumbnail shows; None for a photograph of 8 bits.
-    sharpness : float
-        Variance of the Laplacian of the gray working image; falls with blur, and depends on what is shown.
-    clipped : float
-        Share of thumbnail pixels that are black or white.
-    taken : Metadata
-        How it was taken, from EXIF and XMP.
-    notes : tuple of str
-        What was done to the file's pixels.
-    """
+    """A photograph as the layout of a flight knows it."""
 
     name: str
+    """Name of its source."""
     key: str
+    """Cache key, which changes with the photograph's content and with everything that computed the view."""
     size: tuple[int, int]
     working_size: tuple[int, int]
+    """Width and height of the original and of the image the front end saw, px."""
     to_original: Array
     to_thumbnail: Array
+    """(3, 3): from working pixels to those of the original and of the thumbnail."""
     features: Records
+    """Feature records of the working image; none once the flight is linked."""
     strongest: Records
+    """The strongest of them, see `skymosaic.flight.linking.resemblance`."""
     thumbnail: Pixels
     mask: Pixels
+    """(h, w): 0 where the thumbnail's pixels have no data or are transparent; empty where none are."""
     sample: NDArray[np.generic]
+    """Values of a photograph of more than 8 bits, at evenly spaced places; else empty."""
     value_range: ValueRange | None
+    """The range that the thumbnail shows; None for a photograph of 8 bits."""
     sharpness: float
+    """Variance of the Laplacian of the gray working image; falls with blur, and depends on what is shown."""
     clipped: float
+    """Share of thumbnail pixels that are black or white."""
     taken: Metadata
+    """How it was taken, from EXIF and XMP."""
     notes: tuple[str, ...]
+    """What was done to the file's pixels."""
 
     def pack(self) -> Arrays:
         """Turn the view into arrays for a file; without the name, because photographs are renamed."""
@@ -128,24 +110,16 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """How features are computed, the same for all photographs of a flight.
-
-    Attributes
-    ----------
-    config : Config
-        Front end and matcher.
-    backend : str
-        Name of the backend that computes the features.
-    working_width_px : int
-        Wider photographs are reduced by area for the layout.
-    lens : Lens
-        Distortion and mask, the same for all photographs.
-    """
+    """How features are computed, the same for all photographs of a flight."""
 
     config: Config
+    """Front end and matcher."""
     backend: str = "golden"
+    """Name of the backend that computes the features."""
     working_width_px: int = WORKING_WIDTH_PX
+    """Wider photographs are reduced by area for the layout."""
     lens: Lens = field(default_factory=Lens)
+    """Distortion and mask, the same for all photographs."""
 
     def key(self, source: Source) -> str:
         """Cache key of the view that `describe` makes of ``source``."""
@@ -242,17 +216,7 @@ def make_view(
 ) -> View:
     """Keep what the layout needs of a photograph whose features are known.
 
-    Parameters
-    ----------
-    source : Source
-    photograph : Photograph
-        Decoded, without the lens's distortion.
-    settings : Settings
-    working : ndarray of uint8
-        The image that the front end saw.
-    to_original : ndarray of float64, shape (3, 3)
-        Working pixels to original pixels.
-    features : structured ndarray
+    The lens's distortion is taken out of the photograph and of ``working``, the image that the front end saw.
     """
     thumbnail, from_thumbnail = reduce_to_width(working, THUMBNAIL_WIDTH_PX)
     gray = to_gray(thumbnail)

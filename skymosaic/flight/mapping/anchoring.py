@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from golden_model.arrays import Array, Points
+from golden_model.arrays import Points
 from skymosaic.common.errors import InputError
 from skymosaic.compositing.warp import magnification
 from skymosaic.flight.flight import Flight
@@ -20,7 +20,7 @@ from skymosaic.flight.layout.linked_group import linked_group
 from skymosaic.flight.linking.view import View
 from skymosaic.flight.mapping.cameras import cameras_of
 from skymosaic.flight.mapping.place import place_on_map, sightings_of
-from skymosaic.geometry.homography import apply
+from skymosaic.geometry.homography import apply, rescale
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.georeference import reproject
 
@@ -35,23 +35,15 @@ MIN_GPS_M = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """A point of a view whose place is known.
-
-    Attributes
-    ----------
-    view : int
-    point : ndarray of float64, shape (2,)
-        Working px of the view.
-    place : ndarray of float64, shape (2,)
-        Ground px of the layout.
-    sigma_px : float
-        Standard deviation of the place, ground px.
-    """
+    """A point of a view whose place is known."""
 
     view: int
     point: Points
+    """(2,): working px of the view."""
     place: Points
+    """(2,): ground px of the layout."""
     sigma_px: float
+    """Standard deviation of the place, ground px."""
 
 
 def fit_layout(flight: Flight, layout: Layout, control: ControlPoints | None = None) -> Layout:
@@ -111,13 +103,9 @@ def anchor(layout: Layout, views: Sequence[View], observations: Sequence[Observa
         sigma=np.array([each.sigma_px for each in observations])[near] * normalised[0, 0],
     )
     network = group.network(slice(None))
-    start = np.stack([_to_normalised(layout.transforms[m], normalised, group.normalisations[row[m]]) for m in row])
+    to_views = map(np.linalg.inv, group.normalisations)
+    start = np.stack([rescale(normalised @ layout.transforms[m] @ view) for m, view in zip(row, to_views, strict=True)])
     adjusted = network.adjust(start, layout.model, anchors=anchors)
     return dataclasses.replace(
         layout, transforms=group.to_ground(adjusted), errors_px=tuple(network.errors_px(adjusted))
     )
-
-
-def _to_normalised(transform: Array, ground: Array, view: Array) -> Array:
-    matrix = ground @ transform @ np.linalg.inv(view)
-    return np.asarray(matrix / matrix[2, 2])

@@ -17,27 +17,18 @@ from skymosaic.maps.georeference import map_to_globe, reproject
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A camera above its photograph.
-
-    Attributes
-    ----------
-    name : str
-        Name of the photograph.
-    size : (int, int)
-        Width and height, px.
-    to_reference : ndarray of float64, shape (3, 3)
-        Its pixels to the reference frame of the layout.
-    taken : Metadata
-        What the camera recorded.
-    focal_half_diagonals : float or None
-        Focal length, half diagonals of the photograph; None: as recorded, else that of common drones.
-    """
+    """A camera above its photograph."""
 
     name: str
+    """Name of the photograph."""
     size: tuple[int, int]
+    """Width and height, px."""
     to_reference: Matrix
+    """(3, 3): its pixels to the reference frame of the layout."""
     taken: Metadata
+    """What the camera recorded."""
     focal_half_diagonals: float | None = None
+    """Focal length, half diagonals of the photograph; None: as recorded, else that of common drones."""
 
     @cached_property
     def position(self) -> Array:
@@ -71,14 +62,8 @@ def cameras_of(flight: Flight, layout: Layout) -> list[Camera]:
 def measure_turn(cameras: Sequence[Camera], to_map: Matrix, place: Points, crs: str) -> float | None:
     """Median clockwise turn of the photographs on the map against the recorded yaw, from true north, degrees.
 
-    Parameters
-    ----------
-    cameras : sequence of Camera
-    to_map : ndarray of float64, shape (3, 3)
-        The reference frame of their layout to metres on the map.
-    place : ndarray of float64, shape (2,)
-        Where they are on the map, m; true north is up to 3 degrees from the north of a UTM zone there.
-    crs : str
+    ``to_map`` takes the reference frame of their layout to metres. ``place`` (2,) is where they are, m: there, true
+    north is up to 3 degrees from the north of a UTM zone.
     """
     north_deg = _true_north_deg(place, crs)
     differences = []

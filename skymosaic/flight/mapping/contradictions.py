@@ -68,12 +68,7 @@ def compare_places(one: Georeference, by_one: str, other: Georeference, by_other
 def doubt_records(height_m: float | None, recorded_m: float | None, turned_deg: float | None) -> Iterator[str]:
     """A line each for a recorded height and a recorded yaw that contradict the positions.
 
-    Parameters
-    ----------
-    height_m, recorded_m : float or None
-        Height above the ground by positions and focal length, and as recorded.
-    turned_deg : float or None
-        Turn of the photographs against the recorded yaw.
+    ``height_m`` is that by positions and focal length, ``turned_deg`` the turn of the photographs against the yaw.
     """
     if height_m and recorded_m and recorded_m > 0:
         ratio = height_m / recorded_m

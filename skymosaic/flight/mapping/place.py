@@ -24,38 +24,26 @@ MAX_AWAY_M = 10_000.0
 
 @dataclass(frozen=True, eq=False)
 class MapPlace:
-    """Where a layout lies on the map.
-
-    Attributes
-    ----------
-    georeference : Georeference or None
-        Georeference of the layout's reference frame.
-    fitted_to : tuple of str
-        Names of the photographs or control points that the georeference's offsets belong to.
-    by : {"GPS", "positions", "control points"}
-    note : str
-        Why there is none, or why it may be wrong; else empty.
-    height_m : float or None
-        Median height of the cameras above the ground, by the layout; None where no focal length is known.
-    recorded_height_m : float or None
-        Median of the heights that the cameras recorded, above where they started.
-    turned_deg : float or None
-        Median difference of the directions of the photographs from those that the cameras recorded, clockwise.
-    checked_m : dict of str to float
-        Distance of each check point from its place on the map. They had no part in the layout or its place.
-    contradictions : tuple of str
-        Two sources of the place that contradict each other, a line each.
-    """
+    """Where a layout lies on the map."""
 
     georeference: Georeference | None = None
+    """Georeference of the layout's reference frame."""
     fitted_to: tuple[str, ...] = ()
+    """Names of the photographs or control points that the georeference's offsets belong to."""
     by: str = "GPS"
+    """Or "positions", or "control points"."""
     note: str = ""
+    """Why there is none, or why it may be wrong; else empty."""
     height_m: float | None = None
+    """Median height of the cameras above the ground, by the layout; None where no focal length is known."""
     recorded_height_m: float | None = None
+    """Median of the heights that the cameras recorded, above where they started."""
     turned_deg: float | None = None
+    """Median difference of the directions of the photographs from those that the cameras recorded, clockwise."""
     checked_m: dict[str, float] = field(default_factory=dict)
+    """Distance of each check point from its place on the map. They had no part in the layout or its place."""
     contradictions: tuple[str, ...] = ()
+    """Two sources of the place that contradict each other, a line each."""
 
 
 NOWHERE = MapPlace()

@@ -14,10 +14,10 @@ import numpy as np
 
 from golden_model.arrays import Array, Intensities, Mask, Pixels
 from skymosaic.common.memory import release_free_memory
-from skymosaic.compositing.blend import blend_layers, prepare_layers
-from skymosaic.compositing.layer import SeamMask
+from skymosaic.compositing.blend import blend_layers
+from skymosaic.compositing.layer import Layer, SeamMask
 from skymosaic.compositing.tone import NEUTRAL, Tone
-from skymosaic.compositing.warp import CANVAS_LIMIT_PX, TILE_PX, Canvas, footprint, outline
+from skymosaic.compositing.warp import CANVAS_LIMIT_PX, TILE_PX, Canvas, footprint, outline, shrink
 from skymosaic.flight.mapping.place import NOWHERE, MapPlace
 from skymosaic.imagery.depth import ValueRange, show_in_8_bit
 from skymosaic.imagery.lens import Lens
@@ -33,19 +33,12 @@ BAND_REACH_PX = 160
 
 @dataclass(frozen=True)
 class Room:
-    """How large the canvas of a flight may become; a larger one is reduced.
-
-    Attributes
-    ----------
-    area_px : float
-    side_px : int
-    reason : str
-        What has no more room.
-    """
+    """How large the canvas of a flight may become; a larger one is reduced."""
 
     area_px: float = CANVAS_LIMIT_PX
     side_px: int = 1 << 30
     reason: str = "the whole picture is in memory"
+    """What has no more room."""
 
     def share_of(self, canvas: Canvas) -> float:
         """By how much a canvas has to be reduced along its sides, at most 1."""
@@ -62,32 +55,21 @@ class Room:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """A photograph of a mosaic, not decoded.
-
-    Attributes
-    ----------
-    source : Source
-    size : (int, int)
-        Width and height, px.
-    transform : ndarray of float64, shape (3, 3)
-        Its pixels to pixels of the reference frame.
-    tone : Tone
-        What makes its intensities agree with those of its neighbours.
-    favour : float
-        Below 1 for a blurred photograph, which shows only where no other does.
-    seam : SeamMask or None
-        Part that it may fill.
-    least_nearness : float
-        Ground farther from the camera is not shown, see `skymosaic.compositing.warp.nearness`; 0 shows all.
-    """
+    """A photograph of a mosaic, not decoded."""
 
     source: Source
     size: tuple[int, int]
+    """Width and height, px."""
     transform: Array
+    """(3, 3): its pixels to pixels of the reference frame."""
     tone: Tone = NEUTRAL
+    """What makes its intensities agree with those of its neighbours."""
     favour: float = 1.0
+    """Below 1 for a blurred photograph, which shows only where no other does."""
     seam: SeamMask | None = None
+    """Part that it may fill."""
     least_nearness: float = 0.0
+    """Ground farther from the camera is not shown, see `skymosaic.compositing.warp.nearness`; 0 shows all."""
 
     @cached_property
     def footprint(self) -> Canvas:
@@ -113,42 +95,28 @@ class Placement:
 
 @dataclass(frozen=True, eq=False)
 class Composition:
-    """A mosaic that is ready to be rendered.
-
-    Attributes
-    ----------
-    placements : tuple of Placement
-        In the order of the layout's members.
-    canvas : Canvas
-        The part of the reference frame that the mosaic fills.
-    coloured : bool
-        BGR, or gray where every photograph is gray.
-    blending : str
-        One of `skymosaic.compositing.blend.METHODS`.
-    lens : Lens
-    values : ValueRange or None
-        The range of photographs of more than 8 bits, one for all; where it is deep, the mosaic has 16 bits.
-    place : MapPlace
-        On the map; its georeference is that of the canvas's pixels.
-    band_names : tuple of str
-        Of a multi-band mosaic; else empty.
-    aligned_px : dict of str to float
-        The median error of the alignment of each band with the registering one, px.
-    reduced, uneven : str
-        Why it is smaller than asked for, and what to do; what to expect of its brightness; else empty.
-    """
+    """A mosaic that is ready to be rendered."""
 
     placements: tuple[Placement, ...]
+    """In the order of the layout's members."""
     canvas: Canvas
+    """The part of the reference frame that the mosaic fills."""
     coloured: bool
+    """BGR, or gray where every photograph is gray."""
     blending: str
+    """One of `skymosaic.compositing.blend.METHODS`."""
     lens: Lens
     values: ValueRange | None = None
+    """The range of photographs of more than 8 bits, one for all; where it is deep, the mosaic has 16 bits."""
     place: MapPlace = NOWHERE
+    """On the map; its georeference is that of the canvas's pixels."""
     band_names: tuple[str, ...] = ()
+    """Names of the bands of a multi-band mosaic; else empty."""
     aligned_px: dict[str, float] = field(default_factory=dict)
+    """The median error of the alignment of each band with the registering one, px."""
     reduced: str = ""
     uneven: str = ""
+    """Why it is smaller than asked for, and what to do; what to expect of its brightness; else empty."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -185,20 +153,14 @@ class Composition:
         """Render one tile: its pixels, 0 where no photograph shows, and a mask of where one does."""
         if not self.placements:
             return self.empty(tile.width_px, tile.height_px), np.zeros((tile.height_px, tile.width_px), np.bool_)
-        shown = [decoded_photographs(memory_bytes).pixels(p.source, self.lens, self.values) for p in self.placements]
-        images = [pixels for pixels, _ in shown]
-        tones = [placement.tone for placement in self.placements]
-        plain = prepare_layers(images, [p.transform for p in self.placements], tones, coloured=self.coloured)
-        layers = [
-            replace(
-                layer,
-                favour=p.favour,
-                seam=p.seam,
-                visible=self.lens.visible_mask(layer.size, own),
-                least_nearness=p.least_nearness,
-            )
-            for layer, p, (_, own) in zip(plain, self.placements, shown, strict=True)
-        ]
+        layers = []
+        for each in self.placements:
+            pixels, own = decoded_photographs(memory_bytes).pixels(each.source, self.lens, self.values)
+            image, transform = shrink(pixels, each.transform)
+            if self.coloured and image.ndim == 2:
+                image = np.dstack([image] * 3)
+            visible = self.lens.visible_mask((image.shape[1], image.shape[0]), own)
+            layers.append(Layer(image, transform, each.tone, visible, each.favour, each.seam, each.least_nearness))
         return blend_layers(layers, tile, method=self.blending)
 
     def in_8_bit(self, pixels: Intensities) -> Pixels:

@@ -33,21 +33,14 @@ BYTES_PER_SAMPLE = 6
 
 @dataclass(frozen=True)
 class OutputForm:
-    """How a mosaic is written.
-
-    Attributes
-    ----------
-    compress : {"deflate", "jpeg"}
-        Compression of a GeoTIFF.
-    tiles : Path or None
-        Folder for map tiles and a page that shows them.
-    require_map : bool
-        Write nothing without a place on the map.
-    """
+    """How a mosaic is written."""
 
     compress: str = "deflate"
+    """Compression of a GeoTIFF: deflate or jpeg."""
     tiles: Path | None = None
+    """Folder for map tiles and a page that shows them."""
     require_map: bool = False
+    """Write nothing without a place on the map."""
 
     def check(self, path: Path, bands: int = 0) -> None:
         """Refuse what cannot apply to a file, before anything is computed; ``bands`` is 0 but for multi-band mosaics.
@@ -83,38 +76,24 @@ def numbered(path: Path, number: int) -> Path:
 
 @dataclass(frozen=True, eq=False)
 class Delivery:
-    """A written mosaic.
-
-    Attributes
-    ----------
-    path : Path
-    flight : Flight
-    layout : Layout
-    composition : Composition
-    map_note : str
-        Why there is no georeference, why the file does not contain it, or why it may be wrong; else empty.
-    preview : ndarray of uint8
-        The mosaic, reduced.
-    coverage : ndarray of uint8, shape (H, W)
-        How much of each pixel of the preview a photograph shows: 255, all of it.
-    seconds : float
-        Wall time of blending and writing.
-    tiles : Path or None
-        Folder of map tiles.
-    failures : tuple of str
-        What could not be written beside the mosaic, and why.
-    """
+    """A written mosaic."""
 
     path: Path
     flight: Flight
     layout: Layout
     composition: Composition
     map_note: str
+    """Why there is no georeference, why the file does not contain it, or why it may be wrong; else empty."""
     preview: Pixels
+    """The mosaic, reduced."""
     coverage: Pixels
+    """(H, W): how much of each pixel of the preview a photograph shows: 255, all of it."""
     seconds: float
+    """Wall time of blending and writing."""
     tiles: Path | None = None
+    """Folder of map tiles."""
     failures: tuple[str, ...] = ()
+    """What could not be written beside the mosaic, and why."""
 
     @property
     def covered_px(self) -> float:
@@ -160,23 +139,11 @@ def deliver(
     form: OutputForm = PLAIN,
     preview_width_px: int = PREVIEW_WIDTH_PX,
 ) -> Delivery:
-    """Write a mosaic.
+    """Write the mosaic of a layout; ``.tif`` becomes a GeoTIFF.
 
-    Parameters
-    ----------
-    path : Path
-        ``.tif`` becomes a GeoTIFF.
-    flight : Flight
-    layout : Layout
-    composition : Composition
-        The composition of that layout.
-    bands : iterable of (ndarray, ndarray)
-        Its picture in bands of whole rows from the top, each with a mask of where a photograph shows; rendered as they
-        are asked for. Photographs of 16 bits are written with 16 bits into ``.tif``, otherwise as `Composition.values`
-        says.
-    form : OutputForm
-    preview_width_px : int
-        Largest width of the preview.
+    ``bands`` are its picture in bands of whole rows from the top, rendered as they are asked for, each with a mask of
+    where a photograph shows. Photographs of 16 bits are written with 16 bits into ``.tif``, otherwise as
+    `Composition.values` says.
 
     Raises
     ------

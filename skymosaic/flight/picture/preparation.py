@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
 from golden_model.arrays import Intensities
@@ -51,9 +50,8 @@ def compose(
 
     Parameters
     ----------
-    flight : Flight
-    layout : Layout
-        One of the flight's.
+    flight, layout
+        The layout is one of the flight's.
     blending : {"average", "distance", "multiband"} or None
         See `skymosaic.compositing.blend.blend_layers`; None: as photographs are usually treated.
     scale : float
@@ -95,15 +93,7 @@ def compose(
 def equalise(composition: Composition, views: Sequence[View], thumbnails: Sequence[Layer]) -> Composition:
     """Set the tones of all placements, and for photographs of 16 bits the value range that the tones need.
 
-    Photographs with the colours of a palette keep them.
-
-    Parameters
-    ----------
-    composition : Composition
-    views : sequence of View
-        One for each placement.
-    thumbnails : sequence of Layer
-        From `thumbnail_layers`.
+    Photographs with the colours of a palette keep them. Each placement has one of ``views`` and of `thumbnail_layers`.
     """
     values = composition.values
     if values is None and have_palette([layer.image for layer in thumbnails]):
@@ -119,14 +109,7 @@ def equalise(composition: Composition, views: Sequence[View], thumbnails: Sequen
 
 
 def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[list[Layer], float]:
-    """The thumbnails of all placements as layers of a reduced canvas, in colour, and the scale of that canvas.
-
-    Parameters
-    ----------
-    composition : Composition
-    views : sequence of View
-        One for each placement.
-    """
+    """The thumbnails of all placements as layers of a reduced canvas, in colour, and the scale of that canvas."""
     # The canvas is reduced as the widest photograph is, so that hardly any thumbnail is enlarged; but where it is small
     # already, because one photograph shows very much ground, it stays as it is.
     widest = max(views, key=lambda view: view.size[0])
@@ -150,8 +133,7 @@ def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[l
 
 def _coloured_thumbnail(view: View, values: ValueRange | None) -> Intensities:
     """A thumbnail in colour: with the camera's numbers where the mosaic has 16 bits, else as ``values`` shows it."""
-    coloured = view.thumbnail if view.thumbnail.ndim == 3 else cv2.cvtColor(view.thumbnail, cv2.COLOR_GRAY2BGR)
-    pixels = np.asarray(coloured, dtype=np.uint8)
+    pixels = view.thumbnail if view.thumbnail.ndim == 3 else np.dstack([view.thumbnail] * 3)
     if values is None or view.value_range is None:
         return pixels
     return view.value_range.to_16_bit(pixels) if values.deep else view.value_range.show_as(pixels, values)

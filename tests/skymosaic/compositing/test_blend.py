@@ -5,16 +5,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from skymosaic.compositing.blend import METHODS, blend_layers, prepare_layers
-from skymosaic.compositing.tone import NEUTRAL
-from skymosaic.compositing.warp import TILE_PX, Canvas, enclosing_canvas, footprint, warp_backward
+from skymosaic.compositing.blend import METHODS, blend_layers
+from skymosaic.compositing.layer import Layer
+from skymosaic.compositing.warp import TILE_PX, Canvas, enclosing_canvas, footprint, shrink, warp_backward
 
 TURNED = np.array([[0.96, 0.17, 90.0], [-0.17, 0.98, 70.0], [1e-5, -2e-5, 1]])
 
 
 def blend(images: Any, transforms: Any, canvas: Canvas, method: str = "distance") -> NDArray[Any]:
-    coloured = any(image.ndim == 3 for image in images)
-    layers = prepare_layers(images, transforms, [NEUTRAL] * len(images), coloured=coloured)
+    layers = [Layer(*shrink(image, transform)) for image, transform in zip(images, transforms, strict=True)]
     return blend_layers(layers, canvas, method=method)[0]
 
 
@@ -122,14 +121,6 @@ def test_a_tile_that_shows_one_photograph_takes_no_bands(monkeypatch: pytest.Mon
     alone = blend([image], [np.eye(3)], part, method="multiband")
     np.testing.assert_array_equal(alone, image[250:370, 250:450])
     np.testing.assert_array_equal(alone, by_bands)
-
-
-def test_gray_becomes_bgr_beside_colour_and_stays_gray_alone() -> None:
-    gray, colour = np.full((64, 64), 50, np.uint8), np.full((64, 64, 3), (10, 20, 30), np.uint8)
-    mosaic = blend([gray, colour], [np.eye(3), shift(64, 0)], Canvas(0, 0, 128, 64))
-    np.testing.assert_array_equal(mosaic[:, :64], np.full((64, 64, 3), 50))
-    np.testing.assert_array_equal(mosaic[:, 64:], colour)
-    assert blend([gray], [np.eye(3)], Canvas(0, 0, 64, 64)).ndim == 2
 
 
 def test_a_small_mosaic_is_averaged_not_sampled() -> None:
