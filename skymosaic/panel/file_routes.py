@@ -2,13 +2,14 @@
 
 import asyncio
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from fastapi import FastAPI, Request
 from starlette.background import BackgroundTask
 from starlette.requests import ClientDisconnect
 from starlette.responses import FileResponse, PlainTextResponse, Response
 
+from skymosaic.panel.results import find_inside
 from skymosaic.panel.session import Session
 from skymosaic.panel.sessions import Sessions
 from skymosaic.panel.uploads import UploadRefusedError
@@ -24,7 +25,7 @@ class FileRoutes:
         """Add the routes to an application with session cookies."""
         app.post("/upload/{slot}")(self.upload)
         app.get("/picture/{folder}/{name}")(self.picture)
-        app.get("/file/{kind}/{name}")(self.file)
+        app.get("/file/{kind}/{path:path}")(self.file)
         app.get("/archive")(self.archive)
         app.get("/run/{name}/{path:path}")(self.kept_file)
 
@@ -47,16 +48,14 @@ class FileRoutes:
         """Send a picture that the session's page shows."""
         session = self._session(request)
         path = session.files.find_picture(folder, name) if session else None
-        # A name is free again when its photograph is removed, so a browser must ask each time.
-        return _send(path, headers={"cache-control": "private, no-cache"})
+        return _send(path)
 
-    async def file(self, request: Request, kind: str, name: str) -> Response:
-        """Send one file of a result."""
+    async def file(self, request: Request, kind: str, path: str) -> Response:
+        """Send one file of a result; what lies in its folders belongs to pages, which are shown."""
         session = self._session(request)
         result = session.results.get(kind) if session else None
-        return _send(
-            next((path for path in result.files if path.name == name), None) if result else None, filename=name
-        )
+        found = find_inside(result.folder, path) if result else None
+        return _send(found, filename=None if "/" in path else path)
 
     async def kept_file(self, request: Request, name: str, path: str) -> Response:
         """Send a file of a finished run to an owner; its report is a page."""
@@ -76,5 +75,8 @@ class FileRoutes:
         return self._sessions.get(identifier, is_owner="owner" in request.session) if identifier else None
 
 
-def _send(path: Path | None, **options: Any) -> Response:
-    return FileResponse(path, **options) if path else PlainTextResponse("no such file", status_code=404)
+def _send(path: Path | None, filename: str | None = None) -> Response:
+    if path is None:
+        return PlainTextResponse("no such file", status_code=404)
+    # The next photograph or result may have the same name, so a browser must ask each time.
+    return FileResponse(path, filename=filename, headers={"cache-control": "private, no-cache"})

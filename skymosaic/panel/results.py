@@ -1,6 +1,7 @@
 """Results of the workers: numbers, records and addresses of pictures, but no pixels, so that little is pickled."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -15,10 +16,10 @@ Size = tuple[int, int]
 RULES, EDITED_RULES = "rules.fll", "edited_rules.fll"
 """The rules of a run, and those that were tried afterwards."""
 SINGLE_FILES = (
-    "mosaic.png", "mosaic.tif", "tracked.mp4", "matches.csv", "corners.csv", "hardware.json", "config.toml", RULES,
-    EDITED_RULES,
+    "report/index.html", "tiles/index.html", "mosaic.png", "mosaic.tif", "tracked.mp4", "matches.csv", "corners.csv",
+    "hardware.json", "config.toml", RULES, EDITED_RULES,
 )  # fmt: skip
-"""Files of a run that are offered singly; the archive contains these and all others."""
+"""Pages and files of a run that are offered singly; the archive contains these and all others."""
 GAP_PX = 12
 """Gap between pictures in a row, in viewer pixels."""
 
@@ -137,9 +138,12 @@ class Link(NamedTuple):
     inliers: int
 
 
-def find_single_files(folder: Path) -> list[Path]:
-    """The files of a run's folder that are offered singly."""
-    return [path for name in SINGLE_FILES if (path := folder / name).exists()]
+def find_inside(folder: Path, path: str) -> Path | None:
+    """A file of a folder; None for whatever lies elsewhere, links followed, so that no request can read it."""
+    with suppress(OSError, ValueError):
+        file = (folder / path).resolve()
+        return file if file.is_relative_to(folder.resolve()) and file.is_file() else None
+    return None
 
 
 @dataclass(frozen=True)
@@ -159,11 +163,6 @@ class Run:
     folder: Path
     pictures: Path
     command: str
-
-    @property
-    def files(self) -> list[Path]:
-        """The files that can be downloaded one by one."""
-        return find_single_files(self.folder)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from datetime import datetime
 from pathlib import Path
 
 from skymosaic.imagery.images import save_bytes
+from skymosaic.panel.results import find_inside
 
 MANIFEST = "run.json"
 
@@ -43,8 +44,6 @@ class Runs:
 
     def find_file(self, name: str, path: str) -> Path | None:
         """A file of a run; None for whatever lies elsewhere, links followed."""
-        with suppress(OSError, ValueError):
-            run, file = (self._folder / name).resolve(), (self._folder / name / path).resolve()
-            is_run = run.parent == self._folder.resolve() and (run / MANIFEST).is_file()
-            return file if is_run and file.is_relative_to(run) and file.is_file() else None
-        return None
+        manifest = find_inside(self._folder, f"{name}/{MANIFEST}")
+        is_run = manifest is not None and manifest.parent.parent == self._folder.resolve()
+        return find_inside(self._folder / name, path) if is_run else None

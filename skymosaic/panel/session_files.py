@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator, Callable, Collection, Iterable, Mappi
 from contextlib import suppress
 from pathlib import Path
 
-from skymosaic.panel.results import InputFile, Run
+from skymosaic.panel.results import InputFile, Run, find_inside
 from skymosaic.panel.uploads import KINDS, MIN_FREE_BYTES, UploadRefusedError, receive
 
 MAX_BYTES = 4 << 30
@@ -63,12 +63,8 @@ class SessionFiles:
         return total
 
     def find_picture(self, folder: str, name: str) -> Path | None:
-        """Find a picture that is shown; None for any other name, so no request can read another file."""
-        if self._root is None:
-            return None
-        pictures = (self._root / "pictures").resolve()
-        path = (pictures / folder / name).resolve()
-        return path if path.parent.parent == pictures and path.is_file() else None
+        """Find a picture that is shown; None for any other name."""
+        return find_inside(self._root / "pictures", f"{folder}/{name}") if self._root else None
 
     def write_archive(self, results: Mapping[str, Run]) -> Path:
         """Pack the folders of all results into a zip file, which the caller removes."""

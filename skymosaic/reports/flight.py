@@ -112,7 +112,7 @@ def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
     layout, flight, composition = delivery.layout, delivery.flight, delivery.composition
     fitted, errors = np.concatenate(layout.errors_px), layout_errors(flight, layout)
     return {
-        "file": str(delivery.path),
+        "file": delivery.path.name,
         "size": list(composition.size),
         **summarise(delivery),
         "placed": len(layout.members),

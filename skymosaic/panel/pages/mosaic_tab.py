@@ -25,7 +25,7 @@ def build_mosaic_tab(result: MosaicResult, thumbnails: Mapping[str, Path]) -> No
     if result.links:
         layers["Links"] = drawings.draw_links(result.mosaic.outlines, result.links)
     _show_mosaic(result.mosaic, layers)
-    show_files("mosaic", result.files)
+    show_files("/file/mosaic", result.folder)
     if result.left_out:
         _show_left_out(result, thumbnails)
 

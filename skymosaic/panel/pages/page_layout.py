@@ -1,12 +1,13 @@
 """What all pages share: style, header, columns, and the display of files and command lines."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
 from nicegui import ui
 
+from skymosaic.panel.results import SINGLE_FILES
 from skymosaic.panel.session import Session
 from skymosaic.reports.pages import open_templates
 
@@ -38,12 +39,14 @@ def show_command(words: str) -> None:
     code.copy_button.props('aria-label="Copy the command line"')
 
 
-def show_files(kind: str, files: Sequence[Path]) -> None:
-    """Show links that download the files of a result, one by one."""
+def show_files(address: str, folder: Path) -> None:
+    """Show links to the pages of a run, by their folders, and to its files, one by one."""
     with ui.element("div").classes("bar"):
-        ui.label("Download:").classes("hint")
-        for path in files:
-            ui.link(path.name, f"/file/{kind}/{path.name}").classes("file")
+        ui.label("Files:").classes("hint")
+        for name in SINGLE_FILES:
+            if (folder / name).exists():
+                page = Path(name).parent.name
+                ui.link(page or name, f"{address}/{name}", new_tab=bool(page)).classes("file")
 
 
 @contextmanager

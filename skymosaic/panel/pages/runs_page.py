@@ -4,9 +4,7 @@ from pathlib import Path
 
 from nicegui import ui
 
-from skymosaic.common.temporary import PAGE
-from skymosaic.panel.pages.page_layout import page_layout
-from skymosaic.panel.results import find_single_files
+from skymosaic.panel.pages.page_layout import page_layout, show_files
 from skymosaic.panel.session import Session
 
 
@@ -32,8 +30,4 @@ def _build_run(session: Session, folder: Path, title: str, finished: str) -> Non
             ui.label(title).classes("name")
             button = ui.button("Delete", icon="delete", on_click=delete).props("flat dense no-caps size=sm")
         ui.label(finished).classes("hint")
-        with ui.element("div").classes("bar"):
-            if (folder / "report" / PAGE).exists():
-                ui.link("report", f"/run/{folder.name}/report/{PAGE}").classes("file")
-            for path in find_single_files(folder):
-                ui.link(path.name, f"/run/{folder.name}/{path.name}").classes("file")
+        show_files(f"/run/{folder.name}", folder)

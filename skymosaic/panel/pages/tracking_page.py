@@ -100,7 +100,7 @@ class _ResultCard:
                 f'controls loop muted autoplay src="{picture_address(result.video)}" aria-label="Tracked video"'
             )
             _show_corners(result)
-            show_files("tracking", result.files)
+            show_files("/file/tracking", result.folder)
             show_command(result.command)
 
 

@@ -8,7 +8,7 @@ import csv
 import io
 import json
 import shlex
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from skymosaic.common.options import command_words
 from skymosaic.evaluation.hardware import compare
 from skymosaic.flight.check import check_flight, layout_errors
 from skymosaic.flight.flight import Flight
-from skymosaic.flight.picture.output import Delivery
+from skymosaic.flight.picture.output import Delivery, OutputForm
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.images import save, save_bytes
 from skymosaic.imagery.photographs import Source, list_sources
@@ -38,7 +38,7 @@ from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register
 from skymosaic.reports.flight import describe_bands, describe_map, write_report
 
-MOSAIC, MAP, REPORT, CONFIG = "mosaic.png", "mosaic.tif", "report", "config.toml"
+MOSAIC, MAP, TILES, REPORT, CONFIG = "mosaic.png", "mosaic.tif", "tiles", "report", "config.toml"
 """Files and folders of a run."""
 
 
@@ -68,11 +68,12 @@ def make_mosaic(
     words = _shorten(paths)
     unused: list[str] = []
     sources = group_band_sets(photographs, tell=unused.append)
-    deliveries, reason, output = [], "", MOSAIC
+    deliveries, reason, output = [], "", [MOSAIC]
     with open_plan_of_sources(sources, options, progress) as plan:
         try:
             output = _choose_output(plan)
-            deliveries = plan.write(folder / output, preview_width_px=PREVIEW_WIDTH_PX)
+            form = OutputForm(tiles=folder / TILES if TILES in output else None)
+            deliveries = plan.write(folder / output[0], form, preview_width_px=PREVIEW_WIDTH_PX)
         except RegistrationError as error:
             # The matches of a pair show why it could not be registered.
             if plan.flight.pair is None:
@@ -84,8 +85,7 @@ def make_mosaic(
         left, right, _ = _links(flight)[0]
         pair = _register((folder / by_name[left], folder / by_name[right]), options, progress)
     progress("writing")
-    # The report is read from the unpacked archive, where the mosaic lies beside it.
-    write_report(folder / REPORT, flight, [replace(each, path=Path(output)) for each in deliveries])
+    write_report(folder / REPORT, flight, deliveries)
     command = write_command(words, options, output)
     _write(folder, {"command.txt": command + "\n", **_describe_run(flight)})
     result = MosaicResult(
@@ -112,24 +112,31 @@ def _describe_run(flight: Flight) -> dict[str, str]:
     return {CONFIG: to_toml(config), **rules, **tables}
 
 
-def _choose_output(plan: MosaicPlan) -> str:
-    """A GeoTIFF for multi-band sets, and for photographs with GPS if it can be written; otherwise a picture."""
+def _choose_output(plan: MosaicPlan) -> list[str]:
+    """A GeoTIFF for multi-band sets, with a page of tiles for photographs with GPS; otherwise a picture.
+
+    As words of a command line, behind ``-o``.
+    """
     if plan.sources[0].bands:
-        return MAP
+        return [MAP]
     views = plan.flight.views
     on_map = sum(view.gps is not None for view in views)
-    return MAP if on_map >= min(len(views), MIN_POSITIONS) else MOSAIC
+    return [MAP, "--tiles", TILES] if on_map >= min(len(views), MIN_POSITIONS) else [MOSAIC]
 
 
 def _add_mosaic(result: MosaicResult, flight: Flight, delivery: Delivery) -> MosaicResult:
-    """Add the mosaic, its bands and its place on the map, and the photographs that are not in it."""
-    bands = {"bands": describe_bands(delivery.composition)} if delivery.composition.band_names else {}
-    place = {"map": describe_map(delivery)} if delivery.georeference is not None else {}
+    """Add the mosaic, its bands and its place on the map, what could not be written, and photographs left out."""
+    facts = {
+        "bands": describe_bands(delivery.composition) if delivery.composition.band_names else "",
+        "map": describe_map(delivery) if delivery.georeference is not None else "",
+        "contradictions": "; ".join(delivery.composition.place.contradictions),
+        "not written": "; ".join(delivery.failures),
+    }
     return replace(
         result,
         mosaic=show_mosaic(delivery, result.pictures),
         left_out={flight.names[index]: reason for index, reason in flight.absent_from(delivery.layout).items()},
-        facts=bands | place,
+        facts={name: fact for name, fact in facts.items() if fact},
     )
 
 
@@ -204,11 +211,11 @@ def compare_hardware(
     return HardwareResult(backend, comparison, shlex.join(words))
 
 
-def write_command(inputs: list[str], options: Options, output: str = MOSAIC) -> str:
+def write_command(inputs: list[str], options: Options, output: Sequence[str] = (MOSAIC,)) -> str:
     """Write the command line that repeats a run in its folder; ``inputs`` may be a folder of the photographs."""
     # The file of the configuration holds the rules, too.
     words = ["skymosaic", "mosaic", *inputs, "--config", CONFIG, *command_words(replace(options, rules=None))]
-    return shlex.join([*words, "--report", REPORT, "-o", output, "--overwrite"])
+    return shlex.join([*words, "--report", REPORT, "-o", *output, "--overwrite"])
 
 
 def _write(folder: Path, texts: dict[str, str]) -> None:

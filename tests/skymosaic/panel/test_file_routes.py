@@ -1,16 +1,22 @@
 """Files that are sent and asked for as a browser does it, hostile ones among them; the panel survives each."""
 
+import asyncio
 import io
 import re
 import struct
 import zlib
 from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import av
 import httpx
 import numpy as np
 import pytest
+from starlette.responses import Response
 
+from skymosaic.panel.file_routes import FileRoutes
 from tests.skymosaic.panel.visitor import noise_png
 
 
@@ -207,6 +213,28 @@ def test_a_forged_cookie_gives_no_access(client: Client, panel: str) -> None:
 def test_no_path_reads_another_file(client: Client, path: str) -> None:
     assert client.upload("mine.png", picture()).status_code == 204
     assert client.get(path).status_code in (404, 405)
+
+
+def test_files_and_pages_of_a_result_are_sent_and_nothing_else(tmp_path: Path) -> None:
+    (tmp_path / "run" / "tiles" / "3").mkdir(parents=True)
+    for name in ("mosaic.tif", "tiles/index.html", "tiles/3/1.webp", "../secret"):
+        (tmp_path / "run" / name).write_text(name)
+    (tmp_path / "run" / "link").symlink_to(tmp_path / "secret")
+    session = SimpleNamespace(results={"mosaic": SimpleNamespace(folder=tmp_path / "run")})
+    routes: Any = FileRoutes(SimpleNamespace(get=lambda _name, is_owner: session))  # type: ignore[arg-type]
+
+    def get(path: str, kind: str = "mosaic") -> Response:
+        answer: Response = asyncio.run(routes.file(SimpleNamespace(session={"id": "visitor"}), kind, path))
+        return answer
+
+    assert "attachment" in get("mosaic.tif").headers["content-disposition"]
+    page, tile = get("tiles/index.html"), get("tiles/3/1.webp")
+    assert page.status_code == tile.status_code == 200
+    assert "content-disposition" not in page.headers
+    assert page.media_type == "text/html"
+    for path in ("../secret", "link", "tiles", "absent", "/etc/passwd", "\0"):
+        assert get(path).status_code == 404
+    assert get("mosaic.tif", "tracking").status_code == 404
 
 
 def test_a_get_changes_nothing(client: Client) -> None:

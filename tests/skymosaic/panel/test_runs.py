@@ -35,7 +35,7 @@ def test_the_runs_of_owners_outlive_the_panel(tmp_path: Path, run_in_loop: Calla
             session.make_mosaic()
             await idle(session)
             assert session.fault == ""
-            assert {path.name for path in session.mosaic_result.files} >= {"mosaic.png", "matches.csv"}
+            assert {path.name for path in session.mosaic_result.folder.iterdir()} >= {"mosaic.png", "matches.csv"}
         sessions.close()
 
     run_in_loop(scenario)

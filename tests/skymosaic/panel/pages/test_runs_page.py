@@ -18,6 +18,8 @@ def run(kept: Path, tmp_path: Path) -> Path:
     (tmp_path / "run" / "report").mkdir(parents=True)
     (tmp_path / "run" / "report" / "index.html").write_text("<title>a report</title>")
     (tmp_path / "run" / "mosaic.png").write_bytes(b"pixels")
+    (tmp_path / "run" / "tiles").mkdir()
+    (tmp_path / "run" / "tiles" / "index.html").write_text("<title>a map</title>")
     return Runs(kept, tmp_path).keep(tmp_path / "run", TITLE)
 
 
@@ -27,6 +29,7 @@ def test_a_run_is_listed_read_and_deleted(browser: Browser, owner_address: str, 
     expect(page.get_by_text(TITLE)).to_be_visible()
     card = page.locator(".card", has_text=TITLE)
     expect(card.get_by_role("link", name="mosaic.png")).to_be_visible()
+    assert card.get_by_role("link", name="tiles").get_attribute("href") == f"/run/{run.name}/tiles/index.html"
     report = card.get_by_role("link", name="report").get_attribute("href")
     assert page.evaluate("address => fetch(address).then(answer => answer.text())", report) == "<title>a report</title>"
     card.get_by_role("button", name="Delete").click()

@@ -100,8 +100,13 @@ def test_photographs_with_gps_become_a_geotiff_and_name_their_place(tmp_path: Pa
     names = write_flight_with_gps(tmp_path)
     (tmp_path / "pictures").mkdir()
     result = make_mosaic(tmp_path, names, Options.of_preset("aerial"), tmp_path / "pictures", progress=silent)
-    assert "mosaic.tif" in [path.name for path in result.files]
-    assert "-o mosaic.tif" in result.command
+    assert "-o mosaic.tif --tiles tiles" in result.command
+    report = (tmp_path / "report" / "index.html").read_text()
+    for beside in ("../mosaic.tif", "../tiles/index.html"):
+        assert f'href="{beside}"' in report
+        assert (tmp_path / "report" / beside).is_file()
+    assert list((tmp_path / "tiles").glob("*/*/*.webp"))
+    assert "contradictions" not in result.facts
     assert re.match(r"EPSG:32632, 0\.1\d* m per pixel; GPS residual", result.facts["map"])
 
 
