@@ -98,10 +98,10 @@ class Ecp5:
                 i_CLKB=ClockSignal(),
                 i_WEA=memory.i_write,
                 i_WEB=Const(0, 1),
-                # Always enabled: only what the output register takes counts, and an enable would be one more long wire.
-                # Whether that register needs the port's enable besides its own then makes no difference either.
                 i_CEA=Const(1, 1),
-                i_CEB=Const(1, 1),
+                # Only what the output register takes counts, and an enable would be one more long wire. Whether that
+                # register needs the port's enable besides its own makes no difference either: it is on, or the same.
+                i_CEB=registers if memory.stalls else Const(1, 1),
                 i_OCEA=Const(1, 1),
                 i_OCEB=registers,
                 i_RSTA=Const(0, 1),

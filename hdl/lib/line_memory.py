@@ -1,6 +1,6 @@
 """A memory with an output register, for lines of pixels and for features."""
 
-from amaranth import Module, ShapeLike, Signal
+from amaranth import Module, ShapeLike, Signal, Value
 from amaranth.lib import memory, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -20,6 +20,8 @@ class LineMemory(wiring.Component):
         Shape of a word.
     depth : int
         Number of words.
+    stalls : bool
+        Without ``i_read`` the output register waits, too: a word comes with the ``i_read`` after its own.
     """
 
     i_read: Signal
@@ -33,9 +35,10 @@ class LineMemory(wiring.Component):
     latency_cycles = 2
     """From ``i_read`` to ``o_word``."""
 
-    def __init__(self, *, shape: ShapeLike, depth: int) -> None:
+    def __init__(self, *, shape: ShapeLike, depth: int, stalls: bool = False) -> None:
         self.shape = shape
         self.depth = depth
+        self.stalls = stalls
         super().__init__(
             {
                 "i_read": In(1),
@@ -50,7 +53,9 @@ class LineMemory(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Add the memory and its output register, inferred or in the technology's block RAMs."""
         m = Module()
-        is_read = delayed(m, self.i_read, 1, reset_less=False)
+        is_read: Value = self.i_read
+        if not self.stalls:
+            is_read = delayed(m, is_read, 1, reset_less=False)
         if isinstance(platform, Technology):
             platform.memory(m, self, registers=is_read)
             return m

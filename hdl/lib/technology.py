@@ -24,7 +24,7 @@ class Technology(Protocol):
         """Add ``product`` = ``a`` × ``b``; ``loads`` enable the operand, multiplier and product registers."""
 
     def memory(self, m: Module, memory: LineMemory, *, registers: Value) -> None:
-        """Add a memory between the ports of ``memory``, read in every clock.
+        """Add a memory between the ports of ``memory``, read in every clock; one that stalls, with ``registers``.
 
         In the next clock ``registers`` passes the word on to ``memory.o_word``. A read of the address being written may
         return anything.

@@ -7,17 +7,17 @@ from operator import or_
 
 from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, wiring
-from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import exact_log2
 
 from hdl.build import check_lanes
-from hdl.lib.delay import delayed, port_register, wait_cycles
+from hdl.lib.delay import delayed, wait_cycles
+from hdl.lib.line_memory import LineMemory
 from hdl.lib.views import view_signal
 from hdl.matching.feature_banks import READ_CYCLES
 from hdl.matching.hamming import Distances, Lane, Nearest, SearchPosition
 
-RESULT_CYCLES = 2
+RESULT_CYCLES = LineMemory.latency_cycles
 """Clocks from an index to the registered row or column."""
 
 
@@ -187,18 +187,9 @@ class NearestNeighbours(wiring.Component):
 
     def _hold_columns(self, m: Module, valid: Value, position: data.View, lanes: Sequence[Lane]) -> None:
         """Read each column from the memory for the first lane, and write it back from the last lane."""
-        columns: Memory = Memory(shape=self._nearest, depth=self.max_features, init=[])
-        m.submodules.columns = columns
+        m.submodules.columns = columns = LineMemory(shape=self._nearest, depth=self.max_features, stalls=True)
         valid = delayed(m, valid, self._column_wait_cycles, reset_less=False)
         position = delayed(m, position, self._column_wait_cycles)
-        read = columns.read_port()
-        m.d.comb += [
-            read.addr.eq(Mux(self.o_busy, position.right, self.i_column_index)),
-            read.en.eq(self.o_busy | self.i_read),
-        ]
-        column = port_register(m, self.o_column)
-        with m.If(read.en):
-            m.d.sync += column.eq(read.data)
         first, last = lanes[0].i_bus, lanes[-1].o_bus
         m.d.comb += [
             first.valid.eq(delayed(m, valid, RESULT_CYCLES, reset_less=False)),
@@ -206,14 +197,18 @@ class NearestNeighbours(wiring.Component):
             # Nothing clears the memory; the first group starts from empty columns instead.
             first.column.eq(Mux(first.position.first_group, ~0, self.o_column)),
         ]
-        write = columns.write_port()
-        m.d.comb += [write.en.eq(last.valid), write.addr.eq(last.position.right), write.data.eq(last.column)]
+        m.d.comb += [
+            columns.i_read.eq(self.o_busy | self.i_read),
+            columns.i_read_address.eq(Mux(self.o_busy, position.right, self.i_column_index)),
+            columns.i_write.eq(last.valid),
+            columns.i_write_address.eq(last.position.right),
+            columns.i_word.eq(last.column),
+            self.o_column.eq(columns.o_word),
+        ]
 
     def _hold_rows(self, m: Module, lanes: Sequence[Lane]) -> None:
         """Store the rows, which leave the lanes one after the other, in rising left index."""
-        rows: Memory = Memory(shape=self._nearest, depth=self.max_features, init=[])
-        m.submodules.rows = rows
-        write = rows.write_port()
+        m.submodules.rows = rows = LineMemory(shape=self._nearest, depth=self.max_features, stalls=True)
         valid = Signal()
         row = view_signal(self._nearest, reset_less=True)
         # The lanes finish one after the other, so at most one row is valid: OR is enough to select it.
@@ -221,13 +216,14 @@ class NearestNeighbours(wiring.Component):
             valid.eq(Cat(lane.o_row_valid for lane in lanes).any()),
             row.eq(reduce(or_, (Mux(lane.o_row_valid, lane.o_row.as_value(), 0) for lane in lanes))),
         ]
-        m.d.comb += [write.en.eq(valid), write.data.eq(row)]
         with m.If(valid):
-            m.d.sync += write.addr.eq(write.addr + 1)
+            m.d.sync += rows.i_write_address.eq(rows.i_write_address + 1)
         with m.If(self.i_start):
-            m.d.sync += write.addr.eq(0)
-        read = rows.read_port()
-        m.d.comb += [read.addr.eq(self.i_row_index), read.en.eq(self.i_read)]
-        result = port_register(m, self.o_row)
-        with m.If(self.i_read):
-            m.d.sync += result.eq(read.data)
+            m.d.sync += rows.i_write_address.eq(0)
+        m.d.comb += [
+            rows.i_write.eq(valid),
+            rows.i_word.eq(row),
+            rows.i_read.eq(self.i_read),
+            rows.i_read_address.eq(self.i_row_index),
+            self.o_row.eq(rows.o_word),
+        ]

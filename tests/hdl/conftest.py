@@ -33,9 +33,11 @@ def elaborate_with_collisions(memory: LineMemory, _platform: object) -> Module:
         write.en.eq(memory.i_write),
         write.data.eq(memory.i_word),
     ]
-    collides = delayed(m, memory.i_write & (memory.i_read_address == memory.i_write_address), 1)
+    collides = Signal()
+    with m.If(memory.i_read):
+        m.d.sync += collides.eq(memory.i_write & (memory.i_read_address == memory.i_write_address))
     read_word, word = Signal.like(Value.cast(read.data)), Signal.like(Value.cast(read.data), reset_less=True)
-    with m.If(delayed(m, memory.i_read, 1, reset_less=False)):
+    with m.If(memory.i_read if memory.stalls else delayed(m, memory.i_read, 1, reset_less=False)):
         m.d.sync += word.eq(Mux(collides, ~read_word, read_word))
     m.d.comb += [read_word.eq(read.data), Value.cast(memory.o_word).eq(word)]
     return m

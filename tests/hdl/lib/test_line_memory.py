@@ -4,15 +4,18 @@
 from typing import Any
 
 import numpy as np
+import pytest
 from amaranth.sim import Simulator
 
 from hdl.lib.line_memory import LineMemory
 from tests.hdl.block_bench import CLOCK_S
 
 
-def test_a_word_comes_after_the_latency_and_stays_until_the_next_one() -> None:
+@pytest.mark.parametrize("stalls", [False, True])
+def test_a_word_comes_after_the_latency_and_stays_until_the_next_one(*, stalls: bool) -> None:
+    """A memory that stalls counts only clocks in which it is read."""
     depth, clocks = 24, 600
-    dut, rng = LineMemory(shape=9, depth=depth), np.random.default_rng(1)
+    dut, rng = LineMemory(shape=9, depth=depth, stalls=stalls), np.random.default_rng(1)
     stored = [0] * depth
     answers: list[int | None] = [None] * dut.latency_cycles
     word = 0
@@ -33,12 +36,15 @@ def test_a_word_comes_after_the_latency_and_stays_until_the_next_one() -> None:
                 (dut.i_word, value),
             ):
                 ctx.set(port, bits)
-            answers.append(stored[read_at] if read else None)
-            if write:
-                stored[write_at] = value
-            answer = answers.pop(0)
+            # What is read in this clock is the answer of an earlier one.
+            answer = answers[0]
             word = word if answer is None else answer
             assert ctx.get(dut.o_word) == word, f"clock {clock}"
+            if read or not stalls:
+                answers.append(stored[read_at] if read else None)
+                answers.pop(0)
+            if write:
+                stored[write_at] = value
             await ctx.tick()
 
     simulator = Simulator(dut)
