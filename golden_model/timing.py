@@ -113,11 +113,11 @@ def weight_cycles(pattern: DescriptorPattern, config: MatcherConfig) -> int:
 def sugeno_cycles(system: SugenoSystem) -> int:
     """Clocks of `hdl.matching.fuzzy.Sugeno` for a system.
 
-    Memberships, one per rule, two per product or one per minimum, then rounding or a division.
+    Memberships, one per rule, three per product or one per minimum, then rounding or a division.
     """
     inputs = len(system.inputs)
-    combining, rounding = (2 * (inputs - 2), 2) if system.conjunction == "product" else (inputs - 1, 11)
-    return 2 + len(system.rules) + 1 + combining + 2 + rounding
+    combining, rounding = (3 * (inputs - 2), 2) if system.conjunction == "product" else (inputs - 1, 11)
+    return 2 + len(system.rules) + 1 + combining + 3 + rounding
 
 
 @dataclass(frozen=True, eq=False)

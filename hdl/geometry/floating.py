@@ -1,7 +1,7 @@
 """The floating-point operation of the estimator, c + ab or c - ab, one per clock."""
 
 # Annotations are evaluated here: a component takes its ports from them.
-from amaranth import Array, Cat, Const, Module, Mux, Signal, Value, signed, unsigned
+from amaranth import Array, Cat, Const, Module, Mux, Signal, Value, signed
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -16,7 +16,7 @@ from golden_model.geometry.floating import (
     SUM_BITS,
 )
 from hdl.lib.delay import delayed, port_register
-from hdl.lib.multiplier import Multiplier
+from hdl.lib.multiplier import Multiplier, multiply
 
 FLOAT = data.StructLayout({"mantissa": MANTISSA_BITS, "exponent": signed(EXPONENT_BITS), "negative": 1})
 """See `golden_model.geometry.floating.Floats`."""
@@ -65,12 +65,8 @@ class MultiplyAdd(wiring.Component):
     def _multiply(self, m: Module) -> Value:
         """The 33 leading bits of the product of the mantissas."""
         halves = [(each.mantissa[:HALF_BITS], each.mantissa[HALF_BITS:]) for each in (self.i_a, self.i_b)]
-        products = []
-        for n, (a, b) in enumerate((a, b) for a in halves[0] for b in halves[1]):
-            half = unsigned(HALF_BITS)
-            m.submodules[f"multiplier{n}"] = multiplier = Multiplier(a=half, b=half, product=unsigned(MANTISSA_BITS))
-            m.d.comb += [multiplier.i_valid.eq(1), multiplier.i_a.eq(a), multiplier.i_b.eq(b)]
-            products.append(multiplier.o_product)
+        pairs = [(a, b) for a in halves[0] for b in halves[1]]
+        products = [multiply(m, f"multiplier{n}", a, b) for n, (a, b) in enumerate(pairs)]
         low, *cross, high = products
         middle = delayed(m, cross[0] + cross[1], 1)
         outer = delayed(m, Cat(low, high), 1)

@@ -55,6 +55,13 @@ class Multiplier(wiring.Component):
         return m
 
 
+def multiply(m: Module, name: str, a: Value, b: Value, *, valid: Value | int = 1) -> Signal:
+    """Add a `Multiplier` as the submodule ``name``; return ``a`` × ``b``, ``Multiplier.latency_cycles`` later."""
+    m.submodules[name] = multiplier = Multiplier(a=a.shape(), b=b.shape(), product=(a * b).shape())
+    m.d.comb += [multiplier.i_valid.eq(valid), multiplier.i_a.eq(a), multiplier.i_b.eq(b)]
+    return multiplier.o_product
+
+
 def multiply_wide(m: Module, platform: object, wide: Value, narrow: Value) -> Value:
     """Return ``wide`` × ``narrow``, two clocks later; a product per clock, no resets. The factors come from registers.
 

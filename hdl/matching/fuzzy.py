@@ -13,10 +13,10 @@ from amaranth.utils import ceil_log2, exact_log2
 from golden_model.formats import MEMBERSHIP, WEIGHT
 from golden_model.matching.fuzzy import MAX_RULES, SugenoSystem
 from hdl.lib.delay import delayed, port_register
+from hdl.lib.multiplier import Multiplier, multiply
 
 PRODUCT_INPUTS = (2, 3)
-PRODUCT_CYCLES = 2
-"""A product passes the multiplier's own M and P registers."""
+PRODUCT_CYCLES = Multiplier.latency_cycles
 QUOTIENT_BITS = WEIGHT.bits + 1
 """The weighted mean of singletons is at most 1, which is 256."""
 RESULT = data.StructLayout({"weight": WEIGHT.bits, "rule": range(MAX_RULES)})
@@ -140,11 +140,11 @@ class Sugeno(wiring.Component):
     def _product(self, m: Module, degrees: list[Value], folded: Value) -> tuple[Value, Value]:
         others, *factors = degrees[:-1]
         last = degrees[-1]
-        for factor in factors:
-            others = delayed(m, others * factor, PRODUCT_CYCLES)
+        for n, factor in enumerate(factors):
+            others = multiply(m, f"others{n}", others, factor)
             last = delayed(m, last, PRODUCT_CYCLES)
             folded = delayed(m, folded, PRODUCT_CYCLES)
-        return delayed(m, others * last, PRODUCT_CYCLES), delayed(m, others * folded, PRODUCT_CYCLES)
+        return multiply(m, "strength", others, last), multiply(m, "term", others, folded)
 
     def _minimum(self, m: Module, degrees: list[Value], rule: Value) -> tuple[Value, Value | None, Value]:
         """The strength of a rule, what of it counts (None: all), and that times the singleton."""
@@ -156,9 +156,9 @@ class Sugeno(wiring.Component):
         singletons = Array(Const(each.singleton, MEMBERSHIP.bits) for each in self.system.rules)
         singleton = delayed(m, singletons[rule], 1 + len(others))
         if not any(each.joins for each in self.system.rules):
-            return delayed(m, strength, PRODUCT_CYCLES), None, delayed(m, strength * singleton, PRODUCT_CYCLES)
+            return delayed(m, strength, PRODUCT_CYCLES), None, multiply(m, "term", strength, singleton)
         counted = self._excess(m, strength, delayed(m, rule, 1 + len(others)))
-        terms = delayed(m, counted * singleton, PRODUCT_CYCLES)
+        terms = multiply(m, "term", counted, singleton)
         return delayed(m, strength, PRODUCT_CYCLES), delayed(m, counted, PRODUCT_CYCLES), terms
 
     def _excess(self, m: Module, strength: Value, rule: Value) -> Value:

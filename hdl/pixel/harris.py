@@ -1,7 +1,7 @@
 """The Harris corner measure (thesis, equations III-6 and III-7), pipelined for DSP slices."""
 
 # Annotations are evaluated here: a component takes its ports from them.
-from amaranth import Cat, Const, Module, Mux, Shape, Signal, Value, signed, unsigned
+from amaranth import Cat, Const, Module, Mux, Shape, Value, signed, unsigned
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -16,7 +16,7 @@ from golden_model.formats import (
 )
 from golden_model.pixel.harris import TENSOR_SHIFT
 from hdl.lib.delay import delayed
-from hdl.lib.multiplier import Multiplier
+from hdl.lib.multiplier import Multiplier, multiply
 from hdl.lib.weighted_sum import signed_digits
 from hdl.pixel.window import SeparableSum
 from hdl.streams import beat, carry_scan, pixelwise
@@ -131,17 +131,11 @@ class RawResponse(wiring.Component):
         # which feeds one operand only, and leave the other one 0 (docs/reference/results.md).
         trace = delayed(m, (a + b)[: TENSOR_TRACE.bits], 1)
         trace_valid = delayed(m, valid, 1, reset_less=False)
-        a_b, c_c = self._product(m, "a_b", valid, a, b), self._product(m, "c_c", valid, c, c)
+        a_b, c_c = multiply(m, "a_b", a, b, valid=valid), multiply(m, "c_c", c, c, valid=valid)
         determinant = delayed(m, (a_b - c_c)[: RAW_RESPONSE.bits], 1)
-        penalty = self._penalty(self._product(m, "trace", trace_valid, trace, trace))
+        penalty = self._penalty(multiply(m, "trace", trace, trace, valid=trace_valid))
         m.d.comb += self.o.raw.eq(delayed(m, (determinant - penalty)[: RAW_RESPONSE.bits], 1))
         return m
-
-    def _product(self, m: Module, name: str, valid: Value, a: Value, b: Value) -> Signal:
-        product = Multiplier(a=a.shape(), b=b.shape(), product=(a * b).shape())
-        m.submodules[name] = product
-        m.d.comb += [product.i_valid.eq(valid), product.i_a.eq(a), product.i_b.eq(b)]
-        return product.o_product
 
     def _penalty(self, trace_squared: Value) -> Value:
         scaled: Value = Const(0)
