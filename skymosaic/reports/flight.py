@@ -25,6 +25,8 @@ from skymosaic.reports.summary import ground_error_m, list_files, on_white, summ
 
 MAX_FLAT_RELIEF = 0.05
 """Ground counts as flat if less than this share of the matches lies off the plane."""
+MAX_CUTS = 5
+"""So many photographs that are cut off are named."""
 _STRONG_TIES = 200
 """Links with this many ties or more are drawn as the strongest."""
 
@@ -168,8 +170,10 @@ def describe_map(delivery: Delivery) -> str:
 
 def describe_cuts(composition: Composition) -> str:
     """Name the photographs that show less than they contain, and how much is cut off, in one line."""
-    shares = ", ".join(f"{Path(name).name} {share:.0%}" for name, share in composition.cut_off.items())
-    return f"{shares}: ground far beyond their matches, towards the horizon"
+    shares = [f"{Path(name).name} {share:.0%}" for name, share in composition.cut_off.items()]
+    # Where all look ahead, all are cut; `report.json` has them.
+    others = f" and {len(shares) - MAX_CUTS} more" if len(shares) > MAX_CUTS else ""
+    return f"{', '.join(shares[:MAX_CUTS])}{others}: ground towards the horizon, far beyond their matches or too coarse"
 
 
 def describe_bands(composition: Composition) -> str:

@@ -17,6 +17,8 @@ REMOTE_PERCENTILE = 5
 """Percentile of the nearness of a photograph's ties that counts as its farthest; single ones may be false."""
 BEYOND_TIES = 0.63
 """Ground is shown if it is at least this near, relative to the farthest ties: there, pixels are twice as large."""
+MAX_STRETCH = 3.0
+"""Nor is ground shown where a photograph's pixels become this many times as large as those in its middle."""
 AT_HORIZON = 0.05
 """Nearness at which the outline of a view that looks to the horizon ends: a pixel there covers 8,000 times as much."""
 LOST_PX = 30.0
@@ -40,11 +42,15 @@ def overlap(one: Array, other: Array) -> float:
     return float(area) / max(min(cv2.contourArea(one), cv2.contourArea(other)), 1.0)
 
 
-def least_nearness(views: Sequence[View], transforms: Mapping[int, Array], links: Sequence[Link]) -> dict[int, float]:
+def least_nearness(
+    views: Sequence[View], transforms: Mapping[int, Array], links: Sequence[Link], scale: float = 1.0
+) -> dict[int, float]:
     """How near ground has to be that each view of a layout shows, see `skymosaic.compositing.warp.nearness`.
 
     A photograph that looks to the horizon would cover a village with what it shows of the fields behind. Far beyond
-    its ties it is coarse, and nothing says whether the ground there is where the layout puts it.
+    its ties it is coarse, and nothing says whether the ground there is where the layout puts it. Where all photographs
+    look ahead there are ties far away too, and most of the canvas would be their stretched pixels: on one of a smaller
+    ``scale`` they are stretched less, so that it shows more of the far field.
     """
     tied: dict[int, list[Array]] = {member: [] for member in transforms}
     for link in links:
@@ -58,8 +64,10 @@ def least_nearness(views: Sequence[View], transforms: Mapping[int, Array], links
             continue
         size, transform = views[member].working_size, transforms[member]
         tied_from = float(np.percentile(nearness(size, transform, points), REMOTE_PERCENTILE))
-        whole = float(nearness(size, transform, Canvas(0, 0, *size).corners).min())
-        least[member] = 0.0 if whole >= BEYOND_TIES * tied_from else BEYOND_TIES * tied_from
+        corners = nearness(size, transform, Canvas(0, 0, *size).corners)
+        # It is linear, so the corners' mean is that of the middle; the area of a pixel grows with its third power.
+        limit = max(BEYOND_TIES * tied_from, float(corners.mean()) * (scale / MAX_STRETCH) ** (2 / 3))
+        least[member] = 0.0 if corners.min() >= limit else limit
     return least
 
 

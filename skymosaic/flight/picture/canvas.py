@@ -30,7 +30,7 @@ def place_on_canvas(
     check_scale(scale, [view.size for view in views])
     to_reference = layout.to_reference(flight.views).values()
     treatment, on_map, usual = flight.treatment, place.georeference, usual_magnification(flight, layout)
-    least = list(least_nearness(flight.views, layout.transforms, layout.links).values())
+    least = list(least_nearness(flight.views, layout.transforms, layout.links, scale).values())
 
     def lay(scale: float) -> tuple[Array, list[Array], Canvas]:
         if on_map is not None and treatment.own_frame:

@@ -125,7 +125,11 @@ def test_what_only_some_mosaics_have_is_a_row_of_its_own() -> None:
     assert rows["ground"] == "flat (1% of the matches lie 3 to 12 px off the plane)"
     assert rows["error"].startswith("median 2.00 px, 90 % below 3.00 px")
     assert (rows["size"], rows["light"]) == ("to a quarter", "burnt")
-    assert rows["cut off"] == "3.jpg 12%, 0.jpg 50%: ground far beyond their matches, towards the horizon"
+    why = "ground towards the horizon, far beyond their matches or too coarse"
+    assert rows["cut off"] == f"3.jpg 12%, 0.jpg 50%: {why}"
+    many = delivered(cut_off={f"{number}.jpg": 0.1 for number in range(9)})
+    named = "0.jpg 10%, 1.jpg 10%, 2.jpg 10%, 3.jpg 10%, 4.jpg 10% and 4 more"
+    assert dict(report._mosaic_rows(many))["cut off"] == f"{named}: {why}"
     assert rows["bands"] == "green, red, nir; registered by red, median error of the others: green 0.31 px, nir 1.20 px"
     assert rows["range"] == "120..5000 of all photographs shown as 0..255; .tif keeps 16 bits"
     assert rows["map"] == report.describe_map(rich)

@@ -1,0 +1,35 @@
+import numpy as np
+import pytest
+
+from golden_model.arrays import Points
+from skymosaic.compositing.warp import outline
+from skymosaic.flight.layout.extent import MAX_STRETCH, least_nearness
+from skymosaic.geometry.homography import apply
+from tests.skymosaic.flight.layout import cameras
+
+
+def stretch(to_ground: cameras.Matrix, point: Points) -> float:
+    """How many times as large a pixel becomes as the one in the middle, along a side."""
+    areas = []
+    for x, y in (point, cameras.MIDDLE_PX):
+        corner, right, below = apply(to_ground, [(x, y), (x + 1e-3, y), (x, y + 1e-3)])
+        areas.append(abs(np.linalg.det(np.array([right - corner, below - corner]))))
+    return float(np.sqrt(areas[0] / areas[1]))
+
+
+@pytest.mark.parametrize(("lean_deg", "whole"), [(0, True), (40, True), (50, False), (60, False)])
+def test_far_ground_is_shown_at_the_resolution_that_it_has(lean_deg: float, whole: bool) -> None:
+    # All look ahead and are tied up to their far border.
+    ahead = [cameras.camera(40 * x, 0, lean_deg) for x in range(4)]
+    views, links = cameras.views_of(4), cameras.tie_all(ahead, seed=0)
+    transforms = {view: np.asarray(np.linalg.inv(camera), np.float64) for view, camera in enumerate(ahead)}
+    least = least_nearness(views, transforms, links)
+    assert (max(least.values()) == 0) is whole
+    for view, nearest in least.items():
+        farthest = max(
+            stretch(transforms[view], corner) for corner in outline(cameras.SIZE_PX, transforms[view], nearest)
+        )
+        assert farthest < MAX_STRETCH if whole else farthest == pytest.approx(MAX_STRETCH, rel=0.01)
+    # A canvas of a quarter of the resolution has room for all that a camera at 50 degrees shows.
+    coarse = least_nearness(views, transforms, links, scale=0.25)
+    assert (max(coarse.values()) == 0) is (lean_deg <= 50)
