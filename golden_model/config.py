@@ -221,24 +221,16 @@ class MatcherConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class EstimatorConfig:
-    """Configuration of the estimator of homographies (`golden_model.geometry.estimator`), all set by registers.
-
-    Parameters
-    ----------
-    passes : int
-        Most passes, of two samples each, in each of the 16 steps of the search; 8 bits, not 0.
-    seed : int
-        First state of the generator of random numbers; 32 bits, not 0.
-    min_inliers : int
-        Fewest matches within 2 px of an accepted homography; 12 bits.
-    min_cells : int
-        Fewest of the frame's 8 x 8 cells in which these lie.
-    """
+    """Configuration of the estimator of homographies (`golden_model.geometry.estimator`), all set by registers."""
 
     passes: int = 32
+    """Most passes, of two samples each, in each of the 16 steps of the search; 8 bits, not 0."""
     seed: int = 0x9E3779B9
+    """First state of the generator of random numbers; 32 bits, not 0."""
     min_inliers: int = 12
+    """Fewest matches within 2 px of an accepted homography; 12 bits."""
     min_cells: int = 5
+    """Fewest of the frame's 8 x 8 cells in which these lie."""
 
 
 @dataclass(frozen=True, kw_only=True)

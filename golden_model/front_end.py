@@ -16,7 +16,7 @@ from golden_model.matching.correlation import windows
 from golden_model.pixel import fast, harris, nms, sobel
 from golden_model.pixel.gray import to_gray
 from golden_model.pixel.half import halve
-from golden_model.pixel.smooth import binomial3, binomial5
+from golden_model.pixel.smooth import binomial
 from golden_model.records import FRAME_STATUS, Cause, Tag
 from golden_model.selection import selection
 
@@ -154,7 +154,7 @@ def _choose_corners(gray: Pixels, level: int, config: FrontEndConfig, keep: Keep
 def _compute_response(gray: Pixels, config: FrontEndConfig, keep: Keep) -> NDArray[np.uint16]:
     if config.detector == "fast":
         return fast.response_code(gray, config.threshold)
-    smoothed, margin_px = (binomial3(gray), 1) if config.smoothed_gradients else (gray, 0)
+    smoothed, margin_px = (binomial(gray, 3), 1) if config.smoothed_gradients else (gray, 0)
     keep("smoothed", smoothed, margin_px)
     gradients = sobel.gradients(smoothed)
     for name, gradient in zip(("gradient_x", "gradient_y"), gradients, strict=True):
@@ -171,7 +171,7 @@ def _describe_corners(gray: Pixels, corners: _Corners, level: int, config: Front
     pattern = config.pattern
     smoothed5 = gray
     if pattern.smoothed:
-        smoothed5 = binomial5(gray)
+        smoothed5 = binomial(gray, 5)
         keep("smoothed5", smoothed5, 2)
     records = np.zeros(len(corners.x), config.pattern.record.dtype)
     records["tag"] = Tag.FEATURE

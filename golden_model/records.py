@@ -170,8 +170,7 @@ HYPOTHESIS = Record(
 ``number`` comes back with the score."""
 
 SCORE = Record(
-    Tag.SCORE,
-    (Field("causes", 8), Field("number", 16), Field("support", 32), Field("score", 32), Field("frame", 32)),
+    Tag.SCORE, (Field("causes", 8), Field("number", 16), Field("support", 32), Field("score", 32), Field("frame", 32))
 )
 """How well a hypothesis fits (`golden_model.geometry.scoring.Scores`) the matches of ``frame``."""
 

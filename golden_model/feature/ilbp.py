@@ -167,10 +167,7 @@ def describe(
 
 
 def gather(
-    plane: NDArray[np.uint8],
-    x: NDArray[np.integer],
-    y: NDArray[np.integer],
-    offsets: Sequence[tuple[int, int]],
+    plane: NDArray[np.uint8], x: NDArray[np.integer], y: NDArray[np.integer], offsets: Sequence[tuple[int, int]]
 ) -> NDArray[np.uint8]:
     """The pixels at each of M ``(dx, dy)`` offsets from each of N positions: (M, N) uint8.
 

@@ -34,13 +34,6 @@ _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_$]*")
 class MatchRules:
     """Rules that give each match its weight.
 
-    Parameters
-    ----------
-    text : str
-        FLL with the inputs of `INPUTS`, ranges as in `QUANTITIES`, and one output from 0 to 1.
-    source : str
-        Where the text is from; messages begin with it.
-
     Raises
     ------
     ValueError
@@ -49,7 +42,9 @@ class MatchRules:
     """
 
     text: str
+    """FLL with the inputs of `INPUTS`, ranges as in `QUANTITIES`, and one output from 0 to 1."""
     source: str = field(default="rules", compare=False, repr=False)
+    """Where the text is from; messages begin with it."""
 
     def __post_init__(self) -> None:
         try:

@@ -53,16 +53,6 @@ class IfThen:
 class FuzzySystem:
     """A zero-order Sugeno system with one output: the mean of the rules' constants, weighted by their strengths.
 
-    Parameters
-    ----------
-    name : str
-    inputs : tuple of Input
-    output : Output
-    rules : tuple of IfThen
-    conjunction : {"minimum", "product"}
-        The operation for AND.
-    description : str
-
     Raises
     ------
     ValueError
@@ -74,6 +64,7 @@ class FuzzySystem:
     output: Output
     rules: tuple[IfThen, ...]
     conjunction: str
+    """The operation for AND, one of `CONJUNCTIONS`."""
     description: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:

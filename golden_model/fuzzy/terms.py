@@ -12,24 +12,6 @@ from golden_model.arrays import Array, Mask
 class Term:
     """A fuzzy set.
 
-    Parameters
-    ----------
-    name : str
-    shape : str
-        A key of `SHAPES`.
-    parameters : tuple of float
-        Positions on the axis, as FuzzyLite's terms of that name take them:
-
-        - ``Ramp``: where the degree is 0, where it is 1; it falls where the second is smaller;
-        - ``Triangle``, ``Trapezoid``: corners from left to right; an outer corner may be infinite;
-        - ``Rectangle``: first and last position of degree 1;
-        - ``ZShape``, ``SShape``: from where to where it falls or rises, in two parabolas; ``PiShape``: an S, then a Z;
-        - ``Gaussian``: mean, standard deviation; ``GaussianProduct``: these of the left and of the right flank;
-        - ``Bell``: centre, half width at degree 1/2, slope; ``Cosine``, ``Spike``: centre, width;
-        - ``Sigmoid``: position of degree 1/2, slope; ``SigmoidDifference``, ``SigmoidProduct``: position and slope of
-          the left one, slope and position of the right one;
-        - ``Discrete``: x and degree in turn, with x rising; between them straight lines, beyond them the end's degree.
-
     Raises
     ------
     ValueError
@@ -38,7 +20,20 @@ class Term:
 
     name: str
     shape: str
+    """A key of `SHAPES`."""
     parameters: tuple[float, ...]
+    """Positions on the axis, as FuzzyLite's terms of that name take them:
+
+    - ``Ramp``: where the degree is 0, where it is 1; it falls where the second is smaller;
+    - ``Triangle``, ``Trapezoid``: corners from left to right; an outer corner may be infinite;
+    - ``Rectangle``: first and last position of degree 1;
+    - ``ZShape``, ``SShape``: from where to where it falls or rises, in two parabolas; ``PiShape``: an S, then a Z;
+    - ``Gaussian``: mean, standard deviation; ``GaussianProduct``: these of the left and of the right flank;
+    - ``Bell``: centre, half width at degree 1/2, slope; ``Cosine``, ``Spike``: centre, width;
+    - ``Sigmoid``: position of degree 1/2, slope; ``SigmoidDifference``, ``SigmoidProduct``: position and slope of the
+      left one, slope and position of the right one;
+    - ``Discrete``: x and degree in turn, with x rising; between them straight lines, beyond them the end's degree.
+    """
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:

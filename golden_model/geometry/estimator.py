@@ -123,12 +123,7 @@ class FrameMatches(NamedTuple):
         return cls(left, right, kept["weight"], (int(status["width"]), int(status["height"])), bool(status["good"]))
 
 
-def estimate(
-    frame: FrameMatches,
-    settings: EstimatorConfig,
-    *,
-    max_matches: int = scoring.MAX_MATCHES,
-) -> Estimate:
+def estimate(frame: FrameMatches, settings: EstimatorConfig, *, max_matches: int = scoring.MAX_MATCHES) -> Estimate:
     """Estimate the homography of a frame's kept matches; the memory holds ``max_matches``."""
     count = len(frame.weight)
     refused = _refusal(count, settings, max_matches, good=frame.good)

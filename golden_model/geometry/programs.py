@@ -1,15 +1,6 @@
 """The programs of the estimator, as the hardware's read-only memory holds them."""
 
-from golden_model.geometry.program import (
-    LANES,
-    Coordinate,
-    Program,
-    Value,
-    constants,
-    held,
-    loaded,
-    schedule,
-)
+from golden_model.geometry.program import LANES, Coordinate, Program, Value, constants, held, loaded, schedule
 from golden_model.geometry.refit import SUMS, factors, solve_sums
 from golden_model.geometry.sampling import SAMPLE
 from golden_model.geometry.solving import areas, solve

@@ -116,10 +116,7 @@ def measure(
 
 
 def pair_features(
-    left_features: Records,
-    right_features: Records,
-    left_index: NDArray[np.integer],
-    right_index: NDArray[np.integer],
+    left_features: Records, right_features: Records, left_index: NDArray[np.integer], right_index: NDArray[np.integer]
 ) -> Records:
     """Make match records (M,) of paired features, with indices and positions; all other fields are 0."""
     matches = np.zeros(len(left_index), dtype=MATCH.dtype)

@@ -6,37 +6,19 @@ import numpy as np
 from golden_model.arrays import Pixels
 
 
-def binomial3(gray: Pixels) -> Pixels:
-    """``[1 2 1]`` in x and y, divided by 16 with halves rounded up.
+def binomial(gray: Pixels, window_px: int) -> Pixels:
+    """``[1 2 1]`` or ``[1 4 6 4 1]`` in x and y, divided by 16 or 256 with halves rounded up.
 
     Parameters
     ----------
     gray : ndarray of uint8, shape (H, W)
+    window_px : {3, 5}
 
     Returns
     -------
     ndarray of uint8, shape (H, W)
-        Unspecified within 1 px of the border.
+        Unspecified within ``window_px // 2`` px of the border.
     """
-    return _binomial(gray, 3)
-
-
-def binomial5(gray: Pixels) -> Pixels:
-    """``[1 4 6 4 1]`` in x and y, divided by 256 with halves rounded up.
-
-    Parameters
-    ----------
-    gray : ndarray of uint8, shape (H, W)
-
-    Returns
-    -------
-    ndarray of uint8, shape (H, W)
-        Unspecified within 2 px of the border.
-    """
-    return _binomial(gray, 5)
-
-
-def _binomial(gray: Pixels, window_px: int) -> Pixels:
     # For uint8, sigma 0 and size 3 or 5, OpenCV's Gaussian blur is exactly the binomial, rounded once at the end. The
     # hint is needed: without it OpenCV may use a faster, approximate version.
     smoothed = cv2.GaussianBlur(gray, (window_px, window_px), 0, hint=cv2.ALGO_HINT_ACCURATE)

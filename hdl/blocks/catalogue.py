@@ -80,7 +80,7 @@ def _window(
 
 
 def _smooth() -> Block:
-    return _window(Binomial(window_px=3), 2, "Binomial smoothing, 3x3.", 1, pixel=smooth.binomial3(sample_image()))
+    return _window(Binomial(window_px=3), 2, "Binomial smoothing, 3x3.", 1, pixel=smooth.binomial(sample_image(), 3))
 
 
 def _sobel() -> Block:
@@ -173,18 +173,7 @@ def _ilbp() -> Block:
 
 
 def sugeno(system: SugenoSystem, value_bits: int, description: str, *, vectors: int) -> Block:
-    """Make a block of a Sugeno system, with random vectors and those at the ends of its tables.
-
-    Parameters
-    ----------
-    system : SugenoSystem
-    value_bits : int
-        Width of each input.
-    description : str
-        A sentence for the README.
-    vectors : int
-        Number of random vectors.
-    """
+    """Make a block of a Sugeno system, with ``vectors`` at random, and those at the ends of its tables."""
     last = [each.entries - 1 for each in system.inputs]
     # The largest values lie beyond the tables, which then give their last degree.
     ends = [[0] * len(last), last, [(1 << value_bits) - 1] * len(last)]

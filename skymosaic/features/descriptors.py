@@ -15,7 +15,7 @@ from golden_model.feature.ilbp import PATTERNS
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import encode_response
 from golden_model.matching.correlation import windows
-from golden_model.pixel.smooth import binomial5
+from golden_model.pixel.smooth import binomial
 from golden_model.records import Tag, feature_record
 from skymosaic.features.detectors import KeyPoints, key_point_positions
 from skymosaic.features.positions import raw_positions
@@ -88,7 +88,7 @@ def _extractor(descriptor: str) -> cv2.Feature2D:
 def _describe_by_ilbp(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:
     pattern = PATTERNS[descriptor]
     key_points, x, y = _keep_inside(gray, key_points, pattern.support_px)
-    sector, values = ilbp.describe(gray, binomial5(gray), x, y, pattern)
+    sector, values = ilbp.describe(gray, binomial(gray, 5), x, y, pattern)
     window = windows(gray, x, y, size_px=3) if pattern.carries_window else None
     records = _make_records(key_points, values, window)
     records["sector"] = sector

@@ -15,7 +15,7 @@ from golden_model.config import PRESETS, FrontEndConfig
 from golden_model.feature import ilbp
 from golden_model.formats import decode_response, encode_response
 from golden_model.front_end import Plane, extract, trace
-from golden_model.pixel.smooth import binomial5
+from golden_model.pixel.smooth import binomial
 from golden_model.records import Cause, Tag
 
 AERIAL = PRESETS["aerial"].front_end
@@ -57,7 +57,7 @@ def test_every_feature_is_what_its_planes_say(texture: Callable[..., Any], confi
             u, v = r[y, x] - r[y + dy, x + dx], r[y, x] - r[y - dy, x - dx]
             top = np.divide(v - u, 2 * (u + v), out=np.zeros_like(u), where=u + v > 0)
             assert np.abs(measured / 16 - centre - top).max() <= 1 / 32
-        smoothed5 = binomial5(values["gray"])
+        smoothed5 = binomial(values["gray"], 5)
         sector, descriptor = ilbp.describe(values["gray"], smoothed5, x, y, config.pattern)
         np.testing.assert_array_equal(chosen["sector"], sector)
         np.testing.assert_array_equal(chosen["descriptor"], descriptor)

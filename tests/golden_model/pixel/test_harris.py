@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from golden_model.formats import RAW_RESPONSE, RESPONSE_CODE, TENSOR_DIAGONAL, TENSOR_MIXED, TENSOR_TRACE
 from golden_model.pixel.harris import raw_response, response_code, structure_tensor
-from golden_model.pixel.smooth import binomial3
+from golden_model.pixel.smooth import binomial
 from golden_model.pixel.sobel import gradients
 
 AERIAL = {"smoothed": True, "window_px": 5, "k": (1, 4), "largest_trace": 65_899}
@@ -22,7 +22,7 @@ SOBEL = np.outer([1, 2, 1], [-1, 0, 1])
 
 
 def stages(gray: NDArray[np.uint8], preset: dict[str, Any]) -> tuple[Any, ...]:
-    gradient_x, gradient_y = gradients(binomial3(gray) if preset["smoothed"] else gray)
+    gradient_x, gradient_y = gradients(binomial(gray, 3) if preset["smoothed"] else gray)
     tensor = structure_tensor(gradient_x, gradient_y, preset["window_px"])
     return gradient_x, gradient_y, tensor, raw_response(*tensor, *preset["k"])
 
@@ -52,7 +52,7 @@ def test_response_follows_corner_harris(texture: Callable[..., Any]) -> None:
     gray = texture(240, 320)
     _, _, (a, b, c), raw = stages(gray, AERIAL)
     scale = 1 / (4 * 5 * 255)  # cornerHarris divides gradients by 2**(ksize - 1), blockSize and 255
-    reference = cv2.cornerHarris(binomial3(gray), blockSize=5, ksize=3, k=1 / 16).astype(np.float64)
+    reference = cv2.cornerHarris(binomial(gray, 3), blockSize=5, ksize=3, k=1 / 16).astype(np.float64)
     reference /= scale**4 * 256**2
     # The floors of A, B and C move the determinant by less than A + B + 2 |C| + 2 and the penalty by less than
     # (A + B) / 4 + 2; cornerHarris is single precision.

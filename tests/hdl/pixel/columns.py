@@ -14,4 +14,4 @@ def columns(plane: NDArray[np.generic], lines: int) -> NDArray[np.generic]:
 
 def gradients(frame: NDArray[np.uint8], smoothed: bool) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
     """The golden model's gradients of a frame, smoothed before or not."""
-    return sobel.gradients(smooth.binomial3(frame) if smoothed else frame)
+    return sobel.gradients(smooth.binomial(frame, 3) if smoothed else frame)

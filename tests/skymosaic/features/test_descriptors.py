@@ -10,7 +10,7 @@ import pytest
 from golden_model.config import PRESETS
 from golden_model.feature import ilbp
 from golden_model.front_end import extract
-from golden_model.pixel.smooth import binomial5
+from golden_model.pixel.smooth import binomial
 from sim.scene import make_pair
 from skymosaic.features.descriptors import DESCRIPTORS, WINDOWS_PX, describe
 from skymosaic.features.detectors import (
@@ -85,7 +85,7 @@ def test_ilbp_at_sift_key_points_reads_the_nearest_pixel(gray: np.ndarray) -> No
     pattern = ilbp.PATTERNS["ilbp-128"]
     points = [cv2.KeyPoint(100.4, 120.6, 7)]
     record = describe(gray, points, "ilbp-128")
-    expected = ilbp.describe(gray, binomial5(gray), np.array([100]), np.array([121]), pattern)
+    expected = ilbp.describe(gray, binomial(gray, 5), np.array([100]), np.array([121]), pattern)
     np.testing.assert_array_equal(record["sector"], expected[0])
     np.testing.assert_array_equal(record["descriptor"], expected[1])
 
