@@ -33,26 +33,17 @@ class Access(enum.Enum):
 
 @dataclass(frozen=True)
 class Field:
-    """A bit field of a register.
-
-    Attributes
-    ----------
-    name : str
-        Unique in the map.
-    low, bits : int
-        Lowest bit and width.
-    access : Access
-    description : str
-    init : int
-        Value after reset.
-    """
+    """A bit field of a register."""
 
     name: str
+    """Unique in the map."""
     low: int
+    """Lowest bit."""
     bits: int
     access: Access
     description: str
     init: int = 0
+    """Value after reset."""
 
     @property
     def mask(self) -> int:
@@ -91,8 +82,7 @@ def list_values(members: Iterable[enum.IntEnum]) -> str:
 REGISTERS = (
     Register("ID", 0x00, "Identifies the accelerator.", Field("identity", 0, 32, _CONSTANT, '"SKYM" in ASCII.')),
     Register(
-        "VERSION",
-        0x04,
+        "VERSION", 0x04,
         "Version of skymosaic that wrote the hardware. Software for one version works with every patch version, and, "
         "from 1.0.0 on, with every later minor version.",
         Field("version_patch", 0, 8, _CONSTANT, "Registers and records have not changed."),
@@ -100,9 +90,7 @@ REGISTERS = (
         Field("version_major", 16, 8, _CONSTANT, "Registers, fields or records may have changed."),
     ),
     Register(
-        "BUILD",
-        0x08,
-        "What was built.",
+        "BUILD", 0x08, "What was built.",
         Field("built_levels", 0, 2, _CONSTANT, "Pyramid levels."),
         Field("built_detectors", 2, 2, _CONSTANT, f"Available detectors, a bit each: {', '.join(DETECTORS)}."),
         Field("built_rule_base", 4, 2, _CONSTANT, "Index into " + ", ".join(RULE_BASES) + "; 3: own."),
@@ -113,35 +101,26 @@ REGISTERS = (
         Field("built_video_bits", 24, 8, _CONSTANT, "Width of the video input; 48 and 16 hold two pixels per clock."),
     ),
     Register(
-        "BUILD_SIZE",
-        0x0C,
-        "Largest frame.",
+        "BUILD_SIZE", 0x0C, "Largest frame.",
         Field("built_width_px", 0, 16, _CONSTANT, "Width."),
         Field("built_height_px", 16, 16, _CONSTANT, "Height."),
     ),
     Register(
-        "BUILD_RECORDS",
-        0x10,
-        "Capacity and lengths of records.",
+        "BUILD_RECORDS", 0x10, "Capacity and lengths of records.",
         Field("built_max_features", 0, 16, _CONSTANT, "Maximum number of features per frame."),
         Field("built_feature_bytes", 16, 8, _CONSTANT, "Bytes of a Feature record and of its packet's FrameStatus."),
         Field("built_match_bytes", 24, 8, _CONSTANT, "Bytes of a Match record and of its packet's FrameStatus."),
     ),
     Register(
-        "BUILD_RULES",
-        0x14,
-        "The fuzzy rules that decide matches.",
+        "BUILD_RULES", 0x14, "The fuzzy rules that decide matches.",
         Field("built_rules_digest", 0, 32, _CONSTANT, "Digest of their tables, as in every report; 0 without rules."),
     ),
     Register(
-        "BUILD_OPTIONS",
-        0x18,
-        "What else was built.",
+        "BUILD_OPTIONS", 0x18, "What else was built.",
         Field("built_homographies", 0, 1, _CONSTANT, "Whether an estimator and the registers from 0x80 on exist."),
     ),
     Register(
-        "CONTROL",
-        0x20,
+        "CONTROL", 0x20,
         "What is switched on. A frame keeps the settings with which it started, those below included, until it has "
         "been matched; `enable` takes effect at once, `features_enable` and `matches_enable` with the next "
         "packet. A frame whose settings are out of range, or larger than what was built, is refused: its pixels are "
@@ -154,42 +133,30 @@ REGISTERS = (
         setting_field("hold_reference", 5),
         setting_field("adaptive", 6),
         Field(
-            "clear",
-            8,
-            1,
-            Access.COMMAND,
+            "clear", 8, 1, Access.COMMAND,
             "Drop frames and reference; settings stay. A packet in progress ends as bad: `clearing` says when.",
         ),
     ),
     Register(
-        "REFERENCE",
-        0x24,
-        "The reference frame.",
+        "REFERENCE", 0x24, "The reference frame.",
         Field("take_reference", 0, 1, Access.REQUEST, "The next good frame to start becomes the reference, unmatched."),
     ),
     Register("SIZE", 0x28, "Size of the frames.", setting_field("width_px", 0), setting_field("height_px", 16)),
     Register("SELECTION", 0x2C, "Selection by cells.", setting_field("cell_log2", 0), setting_field("per_cell", 8)),
     Register(
-        "THRESHOLD",
-        0x30,
-        "Detector and its threshold.",
+        "THRESHOLD", 0x30, "Detector and its threshold.",
         setting_field("threshold_code", 0),
         setting_field("detector", 16),
     ),
     Register("TARGET", 0x34, "Target of the adaptive threshold.", setting_field("target_features", 0)),
     Register("KEEP", 0x38, "Limit of the fuzzy weight.", setting_field("keep_above", 0)),
     Register(
-        "STATUS",
-        0x40,
-        "What waits at the moment.",
+        "STATUS", 0x40, "What waits at the moment.",
         Field("video_waiting", 0, 1, _STATUS, "A pixel waits at the input."),
         Field("features_waiting", 1, 1, _STATUS, "A word waits for its DMA on the features' stream."),
         Field("matches_waiting", 2, 1, _STATUS, "A word waits for its DMA on the matches' stream."),
         Field(
-            "clearing",
-            3,
-            1,
-            _STATUS,
+            "clearing", 3, 1, _STATUS,
             "A packet that `clear` broke off has not ended, or, in a camera build, has not been written to memory. "
             "Once this is 0, and while `enable` is, no packet and no burst is open: `aresetn` may be asserted.",
         ),
@@ -197,22 +164,16 @@ REGISTERS = (
     status_word("FRAMES", 0x44, "Frames since clear.", "Good and bad ones."),
     status_word("BAD_FRAMES", 0x48, "Bad frames since clear.", "Their features and matches are not valid."),
     Register(
-        "CAUSES",
-        0x4C,
-        "Why the last bad frame was bad.",
+        "CAUSES", 0x4C, "Why the last bad frame was bad.",
         Field("causes", 0, 16, _STATUS, f"Sum of: {list_values(Cause)}."),
     ),
     Register(
-        "LAST_FEATURES",
-        0x50,
-        "Features and threshold of the last frame.",
+        "LAST_FEATURES", 0x50, "Features and threshold of the last frame.",
         Field("last_features", 0, 16, _STATUS, "Number of features."),
         Field("last_threshold", 16, 15, _STATUS, "Threshold code with which they were detected."),
     ),
     Register(
-        "LAST_MATCHES",
-        0x54,
-        "Matches of the frame matched last.",
+        "LAST_MATCHES", 0x54, "Matches of the frame matched last.",
         Field("last_matches", 0, 16, _STATUS, "Number of mutual matches."),
         Field("last_kept", 16, 16, _STATUS, "Number of matches that the fuzzy weight kept."),
     ),
@@ -220,29 +181,24 @@ REGISTERS = (
         "LAST_CYCLES", 0x58, "Duration of the last frame.", "Clock cycles from the first pixel to the last feature."
     ),
     Register(
-        "IRQ_STATUS",
-        0x60,
-        "Events; the interrupt is high while any event is set that IRQ_MASK enables.",
+        "IRQ_STATUS", 0x60, "Events; the interrupt is high while any event is set that IRQ_MASK enables.",
         Field("frame_done", 0, 1, Access.EVENT, "A frame's features have left."),
         Field("matches_done", 1, 1, Access.EVENT, "A frame's matches have left."),
         Field("frame_bad", 2, 1, Access.EVENT, "A frame was bad."),
     ),
     Register(
-        "IRQ_MASK",
-        0x64,
-        "Which events interrupt.",
+        "IRQ_MASK", 0x64, "Which events interrupt.",
         setting_field("frame_done_mask", 0),
         setting_field("matches_done_mask", 1),
         setting_field("frame_bad_mask", 2),
     ),
-)
+)  # fmt: skip
 """Every register that all builds have, in rising offset."""
 
 ESTIMATOR_OFFSET = 0x80
 ESTIMATOR_REGISTERS = (
     Register(
-        "ESTIMATOR",
-        ESTIMATOR_OFFSET,
+        "ESTIMATOR", ESTIMATOR_OFFSET,
         "The estimator of homographies. It takes its settings when a frame's matches are complete. With passes or seed "
         "0, its records have a cause instead of a homography.",
         setting_field("homographies_enable", 0),
@@ -250,21 +206,14 @@ ESTIMATOR_REGISTERS = (
     ),
     Register("SEED", 0x84, "Seed of the samples.", setting_field("seed", 0)),
     Register(
-        "ACCEPTANCE",
-        0x88,
-        "What a homography needs to be accepted.",
+        "ACCEPTANCE", 0x88, "What a homography needs to be accepted.",
         setting_field("min_inliers", 0),
         setting_field("min_cells", 16),
     ),
     Register(
-        "ESTIMATOR_STATUS",
-        0x8C,
-        "What waits at the moment.",
+        "ESTIMATOR_STATUS", 0x8C, "What waits at the moment.",
         Field(
-            "homographies_waiting",
-            0,
-            1,
-            _STATUS,
+            "homographies_waiting", 0, 1, _STATUS,
             "A word waits for its DMA on the homographies' stream; `aresetn` would cut its record.",
         ),
     ),
@@ -272,15 +221,13 @@ ESTIMATOR_REGISTERS = (
         "LOST_HOMOGRAPHIES", 0x90, "Records lost since clear.", "Dropped because the record before was not taken."
     ),
     Register(
-        "ESTIMATOR_IRQ_STATUS",
-        0x94,
-        "Events of the estimator; they share the interrupt with IRQ_STATUS.",
+        "ESTIMATOR_IRQ_STATUS", 0x94, "Events of the estimator; they share the interrupt with IRQ_STATUS.",
         Field("homography_done", 0, 1, Access.EVENT, "A record has left."),
     ),
     Register(
         "ESTIMATOR_IRQ_MASK", 0x98, "Which events of the estimator interrupt.", setting_field("homography_done_mask", 0)
     ),
-)
+)  # fmt: skip
 """The registers of a build that estimates homographies, behind `REGISTERS`."""
 
 

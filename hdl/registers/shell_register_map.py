@@ -52,43 +52,33 @@ def _ring_registers(ring: str, offset: int) -> tuple[Register, ...]:
     upper = ring.upper()
     return (
         Register(
-            f"{upper}_BASE_LOW",
-            offset,
-            f"Position of the ring of {ring}; change it only while {ring}_enable is 0.",
+            f"{upper}_BASE_LOW", offset, f"Position of the ring of {ring}; change it only while {ring}_enable is 0.",
             setting_field(f"{ring}_base_low", 0),
         ),
         Register(
             f"{upper}_BASE_HIGH", offset + 4, f"Position of the ring of {ring}.", setting_field(f"{ring}_base_high", 0)
         ),
         Register(
-            f"{upper}_SHAPE",
-            offset + 8,
-            f"Shape of the ring of {ring}; change it only while it is off.",
+            f"{upper}_SHAPE", offset + 8, f"Shape of the ring of {ring}; change it only while it is off.",
             setting_field(f"{ring}_slots", 0),
             setting_field(f"{ring}_slot_pages", 16),
         ),
         Register(f"{upper}_READ", offset + 12, f"Progress of the reader of {ring}.", setting_field(f"{ring}_read", 0)),
         status_word(
-            f"{upper}_WRITTEN",
-            offset + 16,
-            f"Progress of the writer of {ring}.",
+            f"{upper}_WRITTEN", offset + 16, f"Progress of the writer of {ring}.",
             f"Packets in memory; 0 while {ring}_enable is 0.",
         ),
         Register(
-            f"{upper}_ERRORS",
-            offset + 20,
-            f"Failures of the ring of {ring}.",
+            f"{upper}_ERRORS", offset + 20, f"Failures of the ring of {ring}.",
             Field(f"{ring}_errors", 0, 16, _STATUS, "Write responses other than OKAY; stays at the largest value."),
             Field(f"{ring}_lost", 16, 16, _STATUS, "Packets that found no free slot; stays at the largest value."),
         ),
-    )
+    )  # fmt: skip
 
 
 SHELL_REGISTERS = (
     Register(
-        "SHELL_STATUS",
-        SHELL_OFFSET,
-        "Whether frames can be taken.",
+        "SHELL_STATUS", SHELL_OFFSET, "Whether frames can be taken.",
         Field("refused", 0, 8, _STATUS, f"Every frame is dropped because of: {list_values(Refusal)}."),
         Field("camera_stopped", 8, 1, _STATUS, "No pixel came for longer than camera_timeout."),
         Field("features_active", 9, 1, _STATUS, "The ring of features is on, or still writes a packet."),
@@ -96,21 +86,17 @@ SHELL_REGISTERS = (
         Field("dropped_reason", 16, 8, _STATUS, f"For the frame dropped last: {list_values(Reason)}."),
     ),
     status_word(
-        "CAMERA_FRAMES",
-        0x104,
+        "CAMERA_FRAMES", 0x104,
         "Every frame of the camera since reset is admitted or dropped; an admitted one may be cut off.",
         "Frames that have started: the number of the frame in progress.",
     ),
     status_word("DROPPED", 0x108, "Drops since reset.", "Frames dropped whole before the accelerator."),
     status_word(
-        "CUT",
-        0x10C,
-        "Admitted frames that were cut off.",
+        "CUT", 0x10C, "Admitted frames that were cut off.",
         "Each ends with a bad FrameStatus when the next frame is admitted.",
     ),
     status_word(
-        "DROPPED_NUMBER",
-        0x110,
+        "DROPPED_NUMBER", 0x110,
         "The last drop. If this has changed after DROPPED_TIME has been read, read all three again.",
         "Number of the frame.",
     ),
@@ -118,25 +104,19 @@ SHELL_REGISTERS = (
     status_word("DROPPED_TIME_HIGH", 0x118, "Time of the last drop.", "Clocks, high word."),
     Register("CAMERA", 0x11C, "The camera's watchdog.", setting_field("camera_timeout", 0)),
     Register(
-        "COALESCE",
-        0x120,
-        "How many frames share an interrupt.",
+        "COALESCE", 0x120, "How many frames share an interrupt.",
         setting_field("coalesce_count", 0),
         setting_field("coalesce_timeout", 16),
     ),
     Register(
-        "SHELL_IRQ_STATUS",
-        0x124,
-        "Events of the shell; they share the interrupt with IRQ_STATUS.",
+        "SHELL_IRQ_STATUS", 0x124, "Events of the shell; they share the interrupt with IRQ_STATUS.",
         Field("frames_ready", 0, 1, Access.EVENT, "All packets of frames are in memory."),
         Field("frame_dropped", 1, 1, Access.EVENT, "A frame was dropped or cut, other than by `enable`."),
         Field("camera_stops", 2, 1, Access.EVENT, "The camera has stopped."),
         Field("memory_error", 3, 1, Access.EVENT, "The response to a write was an error."),
     ),
     Register(
-        "SHELL_IRQ_MASK",
-        0x128,
-        "Which events of the shell interrupt.",
+        "SHELL_IRQ_MASK", 0x128, "Which events of the shell interrupt.",
         setting_field("frames_ready_mask", 0),
         setting_field("frame_dropped_mask", 1),
         setting_field("camera_stops_mask", 2),
@@ -146,19 +126,17 @@ SHELL_REGISTERS = (
     status_word("UNSCORED", 0x130, "Hypotheses without a score.", "Since reset; the answer to each has the causes."),
     *_ring_registers("features", 0x140),
     *_ring_registers("matches", 0x160),
-)
+)  # fmt: skip
 """The shell's registers that every camera build has, by offset."""
 
 HOMOGRAPHY_RING = (
     *_ring_registers("homographies", HOMOGRAPHY_RING_OFFSET),
     Register(
-        "HOMOGRAPHIES_STATUS",
-        0x198,
-        "The state of the ring of homographies, as SHELL_STATUS has it of the others.",
+        "HOMOGRAPHIES_STATUS", 0x198, "The state of the ring of homographies, as SHELL_STATUS has it of the others.",
         Field("homographies_refused", 0, 3, _STATUS, f"Every frame is dropped because of: {list_values(RingFault)}."),
         Field("homographies_active", 8, 1, _STATUS, "The ring is on, or still writes a record."),
     ),
-)
+)  # fmt: skip
 """The registers of a shell behind an estimator, after `SHELL_REGISTERS`."""
 
 ALL_REGISTERS = (*REGISTERS, *ESTIMATOR_REGISTERS, *SHELL_REGISTERS, *HOMOGRAPHY_RING)
