@@ -32,21 +32,6 @@ def pixels_per_clock(video_bits: int) -> int:
 class Build:
     """Everything that an accelerator is built from; all else are registers.
 
-    Parameters
-    ----------
-    config : Config
-        What is built. Detector, threshold, cells, the limit of the weight and the estimator's numbers are registers
-        instead. With an estimator, there are homographies.
-    lanes : int
-        Left descriptors compared at a time, one of `LANES`.
-    max_width_px, max_height_px : int
-        Largest frame, 64 to 4096.
-    video_bits : int
-        Width of the video input's data, one of `VIDEO_BITS`; 48 and 16 bring two pixels per clock.
-    shell : {"streams", "camera", "serial"}
-        What surrounds the accelerator: nothing, so that its ports are AXI4-Streams for DMAs; a camera's clock and rings
-        in memory (`hdl.shell`); or a serial port (`hdl.serial`).
-
     Raises
     ------
     ValueError
@@ -54,11 +39,18 @@ class Build:
     """
 
     config: Config = PRESETS["aerial"]
+    """What is built. Detector, threshold, cells, the limit of the weight and the estimator's numbers are registers
+    instead. With an estimator, there are homographies."""
     lanes: int = 16
+    """Left descriptors compared at a time, one of `LANES`."""
     max_width_px: int = 1920
     max_height_px: int = 1080
+    """Largest frame, 64 to 4096."""
     video_bits: int = 32
+    """Width of the video input's data, one of `VIDEO_BITS`; 48 and 16 bring two pixels per clock."""
     shell: Shell = "streams"
+    """What surrounds the accelerator: nothing, so that its ports are AXI4-Streams for DMAs; a camera's clock and rings
+    in memory (`hdl.shell`); or a serial port (`hdl.serial`)."""
 
     def __post_init__(self) -> None:
         self.validate()

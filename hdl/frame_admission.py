@@ -38,7 +38,6 @@ class FrameAdmission(wiring.Component):
         Number of last lines that the levels need in order to close.
     closing_px : int
         How much of each of these lines they need.
-    pixels_per_clock : {1, 2}
     """
 
     i: stream.Interface

@@ -115,11 +115,7 @@ class FrontEnd(wiring.Component):
         for n, (level, pixels) in enumerate(zip(self.levels, self._pyramid(m, gray.o, active), strict=True)):
             m.submodules[f"level{n}"] = level
             wiring.connect(m, level.o, merge.i_levels[n])
-            m.d.comb += [
-                level.i.eq(pixels),
-                level.i_settings.eq(active),
-                level.i_threshold_code.eq(threshold_code),
-            ]
+            m.d.comb += [level.i.eq(pixels), level.i_settings.eq(active), level.i_threshold_code.eq(threshold_code)]
         return m
 
     def _pyramid(self, m: Module, gray: data.View, active: data.View) -> list[data.View]:

@@ -16,15 +16,7 @@ from hdl.pixel.window import LineBuffer, OffsetColumns
 from hdl.selection.level_scan import LevelScan
 from hdl.selection.record_serializer import FeatureWords
 from hdl.selection.selection import CellSelection, RasterSelection
-from hdl.streams import (
-    CANDIDATE,
-    FRONT_END_SETTINGS,
-    RowPayload,
-    beat,
-    carry_scan,
-    pixel_beats,
-    pixelwise,
-)
+from hdl.streams import CANDIDATE, FRONT_END_SETTINGS, RowPayload, beat, carry_scan, pixel_beats, pixelwise
 
 INGRESS_CYCLES = 16
 """Upper bound of two delays together: admission of a pixel to its beat here, and ``o_hold`` to the last admission."""

@@ -32,11 +32,6 @@ class LevelMerge(wiring.Component):
         Record of the features (`golden_model.records.feature_record`).
     levels : {1, 2}
     max_features : int
-
-    Raises
-    ------
-    ValueError
-        For another number of levels.
     """
 
     i_levels: Sequence[stream.Interface]
@@ -57,8 +52,6 @@ class LevelMerge(wiring.Component):
     """Stream of `hdl.streams.WordPayload`."""
 
     def __init__(self, *, record: Record, levels: int, max_features: int) -> None:
-        if levels not in (1, 2):
-            raise ValueError(f"levels is {levels}; valid: 1, 2")
         self.record = record
         self.levels = levels
         self.max_features = max_features

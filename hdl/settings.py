@@ -28,24 +28,16 @@ _CELL_LOG2 = range(CELL_SIZES_PX[0].bit_length() - 1, CELL_SIZES_PX[-1].bit_leng
 
 @dataclass(frozen=True)
 class Setting:
-    """A number that software sets while the accelerator runs.
-
-    Attributes
-    ----------
-    name : str
-        The same in registers, struct, ports and requests.
-    values : range
-        Valid values. Width and height are further limited to the largest built.
-    reset : int
-        Value after reset.
-    description : str
-        For the register map.
-    """
+    """A number that software sets while the accelerator runs."""
 
     name: str
+    """The same in registers, struct, ports and requests."""
     values: range
+    """Valid values. Width and height are further limited to the largest built."""
     reset: int
+    """Value after reset."""
     description: str
+    """For the register map."""
 
     @property
     def bits(self) -> int:

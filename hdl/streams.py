@@ -14,9 +14,9 @@ frame, its output is unspecified; `FrontEndConfig.border_px` keeps features away
 
 A block's ``latency_cycles`` are the clocks from a beat at its input to the same beat at its output.
 
-A beat may hold two horizontally adjacent pixels (``pixels_per_clock`` = 2). Its scan position is that of the left one,
-whose x is even; pixel n of the beat has the scan position (x + n, y), with the same lag. A line of odd width ends with
-a beat whose right pixel is outside the frame, where every value is unspecified.
+A beat may hold two horizontally adjacent pixels: a block's ``pixels_per_clock`` is 1 or 2. The beat's scan position is
+then that of the left one, whose x is even; pixel n of the beat has the scan position (x + n, y), with the same lag. A
+line of odd width ends with a beat whose right pixel is outside the frame, where every value is unspecified.
 """
 
 # No postponed annotations here: data.Struct reads its fields from them.

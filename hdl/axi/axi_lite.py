@@ -1,6 +1,5 @@
 """AXI4-Lite subordinate: one word at a time, no combinational path from input to output."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 import enum
 
 from amaranth import Module, Signal
@@ -107,10 +106,7 @@ class AxiLiteSubordinate(wiring.Component):
         word = port_register(m, self.o_read_word)
         data = port_register(m, bus.rdata)
         m.d.sync += running.eq(1)
-        m.d.comb += [
-            bus.arready.eq(running & ~has_address),
-            self.o_read.eq(has_address & ~bus.rvalid),
-        ]
+        m.d.comb += [bus.arready.eq(running & ~has_address), self.o_read.eq(has_address & ~bus.rvalid)]
         with m.If(bus.arvalid & bus.arready):
             m.d.sync += [has_address.eq(1), word.eq(bus.araddr[2:])]
         with m.If(bus.rready):

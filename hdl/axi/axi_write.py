@@ -1,6 +1,5 @@
 """AXI4 writes with 64-bit addresses and 64-bit data: the channels, and a manager that writes fixed-length bursts."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Module, Signal
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out

@@ -1,6 +1,5 @@
 """A gate that passes or discards whole packets, captures their FrameStatus, and completes those that break off."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Module, Mux, ResetInserter, Signal
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out

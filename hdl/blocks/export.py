@@ -20,11 +20,6 @@ CORE_VENDOR, CORE_LIBRARY = "skymosaic", "vision"
 """How FuseSoC, IP-XACT and Vivado name the cores, before their name and version."""
 
 
-def export_block(folder: Path, name: str) -> None:
-    """Write the block that `find_block` finds into ``folder``, with a test bench where it has vectors."""
-    write_block(folder, *find_block(name))
-
-
 def find_block(name: str) -> tuple[str, Block | wiring.Component]:
     """Make a block, and its name as a Verilog module.
 

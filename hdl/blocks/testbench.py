@@ -21,29 +21,19 @@ class Port:
 
 @dataclass(frozen=True)
 class Channel:
-    """A stream of the module under test.
-
-    Attributes
-    ----------
-    prefix : str
-        Prefix of its ports' names: ``i_``, ``m_axis_features_t``.
-    fields : mapping of str to int
-        Widths of the ports that carry data.
-    has_ready : bool
-        Whether it can stall.
-    rows : sequence of Row
-        The rows to send, or the expected ones.
-    clock : str
-    condition : str
-        A Verilog expression; rows are sent only while it is true.
-    """
+    """A stream of the module under test."""
 
     prefix: str
+    """Prefix of its ports' names: ``i_``, ``m_axis_features_t``."""
     fields: Mapping[str, int]
+    """Widths of the ports that carry data."""
     has_ready: bool
+    """Whether it can stall."""
     rows: Sequence[Row]
+    """The rows to send, or the expected ones."""
     clock: str
     condition: str
+    """A Verilog expression; rows are sent only while it is true."""
 
     @property
     def name(self) -> str:
@@ -87,38 +77,25 @@ class Channel:
 
 @dataclass(frozen=True)
 class VerilogBench:
-    """A test bench for a Verilog module.
-
-    Attributes
-    ----------
-    module : str
-    ports : mapping of str to Port
-    inputs, outputs : mapping of str to sequence of Row
-        For the prefix of each stream, the rows to send and the expected ones, in order.
-    settings : mapping of str to int
-        Values of other inputs, which stay.
-    spacing_cycles : int
-        Minimum number of clocks from one input to the next.
-    clocks : mapping of str to str
-        Clocks of streams that do not have ``clock``, by prefix.
-    conditions : mapping of str to str
-        Verilog expressions for inputs that wait until they are true, by prefix.
-    clock, reset : str
-    reset_level : {0, 1}
-        Active level of ``reset``.
-    """
+    """A test bench for a Verilog module."""
 
     module: str
     ports: Mapping[str, Port]
     inputs: Mapping[str, Sequence[Row]]
     outputs: Mapping[str, Sequence[Row]]
+    """For the prefix of each stream, the rows to send and the expected ones, in order."""
     settings: Mapping[str, int]
+    """Values of other inputs, which stay."""
     spacing_cycles: int = 1
+    """Minimum number of clocks from one input to the next."""
     clocks: Mapping[str, str] = field(default_factory=dict)
+    """Clocks of streams that do not have ``clock``, by prefix."""
     conditions: Mapping[str, str] = field(default_factory=dict)
+    """Verilog expressions for inputs that wait until they are true, by prefix."""
     clock: str = "clk"
     reset: str = "rst"
     reset_level: int = 1
+    """Active level of ``reset``."""
 
     def files(self) -> dict[str, str]:
         """The files of the bench by name: Verilog, and vectors."""

@@ -17,27 +17,18 @@ Row = dict[str, int]
 
 @dataclass(frozen=True)
 class Block:
-    """A block and its vectors.
-
-    Attributes
-    ----------
-    component : Component
-    description : str
-        A sentence for its README.
-    inputs, outputs : mapping of str to sequence of Row
-        For each stream or beat, the inputs and the expected outputs, in order.
-    settings : mapping of str to int
-        Values of other inputs, which stay.
-    spacing_cycles : int
-        Minimum number of clocks from one input to the next.
-    """
+    """A block and its vectors."""
 
     component: wiring.Component
     description: str
+    """A sentence for its README."""
     inputs: Mapping[str, Sequence[Row]]
     outputs: Mapping[str, Sequence[Row]]
+    """For each stream or beat, the inputs and the expected outputs, in order."""
     settings: Mapping[str, int] = field(default_factory=dict)
+    """Values of other inputs, which stay."""
     spacing_cycles: int = 1
+    """Minimum number of clocks from one input to the next."""
 
 
 def rows(name: str, values: Sequence[Any]) -> list[Row]:

@@ -48,8 +48,6 @@ def export_board(folder: Path, board: str, build: Build) -> None:
     ------
     ValueError
         For an unknown board, naming the valid ones.
-    OSError
-        If the folder cannot be written.
     """
     facts, config = board_facts(board), build.config
     top = AcceleratorTop(build)
@@ -76,13 +74,7 @@ def export_board(folder: Path, board: str, build: Build) -> None:
 
 
 def export_camera(folder: Path, build: Build) -> None:
-    """Write Verilog, register map, reader of the rings and README of a build with the shell ``camera`` into ``folder``.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
+    """Write Verilog, registers, reader of the rings and README of a build with the shell ``camera`` into ``folder``."""
     top = CameraTop(build)
     write_files(
         folder,

@@ -31,13 +31,8 @@ _CYCLES_WORD = next(offset for field, offset in FRAME_STATUS.offsets() if field.
 def make_accelerator_bench(module: str, ports: dict[str, Port], build: Build) -> VerilogBench:
     """Make a bench that reads a register, writes the settings, sends two gray frames, and compares all words.
 
-    Parameters
-    ----------
-    module : str
-        The accelerator, with the ports of `hdl.accelerator.AcceleratorTop`.
-    ports : dict of str to Port
-    build : Build
-        The threshold of its configuration is raised until the features fit.
+    The module has the ports of `hdl.accelerator.AcceleratorTop`. The threshold of the build's configuration is raised
+    until the features fit.
     """
     frames = SampleFrames(build.config)
     writes = list_writes(frames.config)
@@ -68,10 +63,7 @@ class SampleFrames:
         counts = {"matches": len(self.matches), "kept": int(np.count_nonzero(self.matches["verdict"]))}
         self.packets = {
             "features": [_packet(frame.status, frame.features) for frame in frames],
-            "matches": [
-                _packet(self.statuses[0], self.matches[:0]),
-                _packet(self.statuses[1], self.matches, **counts),
-            ],
+            "matches": [_packet(self.statuses[0], self.matches[:0]), _packet(self.statuses[1], self.matches, **counts)],
         }
         if config.estimator:
             # So few passes that a slow simulator ends, too; their clocks are known, and compared.

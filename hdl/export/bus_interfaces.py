@@ -13,28 +13,19 @@ _SIGNAL_PORTS = {CLOCK: "CLK", RESET: "RST", INTERRUPT: "INTERRUPT"}
 
 @dataclass(frozen=True)
 class BusInterface:
-    """A bus of a core.
-
-    Attributes
-    ----------
-    name : str
-        Name of the interface; for a bus, also the prefix of its ports.
-    bus_library, bus : str
-        AMD's definition: ``interface`` ``axis`` or ``aximm``, ``signal`` ``clock`` and so on.
-    manager : bool
-        Whether the core starts transfers, or drives the signal.
-    ports : dict of str to str
-        For each signal of the bus, the core's port.
-    parameters : dict of str to str
-        FREQ_HZ is omitted: the clock is that of the design around the core.
-    """
+    """A bus of a core."""
 
     name: str
+    """Name of the interface; for a bus, also the prefix of its ports."""
     bus_library: str
     bus: str
+    """AMD's definition: ``interface`` ``axis`` or ``aximm``, ``signal`` ``clock`` and so on."""
     manager: bool
+    """Whether the core starts transfers, or drives the signal."""
     ports: dict[str, str]
+    """For each signal of the bus, the core's port."""
     parameters: dict[str, str] = field(default_factory=dict)
+    """FREQ_HZ is omitted: the clock is that of the design around the core."""
 
 
 def bus_interfaces(ports: Iterable[str]) -> list[BusInterface]:

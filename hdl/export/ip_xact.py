@@ -19,22 +19,7 @@ VLNV = f"{CORE_VENDOR}:{CORE_LIBRARY}:{NAME}:{CORE_VERSION}"
 
 
 def component(name: str, ports: Mapping[str, Port], file: str, registers: Sequence[Register] = REGISTERS) -> str:
-    """Describe a Verilog module as an IP-XACT component.
-
-    Parameters
-    ----------
-    name : str
-        Name of the Verilog module.
-    ports : mapping of str to Port
-    file : str
-        Path of the Verilog, from the XML file.
-    registers : sequence of Register
-
-    Returns
-    -------
-    str
-        The XML file.
-    """
+    """Describe the Verilog module ``name`` as an IP-XACT component; ``file`` is its path, from the XML file."""
     return render(
         "ip_xact.xml",
         vendor=CORE_VENDOR,

@@ -18,12 +18,7 @@ XML_ACCESS = {
     Access.COMMAND: "write-only",
 }
 """The access of a field in the words of CMSIS-SVD and IP-XACT."""
-_COMMON = {
-    "name": NAME,
-    "version": VERSION,
-    "register_bits": REGISTER_BITS,
-    "address_bytes": 1 << ADDRESS_BITS,
-}
+_COMMON = {"name": NAME, "version": VERSION, "register_bits": REGISTER_BITS, "address_bytes": 1 << ADDRESS_BITS}
 
 
 def markdown(registers: Sequence[Register] = ALL_REGISTERS) -> str:

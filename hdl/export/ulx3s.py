@@ -48,13 +48,7 @@ class BuildError(Exception):
 
 
 def export_ulx3s(folder: Path, build: Build) -> None:
-    """Write Verilog, pins, registers, host's programs and README of a build with the shell ``serial`` into ``folder``.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
+    """Write Verilog, pins, registers, host's programs and README of a build with the shell ``serial``."""
     verilog = to_verilog(Ulx3s(build), name=TOP, platform=Ecp5(), aliases=False)
     area_px = build.max_width_px * build.max_height_px
     readme = fill_readme(

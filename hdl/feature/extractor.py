@@ -60,8 +60,6 @@ class CandidateFeatures(wiring.Component):
     o: data.View
     """`feature_beat`, ``latency_cycles`` after the candidate."""
 
-    latency_cycles: int
-
     def __init__(self, *, pattern: DescriptorPattern, spacing_cycles: int, level: int, lag_px: int) -> None:
         if pattern.carries_window and pattern.smoothed:
             raise ValueError(f"{pattern.name} carries a gray window, but its rings are smoothed")

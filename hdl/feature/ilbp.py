@@ -14,8 +14,6 @@ from hdl.lib.views import view_signal
 
 Ring = Sequence[Value]
 """Pixels of a ring by angle."""
-SPACING_CYCLES = (1, 2, 4)
-"""Smallest distance of two candidates in clocks: the time that one candidate may take."""
 
 
 class RingDescriptor(wiring.Component):
@@ -30,12 +28,7 @@ class RingDescriptor(wiring.Component):
     pattern : DescriptorPattern
         What is compared.
     spacing_cycles : {1, 2, 4}
-        Smallest distance of two candidates in clocks.
-
-    Raises
-    ------
-    ValueError
-        For another spacing.
+        Smallest distance of two candidates in clocks: the time that one candidate may take.
     """
 
     i_candidate: Signal
@@ -50,11 +43,7 @@ class RingDescriptor(wiring.Component):
     o_descriptor: Signal
     """Bit 8 j + i is bit i of byte j."""
 
-    latency_cycles: int
-
     def __init__(self, *, pattern: DescriptorPattern, spacing_cycles: int) -> None:
-        if spacing_cycles not in SPACING_CYCLES:
-            raise ValueError(f"spacing_cycles is {spacing_cycles}; valid: {', '.join(map(str, SPACING_CYCLES))}")
         self.pattern = pattern
         self.groups = spacing_cycles
         self.group_angles = pattern.angles // spacing_cycles

@@ -37,11 +37,7 @@ class RingMoments(wiring.Component):
     """Mx and My, complete ``latency_cycles`` after a candidate's last group; valid until the next
     candidate's first group is added."""
 
-    latency_cycles: int
-
     def __init__(self, *, radii_px: tuple[int, ...], groups: int) -> None:
-        if groups not in (1, 2, 4):
-            raise ValueError(f"groups is {groups}; valid: 1, 2, 4")
         self.groups = groups
         group_angles = SECTORS // groups
         self._radial = [WeightedSum(weights=radii_px, shape=unsigned(8)) for _ in range(group_angles)]
@@ -108,8 +104,6 @@ class Sector(wiring.Component):
     """Mx and My, where ``i_valid``."""
     o_sector: Signal
     """Valid ``latency_cycles`` after ``i_valid``, until the next result."""
-
-    latency_cycles: int
 
     def __init__(self, *, moment: Shape, spacing_cycles: int = 2) -> None:
         self.spacing_cycles = spacing_cycles

@@ -27,7 +27,6 @@ class RingWindow(wiring.Component):
     pattern : DescriptorPattern
     width_px : int
         Largest width of a line.
-    pixels_per_clock : {1, 2}
     """
 
     i: data.View
@@ -39,7 +38,6 @@ class RingWindow(wiring.Component):
     after the beat, until those of the next beat. There is one signal per pixel: a single wide signal made compiled
     simulations a third slower (measured)."""
 
-    latency_cycles: int
     lag_px: int
     """The largest radius."""
 

@@ -1,6 +1,5 @@
 """Sub-pixel positions of candidates: a parabola through three responses, separately in x and y."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
@@ -98,11 +97,6 @@ class SubPixel(wiring.Component):
         How far the candidate's pixel is left of and above the scan position.
     spacing_cycles : int
         Smallest distance of two candidates in clocks.
-
-    Raises
-    ------
-    ValueError
-        For another level.
     """
 
     i: In(CANDIDATE)
@@ -112,11 +106,7 @@ class SubPixel(wiring.Component):
     o_y: Out(POSITION.bits)
     """As ``o_x``."""
 
-    latency_cycles: int
-
     def __init__(self, *, level: int, lag_px: int, spacing_cycles: int = 2) -> None:
-        if level not in (0, 1):
-            raise ValueError(f"level is {level}; valid: 0, 1")
         self.level = level
         self.lag_px = lag_px
         # Where candidates leave time for it, x and y take turns.

@@ -9,7 +9,6 @@ from golden_model.geometry.estimator import EstimateCause
 from golden_model.geometry.program import LANES, SLOTS
 from golden_model.geometry.programs import GROUP
 from golden_model.geometry.refit import BANDS, MAX_INLIERS
-from golden_model.geometry.sampling import SAMPLE
 from golden_model.geometry.scoring import MAX_MATCHES
 from hdl.geometry.estimator_states import ESTIMATOR_SETTINGS, FrameInWork, Parts, lead
 from hdl.geometry.match_gain import HYPOTHESIS, WEIGHED_PAIR
@@ -57,8 +56,6 @@ class HomographyEstimator(wiring.Component):
     """Stream of `ESTIMATE`, one per frame."""
 
     def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
-        if not SAMPLE <= max_matches <= MAX_MATCHES:
-            raise ValueError(f"max_matches is {max_matches}; it must be {SAMPLE} to {MAX_MATCHES}")
         self._parts = Parts(MatchOrdering(max_matches=max_matches), SampleDraws(), Processor(), Quantiser(), Sweep())
         self._matches = LineMemory(shape=WEIGHED_PAIR, depth=max_matches)
         self._list = LineMemory(shape=range(max_matches), depth=MAX_INLIERS)

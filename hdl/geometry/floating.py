@@ -1,6 +1,5 @@
 """The floating-point operation of the estimator, c + ab or c - ab, one per clock."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Array, Cat, Const, Module, Mux, Signal, Value, signed
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out

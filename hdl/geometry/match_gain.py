@@ -1,6 +1,5 @@
 """How well a homography fits a match: the truncated quadratic of the error, by comparisons instead of a division."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Const, Module, Mux, Shape, Signal, Value, signed
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out

@@ -121,11 +121,7 @@ class MatchOrdering(wiring.Component):
             m.d.comb += [ranks.i_read.eq(phase == 0), ranks.i_read_address.eq(weight)]
             m.d.sync += phase.eq(phase + 1)
             with m.If(phase == ranks.latency_cycles):
-                m.d.comb += [
-                    ranks.i_write.eq(1),
-                    ranks.i_write_address.eq(weight),
-                    ranks.i_word.eq(ranks.o_word + 1),
-                ]
+                m.d.comb += [ranks.i_write.eq(1), ranks.i_write_address.eq(weight), ranks.i_word.eq(ranks.o_word + 1)]
                 m.d.sync += phase.eq(0)
                 m.next = "Take"
 

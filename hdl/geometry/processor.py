@@ -1,6 +1,5 @@
 """Runs the estimator's programs: instructions, registers, and the one floating-point operation."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from typing import Any
 
 from amaranth import Module, Mux, Signal, Value, signed, unsigned

@@ -1,6 +1,5 @@
 """Turns the elements that a program leaves into hypotheses: integers of 25 bits with a common scale."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Module, Mux, Signal, signed
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out

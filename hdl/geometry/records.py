@@ -1,6 +1,5 @@
 """Homography scoring and estimation behind streams of 64-bit words: the matcher's packets in, records out."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Module, Mux, ResetInserter, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
@@ -31,11 +30,6 @@ class RecordScoring(wiring.Component):
     it. A record that is cut, or not a hypothesis, is answered with `ScoreCause.INVALID_RECORD`.
 
     A hypothesis takes max(N, 6) clocks with N matches, see `HomographyScoring`.
-
-    Parameters
-    ----------
-    max_matches : int
-        See `HomographyScoring`.
     """
 
     i_matches: In(stream.Signature(WordPayload))
@@ -124,11 +118,6 @@ class RecordEstimator(wiring.Component):
     Every packet of matches is answered by a packet of one record, also where there is no homography. While nobody takes
     the first word of a record, the following ones are dropped: a host that does not read stops nothing. A record whose
     first words have been taken is waited for.
-
-    Parameters
-    ----------
-    max_matches : int
-        See `HomographyEstimator`.
     """
 
     i_matches: In(stream.Signature(WordPayload))

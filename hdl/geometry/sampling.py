@@ -1,6 +1,5 @@
 """Draws the samples of a pass: four different ranks for each lane."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 import itertools
 
 from amaranth import Array, Cat, Const, Module, Mux, Signal, Value, unsigned

@@ -50,11 +50,6 @@ class HomographyScoring(wiring.Component):
     ----------
     max_matches : int
         Matches that the memory holds, 1 to 2048. A larger set is not scored, see `ScoreCause.TOO_MANY_MATCHES`.
-
-    Raises
-    ------
-    ValueError
-        For a number of matches outside 1 to 2048.
     """
 
     i_matches: stream.Interface
@@ -73,8 +68,6 @@ class HomographyScoring(wiring.Component):
     """From a hypothesis at the input of an idle block to its score, with one match; each further match adds a clock."""
 
     def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
-        if not 1 <= max_matches <= MAX_MATCHES:
-            raise ValueError(f"max_matches is {max_matches}; it must be 1 to {MAX_MATCHES}")
         self.max_matches = max_matches
         support = max_matches * WEIGHT.max_raw
         self._result = data.StructLayout(

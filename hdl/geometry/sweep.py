@@ -1,6 +1,5 @@
 """Reads all matches once for a homography: its score, the list of its inliers, and where they lie."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Module, Mux, Signal, Value, unsigned
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out

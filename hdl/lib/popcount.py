@@ -28,14 +28,9 @@ class Popcount(wiring.Component):
     Parameters
     ----------
     bits : int
-        Planes to count, at least 3.
+        Planes to count.
     lanes : int
         Width of a plane.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than 3 planes.
     """
 
     i_valid: Signal
@@ -45,11 +40,7 @@ class Popcount(wiring.Component):
     o_counts: Sequence[Signal]
     """A count for each lane."""
 
-    latency_cycles: int
-
     def __init__(self, *, bits: int, lanes: int) -> None:
-        if bits < 3:
-            raise ValueError(f"bits is {bits}; it must be at least 3")
         self.bits = bits
         self.lanes = lanes
         # The layers are counted without hardware: the latency has to be known before elaboration.

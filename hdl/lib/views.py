@@ -12,15 +12,7 @@ def view_signal(
     """Make ``Signal(layout)``, typed as the view that it is.
 
     Amaranth makes the view in a metaclass, which mypy does not follow: to mypy, the call returns a plain ``Signal``
-    without fields.
-
-    Parameters
-    ----------
-    layout : Layout or subclass of Struct
-    name : str or None
-        None: the name of the variable that the signal is assigned to, as with ``Signal``.
-    reset_less : bool
-        Whether a reset leaves the signal unchanged.
+    without fields. ``name`` and ``reset_less`` are those of ``Signal``.
     """
     # One frame further up, or every signal would be named after a variable in here.
     signal = Signal(layout, src_loc_at=1, name=name, reset_less=reset_less)

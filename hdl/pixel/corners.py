@@ -38,7 +38,6 @@ class Corners(wiring.Component):
         Its ``detector`` and ``threshold`` are ignored: they are set at run time.
     width_px : int
         Largest width of a line.
-    pixels_per_clock : {1, 2}
     """
 
     i: data.View
@@ -50,11 +49,6 @@ class Corners(wiring.Component):
     o: data.View
     """Beats of `hdl.pixel.nms.NEIGHBOURHOOD`: corners, including unspecified ones near the border, which the level
     removes."""
-
-    lag_px: int
-    """From the scan position to the pixel that the output describes."""
-    latency_cycles: int
-    """From a beat to its result."""
 
     def __init__(self, *, config: FrontEndConfig, width_px: int, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock
@@ -115,11 +109,7 @@ class Corners(wiring.Component):
         for detector, chosen in ((tensor, ~self.i_fast), (fast, self.i_fast)):
             carry_scan(m, columns.o, detector.i, 0)
             m.d.comb += detector.i.valid.eq(columns.o.valid & chosen)
-        m.d.comb += [
-            columns.i.eq(self.i),
-            columns.i_fast.eq(self.i_fast),
-            tensor.i.column.eq(columns.o.gradients),
-        ]
+        m.d.comb += [columns.i.eq(self.i), columns.i_fast.eq(self.i_fast), tensor.i.column.eq(columns.o.gradients)]
         tensors = pixel_beats(tensor.o, self.pixels_per_clock)
         harris = zip(tensors, self._raw_responses, self._response_codes, strict=True)
         for pixel_tensor, raw_response, response_code in harris:

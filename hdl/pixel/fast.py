@@ -33,7 +33,6 @@ class Fast(wiring.Component):
     ----------
     lag_px : int
         At least 3. With more, the window lies further up and left, so that results meet those of a larger window.
-    pixels_per_clock : {1, 2}
 
     Raises
     ------
@@ -50,11 +49,8 @@ class Fast(wiring.Component):
 
     lines: int
     """Gray pixels of a column, ``lag_px + 4``."""
-    lag_px: int
-    """From the scan position to the pixel that the output describes."""
     # Clocks: window; brighter pixels; their arcs; complement; two for each bit; difference; threshold.
     latency_cycles = Window.latency_cycles + 3 + 2 * PIXEL.bits + 2
-    """From a beat to its result."""
 
     def __init__(self, *, lag_px: int = MARGIN_PX, pixels_per_clock: int = 1) -> None:
         if lag_px < MARGIN_PX:

@@ -31,7 +31,6 @@ class GradientColumns(wiring.Component):
         Apply the 3x3 binomial before the gradients.
     width_px : int
         Largest width of a line.
-    pixels_per_clock : {1, 2}
     """
 
     i: data.View
@@ -49,8 +48,6 @@ class GradientColumns(wiring.Component):
     """Lag of the newest line."""
     pixel_lag_px: int
     """Lag of the newest line."""
-    latency_cycles: int
-    """From a beat to its result."""
 
     def __init__(self, *, smoothed: bool, width_px: int, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock

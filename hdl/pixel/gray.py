@@ -11,12 +11,7 @@ from hdl.streams import add_submodules, beat, carry_scan, pixelwise
 
 
 class Gray(wiring.Component):
-    """``(77 R + 150 G + 29 B + 128) >> 8`` (thesis, equation IV-1), or the input unchanged where it is gray already.
-
-    Parameters
-    ----------
-    pixels_per_clock : {1, 2}
-    """
+    """``(77 R + 150 G + 29 B + 128) >> 8`` (thesis, equation IV-1), or the input unchanged where it is gray already."""
 
     i: data.View
     """Beats of ``data``, as in `hdl.streams.pixel_payload`."""
@@ -25,9 +20,6 @@ class Gray(wiring.Component):
     o: data.View
     """Beats of ``pixel``, 8 bits."""
 
-    latency_cycles: int
-    """From a beat to its result."""
-
     def __init__(self, *, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock
         # In the order of the bytes on the bus: UG934 puts G lowest, then B, then R.
@@ -35,11 +27,7 @@ class Gray(wiring.Component):
         self._lumas = [WeightedSum(weights=weights, shape=unsigned(8)) for _ in range(pixels_per_clock)]
         self.latency_cycles = self._lumas[0].latency_cycles + 1
         super().__init__(
-            {
-                "i": In(beat(pixels_per_clock, data=24)),
-                "i_gray_input": In(1),
-                "o": Out(beat(pixels_per_clock, pixel=8)),
-            }
+            {"i": In(beat(pixels_per_clock, data=24)), "i_gray_input": In(1), "o": Out(beat(pixels_per_clock, pixel=8))}
         )
 
     def elaborate(self, platform: object) -> Module:

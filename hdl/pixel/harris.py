@@ -1,6 +1,5 @@
 """The Harris corner measure (thesis, equations III-6 and III-7), pipelined for DSP slices."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Const, Module, Mux, Shape, Value, signed, unsigned
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
@@ -37,12 +36,6 @@ class StructureTensor(wiring.Component):
     Parameters
     ----------
     window_px : {3, 5}
-    pixels_per_clock : {1, 2}
-
-    Raises
-    ------
-    ValueError
-        For another window.
     """
 
     i: data.View
@@ -51,13 +44,8 @@ class StructureTensor(wiring.Component):
     """Beats of `TENSOR`."""
 
     lag_px = TENSOR_LINES // 2
-    """From the scan position to the pixel that the output describes."""
-    latency_cycles: int
-    """From a beat to its result."""
 
     def __init__(self, *, window_px: int, pixels_per_clock: int = 1) -> None:
-        if window_px not in (3, 5):
-            raise ValueError(f"window_px is {window_px}; valid: 3, 5")
         self.window_px = window_px
         self.pixels_per_clock = pixels_per_clock
         square, mixed = unsigned(2 * GRADIENT.bits - 2), signed(2 * GRADIENT.bits - 1)
@@ -114,7 +102,6 @@ class RawResponse(wiring.Component):
     """`golden_model.formats.RAW_RESPONSE`."""
 
     latency_cycles = 1 + Multiplier.latency_cycles + 1
-    """From a beat to its result."""
 
     def __init__(self, *, k_numerator: int, k_shift: int) -> None:
         self.k_numerator = k_numerator
@@ -156,7 +143,6 @@ class ResponseCode(wiring.Component):
     """`golden_model.formats.RESPONSE_CODE`."""
 
     latency_cycles = 6
-    """From a beat to its result."""
 
     def elaborate(self, platform: object) -> Module:
         """Shift right until 11 bits are left, put the number of shifts in front, compare with the threshold."""

@@ -33,12 +33,6 @@ class Suppression(wiring.Component):
         Harris's window is (2 radius_px + 1) squared.
     width_px : int
         Largest width of a line.
-    pixels_per_clock : {1, 2}
-
-    Raises
-    ------
-    ValueError
-        For another radius.
     """
 
     i: data.View
@@ -48,14 +42,7 @@ class Suppression(wiring.Component):
     o: data.View
     """Beats of `NEIGHBOURHOOD`."""
 
-    lag_px: int
-    """From the scan position to the pixel that the output describes."""
-    latency_cycles: int
-    """From a beat to its result."""
-
     def __init__(self, *, radius_px: int, width_px: int, pixels_per_clock: int = 1) -> None:
-        if radius_px not in (1, 3):
-            raise ValueError(f"radius_px is {radius_px}; valid: 1, 3")
         self.radius_px = radius_px
         self.pixels_per_clock = pixels_per_clock
         self.lag_px = radius_px

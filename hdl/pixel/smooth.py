@@ -17,12 +17,6 @@ class Binomial(wiring.Component):
     ----------
     window_px : {1, 3, 5}
         1 passes the pixels unchanged.
-    pixels_per_clock : {1, 2}
-
-    Raises
-    ------
-    ValueError
-        For another window.
     """
 
     i: data.View
@@ -30,14 +24,7 @@ class Binomial(wiring.Component):
     o: data.View
     """Beats of ``pixel``."""
 
-    lag_px: int
-    """From the scan position to the pixel that the output describes."""
-    latency_cycles: int
-    """From a beat to its result."""
-
     def __init__(self, *, window_px: int, pixels_per_clock: int = 1) -> None:
-        if window_px not in (1, 3, 5):
-            raise ValueError(f"window_px is {window_px}; valid: 1, 3, 5")
         self.window_px = window_px
         self.pixels_per_clock = pixels_per_clock
         self.lag_px = window_px // 2

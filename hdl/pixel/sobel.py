@@ -14,12 +14,7 @@ DERIVE = (1, 0, -1)
 
 
 class Sobel(wiring.Component):
-    """Horizontal and vertical 3x3 gradients, positive where the image brightens to the right and downwards.
-
-    Parameters
-    ----------
-    pixels_per_clock : {1, 2}
-    """
+    """Horizontal and vertical 3x3 gradients, positive where the image brightens to the right and downwards."""
 
     i: data.View
     """Beats of ``column``: 3 pixels, the newest line first."""
@@ -27,9 +22,6 @@ class Sobel(wiring.Component):
     """Beats of ``gradient_x`` and ``gradient_y``, `golden_model.formats.GRADIENT`."""
 
     lag_px = 1
-    """From the scan position to the pixel that the output describes."""
-    latency_cycles: int
-    """From a beat to its result."""
 
     def __init__(self, *, pixels_per_clock: int = 1) -> None:
         self.pixels_per_clock = pixels_per_clock

@@ -1,6 +1,5 @@
 """The adaptive threshold: keeps the number of features steady, without a division."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Array, Module, Mux, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out

@@ -29,7 +29,7 @@ class LineBuffer(wiring.Component):
     Raises
     ------
     ValueError
-        For fewer than 1 line, or a width below 5 beats.
+        For a width below 5 beats.
     """
 
     i: data.View
@@ -38,11 +38,8 @@ class LineBuffer(wiring.Component):
     """Beats of ``column``, where ``column[r]`` is the pixel r lines above the scan position."""
 
     latency_cycles = LineMemory.latency_cycles + 1
-    """From a beat to its result."""
 
     def __init__(self, *, shape: ShapeLike, lines: int, width_px: int, pixels_per_clock: int = 1) -> None:
-        if lines < 1:
-            raise ValueError(f"lines is {lines}; it must be at least 1")
         if width_px < 5 * pixels_per_clock:
             raise ValueError(
                 f"width_px is {width_px}; it must be at least {5 * pixels_per_clock}: a read precedes its write by 5"
@@ -97,7 +94,6 @@ class Window(wiring.Component):
         Shape of a column.
     columns : int
         Columns of the window around a pixel.
-    pixels_per_clock : {1, 2}
     """
 
     i: data.View
@@ -107,11 +103,8 @@ class Window(wiring.Component):
     of two pixels overlap, so that there is one column more than in one window."""
 
     latency_cycles = 1
-    """From a beat to its result."""
 
     def __init__(self, *, shape: ShapeLike, columns: int, pixels_per_clock: int = 1) -> None:
-        if columns < 1:
-            raise ValueError(f"columns is {columns}; it must be at least 1")
         self.shape = shape
         self.columns = columns
         self.pixels_per_clock = pixels_per_clock
@@ -152,7 +145,6 @@ class OffsetColumns(wiring.Component):
         Pixels of an output column.
     distance_px : int
         Offset of the output columns, up and left.
-    pixels_per_clock : {1, 2}
     """
 
     i: data.View
@@ -161,7 +153,6 @@ class OffsetColumns(wiring.Component):
     """Beats of ``column``: ``rows`` pixels, the newest line first."""
 
     latency_cycles = Window.latency_cycles
-    """From a beat to its result."""
 
     def __init__(self, *, shape: ShapeLike, rows: int, distance_px: int, pixels_per_clock: int = 1) -> None:
         self.rows = rows
@@ -198,16 +189,12 @@ class SeparableSum(wiring.Component):
         Weights, for the newest line and column first.
     shape : Shape
         Shape of a pixel.
-    pixels_per_clock : {1, 2}
     """
 
     i: data.View
     """Beats of ``column``: ``len(vertical)`` pixels, the newest line first."""
     o: data.View
     """Beats of ``sum``, as wide as the range of the sum needs and no wider."""
-
-    latency_cycles: int
-    """From a beat to its result."""
 
     def __init__(
         self, *, vertical: tuple[int, ...], horizontal: tuple[int, ...], shape: Shape, pixels_per_clock: int = 1

@@ -1,6 +1,5 @@
 """Ranks the features of each cell in a cell row as they arrive."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Array, Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data, memory, wiring
 from amaranth.lib.wiring import In, Out

@@ -29,7 +29,6 @@ class LevelScan(wiring.Component):
         features are counted before the next frame starts.
     cells : bool
         Whether there are cell rows; without them the level is a single row.
-    pixels_per_clock : {1, 2}
 
     Raises
     ------
@@ -52,7 +51,6 @@ class LevelScan(wiring.Component):
     """The latest beat is one of the last ``WARNING_BEATS`` before the end of a cell row."""
 
     latency_cycles = 3
-    """From a beat to its result."""
     closing_lines: int
     """Lines from the one that ends the level to the last."""
 

@@ -27,11 +27,6 @@ class CellSelection(wiring.Component):
         Largest width of the level.
     spacing_cycles : int
         Smallest distance of two features in clocks.
-
-    Raises
-    ------
-    ValueError
-        If the width is below 1.
     """
 
     i: data.View
@@ -55,8 +50,6 @@ class CellSelection(wiring.Component):
     adds one clock."""
 
     def __init__(self, *, pattern: DescriptorPattern, width_px: int, spacing_cycles: int = 2) -> None:
-        if width_px < 1:
-            raise ValueError(f"width_px is {width_px}; it must be at least 1")
         self.pattern = pattern
         self.spacing_cycles = spacing_cycles
         self.cells = -(-width_px >> MIN_CELL_LOG2)

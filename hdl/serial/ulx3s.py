@@ -1,6 +1,5 @@
 """The top for the ULX3S board (ECP5-85): frames over its USB serial port, records back."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, ClockDomain, ClockSignal, Module, ResetInserter, Signal
 from amaranth.lib import fifo, wiring
 from amaranth.lib.wiring import In, Out

@@ -1,6 +1,5 @@
 """The camera's side: its pixels cross into the accelerator's clock, and whole frames are admitted or dropped."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out

@@ -1,6 +1,5 @@
 """The camera build: from a camera to packets of features, matches and homographies in memory, without software."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import ClockDomain, ClockSignal, Const, Module, ResetInserter, Signal
 from amaranth.lib import stream, wiring
 from amaranth.lib.cdc import ResetSynchronizer

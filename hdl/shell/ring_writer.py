@@ -1,6 +1,5 @@
 """Writes packets into a ring of buffers in memory; the header in front of each is written last."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out

@@ -1,6 +1,5 @@
 """The streaming shell around the accelerator: the camera before it, rings in memory behind it."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from amaranth import Cat, Module, Mux, ResetInserter, Signal, Value
 from amaranth.lib import fifo, stream, wiring
 from amaranth.lib.wiring import In, Out

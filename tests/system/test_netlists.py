@@ -17,7 +17,7 @@ from bench.rules import largest_rules
 from golden_model.config import MIN_FRAME_PX, Config, FrontEndConfig, MatcherConfig
 from hdl.accelerator import AcceleratorTop
 from hdl.blocks import catalogue
-from hdl.blocks.export import export_block, module_ports
+from hdl.blocks.export import find_block, module_ports, write_block
 from hdl.blocks.flat import FlatBlock
 from hdl.build import Build
 from hdl.export.accelerator_bench import make_accelerator_bench
@@ -90,7 +90,7 @@ def assert_equal(folder: Path, name: str, family: str, record_property: Recorder
     if name == "accelerator":
         export_accelerator(folder, platform)
     else:
-        export_block(folder, name)
+        write_block(folder, *find_block(name))
         if platform:
             block = FlatBlock(catalogue.CATALOGUE[name]().component)
             source.write_text(to_verilog(block, name=name, platform=platform))

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from hdl.blocks.catalogue import CATALOGUE
-from hdl.blocks.export import export_block
+from hdl.blocks.export import find_block, write_block
 from skymosaic.cli.export import OWN_NAMES
 from tests.conftest import Run
 from tests.system.command_line import only_error
@@ -28,7 +28,7 @@ def simulate(folder: Path, name: str, *arguments: str) -> subprocess.CompletedPr
     "name", [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow]) for name in CATALOGUE]
 )
 def test_the_bench_passes_from_the_exported_files_alone(tmp_path: Path, name: str) -> None:
-    export_block(tmp_path, name)
+    write_block(tmp_path, *find_block(name))
     run = simulate(tmp_path, name)
     assert run.returncode == 0, run.stdout
     assert re.match(r"PASS: \d+ answers", run.stdout)
@@ -45,7 +45,7 @@ def test_the_bench_passes_from_the_exported_files_alone(tmp_path: Path, name: st
     ids=["a block that computes something else", "another answer", "an input that is missing"],
 )
 def test_the_bench_fails_on_anything_else(tmp_path: Path, file: str, old: str, new: str) -> None:
-    export_block(tmp_path, "fuzzy")
+    write_block(tmp_path, *find_block("fuzzy"))
     path = tmp_path / file
     changed = re.sub(old, new, path.read_text(), count=1)
     assert changed != path.read_text()
@@ -56,7 +56,7 @@ def test_the_bench_fails_on_anything_else(tmp_path: Path, file: str, old: str, n
 
 
 def test_the_bench_writes_waves_when_asked(tmp_path: Path) -> None:
-    export_block(tmp_path, "gray")
+    write_block(tmp_path, *find_block("gray"))
     assert simulate(tmp_path, "gray").returncode == 0
     assert not list(tmp_path.glob("*.vcd"))
     assert simulate(tmp_path, "gray", "+dump=waves.vcd").returncode == 0
@@ -68,7 +68,7 @@ def test_the_bench_writes_waves_when_asked(tmp_path: Path) -> None:
 
 def test_verilator_has_nothing_to_say_about_harris(tmp_path: Path) -> None:
     """Sums and comparisons name the widths of their operands, which Verilog would widen by itself."""
-    export_block(tmp_path, "harris")
+    write_block(tmp_path, *find_block("harris"))
     command = [sys.executable, "-m", "verilator", "--lint-only", "harris.v"]
     lint = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (lint.returncode, lint.stderr) == (0, "")
@@ -76,7 +76,7 @@ def test_verilator_has_nothing_to_say_about_harris(tmp_path: Path) -> None:
 
 def test_an_unknown_block_is_refused_with_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="harris, fast, nms"):
-        export_block(tmp_path / "block", "canny")
+        write_block(tmp_path / "block", *find_block("canny"))
     assert not list(tmp_path.iterdir())
 
 
@@ -101,9 +101,9 @@ def test_the_command_writes_a_block_or_says_what_to_choose(tmp_path: Path, run: 
 
 
 def test_a_block_of_ones_own_is_exported_by_module_and_class(tmp_path: Path) -> None:
-    export_block(tmp_path / "component", "hdl.pixel.gray:Gray")
+    write_block(tmp_path / "component", *find_block("hdl.pixel.gray:Gray"))
     assert "module gray(" in (tmp_path / "component" / "gray.v").read_text()
-    export_block(tmp_path / "block", "hdl.blocks.catalogue:_gray")
+    write_block(tmp_path / "block", *find_block("hdl.blocks.catalogue:_gray"))
     assert (tmp_path / "block" / "_gray_tb.v").exists()
     assert all(re.fullmatch(OWN_NAMES, path.name) for path in (tmp_path / "block").iterdir())
     for name, says in {
@@ -113,5 +113,5 @@ def test_a_block_of_ones_own_is_exported_by_module_and_class(tmp_path: Path) -> 
         "pathlib:Path": "no component",
     }.items():
         with pytest.raises(ValueError, match=says):
-            export_block(tmp_path / "none", name)
+            write_block(tmp_path / "none", *find_block(name))
     assert not (tmp_path / "none").exists()

@@ -11,7 +11,7 @@ from amaranth.hdl import Module, Signal
 from golden_model.formats import TENSOR_TRACE
 from golden_model.pixel import harris
 from hdl.blocks import catalogue
-from hdl.blocks.export import export_block
+from hdl.blocks.export import find_block, write_block
 from hdl.blocks.flat import FlatBlock
 from hdl.blocks.vectors import Block, answer_rows, pixel_rows
 from hdl.lib.ecp5 import Ecp5
@@ -57,7 +57,7 @@ def test_a_block_of_instances_equals_the_golden_model(
 ) -> None:
     monkeypatch.setattr(catalogue, "WIDTH_PX", width_px)
     monkeypatch.setitem(catalogue.CATALOGUE, "raw_response", raw_response)
-    export_block(tmp_path, name)
+    write_block(tmp_path, *find_block(name))
     netlist = to_verilog(FlatBlock(catalogue.CATALOGUE[name]().component), name=name, platform=Ecp5())
     assert sorted(re.findall(r"^  (DP16KD|MULT18X18D) ", netlist, re.MULTILINE)) == cells
     (tmp_path / f"{name}.v").write_text(netlist)

@@ -5,7 +5,6 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
-import pytest
 from amaranth import Module, Mux, Signal
 from amaranth.lib import fifo, wiring
 from amaranth.lib.wiring import In, Out
@@ -164,8 +163,3 @@ def test_words_of_all_packets_are_told_apart_and_an_answer_overtakes_them() -> N
 def test_a_byte_without_stop_bit_is_dropped_and_reported_once() -> None:
     received, _ = talk([0, *command(Command.READ, 8), *command(Command.READ, 8)], answers=12, stop_bits=False)
     assert received == answer(0, status=0x80) + answer(0)
-
-
-def test_too_few_clocks_for_a_bit_are_refused() -> None:
-    with pytest.raises(ValueError, match="clocks_per_bit is 3"):
-        UartReceiver(clocks_per_bit=3)
