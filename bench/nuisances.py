@@ -31,6 +31,7 @@ IMAGES = 10
 MIN_OVERLAP = 0.1
 THERMAL_BASE, THERMAL_NOISE = 7400, 3
 """Raw numbers of an uncooled thermal camera at ground temperature."""
+MURKY_LEVEL, MURKY_CONTRAST = 110, 0.15
 
 Picture = np.ndarray[Any, np.dtype[Any]]
 Render = Callable[[float], Flight]
@@ -102,6 +103,12 @@ def haze(picture: Picture, _number: int, contrast: float) -> Picture:
     return np.asarray((picture * contrast + 220 * (1 - contrast)).astype(np.uint8))
 
 
+def murk(picture: Picture, _number: int, sigma_px: float) -> Picture:
+    """Soft ground of little contrast, brighter towards the light ahead of the camera, as on the sea floor."""
+    soft = MURKY_LEVEL + MURKY_CONTRAST * (cv2.GaussianBlur(picture, (0, 0), sigma_px).astype(float) - MURKY_LEVEL)
+    return np.asarray(np.clip(soft * np.linspace(1.25, 0.65, len(picture))[:, None, None], 0, 255).astype(np.uint8))
+
+
 def overlay(picture: Picture, number: int, lines: float) -> Picture:
     """Lines of white text and a frame at the same place in every picture, as a ground station burns them in."""
     shown = picture.copy()
@@ -151,6 +158,7 @@ NUISANCES = {
     "rolling shutter": Nuisance((2, 6, 12), "shear, px", change=rolling_shutter),
     "text burned in": Nuisance((2, 6, 12), "lines", change=overlay),
     "water": Nuisance((0.3, 0.5, 0.7), "share of the picture", change=water),
+    "soft, murky, lit from ahead": Nuisance((3, 5, 8), "sigma, px", change=murk),
 }
 
 
