@@ -1,6 +1,5 @@
 """Named places on the globe as GeoJSON and KML, for maps and flight planners."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 
 from golden_model.arrays import Points
 from golden_model.text import one_line
+from skymosaic.common.provenance import to_json
 from skymosaic.imagery.images import save_bytes
 
 SUFFIXES = (".geojson", ".kml")
@@ -50,7 +50,7 @@ def _geojson(places: Sequence[Place]) -> bytes:
         geometry = {"type": place.kind, "coordinates": nested}
         about = {"name": place.name, **place.properties}
         features.append({"type": "Feature", "properties": about, "geometry": geometry})
-    return (json.dumps({"type": "FeatureCollection", "features": features}, indent=1) + "\n").encode()
+    return to_json({"type": "FeatureCollection", "features": features})
 
 
 def _kml(title: str, places: Sequence[Place]) -> bytes:

@@ -7,6 +7,7 @@ from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 
+from skymosaic.common.provenance import to_json
 from skymosaic.imagery.images import save_bytes
 from skymosaic.panel.results import find_inside
 
@@ -26,7 +27,7 @@ class Runs:
     def keep(self, folder: Path, title: str) -> Path:
         """Move a finished run's folder here; returns its new place."""
         now = datetime.now().astimezone()
-        save_bytes(folder / MANIFEST, json.dumps({"title": title, "finished": f"{now:%Y-%m-%d %H:%M}"}).encode())
+        save_bytes(folder / MANIFEST, to_json({"title": title, "finished": f"{now:%Y-%m-%d %H:%M}"}))
         return folder.rename(self._folder / f"{now:%Y%m%d-%H%M%S-%f}")
 
     def __iter__(self) -> Iterator[tuple[Path, str, str]]:

@@ -1,7 +1,6 @@
 """Folder, files and HTML of the reports; the templates beside this file escape every value."""
 
 import contextlib
-import json
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -10,7 +9,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from golden_model.text import encodable
 from skymosaic.common.errors import InputError
-from skymosaic.common.provenance import provenance
+from skymosaic.common.provenance import to_json
 from skymosaic.common.temporary import PAGE, staged_folder
 from skymosaic.imagery.images import save_bytes
 
@@ -68,6 +67,6 @@ def render(template: str, **values: object) -> bytes:
 
 
 def write_report_files(folder: Path, numbers: Mapping[str, object], page: bytes) -> None:
-    """Write ``report.json``, which also says what wrote it and when, and ``index.html``."""
-    save_bytes(folder / "report.json", (json.dumps({**provenance(), **numbers}, indent=1) + "\n").encode())
+    """Write ``report.json`` and ``index.html``."""
+    save_bytes(folder / "report.json", to_json(numbers))
     save_bytes(folder / PAGE, page)

@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -13,6 +12,7 @@ import numpy as np
 
 from golden_model.arrays import Pixels
 from skymosaic.common.errors import RegistrationError
+from skymosaic.common.provenance import to_json
 from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.tracking.tracker import TrackedFrame, Tracker
@@ -80,12 +80,8 @@ def follow_video(
 
 def save_corners(path: Path, rows: Sequence[TrackedCorners]) -> None:
     """Write the rows as CSV or JSON, according to the suffix."""
-    text = _json(rows) if path.suffix.lower() == ".json" else _csv(rows)
-    save_bytes(path, text.encode())
-
-
-def _json(rows: Sequence[TrackedCorners]) -> str:
-    return "[\n" + ",\n".join(json.dumps(vars(each)) for each in rows) + "\n]\n"
+    as_json = path.suffix.lower() == ".json"
+    save_bytes(path, to_json({"corners": list(map(vars, rows))}) if as_json else _csv(rows).encode())
 
 
 def _csv(rows: Sequence[TrackedCorners]) -> str:

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
+from golden_model.version import VERSION
 from sim.scene import Pursuit
 from skymosaic.cli.track import track as track_command
 from skymosaic.common.errors import InputError
@@ -101,6 +102,8 @@ def test_corners_are_written_as_json(short_video: Path, roi: Roi, tmp_path: Path
     text = ",".join(map(str, roi))
     track_command(inputs=[short_video], output=tmp_path / "out.mkv", roi=text, corners=tmp_path / "c.json")
     assert (tmp_path / "out.mkv").exists()
-    rows = json.loads((tmp_path / "c.json").read_text())
+    written = json.loads((tmp_path / "c.json").read_text())
+    rows = written["corners"]
+    assert written["version"] == VERSION
     assert [row["frame"] for row in rows] == [0, 1, 2]
     assert all(np.shape(row["corners"]) == (4, 2) for row in rows)

@@ -6,7 +6,6 @@ Results name files relative to it, so that the archive works wherever it is unpa
 
 import csv
 import io
-import json
 import shlex
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -18,6 +17,7 @@ from golden_model.config_file import to_toml
 from golden_model.formats import POSITION, decode_response
 from skymosaic.common.errors import RegistrationError
 from skymosaic.common.options import command_words
+from skymosaic.common.provenance import to_json
 from skymosaic.evaluation.hardware import compare
 from skymosaic.flight.check import check_flight, layout_errors
 from skymosaic.flight.flight import Flight
@@ -206,7 +206,7 @@ def compare_hardware(
     progress(f"computing with the golden model and with {backend}")
     chosen = replace(PhotographOptions(config=config, damaged=options.damaged), **backend_options(backend))
     comparison = compare(left, right, chosen, progress=progress)
-    _write(folder, {"hardware.json": json.dumps(comparison.summary(), indent=2) + "\n"})
+    save_bytes(folder / "hardware.json", to_json(comparison.summary()))
     words = ["skymosaic", "compare", *paths, *command_words(chosen, {"config": CONFIG})]
     return HardwareResult(backend, comparison, shlex.join(words))
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import rasterio.features
 
+from golden_model.version import VERSION
 from skymosaic.flight.fly_again import find_holes
 from skymosaic.maps.features import Place, write_places
 
@@ -82,7 +83,9 @@ def test_places_are_read_as_they_were_written(tmp_path: Path) -> None:
     ]
     for suffix in (".geojson", ".kml"):
         write_places(tmp_path / f"again{suffix}", "fly again", places)
-    features = json.loads((tmp_path / "again.geojson").read_text())["features"]
+    written = json.loads((tmp_path / "again.geojson").read_text())
+    features = written["features"]
+    assert (written["type"], written["version"]) == ("FeatureCollection", VERSION)
     assert [each["geometry"]["type"] for each in features] == ["Polygon", "LineString", "Point"]
     assert features[0]["geometry"]["coordinates"] == [ring.tolist()]
     assert features[0]["properties"] == {"name": "hole & 1", "area_m2": 3.5}

@@ -1,5 +1,6 @@
 """Runs of the mosaic page: the command line beside a result repeats it."""
 
+import json
 import math
 import re
 import shlex
@@ -13,6 +14,7 @@ from PIL import Image
 from PIL.ExifTags import IFD
 from typer.testing import CliRunner
 
+from golden_model.version import VERSION
 from sim.scene import make_lawnmower, make_pair
 from skymosaic.cli import app
 from skymosaic.panel.options import Options
@@ -94,6 +96,7 @@ def test_a_damaged_photograph_that_is_kept_is_compared_too(tmp_path: Path) -> No
     result = compare_hardware(tmp_path, ("0.jpg", "1.jpg"), options, "golden", progress=silent)
     assert result.comparison.mismatch is None
     assert "--damaged keep" in result.command
+    assert json.loads((tmp_path / "hardware.json").read_text())["version"] == VERSION
 
 
 def test_photographs_with_gps_become_a_geotiff_and_name_their_place(tmp_path: Path) -> None:
