@@ -24,18 +24,12 @@ def _as_typed(path: Path | None, _typed: Typed) -> Iterable[Path]:
 
 @dataclass(frozen=True)
 class Writes:
-    """Marks a parameter that names an output; stands behind what Typer reads.
-
-    Attributes
-    ----------
-    own : str
-        Regular expression of the names that the command replaces in a folder; empty for a file.
-    list_outputs : callable
-        Lists the outputs, of what is typed here, None if nothing, and of all that is typed.
-    """
+    """Marks a parameter that names an output; stands behind what Typer reads."""
 
     own: str = ""
+    """Regular expression of the names that the command replaces in a folder; empty for a file."""
     list_outputs: Callable[[Any, Typed], Iterable[Path]] = _as_typed
+    """Lists the outputs, of what is typed here, None if nothing, and of all that is typed."""
 
 
 @dataclass(frozen=True)

@@ -28,48 +28,34 @@ _NUMBERS = {int: Integral, float: Real}
 
 @dataclass(frozen=True)
 class Option:
-    """What an interface has to know of an option.
-
-    Attributes
-    ----------
-    help : str
-        One sentence; other options stand in it in backquotes.
-    group : str
-        One of `GROUPS`.
-    label : str
-        In the panel; empty where the panel does not have it.
-    above, minimum, maximum : float or None
-        Limits of a number; ``above`` itself is not valid.
-    unit, unit_name : int, str
-        The command line counts in multiples of this; what the help there calls them.
-    read : callable or None
-        Makes the value of what is typed on the command line: a file, or a name.
-    read_with : tuple of str
-        Other options whose typed values ``read`` takes after it.
-    parts : mapping of str to str
-        What is typed instead, with a sentence each, where ``read`` makes one value of several files.
-    not_for_two, not_for_more : str
-        Why it has no effect on two photographs, or on more; empty where it has one.
-    name, type, default
-        Of the dataclass field, filled in by `options_of`.
-    """
+    """What an interface has to know of an option."""
 
     help: str
+    """One sentence; other options stand in it in backquotes."""
     group: str = REGISTRATION
+    """One of `GROUPS`."""
     label: str = ""
+    """In the panel; empty where the panel does not have it."""
     above: float | None = None
     minimum: float | None = None
     maximum: float | None = None
+    """Limits of a number; ``above`` itself is not valid."""
     unit: int = 1
     unit_name: str = ""
+    """The command line counts in multiples of this; what the help there calls them."""
     read: Callable[..., Any] | None = None
+    """Makes the value of what is typed on the command line: a file, or a name."""
     read_with: tuple[str, ...] = ()
+    """Other options whose typed values ``read`` takes after it."""
     parts: Mapping[str, str] = field(default_factory=dict)
+    """What is typed instead, with a sentence each, where ``read`` makes one value of several files."""
     not_for_two: str = ""
     not_for_more: str = ""
+    """Why it has no effect on two photographs, or on more; empty where it has one."""
     name: str = ""
     type: Any = None
     default: Any = None
+    """Of the dataclass field, filled in by `options_of`."""
 
     @property
     def choices(self) -> tuple[str, ...]:

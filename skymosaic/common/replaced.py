@@ -25,7 +25,6 @@ def find_replaced(output: Path, files: Iterable[Path], own: str = "") -> tuple[P
 
     Parameters
     ----------
-    output : Path
     files : iterable of Path
         What must stay; of folders, all that is in them.
     own : str

@@ -23,21 +23,14 @@ MIN_FIRING_STRENGTH = 0.25
 
 @dataclass(frozen=True)
 class GoldenSystem:
-    """A fuzzy system whose inputs index tables, as `golden_model.matching.fuzzy` computes it.
-
-    Attributes
-    ----------
-    real : FuzzySystem
-    model : SugenoSystem
-        Each input is an index: 0 at the low end of its range, ``entries - 1`` at the high end. The output is 0 at the
-        low end of its range and 256 (saturated to 255) at the high end; 0 where no rule fires.
-    entries : int
-        Entries per table.
-    """
+    """A fuzzy system whose inputs index tables, as `golden_model.matching.fuzzy` computes it."""
 
     real: FuzzySystem
     model: SugenoSystem
+    """Each input is an index: 0 at the low end of its range, ``entries - 1`` at the high end. The output is 0 at the
+    low end of its range and 256 (saturated to 255) at the high end; 0 where no rule fires."""
     entries: int
+    """Entries per table."""
 
     def positions(self, variable: Input) -> Array:
         """Values of an input at all indices, in its own unit."""
@@ -52,34 +45,24 @@ class GoldenSystem:
 
 @dataclass(frozen=True)
 class ErrorBounds:
-    """Difference between integer model and real numbers, as share of the output's range.
-
-    Attributes
-    ----------
-    largest, mean : float
-        At inputs that are table entries, where a rule fires in both. A degree is rounded by at most 1/512, so that n
-        rules over k inputs are off by at most (n k / S + 1) / 512 where their strengths sum to S (k is 1 for the
-        minimum): large where rules hardly fire at all.
-    firm : float
-        The largest where the strengths sum to at least `MIN_FIRING_STRENGTH`.
-    step : float
-        Largest change of the output between neighbouring entries of an input: an input between two entries is off by
-        at most this much more.
-    silent : float
-        Share of the inputs at which rules fire so weakly that none fires in the model.
-    checked : int
-        Number of inputs that were compared.
-    complete : bool
-        Whether these were all inputs.
-    """
+    """Difference between integer model and real numbers, as share of the output's range."""
 
     largest: float
     mean: float
+    """At inputs that are table entries, where a rule fires in both. A degree is rounded by at most 1/512, so that n
+    rules over k inputs are off by at most (n k / S + 1) / 512 where their strengths sum to S (k is 1 for the minimum):
+    large where rules hardly fire at all."""
     firm: float
+    """The largest where the strengths sum to at least `MIN_FIRING_STRENGTH`."""
     step: float
+    """Largest change of the output between neighbouring entries of an input: an input between two entries is off by at
+    most this much more."""
     silent: float
+    """Share of the inputs at which rules fire so weakly that none fires in the model."""
     checked: int
+    """Number of inputs that were compared."""
     complete: bool
+    """Whether these were all inputs."""
 
 
 def quantise(system: FuzzySystem, entries: int) -> GoldenSystem:

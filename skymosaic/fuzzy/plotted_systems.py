@@ -34,7 +34,6 @@ class PlottedSystem:
 
     Parameters
     ----------
-    title : str
     system : callable
         Creates the system.
     axes : tuple of Axis

@@ -40,7 +40,6 @@ def group_band_sets(
 
     Parameters
     ----------
-    sources : sequence of Source
     band : str or None
         The band that registers the flight; None: green, else the second of numbered bands, else the first.
     tell : callable

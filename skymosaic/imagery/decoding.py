@@ -47,33 +47,22 @@ warnings.filterwarnings("error", category=PillowImage.DecompressionBombWarning)
 
 @dataclass(frozen=True)
 class Header:
-    """A picture as its file declares it.
-
-    Attributes
-    ----------
-    kind : str
-        One of `FORMATS`, or MPO: a JPEG followed by further pictures, which Pillow opens as JPEG.
-    size : (int, int)
-        Width and height as stored, px.
-    orientation : int
-        EXIF orientation, 1 to 8; 1 if it is missing or invalid.
-    sample_bytes : int
-        Size of a decoded value; 2 for 16 bits.
-    decoded_bytes : int
-        Size of the decoded pixels.
-    transparent : bool
-        It has an alpha channel or a transparent colour.
-    nodata : float or None
-        The value that pixels without data have, as GDAL writes it into TIFF.
-    """
+    """A picture as its file declares it."""
 
     kind: str
+    """One of `FORMATS`, or MPO: a JPEG followed by further pictures, which Pillow opens as JPEG."""
     size: tuple[int, int]
+    """Width and height as stored, px."""
     orientation: int
+    """EXIF orientation, 1 to 8; 1 if it is missing or invalid."""
     sample_bytes: int
+    """Size of a decoded value; 2 for 16 bits."""
     decoded_bytes: int
+    """Size of the decoded pixels."""
     transparent: bool
+    """It has an alpha channel or a transparent colour."""
     nodata: float | None = None
+    """The value that pixels without data have, as GDAL writes it into TIFF."""
 
 
 class _MeasuredFile(io.FileIO):
@@ -219,7 +208,6 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
 
     Parameters
     ----------
-    path : Path
     header : Header
         From `read_header`.
     keep_damaged : bool

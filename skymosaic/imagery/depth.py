@@ -22,19 +22,13 @@ _BAND_VALUES = 1 << 22
 
 @dataclass(frozen=True)
 class ValueRange:
-    """The range of values that 8 bits show.
-
-    Attributes
-    ----------
-    low, high : float
-        Shown as 0 and 255; values beyond them saturate.
-    deep : bool
-        The pixels keep their 16-bit numbers; the range only says how to show them.
-    """
+    """The range of values that 8 bits show."""
 
     low: float
     high: float
+    """Shown as 0 and 255; values beyond them saturate."""
     deep: bool = False
+    """The pixels keep their 16-bit numbers; the range only says how to show them."""
 
     @property
     def description(self) -> str:

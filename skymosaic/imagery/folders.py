@@ -27,22 +27,15 @@ NAMED = 5
 
 @dataclass(frozen=True)
 class Listing:
-    """What a folder holds.
-
-    Attributes
-    ----------
-    pictures : tuple of Path
-        What is read, by name, 2 before 10; those of folders inside after those of the folder around them.
-    in_folders : dict of str to int
-        How many pictures the folders inside hold that are not read, by their paths inside the folder.
-    others : dict of str to int
-        How many files are of a kind that cannot be read, by the ends of their names. Those that a camera writes beside
-        a picture of the same name are left out: they show the same.
-    """
+    """What a folder holds."""
 
     pictures: tuple[Path, ...]
+    """What is read, by name, 2 before 10; those of folders inside after those of the folder around them."""
     in_folders: dict[str, int]
+    """How many pictures the folders inside hold that are not read, by their paths inside the folder."""
     others: dict[str, int]
+    """How many files are of a kind that cannot be read, by the ends of their names. Those that a camera writes beside a
+    picture of the same name are left out: they show the same."""
 
     def describe_unread(self, remedy: str = "name them, or add `recursive`") -> str:
         """What is not read and what to do, in one phrase; empty if that is nothing. ``remedy`` is for folders."""

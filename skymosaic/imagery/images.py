@@ -28,30 +28,20 @@ PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 
 @dataclass(frozen=True)
 class Photograph:
-    """A decoded photograph.
-
-    Attributes
-    ----------
-    name : str
-        The file as given, or ``"image N"`` for an array.
-    pixels : ndarray of uint8, shape (H, W) or (H, W, 3)
-        Gray or BGR, turned upright by the EXIF orientation.
-    notes : tuple of str
-        Changes made to the file's pixels, for instance a rotation.
-    value_range : ValueRange or None
-        The range that 8 bits show, for a file of more than 8 bits.
-    sample : ndarray
-        Values of a file of more than 8 bits, from `skymosaic.imagery.depth.sample_values`; else empty.
-    visible : ndarray of uint8, shape (H, W), or None
-        0 where the file has no data or is transparent, else 255; None: 255 everywhere.
-    """
+    """A decoded photograph."""
 
     name: str
+    """The file as given, or ``"image N"`` for an array."""
     pixels: Pixels
+    """Gray (H, W) or BGR (H, W, 3), turned upright by the EXIF orientation."""
     notes: tuple[str, ...] = ()
+    """Changes made to the file's pixels, for instance a rotation."""
     value_range: ValueRange | None = None
+    """The range that 8 bits show, for a file of more than 8 bits."""
     sample: NDArray[np.generic] = field(default_factory=lambda: np.zeros(0, np.uint8))
+    """Values of a file of more than 8 bits, from `skymosaic.imagery.depth.sample_values`; else empty."""
     visible: Pixels | None = None
+    """0 where the file has no data or is transparent, else 255, (H, W); None: 255 everywhere."""
 
     def with_note(self, note: str) -> Self:
         """This photograph with one more note."""
@@ -70,7 +60,6 @@ def load(
 
     Parameters
     ----------
-    source : str, Path or ndarray
     name : str
         Name of an array, for messages.
     keep_damaged : bool
@@ -215,12 +204,10 @@ def check_output_folder(path: Path, inputs: Sequence[Path] = (), own: str = "", 
 
     Parameters
     ----------
-    path : Path
     inputs : sequence of Path
         Files that must stay.
     own : str
         Regular expression of the names in the folder that will be replaced.
-    overwrite : bool
 
     Raises
     ------

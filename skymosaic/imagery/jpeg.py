@@ -62,7 +62,6 @@ def decode_strictly(data: bytes, path: Path, *, area_px: int, orientation: int) 
 
     Parameters
     ----------
-    data : bytes
     path : Path
         Name of the file, for messages.
     area_px : int

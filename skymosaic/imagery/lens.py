@@ -25,25 +25,17 @@ SAME_SHAPE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """Removes distortion from photographs and masks the pixels that do not show the ground.
-
-    Attributes
-    ----------
-    size : (int, int) or None
-        Width and height of the calibration images; photographs of another size are assumed to be resized, and to have
-        been turned if they are upright.
-    matrix : ndarray of float64, shape (3, 3), or None
-        Calibration matrix K at that size, pixel centres at integers; None: no distortion.
-    distortion : ndarray of float64, shape (5,), or None
-        k1, k2, p1, p2, k3 of OpenCV's model.
-    mask : ndarray of uint8, shape (H, W), or None
-        0 where photographs do not show the ground; resized to each photograph.
-    """
+    """Removes distortion from photographs and masks the pixels that do not show the ground."""
 
     size: tuple[int, int] | None = None
+    """Width and height of the calibration images; photographs of another size are assumed to be resized, and to have
+    been turned if they are upright."""
     matrix: Array | None = None
+    """Calibration matrix K at that size, pixel centres at integers; None: no distortion."""
     distortion: Array | None = None
+    """Coefficients k1, k2, p1, p2, k3 of OpenCV's model."""
     mask: Pixels | None = None
+    """0 where photographs do not show the ground, (H, W); resized to each photograph."""
 
     @cached_property
     def key(self) -> str:

@@ -42,29 +42,20 @@ class Warp(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A photograph of a flight: a file, or an array of pixels.
-
-    Attributes
-    ----------
-    index : int
-        Index among the given photographs.
-    name : str
-        The file as given, or ``"image N"``.
-    content : Path or ndarray of uint8, shape (H, W) or (H, W, 3) BGR
-    keep_damaged : bool
-        Use a damaged file as far as it can be decoded.
-    warp : Warp or None
-        Applied to the straightened pixels.
-    bands : mapping of str to Source
-        All bands of a multi-band set, in the order of the output; empty for a photograph.
-    """
+    """A photograph of a flight: a file, or an array of pixels."""
 
     index: int
+    """Index among the given photographs."""
     name: str
+    """The file as given, or ``"image N"``."""
     content: Path | Pixels
+    """A file, or pixels: gray (H, W) or BGR (H, W, 3)."""
     keep_damaged: bool = False
+    """Use a damaged file as far as it can be decoded."""
     warp: Warp | None = None
+    """Applied to the straightened pixels."""
     bands: Mapping[str, Source] = field(default_factory=dict)
+    """All bands of a multi-band set, in the order of the output; empty for a photograph."""
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -174,7 +165,6 @@ def list_sources(
 
     Parameters
     ----------
-    images : str, Path or ndarray, or several
     tell : callable
         Receives a line for each folder with more than is read.
     recursive : bool

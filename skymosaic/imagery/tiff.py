@@ -28,7 +28,6 @@ def check_tiff(data: bytes, path: Path, *, area_px: int, max_bytes: int) -> NDAr
 
     Parameters
     ----------
-    data : bytes
     path : Path
         Name of the file, for messages.
     area_px : int

@@ -27,7 +27,6 @@ def find_visible(decoded: NDArray[Any], data: bytes, header: Header) -> Pixels |
         Upright pixels, without alpha.
     data : bytes
         The file.
-    header : Header
 
     Returns
     -------

@@ -28,43 +28,27 @@ _NAME = re.compile(rf'"([^"]+)"|(.*?(?:{"|".join(map(re.escape, PICTURE_SUFFIXES
 
 @dataclass(frozen=True)
 class Sighting:
-    """A control point as a photograph shows it.
-
-    Attributes
-    ----------
-    point : int
-        Index of the control point.
-    photograph : str
-        Name of the file, with as many of its folders as the file of control points has.
-    x_px, y_px : float
-        Its place in the file's pixels, centres at integers.
-    """
+    """A control point as a photograph shows it."""
 
     point: int
+    """Index of the control point."""
     photograph: str
+    """Name of the file, with as many of its folders as the file of control points has."""
     x_px: float
     y_px: float
+    """Its place in the file's pixels, centres at integers."""
 
 
 @dataclass(frozen=True, eq=False)
 class ControlPoints:
-    """The control points of a file.
-
-    Attributes
-    ----------
-    name : str
-        Name of the file, for messages.
-    crs : str
-        The map's coordinate system, in metres.
-    metres : (N, 2) float64 ndarray
-        East and north.
-    names : tuple of str
-    sightings : tuple of Sighting
-    """
+    """The control points of a file."""
 
     name: str
+    """Name of the file, for messages."""
     crs: str
+    """The map's coordinate system, in metres."""
     metres: Points
+    """East and north, (N, 2)."""
     names: tuple[str, ...]
     sightings: tuple[Sighting, ...]
 

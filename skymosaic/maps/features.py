@@ -19,22 +19,14 @@ _KML = "http://www.opengis.net/kml/2.2"
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """A place with a name.
-
-    Attributes
-    ----------
-    name : str
-    kind : {"Polygon", "LineString", "Point"}
-    degrees : ndarray of float64, shape (N, 2)
-        Longitudes and latitudes; of a polygon counter-clockwise, and the last repeats the first.
-    properties : mapping of str to object
-        Further facts, for GeoJSON.
-    """
+    """A place with a name."""
 
     name: str
     kind: Literal["Polygon", "LineString", "Point"]
     degrees: Points
+    """Longitudes and latitudes (N, 2); of a polygon counter-clockwise, and the last repeats the first."""
     properties: Mapping[str, object] = field(default_factory=dict)
+    """Further facts, for GeoJSON."""
 
 
 def write_places(path: Path, title: str, places: Sequence[Place]) -> None:

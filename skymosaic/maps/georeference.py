@@ -46,31 +46,21 @@ GDAL_CACHE_BYTES = 64 << 20
 
 @dataclass(frozen=True, eq=False)
 class Georeference:
-    """Position of a mosaic on the map.
-
-    Attributes
-    ----------
-    crs : str
-        The map's coordinate system as rasterio reads it, for instance EPSG:32615; in metres.
-    to_map : ndarray of float64, shape (3, 3)
-        Pixels, centres at integers, to metres east and north: a similarity.
-    residual_m : float
-        Root mean square distance of the agreeing positions from their places on the map.
-    offsets_m : tuple of float
-        Distance of each position from its place on the map, NaN without a position.
-    disagreeing : tuple of int
-        Indices of positions too far off, which the fit leaves out.
-    scale_error : float
-        The scale is true within this share of it in 95 % of cases, if the errors of the positions that agree are
-        independent; NaN for two.
-    """
+    """Position of a mosaic on the map."""
 
     crs: str
+    """The map's coordinate system as rasterio reads it, for instance EPSG:32615; in metres."""
     to_map: Matrix
+    """Pixels, centres at integers, to metres east and north: a similarity."""
     residual_m: float
+    """Root mean square distance of the agreeing positions from their places on the map."""
     offsets_m: tuple[float, ...] = ()
+    """Distance of each position from its place on the map, NaN without a position."""
     disagreeing: tuple[int, ...] = ()
+    """Indices of positions too far off, which the fit leaves out."""
     scale_error: float = math.nan
+    """The scale is true within this share of it in 95 % of cases, if the errors of the positions that agree are
+    independent; NaN for two."""
 
     @property
     def residual_of_all_m(self) -> float:

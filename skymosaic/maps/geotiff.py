@@ -123,7 +123,6 @@ def write_cog(path: Path, raster: Path, compress: str = "deflate") -> None:
 
     Parameters
     ----------
-    path : Path
     raster : Path
         From `tee_to_raster`. GDAL can only lay out overviews once it has all pixels.
     compress : {"deflate", "jpeg"}

@@ -17,20 +17,13 @@ ACCURACY_COLUMN = 6
 
 @dataclass(frozen=True)
 class Fix:
-    """Where a camera was.
-
-    Attributes
-    ----------
-    photograph : str
-        Name of the file, with as many of its folders as the file of positions has.
-    position : Position
-    accuracy_m : float or None
-        Horizontal standard deviation.
-    """
+    """Where a camera was."""
 
     photograph: str
+    """Name of the file, with as many of its folders as the file of positions has."""
     position: Position
     accuracy_m: float | None
+    """Horizontal standard deviation."""
 
 
 @dataclass(frozen=True)

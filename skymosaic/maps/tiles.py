@@ -35,22 +35,15 @@ OWN_NAMES = "|".join([re.escape(PAGE), *map(str, range(MAX_ZOOM + 1))])
 
 @dataclass(frozen=True)
 class Pyramid:
-    """The tiles of a mosaic.
-
-    Attributes
-    ----------
-    georeferenced : bool
-        Whether columns and rows count from Web Mercator's north-west corner, or from the mosaic's.
-    zoom : int
-        The deepest zoom.
-    first, last : (int, int)
-        Column and row of the first and of the last tile at the deepest zoom.
-    """
+    """The tiles of a mosaic."""
 
     georeferenced: bool
+    """Whether columns and rows count from Web Mercator's north-west corner, or from the mosaic's."""
     zoom: int
+    """The deepest zoom."""
     first: tuple[int, int]
     last: tuple[int, int]
+    """Column and row of the first and of the last tile at the deepest zoom."""
 
     @property
     def top(self) -> int:
@@ -69,7 +62,6 @@ def write_tiles(folder: Path, raster: Path, title: str, values: ValueRange | Non
         Created if it is missing; tiles of an earlier mosaic in it are removed.
     raster : Path
         From `skymosaic.maps.geotiff.tee_to_raster`.
-    title : str
     values : ValueRange or None
         How 8 bits show 16.
 

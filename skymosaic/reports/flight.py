@@ -38,7 +38,6 @@ def write_report(folder: Path, flight: Flight, deliveries: Sequence[Delivery]) -
     ----------
     folder : Path
         Created if it is missing.
-    flight : Flight
     deliveries : sequence of Delivery
         Its mosaics, the largest first. Empty if it could not be linked: a pair's report then shows why.
     """
