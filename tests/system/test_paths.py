@@ -53,3 +53,9 @@ def test_every_module_of_model_and_hardware_that_computes_has_tests_at_its_path(
     computing = [path.relative_to(ROOT) for path in modules if path.stem != "__init__" and computes(path)]
     assert len(computing) > 100
     assert [path for path in computing if not (ROOT / "tests" / path).with_name(f"test_{path.name}").exists()] == []
+
+
+def test_the_tests_of_a_file_run_in_one_process(request: pytest.FixtureRequest) -> None:
+    """Otherwise each process makes what they share: pytest-xdist is silent about groups that it does not see."""
+    name = request.node.nodeid
+    assert name.endswith("@" + name.partition("::")[0]) or not request.config.getoption("loadgroup", False)
