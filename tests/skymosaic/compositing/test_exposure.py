@@ -189,6 +189,13 @@ def test_light_that_changes_within_photographs_is_evened_out(sunlit: list[Layer]
     assert np.quantile(left, 0.9) < 0.1
 
 
+def test_the_levels_of_a_camera_are_those_of_its_darkest_and_brightest_photographs() -> None:
+    samples = [np.array(ends, np.uint16) for ends in ([300, 900], [100, 3000], [200, 700])]
+    assert estimate_levels(samples, [None, None, None]) == (0, 4095)
+    # A photograph cannot be darker than black.
+    assert estimate_levels(samples, [150.0, None, 170.0]) == (100, 4095)
+
+
 def test_even_light_gets_no_fields() -> None:
     assert all(tone.light is None for tone in estimate_tones(strip(np.ones((8, 1)))))
 

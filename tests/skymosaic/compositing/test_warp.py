@@ -11,6 +11,7 @@ from skymosaic.compositing.warp import (
     CanvasError,
     enclosing_canvas,
     footprint,
+    magnification,
     nearness,
     shrink,
     source_window,
@@ -68,6 +69,13 @@ def test_image_that_reaches_behind_the_camera_is_refused(sign: int) -> None:
     for width in (91, 120):
         with pytest.raises(CanvasError, match=f"{width}x100 px would lie behind the camera"):
             enclosing_canvas([(width, 100)], [sign * horizon])
+
+
+def test_the_magnification_is_that_of_the_area_in_the_middle() -> None:
+    assert magnification((301, 201), shift(70, -30) @ np.diag([2.0, 4.5, 1])) == pytest.approx(3)
+    # The middle is where the denominator is 1: from there, one pixel more is 1 / 1.002 of the way.
+    leaning = np.array([[2.0, 0, 0], [0, 2, 0], [2e-3, 0, 1 - 0.3]])
+    assert magnification((301, 201), leaning) == pytest.approx(np.sqrt((302 / 1.002 - 300) * 2), rel=1e-6)
 
 
 @pytest.mark.parametrize("sign", [1, -1])

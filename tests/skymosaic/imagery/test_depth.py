@@ -33,6 +33,12 @@ def test_a_thumbnail_is_shown_in_another_range() -> None:
     np.testing.assert_array_equal(own.show_as(np.array([[0, 255]], np.uint8), flight), [[64, 128]])
 
 
+def test_8_bits_become_numbers_of_the_range_within_16_bits() -> None:
+    shown = np.array([[0, 51, 255]], np.uint8)
+    np.testing.assert_array_equal(ValueRange(0, 65_535).to_16_bit(shown), [[0, 13_107, 65_535]])
+    np.testing.assert_array_equal(ValueRange(-500, 70_000).to_16_bit(shown), [[0, 13_600, 65_535]])
+
+
 @pytest.mark.parametrize("values", [ValueRange(0, 40_000), ValueRange(0, 40_000, deep=True)])
 def test_the_same_number_is_shown_alike_in_all_photographs(tmp_path: Path, values: ValueRange) -> None:
     for name, brightest in (("dark", 20_000), ("bright", 40_000)):
