@@ -11,7 +11,7 @@ import typer
 from skymosaic.cli.options import OverwriteOption, output_option, with_options
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import InputError, noting
 from skymosaic.imagery import images
 from skymosaic.imagery.key_frames import name_frame
 from skymosaic.imagery.video import OUTPUT_SUFFIXES, VideoReader
@@ -45,6 +45,7 @@ def track(
     reader = VideoReader(video)
     tracker = Tracker(template, options)
     start = time.perf_counter()
+    failures: list[str] = []
     with session.working("tracking") as step:
 
         def report(frame: TrackedFrame, row: TrackedCorners) -> None:
@@ -54,16 +55,20 @@ def track(
             if session.animated or frame.number % LINE_EVERY_FRAMES == 0:
                 step(f"frame {frame.number}")
 
-        rows = follow_video(tracker, reader, output, report)
-    session.wrote(output)
+        rows = follow_video(tracker, reader, output, report, failures if corners else None)
+    if not failures:
+        session.wrote(output)
     session.numbers = {"frames": len(rows), "corners": [dataclasses.asdict(each) for each in rows]}
     if corners:
-        save_corners(corners, rows)
-        session.wrote(corners)
+        with noting(failures):
+            save_corners(corners, rows)
+            session.wrote(corners)
     session.seconds["tracking"] = time.perf_counter() - start
     _show_summary(rows, session.seconds["tracking"] / len(rows))
     for note in reader.notes:
         session.warn(f"{video}: {note}")
+    if failures:
+        raise InputError("; ".join(failures))
     session.show(f"video {output}" + (f", corners {corners}" if corners else ""))
 
 

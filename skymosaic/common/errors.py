@@ -17,6 +17,10 @@ class InputError(_OneLineError):
     """An input is unusable; the message names it and says what is wrong and what to do (exit status 2)."""
 
 
+class OutputError(InputError):
+    """An output cannot be written: no permission, a full disk."""
+
+
 class DamagedError(InputError):
     """A photograph's file is damaged in a part of its picture, but can be decoded."""
 

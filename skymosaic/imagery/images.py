@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Intensities, Pixels
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import InputError, OutputError
 from skymosaic.common.replaced import refuse_inputs
 from skymosaic.common.temporary import existing_parent, temporary_file
 from skymosaic.geometry.homography import resize_matrix
@@ -270,12 +270,11 @@ def write_atomically(path: Path) -> Iterator[Path]:
 
     Raises
     ------
-    InputError
-        If writing fails: no permission, a full disk.
+    OutputError
     """
     try:
         with temporary_file(path.parent) as temporary:
             yield temporary
             temporary.replace(path)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose another folder") from None
+        raise OutputError(f"{path}: cannot be written ({error.strerror or error}); choose another folder") from None

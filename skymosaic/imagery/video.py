@@ -168,8 +168,7 @@ def write_video(path: Path, frame_rate: Fraction) -> Iterator[Callable[[Pixels],
 
     Raises
     ------
-    InputError
-        If it cannot be written.
+    OutputError
     """
     muxer = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska"}[path.suffix.lower()]
     # The temporary name has no suffix from which FFmpeg could tell the format.

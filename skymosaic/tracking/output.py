@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Pixels
-from skymosaic.common.errors import RegistrationError
+from skymosaic.common.errors import OutputError, RegistrationError
 from skymosaic.common.provenance import to_json
 from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.video import VideoReader, write_video
@@ -54,27 +54,46 @@ def make_row(frame: TrackedFrame, frame_rate: Fraction) -> TrackedCorners:
 
 
 def follow_video(
-    tracker: Tracker, reader: VideoReader, output: Path, on_frame: Callable[[TrackedFrame, TrackedCorners], None]
+    tracker: Tracker,
+    reader: VideoReader,
+    output: Path,
+    on_frame: Callable[[TrackedFrame, TrackedCorners], None],
+    failures: list[str] | None = None,
 ) -> list[TrackedCorners]:
     """Follow the object through a video, write the video with its outline, and return the rows of the table.
 
+    With ``failures``, a video that cannot be written is a line there, and the table is made all the same.
+
     Raises
     ------
+    OutputError
     RegistrationError
         If the object was found in no frame.
     """
     rows: list[TrackedCorners] = []
-    with write_video(output, reader.frame_rate) as write:
+
+    def follow() -> Iterator[TrackedFrame]:
         for frame in map(tracker.follow, reader):
-            write(draw_outline(frame))
             rows.append(make_row(frame, reader.frame_rate))
             on_frame(frame, rows[-1])
-        # Raised in here, so that no video is left behind.
+            yield frame
         if not any(each.corners for each in rows):
             raise RegistrationError(
                 f"{reader.name}: the template was found in none of {len(rows)} frames; one that is cut from this video "
                 "is found best, for example with --roi"
             )
+
+    frames = follow()
+    try:
+        with write_video(output, reader.frame_rate) as write:
+            for frame in frames:
+                write(draw_outline(frame))
+    except OutputError as error:
+        if failures is None:
+            raise
+        failures.append(str(error))
+        for _ in frames:
+            pass
     return rows
 
 
