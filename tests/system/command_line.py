@@ -1,11 +1,17 @@
-"""The command line in a process of its own."""
+"""The command line, as a user meets it."""
 
 import contextlib
+import io
 import os
 import subprocess
 import sys
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
+
+import pytest
+
+from skymosaic.cli import main
 
 
 @contextlib.contextmanager
@@ -17,10 +23,32 @@ def closed_pipe() -> Iterator[int]:
     os.close(writer)
 
 
-def skymosaic(
+def skymosaic(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run ``skymosaic`` in ``cwd``, in this process, which has imported it."""
+    words = ["skymosaic", *map(str, arguments)]
+    stdout, stderr = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
+    with (
+        contextlib.chdir(cwd),
+        contextlib.redirect_stdout(stdout),
+        contextlib.redirect_stderr(stderr),
+        pytest.MonkeyPatch.context() as patch,
+        # As the program does wherever standard error has not been replaced.
+        warnings.catch_warnings(action="ignore"),
+    ):
+        patch.setattr(sys, "argv", words)
+        with pytest.raises(SystemExit) as end:
+            main()
+    outputs = []
+    for stream in (stdout, stderr):
+        stream.seek(0)
+        outputs.append(stream.read())
+    return subprocess.CompletedProcess(words, int(end.value.code or 0), *outputs)
+
+
+def skymosaic_process(
     *arguments: object, cwd: Path, stdout: int = subprocess.PIPE, stderr: int = subprocess.PIPE
 ) -> subprocess.CompletedProcess[str]:
-    """Run ``skymosaic`` in ``cwd``. Without a time limit: a busy machine must not fail a test."""
+    """The same in a process of its own. Without a time limit: a busy machine must not fail a test."""
     command = [sys.executable, "-m", "skymosaic", *map(str, arguments)]
     return subprocess.run(command, cwd=cwd, text=True, check=False, stdout=stdout, stderr=stderr)
 

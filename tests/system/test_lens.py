@@ -23,7 +23,7 @@ from skymosaic.imagery.photographs import list_sources
 from skymosaic.running.cache import ResultCache
 from skymosaic.running.workers import Workers
 from tests.conftest import Run
-from tests.system.command_line import closed_pipe, skymosaic
+from tests.system.command_line import closed_pipe, skymosaic, skymosaic_process
 
 IMAGES, SIZE, K1 = 12, (640, 480), -0.12
 SURVEY: dict[str, Any] = {
@@ -115,21 +115,22 @@ def test_exposures_agree_and_brightness_is_kept(flight: SurveyedFlight, truth: F
 
 
 def test_the_lens_is_kept_beside_the_links_and_as_a_camera_file(
-    folder: Path, flight: SurveyedFlight, truth: Flight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, flight: SurveyedFlight, cache: Path, truth: Flight, tmp_path: Path
 ) -> None:
     camera = tmp_path / "camera.toml"
-    made = skymosaic("mosaic", folder, "-o", "m.png", "--save-camera", camera, "--cache", "cache", cwd=tmp_path)
+    made = skymosaic("mosaic", folder, "-o", "m.png", "--save-camera", camera, "--cache", cache, cwd=tmp_path)
     assert made.returncode == 0, made.stderr
     lens = load_lens(camera, None)
     assert lens.key == flight.calibration.lens.key
-    words = "mosaic", folder, "-o", "n.png", "--save-camera", "n.toml", "--cache", "cache"
+    words = "mosaic", folder, "-o", "n.png", "--save-camera", "n.toml", "--cache", cache
     with closed_pipe() as pipe:
-        assert skymosaic(*words, cwd=tmp_path, stdout=pipe).returncode == 141
+        assert skymosaic_process(*words, cwd=tmp_path, stdout=pipe).returncode == 141
     assert (tmp_path / "n.toml").read_text() == camera.read_text()
     # Below the function whose name is part of the key.
     again = "skymosaic.flight.layout.self_calibration._try"
-    monkeypatch.setattr(again, lambda *_args, **_options: pytest.fail("measured again"))
-    assert surveyed([folder], cache=tmp_path / "cache").calibration.k1 == flight.calibration.k1
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(again, lambda *_args, **_options: pytest.fail("measured again"))
+        assert surveyed([folder], cache=cache).calibration.k1 == flight.calibration.k1
     with_camera = surveyed([folder], lens)
     assert with_camera.calibration is None
     assert mean_position_error_px(with_camera, truth) < 1

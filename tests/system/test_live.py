@@ -18,7 +18,7 @@ import pytest
 
 from golden_model.config import preset_config
 from sim.scene import Flight
-from skymosaic import mosaic
+from skymosaic import Mosaic, mosaic
 from skymosaic.cli.live import live as live_command
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.imagery.key_frames import flight_sources
@@ -225,12 +225,11 @@ def test_the_mosaic_is_written_when_the_system_ends_it(tmp_path: Path, frames: l
     assert not [path.name for path in tmp_path.iterdir() if path.name.startswith(".skymosaic-") and path.is_dir()]
 
 
-def test_a_folder_ends_as_bright_and_sharp_as_a_flight(folder: Path, tmp_path: Path) -> None:
+def test_a_folder_ends_as_bright_and_sharp_as_a_flight(folder: Path, whole: Mosaic, tmp_path: Path) -> None:
     result = skymosaic("live", folder, "-o", "m.png", "--idle-seconds", "0.5", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    live, whole = cv2.imread(str(tmp_path / "m.png")), mosaic([folder]).image
     measures = []
-    for picture in (live, whole):
+    for picture in (cv2.imread(str(tmp_path / "m.png")), whole.image):
         gray = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
         inside = cv2.erode((gray > 0).astype(np.uint8), np.ones((15, 15), np.uint8)) > 0
         measures.append((gray[inside].mean(), (cv2.Laplacian(gray, cv2.CV_32F)[inside] ** 2).mean()))

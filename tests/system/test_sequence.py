@@ -1,5 +1,6 @@
 import json
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from golden_model.config import preset_config
 from sim.scene import Flight
-from skymosaic import mosaic
+from skymosaic import Mosaic, mosaic
 from skymosaic.common.errors import InputError
 from skymosaic.flight.flight import Flight as SurveyedFlight
 from skymosaic.flight.linking.view import Settings
@@ -35,9 +36,9 @@ def elsewhere(images: int) -> list[np.ndarray]:
     return [ground[:, 90 * index : 90 * index + SIZE[0]] for index in range(images)]
 
 
-def surveyed(images: list[Any], cache: Path | None = None) -> SurveyedFlight:
+def survey_anew(images: list[Any]) -> SurveyedFlight:
     with Workers() as workers:
-        return survey(list_sources(images), Settings(preset_config("aerial")), 0, workers, ResultCache(cache))
+        return survey(list_sources(images), Settings(preset_config("aerial")), 0, workers, ResultCache(None))
 
 
 def position_errors_px(transforms: Mapping[int, NDArray[np.float64]], flight: Flight) -> np.ndarray:
@@ -51,13 +52,12 @@ def position_errors_px(transforms: Mapping[int, NDArray[np.float64]], flight: Fl
     return np.linalg.norm(apply(alignment, found) - true, axis=-1).mean(axis=1)
 
 
-def test_every_image_of_a_rendered_flight_is_placed_within_a_pixel(folder: Path, flight: Flight) -> None:
-    result = mosaic([folder])
-    assert result.placed == tuple(range(IMAGES))
-    assert result.left_out == {}
-    assert position_errors_px(result.transforms, flight).mean() < 1.0
-    assert result.image.shape[2] == 3
-    assert (result.image.any(axis=2)).mean() > 0.5
+def test_every_image_of_a_rendered_flight_is_placed_within_a_pixel(whole: Mosaic, flight: Flight) -> None:
+    assert whole.placed == tuple(range(IMAGES))
+    assert whole.left_out == {}
+    assert position_errors_px(whole.transforms, flight).mean() < 1.0
+    assert whole.image.shape[2] == 3
+    assert (whole.image.any(axis=2)).mean() > 0.5
 
 
 def test_the_order_of_the_images_does_not_matter_for_where_they_lie(flight: Flight) -> None:
@@ -69,30 +69,28 @@ def test_the_order_of_the_images_does_not_matter_for_where_they_lie(flight: Flig
     assert position_errors_px(found, flight).mean() < 1.0
 
 
-def test_no_seam_shows_in_a_rendered_flight(folder: Path, flight: Flight) -> None:
+def test_no_seam_shows_in_a_rendered_flight(whole: Mosaic, flight: Flight) -> None:
     """Each pixel of the mosaic is close to what some image shows there, gains and seams notwithstanding."""
-    result = mosaic([folder])
-    height, width = result.image.shape[:2]
+    height, width = whole.image.shape[:2]
     closest = np.full((height, width), 255.0)
     for index, image in enumerate(flight.images):
-        warped = cv2.warpPerspective(image, result.transforms[index], (width, height), borderValue=(0, 0, 0))
-        covered = cv2.warpPerspective(
-            np.full(image.shape[:2], 255, np.uint8), result.transforms[index], (width, height)
-        )
-        difference = np.abs(warped.astype(float) - result.image).mean(axis=2)
+        warped = cv2.warpPerspective(image, whole.transforms[index], (width, height), borderValue=(0, 0, 0))
+        covered = cv2.warpPerspective(np.full(image.shape[:2], 255, np.uint8), whole.transforms[index], (width, height))
+        difference = np.abs(warped.astype(float) - whole.image).mean(axis=2)
         closest = np.where(covered == 255, np.minimum(closest, difference), closest)
     shown = closest < 255
     assert np.median(closest[shown]) < 12
     assert (closest[shown] > 50).mean() < 0.01
 
 
-def test_unusable_photographs_are_left_out_with_their_names(folder: Path, flight: Flight, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("whole")
+def test_unusable_photographs_are_left_out_with_their_names(folder: Path, surveyed: Path, tmp_path: Path) -> None:
     for path in folder.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     (tmp_path / "copy.png").write_bytes((folder / "3.png").read_bytes())
     (tmp_path / "corrupt.png").write_bytes((folder / "4.png").read_bytes()[:5000])
     cv2.imwrite(str(tmp_path / "flat.png"), np.full((360, 480), 90, np.uint8))
-    result = mosaic([tmp_path])
+    result = mosaic([tmp_path], cache=surveyed)
     names = [source.name for source in list_sources([tmp_path])]
     reasons = {Path(names[index]).name: reason for index, reason in result.left_out.items()}
     assert set(reasons) == {"copy.png", "corrupt.png", "flat.png"}
@@ -141,18 +139,17 @@ def test_photographs_without_links_are_one_line(flight: Flight, tmp_path: Path) 
     assert not (tmp_path / "m.png").exists()
 
 
-def test_a_full_disk_is_one_line_and_leaves_no_mosaic(folder: Path, tmp_path: Path) -> None:
-    first = skymosaic("mosaic", folder, "-o", "m.png", "--cache", "cache", cwd=tmp_path)
-    assert first.returncode == 0, first.stderr
-    (tmp_path / "m.png").unlink()
-    full = (
-        "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (100_000,) * 2); import skymosaic.cli as c; "
-    )
-    code = full + f"sys.argv = ['skymosaic', 'mosaic', {str(folder)!r}, '-o', 'm.png', '--cache', 'cache']; c.main()"
-    result = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+@pytest.mark.usefixtures("whole")
+def test_a_full_disk_is_one_line_and_leaves_no_mosaic(folder: Path, surveyed: Path, tmp_path: Path) -> None:
+    hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+    try:
+        result = skymosaic("mosaic", folder, "-o", "m.png", "--cache", surveyed, cwd=tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
     assert result.returncode == 2
     assert "m.png: cannot be written (File too large)" in only_error(result.stderr)
-    assert [path.name for path in tmp_path.iterdir()] == ["cache"]
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_flight_of_16_bits_keeps_its_numbers(flight: Flight, tmp_path: Path) -> None:
@@ -190,57 +187,57 @@ def test_the_detector_applies_to_a_flight(flight: Flight) -> None:
     assert len(result.placed) == 3
 
 
-def test_check_tells_whether_the_flight_is_complete(folder: Path, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("whole")
+def test_check_tells_whether_the_flight_is_complete(folder: Path, surveyed: Path, tmp_path: Path) -> None:
     for path in folder.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
-    whole = skymosaic("check", tmp_path, "--json", "--cache", "cache", cwd=tmp_path)
-    assert whole.returncode == 0, whole.stderr
-    assert json.loads(whole.stdout)["complete"]
+    complete = skymosaic("check", tmp_path, "--json", "--cache", surveyed, cwd=tmp_path)
+    assert complete.returncode == 0, complete.stderr
+    assert json.loads(complete.stdout)["complete"]
     first = min(tmp_path.glob("*.png"))
     data = bytearray(cv2.imencode(".jpg", cv2.imread(str(first)))[1].tobytes())
     data[-3000:-2600] = bytes(400)
     first.unlink()
     first.with_suffix(".jpg").write_bytes(data)
     for choice, left_out in (("keep", 0), ("refuse", 1)):
-        damaged = skymosaic("check", tmp_path, "--json", "--cache", "cache", "--damaged", choice, cwd=tmp_path)
+        damaged = skymosaic("check", tmp_path, "--json", "--cache", surveyed, "--damaged", choice, cwd=tmp_path)
         assert damaged.returncode == 0, damaged.stderr
         assert len(json.loads(damaged.stdout)["left_out"]) == left_out
     cv2.imwrite(str(tmp_path / "z.png"), elsewhere(1)[0])
-    broken = skymosaic("check", tmp_path, "--json", "--cache", "cache", cwd=tmp_path)
+    broken = skymosaic("check", tmp_path, "--json", "--cache", surveyed, cwd=tmp_path)
     assert broken.returncode == 3
     found = json.loads(broken.stdout)
     assert not found["complete"]
     assert "linked with no other photograph" in found["photographs"][-1]["problems"]
 
 
-def test_a_killed_run_goes_on_and_ends_the_same(folder: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "skymosaic", "mosaic", str(folder), "-o", "m.png", "--cache", "cache"]
+def test_a_killed_run_goes_on_and_ends_the_same(folder: Path, whole: Mosaic, tmp_path: Path) -> None:
+    words = ["mosaic", str(folder), "-o", "m.png", "--cache", "cache"]
+    command = [sys.executable, "-m", "skymosaic", *words]
     first = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     while len(list(tmp_path.glob("cache/*.entry"))) < 3 and first.poll() is None:
         time.sleep(0.02)
     first.send_signal(signal.SIGKILL)
     first.wait()
     assert list(tmp_path.glob("cache/*.entry"))
-    resumed = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    resumed = skymosaic(*words, cwd=tmp_path)
     assert resumed.returncode == 0, resumed.stderr
-    fresh = mosaic([folder])
-    np.testing.assert_array_equal(cv2.imread(str(tmp_path / "m.png")), fresh.image)
+    np.testing.assert_array_equal(cv2.imread(str(tmp_path / "m.png")), whole.image)
     cached = mosaic([folder], cache=tmp_path / "cache")
-    np.testing.assert_array_equal(cached.image, fresh.image)
+    np.testing.assert_array_equal(cached.image, whole.image)
     for index in range(IMAGES):
-        np.testing.assert_array_equal(cached.transforms[index], fresh.transforms[index])
+        np.testing.assert_array_equal(cached.transforms[index], whole.transforms[index])
 
 
 @pytest.mark.slow
-def test_a_cluster_of_processes_gives_the_same(folder: Path) -> None:
+def test_a_cluster_of_processes_gives_the_same(folder: Path, whole: Mosaic) -> None:
     distributed = pytest.importorskip("distributed")
     options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
     with distributed.LocalCluster(**options) as cluster:
         spread = mosaic([folder], scheduler=cluster.scheduler_address)
-    here = mosaic([folder])
-    np.testing.assert_array_equal(spread.image, here.image)
+    np.testing.assert_array_equal(spread.image, whole.image)
     for index in range(IMAGES):
-        np.testing.assert_array_equal(spread.transforms[index], here.transforms[index])
+        np.testing.assert_array_equal(spread.transforms[index], whole.transforms[index])
 
 
 def test_an_absent_scheduler_is_one_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -249,8 +246,9 @@ def test_an_absent_scheduler_is_one_line(folder: Path, monkeypatch: pytest.Monke
         mosaic([folder], scheduler="tcp://127.0.0.1:9")
 
 
-def test_a_canvas_beyond_the_limit_is_reduced_to_it_and_says_so(folder: Path) -> None:
-    result = mosaic([folder], canvas_limit_px=100_000)
+@pytest.mark.usefixtures("whole")
+def test_a_canvas_beyond_the_limit_is_reduced_to_it_and_says_so(folder: Path, surveyed: Path) -> None:
+    result = mosaic([folder], canvas_limit_px=100_000, cache=surveyed)
     height_px, width_px = result.image.shape[:2]
     assert 95_000 < height_px * width_px <= 100_000
     assert re.search(r"reduced from \d+x\d+ to .*the limit is 0.1 megapixels.*`scale`", result.composition.reduced)
@@ -260,7 +258,7 @@ def test_a_canvas_beyond_the_limit_is_reduced_to_it_and_says_so(folder: Path) ->
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "images"), [("brighton_beach", 18), ("copr", 41)])
 def test_public_flights_are_placed_whole(public_data: Path, name: str, images: int) -> None:
-    flight = surveyed([public_data / "flights" / name])
+    flight = survey_anew([public_data / "flights" / name])
     assert [len(layout.members) for layout in flight.layouts] == [images]
     wide = 1600 / flight.views[0].working_size[0]
     assert flight.layouts[0].median_error_px * wide < 1.5

@@ -17,7 +17,7 @@ from PIL import Image as PillowImage
 from golden_model.fuzzy.rules import read_shipped
 from sim.scene import make_pair
 from skymosaic.cli import main
-from tests.system.command_line import closed_pipe, only_error, skymosaic
+from tests.system.command_line import closed_pipe, only_error, skymosaic_process
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
 
@@ -71,7 +71,7 @@ def test_a_result_does_not_depend_on_standard_error(tmp_path: Path, outputs: str
 )
 def test_a_closed_pipe_is_not_taken_for_a_difference(tmp_path: Path, words: str, status: int) -> None:
     with closed_pipe() as pipe:
-        done = skymosaic(*words.split(), cwd=tmp_path, stdout=pipe)
+        done = skymosaic_process(*words.split(), cwd=tmp_path, stdout=pipe)
     assert done.returncode == status
     assert ("error: a: no such file" in only_error(done.stderr)) if status == 2 else not done.stderr
 
@@ -80,7 +80,7 @@ def test_a_closed_standard_error_costs_no_mosaic(tmp_path: Path) -> None:
     for name, image in zip("ab", make_pair(seed=9, size=(200, 160)).images, strict=True):
         cv2.imwrite(str(tmp_path / f"{name}.png"), image)
     with closed_pipe() as pipe:
-        done = skymosaic("mosaic", "a.png", "b.png", "-o", "m.png", cwd=tmp_path, stderr=pipe)
+        done = skymosaic_process("mosaic", "a.png", "b.png", "-o", "m.png", cwd=tmp_path, stderr=pipe)
     assert done.returncode == 0
     assert "mosaic m.png" in done.stdout
     assert cv2.imread(str(tmp_path / "m.png")) is not None
