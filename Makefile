@@ -4,8 +4,10 @@ VENV := .venv
 # The versions that CI installs; `make test VERSIONS=` takes the newest that pyproject.toml allows.
 VERSIONS ?= .ci/versions.txt
 BIN := $(VENV)/bin
-# Of the thousands of modules in the packages few are ever imported: compiled then, not at installation.
+# Of the thousands of modules in the packages few are ever imported: compiled then, not at installation; and kept,
+# whatever the shell says, since the tests start hundreds of processes.
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile
+export PYTHONDONTWRITEBYTECODE :=
 # With REQUIRE=all a test that would be skipped, for want of a tool or of data, fails.
 REQUIRE ?=
 PYTEST := $(BIN)/pytest -n 2 --dist loadgroup --no-loadscope-reorder $(if $(REQUIRE),--require $(REQUIRE))
@@ -60,16 +62,19 @@ tools: $(VENV)/installed
 lint: $(VENV)/installed
 	$(BIN)/pre-commit run --all-files
 
-# Without the tests' packages, which are many times as large.
-$(VENV)/runs: pyproject.toml
+$(VENV)/made:
 	$(PYTHON) -m venv $(VENV)
 	$(INSTALL) --upgrade pip
+	touch $@
+
+# Without the tests' packages, which are many times as large.
+$(VENV)/runs: pyproject.toml | $(VENV)/made
 	$(INSTALL) --editable '.[sim,plots]' $(if $(VERSIONS),--constraint $(VERSIONS))
 	touch $@
 
-$(VENV)/installed: $(VENV)/runs
+$(VENV)/installed: pyproject.toml | $(VENV)/made
 	$(INSTALL) --editable '.[dev]' $(if $(VERSIONS),--constraint $(VERSIONS))
-	touch $@
+	touch $(VENV)/runs $@
 
 # Place and route, which only slow tests run.
 $(VENV)/slow: $(VENV)/installed
