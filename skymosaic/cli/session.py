@@ -7,7 +7,6 @@ import contextlib
 import functools
 import importlib
 import json
-import math
 import platform
 import sys
 import time
@@ -19,7 +18,7 @@ from golden_model.text import one_line
 from golden_model.version import VERSION
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import flag_of, respell
-from skymosaic.common.provenance import provenance
+from skymosaic.common.provenance import finite, provenance
 from skymosaic.common.temporary import temporary_folder
 
 if TYPE_CHECKING:
@@ -110,7 +109,7 @@ class Session:
         # A reader that has gone must not cost the user the mosaic.
         with contextlib.suppress(OSError):
             if self._as_json:
-                print(_to_json(numbers), flush=True)
+                print(json.dumps(finite(numbers)), flush=True)
 
     def wrote(self, path: Path) -> None:
         """Record a file or folder among the outputs."""
@@ -167,28 +166,13 @@ class Session:
                 "notes": [*self._notes, *self.numbers.pop("notes", [])],
             }
             numbers = {**common, **self.numbers, "seconds": {name: round(value, 4) for name, value in times.items()}}
-            print(_to_json(numbers))
+            print(json.dumps(finite(numbers)))
 
     def _times(self) -> dict[str, float]:
         """The stages, what they leave over, and their sum: the wall time since the program began."""
         total = time.perf_counter() - self._started_s
         stages = {"starting": self._begun_s - self._started_s, **self.seconds}
         return {**stages, "other": total - sum(stages.values()), "total": total}
-
-
-def _to_json(numbers: Mapping[str, Any]) -> str:
-    return json.dumps(_finite(numbers), allow_nan=False)
-
-
-def _finite(value: Any) -> Any:
-    """``value`` with None for infinity and NaN, which JSON does not know, and text for paths."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): _finite(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(each) for each in value]
-    return str(value) if isinstance(value, Path) else value
 
 
 # A process runs one command.
