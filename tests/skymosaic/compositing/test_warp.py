@@ -73,9 +73,11 @@ def test_image_that_reaches_behind_the_camera_is_refused(sign: int) -> None:
 
 def test_the_magnification_is_that_of_the_area_in_the_middle() -> None:
     assert magnification((301, 201), shift(70, -30) @ np.diag([2.0, 4.5, 1])) == pytest.approx(3)
-    # The middle is where the denominator is 1: from there, one pixel more is 1 / 1.002 of the way.
-    leaning = np.array([[2.0, 0, 0], [0, 2, 0], [2e-3, 0, 1 - 0.3]])
-    assert magnification((301, 201), leaning) == pytest.approx(np.sqrt((302 / 1.002 - 300) * 2), rel=1e-6)
+    # In the middle the denominator is 1, a pixel to the right 1.002, and a pixel below 1.001.
+    leaning = np.array([[2.0, 0, 0], [0, 2, 0], [2e-3, 1e-3, 1 - 0.3 - 0.1]])
+    right, below = np.array([302, 200]) / 1.002, np.array([300, 202]) / 1.001
+    area = np.linalg.det([right - (300, 200), below - (300, 200)])
+    assert magnification((301, 201), leaning) == pytest.approx(np.sqrt(area), rel=1e-9)
 
 
 @pytest.mark.parametrize("sign", [1, -1])

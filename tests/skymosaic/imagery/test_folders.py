@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from skymosaic.common.errors import InputError
-from skymosaic.imagery.folders import list_pictures
+from skymosaic.imagery.folders import Listing, list_pictures
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import list_sources
 
@@ -31,6 +31,21 @@ def test_what_is_not_read_is_counted_by_kind_with_what_to_do(card: Path) -> None
         "3 pictures in folders inside (101MEDIA, 101MEDIA/more): name them, or add `recursive`; "
         "1 .DNG: develop them as JPEG or TIFF; 1 .MP4: name one by its file; 1 .heic: convert them to JPEG or TIFF"
     ]
+
+
+@pytest.mark.parametrize(("count", "last"), [(5, "4"), (6, "4, ...")])
+def test_five_folders_inside_are_named(count: int, last: str) -> None:
+    found = Listing((), {str(number): 2 for number in range(count)}, {})
+    assert f"{2 * count} pictures in folders inside (0, 1, 2, 3, {last}): " in found.describe_unread()
+
+
+def test_three_folders_deep_is_looked_for_what_is_not_read(tmp_path: Path) -> None:
+    for depth in range(1, 6):
+        inside = tmp_path.joinpath(*"abcde"[:depth])
+        inside.mkdir()
+        (inside / "x.png").touch()
+    assert list(list_pictures(tmp_path).in_folders) == ["a", "a/b", "a/b/c"]
+    assert len(list_pictures(tmp_path, recursive=True).pictures) == 5
 
 
 def test_folders_inside_are_read_if_asked_for(card: Path) -> None:
