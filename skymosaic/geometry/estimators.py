@@ -38,10 +38,8 @@ def estimate(
 
     Parameters
     ----------
-    name : str
-        One of `ESTIMATORS`.
-    left, right : (N, 2) float64 ndarray
-        Matched points, px.
+    name, left, right
+        One of `ESTIMATORS`; matched points (N, 2), px.
     weight : (N,) float64 ndarray
         Confidence of each match, 0 to 255; only ``prosac`` and ``fabric`` use it.
     verified : (N,) bool ndarray

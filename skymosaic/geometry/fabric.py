@@ -18,24 +18,9 @@ def estimate_as_in_fabric(
 ) -> Matrix | None:
     """Estimate a homography as the estimator on the chip does, which also decides whether it is accepted.
 
-    Positions are rounded to 1/16 px and weights to integers, as they already are in match records. Matches outside the
-    range of positions do not count.
-
-    Parameters
-    ----------
-    left, right : (N, 2) float64 ndarray
-        Matched points, px.
-    weight : (N,) float64 ndarray
-        0 to 255.
-    size : (int, int)
-        Width and height of the right image, px.
-    rng : numpy.random.Generator
-        Gives the seed of the samples.
-
-    Returns
-    -------
-    (3, 3) float64 ndarray or None
-        Left to right; None where it is not accepted.
+    Positions are rounded to 1/16 px and weights, 0 to 255, to integers, as they already are in match records. Matches
+    outside the range of positions do not count. ``size`` is that of the right image; ``rng`` gives the seed of the
+    samples. None for a homography that is not accepted.
     """
     positions = np.floor(np.hstack((left, right)) * POSITION.one + 0.5).astype(np.int64)
     stored = ((positions >= 0) & (positions <= POSITION.max_raw)).all(axis=1)

@@ -18,6 +18,7 @@ from golden_model.matching.fuzzy import ONE, Rule, SugenoSystem, Variable
 from skymosaic.geometry.homography import transfer_error
 
 TOLERANCE_PX = 4.0
+"""The thesis's tau."""
 INLIER_RULES = (0, 1)
 NEAR_RULES = (0, 1, 3, 4)
 """Rules for an error of at most tau: the matches that RANSAC alone would accept."""
@@ -25,25 +26,19 @@ NEAR_RULES = (0, 1, 3, 4)
 
 @dataclass(frozen=True)
 class Decision:
-    """Result of the six rules for each match.
-
-    Attributes
-    ----------
-    rule : (N,) uint8 ndarray
-        The rule that fired: 0, 1, 2 for a verified match whose error is less than, equal to, more than tau;
-        3, 4, 5 for a match that is not verified.
-    inliers : (N,) bool ndarray
-        Whether that rule accepts the match (rules 0 and 1).
-    """
+    """Result of the six rules for each match."""
 
     rule: NDArray[np.uint8]
+    """(N,): the rule that fired: 0, 1, 2 for a verified match whose error is less than, equal to, more than tau; 3, 4,
+    5 for a match that is not verified."""
     inliers: Mask
+    """(N,): whether that rule accepts the match (rules 0 and 1)."""
 
 
 @lru_cache
-def rule_base(tolerance_px: float = TOLERANCE_PX) -> SugenoSystem:
+def rule_base() -> SugenoSystem:
     """Build the six rules over two inputs: the bidirectional check (0 or 1) and the error in 1/16 px."""
-    tau = round(tolerance_px * POSITION.one)
+    tau = round(TOLERANCE_PX * POSITION.one)
     # Tables end one step beyond tau, because larger inputs saturate.
     steps = np.arange(tau + 2)
     check = {"verified": np.array([0, ONE]), "not verified": np.array([ONE, 0])}
@@ -60,14 +55,7 @@ def rule_base(tolerance_px: float = TOLERANCE_PX) -> SugenoSystem:
     )
 
 
-def decide(
-    H: Array,
-    left: ArrayLike,
-    right: ArrayLike,
-    verified: ArrayLike,
-    *,
-    tolerance_px: float = TOLERANCE_PX,
-) -> Decision:
+def decide(H: Array, left: ArrayLike, right: ArrayLike, verified: ArrayLike) -> Decision:
     """Apply the rules to each match on its own.
 
     Parameters
@@ -78,19 +66,15 @@ def decide(
         Matched points, px.
     verified : (N,) array_like of bool
         Whether the match passed the bidirectional check.
-    tolerance_px : float
-        tau in px, at least 1/16.
     """
-    weight, rule = rule_base(tolerance_px).evaluate(
-        np.asarray(verified, dtype=np.int64), error_steps(H, left, right, tolerance_px)
-    )
+    weight, rule = rule_base().evaluate(np.asarray(verified, dtype=np.int64), error_steps(H, left, right))
     return Decision(rule, weight > 0)
 
 
-def error_steps(H: Array, left: ArrayLike, right: ArrayLike, tolerance_px: float) -> NDArray[np.int64]:
+def error_steps(H: Array, left: ArrayLike, right: ArrayLike) -> NDArray[np.int64]:
     """Transfer errors in steps of 1/16 px, limited to twice tau; infinite errors are at the limit.
 
     The step is the resolution of feature positions, so "equal to tau" means within half a step of it.
     """
-    capped = np.minimum(np.nan_to_num(transfer_error(H, left, right), nan=np.inf), 2 * tolerance_px)
+    capped = np.minimum(np.nan_to_num(transfer_error(H, left, right), nan=np.inf), 2 * TOLERANCE_PX)
     return np.asarray(np.rint(capped * POSITION.one), dtype=np.int64)

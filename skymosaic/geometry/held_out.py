@@ -20,20 +20,9 @@ MIN_GAIN = 0.05
 def held_out_agreement(homography: Matrix, fitted: tuple[Points, Points], judges: tuple[Points, Points]) -> float:
     """How many fields agree with fits that none of their points had a part in.
 
-    Parameters
-    ----------
-    homography : (3, 3) ndarray
-        Left to right, px; where each fit starts.
-    fitted : tuple of (N, 2) ndarray
-        Left and right points that the homography is fitted to.
-    judges : tuple of (M, 2) ndarray
-        Left and right points, of which some may be wrong.
-
-    Returns
-    -------
-    float
-        A field counts 1 if its points have no error, and 0 if all are 2 px off or more, or if the points outside the
-        fields of its colour determine no homography.
+    Each fit starts at the homography, and is made to some of the points ``fitted``, left and right; ``judges`` are
+    other points, of which some may be wrong. A field counts 1 if its points have no error, and 0 if all are 2 px off or
+    more, or if the points outside the fields of its colour determine no homography.
     """
     agreement = np.zeros(len(judges[0]))
     colours, fitted_colours = (np.floor(left / FIELD_PX).sum(axis=1) % 2 for left, _ in (judges, fitted))

@@ -57,7 +57,7 @@ def transfer_error(H: Array, left: ArrayLike, right: ArrayLike) -> Array:
     return np.asarray(np.linalg.norm(apply(H, left) - np.asarray(right, dtype=np.float64), axis=-1))
 
 
-def estimate(left: ArrayLike, right: ArrayLike, *, model: str = "projective", weight: ArrayLike | None = None) -> Array:
+def estimate(left: ArrayLike, right: ArrayLike, *, model: str = "projective") -> Array:
     """Fit one transformation model that maps ``left`` to ``right`` (thesis, equations II-12 to II-15).
 
     Parameters
@@ -68,8 +68,6 @@ def estimate(left: ArrayLike, right: ArrayLike, *, model: str = "projective", we
         An isometry is a rotation and a translation, a similarity also has a scale; neither mirrors. The models
         need 2, 2, 3 and 4 pairs. Isometry, similarity and affine minimise the transfer error, projective the
         algebraic error.
-    weight : (N,) array_like, optional
-        Non-negative weights of the squared errors; default 1.
 
     Returns
     -------
@@ -85,18 +83,18 @@ def estimate(left: ArrayLike, right: ArrayLike, *, model: str = "projective", we
     """
     if model not in _MODELS:
         raise ValueError(f"model is {model!r}; valid: {', '.join(_MODELS)}")
-    return _MODELS[model](left, right, weight)
+    return _MODELS[model](left, right)
 
 
-def dlt(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None = None) -> Array:
+def dlt(left: ArrayLike, right: ArrayLike) -> Array:
     """Normalised direct linear transformation: the smallest singular vector of A h = 0 (thesis, equation III-8).
 
     Parameters, result and errors as in `estimate`. Both point sets are first centred and scaled to a mean distance
     of sqrt(2) from their centroid (Hartley 1997).
     """
-    x, y, root = check_pairs(left, right, weight, minimum=4)
-    to_x, to_y = normalisation(x, root), normalisation(y, root)
-    rows = design_matrix(apply(to_x, x), apply(to_y, y), root)
+    x, y = check_pairs(left, right, minimum=4)
+    to_x, to_y = normalisation(x), normalisation(y)
+    rows = design_matrix(apply(to_x, x), apply(to_y, y))
     # The 9x9 triangle of a QR decomposition has the same singular values and right singular vectors as the tall
     # matrix, so the SVD does not grow with the number of pairs.
     _, singular, vectors = np.linalg.svd(np.linalg.qr(rows, mode="r"))
@@ -105,27 +103,24 @@ def dlt(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None = None) -> A
     return rescale(np.linalg.inv(to_y) @ vectors[-1].reshape(3, 3) @ to_x)
 
 
-def check_pairs(
-    left: ArrayLike, right: ArrayLike, weight: ArrayLike | None, *, minimum: int
-) -> tuple[Array, Array, Array]:
-    """Check point pairs, and return them as (N, 2) float64 arrays with the square roots (N,) of their weights.
+def check_pairs(left: ArrayLike, right: ArrayLike, *, minimum: int) -> tuple[Array, Array]:
+    """Check point pairs, and return them as (N, 2) float64 arrays.
 
     Raises
     ------
     ValueError
-        For a wrong shape, values that are not finite, or negative weights.
+        For a wrong shape, or values that are not finite.
     DegenerateError
-        If fewer than ``minimum`` pairs have a positive weight.
+        For fewer than ``minimum`` pairs.
     """
     x, y = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
-    w = np.ones(len(x)) if weight is None else np.asarray(weight, dtype=np.float64)
-    if x.ndim != 2 or x.shape[1] != 2 or x.shape != y.shape or w.shape != (len(x),):
-        raise ValueError(f"point pairs have shapes {x.shape} and {y.shape}, weights {w.shape}; need (N, 2) and (N,)")
-    if not (np.isfinite(x).all() and np.isfinite(y).all() and np.isfinite(w).all() and (w >= 0).all()):
-        raise ValueError("point pairs must be finite and their weights not negative")
-    if np.count_nonzero(w) < minimum:
-        raise DegenerateError(f"{np.count_nonzero(w)} point pairs; at least {minimum} are needed")
-    return x, y, np.sqrt(w)
+    if x.ndim != 2 or x.shape[1] != 2 or x.shape != y.shape:
+        raise ValueError(f"point pairs have shapes {x.shape} and {y.shape}; need (N, 2)")
+    if not (np.isfinite(x).all() and np.isfinite(y).all()):
+        raise ValueError("point pairs must be finite")
+    if len(x) < minimum:
+        raise DegenerateError(f"{len(x)} point pairs; at least {minimum} are needed")
+    return x, y
 
 
 def homogeneous(points: Array) -> Array:
@@ -133,33 +128,31 @@ def homogeneous(points: Array) -> Array:
     return np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1)
 
 
-def normalisation(points: Array, root_weight: Array) -> Array:
-    """The similarity (3, 3) that moves the weighted centroid to 0 and the mean distance from it to sqrt(2)."""
-    weight = root_weight**2
-    centre = np.average(points, axis=0, weights=weight)
-    distance = float(np.average(np.linalg.norm(points - centre, axis=1), weights=weight))
+def normalisation(points: Array) -> Array:
+    """The similarity (3, 3) that moves the centroid to 0 and the mean distance from it to sqrt(2)."""
+    centre = points.mean(axis=0)
+    distance = float(np.linalg.norm(points - centre, axis=1).mean())
     if distance == 0:
         raise DegenerateError("the points coincide")
     scale = np.sqrt(2) / distance
     return np.array([[scale, 0, -scale * centre[0]], [0, scale, -scale * centre[1]], [0, 0, 1]])
 
 
-def design_matrix(x: Array, y: Array, root_weight: Array) -> Array:
+def design_matrix(x: Array, y: Array) -> Array:
     """The two DLT rows of every pair, (2N, 9): [-x, 0, x'x] h = 0 and [0, -x, y'x] h = 0."""
-    weighted = homogeneous(x) * root_weight[:, None]
+    lifted = homogeneous(x)
     rows = np.zeros((len(x), 2, 9))
-    rows[:, 0, :3] = rows[:, 1, 3:6] = -weighted
-    rows[:, :, 6:] = y[:, :, None] * weighted[:, None, :]
+    rows[:, 0, :3] = rows[:, 1, 3:6] = -lifted
+    rows[:, :, 6:] = y[:, :, None] * lifted[:, None, :]
     return rows.reshape(-1, 9)
 
 
-def _fit_similarity(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None, *, with_scale: bool) -> Array:
-    """Fit in closed form with complex numbers: about the centroids, x' = a x with a = sum(w x' x*) / sum(w |x|^2)."""
-    x, y, root = check_pairs(left, right, weight, minimum=2)
-    w = root**2
-    centre_x, centre_y = np.average(x, axis=0, weights=w), np.average(y, axis=0, weights=w)
+def _fit_similarity(left: ArrayLike, right: ArrayLike, *, with_scale: bool) -> Array:
+    """Fit in closed form with complex numbers: about the centroids, x' = a x with a = sum(x' x*) / sum(|x|^2)."""
+    x, y = check_pairs(left, right, minimum=2)
+    centre_x, centre_y = x.mean(axis=0), y.mean(axis=0)
     z, target = (x - centre_x) @ [1, 1j], (y - centre_y) @ [1, 1j]
-    spread, rotation = np.sum(w * np.abs(z) ** 2), np.sum(w * target * z.conj())
+    spread, rotation = np.sum(np.abs(z) ** 2), np.sum(target * z.conj())
     if abs(rotation) <= RANK_TOLERANCE * spread:
         raise DegenerateError("the points coincide, or no rotation relates them")
     a = rotation / spread if with_scale else rotation / abs(rotation)
@@ -167,12 +160,11 @@ def _fit_similarity(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None,
     return np.block([[linear, (centre_y - linear @ centre_x)[:, None]], [np.zeros((1, 2)), np.ones((1, 1))]])
 
 
-def _fit_affine(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None) -> Array:
-    x, y, root = check_pairs(left, right, weight, minimum=3)
+def _fit_affine(left: ArrayLike, right: ArrayLike) -> Array:
+    x, y = check_pairs(left, right, minimum=3)
     # Normalising the left points suffices: the right ones are only on the other side of the equations.
-    to_x = normalisation(x, root)
-    rows = homogeneous(apply(to_x, x)) * root[:, None]
-    return np.vstack([solve_least_squares(rows, y * root[:, None]).T, [0.0, 0.0, 1.0]]) @ to_x
+    to_x = normalisation(x)
+    return np.vstack([solve_least_squares(homogeneous(apply(to_x, x)), y).T, [0.0, 0.0, 1.0]]) @ to_x
 
 
 def solve_least_squares(rows: Array, target: Array) -> Array:
@@ -189,7 +181,7 @@ def solve_least_squares(rows: Array, target: Array) -> Array:
     return np.asarray(solution)
 
 
-_MODELS: dict[str, Callable[[ArrayLike, ArrayLike, ArrayLike | None], Array]] = {
+_MODELS: dict[str, Callable[[ArrayLike, ArrayLike], Array]] = {
     "isometry": partial(_fit_similarity, with_scale=False),
     "similarity": partial(_fit_similarity, with_scale=True),
     "affine": _fit_affine,

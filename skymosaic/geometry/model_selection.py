@@ -31,23 +31,8 @@ def fit(left: Array, right: Array, weight: Array, *, fewest: int, rng: np.random
     """Fit a similarity or a homography, whichever explains the matches better.
 
     A homography needs 12 matches within 2 px, and its four additional parameters must pay off by Torr's geometric
-    robust information criterion (Geometric motion segmentation and model selection, 1998).
-
-    Parameters
-    ----------
-    left, right : ndarray, shape (N, 2)
-        Matched points, px; wrong matches may be among them.
-    weight : ndarray, shape (N,)
-        Positive confidence of each match.
-    fewest : int
-        Inliers needed.
-    rng : numpy.random.Generator
-        Source of the homography estimator's samples.
-
-    Returns
-    -------
-    Fit or None
-        None with fewer inliers.
+    robust information criterion (Geometric motion segmentation and model selection, 1998). Wrong matches may be among
+    the points (N, 2); ``weight`` (N,) is the positive confidence of each. None with fewer than ``fewest`` inliers.
     """
     fits = [fit_similarity(left, right, weight, fewest=fewest)]
     projective = estimate_homography(left, right, weight, rng=rng, restarts=1).homography

@@ -55,37 +55,32 @@ the last give the fourth point as a combination of the first three."""
 
 @dataclass(frozen=True)
 class Estimate:
-    """Result of `estimate_homography`.
-
-    Attributes
-    ----------
-    homography : (3, 3) float64 ndarray or None
-        Maps left to right, H[2, 2] = 1; None if not accepted.
-    inliers : (N,) bool ndarray
-        Matches within 2 px of the best homography, whether it is accepted or not.
-    samples : int
-        Minimal samples drawn.
-    """
+    """Result of `estimate_homography`."""
 
     homography: Array | None
+    """(3, 3): maps left to right, H[2, 2] = 1; None if not accepted."""
     inliers: Mask
+    """(N,): matches within 2 px of the best homography, whether it is accepted or not."""
     samples: int
+    """Minimal samples drawn."""
 
 
 class _Matches:
     """Point pairs in order of falling weight, and the rows of the DLT for all of them in one normalisation."""
 
     def __init__(self, left: ArrayLike, right: ArrayLike, weight: ArrayLike) -> None:
-        x, y, root_weight = check_pairs(left, right, weight, minimum=0)
-        self.order = np.argsort(-root_weight, kind="stable")
-        self.left, self.right, self.weight = x[self.order], y[self.order], root_weight[self.order] ** 2
+        x, y = check_pairs(left, right, minimum=0)
+        w = np.asarray(weight, dtype=np.float64)
+        if w.shape != (len(x),) or not (np.isfinite(w) & (w >= 0)).all():
+            raise ValueError(f"weights have the shape {w.shape}; need ({len(x)},), finite and not negative")
+        self.order = np.argsort(-w, kind="stable")
+        self.left, self.right, self.weight = x[self.order], y[self.order], w[self.order]
         self._lifted = homogeneous(self.left).T
-        ones = np.ones(len(x))
         # Without two different points there is nothing to normalise and no sample to fit.
         self._fits = all(len(points) and np.ptp(points, axis=0).any() for points in (x, y))
         if self._fits:
-            self._to_left, self._to_right = normalisation(self.left, ones), normalisation(self.right, ones)
-            self._rows = design_matrix(apply(self._to_left, self.left), apply(self._to_right, self.right), ones)
+            self._to_left, self._to_right = normalisation(self.left), normalisation(self.right)
+            self._rows = design_matrix(apply(self._to_left, self.left), apply(self._to_right, self.right))
 
     def squared_error(self, H: Array) -> Array:
         """Squared transfer error (N,) in the right image, px²."""

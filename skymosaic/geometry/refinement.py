@@ -13,10 +13,8 @@ ROBUST_SCALES_PX = (3.0, 2.1, 1.5, 1.5)
 """Scales of the robust loss, one for each step; they end below the inlier threshold."""
 
 
-def refine_robustly(
-    H: Array, left: ArrayLike, right: ArrayLike, *, scales_px: tuple[float, ...] = ROBUST_SCALES_PX
-) -> Matrix:
-    """Refine by reweighted Gauss-Newton on the transfer error: one step per scale s, weights 1 / (1 + e²/s²)².
+def refine_robustly(H: Array, left: ArrayLike, right: ArrayLike) -> Matrix:
+    """Refine by reweighted Gauss-Newton on the transfer error: a step for each scale s, weights 1 / (1 + e²/s²)².
 
     The weights are those of the Geman-McClure loss, which limits the influence of large errors; shrinking scales
     down-weight outliers (graduated Geman-McClure).
@@ -27,8 +25,6 @@ def refine_robustly(
         Start, for instance from `skymosaic.geometry.homography.dlt`.
     left, right : (N, 2) array_like
         Corresponding points, N >= 4, px; outliers may be among them.
-    scales_px : tuple of float
-        The scales s in right-image pixels, one for each step.
 
     Returns
     -------
@@ -42,12 +38,12 @@ def refine_robustly(
     skymosaic.geometry.homography.DegenerateError
         For fewer than 4 pairs or coincident points, or if a step maps a point to infinity.
     """
-    x, y, root = check_pairs(left, right, None, minimum=4)
+    x, y = check_pairs(left, right, minimum=4)
     # Normalised coordinates are of magnitude 1, which gives the eight elements of h similar magnitudes.
-    to_x, to_y, scale = joint_normalisation(x, y, root)
+    to_x, to_y, scale = joint_normalisation(x, y)
     x, y = apply(to_x, x), apply(to_y, y)
     h = rescale(to_y @ H @ np.linalg.inv(to_x)).ravel()[:8]
-    for scale_px in scales_px:
+    for scale_px in ROBUST_SCALES_PX:
         residuals, jacobian = transfer(h, x, y)
         # The square root of the weight multiplies both sides of the least-squares system.
         root = 1 / (1 + (residuals**2).sum(axis=1) / (scale * scale_px) ** 2)
@@ -59,19 +55,9 @@ def refine_robustly(
 
 
 def transfer(h: Array, x: Array, y: Array) -> tuple[Array, Array]:
-    """Residuals Hx - x' of point pairs and their Jacobian (thesis, equation II-18).
+    """Residuals Hx - x' (N, 2) of point pairs (N, 2), and their Jacobian (N, 2, 8) by the free elements ``h`` of H.
 
-    Parameters
-    ----------
-    h : (8,) float64 ndarray
-        The free elements of H, row by row.
-    x, y : (N, 2) float64 ndarray
-        Left and right points.
-
-    Returns
-    -------
-    residuals : (N, 2) float64 ndarray
-    jacobian : (N, 2, 8) float64 ndarray
+    The error is that of the thesis, equation II-18.
     """
     H = matrix_of(h)
     lifted = homogeneous(x)
@@ -84,9 +70,9 @@ def transfer(h: Array, x: Array, y: Array) -> tuple[Array, Array]:
     return projected - y, jacobian[:, :, :8]
 
 
-def joint_normalisation(x: Array, y: Array, root_weight: Array) -> tuple[Array, Array, float]:
+def joint_normalisation(x: Array, y: Array) -> tuple[Array, Array, float]:
     """Normalise both point sets by one scale, which keeps errors in proportion; returns two (3, 3) and the scale."""
-    to_x, to_y = normalisation(x, root_weight), normalisation(y, root_weight)
+    to_x, to_y = normalisation(x), normalisation(y)
     scale = float(to_x[0, 0])
     to_y[:2] *= scale / to_y[0, 0]
     return to_x, to_y, scale

@@ -28,45 +28,26 @@ BLOCKS = 6
 
 @dataclass(frozen=True)
 class FitQuality:
-    """Quality of a homography, measured on its matches.
-
-    Attributes
-    ----------
-    covariance_px : float
-        Mean standard deviation of the fit over the overlap, from its covariance.
-    instability_px : float
-        Mean distance, over the overlap, between the fit to all matches and fits without a part of them.
-    held_out_share : float
-        Share of the held-out matches within 12 px that lie within 2 px, 0..1.
-    held_out_px : float
-        90th percentile of the errors of the held-out matches within 12 px.
-    hull_share : float
-        Area of the inliers' hull / area of the overlap, 0..1.
-    inliers : int
-        Matches within 2 px, at different places.
-    """
+    """Quality of a homography, measured on its matches."""
 
     covariance_px: float
+    """Mean standard deviation of the fit over the overlap, from its covariance."""
     instability_px: float
+    """Mean distance, over the overlap, between the fit to all matches and fits without a part of them."""
     held_out_share: float
+    """Share of the held-out matches within 12 px that lie within 2 px, 0..1."""
     held_out_px: float
+    """90th percentile of the errors of the held-out matches within 12 px."""
     hull_share: float
+    """Area of the inliers' hull / area of the overlap, 0..1."""
     inliers: int
+    """Matches within 2 px, at different places."""
 
 
 def assess_fit(homography: Matrix, left: Points, right: Points, left_size: Size, right_size: Size) -> FitQuality:
     """Measure how good a homography is, by matches of which some may be wrong.
 
     The worst values, 12 px and a share of 0, stand for what cannot be measured.
-
-    Parameters
-    ----------
-    homography : (3, 3) ndarray
-        Left to right.
-    left, right : (N, 2) ndarray
-        Matches, including wrong ones, px.
-    left_size, right_size : (int, int)
-        Width and height of the images, px.
     """
     left, right = one_per_place(left, right)
     error_px = transfer_error(homography, left, right)
@@ -107,7 +88,7 @@ def _covariance_error(homography: Matrix, left: Points, right: Points, grid: Poi
     if len(left) < 5 or not len(grid):
         return NEAR_PX
     # Without normalised coordinates in the left image, the elements of h would differ by six orders of magnitude.
-    to_left = normalisation(left, np.ones(len(left)))
+    to_left = normalisation(left)
     try:
         H = rescale(homography @ np.linalg.inv(to_left))
         sigma = covariance(H, apply(to_left, left), right)

@@ -14,14 +14,14 @@ from skymosaic.geometry.homography import (
 )
 
 
-def estimate_inhomogeneous(left: ArrayLike, right: ArrayLike, weight: ArrayLike | None = None) -> Array:
+def estimate_inhomogeneous(left: ArrayLike, right: ArrayLike) -> Array:
     """Estimate by the eight-parameter least squares h = (A'A)^-1 A'b with h33 = 1 (thesis, equation III-9).
 
     Parameters, result and errors as in `skymosaic.geometry.homography.estimate`. h33 is fixed in normalised
     coordinates, where it is the third coordinate of the centroid, so that it cannot vanish.
     """
-    x, y, root = check_pairs(left, right, weight, minimum=4)
-    to_x, to_y = normalisation(x, root), normalisation(y, root)
-    rows = design_matrix(apply(to_x, x), apply(to_y, y), root)
+    x, y = check_pairs(left, right, minimum=4)
+    to_x, to_y = normalisation(x), normalisation(y)
+    rows = design_matrix(apply(to_x, x), apply(to_y, y))
     h = solve_least_squares(rows[:, :8], -rows[:, 8])
     return rescale(np.linalg.inv(to_y) @ np.append(h, 1.0).reshape(3, 3) @ to_x)

@@ -35,15 +35,13 @@ def squared_errors(H: Array, left: ArrayLike, right: ArrayLike, *, error: str = 
     ValueError
         For arrays of wrong shape or an unknown error.
     """
-    x, y, _ = check_pairs(left, right, None, minimum=0)
+    x, y = check_pairs(left, right, minimum=0)
     residuals, _ = _function(error)(rescale(H).ravel()[:8], x, y)
     return np.asarray((residuals**2).sum(axis=1))
 
 
-def refine(
-    H: Array, left: ArrayLike, right: ArrayLike, *, error: str = "symmetric", weight: ArrayLike | None = None
-) -> Array:
-    """Minimise the weighted sum of one error by Levenberg-Marquardt with analytic Jacobians.
+def refine(H: Array, left: ArrayLike, right: ArrayLike, *, error: str = "symmetric") -> Array:
+    """Minimise the sum of one error by Levenberg-Marquardt with analytic Jacobians.
 
     Parameters
     ----------
@@ -53,8 +51,6 @@ def refine(
         Corresponding points without outliers, N >= 4, px.
     error : {"transfer", "symmetric", "reprojection", "sampson"}
         See the module's table.
-    weight : (N,) array_like, optional
-        Weights of the squared errors; default 1.
 
     Returns
     -------
@@ -69,13 +65,13 @@ def refine(
         For fewer than 4 pairs or coincident points.
     """
     function = _function(error)
-    x, y, root = check_pairs(left, right, weight, minimum=4)
-    to_x, to_y, _ = joint_normalisation(x, y, root)
+    x, y = check_pairs(left, right, minimum=4)
+    to_x, to_y, _ = joint_normalisation(x, y)
     x, y = apply(to_x, x), apply(to_y, y)
     solution = least_squares(
-        lambda h: (function(h, x, y)[0] * root[:, None]).ravel(),
+        lambda h: function(h, x, y)[0].ravel(),
         rescale(to_y @ H @ np.linalg.inv(to_x)).ravel()[:8],
-        jac=lambda h: (function(h, x, y)[1] * root[:, None, None]).reshape(-1, 8),
+        jac=lambda h: function(h, x, y)[1].reshape(-1, 8),
         method="lm",
     )
     return rescale(np.linalg.inv(to_y) @ matrix_of(solution.x) @ to_x)

@@ -43,11 +43,6 @@ def test_counts_can_be_those_of_table_iv_4_scene_3() -> None:
     assert decision.inliers.sum() == np.isin(decision.rule, INLIER_RULES).sum() == 116
 
 
-def test_tolerance_moves_the_sets() -> None:
-    left, right = off_by([1.9, 2, 2.1])
-    np.testing.assert_array_equal(decide(SHIFT, left, right, [1, 1, 1], tolerance_px=2).rule, [0, 1, 2])
-
-
 def test_infinite_error_is_an_outlier() -> None:
     to_infinity = np.array([[1.0, 0, 0], [0, 1, 0], [-0.5, 0, 1]])
     decision = decide(to_infinity, [(2, 3)], [(2, 3)], [True])
@@ -56,7 +51,7 @@ def test_infinite_error_is_an_outlier() -> None:
 
 
 def test_each_combination_fires_one_rule_fully() -> None:
-    system = rule_base(4.0)
+    system = rule_base()
     checks, errors = (grid.ravel() for grid in np.meshgrid([0, 1], np.arange(200)))
     strengths = system.strengths(checks, errors)
     np.testing.assert_array_equal(np.sort(strengths, axis=1)[:, -2:], [[0, system.strength_one]] * len(checks))

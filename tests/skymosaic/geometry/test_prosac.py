@@ -179,6 +179,13 @@ def test_values_that_are_not_finite_are_refused(bad: float) -> None:
         estimated(left, right, weight)
 
 
+@pytest.mark.parametrize("weight", [-np.ones(20), np.ones(19), np.full(20, np.nan)])
+def test_impossible_weights_are_refused(weight: NDArray[np.float64]) -> None:
+    left, right, _, _ = matches(20, 1.0, seed=10)
+    with pytest.raises(ValueError, match="weights"):
+        estimated(left, right, weight)
+
+
 def test_minimal_solver_agrees_with_the_dlt() -> None:
     left, right, weight, _ = matches(60, 1.0, seed=11, noise_px=0)
     sorted_matches = prosac._Matches(left, right, weight)

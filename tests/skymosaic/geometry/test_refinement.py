@@ -1,6 +1,7 @@
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from skymosaic.geometry.homography import apply, dlt
@@ -28,10 +29,11 @@ def test_robust_refinement_ignores_outliers() -> None:
     assert np.linalg.norm(apply(refined, corners) - apply(TRUTH, corners), axis=1).max() < 0.5
 
 
-def test_robust_step_follows_the_geman_mcclure_gradient() -> None:
+def test_robust_step_follows_the_geman_mcclure_gradient(monkeypatch: pytest.MonkeyPatch) -> None:
     # At the end of many steps of one scale the gradient of the sum of e²/(1 + e²/s²) vanishes.
+    monkeypatch.setattr("skymosaic.geometry.refinement.ROBUST_SCALES_PX", (1.5,) * 40)
     left, right = noisy_pairs(60, 1.0, seed=8)
-    refined = refine_robustly(dlt(left, right), left, right, scales_px=(1.5,) * 40)
+    refined = refine_robustly(dlt(left, right), left, right)
 
     def loss(h: Any) -> Any:
         squared = squared_errors(np.append(h, 1).reshape(3, 3), left, right, error="transfer")

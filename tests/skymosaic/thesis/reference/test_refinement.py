@@ -136,14 +136,6 @@ def test_only_reprojection_and_sampson_stand_strong_perspective() -> None:
     assert distance["sampson"] == pytest.approx(distance["reprojection"], rel=0.01)
 
 
-def test_weights_count_like_repetition() -> None:
-    left, right = noisy_pairs(15, 1.0, seed=5)
-    weight = np.random.default_rng(5).integers(0, 4, 15)
-    start = dlt(left, right)
-    repeated = refine(start, np.repeat(left, weight, axis=0), np.repeat(right, weight, axis=0))
-    np.testing.assert_allclose(refine(start, left, right, weight=weight), repeated, rtol=1e-5, atol=1e-7)
-
-
 def test_bad_input_is_refused() -> None:
     left, right = noisy_pairs(10, 1.0, seed=9)
     with pytest.raises(ValueError, match=r"'huber'.*sampson"):
