@@ -1,5 +1,7 @@
-"""Tables as pandas, polars and `csv` take them: a dictionary of columns, each a NumPy array with one entry a row."""
+"""Tables as text, and as pandas and polars take them: a dictionary of columns, each a NumPy array, one entry a row."""
 
+import csv
+import io
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -7,6 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 Table = dict[str, NDArray[Any]]
+
+
+def to_csv(header: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    """The text of a file with a header and rows."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return text.getvalue()
 
 
 def tabulate(rows: Iterable[Mapping[str, Any]]) -> Table:

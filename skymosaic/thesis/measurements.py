@@ -1,11 +1,11 @@
 """Results of the experiments: one line for each table, setting and pair."""
 
-import csv
-import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from skymosaic.common.tables import to_csv
 
 Line = tuple[str, str, Mapping[str, float]]
 """Table, setting and values, as an experiment yields them for one pair."""
@@ -62,13 +62,9 @@ class Measurements:
 
     def to_csv(self) -> str:
         """Write every value as CSV with the columns table, setting, pair, group, quantity, value."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(("table", "setting", "pair", "group", "quantity", "value"))
-        writer.writerows(self._rows())
-        return text.getvalue()
-
-    def _rows(self) -> Iterator[tuple[str, str, str, str, str, float]]:
-        for line in self.lines:
-            for quantity, value in line.values.items():
-                yield line.table, line.setting, line.pair, line.group, quantity, value
+        rows = (
+            (line.table, line.setting, line.pair, line.group, quantity, value)
+            for line in self.lines
+            for quantity, value in line.values.items()
+        )
+        return to_csv(("table", "setting", "pair", "group", "quantity", "value"), rows)

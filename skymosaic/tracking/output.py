@@ -1,7 +1,5 @@
 """Output of tracking: frames with the object's outline, and a table of its corners."""
 
-import csv
-import io
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -13,6 +11,7 @@ import numpy as np
 from golden_model.arrays import Pixels
 from skymosaic.common.errors import OutputError, RegistrationError
 from skymosaic.common.provenance import to_json
+from skymosaic.common.tables import to_csv
 from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.tracking.tracker import TrackedFrame, Tracker
@@ -104,12 +103,9 @@ def save_corners(path: Path, rows: Sequence[TrackedCorners]) -> None:
 
 
 def _csv(rows: Sequence[TrackedCorners]) -> str:
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(
-        ["frame", "seconds", *(f"{axis}{corner}" for corner in range(4) for axis in "xy"), "model", "inliers", "reason"]
-    )
+    names = [f"{axis}{corner}" for corner in range(4) for axis in "xy"]
+    table = []
     for each in rows:
         values = [""] * 8 if each.corners is None else [value for point in each.corners for value in point]
-        table.writerow([each.frame, each.seconds, *values, each.model, each.inliers, each.reason])
-    return text.getvalue()
+        table.append([each.frame, each.seconds, *values, each.model, each.inliers, each.reason])
+    return to_csv(["frame", "seconds", *names, "model", "inliers", "reason"], table)

@@ -4,10 +4,8 @@ Every task reads photographs by paths, relative to ``folder`` or absolute, and w
 Results name files relative to it, so that the archive works wherever it is unpacked.
 """
 
-import csv
-import io
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +16,7 @@ from golden_model.formats import POSITION, decode_response
 from skymosaic.common.errors import RegistrationError
 from skymosaic.common.options import command_words
 from skymosaic.common.provenance import to_json
+from skymosaic.common.tables import to_csv
 from skymosaic.evaluation.hardware import compare
 from skymosaic.flight.check import check_flight, layout_errors
 from skymosaic.flight.flight import Flight
@@ -47,15 +46,7 @@ def make_mosaic(
 ) -> MosaicResult:
     """Make a mosaic of two photographs, of a whole flight, or of a flight's multi-band sets.
 
-    Parameters
-    ----------
-    folder : Path
-    paths : list of str
-        Paths of the photographs, at least two, with different names.
-    options : Options
-    pictures : Path
-        Folder for what the page shows.
-    progress : callable
+    There are at least two paths, with different names. ``pictures`` is the folder for what the page shows.
 
     Raises
     ------
@@ -231,7 +222,7 @@ def _list_corners(pair: Pair) -> str:
         for name, features in zip((pair.left.name, pair.right.name), pair.features, strict=True)
         for corner in features
     ]  # fmt: skip
-    return _to_csv(("image", "x", "y", "level", "sector", "response"), rows)
+    return to_csv(("image", "x", "y", "level", "sector", "response"), rows)
 
 
 def _list_matches(pair: Pair) -> str:
@@ -248,12 +239,4 @@ def _list_matches(pair: Pair) -> str:
         )
         for match, verdict, distance in zip(pair.matches, classify_matches(pair), residual_px, strict=True)
     ]
-    return _to_csv((*names, "verdict", "residual_px"), rows)
-
-
-def _to_csv(header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
-    return text.getvalue()
+    return to_csv((*names, "verdict", "residual_px"), rows)
