@@ -32,10 +32,8 @@ from skymosaic.running.cache import Arrays, key_of
 THUMBNAIL_WIDTH_PX = 320
 DETAIL_SIGMA_PX, EVEN_SPREAD = 12.0, 45.0
 """What is coarser is light, and the standard deviation of gray levels that is left, see `even_contrast`."""
-_ARRAYS = ("to_original", "to_thumbnail", "features", "strongest", "thumbnail", "mask", "sample")
 HEAVY = ("features", "thumbnail")
 """Attributes of a view that stay with the worker that computed them, as Dask's futures."""
-_FACTS = ("size", "working_size", "sharpness", "clipped", "notes")
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,22 +72,20 @@ class View:
 
     def pack(self) -> Arrays:
         """Turn the view into arrays for a file; without the name, because photographs are renamed."""
-        arrays = {name: getattr(self, name) for name in _ARRAYS}
-        facts = {name: getattr(self, name) for name in _FACTS}
-        facts["taken"] = dataclasses.asdict(self.taken)
-        facts["value_range"] = None if self.value_range is None else dataclasses.astuple(self.value_range)
-        return arrays | {"facts": np.array(json.dumps(facts))}
+        values = {name: value for name, value in vars(self).items() if name not in ("name", "key")}
+        arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+        facts = {name: value for name, value in values.items() if name not in arrays}
+        return arrays | {"facts": np.array(json.dumps(facts, default=dataclasses.asdict))}
 
     @classmethod
     def unpack(cls, arrays: Arrays, name: str, key: str) -> View:
         """Read the view that `pack` turned into arrays."""
-        facts = json.loads(str(arrays["facts"]))
-        position = facts["taken"].pop("position")
-        size, working_size, notes = (tuple(facts[fact]) for fact in ("size", "working_size", "notes"))
-        facts |= {"size": size, "working_size": working_size, "notes": notes}
-        facts["taken"] = Metadata(None if position is None else Position(**position), **facts["taken"])
-        facts["value_range"] = None if facts["value_range"] is None else ValueRange(*facts["value_range"])
-        values: dict[str, Any] = {array: arrays[array] for array in _ARRAYS} | facts
+        values: dict[str, Any] = dict(arrays)
+        values |= json.loads(str(values.pop("facts")))
+        values |= {each: tuple(values[each]) for each in ("size", "working_size", "notes")}
+        position, known_range = values["taken"].pop("position"), values["value_range"]
+        values["taken"] = Metadata(None if position is None else Position(**position), **values["taken"])
+        values["value_range"] = None if known_range is None else ValueRange(**known_range)
         return cls(name=name, key=key, **values)
 
     @property
