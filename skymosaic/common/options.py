@@ -55,7 +55,7 @@ class Option:
     name: str = ""
     type: Any = None
     default: Any = None
-    """Of the dataclass field, filled in by `options_of`."""
+    """Those of the dataclass field, filled in by `options_of`."""
 
     @property
     def choices(self) -> tuple[str, ...]:

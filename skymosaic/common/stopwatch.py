@@ -5,16 +5,11 @@ from collections.abc import Mapping
 
 
 class Stopwatch:
-    """Measures consecutive stages, which extend earlier ``seconds``.
-
-    Attributes
-    ----------
-    seconds : dict of str to float
-        Wall time of each stage.
-    """
+    """Measures consecutive stages, which extend earlier ``seconds``."""
 
     def __init__(self, seconds: Mapping[str, float] | None = None) -> None:
         self.seconds = dict(seconds or {})
+        """Wall time of each stage."""
         self._last = time.perf_counter()
 
     def lap(self, stage: str) -> None:

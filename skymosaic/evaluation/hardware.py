@@ -21,41 +21,28 @@ from skymosaic.registration.options import PhotographOptions
 
 @dataclass(frozen=True)
 class Comparison:
-    """Result of a comparison.
-
-    Attributes
-    ----------
-    mismatch : Mismatch or None
-        The first difference; None if everything is equal. If a simulation differs, this is the first wrong pixel of
-        the first wrong stage of the front end, or a record's field if the difference arises after these stages.
-    coverage : Coverage
-        How many frames, features and matches were compared.
-    cycles_per_frame : tuple of int
-        Clock cycles from a frame's first pixel to its last word.
-    seconds : float
-        Wall time of the simulation, without builds.
-    golden_seconds : float
-        Wall time of the golden model, for both frames.
-    size : (int, int)
-        Size of the larger frame, px.
-    notes : tuple of str
-        Parts of the design that the pair did not exercise; empty if it exercised all.
-    timelines : tuple of Timeline
-        The predicted clocks of each frame, equal to the simulated ones unless there is a mismatch; empty for a board,
-        and for a configuration whose clocks are not predicted.
-    rules : dict of str to str
-        Name and digest of the rules that decided matches.
-    """
+    """Result of a comparison."""
 
     mismatch: Mismatch | None
+    """The first difference; None if everything is equal. If a simulation differs, this is the first wrong pixel of the
+    first wrong stage of the front end, or a record's field if the difference arises after these stages."""
     coverage: Coverage
+    """How many frames, features and matches were compared."""
     cycles_per_frame: tuple[int, ...]
+    """Clock cycles from a frame's first pixel to its last word."""
     seconds: float
+    """Wall time of the simulation, without builds."""
     golden_seconds: float
+    """Wall time of the golden model, for both frames."""
     size: tuple[int, int]
+    """Size of the larger frame, px."""
     notes: tuple[str, ...]
+    """Parts of the design that the pair did not exercise; empty if it exercised all."""
     timelines: tuple[Timeline, ...]
+    """The predicted clocks of each frame, equal to the simulated ones unless there is a mismatch; empty for a board,
+    and for a configuration whose clocks are not predicted."""
     rules: dict[str, str]
+    """Name and digest of the rules that decided matches."""
 
     @property
     def cycles_per_second(self) -> float:
@@ -93,18 +80,12 @@ def compare(
 
     Parameters
     ----------
-    left, right : path or ndarray of uint8
-    options : PhotographOptions
     homography : bool
         Whether to take the hardware that also estimates homographies.
     waves : Path or None
         File for the waves (VCD) of a simulation: tens of kilobytes per clock cycle, so for small frames only.
     progress : callable
         Receives lines about a first build.
-
-    Returns
-    -------
-    Comparison
 
     Raises
     ------

@@ -64,22 +64,9 @@ def repeatability(
 ) -> float:
     """Share of the left features in the overlap that were also detected in the right image (equation IV-2).
 
-    Parameters
-    ----------
-    left, right : (N, 2) and (M, 2) array_like
-        Feature positions, px.
-    truth : (3, 3) float64 ndarray
-        Maps left to right.
-    right_size : (int, int)
-        Width and height of the right image, px.
-    tolerance_px : float
-        Two features correspond if each is the other's nearest neighbour and their distance is at most this (1.5 px:
-        Schmid, Mohr and Bauckhage 2000).
-
-    Returns
-    -------
-    float
-        Corresponding / all left features that map into the right image; 0 if none does.
+    Two features, (N, 2) and (M, 2), correspond if each is the other's nearest neighbour and their distance is at most
+    ``tolerance_px`` (1.5 px: Schmid, Mohr and Bauckhage 2000). The share is of the left features that the truth maps
+    into the right image; 0 if it maps none.
     """
     mapped, detected = apply(truth, left), np.asarray(right, dtype=np.float64)
     query = mapped[_inside(mapped, right_size)]
@@ -95,16 +82,8 @@ def repeatability(
 def grid_error(estimated: Array | None, truth: Array, left_size: tuple[int, int], right_size: tuple[int, int]) -> float:
     """Mean distance between two homographies over the overlap, px.
 
-    Parameters
-    ----------
-    estimated : (3, 3) float64 ndarray or None
-        For None, and for a homography that maps a point of the overlap to infinity, the result is
-        `MISSING_ERROR_PX`.
-    truth : (3, 3) float64 ndarray
-        Both map left to right.
-    left_size, right_size : (int, int)
-        Width and height, px. The mean is over those of 20x20 points spread over the left image that the truth maps
-        into the right one.
+    The mean is over those of 20x20 points spread over the left image that the truth maps into the right one. It is
+    `MISSING_ERROR_PX` for None, and for a homography that maps one of them to infinity.
 
     Raises
     ------

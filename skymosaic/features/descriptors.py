@@ -51,18 +51,9 @@ STRONGEST_RESPONSE = 1 << 30
 def describe(gray: Pixels, key_points: KeyPoints, descriptor: str) -> Records:
     """Describe key points; the records keep their order.
 
-    Parameters
-    ----------
-    gray : ndarray of uint8, shape (H, W)
-    key_points : sequence of cv2.KeyPoint
-        Key points nearer to the border than the descriptor's support are dropped.
-    descriptor : str
-        One of `DESCRIPTORS`. ILBP and windows are taken at the nearest pixel of the full-size image.
-
-    Returns
-    -------
-    structured ndarray, shape (N,)
-        `golden_model.records.feature_record`. The sector is ILBP's own, else that of the key point's angle.
+    Key points nearer to the border than the descriptor's support are dropped. ILBP and windows are taken at the nearest
+    pixel of the full-size image. The sector of a record (`golden_model.records.feature_record`) is ILBP's own, else
+    that of the key point's angle.
     """
     if descriptor in _OPENCV:
         extractor = _extractor(descriptor)

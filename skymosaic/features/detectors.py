@@ -34,15 +34,9 @@ _OPENCV: dict[str, Callable[[int], cv2.Feature2D]] = {
 
 
 def detect(gray: Pixels, detector: str, count: int) -> list[cv2.KeyPoint]:
-    """Detect key points; returns them in order of falling response.
+    """Detect key points by one of `DETECTORS` except `FRONT_END_DETECTORS`, in order of falling response.
 
-    Parameters
-    ----------
-    gray : ndarray of uint8, shape (H, W)
-    detector : str
-        One of `DETECTORS` except `FRONT_END_DETECTORS`.
-    count : int
-        Number wanted; detectors without a limit may return more.
+    ``count`` are wanted; detectors without a limit may return more.
     """
     points = surf.key_points(gray) if detector == "surf" else _OPENCV[detector](count).detect(gray, None)
     return sorted(points, key=lambda point: -float(point.response))

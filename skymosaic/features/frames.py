@@ -43,19 +43,13 @@ class ChangedImage:
 
 @dataclass(eq=False)
 class DescribedImage:
-    """An image that keeps the features of its changed copies, so that pairs share them.
-
-    Attributes
-    ----------
-    image : ndarray of uint8
-    kept : dict
-        What `describe` returned so far; at most 100 kB each, and three dozen. Not pickled.
-    """
+    """An image that keeps the features of its changed copies, so that pairs share them."""
 
     image: Pixels
     kept: dict[tuple[Change, FrontEndConfig], tuple[ChangedImage, Records] | None] = field(
         default_factory=dict, repr=False
     )
+    """What `describe` returned so far; at most 100 kB each, and three dozen. Not pickled."""
 
     def describe(self, change: Change, front_end: Backend, config: Config) -> tuple[ChangedImage, Records] | None:
         """The changed copy, without its pixels, and its features; None as of `change_image`."""

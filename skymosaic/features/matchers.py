@@ -30,20 +30,9 @@ TRACKING_RULES = ("tracked there and back", "lost on the way back")
 def match_by_ratio(left: Records, right: Records, norm: int) -> Records:
     """Match by the ratio test (equation II-7) and the bidirectional check (section III.5.2).
 
-    Each right feature has at most one match.
-
-    Parameters
-    ----------
-    left, right : structured ndarray, shape (F1,) and (F2,)
-        Feature records with descriptors of one kind.
-    norm : int
-        ``cv2.NORM_L2`` or ``cv2.NORM_HAMMING``.
-
-    Returns
-    -------
-    (M,) structured
-        Match records. ``weight`` is 1 - nearest / second nearest, ``verdict`` is 1 where the left feature is also
-        the right one's nearest neighbour, ``rule`` indexes `RATIO_RULES`.
+    Each right feature has at most one match. ``weight`` is 1 - nearest / second nearest, ``verdict`` is 1 where the
+    left feature is also the right one's nearest neighbour, ``rule`` indexes `RATIO_RULES`. The norm of the descriptors
+    is ``cv2.NORM_L2`` or ``cv2.NORM_HAMMING``.
     """
     if len(left) < 2 or len(right) < 2:
         return pair_features(left, right, np.zeros(0, np.intp), np.zeros(0, np.intp))
@@ -66,18 +55,10 @@ def match_by_ratio(left: Records, right: Records, norm: int) -> Records:
 
 
 def match_by_correlation(left: Records, right: Records) -> Records:
-    """Match mutually nearest windows under SAD, weighted by fuzzy correlation (Tables III-1 and III-2).
+    """Match mutually nearest windows of one size under SAD, weighted by fuzzy correlation (Tables III-1 and III-2).
 
-    Parameters
-    ----------
-    left, right : structured ndarray, shape (F1,) and (F2,)
-        Feature records whose descriptors are gray windows of one size.
-
-    Returns
-    -------
-    (M,) structured
-        Match records. ``verdict`` is 1 for a good match, ``rule`` indexes the 27 rules, ``distance`` is the SAD per
-        pixel in 1/16 gray levels.
+    ``verdict`` is 1 for a good match, ``rule`` indexes the 27 rules, ``distance`` is the SAD per pixel in 1/16 gray
+    levels.
     """
     if len(left) == 0 or len(right) == 0:
         return pair_features(left, right, np.zeros(0, np.intp), np.zeros(0, np.intp))
@@ -96,19 +77,9 @@ def match_by_correlation(left: Records, right: Records) -> Records:
 def track_features(left_gray: Pixels, right_gray: Pixels, left: Records, right: Records) -> tuple[Records, Records]:
     """Follow the left features into the right image with the pyramidal KLT tracker (equations II-8 to II-11).
 
-    Parameters
-    ----------
-    left_gray, right_gray : ndarray of uint8, shape (H, W)
-        Their sizes may differ.
-    left, right : structured ndarray
-        The features of both images.
-
-    Returns
-    -------
-    features : structured ndarray
-        ``right``, followed by a feature per tracked left one, at its position in the right image.
-    matches : structured ndarray
-        ``verdict`` is 1 where the feature, tracked back, returns to its start; ``rule`` indexes `TRACKING_RULES`.
+    The sizes of the images may differ. Returns ``right``, followed by a feature per tracked left one at its position in
+    the right image; and the matches, whose ``verdict`` is 1 where the feature, tracked back, returns to its start, and
+    whose ``rule`` indexes `TRACKING_RULES`.
     """
     start = feature_points(left).astype(np.float32)
     if len(left) == 0:

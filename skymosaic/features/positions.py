@@ -37,14 +37,8 @@ def raw_positions(points: NDArray[np.floating]) -> NDArray[np.uint16]:
 def are_on_ground(points: Points, visible: Pixels | None) -> Mask:
     """Whether each point (N, 2) is far enough from masked pixels to count, (N,).
 
-    A lens mask hides what moves with the camera: the drone's own legs, a watermark.
-
-    Parameters
-    ----------
-    points : ndarray of float64, shape (N, 2)
-        Working px.
-    visible : ndarray of uint8, shape (H, W), or None
-        255 where the working image shows ground, else 0; None: everywhere.
+    A lens mask hides what moves with the camera: the drone's own legs, a watermark. ``visible`` is 255 where the
+    working image shows ground, else 0; None: everywhere.
     """
     if visible is None:
         return np.ones(len(points), dtype=np.bool_)

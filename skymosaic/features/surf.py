@@ -21,17 +21,10 @@ MAX_STEP = 1.0
 
 
 def key_points(gray: Pixels) -> list[cv2.KeyPoint]:
-    """Find the key points of an image.
+    """Find the key points of a gray image, at sub-pixel positions.
 
-    Parameters
-    ----------
-    gray : ndarray of uint8, shape (H, W)
-
-    Returns
-    -------
-    list of cv2.KeyPoint
-        Sub-pixel position; ``size`` is the side of the filter in px (scale 1.2 size / 9), ``response`` the
-        determinant, ``angle`` -1: the key points are upright.
+    ``size`` is the side of the filter in px (scale 1.2 size / 9), ``response`` the determinant, ``angle`` -1: the key
+    points are upright.
     """
     integral = cv2.integral(gray)
     octaves = (sizes for sizes in OCTAVES_PX if sizes[-1] < min(gray.shape))
@@ -39,19 +32,10 @@ def key_points(gray: Pixels) -> list[cv2.KeyPoint]:
 
 
 def determinant(integral: NDArray[np.int32], size_px: int) -> Array:
-    """Determinant of the box Hessian, Dxx Dyy - (0.9 Dxy)**2, at every pixel (equations II-4 to II-6).
+    """Determinant of the box Hessian, Dxx Dyy - (0.9 Dxy)**2, at every pixel (equations II-4 to II-6), (H, W).
 
-    Parameters
-    ----------
-    integral : ndarray of int32, shape (H + 1, W + 1)
-        Integral image as `cv2.integral` returns it.
-    size_px : int
-        Side of the filters, an odd multiple of 3; the derivatives are divided by its square.
-
-    Returns
-    -------
-    ndarray of float64, shape (H, W)
-        0 where the filter leaves the image.
+    The image is an integral one (H + 1, W + 1), as of `cv2.integral`. The side of the filters is an odd multiple of 3;
+    the derivatives are divided by its square. 0 where the filter leaves the image.
     """
     lobe, half = size_px // 3, size_px // 2
     band = 2 * lobe - 1

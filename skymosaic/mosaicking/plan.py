@@ -32,15 +32,8 @@ from skymosaic.running.workers import Workers
 class MosaicPlan:
     """From photographs to mosaics; `write` is the whole road, `mosaic` the same into memory.
 
-    Parameters
-    ----------
-    sources : sequence of Source
-        The photographs.
-    options : MosaicOptions
-        Checked for this number of photographs.
-    workers : Workers
-    tell : callable
-        Receives a line if the cache cannot be written, or if control points name other photographs.
+    The options are checked for this number of photographs. ``tell`` receives a line if the cache cannot be written, or
+    if control points name other photographs.
     """
 
     def __init__(

@@ -45,26 +45,17 @@ class FiredRule:
 
 @dataclass(frozen=True)
 class Explanation:
-    """Why one match was kept or rejected.
-
-    Attributes
-    ----------
-    verdict : {"inlier", "outlier", "rejected"}
-        Kept and on the homography; kept, but off it or without one; not kept.
-    reason : str
-        The verdict and its cause in words.
-    facts : tuple of (str, str)
-        Measured quantities and their values.
-    inputs : tuple of Input
-    rules : tuple of FiredRule
-        Both empty if no fuzzy system weighed the match.
-    """
+    """Why one match was kept or rejected."""
 
     verdict: str
+    """An inlier is kept and on the homography; an outlier is kept, but off it or without one; else "rejected"."""
     reason: str
+    """The verdict and its cause in words."""
     facts: tuple[tuple[str, str], ...]
+    """Measured quantities and their values."""
     inputs: tuple[Input, ...] = ()
     rules: tuple[FiredRule, ...] = ()
+    """Both empty if no fuzzy system weighed the match."""
 
 
 def classify_matches(pair: Pair) -> list[str]:

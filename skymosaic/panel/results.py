@@ -26,42 +26,27 @@ GAP_PX = 12
 
 @dataclass(frozen=True, eq=False)
 class Decoded:
-    """A photograph, or a video's first frame, that was decoded.
-
-    Attributes
-    ----------
-    size : (int, int)
-        Width and height of the original, px.
-    notes : tuple of str
-        What was done to its pixels, or a video's frame rate.
-    working : Path
-        The picture as the front end sees it, a PNG whose stem is the file's name.
-    working_size : (int, int)
-    """
+    """A photograph, or a video's first frame, that was decoded."""
 
     size: Size
+    """Width and height of the original, px."""
     notes: tuple[str, ...]
+    """What was done to its pixels, or a video's frame rate."""
     working: Path
+    """The picture as the front end sees it, a PNG whose stem is the file's name."""
     working_size: Size
 
 
 @dataclass(eq=False)
 class InputFile:
-    """A file that a run can take: an upload that was accepted, or a photograph of an opened folder.
-
-    Attributes
-    ----------
-    path : str
-        As a run names it: an upload's sanitised, unique name, or where a folder's photograph lies.
-    thumbnail : Path
-        Picture for lists; that of a folder's photograph is made while the folder is read.
-    decoded : Decoded or None
-        None for a folder's photograph, until it is one of the first two.
-    """
+    """A file that a run can take: an upload that was accepted, or a photograph of an opened folder."""
 
     path: str
+    """As a run names it: an upload's sanitised, unique name, or where a folder's photograph lies."""
     thumbnail: Path
+    """Picture for lists; that of a folder's photograph is made while the folder is read."""
     decoded: Decoded | None = None
+    """None for a folder's photograph, until it is one of the first two."""
 
     @classmethod
     def of_upload(cls, decoded: Decoded) -> Self:
@@ -107,27 +92,18 @@ def side_by_side(pictures: Iterable[tuple[Path, Size]]) -> tuple[Picture, ...]:
 
 @dataclass(frozen=True)
 class ShownMosaic:
-    """A mosaic as the page shows it.
-
-    Attributes
-    ----------
-    picture : Picture
-        Reduced if the mosaic is large.
-    size : (int, int)
-        Size of the whole mosaic, px.
-    outlines : dict of str to (4, 2) ndarray
-        Corners of each photograph placed, by its name, in pixels of the picture.
-    seams : tuple of (N, 2) ndarray
-        Closed lines around what each photograph shows, in pixels of the picture; empty where they are blended.
-    tiles : tuple of Picture
-        Parts of the mosaic in more detail; empty where the picture shows everything.
-    """
+    """A mosaic as the page shows it."""
 
     picture: Picture
+    """Reduced if the mosaic is large."""
     size: Size
+    """Size of the whole mosaic, px."""
     outlines: dict[str, Array]
+    """Corners (4, 2) of each photograph placed, by its name, in pixels of the picture."""
     seams: tuple[Array, ...] = ()
+    """Closed lines (N, 2) around what each photograph shows, in pixels of the picture; empty where they are blended."""
     tiles: tuple[Picture, ...] = ()
+    """Parts of the mosaic in more detail; empty where the picture shows everything."""
 
 
 class Link(NamedTuple):
@@ -148,62 +124,40 @@ def find_inside(folder: Path, path: str) -> Path | None:
 
 @dataclass(frozen=True)
 class Run:
-    """A finished run.
-
-    Attributes
-    ----------
-    folder : Path
-        Everything the run used and wrote; it goes into the archive.
-    pictures : Path
-        Folder with what the page shows of it, the working pictures of its photographs among them.
-    command : str
-        The command line that repeats it.
-    """
+    """A finished run."""
 
     folder: Path
+    """Everything the run used and wrote; it goes into the archive."""
     pictures: Path
+    """Folder with what the page shows of it, the working pictures of its photographs among them."""
     command: str
+    """The command line that repeats it."""
 
 
 @dataclass(frozen=True)
 class MosaicResult(Run):
-    """A finished run of the mosaic page.
-
-    Attributes
-    ----------
-    options : Options
-    paths : dict of str to str
-        Path of each photograph, relative to ``folder`` or absolute, by its name.
-    pair : Pair
-        The pair that is shown, without pixels; of a flight, one of its pairs.
-    working : tuple of Picture
-        What the front end saw of that pair, side by side.
-    seconds : dict of str to float
-        Wall time of each stage.
-    reason : str
-        Why there is no mosaic.
-    mosaic : ShownMosaic or None
-    left_out : dict of str to str
-        Why photographs were not placed, by their names.
-    links : tuple of Link
-        The pairs of a flight that can be shown, the one with the most inliers first.
-    facts : dict of str to str
-        Numbers of the whole mosaic, by name.
-    problems : dict of str to tuple of str
-        What `skymosaic check` says about photographs of a flight, by their names.
-    """
+    """A finished run of the mosaic page."""
 
     options: Options
     paths: dict[str, str]
+    """Path of each photograph, relative to ``folder`` or absolute, by its name."""
     pair: Pair
+    """The pair that is shown, without pixels; of a flight, one of its pairs."""
     working: tuple[Picture, ...]
+    """What the front end saw of that pair, side by side."""
     seconds: dict[str, float]
+    """Wall time of each stage."""
     reason: str = ""
+    """Why there is no mosaic."""
     mosaic: ShownMosaic | None = None
     left_out: dict[str, str] = field(default_factory=dict)
+    """Why photographs were not placed, by their names."""
     links: tuple[Link, ...] = ()
+    """The pairs of a flight that can be shown, the one with the most inliers first."""
     facts: dict[str, str] = field(default_factory=dict)
+    """Numbers of the whole mosaic, by name."""
     problems: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """What `skymosaic check` says about photographs of a flight, by their names."""
 
     @property
     def pair_names(self) -> tuple[str, str]:
@@ -221,20 +175,12 @@ class HardwareResult(NamedTuple):
 
 @dataclass(frozen=True)
 class TrackingResult(Run):
-    """An object followed through a video.
-
-    Attributes
-    ----------
-    video : Path
-        The video with the outline drawn in.
-    rows : tuple of TrackedCorners
-        Corners and matches of every frame.
-    seconds_per_frame : float
-    notes : tuple of str
-        Faults in the video.
-    """
+    """An object followed through a video."""
 
     video: Path
+    """The video with the outline drawn in."""
     rows: tuple[TrackedCorners, ...]
+    """Corners and matches of every frame."""
     seconds_per_frame: float
     notes: tuple[str, ...]
+    """Faults in the video."""

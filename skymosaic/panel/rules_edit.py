@@ -30,20 +30,14 @@ MAX_CORNERS = 24
 
 @dataclass(frozen=True)
 class Corner:
-    """A corner of an input's terms.
-
-    Attributes
-    ----------
-    x, y : float
-        Position in the input's unit, and degree.
-    members : tuple of (str, int)
-        Terms, and their parameters that are this position. Terms of a product sum to one, so what meets in a corner
-        moves together.
-    """
+    """A corner of an input's terms."""
 
     x: float
     y: float
+    """Position in the input's unit, and degree."""
     members: tuple[tuple[str, int], ...]
+    """Terms, and their parameters that are this position. Terms of a product sum to one, so what meets in a corner
+    moves together."""
 
 
 def find_corners(system: FuzzySystem, number: int) -> list[Corner]:
@@ -83,20 +77,14 @@ def move_corner(text: str, number: int, corner: int, x: float, y: float) -> str:
 
 
 class RulesEdit:
-    """Rules for the pair of a result that `applies_to`: every version until now, and the pair as the last decides.
-
-    Attributes
-    ----------
-    pair : Pair
-    fault : str
-        Why the last change was refused; empty if it was not.
-    """
+    """Rules for the pair of a result that `applies_to`: every version until now, and the pair as the last decides."""
 
     def __init__(self, result: MosaicResult) -> None:
         rules = result.pair.config.matcher.rules
         assert rules is not None
         self._result, self._texts = result, [rules.text]
         self.pair, self.fault = result.pair, ""
+        """The fault is why the last change was refused; empty if it was not."""
 
     @staticmethod
     def applies_to(result: MosaicResult) -> bool:

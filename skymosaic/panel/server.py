@@ -32,20 +32,11 @@ SECONDS_TO_RECONNECT = 30
 def serve(
     port: int, boards: tuple[str, ...], roots: Sequence[Path], runs: Path, announce: Callable[[str, str], None]
 ) -> None:
-    """Run the panel until it is interrupted.
+    """Run the panel until it is interrupted; port 0 takes any free one.
 
-    Parameters
-    ----------
-    port : int
-        0 takes any free port.
-    boards : tuple of str
-        Backends that are boards, ``board:HOST``.
-    roots : sequence of Path
-        Folders below which photographs may be opened by whoever comes by the announced address.
-    runs : Path
-        Folder in which their finished runs are kept.
-    announce : callable
-        Receives the address, with its token, once browsers can open it; and what the system cannot limit, or nothing.
+    Whoever comes by the announced address may open photographs below the roots, and has finished runs kept in ``runs``.
+    ``announce`` receives that address, with its token, once browsers can open it; and what the system cannot limit, or
+    nothing.
 
     Raises
     ------

@@ -44,68 +44,44 @@ class Queues(NamedTuple):
 class Session:
     """One browser's photographs, options and results, shared by all its tabs and kept when a page is reloaded.
 
-    Parameters
-    ----------
-    boards : tuple of str
-        Backends that are boards.
-    queues : Queues
-    make_folder : callable
-        Makes the session's folder when it gets its first file.
-
-    Attributes
-    ----------
-    files : SessionFiles
-    last_active : float
-        When the last job or upload ended, s of the monotonic clock.
-    roots : Roots
-        Which folders may be opened; none unless the visitor came by the address that the panel printed.
-    runs : Runs or None
-        Where finished runs are kept; None for other visitors, whose runs go with the session.
-    photographs : list of InputFile
-        Uploads, or the photographs of an opened folder.
-    reading : Job or None
-        Makes the thumbnails of the opened folder, in the order of the photographs.
-    unread : str
-        What of the folder is not read, and which of its photographs could not be; empty if nothing.
-    options : Options
-    mosaic_result, hardware_result, tracking_result
-        The latest of each kind; None before the first.
-    rules_edit : RulesEdit or None
-        Other rules for the pair that is shown; None where no rules decide.
-    template, video : InputFile or None
-        The object and the video to track it in.
-    job : Job or None
-        The running job; controls can be bound to it.
-    changed : Event
-        Emitted whenever something that a page shows has changed.
-    fault : str
-        Why the last job ended without a result; empty if it had one.
+    Its folder is made when it gets its first file.
     """
 
     job = BindableProperty()
+    """The running job, or None; controls can be bound to it."""
 
     def __init__(self, boards: tuple[str, ...], queues: Queues, make_folder: Callable[[Session], Path]) -> None:
         self.boards = boards
+        """Backends that are boards."""
         self._queues = queues
         self._arrivals = Arrivals(queues.arriving)
         self.files = SessionFiles(partial(make_folder, self))
         self.last_active = time.monotonic()
+        """When the last job or upload ended, s of the monotonic clock."""
         self._mosaic_inputs: tuple[object, ...] = ()
         self.roots = Roots()
+        """Which folders may be opened; none unless the visitor came by the address that the panel printed."""
         self.runs: Runs | None = None
+        """Where finished runs are kept; None for other visitors, whose runs go with the session."""
         self.photographs: list[InputFile] = []
+        """Uploads, or the photographs of an opened folder."""
         self.reading: Job | None = None
+        """Makes the thumbnails of the opened folder, in the order of the photographs."""
         self.unread = ""
+        """What of the folder is not read, and which of its photographs could not be; empty if nothing."""
         self.options = Options.of_preset("aerial")
         self.mosaic_result: MosaicResult | None = None
         self.hardware_result: HardwareResult | None = None
+        self.tracking_result: TrackingResult | None = None
         self.rules_edit: RulesEdit | None = None
+        """Other rules for the pair that is shown; None where no rules decide."""
         self.template: InputFile | None = None
         self.video: InputFile | None = None
-        self.tracking_result: TrackingResult | None = None
         self.job = None
         self.fault = ""
+        """Why the last job ended without a result; empty if it had one."""
         self.changed: Event[[]] = Event()
+        """Emitted whenever something that a page shows has changed."""
 
     @property
     def is_busy(self) -> bool:
@@ -124,15 +100,7 @@ class Session:
         return self.mosaic_result is not None and self._mosaic_inputs != (self.options, *self.photographs)
 
     async def upload(self, slot: str, body: AsyncIterator[bytes], name: str) -> None:
-        """Receive a file, check its kind and decode it.
-
-        Parameters
-        ----------
-        slot : str
-            A key of `skymosaic.panel.uploads.KINDS`.
-        body : async iterator of bytes
-        name : str
-            The file's name in the browser.
+        """Receive a file for a slot, a key of `skymosaic.panel.uploads.KINDS`, check its kind and decode it.
 
         Raises
         ------

@@ -20,24 +20,13 @@ MAX_SESSIONS = 64
 class Sessions:
     """All sessions, by the identifier in their signed cookie.
 
-    Parameters
-    ----------
-    boards : tuple of str
-        Backends that are boards, ``board:HOST``, offered in every session.
-    roots : Roots
-        Folders that owners may open.
-    runs : Path or None
-        Folder in which the runs of owners are kept, and all files meanwhile; None: they are not kept.
+    Every session offers the boards, ``board:HOST``; owners may open folders of the roots. Their runs are kept in the
+    folder ``runs``, with all files meanwhile; None: they are not kept.
 
     Raises
     ------
     InputError
         If the folder of the runs cannot be made.
-
-    Attributes
-    ----------
-    folder : Path
-        Where all files are; the next start removes it if this process is killed.
     """
 
     def __init__(self, boards: tuple[str, ...] = (), roots: Roots | None = None, runs: Path | None = None) -> None:
@@ -53,6 +42,7 @@ class Sessions:
             if runs:
                 runs.mkdir(mode=0o700, parents=True, exist_ok=True)
             self.folder = self._stack.enter_context(temporary_folder(runs))
+            """Where all files are; the next start removes it if this process is killed."""
         except OSError as error:
             raise InputError(f"{runs}: cannot be made ({error.strerror}); name another folder with --runs") from None
         self.runs = Runs(runs, self.folder) if runs else None

@@ -41,23 +41,15 @@ class UploadRefusedError(Exception):
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of file that can be uploaded.
-
-    Attributes
-    ----------
-    description : str
-        The kind in words, with its formats.
-    signatures : tuple of (int, bytes, str)
-        Offset and bytes that identify a format, and the suffix its files get. Decoders recognise formats by content,
-        among them play lists that name other files, so a file without a known signature must never reach them.
-    accept : str
-        Media types and suffixes that the browser's file dialogue offers.
-    limit_bytes : int
-    """
+    """A kind of file that can be uploaded."""
 
     description: str
+    """The kind in words, with its formats."""
     signatures: tuple[tuple[int, bytes, str], ...]
+    """Offset and bytes that identify a format, and the suffix its files get. Decoders recognise formats by content,
+    among them play lists that name other files, so a file without a known signature must never reach them."""
     accept: str
+    """Media types and suffixes that the browser's file dialogue offers."""
     limit_bytes: int
 
     def suffix_of(self, head: bytes) -> str | None:
@@ -91,17 +83,12 @@ KINDS = {"photograph": PHOTOGRAPH, "template": PHOTOGRAPH, "video": VIDEO}
 
 
 class Arrivals:
-    """Limits the uploads of one session that are under way, and those of all sessions together.
-
-    Attributes
-    ----------
-    count : int
-        How many are under way.
-    """
+    """Limits the uploads of one session that are under way, and those of all sessions together."""
 
     def __init__(self, of_all: asyncio.Semaphore) -> None:
         self._of_all = of_all
         self.count = 0
+        """How many of the session's are under way."""
 
     @asynccontextmanager
     async def admit(self) -> AsyncGenerator[None]:
@@ -134,16 +121,8 @@ def sanitise_stem(name: str) -> str:
 async def receive(body: AsyncIterator[bytes], name: str, kind: Kind, part: Path, *, room_bytes: int) -> Path:
     """Store an upload under a sanitised, unique name with the suffix of its kind.
 
-    Parameters
-    ----------
-    body : async iterator of bytes
-    name : str
-        The file's name in the browser.
-    kind : Kind
-    part : Path
-        Where the file is stored until it is complete; then it is renamed in the same folder.
-    room_bytes : int
-        Maximum size, if it is less than that of the kind.
+    Until it is complete it is stored as ``part``; then it is renamed in the same folder. Its size is limited by
+    ``room_bytes`` or by its kind, whichever is less.
 
     Raises
     ------

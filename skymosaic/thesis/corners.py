@@ -92,12 +92,8 @@ def raise_threshold(grays: tuple[Pixels, Pixels], target: float = QUALITY_TARGET
     """Start with a low threshold and double it until the matches are good enough (sections II.2.1.2 and III.6.1.1).
 
     The quality of matches, which the thesis calls recall, is the share of mutual SAD matches of 10x10 windows that
-    agree with the homography that RANSAC finds among them. This needs no true homography.
-
-    Returns
-    -------
-    list of Round
-        At least one. The last one reached ``target``, or the next threshold would leave too few corners.
+    agree with the homography that RANSAC finds among them. This needs no true homography. There is at least one round;
+    the last one reached ``target``, or the next threshold would leave too few corners.
     """
     rounds: list[Round] = []
     threshold = START_THRESHOLD

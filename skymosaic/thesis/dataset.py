@@ -26,13 +26,6 @@ RENDERED_SEED = 4
 class DatasetPair:
     """A pair of images with the known homography between them.
 
-    Attributes
-    ----------
-    name, group : str
-    left, right : ndarray of uint8, shape (H, W) or (H, W, 3) BGR
-    truth : (3, 3) float64 ndarray
-        Maps left to right.
-
     Raises
     ------
     skymosaic.common.errors.InputError
@@ -44,6 +37,7 @@ class DatasetPair:
     left: Pixels
     right: Pixels
     truth: Matrix
+    """(3, 3): maps left to right."""
 
     def __post_init__(self) -> None:
         try:

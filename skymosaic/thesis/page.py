@@ -48,15 +48,7 @@ CHARTS = {
 def compose_page(m: Measurements, source: str, pictures: Iterable[tuple[str, Pixels]], pair: str) -> bytes:
     """Compose the page as one self-contained HTML file.
 
-    Parameters
-    ----------
-    m : Measurements
-    source : str
-        Origin of the pairs, as text.
-    pictures : iterable of (str, ndarray)
-        Captions and pictures of one pair.
-    pair : str
-        The name of that pair.
+    ``source`` is the origin of the pairs, as text; ``pictures`` are captions and pictures of the one that is named.
     """
     groups = ", ".join(f"{group} ({_count_pairs(m, group)})" for group in m.groups)
     return render(

@@ -110,10 +110,8 @@ def tabulate_rings(m: Measurements) -> Sheet:
         )
         for n, (matches, good, _) in published.ILBP.items()
     ]
-    headings = (
-        "rings", "good, thesis", "good, here", "false, thesis", "false, here", "share of false, thesis", "here",
-    )  # fmt: skip
-    return Sheet(headings, rows)
+    headings = ("good, thesis", "good, here", "false, thesis", "false, here", "share of false, thesis", "here")
+    return Sheet(("rings", *headings), rows)
 
 
 def tabulate_groups(m: Measurements, table: str, unit: str) -> Sheet:
@@ -203,18 +201,8 @@ def tabulate_stages(m: Measurements) -> Sheet:
         )
         for stage in m.settings("stages")
     ]
-    headings = (
-        "stage",
-        "TP",
-        "FP",
-        "TN",
-        "FN",
-        "good before",
-        "good after (precision)",
-        "good kept (recall)",
-        "registered",
-    )
-    return Sheet(headings, rows)
+    headings = ("good before", "good after (precision)", "good kept (recall)", "registered")
+    return Sheet(("stage", "TP", "FP", "TN", "FN", *headings), rows)
 
 
 def pool_good_share(m: Measurements, stage: str) -> float:

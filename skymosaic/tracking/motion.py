@@ -42,21 +42,9 @@ def fit_object(
     A rectangle around an object has some ground in it, and text may lie over it. Until the object is known to move
     otherwise, such matches are left out only where at least 8 others agree on a motion that most of them do not have.
 
-    Parameters
-    ----------
-    matches : Matches
-    foreign : list of ndarray, shape (3, 3)
-        Motions of the surroundings and of what stands still in the frame, left to right.
-    expected : ndarray, shape (3, 3), or None
-        The expected motion of an object that is known to move otherwise.
-    fewest, rng
-        As in `fit`.
-
-    Returns
-    -------
-    fit : Fit or None
-    left_out : ndarray of bool, shape (N,)
-        The trusted matches that were left out.
+    Foreign motions (3, 3) are those of the surroundings and of what stands still in the frame, left to right;
+    ``expected`` is that of an object that is known to move otherwise. Returns also which trusted matches were left out,
+    (N,).
     """
     left, right, weight, _ = matches
     trusted = weight > 0

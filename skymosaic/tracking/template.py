@@ -82,23 +82,15 @@ class Look(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Template:
-    """A rectangle of a picture, and the front end that finds it in frames.
-
-    Attributes
-    ----------
-    picture : ndarray of uint8, shape (H, W) or (H, W, 3)
-    roi : Roi
-        The rectangle that is the template; its first pixel is the origin of template coordinates.
-    front_end : Backend
-        Computes the matches, with the template's view as the held reference.
-    config : Config
-        The front end's configuration.
-    """
+    """A rectangle of a picture, and the front end that finds it in frames."""
 
     picture: Pixels
     roi: Roi
+    """The rectangle that is the template; its first pixel is the origin of template coordinates."""
     front_end: Backend
+    """Computes the matches, with the template's view as the held reference."""
     config: Config
+    """The front end's configuration."""
 
     @property
     def corners(self) -> Array:
@@ -138,23 +130,11 @@ class Template:
         min_inliers: int,
         rng: np.random.Generator,
     ) -> Look:
-        """Look for the template within about a quarter of its size from the expected pose.
+        """Look for the template within about a quarter of its size from the expected pose, template to frame pixels.
 
-        Parameters
-        ----------
-        frame : ndarray of uint8
-        expected : ndarray, shape (3, 3)
-            Expected pose, template to frame pixels.
-        reference : View
-            `first_view`, or the view of a recent pose.
-        weight : ndarray, shape (F,)
-            Weight of the first view's features; 0 for features that are not trusted.
-        moves : bool
-            Whether the object is known to move otherwise than its surroundings.
-        min_inliers : int
-            Inliers needed.
-        rng : numpy.random.Generator
-            Source of the robust estimator's samples.
+        The reference is `first_view`, or the view of a recent pose. ``weight`` (F,) is that of the first view's
+        features, 0 for those that are not trusted. ``moves`` says that the object is known to move otherwise than its
+        surroundings.
         """
         view = self._view(frame, expected)
         index, before, now = self._match(reference.picture, view.picture)

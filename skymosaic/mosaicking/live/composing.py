@@ -22,15 +22,7 @@ def flight_of_frames(
 ) -> Flight:
     """Turn the frames of a submap into a flight with their links, laid out as photographs are.
 
-    Parameters
-    ----------
-    frames : sequence of Frame
-    links : sequence of Link
-        By the numbers of the frames.
-    kept : KeptFrames
-        Frames that can no longer be read there are left out, with the reason.
-    settings : Settings
-    workers : Workers
+    The links are by the numbers of the frames. Frames that can no longer be read are left out, with the reason.
 
     Raises
     ------

@@ -15,12 +15,9 @@ PREVIEW_WIDTH_PX = 1280
 
 
 def paint_preview(frames: Sequence[Frame], width_px: int = PREVIEW_WIDTH_PX) -> Pixels:
-    """Paint frames on top of each other; each pixel shows the one whose border is farthest away.
+    """Paint frames on top of each other, (H, W, 3) BGR; each pixel shows the one whose border is farthest away.
 
-    Returns
-    -------
-    ndarray of uint8, shape (H, W, 3) BGR
-        At most ``width_px`` wide and twice as high; 0 where there is no frame, empty without frames.
+    The picture is at most ``width_px`` wide and twice as high; 0 where there is no frame, empty without frames.
     """
     if not frames:
         return np.zeros((0, 0, 3), np.uint8)
@@ -31,8 +28,8 @@ def paint_preview(frames: Sequence[Frame], width_px: int = PREVIEW_WIDTH_PX) -> 
     picture = np.zeros((canvas.height_px, canvas.width_px, 3), np.uint8)
     nearest = np.zeros(picture.shape[:2], np.float32)
     for frame in frames:
-        image = frame.thumbnail if frame.thumbnail.ndim == 3 else cv2.cvtColor(frame.thumbnail, cv2.COLOR_GRAY2BGR)
-        layer = Layer(np.asarray(image, dtype=np.uint8), scale @ frame.transform @ frame.from_thumbnail)
+        image = frame.thumbnail if frame.thumbnail.ndim == 3 else np.dstack([frame.thumbnail] * 3)
+        layer = Layer(image, scale @ frame.transform @ frame.from_thumbnail)
         if (part := layer.covered_part(canvas)) is None:
             continue
         where, distance = part.within(canvas), layer.border_distance(part)

@@ -17,15 +17,9 @@ GRID = 12
 
 
 class RecordChain:
-    """Has the front end process each frame together with the one before it, and keeps the link of the two.
+    """Has a front end that estimates homographies process each frame together with the one before it; keeps their link.
 
-    Parameters
-    ----------
-    front_end : Backend
-        One that estimates homographies.
-    config : Config
-    seed : int
-        Gives the seed of the estimator's samples.
+    ``seed`` gives the seed of the estimator's samples.
     """
 
     def __init__(self, front_end: Backend, config: Config, seed: int) -> None:
@@ -51,15 +45,9 @@ class RecordChain:
 
 
 def link_by_record(pair: Candidate, record: np.void, left: Pixels, right: Pixels) -> Link:
-    """Link two frames by a homography record alone: its ties are a grid of points that both frames show.
+    """Link two frames by a homography record from left to right alone: its ties are a grid of points that both show.
 
-    Parameters
-    ----------
-    pair : (int, int)
-    record : structured scalar
-        `golden_model.records.HOMOGRAPHY`, from the left frame to the right one.
-    left, right : ndarray of uint8
-        The frames, of which only the sizes are used.
+    Of the frames only the sizes are used.
     """
     homography = homography_in_pixels(record)
     if homography is None:

@@ -19,14 +19,8 @@ PREVIEW_SHARE = 0.1
 def grow(mosaic: LiveMosaic, frames: Iterable[LiveFrame], preview: Path, tell: Callable[[str], None]) -> None:
     """Add frames as they come, until they end or no more can be kept.
 
-    Parameters
-    ----------
-    mosaic : LiveMosaic
-    frames : iterable of LiveFrame
-    preview : Path
-        Written anew while the mosaic grows. It is a convenience: one that cannot be written ends nothing.
-    tell : callable
-        Receives a line if the preview cannot be written, or if no more frames can be kept.
+    The preview is written anew while the mosaic grows. It is a convenience: one that cannot be written ends nothing.
+    ``tell`` receives a line then, or if no more frames can be kept.
     """
     due_s = 0.0
     for frame in frames:

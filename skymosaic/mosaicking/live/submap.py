@@ -39,37 +39,24 @@ LEVELLING_COST_PX = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """What is known of a frame; its pixels are kept elsewhere.
-
-    Attributes
-    ----------
-    number : int
-    size : (int, int)
-        Width and height of the working image, px.
-    features : structured ndarray
-        Feature records of the working image.
-    to_original : ndarray of float64, shape (3, 3)
-        Working pixels to the frame's original pixels.
-    transform : ndarray of float64, shape (3, 3)
-        Working pixels to the submap's reference frame.
-    name : str
-    taken : Metadata
-        What the camera recorded.
-    thumbnail : ndarray of uint8, shape (H, W) or (H, W, 3) BGR
-        For previews, and for `sight`.
-    from_thumbnail : ndarray of float64, shape (3, 3)
-        Its pixels to working pixels.
-    """
+    """What is known of a frame; its pixels are kept elsewhere."""
 
     number: int
     size: tuple[int, int]
+    """Width and height of the working image, px."""
     features: Records
+    """Feature records of the working image."""
     to_original: Array
+    """(3, 3): working pixels to the frame's original pixels."""
     transform: Array
+    """(3, 3): working pixels to the submap's reference frame."""
     name: str
     taken: Metadata
+    """What the camera recorded."""
     thumbnail: Pixels
+    """(H, W) or (H, W, 3): for previews, and for `sight`."""
     from_thumbnail: Array
+    """(3, 3): its pixels to working pixels."""
 
     @cached_property
     def compact(self) -> Records:
@@ -118,24 +105,15 @@ class Placement(NamedTuple):
 class Submap:
     """Frames in a common reference frame, that of the first without its tilt.
 
-    Each time the number of frames has doubled, their layout is recomputed.
-
-    Parameters
-    ----------
-    link_frames : callable
-        Links two frames, the earlier first.
-
-    Attributes
-    ----------
-    frames : dict of int to Frame
-        By their numbers, in order of time.
-    links : list of Link
-        Those that placed the frames.
+    Each time the number of frames has doubled, their layout is recomputed. ``link_frames`` links two frames, the
+    earlier first.
     """
 
     def __init__(self, link_frames: Callable[[Frame, Frame], Link]) -> None:
         self.frames: dict[int, Frame] = {}
+        """Frames by their numbers, in order of time."""
         self.links: list[Link] = []
+        """Those that placed the frames."""
         self._link_frames = link_frames
         # So the first layout is computed at four frames.
         self._laid_out = 2
@@ -233,19 +211,8 @@ def _nearest_similarity(transform: Array) -> Array:
 def _fit(guess: Frame, ground: Array, points: Array) -> tuple[Array, Array]:
     """Fit a frame's transformation to its ties: a homography that loses some of its stretch and tilt.
 
-    Parameters
-    ----------
-    guess : Frame
-        The frame, about where it lies.
-    ground, points : ndarray of float64, shape (N, 2)
-        The ties in the reference frame and in working px.
-
-    Returns
-    -------
-    transform : ndarray of float64, shape (3, 3)
-        Working px to the reference frame.
-    errors_px : ndarray of float64, shape (N,)
-        Error of each tie, working px.
+    ``guess`` is the frame about where it lies; its ties (N, 2) are ``ground`` in the reference frame and ``points`` in
+    working px. Returns the transformation (3, 3), working px to the reference frame, and the ties' errors (N,), px.
     """
     to_unit = normalisation(guess.size)
     unit_to_reference = guess.transform @ np.linalg.inv(to_unit)

@@ -79,31 +79,16 @@ def prepare_workers(folder: Path | None = None) -> None:
 
 
 class Job:
-    """A task that runs once, in a worker process.
+    """A task that runs once, in a worker process; without limits, until it is cancelled.
 
-    Parameters
-    ----------
-    title : str
-        What is running, as the page shows it.
-    task : callable
-    folder : Path
-        Where the task reads and writes; its first argument. Failure messages name files relative to it.
-    *arguments
-        Further arguments of ``task``.
-    limits : Limits or None
-        None: the task may run until it is cancelled.
-
-    Attributes
-    ----------
-    line : str
-        The latest line of progress.
-    steps : Steps
-        How much of the current stage is done.
+    The title says what is running, as the page shows it. The task reads and writes in ``folder``, its first argument,
+    and failure messages name files relative to it.
     """
 
     def __init__(self, title: str, task: Task, folder: Path, *arguments: object, limits: Limits | None = None) -> None:
         self.title = title
         self.line = "waiting for a free worker"
+        """The latest line of progress."""
         self.steps = Steps()
         self._call = (limits, task, folder, arguments)
         self._limits = limits

@@ -11,12 +11,8 @@ OnCorner = Callable[[int, float, float], Awaitable[None]]
 class Curves(ui.element, component="curves.js"):
     """Curves and their corners.
 
-    Parameters
-    ----------
-    on_move : callable
-        Called with number, position and degree of a corner while it is moved.
-    on_drop : callable
-        Called with the same when it has been moved. The corner stays there until `release`.
+    ``on_move`` is called with number, position and degree of a corner while it is moved; ``on_drop`` with the same when
+    it has been moved. The corner stays there until `release`.
     """
 
     def __init__(self, on_move: OnCorner, on_drop: OnCorner) -> None:

@@ -8,16 +8,8 @@ from skymosaic.panel.uploads import KINDS, MEBIBYTE
 class DropZone(ui.element, component="drop_zone.js"):
     """Uploads files, one at a time; the server's reasons for refusing files stay until they are dismissed.
 
-    Parameters
-    ----------
-    slot : str
-        What the files are: a key of `skymosaic.panel.uploads.KINDS`.
-    label : str
-        Accessible name.
-    title, hint : str
-        Text shown in the area.
-    multiple : bool
-        Whether more than one may be chosen.
+    ``slot`` says what they are: a key of `skymosaic.panel.uploads.KINDS`. ``label`` is the accessible name of the area,
+    which shows title and hint.
     """
 
     def __init__(self, slot: str, label: str, title: str, hint: str, *, multiple: bool = False) -> None:

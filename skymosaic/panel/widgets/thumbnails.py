@@ -13,15 +13,7 @@ MAX_TILES = 500
 class Thumbnails(ui.element, component="thumbnails.js"):
     """A tile for each of the first photographs, `MAX_TILES` at most; a border marks one that has problems.
 
-    Parameters
-    ----------
-    photographs : sequence of InputFile
-    problems : mapping of str to sequence of str
-        Problems by the photographs' names.
-    read : int
-        How many have a thumbnail, in their order.
-    remove : callable
-        Receives the name of a photograph that is clicked.
+    The first ``read`` of them have a thumbnail. ``remove`` receives the name of a photograph that is clicked.
     """
 
     def __init__(

@@ -24,15 +24,9 @@ class Pointer:
 
 
 class Viewer(ui.element, component="viewer.js"):
-    """Pictures with an SVG drawing over them.
+    """Pictures with an SVG drawing over them, and an accessible name.
 
-    Parameters
-    ----------
-    label : str
-        Accessible name.
-    pictures : sequence of Picture
-    tiles : sequence of Picture
-        Parts in more detail; only those in view are loaded, of the scale that the screen shows.
+    Tiles are parts in more detail; only those in view are loaded, of the scale that the screen shows.
     """
 
     def __init__(self, label: str, pictures: Sequence[Picture], tiles: Sequence[Picture] = ()) -> None:
