@@ -62,10 +62,6 @@ class LiveOptions(CanvasOptions, Seeded, PhotographOptions):
         "prosac", "Frames are linked by the host, or by a homography of each from the chip: fabric."
     )
 
-    def for_mosaic(self) -> "MosaicOptions":
-        """The same for the composition of the frames."""
-        return MosaicOptions(**vars(self))
-
 
 @dataclass(frozen=True, kw_only=True)
 class SurveyOptions(FolderOptions, Seeded, PhotographOptions):

@@ -114,7 +114,8 @@ def place_cameras(cameras: Sequence[Camera]) -> MapPlace:
     # The focal length of common drones is good enough for the place below a camera, and not for its height.
     known = all(camera.focal_half_diagonals or camera.taken.focal_half_diagonals for camera in cameras)
     height_m = float(np.median(places[:, 2])) * georeference.metres_per_pixel if known else None
-    recorded_m = _median([camera.taken.height_m for camera in cameras])
+    recorded = [camera.taken.height_m for camera in cameras if camera.taken.height_m is not None]
+    recorded_m = float(np.median(recorded)) if recorded else None
     return MapPlace(
         georeference=georeference,
         fitted_to=names,
@@ -179,8 +180,3 @@ def _check_site(control: ControlPoints, flight: Flight, layout: Layout) -> None:
             f"{control.name}: its points lie {away_m / 1000:.0f} km from the photographs' GPS; check the coordinate "
             "system, the order of the axes (east comes first) and the site"
         )
-
-
-def _median(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.median(known)) if known else None

@@ -43,7 +43,7 @@ from skymosaic.mosaicking.live.preview import paint_preview
 from skymosaic.mosaicking.live.record_chain import RecordChain
 from skymosaic.mosaicking.live.submap import Frame, Placement, Submap
 from skymosaic.mosaicking.live.update import LiveUpdate
-from skymosaic.mosaicking.options import LiveKeywords, LiveOptions
+from skymosaic.mosaicking.options import LiveKeywords, LiveOptions, MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.running.workers import Workers
@@ -236,7 +236,7 @@ class LiveMosaic:
         if not self.transforms:
             raise RegistrationError("no frame could be used")
         frames = tuple(self._mosaic.frames.values())
-        options = self._options.for_mosaic()
+        options = MosaicOptions(**vars(self._options))
         with Workers(memory_bytes=options.memory_bytes) as workers:
             flight = flight_of_frames(frames, self._mosaic.links, self._kept, options.flight_settings(), workers)
             plan = MosaicPlan(flight.sources, options, workers, tell)
@@ -253,10 +253,7 @@ class LiveMosaic:
     @property
     def _mosaic(self) -> Submap:
         """The submap with the most frames; an empty submap before the first frame."""
-        return max(self._submaps, key=lambda submap: len(submap.frames), default=self._empty_submap())
-
-    def _empty_submap(self) -> Submap:
-        return Submap(self._link)
+        return max(self._submaps, key=lambda submap: len(submap.frames), default=Submap(self._link))
 
     def _link(self, left: Frame, right: Frame) -> Link:
         pair = left.number, right.number
@@ -296,7 +293,7 @@ class LiveMosaic:
         elif len(frame.features) < MIN_FEATURES:
             raise InputError(f"too few features (flat or blurred?): {len(frame.features)}, {MIN_FEATURES} needed")
         else:
-            submap = self._empty_submap()
+            submap = Submap(self._link)
             submap.add(frame)
             self._submaps.append(submap)
         return submap, placement

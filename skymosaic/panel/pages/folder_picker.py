@@ -1,7 +1,7 @@
 """What opens a folder of this machine: a path to type, and the folders to go to from there."""
 
 import asyncio
-from pathlib import Path
+from functools import partial
 
 from nicegui import ui
 
@@ -45,12 +45,10 @@ class FolderPicker:
         self._folders.clear()
         with self._folders:
             for each in inside[:MAX_FOLDERS]:
-                self._build_folder(each, "the folder above" if each == folder.parent else each.name)
-
-    def _build_folder(self, folder: Path, title: str) -> None:
-        with ui.element("li"):
-            button = ui.button(title, icon="folder", on_click=lambda: self._look(str(folder)))
-            button.props("flat dense no-caps align=left")
+                title = "the folder above" if each == folder.parent else each.name
+                with ui.element("li"):
+                    button = ui.button(title, icon="folder", on_click=partial(self._look, str(each)))
+                    button.props("flat dense no-caps align=left")
 
     async def _open(self) -> None:
         try:

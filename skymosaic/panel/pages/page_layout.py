@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 
 from nicegui import ui
@@ -20,11 +19,6 @@ LOGO = (
 )
 
 _TEMPLATES = open_templates(Path(__file__).parent)
-
-
-@cache
-def _style() -> str:
-    return Path(__file__).with_name("style.css").read_text(encoding="utf-8")
 
 
 def fill_in(name: str, **values: object) -> str:
@@ -52,7 +46,7 @@ def show_files(address: str, folder: Path) -> None:
 @contextmanager
 def page_layout(session: Session, path: str) -> Iterator[None]:
     """Build style and header of the page at ``path``; the context builds the two columns below."""
-    ui.add_css(_style())
+    ui.add_css(Path(__file__).with_name("style.css"))
     ui.colors(primary="#0f6e78")
     with ui.element("header").classes("top"):
         ui.html(LOGO, sanitize=False)

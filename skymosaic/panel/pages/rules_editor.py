@@ -36,7 +36,7 @@ class RulesEditor:
                     ("Undo", "undo", partial(self._apply, self._edit.undo)),
                     ("Reset", "restart_alt", partial(self._apply, self._edit.reset)),
                     ("Save as FLL", "save", lambda: ui.download.content(self._edit.rules.text, EDITED_RULES)),
-                    ("Use for the next run", "check", self._use),
+                    ("Use for the next run", "check", lambda: session.set_option("rules", self._edit.rules)),
                 ):
                     button = ui.button(title, icon=icon, on_click=action).props("outline dense no-caps size=sm")
                     if title == "Undo":
@@ -96,9 +96,6 @@ class RulesEditor:
         async with self._turn:
             await run.io_bound(change)
         self._session.changed.emit()
-
-    def _use(self) -> None:
-        self._session.set_option("rules", self._edit.rules)
 
     async def _change(self, text: str, *, after: int | None = None) -> None:
         """Try the rules that were wanted last; steps of a drag that come meanwhile are left out."""
