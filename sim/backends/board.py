@@ -35,6 +35,11 @@ class BoardBackend(Backend):
     ----------
     address : str
         ``HOST`` or ``HOST:PORT`` of the server that the export contains.
+
+    Raises
+    ------
+    BackendError
+        For a missing or invalid address.
     """
 
     takes_one_size = True
@@ -207,16 +212,3 @@ def _check_status(result: FrameResult, number: int, shape: tuple[int, ...], wher
         else:
             continue
         raise BackendError(f"the board at {where} sent {fault}; restart serve.py on it")
-
-
-def load(address: str, *, waves: Path | None) -> BoardBackend:
-    """Make this backend for `sim.backends.interface.load_backend`.
-
-    Raises
-    ------
-    BackendError
-        For a missing or invalid address; if waves are requested.
-    """
-    if waves is not None:
-        raise BackendError("a board cannot write waves; use rtl")
-    return BoardBackend(address)

@@ -3,7 +3,6 @@
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from hashlib import blake2b
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +13,7 @@ from golden_model.front_end import FrameFeatures, extract
 from golden_model.geometry.estimator import frame_homography
 from golden_model.matching.matcher import ReferenceFrame, match
 from golden_model.records import MATCH
-from sim.backends.errors import BackendError
-from sim.backends.interface import Backend, FrameResult, Progress, Reference
+from sim.backends.interface import Backend, FrameResult, Reference
 
 REMEMBERED_FRAMES = 8
 """Further passes of a registration take the same reference frames again."""
@@ -59,16 +57,3 @@ def add_matches(
         result = FrameResult.count_matches(features, matches, status, cycles)
         homography = frame_homography(matches, status, config)[0] if config.estimator else None
         yield replace(result, homography=homography)
-
-
-def load(*, progress: Progress, waves: Path | None) -> GoldenBackend:
-    """Make this backend for `sim.backends.interface.load_backend`; it builds nothing and has no waves.
-
-    Raises
-    ------
-    BackendError
-        If waves are requested.
-    """
-    if waves is not None:
-        raise BackendError("the golden model cannot write waves; use rtl")
-    return GoldenBackend()

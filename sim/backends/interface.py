@@ -19,11 +19,7 @@ Reference = Literal["held", "previous"]
 """Which frame each later frame is matched with: the first of the run (a pair, a template) or the one before it."""
 
 BackendName = Literal["golden", "rtl", "board"]
-BACKENDS = {
-    "golden": "sim.backends.golden",
-    "rtl": "sim.simulators.hardware",
-    "board": "sim.backends.board",
-}
+BACKENDS = {"golden": "sim.backends.golden", "rtl": "sim.simulators.hardware", "board": "sim.backends.board"}
 """The module of each backend; ``rtl`` simulates the hardware."""
 
 Progress = Callable[[str], None]
@@ -36,56 +32,37 @@ def silent(_line: str) -> None:
 
 @dataclass(frozen=True)
 class FrameClocks:
-    """When a simulated frame passed the ports, in clocks since reset.
-
-    Parameters
-    ----------
-    segment : int
-        Number of the run of frames that followed each other without a gap.
-    first_pixel : int
-        When its first pixel was taken.
-    features_end, matches_end : int
-        When the last word of each packet was taken.
-    homography_end : int or None
-        The same of its homography; None without an estimator.
-    """
+    """When a simulated frame passed the ports, in clocks since reset."""
 
     segment: int
+    """Number of the run of frames that followed each other without a gap."""
     first_pixel: int
+    """When its first pixel was taken."""
     features_end: int
     matches_end: int
+    """When the last word of each packet was taken."""
     homography_end: int | None = None
+    """The same of its homography; None without an estimator."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameResult:
-    """The result for one frame.
-
-    Parameters
-    ----------
-    features : structured ndarray
-        Feature records (`golden_model.records.feature_record`) in the order in which the hardware sends them.
-    matches : structured ndarray
-        Match records (`golden_model.records.MATCH`): left is the reference, right is this frame. Empty without one.
-    status : structured scalar
-        The FrameStatus record at the end of the features.
-    match_status : structured scalar
-        The FrameStatus record at the end of the matches.
-    cycles : int or None
-        Clocks from the first pixel in to the last word of features out; None for backends without a clock.
-    clocks : FrameClocks or None
-        None unless the result was simulated.
-    homography : structured scalar or None
-        The Homography record (`golden_model.records.HOMOGRAPHY`); None unless the configuration has an estimator.
-    """
+    """The result for one frame."""
 
     features: NDArray[np.void]
+    """Feature records (`golden_model.records.feature_record`) in the order in which the hardware sends them."""
     matches: NDArray[np.void]
+    """Match records (`golden_model.records.MATCH`): left is the reference, right is this frame. Empty without one."""
     status: np.void
+    """The FrameStatus record at the end of the features."""
     match_status: np.void
+    """The FrameStatus record at the end of the matches."""
     cycles: int | None
+    """Clocks from the first pixel in to the last word of features out; None for backends without a clock."""
     clocks: FrameClocks | None = None
+    """None unless the result was simulated."""
     homography: np.void | None = None
+    """The Homography record (`golden_model.records.HOMOGRAPHY`); None unless the configuration has an estimator."""
 
     @classmethod
     def count_matches(
@@ -99,24 +76,15 @@ class FrameResult:
 
 @dataclass(frozen=True)
 class Mismatch:
-    """The first difference between two results.
-
-    Parameters
-    ----------
-    frame : int
-    stage : str
-        A stage of the front end and its pyramid level, or a field of a record.
-    x, y : float or None
-        Position in pixels: of the level for a stage, of the full frame for a record. For a count, the position of the
-        first record that is missing or extra. None for a status.
-    expected, actual : object
-        The two values.
-    """
+    """The first difference between two results."""
 
     frame: int
     stage: str
+    """A stage of the front end and its pyramid level, or a field of a record."""
     x: float | None
     y: float | None
+    """Position in pixels: of the level for a stage, of the full frame for a record. For a count, the position of the
+    first record that is missing or extra. None for a status."""
     expected: Any
     actual: Any
 
@@ -202,14 +170,20 @@ def load_backend(name: str, *, progress: Progress = silent, waves: Path | None =
     if kind not in BACKENDS or (address and kind != "board"):
         raise BackendError(f"unknown backend {name!r}; valid: {', '.join(BACKENDS)}")
     if waves is not None:
+        if kind != "rtl":
+            raise BackendError(f"the backend {kind} cannot write waves; use rtl")
         try:
             waves.touch()
         except OSError as error:
             raise BackendError(f"cannot write the waves to {waves}: {error.strerror}") from error
     # Imported on demand: the golden model needs neither Amaranth nor a compiler.
     try:
-        load = importlib.import_module(BACKENDS[kind]).load
+        module = importlib.import_module(BACKENDS[kind])
     except ModuleNotFoundError as error:
         raise BackendError(f"backend {kind} needs {error.name}; {how_to_install('sim')}") from None
-    backend: Backend = load(address, waves=waves) if kind == "board" else load(progress=progress, waves=waves)
+    backend: Backend
+    if kind == "rtl":
+        backend = module.HardwareBackend(progress=progress, waves=waves)
+    else:
+        backend = module.BoardBackend(address) if kind == "board" else module.GoldenBackend()
     return backend

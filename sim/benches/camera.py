@@ -26,43 +26,28 @@ HARNESS = verilator.HARNESS / "camera.cpp"
 
 @dataclass(frozen=True)
 class CameraTiming:
-    """How a camera delivers its frames.
-
-    Parameters
-    ----------
-    line_blank, frame_blank : int
-        Pauses after each line and after each frame, in clocks of the camera.
-    jitter : int
-        Upper bound, exclusive, of the random clocks by which each line's pause is longer.
-    steps, period : int
-        Camera edges per ``period`` clocks of the design.
-    """
+    """How a camera delivers its frames."""
 
     line_blank: int = 280
     frame_blank: int = 20_000
+    """Pauses after each line and after each frame, in clocks of the camera."""
     jitter: int = 0
+    """Upper bound, exclusive, of the random clocks by which each line's pause is longer."""
     steps: int = 1
+    """Camera edges per ``period`` clocks of the design."""
     period: int = 2
 
 
 @dataclass(frozen=True)
 class MemoryRules:
-    """How the memory behaves, at random.
-
-    Parameters
-    ----------
-    waits : int
-        0..255: probability per clock, in 1/256, that address or data are not accepted.
-    latency_clocks : int
-        Upper bound, exclusive, of a response's delay.
-    failures : int
-        0..255: probability, in 1/256, that a burst is answered by SLVERR.
-    seed : int
-    """
+    """How the memory behaves, at random."""
 
     waits: int = 0
+    """0..255: probability per clock, in 1/256, that address or data are not accepted."""
     latency_clocks: int = 0
+    """Upper bound, exclusive, of a response's delay."""
     failures: int = 0
+    """0..255: probability, in 1/256, that a burst is answered by SLVERR."""
     seed: int = 0
 
 
@@ -75,22 +60,15 @@ class CameraBench(Model):
         With the shell ``camera`` and gray frames.
     length_bytes : int
         Size of the memory.
-    camera : CameraTiming
-    rules : MemoryRules
+    camera, rules
+        How camera and memory behave.
     progress : callable
         Receives lines of text about a first build.
     """
 
     def __init__(
-        self,
-        build: Build,
-        *,
-        length_bytes: int,
-        camera: CameraTiming | None = None,
-        rules: MemoryRules | None = None,
-        progress: Progress = silent,
+        self, build: Build, *, length_bytes: int, camera: CameraTiming, rules: MemoryRules, progress: Progress = silent
     ) -> None:
-        camera, rules = camera or CameraTiming(), rules or MemoryRules()
         self.memory = np.zeros(length_bytes, np.uint8)
         library = verilator.build_library(design_accelerator(build), progress=progress, harness=HARNESS)
         super().__init__(library, "camera", _FUNCTIONS)

@@ -32,18 +32,12 @@ class Garbage:
 
 @dataclass(frozen=True, eq=False)
 class Beats:
-    """Valid beats (`hdl.streams.beat`) in order.
-
-    Parameters
-    ----------
-    cycles : int64 ndarray, shape (N,)
-        Clock of each beat.
-    fields : dict of str to ndarray
-        ``x``, ``y`` and the fields of the payload, each of shape (N,) or, for arrays in the payload, (N, ...).
-    """
+    """Valid beats (`hdl.streams.beat`) in order."""
 
     cycles: NDArray[np.int64]
+    """Clock of each beat, (N,)."""
     fields: dict[str, NDArray[Any]]
+    """``x``, ``y`` and the fields of the payload, each of shape (N,) or, for arrays in the payload, (N, ...)."""
 
     def plane(self, field: str, shape: tuple[int, int], *, lag_px: int = 0) -> NDArray[Any]:
         """A field as a plane of ``shape``, each value at the pixel it belongs to; pixels without a beat are 0.

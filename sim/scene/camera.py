@@ -14,28 +14,15 @@ _MARCH_PX = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Camera:
-    """A pinhole camera with its principal point at the centre of its images.
-
-    Parameters
-    ----------
-    width_px, height_px : int
-        Size of its images.
-    focal_px : float
-        Focal length in image pixels.
-    k1 : float
-        Radial distortion as OpenCV defines it: a ray that a pinhole would see at distance r from the centre, in focal
-        lengths, appears at r (1 + k1 r²). Homographies are those of the pinhole.
-
-    Raises
-    ------
-    ValueError
-        If a length is not positive.
-    """
+    """A pinhole camera with its principal point at the centre of its images; all lengths are positive."""
 
     width_px: int
     height_px: int
     focal_px: float
+    """Focal length in image pixels."""
     k1: float = 0.0
+    """Radial distortion as OpenCV defines it: a ray that a pinhole would see at distance r from the centre, in focal
+    lengths, appears at r (1 + k1 r²). Homographies are those of the pinhole."""
 
     def __post_init__(self) -> None:
         for name in ("width_px", "height_px", "focal_px"):
@@ -54,11 +41,6 @@ class Camera:
         right, bottom = self.width_px - 0.5, self.height_px - 0.5
         return np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
 
-    @property
-    def undistorted_corners(self) -> NDArray[np.float64]:
-        """Where a pinhole would see what the corners show, shape (4, 2)."""
-        return self.undistort(self.corners)
-
     def undistort(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Where a pinhole would see what appears at ``points``, (N, 2)."""
         if self.k1 == 0:
@@ -74,30 +56,18 @@ class CameraPose:
     """Position and attitude of the camera.
 
     With all angles 0 it looks straight down, and the top edge of the image points to -y.
-
-    Parameters
-    ----------
-    x_px, y_px : float
-        Ground pixel under the camera.
-    altitude_px : float
-        Height over the ground in ground pixels: the image scale is ``focal_px / altitude_px``.
-    heading_deg : float
-        Rotation about the vertical, clockwise seen from above.
-    pitch_deg, roll_deg : float
-        Tilt of the optical axis towards the top and towards the right edge of the image.
-
-    Raises
-    ------
-    ValueError
-        If the altitude is not positive.
     """
 
     x_px: float
     y_px: float
+    """Ground pixel under the camera."""
     altitude_px: float
+    """Height over the ground in ground pixels, positive: the image scale is ``focal_px / altitude_px``."""
     heading_deg: float = 0.0
+    """Rotation about the vertical, clockwise seen from above."""
     pitch_deg: float = 0.0
     roll_deg: float = 0.0
+    """Tilt of the optical axis towards the top and towards the right edge of the image."""
 
     def __post_init__(self) -> None:
         if self.altitude_px <= 0:
@@ -132,7 +102,7 @@ class CameraPose:
 
     def footprint(self, camera: Camera) -> NDArray[np.float64]:
         """Ground positions of the corners of the image, shape (4, 2), clockwise from the image's top left."""
-        return project(np.linalg.inv(self.homography(camera)), camera.undistorted_corners)
+        return project(np.linalg.inv(self.homography(camera)), camera.undistort(camera.corners))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,27 +20,17 @@ FOCAL_WIDTHS = 0.8
 
 @dataclass(frozen=True)
 class Flight:
-    """A sequence of pictures of the landscape ``seed``.
-
-    Parameters
-    ----------
-    seed : int
-        Landscape and sensor noise; non-negative.
-    camera : Camera
-        The camera, the same for all pictures.
-    poses : tuple of CameraPose
-        One for each picture, in order of time.
-    photometries : tuple of Photometry
-        One for each picture.
-    relief : bool
-        Whether buildings, trees and crops stand above the ground; otherwise they are painted on it.
-    """
+    """A sequence of pictures of the landscape ``seed``, by one camera."""
 
     seed: int
+    """Landscape and sensor noise; non-negative."""
     camera: Camera
     poses: tuple[CameraPose, ...]
+    """One for each picture, in order of time."""
     photometries: tuple[Photometry, ...]
+    """One for each picture."""
     relief: bool = False
+    """Whether buildings, trees and crops stand above the ground; otherwise they are painted on it."""
 
     @property
     def images(self) -> Sequence[NDArray[np.uint8]]:
@@ -107,7 +97,7 @@ class RenderedImages(Sequence[NDArray[np.uint8]]):
 
 
 def make_pair(seed: int, size: tuple[int, int] = (640, 480), overlap: float = 0.6) -> Flight:
-    """Two overlapping pictures that differ by a few degrees of rotation, in scale, tilt and exposure.
+    """A left and a right picture that overlap and differ by a few degrees of rotation, in scale, tilt and exposure.
 
     Parameters
     ----------
@@ -117,11 +107,6 @@ def make_pair(seed: int, size: tuple[int, int] = (640, 480), overlap: float = 0.
         Width and height of the pictures; one of their pixels is about one ground pixel (0.15 m).
     overlap : float
         Share of the left picture that is also in the right one, 0..1; rotation and scale change it by up to 0.07.
-
-    Returns
-    -------
-    Flight
-        Two pictures, the left one first.
     """
     _check_overlap("overlap", overlap)
     rng = make_rng(seed, Stream.PAIR)
@@ -187,11 +172,6 @@ def make_lawnmower(
         Standard deviation of the gain of each channel.
     relief : bool
         See `Flight`.
-
-    Returns
-    -------
-    Flight
-        In order of time.
     """
     _check_overlap("forward_overlap", forward_overlap)
     _check_overlap("side_overlap", side_overlap)

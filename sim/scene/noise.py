@@ -33,22 +33,10 @@ def make_rng(seed: int, purpose: Stream, *indices: int) -> np.random.Generator:
 
 
 def make_noise(seed: int, x_px: int, y_px: int, width_px: int, height_px: int) -> NDArray[np.float32]:
-    """Band-limited noise of a window, one band per octave.
+    """Band-limited noise of a window, one band per octave: (OCTAVES, height_px, width_px).
 
-    Parameters
-    ----------
-    seed : int
-        Chooses the plane; non-negative.
-    x_px, y_px : int
-        Top left pixel of the window in the plane.
-    width_px, height_px : int
-        Size of the window.
-
-    Returns
-    -------
-    ndarray
-        Shape (OCTAVES, height_px, width_px), float32, mean 0, standard deviation 0.6 to 1. Overlapping windows
-        agree where they overlap.
+    The plane follows from ``seed``, which is not negative; the window's top left pixel in it is ``x_px``, ``y_px``. The
+    mean is 0, the standard deviation 0.6 to 1. Overlapping windows agree where they overlap.
     """
     keys = np.random.SeedSequence(seed).generate_state(OCTAVES)
     bands = np.empty((OCTAVES, height_px, width_px), np.float32)

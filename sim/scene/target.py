@@ -44,22 +44,15 @@ Layer = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Pursuit:
-    """A film of a moving car.
-
-    Parameters
-    ----------
-    flight : Flight
-        Landscape, camera and poses, one for each picture; its pictures have no lens effects.
-    car_to_ground : tuple of ndarray
-        For each picture, the (3, 3) matrix from car coordinates to ground pixels. Car coordinates are in ground
-        pixels from the car's centre, x ahead and y to its right.
-    bridge_to_ground : ndarray or None
-        The same for the bridge deck under which the car drives; None without a bridge.
-    """
+    """A film of a moving car."""
 
     flight: Flight
+    """Landscape, camera and poses, one for each picture; its pictures have no lens effects."""
     car_to_ground: tuple[Array, ...]
+    """For each picture, the (3, 3) matrix from car coordinates to ground pixels. Car coordinates are in ground pixels
+    from the car's centre, x ahead and y to its right."""
     bridge_to_ground: Array | None
+    """The same for the bridge deck under which the car drives; None without a bridge."""
 
     @property
     def images(self) -> Sequence[Pixels]:

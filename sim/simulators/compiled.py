@@ -135,23 +135,14 @@ class Bench(Model):
             raise segment.timeout_error(self.cycle)
         return recording
 
-    def run_to_packet(self, segment: Segment, rooms: Sequence[int]) -> tuple[int, Recording]:
-        """Stream a segment up to the first end of a packet or the cycle limit; each output takes at most its room.
-
-        Returns
-        -------
-        int
-            Beats that went in.
-        Recording
-            What came out.
-        """
-        _, recording = self.stream(segment, NO_PAUSES, np.array(rooms, np.uint64))
-        return int(self.call("sent")), recording
-
     def stream(
         self, segment: Segment, pauses: Pauses, rooms: NDArray[np.uint64] | None = None
     ) -> tuple[bool, Recording]:
-        """As `run`, but at the cycle limit it returns what has come so far, and whether that was all."""
+        """As `run`, but at the cycle limit it returns what has come so far, and whether that was all.
+
+        With ``rooms``, each output takes at most so many words, and the first end of a packet ends the run; the
+        harness's ``sent`` has the beats that went in.
+        """
         self.ports.check(segment.settings)
         if segment.reset:
             self.reset()

@@ -18,31 +18,21 @@ from sim.simulators.build_cache import build_once, digest
 
 @dataclass(frozen=True)
 class Ports:
-    """The flat ports of a design: ``aclk``, ``aresetn``, one video input, and the ports named here.
-
-    Parameters
-    ----------
-    outputs : tuple of str
-        Prefixes of AXI4-Stream outputs with up to 64 bits of ``_tdata``, ``_tlast``, ``_tvalid`` and ``_tready``.
-    settings : mapping of str to int
-        Static inputs and their widths, up to 64 bits.
-    control : str or None
-        Prefix of the AXI4-Lite registers.
-    taps : tuple of str
-        Prefixes of debugging outputs, which have only ``_tdata`` and ``_tvalid``.
-    writers : tuple of str
-        Prefixes of AXI4 ports with 64 bits that write into memory.
-    video : str
-        Prefix of the input: up to 48 bits of ``_tdata``, ``_tuser`` at the start of a frame, ``_tlast`` at the end of
-        a line, ``_tvalid`` and ``_tready``.
-    """
+    """The flat ports of a design: ``aclk``, ``aresetn``, one video input, and the ports named here."""
 
     outputs: tuple[str, ...]
+    """Prefixes of AXI4-Stream outputs with up to 64 bits of ``_tdata``, ``_tlast``, ``_tvalid`` and ``_tready``."""
     settings: Mapping[str, int] = field(default_factory=dict)
+    """Static inputs and their widths, up to 64 bits."""
     control: str | None = None
+    """Prefix of the AXI4-Lite registers."""
     taps: tuple[str, ...] = ()
+    """Prefixes of debugging outputs, which have only ``_tdata`` and ``_tvalid``."""
     writers: tuple[str, ...] = ()
+    """Prefixes of AXI4 ports with 64 bits that write into memory."""
     video: str = "s_axis_video"
+    """Prefix of the input: up to 48 bits of ``_tdata``, ``_tuser`` at the start of a frame, ``_tlast`` at the end of a
+    line, ``_tvalid`` and ``_tready``."""
 
     def check(self, settings: Mapping[str, int]) -> None:
         """Raise ValueError for a setting that does not exist or whose value has too many bits."""
@@ -55,24 +45,15 @@ class Ports:
 
 @dataclass(frozen=True)
 class Design:
-    """A design that can be simulated.
-
-    Parameters
-    ----------
-    name : str
-        Name for messages, unlike those of other designs of the same module.
-    ports : Ports
-        The ports of ``top``.
-    top : callable
-        Builds the component; called only if its text is not in the cache, by its module and all that this imports.
-    identity : str
-        Everything else that ``top`` depends on: its parameters.
-    """
+    """A design that can be simulated."""
 
     name: str
+    """Name for messages, unlike those of other designs of the same module."""
     ports: Ports
     top: Callable[[], wiring.Component[Any]]
+    """Builds the component; called only if its text is not in the cache, by its module and all that this imports."""
     identity: str
+    """Everything else that ``top`` depends on: its parameters."""
 
     def verilog(self, progress: Progress, *, flat: bool = False) -> str:
         """The design in Verilog: with its modules, as it is exported, or ``flat``, for simulation."""

@@ -45,11 +45,6 @@ class HardwareBackend(Backend):
         return locate_mismatch(image, config.front_end, frame=frame, progress=self._progress)
 
 
-def load(*, progress: Progress, waves: Path | None) -> HardwareBackend:
-    """Make this backend for `sim.backends.interface.load_backend`."""
-    return HardwareBackend(progress=progress, waves=waves)
-
-
 def make_segments(frames: Sequence[NDArray[np.uint8]], config: Config, reference: Reference) -> list[Segment]:
     """Frames as segments for the accelerator; consecutive frames of one shape share a segment and follow without a gap.
 

@@ -14,21 +14,14 @@ END_OF_LINE = 2
 
 @dataclass(frozen=True)
 class Pauses:
-    """Seeded pauses of the streams around a design.
-
-    Parameters
-    ----------
-    gaps : int
-        0..255: probability per clock, in 1/256, that no new beat is offered to the design.
-    stalls : int
-        0..255: probability per clock, in 1/256, that an output of the design is not taken.
-    seed : int
-        Below 2**24.
-    """
+    """Seeded pauses of the streams around a design."""
 
     gaps: int = 0
+    """0..255: probability per clock, in 1/256, that no new beat is offered to the design."""
     stalls: int = 0
+    """0..255: probability per clock, in 1/256, that an output of the design is not taken."""
     seed: int = 0
+    """Below 2**24."""
 
     def __post_init__(self) -> None:
         for name, limit in (("gaps", 256), ("stalls", 256), ("seed", 1 << 24)):
@@ -56,33 +49,22 @@ NO_PAUSES = Pauses()
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Beats to stream in one run, and the settings to make before.
-
-    Parameters
-    ----------
-    data : uint64 ndarray
-        One word per beat.
-    flags : uint8 ndarray
-        START_OF_FRAME and END_OF_LINE of each beat.
-    packets : int
-        Packets that every output must have completed before the segment ends.
-    cycle_limit : int
-        A segment that takes longer is an error.
-    settings : mapping of str to int
-        Static inputs to set; they keep their values afterwards.
-    writes : sequence of (int, int)
-        Addresses and values of registers to write.
-    reset : bool
-        Reset the design first, in whatever state it is.
-    """
+    """Beats to stream in one run, and the settings to make before."""
 
     data: NDArray[np.uint64]
+    """One word per beat."""
     flags: NDArray[np.uint8]
+    """START_OF_FRAME and END_OF_LINE of each beat."""
     packets: int
+    """Packets that every output must have completed before the segment ends."""
     cycle_limit: int
+    """A segment that takes longer is an error."""
     settings: Mapping[str, int] = field(default_factory=dict)
+    """Static inputs to set; they keep their values afterwards."""
     writes: Sequence[tuple[int, int]] = ()
+    """Addresses and values of registers to write."""
     reset: bool = False
+    """Reset the design first, in whatever state it is."""
 
     def timeout_error(self, cycle: int) -> BackendError:
         """The error of a design that has not finished by its cycle limit."""
@@ -101,18 +83,11 @@ def check_access(kind: str, address: int, response: int) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Output:
-    """The words of one output stream during a segment.
-
-    Parameters
-    ----------
-    words : uint64 ndarray
-        In order.
-    ends : uint64 ndarray, shape (packets, 2)
-        For each packet: the number of words up to its end, and the cycle of its last word.
-    """
+    """The words of one output stream during a segment."""
 
     words: NDArray[np.uint64]
     ends: NDArray[np.uint64]
+    """For each packet (N, 2): the number of words up to its end, and the cycle of its last word."""
 
     @property
     def packets(self) -> list[NDArray[np.uint64]]:
@@ -122,21 +97,14 @@ class Output:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """The outputs of a design during a segment; cycles are counted from the end of the reset.
-
-    Parameters
-    ----------
-    starts : uint64 ndarray
-        Cycle in which each start of frame was admitted.
-    outputs : dict of str to Output
-        By port prefix.
-    taps : dict of str to uint64 ndarray
-        Words of the debugging outputs, by port prefix.
-    """
+    """The outputs of a design during a segment; cycles are counted from the end of the reset."""
 
     starts: NDArray[np.uint64]
+    """Cycle in which each start of frame was admitted."""
     outputs: dict[str, Output]
+    """By port prefix."""
     taps: dict[str, NDArray[np.uint64]]
+    """Words of the debugging outputs, by port prefix."""
 
 
 def flatten_frame(image: NDArray[np.uint8], *, pair_bits: int = 0) -> tuple[NDArray[np.uint64], NDArray[np.uint8]]:

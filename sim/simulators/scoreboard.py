@@ -43,10 +43,7 @@ def find_mismatch(expected: Sequence[FrameResult], actual: Sequence[FrameResult]
 
 
 def predict_timelines(
-    golden: Sequence[FrameResult],
-    simulated: Sequence[FrameResult],
-    build: Build,
-    reference: Reference,
+    golden: Sequence[FrameResult], simulated: Sequence[FrameResult], build: Build, reference: Reference
 ) -> list[Timeline]:
     """The timeline of each frame, in clocks since reset; it ends at the first frame that cannot be predicted.
 
@@ -169,22 +166,13 @@ def find_stage_mismatch(
 
 @dataclass(frozen=True)
 class Coverage:
-    """How much a comparison covered.
-
-    Parameters
-    ----------
-    frames : int
-    features : tuple of (int, int)
-        On level 0 and on level 1.
-    sectors : int
-        Number of the 16 orientation sectors that occurred.
-    matches : int
-    homographies : int
-    """
+    """How much a comparison covered."""
 
     frames: int
     features: tuple[int, int]
+    """On level 0 and on level 1."""
     sectors: int
+    """Number of the 16 orientation sectors that occurred."""
     matches: int
     homographies: int = 0
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,36 +11,18 @@ from hdl.settings import frame_settings
 from sim.backends.interface import Mismatch, Progress, silent
 from sim.simulators.accelerator_designs import choose_build, design_front_end
 from sim.simulators.front_end_top import TAP_WORD, Tap
-from sim.simulators.recording import Recording, Segment, flatten_frame
+from sim.simulators.recording import Segment, flatten_frame
 from sim.simulators.scoreboard import find_stage_mismatch
 from sim.simulators.verilator import simulate
 
 
 def locate_mismatch(
-    image: NDArray[np.uint8],
-    config: FrontEndConfig,
-    *,
-    simulate: Callable[..., list[Recording]] = simulate,
-    frame: int = 0,
-    progress: Progress = silent,
+    image: NDArray[np.uint8], config: FrontEndConfig, *, frame: int = 0, progress: Progress = silent
 ) -> Mismatch | None:
     """The first stage of the front end, level by level, whose plane differs from `golden_model.front_end.trace`.
 
-    Parameters
-    ----------
-    image : uint8 ndarray, shape (H, W) or (H, W, 3) BGR
-    config : FrontEndConfig
-    simulate : callable
-        What runs the design; a test takes another simulator.
-    frame : int
-        Number of the frame, for the message.
-    progress : callable
-        Receives lines of text about a first build.
-
-    Returns
-    -------
-    Mismatch or None
-        None if all planes are equal: then the difference arises after the corner candidates.
+    None if all planes are equal: then the difference arises after the corner candidates. See
+    `sim.backends.interface.Backend.locate`.
     """
     height_px, width_px = image.shape[:2]
     data, flags = flatten_frame(image)

@@ -178,5 +178,6 @@ def test_a_fault_in_the_hardware_is_located(
     config = dataclasses.replace(AERIAL.front_end, levels=1)
     crop = np.ascontiguousarray(frames[0][100:164, 100:164])
     monkeypatch.setattr("hdl.pixel.harris.TENSOR_SHIFT", shift)
-    found = locate_mismatch(crop, config, simulate=pysim.simulate)
+    monkeypatch.setattr("sim.simulators.stages.simulate", pysim.simulate)
+    found = locate_mismatch(crop, config)
     assert (found.stage if found else None) == stage

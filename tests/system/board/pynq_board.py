@@ -17,7 +17,7 @@ from sim.benches.camera import BASE, CameraBench
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
 from sim.simulators.compiled import Bench
-from sim.simulators.recording import END_OF_LINE, Segment
+from sim.simulators.recording import END_OF_LINE, NO_PAUSES, Segment
 from tests.system.board.axi_dma import Dma, MemoryFaultError, ReceiveChannel, SendChannel, Status
 from tests.system.board.pynq_package import NEWEST, import_pynq
 
@@ -232,13 +232,13 @@ class AcceleratorSystem:
             if data.size and send.ends_packet:
                 flags[-1] = END_OF_LINE
             channels = {port: dma.receive for port, dma in self.receiving.items()}
-            rooms = [channel.room_words for channel in channels.values() if channel]
-            sent, recording = self.bench.run_to_packet(Segment(data, flags, 1, clocks), rooms)
+            rooms = np.array([channel.room_words for channel in channels.values() if channel], np.uint64)
+            _, recording = self.bench.stream(Segment(data, flags, 1, clocks), NO_PAUSES, rooms)
             for name, channel in channels.items():
                 output = recording.outputs[name]
                 if channel and output.words.size:
                     channel.receive(output.words.view(np.uint8), last=bool(len(output.ends)))
-            send.sent(sent * BEAT_BYTES)
+            send.sent(self.bench.call("sent") * BEAT_BYTES)
 
 
 class CameraSystem:
