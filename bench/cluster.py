@@ -37,10 +37,7 @@ DECODED_MB = 64
 moved = Counter[str]()
 
 
-def main(
-    flight: str,
-    json_file: JsonFile = None,
-) -> None:
+def main(flight: str, json_file: JsonFile = None) -> None:
     """Print a row for each run, and how much memory each further photograph takes."""
     photographs = [source.name for source in list_sources([public_folder(flight)])]
     rows = [measure(f"{len(photographs)} of {Path(flight).name}", photographs, workers) for workers in WORKERS]

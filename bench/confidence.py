@@ -18,6 +18,7 @@ import numpy as np
 import typer
 from rich.progress import track
 from scipy.optimize import lsq_linear
+from scipy.stats import mannwhitneyu
 
 from bench.pair_sets import public_folder
 from bench.rendered_pairs import HEIGHTS_PX, OVERLAPS, relief_pairs
@@ -90,12 +91,9 @@ def fit_coefficients(relief: list[Prediction], others: list[Prediction]) -> tupl
 def area_under_curve(pairs: list[Prediction], predicted_px: Array) -> float:
     """The AUC of predicted errors."""
     wrong = np.array([pair.error_px >= POOR_PX for pair in pairs])
-    order = np.argsort(-predicted_px, kind="stable")
     if wrong.all() or not wrong.any():
         return math.nan
-    caught = np.concatenate([[0], np.cumsum(wrong[order]) / wrong.sum()])
-    doubted = np.concatenate([[0], np.cumsum(~wrong[order]) / (~wrong).sum()])
-    return float(np.trapezoid(caught, doubted))
+    return float(mannwhitneyu(predicted_px[wrong], predicted_px[~wrong]).statistic / (wrong.sum() * (~wrong).sum()))
 
 
 def verdict_rows(pairs: list[Prediction]) -> list[Row]:

@@ -10,7 +10,7 @@ import numpy as np
 from bench.report import Row
 from golden_model.arrays import Array, Float32, Pixels
 from skymosaic import Pair, extract, register
-from skymosaic.geometry.homography import apply
+from skymosaic.evaluation.metrics import grid_error
 from skymosaic.imagery.images import load
 from skymosaic.imagery.photographs import list_sources
 
@@ -157,11 +157,8 @@ def _is_right(pair: Pair, truth: Pair, moved: tuple[Array, Array]) -> bool:
     """Whether a pair puts the points of the left picture within 20 px, in the mean, of where its truth does."""
     if pair.homography is None or truth.homography is None:
         return False
-    grid = np.stack(np.meshgrid(*(np.linspace(0, side_px, 20) for side_px in SIZE_PX)), axis=-1).reshape(-1, 2)
-    expected = apply(truth.homography, grid)
-    inside = ((expected >= 0) & (expected <= SIZE_PX)).all(axis=1)
-    found = apply(np.linalg.inv(moved[1]) @ pair.homography @ moved[0], grid[inside])
-    return bool(np.linalg.norm(found - expected[inside], axis=1).mean() < WRONG_PX)
+    found = np.linalg.inv(moved[1]) @ pair.homography @ moved[0]
+    return grid_error(found, truth.homography, SIZE_PX, SIZE_PX) < WRONG_PX
 
 
 def _count(pairs: Sequence[Pair]) -> str:

@@ -48,10 +48,7 @@ def front_end(config: FrontEndConfig, width_px: int, levels: int, video_bits: in
     build = Build(
         config=Config(front_end=config), max_width_px=width_px, max_height_px=height_px, video_bits=video_bits
     )
-    return Design(
-        lambda: FrontEnd(build),
-        sum(line_memory_bits(config, width_px >> level) for level in range(levels)),
-    )
+    return Design(lambda: FrontEnd(build), sum(line_memory_bits(config, width_px >> level) for level in range(levels)))
 
 
 def line_memory_bits(config: FrontEndConfig, width_px: int) -> int:
@@ -76,10 +73,7 @@ def matcher(config: MatcherConfig) -> Design:
 
 def accelerator(config: Config) -> Design:
     """The whole accelerator with two levels."""
-    return Design(
-        lambda: AcceleratorTop(Build(config=config)),
-        front_end(config.front_end, WIDTH_PX, 2).memory_bits,
-    )
+    return Design(lambda: AcceleratorTop(Build(config=config)), front_end(config.front_end, WIDTH_PX, 2).memory_bits)
 
 
 def designs() -> dict[str, Design]:

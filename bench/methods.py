@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import typer
 
-from bench.peers import METHODS, Peer
+from bench.peers import METHODS, register_by_peer
 from bench.rendered_pairs import ReliefPair
 from golden_model.arrays import Matrix, Pixels
 from golden_model.config import EstimatorConfig
@@ -34,8 +34,8 @@ ON_CHIP = "on the chip alone"
 REFERENCE = f"SIFT, {FEW_FEATURES} features"
 """The row whose processor time is 1."""
 
-Method = Callable[[KnownPair | ReliefPair, int], Iterator[tuple[Matrix | None, int]]]
-"""Takes a pair and the number of seeds; yields homography and inliers for each seed."""
+Method = Callable[[KnownPair | ReliefPair, int], Iterator[Matrix | None]]
+"""Takes a pair and the number of seeds; yields the homography of each seed."""
 
 
 def chosen_methods(wanted: list[str] | None) -> dict[str, Method]:
@@ -53,20 +53,19 @@ def chosen_methods(wanted: list[str] | None) -> dict[str, Method]:
 def ours(**options: Any) -> Method:
     """The project's own registration; its features serve all seeds."""
 
-    def run(pair: KnownPair | ReliefPair, seeds: int) -> Iterator[tuple[Matrix | None, int]]:
+    def run(pair: KnownPair | ReliefPair, seeds: int) -> Iterator[Matrix | None]:
         is_shared = "detector" not in options and "preset" not in options
         left, right = (extract(side) if is_shared else side for side in (pair.left, pair.right))
         for seed in range(seeds):
-            registered = register(left, right, seed=seed, **options)
-            yield registered.homography, len(registered.inliers)
+            yield register(left, right, seed=seed, **options).homography
 
     return run
 
 
-def chip(pair: KnownPair | ReliefPair, seeds: int) -> Iterator[tuple[Matrix | None, int]]:
+def chip(pair: KnownPair | ReliefPair, seeds: int) -> Iterator[Matrix | None]:
     """Front end, matcher and estimator of the hardware, with nothing of the host's."""
     for result in estimate_on_chip(load(pair.left).pixels, load(pair.right).pixels, seeds):
-        yield None if result.causes else in_pixels(result.homography), result.inliers
+        yield None if result.causes else in_pixels(result.homography)
 
 
 def estimate_on_chip(left: Pixels, right: Pixels, seeds: int = 1) -> Iterator[Estimate]:
@@ -80,10 +79,9 @@ def estimate_on_chip(left: Pixels, right: Pixels, seeds: int = 1) -> Iterator[Es
 
 def peer(name: str, count: int) -> Method:
     """An OpenCV method on the same files; its seed is fixed."""
-    method = Peer(name, count)
 
-    def run(pair: KnownPair | ReliefPair, _seeds: int) -> Iterator[tuple[Matrix | None, int]]:
-        yield method.homography(*map(read_gray, (pair.left, pair.right)))
+    def run(pair: KnownPair | ReliefPair, _seeds: int) -> Iterator[Matrix | None]:
+        yield register_by_peer(read_gray(pair.left), read_gray(pair.right), name, count)
 
     return run
 

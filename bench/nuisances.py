@@ -40,27 +40,18 @@ Change = Callable[[Picture, int, float], Picture]
 
 @dataclass(frozen=True)
 class Nuisance:
-    """One nuisance: how it changes the flight, or its pictures, by strength.
-
-    Attributes
-    ----------
-    strengths : tuple of float
-        From what is common to what is hard.
-    meaning : str
-        What the strength is.
-    flight : callable
-        The flight of a strength.
-    change : callable
-        A picture, its number and the strength, to the picture that is saved.
-    jpeg : bool
-        Whether the strength is the quality of a JPEG file; otherwise files are lossless.
-    """
+    """One nuisance: how it changes the flight, or its pictures, by strength."""
 
     strengths: tuple[float, float, float]
+    """From what is common to what is hard."""
     meaning: str
+    """What the strength is."""
     flight: Render = lambda _strength: make_lawnmower(SEED, IMAGES, SIZE_PX)
+    """The flight of a strength."""
     change: Change = lambda picture, _number, _strength: picture
+    """A picture, its number and the strength, to the picture that is saved."""
     jpeg: bool = False
+    """Whether the strength is the quality of a JPEG file; otherwise files are lossless."""
 
 
 def _light(**changes: Callable[[int, float], float]) -> Render:

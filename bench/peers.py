@@ -11,7 +11,6 @@ from skymosaic.features.detectors import DETECTORS
 from skymosaic.features.matchers import RATIO
 from skymosaic.features.methods import HostBackend, choose_method
 from skymosaic.features.positions import match_points
-from skymosaic.geometry.homography import apply
 
 METHODS = {
     "sift": "SIFT",
@@ -32,24 +31,19 @@ Words = tuple[Points, np.ndarray]
 """Positions (N, 2) of key points and their descriptors (N, 128)."""
 
 
-class Peer:
-    """Matches of one of `METHODS`, or of ``rootsift``, with the strongest key points, and a homography by MAGSAC."""
+def register_by_peer(left: Pixels, right: Pixels, name: str, count: int) -> Matrix | None:
+    """The homography of two gray images by MAGSAC; None where none was estimated.
 
-    def __init__(self, name: str, count: int) -> None:
-        self._name, self._count = name, count
-
-    def homography(self, left: Pixels, right: Pixels) -> tuple[Matrix | None, int]:
-        """Homography from left to right of two gray images (None where none was estimated); inliers within 3 px."""
-        if self._name == "rootsift" or self._count > MAX_PROJECT_FEATURES:
-            points = sift_matches(left, right, self._count, root=self._name == "rootsift")
-        else:
-            points = project_matches(left, right, self._name, self._count)
-        if len(points[0]) < 4:
-            return None, 0
-        H, _ = cv2.findHomography(*points, cv2.USAC_MAGSAC, TOLERANCE_PX, maxIters=ROUNDS, confidence=CONFIDENCE)
-        if H is None:
-            return None, 0
-        return H, int((np.linalg.norm(apply(H, points[0]) - points[1], axis=1) <= TOLERANCE_PX).sum())
+    The matches are those of one of `METHODS`, or of ``rootsift``, with the ``count`` strongest key points.
+    """
+    if name == "rootsift" or count > MAX_PROJECT_FEATURES:
+        points = sift_matches(left, right, count, root=name == "rootsift")
+    else:
+        points = project_matches(left, right, name, count)
+    if len(points[0]) < 4:
+        return None
+    H, _ = cv2.findHomography(*points, cv2.USAC_MAGSAC, TOLERANCE_PX, maxIters=ROUNDS, confidence=CONFIDENCE)
+    return H
 
 
 def project_matches(left: Pixels, right: Pixels, name: str, count: int) -> tuple[Points, Points]:

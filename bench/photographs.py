@@ -103,12 +103,6 @@ CASES: dict[str, tuple[str, int, Write]] = {
 """Suffix, megapixels, and what writes the file; 89 megapixels where nothing is said."""
 
 
-def write_case(name: str, path: Path) -> None:
-    """Write the file of a case."""
-    _, megapixels, write = CASES[name]
-    write(path, megapixels)
-
-
 def read(path: Path) -> tuple[float, int, str]:
     """Processor seconds, peak memory in MB, and the outcome of reading a file as a mosaic does."""
     started = time.process_time()
@@ -138,11 +132,11 @@ def main(
     rows: list[Row] = []
     exceeded = []
     with tempfile.TemporaryDirectory() as folder:
-        for name, (suffix, *_) in CASES.items():
+        for name, (suffix, megapixels, write) in CASES.items():
             if names and not any(part in name for part in names):
                 continue
             path = Path(folder) / f"photograph{suffix}"
-            in_process(write_case, name, path)
+            in_process(write, path, megapixels)
             seconds, memory_mb, outcome = in_process(read, path)
             exceeded += [name] * (seconds > MAX_SECONDS or memory_mb > MAX_MEMORY_MB)
             rows.append(

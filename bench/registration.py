@@ -12,11 +12,10 @@ write such folders. The error of a pair is the mean distance over a 20x20 grid o
 inside the right image.
 """
 
-import json
 import random
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import chain, combinations, pairwise
 from pathlib import Path
 from typing import Annotated
@@ -56,12 +55,10 @@ Methods = Annotated[list[str] | None, typer.Option(help="Only these: normal, tho
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a method made of one pair: an error for each seed; inliers and processor time of the first."""
+    """What a method made of one pair: an error for each seed, and the processor time of the first."""
 
-    pair: str
     group: str
     error_px: tuple[float, ...]
-    inliers: int
     seconds: float
 
 
@@ -72,7 +69,6 @@ def methods(
     seeds: Seeds = 5,
     method: Methods = None,
     by_group: Annotated[bool, typer.Option("--by-group", help="A row for each group of pairs.")] = False,
-    outcomes_file: Annotated[Path | None, typer.Option("--outcomes", help="Write every pair's outcome here.")] = None,
     json_file: JsonFile = None,
 ) -> None:
     """Accuracy and processor time of each method.
@@ -83,12 +79,7 @@ def methods(
     """
     cv2.setNumThreads(1)
     pairs = [pair for name in sets for pair in read_pairs(public_folder(name))]
-    results: dict[str, list[Outcome]] = {}
-    for heading, run in chosen_methods(method).items():
-        results[heading] = list(measure(run, pairs, seeds, heading))
-        if outcomes_file:
-            written = {heading: [asdict(outcome) for outcome in given] for heading, given in results.items()}
-            outcomes_file.write_text(json.dumps(written, indent=1) + "\n")
+    results = {heading: list(measure(run, pairs, seeds, heading)) for heading, run in chosen_methods(method).items()}
     rows = group_rows(results) if by_group else [method_row(results, heading) for heading in results]
     report(f"{len(pairs)} pairs, {seeds} seeds; under {'/'.join(map(str, LIMITS_PX))} px in %", rows, json_file)
 
@@ -98,14 +89,14 @@ def measure(method: Method, pairs: list[KnownPair], seeds: int, heading: str) ->
     for pair in track(pairs, description=heading, console=progress, transient=True):
         sizes = [read_gray(path).shape[::-1] for path in (pair.left, pair.right)]
         errors: list[float] = []
-        inliers, seconds = 0, 0.0
+        seconds = 0.0
         start = time.process_time()
-        for homography, support in method(pair, seeds):
+        for homography in method(pair, seeds):
             if not errors:
-                inliers, seconds = support, time.process_time() - start
+                seconds = time.process_time() - start
             error = min(grid_error(homography, pair.truth, *sizes), MISSING_ERROR_PX - 1)
             errors.append(error if homography is not None else MISSING_ERROR_PX)
-        yield Outcome(pair.name, pair.group, tuple(errors), inliers, seconds)
+        yield Outcome(pair.group, tuple(errors), seconds)
 
 
 def method_row(results: dict[str, list[Outcome]], heading: str) -> Row:
@@ -169,21 +160,20 @@ def relief(
     report(f"{len(pairs)} pairs with relief, {seeds} seeds", rows, json_file)
 
 
-def fit_to_truth(pair: KnownPair | ReliefPair, _seeds: int) -> Iterator[tuple[Matrix | None, int]]:
+def fit_to_truth(pair: KnownPair | ReliefPair, _seeds: int) -> Iterator[Matrix | None]:
     """About the best that any homography can do."""
     assert isinstance(pair, ReliefPair)
     points = pair.left_points, pair.right_points
-    estimate = estimate_homography(*points, np.ones(len(pair.left_points)), rng=np.random.default_rng(0))
-    yield estimate.homography, int(estimate.inliers.sum())
+    yield estimate_homography(*points, np.ones(len(pair.left_points)), rng=np.random.default_rng(0)).homography
 
 
 def relief_row(heading: str, method: Method, pairs: list[ReliefPair], seeds: int) -> Row:
     """Share within 2 px, mean error and refusals of one method."""
     errors = []
     for pair in track(pairs, description=heading, console=progress, transient=True):
-        found = [homography for homography, _ in method(pair, seeds)]
+        points = pair.left_points, pair.right_points
         nothing = np.full(len(pair.left_points), MISSING_ERROR_PX)
-        errors.append([nothing if H is None else transfer_error(H, pair.left_points, pair.right_points) for H in found])
+        errors.append([nothing if H is None else transfer_error(H, *points) for H in method(pair, seeds)])
     within = 100 * np.array([[np.mean(error <= INLIER_PX) for error in of_seeds] for of_seeds in errors])
     mean_px = np.array([[np.minimum(error, MISSING_ERROR_PX).mean() for error in of_seeds] for of_seeds in errors])
     wrong = (mean_px > WRONG_PX) & (mean_px < MISSING_ERROR_PX)

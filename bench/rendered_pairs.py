@@ -146,7 +146,6 @@ def _camera(focal_widths: float, size_px: tuple[int, int] = SIZE_PX) -> Camera:
 class ReliefPair:
     """Two gray views, and true correspondences: left points (N, 2), each with its right point."""
 
-    name: str
     left: Pixels
     right: Pixels
     left_points: Points
@@ -201,16 +200,11 @@ def relief_pair(height_px: float, overlap: float, number: int) -> ReliefPair:
     left_points = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
     right_points = _project(poses[1], camera, visible, surface.height_at(visible[None])[0])
     inside = ((right_points >= 0) & (right_points <= np.array(SIZE_PX) - 1)).all(axis=1)
-    name = f"relief_{height_px:g}_{round(100 * overlap)}_{number}"
-    return ReliefPair(name, left, right, left_points[inside], right_points[inside])
+    return ReliefPair(left, right, left_points[inside], right_points[inside])
 
 
 def _surface(
-    landscape: int,
-    one: NDArray[np.float64],
-    other: NDArray[np.float64],
-    height_px: float,
-    rng: np.random.Generator,
+    landscape: int, one: NDArray[np.float64], other: NDArray[np.float64], height_px: float, rng: np.random.Generator
 ) -> _Surface:
     low = np.floor(np.minimum(one, other)).astype(int) - MARGIN_PX
     width, height = (np.ceil(np.maximum(one, other)).astype(int) + MARGIN_PX - low).tolist()
