@@ -1,6 +1,5 @@
 """Window correlation in hardware (thesis, equations III-1 to III-3): SAD alone, and a core for SAD, ZSSD and NCC."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from collections.abc import Sequence
 from functools import reduce
 from operator import add

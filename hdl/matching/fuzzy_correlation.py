@@ -55,10 +55,7 @@ class FuzzyCorrelation(wiring.Component):
         m.d.comb += [sink.eq(value) for sink, value in zip(rules.i.payload, values, strict=True)]
         # The scores wait at the correlation's output until the scaled ones have passed their registers.
         settled = delayed(m, correlation.o.valid, SCALE_CYCLES, reset_less=False)
-        m.d.comb += [
-            rules.i.valid.eq(correlation.o.valid & settled),
-            correlation.o.ready.eq(rules.i.ready),
-        ]
+        m.d.comb += [rules.i.valid.eq(correlation.o.valid & settled), correlation.o.ready.eq(rules.i.ready)]
         return m
 
 

@@ -1,6 +1,5 @@
 """Matches two feature sets: mutual nearest neighbours, their relative orientations, and fuzzy weights."""
 
-# Annotations are evaluated here: a component takes its ports from them.
 from functools import reduce
 from operator import or_
 
