@@ -33,7 +33,7 @@ from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.outputs import check_outputs, list_numbered
 from skymosaic.mosaicking.plan import MosaicPlan
-from skymosaic.reports.flight import describe_bands, describe_cuts, describe_map, flight_numbers, write_report
+from skymosaic.reports.flight import describe_mosaic, flight_numbers, write_report
 from skymosaic.reports.pages import OWN_NAMES as REPORT_NAMES
 
 
@@ -190,18 +190,11 @@ def _show_mosaic(delivery: Delivery, path: Path) -> None:
     if delivery.tiles:
         session.wrote(delivery.tiles)
         session.show(f"tiles {delivery.tiles / 'index.html'}")
-    for line in filter(None, (delivery.composition.reduced, delivery.composition.uneven)):
-        session.warn(f"{path}: {line}")
-    if delivery.composition.cut_off:
-        session.show(f"cut off: {describe_cuts(delivery.composition)}")
-    if delivery.composition.band_names:
-        session.show(f"bands: {describe_bands(delivery.composition)}")
-    if values := delivery.composition.values:
-        session.show(f"range: {values.description}")
-    if delivery.georeference:
-        session.show(describe_map(delivery))
-    for contradiction in delivery.composition.place.contradictions:
-        session.warn(contradiction)
+    for about, line in describe_mosaic(delivery).items():
+        if about in ("size", "light", "contradiction"):
+            session.warn(f"{path}: {line}")
+        elif about in ("cut off", "bands", "range", "map"):
+            session.show(f"{about}: {line}")
     if not delivery.georeference and delivery.path.suffix.lower() in GEOTIFF_SUFFIXES:
         session.warn(explain_absence(path, delivery.composition.place))
     # Who asks for a picture of two photographs expects no map.

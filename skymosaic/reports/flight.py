@@ -142,7 +142,24 @@ def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
     }
 
 
-def describe_map(delivery: Delivery) -> str:
+def describe_mosaic(delivery: Delivery) -> dict[str, str]:
+    """What only some mosaics have, in lines, by what each is about."""
+    composition = delivery.composition
+    lines = {
+        "size": composition.reduced,
+        "light": composition.uneven,
+        "cut off": _describe_cuts(composition) if composition.cut_off else "",
+        "bands": _describe_bands(composition) if composition.band_names else "",
+        "range": composition.values.description if composition.values else "",
+        "map": _describe_map(delivery) if delivery.georeference else "",
+        "contradiction": "; ".join(composition.place.contradictions),
+        "map note": delivery.map_note,
+        "not written": "; ".join(delivery.failures),
+    }
+    return {about: line for about, line in lines.items() if line}
+
+
+def _describe_map(delivery: Delivery) -> str:
     """Say in one line where a mosaic lies on the map and how well it fits there."""
     on_map, place = delivery.georeference, delivery.composition.place
     assert on_map is not None
@@ -151,8 +168,7 @@ def describe_map(delivery: Delivery) -> str:
         of_all = f" ({on_map.residual_of_all_m:.2f} m of all)" if on_map.disagreeing else ""
         parts.append(f"{place.by} residual {on_map.residual_m:.2f} m{of_all}")
     if place.checked_m:
-        rms_m = float(np.sqrt(np.mean(np.square(list(place.checked_m.values())))))
-        parts.append(f"{len(place.checked_m)} check points off by {rms_m:.2f} m (root mean square)")
+        parts.append(f"{len(place.checked_m)} check points off by {place.checked_rms_m:.2f} m (root mean square)")
     if np.isfinite(on_map.scale_error):
         parts.append(f"scale ± {on_map.scale_error:.2%}")
     if delivery.layout.median_error_px:
@@ -167,7 +183,7 @@ def describe_map(delivery: Delivery) -> str:
     return "; ".join(parts)
 
 
-def describe_cuts(composition: Composition) -> str:
+def _describe_cuts(composition: Composition) -> str:
     """Name the photographs that show less than they contain, and how much is cut off, in one line."""
     shares = [f"{Path(name).name} {share:.0%}" for name, share in composition.cut_off.items()]
     # Where all look ahead, all are cut; `report.json` has them.
@@ -175,7 +191,7 @@ def describe_cuts(composition: Composition) -> str:
     return f"{', '.join(shares[:MAX_CUTS])}{others}: ground towards the horizon, far beyond their matches or too coarse"
 
 
-def describe_bands(composition: Composition) -> str:
+def _describe_bands(composition: Composition) -> str:
     """Name the bands of a multi-band mosaic and their errors in one line."""
     registering = next(name for name in composition.band_names if name not in composition.aligned_px)
     others = ", ".join(f"{name} {error:.2f} px" for name, error in composition.aligned_px.items())
@@ -277,20 +293,7 @@ def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
         ("residual of the fit", f"median {layout.median_error_px:.2f} px, without the links that contradict it"),
         ("blending and writing", f"{delivery.seconds:.1f} s"),
     ]
-    if delivery.composition.reduced:
-        rows.append(("size", delivery.composition.reduced))
-    if delivery.composition.uneven:
-        rows.append(("light", delivery.composition.uneven))
-    if delivery.composition.cut_off:
-        rows.append(("cut off", describe_cuts(delivery.composition)))
-    if delivery.composition.band_names:
-        rows.append(("bands", describe_bands(delivery.composition)))
-    if values := delivery.composition.values:
-        rows.append(("range", values.description))
-    if delivery.georeference:
-        rows.append(("map", describe_map(delivery)))
-    rows += [("contradiction", line) for line in delivery.composition.place.contradictions]
-    return rows + ([("map note", delivery.map_note)] if delivery.map_note else [])
+    return rows + list(describe_mosaic(delivery).items())
 
 
 def _common_folder(names: Sequence[str]) -> str:

@@ -73,8 +73,8 @@ def describe_accuracy(delivery: Delivery) -> str:
     error_cm = 100 * ground_error_m(delivery)
     within = f"Half of the points that photographs have in common meet within {error_cm:.1f} cm"
     if place.checked_m:
-        rms_m = float(np.sqrt(np.mean(np.square(list(place.checked_m.values())))))
-        return f"{within}; {len(place.checked_m)} check points are off by {rms_m:.2f} m (root mean square)."
+        of_checked = f"{len(place.checked_m)} check points are off by {place.checked_rms_m:.2f} m (root mean square)"
+        return f"{within}; {of_checked}."
     return f"{within}; on the map, they fit the {place.by} within {on_map.residual_m:.2f} m."
 
 

@@ -45,6 +45,11 @@ class MapPlace:
     contradictions: tuple[str, ...] = ()
     """Two sources of the place that contradict each other, a line each."""
 
+    @property
+    def checked_rms_m(self) -> float:
+        """Root mean square of the distances of the check points."""
+        return float(np.sqrt(np.mean(np.square(list(self.checked_m.values())))))
+
 
 NOWHERE = MapPlace()
 

@@ -35,7 +35,7 @@ from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, show_mosaic
 from skymosaic.registration.options import PhotographOptions
 from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register
-from skymosaic.reports.flight import describe_bands, describe_map, write_report
+from skymosaic.reports.flight import describe_mosaic, write_report
 
 MOSAIC, MAP, TILES, REPORT, CONFIG = "mosaic.png", "mosaic.tif", "tiles", "report", "config.toml"
 """Files and folders of a run."""
@@ -116,18 +116,12 @@ def _choose_output(plan: MosaicPlan) -> list[str]:
 
 
 def _add_mosaic(result: MosaicResult, flight: Flight, delivery: Delivery) -> MosaicResult:
-    """Add the mosaic, its bands and its place on the map, what could not be written, and photographs left out."""
-    facts = {
-        "bands": describe_bands(delivery.composition) if delivery.composition.band_names else "",
-        "map": describe_map(delivery) if delivery.georeference is not None else "",
-        "contradictions": "; ".join(delivery.composition.place.contradictions),
-        "not written": "; ".join(delivery.failures),
-    }
+    """Add the mosaic, what is to be said of it, and the photographs that are not in it."""
     return replace(
         result,
         mosaic=show_mosaic(delivery, result.pictures),
         left_out={flight.names[index]: reason for index, reason in flight.absent_from(delivery.layout).items()},
-        facts={name: fact for name, fact in facts.items() if fact},
+        facts=describe_mosaic(delivery),
     )
 
 

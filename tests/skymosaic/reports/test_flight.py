@@ -70,7 +70,13 @@ def delivered(**changes: Any) -> Any:
         place=MapPlace(),
     )
     delivery = SimpleNamespace(
-        path=Path("out/m.tif"), layout=layout, flight=flight, composition=composition, map_note="", seconds=1.26
+        path=Path("out/m.tif"),
+        layout=layout,
+        flight=flight,
+        composition=composition,
+        map_note="",
+        seconds=1.26,
+        failures=(),
     )
     delivery.covered_px = 400_000
     for name, value in changes.items():
@@ -118,8 +124,9 @@ def test_what_only_some_mosaics_have_is_a_row_of_its_own() -> None:
         band_names=("green", "red", "nir"),
         aligned_px={"green": 0.314, "nir": 1.2},
         values=ValueRange(120.0, 5000.0, deep=True),
-        place=PLACE,
+        place=dataclasses.replace(PLACE, contradictions=("one", "two")),
         map_note="two cameras of three",
+        failures=("tiles: full",),
     )
     rows = dict(report._mosaic_rows(rich))
     assert rows["ground"] == "flat (1% of the matches lie 3 to 12 px off the plane)"
@@ -132,14 +139,15 @@ def test_what_only_some_mosaics_have_is_a_row_of_its_own() -> None:
     assert dict(report._mosaic_rows(many))["cut off"] == f"{named}: {why}"
     assert rows["bands"] == "green, red, nir; registered by red, median error of the others: green 0.31 px, nir 1.20 px"
     assert rows["range"] == "120..5000 of all photographs shown as 0..255; .tif keeps 16 bits"
-    assert rows["map"] == report.describe_map(rich)
+    assert rows["map"].startswith("EPSG:32615, 0.05 m per pixel; ")
     assert rows["map note"] == "two cameras of three"
+    assert (rows["contradiction"], rows["not written"]) == ("one; two", "tiles: full")
     # Of the matches kept aside: 2 px of a working image, which is 6 px of the canvas.
     assert "; layout off by 0.6 m in the median; " in rows["map"]
 
 
 def test_the_map_says_how_well_it_fits_and_who_disagrees_the_worst_first() -> None:
-    assert report.describe_map(delivered(place=PLACE)) == (
+    assert report.describe_mosaic(delivered(place=PLACE))["map"] == (
         "EPSG:32615, 0.05 m per pixel; GPS residual 0.40 m (55.71 m of all); 2 check points off by 0.41 m (root mean "
         "square); scale ± 1.23%; layout off by 0.15 m in the median; flown at 81 m (recorded: 120 m); turned by -12 "
         "degrees from the recorded yaw; without the GPS of 3.jpg (75 m off), 2.jpg (60 m off)"
@@ -147,10 +155,13 @@ def test_the_map_says_how_well_it_fits_and_who_disagrees_the_worst_first() -> No
     on_map = Georeference("EPSG:32615", TURNED, 0.4, (0.3, 0.5))
     plain = MapPlace(on_map, ("0.jpg", "1.jpg"), by="control points", height_m=80.0)
     exact = dataclasses.replace(delivered().layout, errors_px=())
-    assert report.describe_map(delivered(place=plain, layout=exact)) == (
+    assert report.describe_mosaic(delivered(place=plain, layout=exact))["map"] == (
         "EPSG:32615, 0.05 m per pixel; control points residual 0.40 m"
     )
-    assert report.describe_map(delivered(place=plain, layout=exact, pair=object())) == "EPSG:32615, 0.05 m per pixel"
+    assert (
+        report.describe_mosaic(delivered(place=plain, layout=exact, pair=object()))["map"]
+        == "EPSG:32615, 0.05 m per pixel"
+    )
 
 
 def test_the_numbers_of_the_map_leave_out_what_is_unknown() -> None:
