@@ -30,31 +30,21 @@ class Axis:
 
 @dataclass(frozen=True)
 class PlottedSystem:
-    """A fuzzy system and how it is plotted.
-
-    Parameters
-    ----------
-    system : callable
-        Creates the system.
-    axes : tuple of Axis
-        One for each input.
-    surface : (int, int)
-        The two inputs of the rule surface.
-    sections : tuple of (str, int)
-        Title and table entry of the third input, if there is one, for each surface.
-    output : str
-        Name of the output.
-    span : (float, float)
-        Values of the output for weights of 0 and 1.
-    """
+    """A fuzzy system and how it is plotted."""
 
     title: str
     system: Callable[[], SugenoSystem]
+    """Creates the system."""
     axes: tuple[Axis, ...]
+    """One for each input."""
     surface: tuple[int, int]
+    """The two inputs of the rule surface."""
     sections: tuple[tuple[str, int], ...] = (("", 0),)
+    """Title and table entry of the third input, if there is one, for each surface."""
     output: str = "weight of the match"
+    """Name of the output."""
     span: tuple[float, float] = (0.0, 1.0)
+    """Values of the output for weights of 0 and 1."""
 
 
 def plan_plot(golden: GoldenSystem) -> PlottedSystem:
