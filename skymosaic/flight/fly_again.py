@@ -56,10 +56,10 @@ def plan_again(flight: Flight, control: ControlPoints | None = None) -> list[Pla
             ends = map_to_globe(np.array([middles[link.left], middles[link.right]]), crs)
             name = f"weak link {names[link.left]} - {names[link.right]}"
             places.append(Place(name, "LineString", ends, {"matches": link.ties, "overlap": round(overlap, 3)}))
-    for source, view in zip(flight.sources, flight.views, strict=True):
+    for source, view, name in zip(flight.sources, flight.views, names, strict=True):
         if source.index in flight.left_out and view.gps is not None:
             degrees, reason = np.array([view.gps.degrees]), flight.left_out[source.index]
-            places.append(Place(f"left out {view.name}", "Point", degrees, {"reason": reason}))
+            places.append(Place(f"left out {name}", "Point", degrees, {"reason": reason}))
     return places
 
 

@@ -11,7 +11,7 @@ import pytest
 from sim.scene import make_lawnmower
 from skymosaic.cli.check import check
 from skymosaic.cli.session import session
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.maps.georeference import map_to_globe
 
 
@@ -28,7 +28,7 @@ def test_positions_from_a_file_are_those_that_are_checked(tmp_path: Path) -> Non
 
 
 def test_where_to_fly_again_is_written_for_a_map(tmp_path: Path) -> None:
-    """Of three strips the middle photograph is missing."""
+    """Of three strips the middle photograph is missing, and another one shows nothing that the others do."""
     flight = make_lawnmower(seed=9, images=9, size=(320, 240), forward_overlap=0.25, side_overlap=0.25)
     (tmp_path / "flight").mkdir()
     middle, metres = np.mean([(pose.x_px, pose.y_px) for pose in flight.poses], axis=0), 0.1
@@ -39,13 +39,18 @@ def test_where_to_fly_again_is_written_for_a_map(tmp_path: Path) -> None:
             east, north = (np.array([pose.x_px, pose.y_px]) - middle) * metres * [1, -1] + [500_000, 5_100_000]
             lines.append(f"{number}.png {east} {north}")
             points.append(f"{east + 60} {north} 0 159.5 119.5 {number}.png")
+    cv2.imwrite(str(tmp_path / "flight" / "noise.png"), np.random.default_rng(0).integers(0, 256, (240, 320), np.uint8))
+    lines.append("noise.png 500020 5100000")
     (tmp_path / "geo.txt").write_text("\n".join(lines))
     (tmp_path / "gcp.txt").write_text("\n".join(points))
     output = tmp_path / "again.geojson"
     flown: dict[str, Any] = {"photographs": [str(tmp_path / "flight")], "cache": tmp_path / "cache"}
-    check(output=output, positions=tmp_path / "geo.txt", **flown)
+    with pytest.raises(RegistrationError, match="do not make one mosaic"):
+        check(output=output, positions=tmp_path / "geo.txt", **flown)
     assert not any("contradict each other" in problem for problem in session.numbers["problems"])
-    hole, *links = json.loads(output.read_text())["features"]
+    hole, *links, alone = json.loads(output.read_text())["features"]
+    assert alone["properties"]["name"] == "left out noise.png"
+    assert "nothing links it to the others" in alone["properties"]["reason"]
     # Photographs that overlap so little are linked by few matches.
     assert all(each["properties"]["name"].startswith("weak link") for each in links)
     assert hole["properties"]["name"] == "hole 1"
@@ -57,7 +62,8 @@ def test_where_to_fly_again_is_written_for_a_map(tmp_path: Path) -> None:
         check(output=output, **flown)
     with pytest.raises(InputError, match="no part of the flight has a place on the map"):
         check(output=output, overwrite=True, **flown)
-    check(positions=tmp_path / "geo.txt", control_points=tmp_path / "gcp.txt", **flown)
+    with pytest.raises(RegistrationError, match="do not make one mosaic"):
+        check(positions=tmp_path / "geo.txt", control_points=tmp_path / "gcp.txt", **flown)
     (problem,) = (each for each in session.numbers["problems"] if "contradict each other" in each)
     both = f"control points ({tmp_path / 'gcp.txt'}) and positions ({tmp_path / 'geo.txt'})"
     assert problem.startswith(both)
