@@ -82,7 +82,7 @@ class Latencies:
             record_words=pattern.record.record_bytes // WORD_BYTES,
             match_words=words,
             drain=_READ_CYCLES + DISTANCE_CYCLES[pattern.bits] + lanes + 2,
-            shortest_pass=lanes + 3,
+            shortest_pass=lanes + 4,
             # Weight, its square, sum.
             count=sugeno_cycles(rule_bases.aerial_orientation(pattern.bits)) + 4 + 1,
             # Features read, weight, comparison with the limit, record.
@@ -113,11 +113,11 @@ def weight_cycles(pattern: DescriptorPattern, config: MatcherConfig) -> int:
 def sugeno_cycles(system: SugenoSystem) -> int:
     """Clocks of `hdl.matching.fuzzy.Sugeno` for a system.
 
-    Memberships, one per rule, three per product or one per minimum, then rounding or a division.
+    Memberships, one per rule, three per product or one per minimum, the sum, then rounding or a division.
     """
     inputs = len(system.inputs)
     combining, rounding = (3 * (inputs - 2), 2) if system.conjunction == "product" else (inputs - 1, 11)
-    return 2 + len(system.rules) + 1 + combining + 3 + rounding
+    return 2 + len(system.rules) + 1 + combining + 4 + rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,7 +300,7 @@ def _search_cycles(work: FrameWork, latencies: Latencies) -> int:
     if not work.left or not work.right:
         return 0
     # See `Latencies.compute`.
-    lanes = latencies.shortest_pass - 3
+    lanes = latencies.shortest_pass - 4
     return -(-work.left // lanes) * max(work.right, latencies.shortest_pass) + latencies.drain
 
 

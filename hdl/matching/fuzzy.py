@@ -17,6 +17,8 @@ from hdl.lib.multiplier import Multiplier, multiply
 
 PRODUCT_INPUTS = (2, 3)
 PRODUCT_CYCLES = Multiplier.latency_cycles
+TERM_CYCLES = PRODUCT_CYCLES + 1
+"""A register follows: an adder right behind a multiplier would limit the clock."""
 QUOTIENT_BITS = WEIGHT.bits + 1
 """The weighted mean of singletons is at most 1, which is 256."""
 RESULT = data.StructLayout({"weight": WEIGHT.bits, "rule": range(MAX_RULES)})
@@ -59,7 +61,7 @@ class Sugeno(wiring.Component):
             raise ValueError(f"{system.name}: multiplies {inputs} inputs; valid: {', '.join(map(str, PRODUCT_INPUTS))}")
         # Indices, membership ROM; then operands; products or minima of all but the term's own factor; term.
         combining = (inputs - 2) * PRODUCT_CYCLES if self._is_product else inputs - 1
-        self._term_cycles = 1 + combining + PRODUCT_CYCLES
+        self._term_cycles = 1 + combining + TERM_CYCLES
         rounding = 2 if self._is_product else 2 + QUOTIENT_BITS
         self.latency_cycles = 2 + len(system.rules) + self._term_cycles + rounding
         values = data.ArrayLayout(value_bits, inputs)
@@ -144,7 +146,8 @@ class Sugeno(wiring.Component):
             others = multiply(m, f"others{n}", others, factor)
             last = delayed(m, last, PRODUCT_CYCLES)
             folded = delayed(m, folded, PRODUCT_CYCLES)
-        return multiply(m, "strength", others, last), multiply(m, "term", others, folded)
+        strength, term = multiply(m, "strength", others, last), multiply(m, "term", others, folded)
+        return delayed(m, strength, 1), delayed(m, term, 1)
 
     def _minimum(self, m: Module, degrees: list[Value], rule: Value) -> tuple[Value, Value | None, Value]:
         """The strength of a rule, what of it counts (None: all), and that times the singleton."""
@@ -156,10 +159,11 @@ class Sugeno(wiring.Component):
         singletons = Array(Const(each.singleton, MEMBERSHIP.bits) for each in self.system.rules)
         singleton = delayed(m, singletons[rule], 1 + len(others))
         if not any(each.joins for each in self.system.rules):
-            return delayed(m, strength, PRODUCT_CYCLES), None, multiply(m, "term", strength, singleton)
+            terms = delayed(m, multiply(m, "term", strength, singleton), 1)
+            return delayed(m, strength, TERM_CYCLES), None, terms
         counted = self._excess(m, strength, delayed(m, rule, 1 + len(others)))
-        terms = multiply(m, "term", counted, singleton)
-        return delayed(m, strength, PRODUCT_CYCLES), delayed(m, counted, PRODUCT_CYCLES), terms
+        terms = delayed(m, multiply(m, "term", counted, singleton), 1)
+        return delayed(m, strength, TERM_CYCLES), delayed(m, counted, TERM_CYCLES), terms
 
     def _excess(self, m: Module, strength: Value, rule: Value) -> Value:
         """What a rule's strength exceeds those of the rules that it joins by, which come in the clocks before."""

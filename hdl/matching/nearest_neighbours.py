@@ -19,6 +19,8 @@ from hdl.matching.hamming import Distances, Lane, Nearest, SearchPosition
 
 RESULT_CYCLES = LineMemory.latency_cycles
 """Clocks from an index to the registered row or column."""
+COLUMN_CYCLES = RESULT_CYCLES + 1
+"""Clocks from a column's index to the first lane: a register stands on the long way from the block RAM."""
 
 
 class NearestNeighbours(wiring.Component):
@@ -75,11 +77,11 @@ class NearestNeighbours(wiring.Component):
         self._distances = Distances(bits=bits, lanes=lanes)
         self._nearest = Nearest(bits=bits, max_features=max_features)
         self._position = SearchPosition(lanes=lanes, max_features=max_features)
-        self.shortest_pass_cycles = lanes + RESULT_CYCLES + 1
+        self.shortest_pass_cycles = lanes + COLUMN_CYCLES + 1
         self.drain_cycles = READ_CYCLES + self._distances.latency_cycles + lanes + 2
         # The column must reach the first lane with the distance, which is later than the descriptor.
         distance_cycles = READ_CYCLES + self._distances.latency_cycles
-        self._column_wait_cycles = wait_cycles("columns", RESULT_CYCLES, until=distance_cycles)
+        self._column_wait_cycles = wait_cycles("columns", COLUMN_CYCLES, until=distance_cycles)
         index, count = range(max_features), range(max_features + 1)
         super().__init__(
             {
@@ -191,13 +193,13 @@ class NearestNeighbours(wiring.Component):
         valid = delayed(m, valid, self._column_wait_cycles, reset_less=False)
         position = delayed(m, position, self._column_wait_cycles)
         first, last = lanes[0].i_bus, lanes[-1].o_bus
+        read = delayed(m, position, RESULT_CYCLES)
+        # Nothing clears the memory; the first group starts from empty columns, all ones, instead.
+        empty = read.first_group.replicate(self._nearest.size)
         m.d.comb += [
-            first.valid.eq(delayed(m, valid, RESULT_CYCLES, reset_less=False)),
-            first.position.eq(delayed(m, position, RESULT_CYCLES)),
-            # Nothing clears the memory; the first group starts from empty columns instead.
-            first.column.eq(Mux(first.position.first_group, ~0, self.o_column)),
-        ]
-        m.d.comb += [
+            first.valid.eq(delayed(m, valid, COLUMN_CYCLES, reset_less=False)),
+            first.position.eq(delayed(m, read, 1)),
+            first.column.eq(delayed(m, Value.cast(columns.o_word) | empty, 1)),
             columns.i_read.eq(self.o_busy | self.i_read),
             columns.i_read_address.eq(Mux(self.o_busy, position.right, self.i_column_index)),
             columns.i_write.eq(last.valid),

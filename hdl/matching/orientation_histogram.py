@@ -1,6 +1,6 @@
 """Histogram of the relative orientations of matches, and its peak."""
 
-from amaranth import Module, Signal, Value, unsigned
+from amaranth import Module, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
@@ -8,7 +8,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import WEIGHT
 from hdl.lib.delay import delayed
-from hdl.lib.multiplier import Multiplier
+from hdl.lib.multiplier import Multiplier, multiply
 
 SQUARE_CYCLES = Multiplier.latency_cycles
 FIND_CYCLES = 5
@@ -57,9 +57,8 @@ class OrientationHistogram(wiring.Component):
         # A smoothed bin weighs 4 + 3 + 3 bins.
         height = Signal(range(10 * self._bin[-1] + 1), reset_less=True)
         orientation, weight = self.i.payload.relative_orientation, self.i.payload.weight
-        factor = unsigned(WEIGHT.bits)
-        m.submodules.square = square = Multiplier(a=factor, b=factor, product=unsigned(2 * WEIGHT.bits))
-        m.d.comb += [square.i_a.eq(weight), square.i_b.eq(weight)]
+        is_new = Signal()
+        square = multiply(m, "square", weight, weight, valid=is_new)
         smoothed = self._smooth(m, read.data)
         is_bin = delayed(m, step >= FIND_CYCLES - 1, 1)
         m.d.sync += step.eq(step + 1)
@@ -70,9 +69,9 @@ class OrientationHistogram(wiring.Component):
                     m.d.sync += step.eq(0)
                     m.next = "Add"
             with m.State("Add"):
-                m.d.comb += square.i_valid.eq(self.i.valid & (step == 0))
+                m.d.comb += is_new.eq(self.i.valid & (step == 0))
                 m.d.comb += [read.addr.eq(orientation), write.addr.eq(orientation)]
-                m.d.comb += write.data.eq(read.data + square.o_product)
+                m.d.comb += write.data.eq(read.data + square)
                 # A match is taken only when its square is ready, so a bin is never read before the last sum is written.
                 m.d.comb += [write.en.eq(self.i.ready), self.i.ready.eq(self.i.valid & (step == SQUARE_CYCLES))]
                 with m.If(~self.i.valid | self.i.ready):

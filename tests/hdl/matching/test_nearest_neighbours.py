@@ -107,6 +107,6 @@ def test_an_impossible_number_of_lanes_is_refused(lanes: int, max_features: int,
 
 @pytest.mark.usefixtures("unused_blocks")
 def test_columns_that_come_after_their_distance_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hdl.matching.nearest_neighbours.RESULT_CYCLES", 9)
+    monkeypatch.setattr("hdl.matching.nearest_neighbours.COLUMN_CYCLES", 9)
     with pytest.raises(ValueError, match="columns take 9 clocks, but the path that they meet only 7"):
         NearestNeighbours(bits=8, lanes=2, max_features=8)
