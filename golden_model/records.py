@@ -136,13 +136,12 @@ MATCH = Record(
         Field("margin", 16),
         Field("turn", 4),
         Field("peak_turn", 4),
-        # Fills the last word: nothing undefined is sent.
-        Field("reserved", 16),
+        Field("reference", 16),
     ),
 )
 """One mutual match: ``verdict`` 1 kept, 0 rejected; ``rule`` is the dominant rule's index; ``weight`` UQ0.8;
 ``turn`` is the relative orientation, the right sector minus the left one, and ``peak_turn`` the peak of its histogram,
-both in sixteenths of a full circle."""
+both in sixteenths of a full circle; ``reference`` is the lower half of the number of the frame that left belongs to."""
 
 FRAME_STATUS = Record(
     Tag.FRAME_STATUS,
@@ -184,8 +183,9 @@ HOMOGRAPHY = Record(
         Field("support", 32),
         Field("cycles", 32),
         Field("cells", 16),
-        Field("reserved", 16),
+        Field("reference", 16),
         *(Field(f"h{row}{column}", 32) for row, column in np.ndindex(3, 3)),
     ),
 )
-"""What the matches of ``frame`` give (`golden_model.geometry.estimator.Estimate`); elements in two's complement."""
+"""What the matches of ``frame`` give (`golden_model.geometry.estimator.Estimate`); elements in two's complement.
+``reference`` is that of the matches, 0 without any."""

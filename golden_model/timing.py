@@ -7,16 +7,15 @@ data: the queue of mutual matches between the walk over the rows and the weighin
 Not predicted are pauses of the streams, the first word of each feature, and
 
 - frames without selection by cells, whose queue may hold pixels back;
-- what follows a frame whose matches wait for the estimator;
 - frames so narrow that a cell row, if its cells are full, has not left when the next one or the frame ends;
-- what follows a frame whose matching delays the features of the next but one.
+- what follows a frame whose matching, with the homography, delays the features of the next but one.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -32,7 +31,6 @@ from golden_model.config import (
 )
 from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.geometry.estimator import CYCLES
-from golden_model.geometry.ordering import BINS
 from golden_model.matching import rule_bases
 from golden_model.matching.fuzzy import SugenoSystem
 from golden_model.records import HOMOGRAPHY, MATCH, WORD_BYTES
@@ -194,8 +192,7 @@ def timelines(works: Sequence[FrameWork], config: Config, *, lanes: int, pixels_
         return []
     works = list(itertools.takewhile(lambda work: _leaves_in_time(work, config.front_end, pixels_per_clock), works))
     line_cycles = [-(-work.width_px // pixels_per_clock) for work in works]
-    lines = _timelines(works, line_cycles, Latencies.compute(config, lanes=lanes), config.front_end.border_px)
-    return list(_add_homographies(lines, works))
+    return list(_timelines(works, line_cycles, Latencies.compute(config, lanes=lanes), config.front_end.border_px))
 
 
 def steady_pace(work: FrameWork, config: Config, *, lanes: int) -> tuple[int, int] | None:
@@ -223,6 +220,13 @@ def _timelines(
         searched, counted, weighed, taken = _match_clocks(work, latencies, accepted)
         # The words of a record pass the output's buffer; the gate takes a clock to open for the first one of a packet.
         firsts = [clock - latencies.result - latencies.match_words + 2 + latencies.skid_buffer for clock in taken]
+        # Without matches, the gate opens for the status instead.
+        matches_end = weighed + 1 + latencies.match_words + latencies.skid_buffer + (not taken)
+        idle, homography_end = weighed + 1 + latencies.match_words, None
+        if work.estimate_cycles is not None:
+            # The matches' gate delays its words, not those for the estimator.
+            idle = matches_end - 1 + work.estimate_cycles + CYCLES.records
+            homography_end = idle + HOMOGRAPHY.record_bytes // WORD_BYTES - 1
         yield Timeline(
             first_pixel=first_pixel,
             last_pixel=last_pixel,
@@ -232,34 +236,13 @@ def _timelines(
             counted=counted,
             weighed=weighed,
             matches=tuple(clock + (n == 0) for n, clock in enumerate(firsts)),
-            # Without matches, the gate opens for the status instead.
-            matches_end=weighed + 1 + latencies.match_words + latencies.skid_buffer + (not taken),
+            matches_end=matches_end,
+            homography_end=homography_end,
         )
-        idle = weighed + 1 + latencies.match_words
         first_pixel = last_pixel + 1
         # A frame that waits for the matcher holds back the features of the next one, which come after its border.
         if number + 1 < len(works) and accepted > first_pixel + border_px * line_cycles[number + 1]:
             return
-
-
-def _add_homographies(lines: Iterator[Timeline], works: Sequence[FrameWork]) -> Iterator[Timeline]:
-    """Add the clocks of the estimator, up to the first frame whose matches wait for it."""
-    idle, stored_until = 0, 0
-    for line, work in zip(lines, works, strict=False):
-        if work.estimate_cycles is None:
-            yield line
-            continue
-        first = line.matches[0] if line.matches else line.matches_end - MATCH.record_bytes // WORD_BYTES
-        if first <= stored_until:
-            return
-        # The matches' gate delays its words, not those for the estimator.
-        begins = max(line.matches_end - 1, idle)
-        sent = begins + work.estimate_cycles + CYCLES.records
-        # Sorting frees the memory of matches; then its counts are cleared.
-        stored_until = begins + CYCLES.accept + CYCLES.sort + CYCLES.place * work.kept + BINS
-        # The next estimate begins while the words of this one leave.
-        idle = sent - 2
-        yield replace(line, homography_end=sent + HOMOGRAPHY.record_bytes // WORD_BYTES - 1)
 
 
 def _leaves_in_time(work: FrameWork, front_end: FrontEndConfig, pixels_per_clock: int) -> bool:

@@ -41,9 +41,9 @@ class Accelerator(wiring.Component):
     Features go to their output and to the matcher at the same time; the slower of the two sets the pace. An output
     that is disabled discards its packets, so that no DMA has to read it.
 
-    The estimator takes the matches beside their output, and stores a frame's while it works on those before. It needs
-    at most `golden_model.geometry.estimator.MAX_CYCLES`: matches wait for it only where frames of less than 640x480
-    come without pauses.
+    The estimator takes the matches beside their output. It needs at most `golden_model.geometry.estimator.MAX_CYCLES`,
+    for which the matcher waits before it takes the next frame: a frame without an accepted homography does not become
+    the reference.
 
     Parameters
     ----------
@@ -142,6 +142,10 @@ class Accelerator(wiring.Component):
             wiring.connect(m, self._matcher.o_matches, self._match_gate.i)
         else:
             fork(m, self._matcher.o_matches, self._match_gate.i, self._estimator.i_matches)
+            m.d.comb += [
+                self._matcher.i_estimating.eq(self._estimator.o_estimating),
+                self._matcher.i_refused.eq(self._estimator.o_refused),
+            ]
         self._matching_settings(m)
         return m
 

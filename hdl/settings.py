@@ -80,7 +80,9 @@ SETTINGS = {
         Setting("enable", FLAG, 0, "Pixels are accepted; 0: they wait at the input."),
         Setting("features_enable", FLAG, 0, "Features leave; 0: they are discarded at the output."),
         Setting("matches_enable", FLAG, 0, "Matches leave; 0: they are discarded at the output."),
-        Setting("hold_reference", FLAG, 0, "Frames are matched with the reference; 0: each with the frame before."),
+        Setting(
+            "hold_reference", FLAG, 0, "Frames are matched with the reference; 0: with the last good, accepted one."
+        ),
         *(_mask_setting(event) for event in ("frame_done", "matches_done", "frame_bad")),
     )
 }

@@ -22,8 +22,8 @@ class Scorer:
         Parameters
         ----------
         homographies : float64 ndarray, shape (M, 3, 3)
-            At least one and at most `MAX_HYPOTHESES`. They map pixels of the frame before to pixels of the newest
-            one; points in front of the camera have a positive third coordinate.
+            At least one and at most `MAX_HYPOTHESES`. They map pixels of the reference to pixels of the newest
+            frame; points in front of the camera have a positive third coordinate.
 
         Returns
         -------

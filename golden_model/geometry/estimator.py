@@ -168,10 +168,10 @@ class _Matches:
         return int(self.gain(homography) @ self.weight)
 
 
-def homography_record(result: Estimate, frame: int = 0) -> Records:
+def homography_record(result: Estimate, frame: int = 0, reference: int = 0) -> Records:
     """Make the record (`golden_model.records.HOMOGRAPHY`) of a frame's estimate, (1,)."""
     record = np.zeros(1, HOMOGRAPHY.dtype)
-    record["tag"], record["frame"] = Tag.HOMOGRAPHY, frame
+    record["tag"], record["frame"], record["reference"] = Tag.HOMOGRAPHY, frame, reference
     for name in ("causes", "inliers", "score", "support", "cycles", "cells"):
         record[name] = getattr(result, name)
     for row, column in np.ndindex(3, 3):
@@ -184,7 +184,7 @@ def frame_homography(matches: Records, status: np.void, config: Config) -> Recor
     assert config.estimator
     stored = min(config.front_end.max_features, scoring.MAX_MATCHES)
     result = estimate(FrameMatches.from_records(matches, status), config.estimator, max_matches=stored)
-    return homography_record(result, int(status["frame"]))
+    return homography_record(result, int(status["frame"]), int(matches["reference"].max(initial=0)))
 
 
 def _refusal(matches: int, settings: EstimatorConfig, max_matches: int, *, good: bool) -> EstimateCause:

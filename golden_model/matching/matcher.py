@@ -21,7 +21,8 @@ class ReferenceFrame(Generic[Frame]):
     """The frame that other frames are matched with; `hdl.matching.feature_banks.FeatureBanks` follows the same rule.
 
     The first good frame becomes the reference. A frame that holds the reference is matched with it; for another, the
-    good frame before it becomes the reference first. The first good frame and bad frames are not matched.
+    good frame before it becomes the reference first, unless it has been refused. The first good frame and bad frames
+    are not matched.
     """
 
     def __init__(self) -> None:
@@ -35,6 +36,10 @@ class ReferenceFrame(Generic[Frame]):
         reference = self._reference if held else self._latest
         self._reference, self._latest = frame if reference is None else reference, frame
         return reference
+
+    def refuse(self) -> None:
+        """The last good frame has no homography that is accepted, and does not become the reference."""
+        self._latest = self._reference
 
 
 def match(
@@ -122,6 +127,7 @@ def pair_features(
     matches = np.zeros(len(left_index), dtype=MATCH.dtype)
     matches["tag"] = Tag.MATCH
     matches["left_index"], matches["right_index"] = left_index, right_index
+    matches["reference"] = left_features["frame"][left_index]
     for axis in ("x", "y"):
         matches[f"left_{axis}"] = left_features[axis][left_index]
         matches[f"right_{axis}"] = right_features[axis][right_index]

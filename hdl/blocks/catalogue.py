@@ -234,7 +234,8 @@ def matcher(config: MatcherConfig = PRESETS["aerial"].matcher) -> Block:
         "Mutual nearest neighbours by Hamming distance, weighed by fuzzy rules: feature packets in, match packets out.",
         {"i_features": rows("i_features", sent)},
         {"o_matches": rows("o_matches", expected)},
-        {"i_hold_reference": 0, "i_take_reference": 0, "i_keep_above": config.keep_above},
+        dict.fromkeys(("i_estimating", "i_refused", "i_hold_reference", "i_take_reference"), 0)
+        | {"i_keep_above": config.keep_above},
     )
 
 

@@ -30,6 +30,7 @@ ESTIMATE = data.StructLayout(
         "cells": range(CELLS**2 + 1),
         "causes": len(EstimateCause),
         "frame": 32,
+        "reference": 16,
         "cycles": 32,
     }
 )
@@ -176,6 +177,7 @@ class HomographyEstimator(wiring.Component):
             result.score.eq(frame.best_score),
             result.causes.eq(frame.causes),
             result.frame.eq(frame.header.frame),
+            result.reference.eq(frame.header.reference),
             result.cycles.eq(frame.cycles),
         ]
         with m.If(frame.best_score != 0):

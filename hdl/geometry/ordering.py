@@ -9,7 +9,7 @@ from golden_model.geometry.ordering import BINS
 from hdl.geometry.match_gain import WEIGHED_PAIR
 from hdl.lib.line_memory import LineMemory
 
-FRAME = data.StructLayout({"frame": 32, "width": 16, "height": 16, "good": 1})
+FRAME = data.StructLayout({"frame": 32, "reference": 16, "width": 16, "height": 16, "good": 1})
 """What is known about a frame after its matches."""
 FRAME_MATCH = data.StructLayout({"match": WEIGHED_PAIR, "ends": 1, "frame": FRAME})
 """A match; or, with ``ends``, no match but the end of the frame's."""

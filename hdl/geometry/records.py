@@ -4,6 +4,7 @@ from amaranth import Cat, Module, Mux, ResetInserter, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.geometry.estimator import EstimateCause
 from golden_model.geometry.scoring import MAX_MATCHES
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, WORD_BYTES, Record, Tag
 from hdl.geometry.estimator import HomographyEstimator
@@ -132,6 +133,10 @@ class RecordEstimator(wiring.Component):
     """`golden_model.records.HOMOGRAPHY`."""
     o_drops: Out(1)
     """A record is dropped in this clock because another one waits."""
+    o_estimating: Out(1)
+    """A packet of matches has begun, and its estimate is not complete."""
+    o_refused: Out(1)
+    """The last good frame has no homography that is accepted."""
 
     def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
         self._estimator = HomographyEstimator(max_matches=max_matches)
@@ -145,9 +150,10 @@ class RecordEstimator(wiring.Component):
         m.submodules.kept = ResetInserter(self.i_clear)(kept)
         wiring.connect(m, wiring.flipped(self.i_matches), kept.i)
         wiring.connect(m, kept.o, estimator.i)
+        m.submodules.verdict = ResetInserter(self.i_clear)(self._verdict())
         record = view_signal(record_layout(HOMOGRAPHY))
         result = estimator.o.payload
-        names = ("causes", "inliers", "frame", "score", "support", "cycles", "cells")
+        names = ("causes", "inliers", "frame", "score", "support", "cycles", "cells", "reference")
         m.d.comb += [
             estimator.i_settings.eq(self.i_settings),
             record.tag.eq(Tag.HOMOGRAPHY),
@@ -167,6 +173,22 @@ class RecordEstimator(wiring.Component):
             m.d.sync += [waiting.eq(record), left.eq(RECORD_WORDS)]
         with m.Elif(self.o.ready):
             m.d.sync += [waiting.eq(waiting >> 8 * WORD_BYTES), left.eq(left - 1)]
+        return m
+
+    def _verdict(self) -> Module:
+        """Count the packets of which no estimate is complete, and note how the last good frame's ended."""
+        m = Module()
+        begins = Signal(init=1)
+        # One is being estimated, one is stored, and one arrives.
+        packets = Signal(2)
+        takes, result = self.i_matches.valid & self.i_matches.ready, self._estimator.o
+        ends = result.valid & result.ready
+        m.d.sync += packets.eq(packets + (takes & begins) - ends)
+        m.d.comb += self.o_estimating.eq(packets.any())
+        with m.If(takes):
+            m.d.sync += begins.eq(self.i_matches.payload.last)
+        with m.If(ends & ~(result.payload.causes & EstimateCause.BAD_FRAME).any()):
+            m.d.sync += self.o_refused.eq(result.payload.causes.any())
         return m
 
 
@@ -192,10 +214,12 @@ class KeptMatches(wiring.Component):
         is_kept = is_match & match.verdict & ~taken.last
         # Whether anything but matches came before the end.
         spoilt = Signal()
+        reference = Signal.like(sent.frame.reference)
         m.d.comb += [
             self.o.valid.eq(record.o.valid & (is_kept | taken.last)),
             sent.ends.eq(taken.last),
             *(sent.frame[name].eq(status[name]) for name in ("frame", "width", "height")),
+            sent.frame.reference.eq(reference),
             sent.frame.good.eq(~taken.cut & (status.tag == Tag.FRAME_STATUS) & status.good & ~spoilt),
             sent.match.weight.eq(match.weight),
             *(sent.match.pair[name].eq(match[name]) for name in PAIR.members),
@@ -203,6 +227,7 @@ class KeptMatches(wiring.Component):
         ]
         with m.If(record.o.valid & record.o.ready):
             m.d.sync += spoilt.eq(~taken.last & (spoilt | ~is_match))
+            m.d.sync += reference.eq(Mux(taken.last, 0, match.reference))
         return m
 
 

@@ -68,6 +68,8 @@ class FeatureBanks(wiring.Component):
     """Number of features of the reference."""
     o_right_count: Signal
     """Number of features of the current frame; 0 if there is nothing to match."""
+    o_reference: Signal
+    """Lower half of the reference's frame number."""
 
     def __init__(self, *, pattern: DescriptorPattern, max_features: int) -> None:
         self.max_features = max_features
@@ -91,6 +93,7 @@ class FeatureBanks(wiring.Component):
                 "o_right": Out(self._feature),
                 "o_left_count": Out(count),
                 "o_right_count": Out(count),
+                "o_reference": Out(16),
             }
         )
 
@@ -151,15 +154,19 @@ class FeatureBanks(wiring.Component):
         filling = Signal(range(len(ROLES)), init=2)
         has_reference = Signal()
         has_current = Signal()
+        right_number = Signal.like(self.o_reference)
         status = self.o_status.payload
         with m.If(self.o_status.valid & self.o_status.ready & status.good):
             with m.If(self.i_take_reference | ~has_reference):
                 m.d.sync += [reference.eq(filling), filling.eq(reference), self.o_left_count.eq(status.features)]
                 m.d.sync += [self.o_right_count.eq(0), has_reference.eq(1), has_current.eq(0)]
+                m.d.sync += self.o_reference.eq(status.frame)
             with m.Else():
                 m.d.sync += [current.eq(filling), self.o_right_count.eq(status.features), has_current.eq(1)]
+                m.d.sync += right_number.eq(status.frame)
                 with m.If(has_current & ~self.i_hold_reference):
                     m.d.sync += [reference.eq(current), filling.eq(reference), self.o_left_count.eq(self.o_right_count)]
+                    m.d.sync += self.o_reference.eq(right_number)
                 # The reference keeps its bank. The previous current frame's bank is free, or was never filled.
                 with m.Else():
                     m.d.sync += filling.eq(current)

@@ -57,6 +57,10 @@ class Matcher(wiring.Component):
     ``last`` marks its last word."""
     o_frame_taken: Out(1)
     """High for the clock in which the next frame, good or bad, is accepted and its settings are sampled."""
+    i_estimating: In(1)
+    """The homography of a frame that has been sent is not known yet: no other frame is accepted."""
+    i_refused: In(1)
+    """The last good frame has no homography that is accepted, and does not become the reference."""
     i_hold_reference: In(1)
     """See `FeatureBanks`."""
     i_take_reference: In(1)
@@ -110,7 +114,7 @@ class Matcher(wiring.Component):
         banks, search, pair = self._banks, self._search, self._pairs.o.payload
         wiring.connect(m, wiring.flipped(self.i_features), banks.i)
         m.d.comb += [
-            banks.i_hold_reference.eq(self.i_hold_reference),
+            banks.i_hold_reference.eq(self.i_hold_reference | self.i_refused),
             banks.i_take_reference.eq(self.i_take_reference),
             banks.i_left_address.eq(Mux(search.o_busy, search.o_left_address, pair.left)),
             banks.i_right_address.eq(Mux(search.o_busy, search.o_right_address, pair.right)),
@@ -147,6 +151,7 @@ class Matcher(wiring.Component):
             match.right_index.eq(pair.right),
             match.distance.eq(pair.distance),
             match.margin.eq(pair.margin),
+            match.reference.eq(self._banks.o_reference),
             *(match[name].eq(weighed[name]) for name, _ in WEIGHED),
         ]
         for side, feature in (("left", self._banks.o_left), ("right", self._banks.o_right)):
@@ -174,7 +179,7 @@ class Matcher(wiring.Component):
             with m.State("Wait-Frame"):
                 # Copied first: once it is accepted, the next record takes its place.
                 m.d.sync += status.eq(arrived.payload)
-                with m.If(arrived.valid):
+                with m.If(arrived.valid & ~self.i_estimating):
                     m.next = "Take-Frame"
             # Accepting the status makes the banks swap roles, so it must not happen before the matcher is idle.
             with m.State("Take-Frame"):

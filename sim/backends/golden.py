@@ -55,5 +55,8 @@ def add_matches(
         if left is not None:
             matches = match(left, features, config.front_end.pattern, config.matcher)
         result = FrameResult.count_matches(features, matches, status, cycles)
-        homography = frame_homography(matches, status, config)[0] if config.estimator else None
-        yield replace(result, homography=homography)
+        if config.estimator:
+            result = replace(result, homography=frame_homography(matches, status, config)[0])
+        if result.refused:
+            references.refuse()
+        yield result

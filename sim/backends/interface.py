@@ -64,6 +64,11 @@ class FrameResult:
     homography: np.void | None = None
     """The Homography record (`golden_model.records.HOMOGRAPHY`); None unless the configuration has an estimator."""
 
+    @property
+    def refused(self) -> bool:
+        """Whether a good frame's homography is not accepted."""
+        return bool(self.homography is not None and self.homography["causes"] and self.status["good"])
+
     @classmethod
     def count_matches(
         cls, features: NDArray[np.void], matches: NDArray[np.void], status: np.void, cycles: int | None = None
@@ -117,7 +122,8 @@ class Backend(Protocol):
         config : Config
             What to compute.
         reference : {"held", "previous"}
-            Match each later frame with the first frame, or with the frame before it.
+            Match each later frame with the first frame, or with the good frame before it; with an estimator, the last
+            one whose homography is accepted.
 
         Raises
         ------

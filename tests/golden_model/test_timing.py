@@ -10,6 +10,8 @@ from amaranth.hdl import Fragment
 from golden_model import timing
 from golden_model.config import Config, FrontEndConfig
 from golden_model.feature.ilbp import PATTERNS
+from golden_model.geometry.estimator import MAX_CYCLES
+from golden_model.geometry.scoring import MAX_MATCHES
 from golden_model.matching import rule_bases
 from golden_model.timing import FrameWork, Latencies, timelines
 from hdl.lib.skid_buffer import SkidBuffer
@@ -57,6 +59,13 @@ def test_two_pixels_a_clock_take_half_the_clocks() -> None:
     assert [line.status_cycles for line in (*one, *two)] == [641 * 480] * 2 + [321 * 480] * 2
     for slow, fast in zip(one, two, strict=True):
         assert slow.delay(-slow.last_pixel).matches == fast.delay(-fast.last_pixel).matches
+
+
+def test_frames_of_720p_never_wait_for_the_homography_before() -> None:
+    most = MAX_MATCHES
+    frame = FrameWork(1280, 720, True, most, most, np.arange(most), kept=most, estimate_cycles=MAX_CYCLES)
+    accepted = [line.accepted for line in timelines([frame] * 4, Config(), lanes=16)]
+    assert np.diff(accepted).tolist() == [1280 * 720] * 3
 
 
 def test_what_is_not_predicted_is_left_out() -> None:

@@ -229,3 +229,13 @@ def test_the_reference_is_the_first_good_frame_or_the_one_before(
     rule: matcher.ReferenceFrame[str] = matcher.ReferenceFrame()
     frames = zip("abcdef", (False, True, True, False, True, True), held, strict=True)
     assert [rule.for_frame(frame, good=good, held=hold) for frame, good, hold in frames] == references
+
+
+def test_a_refused_frame_does_not_become_the_reference() -> None:
+    rule: matcher.ReferenceFrame[str] = matcher.ReferenceFrame()
+    references = []
+    for frame in "abcdefg":
+        references.append(rule.for_frame(frame, good=frame != "d", held=False))
+        if frame in "acef":
+            rule.refuse()
+    assert references == [None, "a", "b", None, "b", "b", "b"]

@@ -32,6 +32,7 @@ def match_records(count: int = 20, seed: int = 2) -> NDArray[np.void]:
     left = rng.integers(0, 5000, (count, 2))
     right = np.abs(left + rng.integers(-50, 51, (count, 2)))
     records["tag"], records["weight"] = Tag.MATCH, rng.integers(1, 256, count)
+    records["reference"] = seed
     records["verdict"] = rng.random(count) < 2 / 3
     records["left_x"], records["left_y"] = left.T
     records["right_x"], records["right_y"] = right.T
@@ -145,14 +146,15 @@ def test_a_memory_that_is_too_small_is_a_cause() -> None:
 SETTINGS = EstimatorConfig(passes=1)
 
 
-def estimates(packets: list[list[dict[str, int]]], *, reads: bool = True) -> tuple[NDArray[np.void], int]:
-    """Send packets to the estimator: the records that come back, and how many are dropped.
+def estimates(packets: list[list[dict[str, int]]], *, reads: bool = True) -> tuple[NDArray[np.void], int, list[int]]:
+    """Send packets to the estimator: the records that come back, how many are dropped, and ``o_refused`` with each.
 
     Without ``reads`` nothing is taken before all has been sent and computed.
     """
     dut = RecordEstimator(max_matches=32)
     bench = BlockBench(dut, settings={"i_settings": vars(SETTINGS), "i_enable": 1}, cycle_limit=60_000)
     received: list[Any] = []
+    verdicts: list[int] = []
     drops = [0]
 
     async def send(ctx: Any) -> None:
@@ -173,12 +175,15 @@ def estimates(packets: list[list[dict[str, int]]], *, reads: bool = True) -> tup
         for _ in range(len(packets) if reads else 1):
             last = 0
             while not last:
+                verdict = ctx.get(dut.o_refused)
                 word = await bench.stream_get(ctx, dut.o)
                 last = word.last
                 received.append(word.data)
+            verdicts.append(verdict)
+        assert not ctx.get(dut.o_estimating)
 
     bench.run(*((send, receive) if reads else (receive,)), background=(count,))
-    return np.array(received, dtype=np.uint64).view(HOMOGRAPHY.dtype), drops[0]
+    return np.array(received, dtype=np.uint64).view(HOMOGRAPHY.dtype), drops[0], verdicts
 
 
 def test_every_packet_of_matches_is_answered_by_its_homography() -> None:
@@ -188,13 +193,16 @@ def test_every_packet_of_matches_is_answered_by_its_homography() -> None:
     unknown = match_records()
     unknown["tag"][4] = Tag.FEATURE
     bad = [packet(matches, status(good=0, frame=1)), packet(matches), packet(unknown, status(frame=2))]
-    records, drops = estimates([*bad, packet(matches, good), packet(matches[:3], status(frame=9))])
+    few = packet(matches[:3], status(frame=9))
+    records, drops, refused = estimates([*bad, packet(matches, good), bad[0], few, bad[0]])
     assert records["causes"].tolist()[:3] == [estimator.EstimateCause.BAD_FRAME] * 3
     expected = estimate(FrameMatches.from_records(matches, good_view.reshape(1)[0]), SETTINGS)
-    np.testing.assert_array_equal(records[3:4], homography_record(expected, frame=7))
+    np.testing.assert_array_equal(records[3:4], homography_record(expected, frame=7, reference=2))
     assert records["score"][3] > 0
-    assert (records["causes"][4], records["frame"][4]) == (estimator.EstimateCause.TOO_FEW_MATCHES, 9)
+    assert (records["causes"][5], records["frame"][5]) == (estimator.EstimateCause.TOO_FEW_MATCHES, 9)
     assert drops == 0
+    # What is not a good frame leaves the verdict on the last one as it is.
+    assert (records["causes"][3], refused) == (0, [0, 0, 0, 0, 0, 1, 1])
 
 
 def test_a_record_that_is_not_wanted_is_not_lost() -> None:
@@ -219,9 +227,11 @@ def test_a_record_that_is_not_wanted_is_not_lost() -> None:
         received.append((await bench.stream_get(ctx, dut.o)).data)
         # In the middle of a record, and of a packet of matches.
         await send(ctx, *few[2][:4])
+        assert ctx.get(dut.o_estimating)
         ctx.set(dut.i_clear, 1)
         await ctx.tick()
         ctx.set(dut.i_clear, 0)
+        assert not ctx.get(dut.o_estimating)
         while len(received) < 8:
             received.append((await bench.stream_get(ctx, dut.o)).data)
         await send(ctx, *few[3])
@@ -235,5 +245,5 @@ def test_a_record_that_is_not_wanted_is_not_lost() -> None:
 
 
 def test_a_host_that_does_not_read_stops_nothing() -> None:
-    records, drops = estimates([packet(match_records(3), status(frame=n)) for n in range(4)], reads=False)
+    records, drops, _ = estimates([packet(match_records(3), status(frame=n)) for n in range(4)], reads=False)
     assert (records["frame"].tolist(), drops) == ([0], 3)

@@ -13,6 +13,7 @@ from bench.rules import largest_rules
 from golden_model.config import Config, FrontEndConfig, MatcherConfig
 from golden_model.feature.ilbp import ILBP_128, PATTERNS, DescriptorPattern
 from golden_model.fuzzy.rules import MatchRules, read_shipped
+from golden_model.matching.matcher import ReferenceFrame, match
 from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag
 from hdl.matching.matcher import Matcher
 from hdl.matching.nearest_neighbours import NearestNeighbours
@@ -24,6 +25,10 @@ from tests.hdl.block_bench import BlockBench
 ILBP_32 = PATTERNS["thesis-ilbp-4"]
 LANES, MAX_FEATURES = 4, 32
 CYCLE_LIMIT = 12_000
+ESTIMATE_CYCLES = 900
+"""By then the next frame waits."""
+FIRST_FRAME = 0x1_FFFE
+"""Records name the lower half of the reference's number."""
 
 
 def feature_dtypes(pattern: DescriptorPattern) -> tuple[np.dtype[np.void], np.dtype[np.void]]:
@@ -35,7 +40,7 @@ def random_features(
     rng: np.random.Generator, number: int, pattern: DescriptorPattern, descriptors: NDArray[np.uint8] | None = None
 ) -> NDArray[np.void]:
     features = np.zeros(number, feature_dtypes(pattern)[0])
-    features["tag"], features["index"] = Tag.FEATURE, np.arange(number)
+    features["tag"], features["index"], features["frame"] = Tag.FEATURE, np.arange(number), FIRST_FRAME
     features["x"], features["y"] = rng.integers(0, 1 << 16, (2, number))
     features["level"], features["response"] = rng.integers(0, 2, number), rng.integers(1, 1 << 15, number)
     features["descriptor"] = rng.integers(0, 256, (number, pattern.descriptor_bytes))
@@ -67,7 +72,8 @@ def frame_status(
     pattern: DescriptorPattern, number: int, features: NDArray[np.void], causes: int | Cause = 0
 ) -> NDArray[np.void]:
     status = np.zeros((), feature_dtypes(pattern)[1])
-    status["tag"], status["good"], status["causes"], status["frame"] = Tag.FRAME_STATUS, not causes, causes, number
+    status["tag"], status["good"], status["causes"] = Tag.FRAME_STATUS, not causes, causes
+    status["frame"] = FIRST_FRAME + number
     status["features"] = 0 if causes else len(features)
     status["width"], status["height"], status["threshold"], status["cycles"] = 640, 480, 77, 1 << 20
     return status
@@ -82,6 +88,7 @@ def sequence(
     for number, size in enumerate(sizes):
         fresh = random_features(rng, size, pattern, descriptors)
         features = seen_again(rng, features, size, pattern) if len(features) >= size else fresh
+        features["frame"] = FIRST_FRAME + number
         frames.append((features, frame_status(pattern, number, features, Cause.LONG_LINE if number in bad else 0)))
     return frames
 
@@ -249,7 +256,7 @@ def test_equal_distances_are_resolved_as_in_the_golden_model(different: int, siz
         descriptors[1] = ~descriptors[0]
     rng = np.random.default_rng(sizes)
     found = [random_features(rng, size, ILBP_32, descriptors) for size in (*sizes, *sizes)]
-    frames = [(features, frame_status(ILBP_32, n, features)) for n, features in enumerate(found)]
+    frames = [(features, frame_status(ILBP_32, 0, features)) for features in found]
     results = assert_equal_to_golden(ILBP_32, MatcherConfig(), frames, "previous")
     assert all(len(result.matches) > 0 for result in results[1:])
 
@@ -282,6 +289,37 @@ def test_the_choice_of_reference_can_change_between_frames() -> None:
     held, _ = expected_packets(frames[:3], ILBP_32, config, "held")
     previous, _ = expected_packets(frames[2:], ILBP_32, config, "previous")
     assert MatcherBench(ILBP_32, config, frames, settings).run() == held + previous[1:]
+
+
+def test_a_refused_frame_does_not_become_the_reference() -> None:
+    """Known once the next frame waits to be taken."""
+    frames, config = sequence(ILBP_32, (20, 20, 20, 20, 20)), MatcherConfig()
+    refused = [1, 0, 1, 1, 0]
+    bench = MatcherBench(ILBP_32, config, frames, settings_for(frames, config, "previous"))
+
+    async def estimate(ctx: Any) -> None:
+        for cause in refused:
+            words = 0
+            while words == 0 or not ctx.get(bench.dut.o_matches.payload.last):
+                await ctx.tick()
+                words += ctx.get(bench.dut.o_matches.valid)
+            ctx.set(bench.dut.i_estimating, 1)
+            ctx.set(bench.dut.i_refused, 1 - cause)
+            for _ in range(ESTIMATE_CYCLES):
+                await ctx.tick()
+                assert not ctx.get(bench.dut.o_frame_taken)
+            ctx.set(bench.dut.i_estimating, 0)
+            ctx.set(bench.dut.i_refused, cause)
+            await ctx.tick()
+
+    bench.bench.run(bench.sink, background=[bench.source, bench.watch, estimate])
+    references: ReferenceFrame[Any] = ReferenceFrame()
+    for (features, _), cause, packet in zip(frames, refused, bench.packets, strict=True):
+        left = references.for_frame(features, good=True, held=False)
+        wanted = np.zeros(0, MATCH.dtype) if left is None else match(left, features, ILBP_32, config)
+        assert np.array(packet[:-3], np.uint64).tobytes() == wanted.tobytes()
+        if cause:
+            references.refuse()
 
 
 @pytest.mark.parametrize("interrupted", [(2, 0), (150, 0), (194, 40), (194, 300), (194, 700)])
