@@ -6,7 +6,9 @@ under the layout, in px of the right photograph at that width. Its part along th
 cameras, can be the height of the ground; the part across it is a fault of the layout, the lens or the tie.
 """
 
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -19,9 +21,12 @@ from rich.progress import track
 
 from bench.pair_sets import public_folder
 from bench.peers import match_words, sift_words
+from bench.rendered_flights import write_images
 from bench.report import JsonFile, Row, report
 from golden_model.arrays import Array, Matrix, Points
 from golden_model.pixel.gray import to_gray
+from sim.scene import make_lawnmower
+from sim.scene.terrain import TERRAINS
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.extent import outline, overlap
 from skymosaic.flight.layout.layout import Layout
@@ -29,7 +34,7 @@ from skymosaic.flight.mapping.cameras import cameras_of
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import reduce_to_width
 from skymosaic.mosaicking.api import open_plan
-from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.mosaicking.options import MosaicOptions, Warp
 
 WIDTH_PX = 1600
 FEATURES = 3000
@@ -38,6 +43,8 @@ MIN_TIES = 30
 PARTNERS = 3
 """Each photograph is matched with so many that overlap it most, and with the next two wherever they are."""
 WORST = 3
+SEED, IMAGES, SIZE_PX = 7, 16, (800, 600)
+"""Of rendered flights."""
 STEP = 1e-3
 """Share of the baseline by which a place on the ground is moved, to see in which direction that is in a photograph."""
 
@@ -53,16 +60,33 @@ class PairOfTies:
 
 
 def errors(
-    flights: Annotated[list[str], typer.Argument(help="Folders of photographs.")],
+    flights: Annotated[list[str], typer.Argument(help=f"Folders of photographs, or of: {', '.join(TERRAINS)}.")],
+    warp: Annotated[Warp, typer.Option(help="As of `skymosaic mosaic`.")] = "homography",
     json_file: JsonFile = None,
 ) -> None:
     """Errors as the report says them, and as independent ties show them, px at 1600 px wide."""
     rows = []
-    for folder in map(public_folder, flights):
-        with open_plan([folder], MosaicOptions()) as plan:
-            flight, layout = plan.flight, plan.layouts[0]
-        rows.append(error_row(folder.name, flight, layout, find_ties(flight, layout)))
+    for name in flights:
+        with photographs_of(name) as folder:
+            with open_plan([folder], MosaicOptions(warp=warp)) as plan:
+                flight, layout = plan.flight, plan.layouts[0]
+            # Photographs are read as they are warped, so their ties are those of the mosaic.
+            meshes = ", with meshes" if layout.bent else ""
+            rows.append(error_row(folder.name + meshes, flight, layout, find_ties(flight, layout)))
     report("errors by independent ties", rows, json_file, keep_others=True)
+
+
+@contextmanager
+def photographs_of(flight: str) -> Iterator[Path]:
+    """The folder of a flight; one over a terrain of `sim.scene` is rendered."""
+    if flight not in TERRAINS:
+        yield public_folder(flight)
+        return
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary) / f"rendered {flight}"
+        folder.mkdir()
+        write_images(folder, make_lawnmower(SEED, IMAGES, SIZE_PX, terrain=flight).images)
+        yield folder
 
 
 def error_row(name: str, flight: Flight, layout: Layout, pairs: Sequence[PairOfTies]) -> Row:
@@ -73,8 +97,9 @@ def error_row(name: str, flight: Flight, layout: Layout, pairs: Sequence[PairOfT
     worst = np.argsort(-middles)[:WORST].tolist()
     median, ninety = np.percentile(np.hypot(along, across), (50, 90))
     names = [Path(view.name).stem for view in flight.views]
-    # Ours are in px of the working image.
-    wide = WIDTH_PX / max(flight.views[member].working_size[0] for member in layout.members)
+    # Ours are in px of the working image; a narrower photograph is not enlarged for SIFT.
+    sizes = [(view.size[0], view.working_size[0]) for view in (flight.views[member] for member in layout.members)]
+    wide = min(WIDTH_PX, max(whole for whole, _ in sizes)) / max(working for _, working in sizes)
     ours = () if layout.accuracy is None else (layout.accuracy.whole.median_px, layout.accuracy.whole.ninety_px)
     return {
         "flight": name,

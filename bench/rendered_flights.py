@@ -23,7 +23,7 @@ from golden_model.arrays import Array, Pixels
 from sim.scene import Flight, make_lawnmower
 from skymosaic.geometry.homography import apply, estimate
 
-LIGHT = {"vignetting": 0.35, "exposure_step": 0.06, "balance_sigma": 0.03}
+LIGHT: dict[str, Any] = {"vignetting": 0.35, "exposure_step": 0.06, "balance_sigma": 0.03}
 GRID_POINTS = 5
 JPEG_QUALITY = 95
 SEEDS = (1, 2, 3, 4)

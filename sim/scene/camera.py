@@ -160,7 +160,7 @@ def render_view(
     rng: np.random.Generator,
     *,
     origin: tuple[int, int] = (0, 0),
-    heights: NDArray[np.float16] | None = None,
+    heights: NDArray[np.float16] | NDArray[np.float32] | None = None,
 ) -> NDArray[np.uint8]:
     """Render one picture of the ground.
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sim.scene.camera import Camera, CameraPose, Photometry, find_visible_box, project, render_view
 from sim.scene.ground import render_ground, render_heights
 from sim.scene.noise import Stream, make_rng
+from sim.scene.terrain import render_terrain
 
 FOCAL_WIDTHS = 0.8
 """Focal length in image widths: 64 degrees across, as on common drones."""
@@ -31,6 +32,8 @@ class Flight:
     """One for each picture."""
     relief: bool = False
     """Whether buildings, trees and crops stand above the ground; otherwise they are painted on it."""
+    terrain: str = ""
+    """What shape the land has, a key of `sim.scene.terrain.TERRAINS`; empty: flat."""
 
     @property
     def images(self) -> Sequence[NDArray[np.uint8]]:
@@ -62,7 +65,12 @@ class Flight:
         left, top, width_px, height_px = find_visible_box(pose, self.camera)
         ground = render_ground(self.seed, width_px, height_px, (left, top))
         rng = make_rng(self.seed, Stream.SENSOR, number)
-        heights = render_heights(self.seed, width_px, height_px, (left, top)) if self.relief else None
+        parts = list[NDArray[np.float32]]()
+        if self.relief:
+            parts.append(render_heights(self.seed, width_px, height_px, (left, top)).astype(np.float32))
+        if self.terrain:
+            parts.append(render_terrain(self.terrain, width_px, height_px, (left, top)))
+        heights = np.asarray(np.sum(parts, axis=0)) if parts else None
         return render_view(ground, pose, self.camera, photometry, rng, origin=(left, top), heights=heights)
 
 
@@ -148,6 +156,7 @@ def make_lawnmower(
     exposure_step: float = 0.02,
     balance_sigma: float = 0.0,
     relief: bool = False,
+    terrain: str = "",
 ) -> Flight:
     """A survey in parallel legs over a roughly square area, turning round at the end of each leg.
 
@@ -171,6 +180,7 @@ def make_lawnmower(
     balance_sigma : float
         Standard deviation of the gain of each channel.
     relief : bool
+    terrain : str
         See `Flight`.
     """
     _check_overlap("forward_overlap", forward_overlap)
@@ -200,7 +210,7 @@ def make_lawnmower(
         Photometry(gain=gain, blur_sigma_px=0.4, noise_sigma=1.5, vignetting=vignetting, balance=tuple(balance))
         for gain, balance in zip(gains, balances, strict=True)
     ]
-    return Flight(seed, camera, tuple(poses), tuple(photometries), relief)
+    return Flight(seed, camera, tuple(poses), tuple(photometries), relief, terrain)
 
 
 def _check_overlap(name: str, share: float) -> None:

@@ -193,7 +193,7 @@ def _show_mosaic(delivery: Delivery, path: Path) -> None:
     for about, line in describe_mosaic(delivery).items():
         if about in ("size", "light", "contradiction"):
             session.warn(f"{path}: {line}")
-        elif about in ("cut off", "bands", "range", "map"):
+        elif about in ("warp", "cut off", "bands", "range", "map"):
             session.show(f"{about}: {line}")
     if not delivery.georeference and delivery.path.suffix.lower() in GEOTIFF_SUFFIXES:
         session.warn(explain_absence(path, delivery.composition.place))

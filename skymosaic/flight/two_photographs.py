@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from skymosaic.common.stopwatch import Stopwatch
-from skymosaic.compositing.mesh import Mesh, fit_mesh, fit_useful_mesh
+from skymosaic.compositing.mesh import Frame, Mesh, Ties, fit_meshes
 from skymosaic.features.positions import match_points
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
@@ -60,10 +60,10 @@ def choose_mesh(pair: Pair, warp: str) -> Mesh | None:
     """
     if warp == "homography" or pair.working_homography is None:
         return None
-    left, right = match_points(pair.kept)
-    size = pair.working[0].shape[1], pair.working[0].shape[0]
-    fit = fit_useful_mesh if warp == "auto" else fit_mesh
-    return fit(pair.working_homography, left, right, size)
+    sizes = [(image.shape[1], image.shape[0]) for image in pair.working]
+    frames = {0: Frame(sizes[0], pair.working_homography), 1: Frame(sizes[1], np.eye(3))}
+    ties = [Ties(0, 1, *match_points(pair.kept))]
+    return fit_meshes(frames, ties, (0,), always=warp == "mesh")[0].get(0)
 
 
 def flight_of_pair(pair: Pair, sources: Sequence[Source], lens: Lens) -> Flight:

@@ -127,9 +127,8 @@ class MosaicOptions(CanvasOptions, SurveyOptions, RegistrationOptions):
     )
     warp: Warp = option(
         "homography",
-        "A mesh warps the left photograph over relief; auto: only if held-out matches gain by it.",
+        "A mesh warps photographs over relief, the left one of two; auto: only if held-out matches gain by it.",
         PICTURE,
-        not_for_more="more than two photographs are laid out by homographies",
     )
     all_groups: bool = option(
         False,
@@ -165,6 +164,8 @@ class MosaicOptions(CanvasOptions, SurveyOptions, RegistrationOptions):
             raise InputError("`gsd_m` and `scale` both set the size of the mosaic; leave one out")
         if self.repeat is not None and self.positions is not None:
             raise InputError("`positions` and `repeat` both place the photographs; leave one out")
+        if self.lens is not None and self.lens.mask is not None and self.warp != "homography":
+            raise InputError("`warp`: a mask would not be bent with the photograph; leave one out")
         method, _ = self.choose_method()
         if photographs > 2 and not method.on_accelerator:
             raise InputError(
@@ -174,8 +175,6 @@ class MosaicOptions(CanvasOptions, SurveyOptions, RegistrationOptions):
         if photographs == 2:
             # Only two photographs have passes; `choose_effort` refuses those that the method does not allow.
             self.choose_effort(method)
-            if self.lens is not None and self.lens.mask is not None and self.warp != "homography":
-                raise InputError("`warp`: a mask would not be bent with the photograph; leave one out")
         for each in options_of(type(self)):
             value, reason = getattr(self, each.name), each.not_for_two if photographs == 2 else each.not_for_more
             if reason and value != each.default:

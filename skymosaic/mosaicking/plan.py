@@ -17,6 +17,7 @@ from skymosaic.flight.mapping.place import MapPlace, place_on_map
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import PLAIN, PREVIEW_WIDTH_PX, Delivery, OutputForm, deliver, numbered
 from skymosaic.flight.picture.preparation import compose
+from skymosaic.flight.relief import follow_relief
 from skymosaic.flight.repetition import repeat_flight
 from skymosaic.flight.survey import survey
 from skymosaic.flight.two_photographs import register_two
@@ -146,7 +147,7 @@ class MosaicPlan:
         cache = open_cache(options.cache, self._tell)
         if options.repeat is not None:
             return repeat_flight(options.repeat.flight, self.sources, options.seed, self._workers, cache)
-        return survey(
+        flight = survey(
             self.sources,
             options.flight_settings(),
             options.seed,
@@ -156,6 +157,9 @@ class MosaicPlan:
             control=options.control_points,
             keep_all=options.keep_all,
         )
+        if options.warp == "mesh" and (flight.lens.mask is not None or self.sources[0].bands):
+            self._tell("note: `warp`: a mask or other bands would not be bent as well, so photographs keep their shape")
+        return follow_relief(flight, options.warp)
 
     @property
     def layouts(self) -> tuple[Layout, ...]:

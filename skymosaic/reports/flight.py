@@ -14,6 +14,7 @@ from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import PREVIEW_WIDTH_PX, Delivery
+from skymosaic.flight.relief import bending_numbers, describe_bending
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.imagery.own_outputs import record_output
@@ -128,6 +129,7 @@ def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
             placement.source.name: transform.tolist()
             for placement, transform in zip(composition.placements, composition.transforms, strict=True)
         },
+        "bent": bending_numbers(flight, layout),
         "reduced": composition.reduced,
         "uneven": composition.uneven,
         "cut_off": {name: round(share, 4) for name, share in composition.cut_off.items()},
@@ -146,6 +148,7 @@ def describe_mosaic(delivery: Delivery) -> dict[str, str]:
     """What only some mosaics have, in lines, by what each is about."""
     composition = delivery.composition
     lines = {
+        "warp": describe_bending(delivery.layout),
         "size": composition.reduced,
         "light": composition.uneven,
         "cut off": _describe_cuts(composition) if composition.cut_off else "",

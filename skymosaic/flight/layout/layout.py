@@ -47,6 +47,8 @@ class Layout:
     """Why that model."""
     misplaced: dict[int, str] = field(default_factory=dict)
     """Views of the group that cannot lie where a layout puts them, with the reason."""
+    bent: tuple[float, float] | None = None
+    """Where each photograph is warped by a mesh: the share of held-out matches within 2 px without and with meshes."""
 
     def without(self, absent: Collection[int]) -> "Layout":
         """The same places without some of the views."""

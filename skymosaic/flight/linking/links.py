@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -40,7 +40,7 @@ the prediction, epipolar lines do not tell."""
 FIRST_LOOK_SAMPLES = 1000
 """A third of the samples of a single pair: most candidates overlap well or not at all."""
 
-_POINTS = ("left_points", "right_points", "left_checks", "right_checks", "left_moving", "right_moving")
+_POINTS = tuple(f"{side}_{kind}" for kind in ("points", "checks", "moving", "relief") for side in ("left", "right"))
 Candidate = tuple[int, int]
 """Indices of two views, the smaller first."""
 
@@ -66,6 +66,9 @@ class Link:
     left_moving: Points = field(default_factory=lambda: np.zeros((0, 2)))
     right_moving: Points = field(default_factory=lambda: np.zeros((0, 2)))
     """(K, 2): matches that agree, but not on the ground: they move with the camera, and were left out."""
+    left_relief: Points = field(default_factory=lambda: np.zeros((0, 2)))
+    right_relief: Points = field(default_factory=lambda: np.zeros((0, 2)))
+    """(L, 2): neither ties nor checks, but explained by the epipolar geometry, so that they lie on relief."""
 
     @property
     def ties(self) -> int:
@@ -96,15 +99,10 @@ class Link:
 
     def move(self, left: Callable[[Points], Points], right: Callable[[Points], Points]) -> Link:
         """The same link with the points of both views moved."""
-        return replace(
-            self,
-            left_points=left(self.left_points),
-            right_points=right(self.right_points),
-            left_checks=left(self.left_checks),
-            right_checks=right(self.right_checks),
-            left_moving=left(self.left_moving),
-            right_moving=right(self.right_moving),
-        )
+        moved: dict[str, Any] = {
+            name: (left if name.startswith("left") else right)(getattr(self, name)) for name in _POINTS
+        }
+        return replace(self, **moved)
 
 
 def valid_links(links: Mapping[Candidate, Link]) -> list[Link]:
@@ -184,9 +182,12 @@ def link_views(
     checks[::CHECKED] = True
     tied = tie_views(pair, left_points[~checks], right_points[~checks], estimate.homography, inliers)
     link = replace(link, left_points=tied.left_points, right_points=tied.right_points, near=tied.near)
-    checks &= are_right(left_points, right_points, estimate.homography)
+    sound = are_right(left_points, right_points, estimate.homography)
     if predicted is not None:
-        checks &= weight > SURE_WEIGHT * WEIGHT.one
+        sound &= weight > SURE_WEIGHT * WEIGHT.one
+    relief = sound & ~checks & (transfer_error(estimate.homography, left_points, right_points) > TIE_PX)
+    link = replace(link, left_relief=left_points[relief], right_relief=right_points[relief])
+    checks &= sound
     return replace(link, left_checks=left_points[checks], right_checks=right_points[checks])
 
 

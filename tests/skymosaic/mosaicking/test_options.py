@@ -151,7 +151,6 @@ def test_what_is_not_valid_is_refused_with_what_is(changes: dict[str, Any], says
             {"effort": "fast"},
             "`effort` fast: more than two photographs are linked by one pass each; leave it out, or",
         ),
-        (3, {"warp": "mesh"}, "`warp` mesh: "),
         (3, {"accept_poor": True}, "`accept_poor`: "),
         (3, {"descriptor": "sift"}, "Harris or FAST with ILBP"),
     ],

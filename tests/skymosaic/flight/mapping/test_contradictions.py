@@ -40,7 +40,12 @@ def flown() -> tuple[Any, Any]:
     shifts = {view: np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]]) for view, (x, y) in enumerate(STEPS)}
     layout = SimpleNamespace(members=tuple(shifts), to_reference=lambda _views: shifts)
     return SimpleNamespace(
-        views=views, lens=Lens(), settings=SimpleNamespace(lens=Lens()), layouts=(layout,), positions=""
+        views=views,
+        sources=[SimpleNamespace(warp=None)] * len(views),
+        lens=Lens(),
+        settings=SimpleNamespace(lens=Lens()),
+        layouts=(layout,),
+        positions="",
     ), layout
 
 

@@ -119,7 +119,12 @@ def flown(folders: tuple[str, ...], position: Position | None = None) -> tuple[A
     shifts = {view: np.array([[1.0, 0, 100 * view], [0, 1, 0], [0, 0, 1]]) for view in range(len(views))}
     layout = SimpleNamespace(members=tuple(shifts), to_reference=lambda _views: shifts)
     return SimpleNamespace(
-        views=views, lens=Lens(), settings=SimpleNamespace(lens=Lens()), layouts=(layout,), positions=""
+        views=views,
+        sources=[SimpleNamespace(warp=None)] * len(views),
+        lens=Lens(),
+        settings=SimpleNamespace(lens=Lens()),
+        layouts=(layout,),
+        positions="",
     ), layout
 
 

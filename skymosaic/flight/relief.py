@@ -1,0 +1,96 @@
+"""Warps the photographs of a flight over relief, where matches that had no part in it agree better then."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from golden_model.arrays import Points
+from skymosaic.compositing.mesh import Frame, Mesh, Ties, fit_meshes
+from skymosaic.flight.flight import Flight
+from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.linking.links import Link
+from skymosaic.geometry.homography import transfer_error
+
+Moves = Mapping[int, Callable[[Points], Points]]
+"""By view, how the points of a photograph move."""
+
+
+def follow_relief(flight: Flight, warp: str) -> Flight:
+    """The same flight with a mesh for each photograph; its links and errors are those of warped photographs.
+
+    A mask would not be bent with the photographs, nor would the other bands of a set: then they keep their shape.
+
+    Parameters
+    ----------
+    flight : Flight
+    warp : {"homography", "mesh", "auto"}
+        auto: in each layout, if held-out matches gain by it.
+    """
+    if warp == "homography" or flight.lens.mask is not None or flight.sources[0].bands:
+        return flight
+    meshes, layouts = dict[int, Mesh](), list[Layout]()
+    for layout in flight.layouts:
+        frames = {m: Frame(flight.views[m].working_size, layout.transforms[m]) for m in layout.members}
+        ties = [
+            Ties(
+                link.left,
+                link.right,
+                np.concatenate((link.left_points, link.left_relief)),
+                np.concatenate((link.right_points, link.right_relief)),
+            )
+            for link in layout.links
+        ]
+        found, shares = fit_meshes(frames, ties, layout.members, always=warp == "mesh")
+        meshes |= found
+        layouts.append(replace(layout, bent=shares) if found else layout)
+    moves = {view: meshes[view].find if view in meshes else _stay for view in range(len(flight.views))}
+    return replace(
+        flight,
+        sources=tuple(replace(source, warp=meshes.get(view)) for view, source in enumerate(flight.sources)),
+        links=_move(flight.links, moves),
+        layouts=tuple(_move_links(layout, moves) for layout in layouts),
+    )
+
+
+def _stay(points: Points) -> Points:
+    return points
+
+
+def _move(links: Iterable[Link], moves: Moves) -> tuple[Link, ...]:
+    return tuple(link.move(moves[link.left], moves[link.right]) for link in links)
+
+
+def _move_links(layout: Layout, moves: Moves) -> Layout:
+    links = _move(layout.links, moves)
+    to_right = [np.linalg.inv(layout.transforms[link.right]) @ layout.transforms[link.left] for link in links]
+    errors_px = [
+        transfer_error(H, each.left_points, each.right_points) for H, each in zip(to_right, links, strict=True)
+    ]
+    contradicting = _move(layout.contradicting, moves)
+    return replace(layout, links=links, contradicting=contradicting, errors_px=tuple(errors_px))
+
+
+def describe_bending(layout: Layout) -> str:
+    """Say in one line what warping the photographs of a layout gained; empty where they keep their shape."""
+    if layout.bent is None:
+        return ""
+    before, after = (f"{share:.0%}" for share in layout.bent)
+    return (
+        f"a mesh warps each photograph over relief: {after} of the held-out matches lie within 2 px, {before} without"
+    )
+
+
+def bending_numbers(flight: Flight, layout: Layout) -> dict[str, Any] | None:
+    """The same in numbers, with the meshes: displacements in px of a picture of ``size``, see `Mesh`."""
+    if layout.bent is None:
+        return None
+    meshes = {flight.sources[member].name: flight.sources[member].warp for member in layout.members}
+    bent = {name: mesh for name, mesh in meshes.items() if isinstance(mesh, Mesh)}
+    return {
+        "held_out_within_2_px": layout.bent,
+        "meshes": {
+            name: {"size": mesh.size, "nodes_px": mesh.nodes_px.round(2).tolist()} for name, mesh in bent.items()
+        },
+    }

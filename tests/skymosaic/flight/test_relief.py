@@ -1,0 +1,108 @@
+"""Meshes for the photographs of a flight over relief."""
+
+import dataclasses
+import json
+import re
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from sim.scene import make_lawnmower
+from skymosaic.common.errors import InputError
+from skymosaic.compositing.mesh import Mesh
+from skymosaic.compositing.warp import Canvas, warp_backward
+from skymosaic.flight.flight import Flight
+from skymosaic.flight.mapping.place import sightings_of
+from skymosaic.flight.relief import bending_numbers, describe_bending, follow_relief
+from skymosaic.imagery.lens import Lens
+from skymosaic.mosaicking.api import mosaic, open_plan
+from skymosaic.mosaicking.options import MosaicOptions
+
+SIZE_PX = (480, 360)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("terraces")
+    for number, image in enumerate(make_lawnmower(7, 4, SIZE_PX, terrain="terraces").images):
+        cv2.imwrite(str(folder / f"{number}.png"), image)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def flight(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    with open_plan([folder], MosaicOptions(cache=tmp_path_factory.mktemp("cache"))) as plan:
+        return plan.flight
+
+
+def test_meshes_halve_the_errors_of_matches_that_had_no_part_in_them(flight: Flight) -> None:
+    bent = follow_relief(flight, "auto")
+    before, after = flight.layouts[0], bent.layouts[0]
+    assert after.bent is not None
+    assert after.bent[1] > after.bent[0] + 0.05
+    assert after.accuracy.whole.ninety_px < before.accuracy.whole.ninety_px / 2
+    assert after.accuracy.whole.matches == before.accuracy.whole.matches
+    assert after.median_error_px < before.median_error_px / 2
+    assert after.transforms is before.transforms
+    assert all(isinstance(source.warp, Mesh) for source in bent.sources)
+
+
+def test_photographs_agree_better_where_they_show_the_same_ground(flight: Flight) -> None:
+    def disagreement(flight: Flight) -> float:
+        """Mean difference of the first two photographs on the ground that both show."""
+        shown = []
+        for view in (0, 1):
+            pixels = flight.sources[view].read_photograph(flight.lens).pixels
+            place = flight.layouts[0].to_reference(flight.views)[view]
+            shown.append(warp_backward(pixels, place, Canvas(0, 0, *SIZE_PX)).astype(float))
+        both = (shown[0] > 0).all(axis=2) & (shown[1] > 0).all(axis=2)
+        assert both.mean() > 0.3
+        return float(np.abs(shown[0] - shown[1])[both].mean())
+
+    assert disagreement(follow_relief(flight, "mesh")) < 0.8 * disagreement(flight)
+
+
+def test_flat_ground_keeps_its_shape(tmp_path: Path) -> None:
+    for number, image in enumerate(make_lawnmower(7, 4, SIZE_PX).images):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), image)
+    with open_plan([tmp_path], MosaicOptions(cache=tmp_path / "cache", warp="auto")) as plan:
+        assert [layout.bent for layout in plan.flight.layouts] == [None]
+        assert {source.warp for source in plan.flight.sources} == {None}
+
+
+def test_a_mask_keeps_photographs_in_shape(flight: Flight, folder: Path) -> None:
+    mask = np.full(SIZE_PX[::-1], 255, np.uint8)
+    masked = dataclasses.replace(flight, settings=dataclasses.replace(flight.settings, lens=Lens(mask=mask)))
+    assert follow_relief(masked, "mesh") is masked
+    with pytest.raises(InputError, match="a mask would not be bent"):
+        mosaic([folder], warp="mesh", lens=Lens(mask=mask))
+
+
+def test_the_report_has_the_meshes_and_what_they_gained(flight: Flight) -> None:
+    bent = follow_relief(flight, "auto")
+    layout = bent.layouts[0]
+    gain = r"a mesh warps each photograph over relief: 9\d% of the held-out matches lie within 2 px, 8\d% without"
+    assert re.fullmatch(gain, describe_bending(layout))
+    numbers = json.loads(json.dumps(bending_numbers(bent, layout)))
+    assert numbers["held_out_within_2_px"] == pytest.approx(layout.bent)
+    mesh = numbers["meshes"][bent.sources[2].name]
+    read = Mesh(tuple(mesh["size"]), np.array(mesh["nodes_px"]))
+    points = np.array([[100.0, 50], [300, 200]])
+    assert read.find(points) == pytest.approx(bent.sources[2].warp.find(points), abs=0.02)
+    assert describe_bending(flight.layouts[0]) == ""
+    assert bending_numbers(flight, flight.layouts[0]) is None
+
+
+def test_a_control_point_is_sought_where_the_mesh_shows_it(flight: Flight) -> None:
+    bent = follow_relief(flight, "auto")
+    mark = SimpleNamespace(photograph="2.png", x_px=200.0, y_px=150.0, point=0)
+    control: Any = SimpleNamespace(name="gcp", sightings=[mark])
+    (_, _, plain), (view, _, moved) = (next(sightings_of(control, each, each.layouts[0])) for each in (flight, bent))
+    assert plain == pytest.approx([200, 150])
+    # Photographs of this size are their own working images.
+    assert moved == pytest.approx(bent.sources[view].warp.find(np.array([[200.0, 150]]))[0], abs=1e-6)
+    assert np.abs(moved - plain).max() > 0.1
