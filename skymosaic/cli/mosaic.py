@@ -33,8 +33,9 @@ from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.outputs import check_outputs, list_numbered
 from skymosaic.mosaicking.plan import MosaicPlan
-from skymosaic.reports.flight import describe_mosaic, flight_numbers, write_report
+from skymosaic.reports.flight import flight_numbers, write_report
 from skymosaic.reports.pages import OWN_NAMES as REPORT_NAMES
+from skymosaic.reports.summary import describe_mosaic
 
 
 def _list_groups(output: Path | None, typed: Typed) -> list[Path]:

@@ -12,22 +12,26 @@ from skymosaic.common.temporary import PAGE
 from skymosaic.flight.check import FlightCheck, check_flight, layout_errors
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import PREVIEW_WIDTH_PX, Delivery
-from skymosaic.flight.relief import bending_numbers, describe_bending
-from skymosaic.imagery.depth import ValueRange
+from skymosaic.flight.relief import bending_numbers
 from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import short_names
 from skymosaic.reports import pages
 from skymosaic.reports.footprints import outline_photographs, write_fly_again, write_footprints
 from skymosaic.reports.pair import write_pair_report
-from skymosaic.reports.summary import ground_error_m, list_files, on_white, summarise, summary_rows
+from skymosaic.reports.summary import (
+    describe_mosaic,
+    ground_error_m,
+    list_disagreeing,
+    list_files,
+    on_white,
+    summarise,
+    summary_rows,
+)
 
 MAX_FLAT_RELIEF = 0.05
 """Ground counts as flat if less than this share of the matches lies off the plane."""
-MAX_CUTS = 5
-"""So many photographs that are cut off are named."""
 _STRONG_TIES = 200
 """Links with this many ties or more are drawn as the strongest."""
 
@@ -112,7 +116,7 @@ def _lens_numbers(flight: Flight) -> dict[str, float] | None:
 
 def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
     layout, flight, composition = delivery.layout, delivery.flight, delivery.composition
-    fitted, errors = np.concatenate(layout.errors_px), layout_errors(flight, layout)
+    fitted, errors, values = np.concatenate(layout.errors_px), layout_errors(flight, layout), composition.values
     return {
         "file": delivery.path.name,
         "size": list(composition.size),
@@ -139,75 +143,9 @@ def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
         "map_note": delivery.map_note,
         "bands": list(composition.band_names),
         "band_error_px": {name: round(error, 3) for name, error in composition.aligned_px.items()},
-        "value_range": _range_numbers(composition.values),
+        "value_range": values and {"low": values.low, "high": values.high, "kept_in_tif": values.deep},
         "seconds": round(delivery.seconds, 3),
     }
-
-
-def describe_mosaic(delivery: Delivery) -> dict[str, str]:
-    """What only some mosaics have, in lines, by what each is about."""
-    composition = delivery.composition
-    lines = {
-        "warp": describe_bending(delivery.layout),
-        "size": composition.reduced,
-        "light": composition.uneven,
-        "cut off": _describe_cuts(composition) if composition.cut_off else "",
-        "bands": _describe_bands(composition) if composition.band_names else "",
-        "range": composition.values.description if composition.values else "",
-        "map": _describe_map(delivery) if delivery.georeference else "",
-        "contradiction": "; ".join(composition.place.contradictions),
-        "map note": delivery.map_note,
-        "not written": "; ".join(delivery.failures),
-    }
-    return {about: line for about, line in lines.items() if line}
-
-
-def _describe_map(delivery: Delivery) -> str:
-    """Say in one line where a mosaic lies on the map and how well it fits there."""
-    on_map, place = delivery.georeference, delivery.composition.place
-    assert on_map is not None
-    parts = [f"{on_map.crs}, {on_map.metres_per_pixel:.3g} m per pixel"]
-    if delivery.flight.pair is None:
-        of_all = f" ({on_map.residual_of_all_m:.2f} m of all)" if on_map.disagreeing else ""
-        parts.append(f"{place.by} residual {on_map.residual_m:.2f} m{of_all}")
-    if place.checked_m:
-        parts.append(f"{len(place.checked_m)} check points off by {place.checked_rms_m:.2f} m (root mean square)")
-    if np.isfinite(on_map.scale_error):
-        parts.append(f"scale ± {on_map.scale_error:.2%}")
-    if delivery.layout.median_error_px:
-        parts.append(f"layout off by {ground_error_m(delivery):.2g} m in the median")
-    if place.height_m is not None and place.recorded_height_m is not None:
-        parts.append(f"flown at {place.height_m:.0f} m (recorded: {place.recorded_height_m:.0f} m)")
-    if place.turned_deg is not None:
-        parts.append(f"turned by {place.turned_deg:.0f} degrees from the recorded yaw")
-    if disagreeing := _disagreeing(delivery):
-        names = ", ".join(f"{name} ({offset:.0f} m off)" for name, offset in disagreeing)
-        parts.append(f"without the {place.by} of {names}")
-    return "; ".join(parts)
-
-
-def _describe_cuts(composition: Composition) -> str:
-    """Name the photographs that show less than they contain, and how much is cut off, in one line."""
-    shares = [f"{Path(name).name} {share:.0%}" for name, share in composition.cut_off.items()]
-    # Where all look ahead, all are cut; `report.json` has them.
-    others = f" and {len(shares) - MAX_CUTS} more" if len(shares) > MAX_CUTS else ""
-    return f"{', '.join(shares[:MAX_CUTS])}{others}: ground towards the horizon, far beyond their matches or too coarse"
-
-
-def _describe_bands(composition: Composition) -> str:
-    """Name the bands of a multi-band mosaic and their errors in one line."""
-    registering = next(name for name in composition.band_names if name not in composition.aligned_px)
-    others = ", ".join(f"{name} {error:.2f} px" for name, error in composition.aligned_px.items())
-    return f"{', '.join(composition.band_names)}; registered by {registering}, median error of the others: {others}"
-
-
-def _disagreeing(delivery: Delivery) -> list[tuple[str, float]]:
-    """Photographs or control points that disagree with the others, and by how many metres, the worst first."""
-    on_map, names = delivery.georeference, delivery.composition.place.fitted_to
-    if on_map is None:
-        return []
-    offsets = [(names[index], on_map.offsets_m[index]) for index in on_map.disagreeing]
-    return sorted(offsets, key=lambda item: -item[1])
 
 
 def _map_numbers(delivery: Delivery) -> dict[str, Any]:
@@ -225,18 +163,13 @@ def _map_numbers(delivery: Delivery) -> dict[str, Any]:
         "scale_error_95": None if np.isnan(on_map.scale_error) else round(on_map.scale_error, 6),
         "offsets_m": offsets,
         "check_points_m": {name: round(m, 3) for name, m in place.checked_m.items()},
-        "left_out": [name for name, _ in _disagreeing(delivery)],
+        "left_out": [name for name, _ in list_disagreeing(delivery)],
         "median_error_m": round(ground_error_m(delivery), 4),
         "height_m": place.height_m,
         "recorded_height_m": place.recorded_height_m,
         "turned_from_recorded_yaw_deg": place.turned_deg,
         "contradictions": list(place.contradictions),
     }
-
-
-def _range_numbers(values: ValueRange | None) -> dict[str, Any] | None:
-    """The range of values shown of photographs with more than 8 bits; None for 8 bits."""
-    return None if values is None else {"low": values.low, "high": values.high, "kept_in_tif": values.deep}
 
 
 def _link_numbers(flight: Flight, layout: Layout, row: int) -> dict[str, Any]:

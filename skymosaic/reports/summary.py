@@ -1,4 +1,4 @@
-"""What a client asks first of a mosaic: the area, when and with what it was flown, how fine and how accurate it is."""
+"""A mosaic in words: what a client asks first, and what else is to be said of it."""
 
 import os
 from collections.abc import Sequence
@@ -13,9 +13,13 @@ from golden_model.arrays import Pixels
 from skymosaic.common.provenance import provenance
 from skymosaic.compositing.warp import magnification
 from skymosaic.flight.check import layout_errors
+from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import Delivery
+from skymosaic.flight.relief import describe_bending
 
 HECTARE_M2 = 10_000
+MAX_CUTS = 5
+"""So many photographs that are cut off are named."""
 OF_SOME_FLIGHTS = {
     "fly_again.kml": "where to fly again for Google Earth",
     "fly_again.geojson": "where to fly again for GIS",
@@ -76,6 +80,72 @@ def describe_accuracy(delivery: Delivery) -> str:
         of_checked = f"{len(place.checked_m)} check points are off by {place.checked_rms_m:.2f} m (root mean square)"
         return f"{within}; {of_checked}."
     return f"{within}; on the map, they fit the {place.by} within {on_map.residual_m:.2f} m."
+
+
+def describe_mosaic(delivery: Delivery) -> dict[str, str]:
+    """What only some mosaics have, in lines, by what each is about."""
+    composition = delivery.composition
+    lines = {
+        "warp": describe_bending(delivery.layout),
+        "size": composition.reduced,
+        "light": composition.uneven,
+        "cut off": _describe_cuts(composition) if composition.cut_off else "",
+        "bands": _describe_bands(composition) if composition.band_names else "",
+        "range": composition.values.description if composition.values else "",
+        "map": _describe_map(delivery) if delivery.georeference else "",
+        "contradiction": "; ".join(composition.place.contradictions),
+        "map note": delivery.map_note,
+        "not written": "; ".join(delivery.failures),
+    }
+    return {about: line for about, line in lines.items() if line}
+
+
+def _describe_map(delivery: Delivery) -> str:
+    """Say in one line where a mosaic lies on the map and how well it fits there."""
+    on_map, place = delivery.georeference, delivery.composition.place
+    assert on_map is not None
+    parts = [f"{on_map.crs}, {on_map.metres_per_pixel:.3g} m per pixel"]
+    if delivery.flight.pair is None:
+        of_all = f" ({on_map.residual_of_all_m:.2f} m of all)" if on_map.disagreeing else ""
+        parts.append(f"{place.by} residual {on_map.residual_m:.2f} m{of_all}")
+    if place.checked_m:
+        parts.append(f"{len(place.checked_m)} check points off by {place.checked_rms_m:.2f} m (root mean square)")
+    if np.isfinite(on_map.scale_error):
+        parts.append(f"scale ± {on_map.scale_error:.2%}")
+    if delivery.layout.median_error_px:
+        parts.append(f"layout off by {ground_error_m(delivery):.2g} m in the median")
+    if place.height_m is not None and place.recorded_height_m is not None:
+        parts.append(f"flown at {place.height_m:.0f} m (recorded: {place.recorded_height_m:.0f} m)")
+    if place.turned_deg is not None:
+        parts.append(f"turned by {place.turned_deg:.0f} degrees from the recorded yaw")
+    if disagreeing := list_disagreeing(delivery):
+        names = ", ".join(f"{name} ({offset:.0f} m off)" for name, offset in disagreeing)
+        parts.append(f"without the {place.by} of {names}")
+    return "; ".join(parts)
+
+
+def _describe_cuts(composition: Composition) -> str:
+    """Name the photographs that show less than they contain, and how much is cut off, in one line."""
+    shares = [f"{Path(name).name} {share:.0%}" for name, share in composition.cut_off.items()]
+    # Where all look ahead, all are cut; `report.json` has them.
+    others = f" and {len(shares) - MAX_CUTS} more" if len(shares) > MAX_CUTS else ""
+    return f"{', '.join(shares[:MAX_CUTS])}{others}: ground towards the horizon, far beyond their matches or too coarse"
+
+
+def _describe_bands(composition: Composition) -> str:
+    """Name the bands of a multi-band mosaic and their errors in one line."""
+    registering = next(name for name in composition.band_names if name not in composition.aligned_px)
+    others = ", ".join(f"{name} {error:.2f} px" for name, error in composition.aligned_px.items())
+    return f"{', '.join(composition.band_names)}; registered by {registering}, median error of the others: {others}"
+
+
+def list_disagreeing(delivery: Delivery) -> list[tuple[str, float]]:
+    """Photographs or control points that disagree with the others, and by how many metres, the worst first."""
+    on_map, names = delivery.georeference, delivery.composition.place.fitted_to
+    if on_map is None:
+        return []
+    offsets = [(names[index], on_map.offsets_m[index]) for index in on_map.disagreeing]
+    return sorted(offsets, key=lambda item: -item[1])
 
 
 def ground_error_m(delivery: Delivery) -> float:

@@ -35,7 +35,8 @@ from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, show_mosaic
 from skymosaic.registration.options import PhotographOptions
 from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register
-from skymosaic.reports.flight import describe_mosaic, write_report
+from skymosaic.reports.flight import write_report
+from skymosaic.reports.summary import describe_mosaic
 
 MOSAIC, MAP, TILES, REPORT, CONFIG = "mosaic.png", "mosaic.tif", "tiles", "report", "config.toml"
 """Files and folders of a run."""

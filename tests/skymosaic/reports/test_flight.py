@@ -17,6 +17,7 @@ from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.exif import Metadata
 from skymosaic.maps.georeference import Georeference
 from skymosaic.reports import flight as report
+from skymosaic.reports.summary import describe_mosaic
 
 NAMES = [f"/site/{number}.jpg" for number in range(4)]
 # Turned by 30 degrees, 5 cm per pixel.
@@ -147,7 +148,7 @@ def test_what_only_some_mosaics_have_is_a_row_of_its_own() -> None:
 
 
 def test_the_map_says_how_well_it_fits_and_who_disagrees_the_worst_first() -> None:
-    assert report.describe_mosaic(delivered(place=PLACE))["map"] == (
+    assert describe_mosaic(delivered(place=PLACE))["map"] == (
         "EPSG:32615, 0.05 m per pixel; GPS residual 0.40 m (55.71 m of all); 2 check points off by 0.41 m (root mean "
         "square); scale ± 1.23%; layout off by 0.15 m in the median; flown at 81 m (recorded: 120 m); turned by -12 "
         "degrees from the recorded yaw; without the GPS of 3.jpg (75 m off), 2.jpg (60 m off)"
@@ -155,13 +156,10 @@ def test_the_map_says_how_well_it_fits_and_who_disagrees_the_worst_first() -> No
     on_map = Georeference("EPSG:32615", TURNED, 0.4, (0.3, 0.5))
     plain = MapPlace(on_map, ("0.jpg", "1.jpg"), by="control points", height_m=80.0)
     exact = dataclasses.replace(delivered().layout, errors_px=())
-    assert report.describe_mosaic(delivered(place=plain, layout=exact))["map"] == (
+    assert describe_mosaic(delivered(place=plain, layout=exact))["map"] == (
         "EPSG:32615, 0.05 m per pixel; control points residual 0.40 m"
     )
-    assert (
-        report.describe_mosaic(delivered(place=plain, layout=exact, pair=object()))["map"]
-        == "EPSG:32615, 0.05 m per pixel"
-    )
+    assert describe_mosaic(delivered(place=plain, layout=exact, pair=object()))["map"] == "EPSG:32615, 0.05 m per pixel"
 
 
 def test_the_numbers_of_the_map_leave_out_what_is_unknown() -> None:
