@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -26,7 +27,7 @@ _START_OF_SCAN, _END_OF_IMAGE = 0xDA, 0xD9
 _WITHOUT_LENGTH = (0x01, 0xD8)
 _MARKER = re.compile(rb"\xff([^\x00\xff\xd0-\xd7])")
 """In entropy-coded data, FF is followed by 00 or a restart marker. Further FF may precede a marker."""
-_TURNS: dict[int, Callable[[NDArray[np.uint8]], NDArray[np.uint8]]] = {
+TURNS: dict[int, Callable[[NDArray[Any]], NDArray[Any]]] = {
     2: np.fliplr,
     3: lambda pixels: np.rot90(pixels, 2),
     4: np.flipud,
@@ -99,7 +100,7 @@ def decode_strictly(data: bytes, path: Path, *, area_px: int, orientation: int) 
         except ValueError as error:
             fault = fault or str(error)
             continue
-        return np.ascontiguousarray(_TURNS.get(orientation, np.asarray)(pixels))
+        return np.ascontiguousarray(TURNS.get(orientation, np.asarray)(pixels))
     raise DamagedError(f"{path}: the JPEG is damaged ({fault}); copy it again from the camera")
 
 

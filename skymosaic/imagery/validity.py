@@ -9,13 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Pixels
+from skymosaic.imagery.jpeg import TURNS
 
 if TYPE_CHECKING:
     from skymosaic.imagery.decoding import Header
-
-TURNS = {2: (0, 1), 3: (2, 0), 4: (2, 1), 5: (-1, 1), 6: (-1, 0), 7: (1, 1), 8: (1, 0)}
-"""Quarter turns to the left, and then whether left and right change places, that make an EXIF orientation upright.
-OpenCV does it by itself for TIFF, and for other files where it leaves out alpha."""
 
 
 def find_visible(decoded: NDArray[Any], data: bytes, header: Header) -> Pixels | None:
@@ -39,9 +36,9 @@ def find_visible(decoded: NDArray[Any], data: bytes, header: Header) -> Pixels |
     if header.transparent:
         whole = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         if whole is not None and whole.ndim == 3 and whole.shape[2] == 4:
-            turns, mirrored = TURNS.get(header.orientation, (0, 0)) if header.kind != "TIFF" else (0, 0)
-            alpha = np.rot90(whole[..., 3], turns)
-            shown &= (alpha[:, ::-1] if mirrored else alpha) > np.iinfo(whole.dtype).max // 2
+            # Of TIFF alone, OpenCV turns alpha by itself.
+            turn = TURNS.get(header.orientation, np.asarray) if header.kind != "TIFF" else np.asarray
+            shown &= turn(whole[..., 3]) > np.iinfo(whole.dtype).max // 2
     if header.nodata is not None or decoded.dtype.kind == "f":
         lacking = ~np.isfinite(decoded) | (decoded == header.nodata)
         shown &= ~(lacking if lacking.ndim == 2 else lacking.all(axis=2))
