@@ -9,6 +9,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.formats import RESPONSE_CODE
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, Record, Tag
 from hdl.frame_admission import CAUSES
+from hdl.lib.parameters import check_choice
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
 from hdl.streams import FRONT_END_SETTINGS, WORD, RowPayload, WordPayload, record_layout, words
@@ -52,6 +53,7 @@ class LevelMerge(wiring.Component):
     """Stream of `hdl.streams.WordPayload`."""
 
     def __init__(self, *, record: Record, levels: int, max_features: int) -> None:
+        check_choice("levels", levels, (1, 2))
         self.record = record
         self.levels = levels
         self.max_features = max_features

@@ -10,6 +10,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.orientation import RingMoments, Sector
 from hdl.lib.delay import delayed
+from hdl.lib.parameters import check_choice
 from hdl.lib.views import view_signal
 
 Ring = Sequence[Value]
@@ -44,6 +45,7 @@ class RingDescriptor(wiring.Component):
     """Bit 8 j + i is bit i of byte j."""
 
     def __init__(self, *, pattern: DescriptorPattern, spacing_cycles: int) -> None:
+        check_choice("spacing_cycles", spacing_cycles, (1, 2, 4))
         self.pattern = pattern
         self.groups = spacing_cycles
         self.group_angles = pattern.angles // spacing_cycles

@@ -8,6 +8,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.orientation import COSINES, HALF_SECTOR_TANGENTS, SECTORS, SINES, TANGENT_ONE
 from hdl.lib.delay import check_aligned, delayed, port_register
+from hdl.lib.parameters import check_choice
 from hdl.lib.weighted_sum import WeightedSum
 
 
@@ -38,6 +39,7 @@ class RingMoments(wiring.Component):
     candidate's first group is added."""
 
     def __init__(self, *, radii_px: tuple[int, ...], groups: int) -> None:
+        check_choice("groups", groups, (1, 2, 4))
         self.groups = groups
         group_angles = SECTORS // groups
         self._radial = [WeightedSum(weights=radii_px, shape=unsigned(8)) for _ in range(group_angles)]

@@ -6,6 +6,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import POSITION, RAW_RESPONSE, RESPONSE_CODE, RESPONSE_FRACTION_BITS
 from hdl.lib.delay import delayed, port_register
+from hdl.lib.parameters import check_choice
 from hdl.streams import CANDIDATE
 
 OFFSET = signed(5)
@@ -107,6 +108,7 @@ class SubPixel(wiring.Component):
     """As ``o_x``."""
 
     def __init__(self, *, level: int, lag_px: int, spacing_cycles: int = 2) -> None:
+        check_choice("level", level, (0, 1))
         self.level = level
         self.lag_px = lag_px
         # Where candidates leave time for it, x and y take turns.

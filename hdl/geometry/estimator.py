@@ -9,6 +9,7 @@ from golden_model.geometry.estimator import EstimateCause
 from golden_model.geometry.program import LANES, SLOTS
 from golden_model.geometry.programs import GROUP
 from golden_model.geometry.refit import BANDS, MAX_INLIERS
+from golden_model.geometry.sampling import SAMPLE
 from golden_model.geometry.scoring import MAX_MATCHES
 from hdl.geometry.estimator_states import ESTIMATOR_SETTINGS, FrameInWork, Parts, lead
 from hdl.geometry.match_gain import HYPOTHESIS, WEIGHED_PAIR
@@ -19,6 +20,7 @@ from hdl.geometry.sampling import COUNT, SampleDraws
 from hdl.geometry.sweep import SCORE, SUPPORT, Sweep
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
+from hdl.lib.parameters import check_range
 from hdl.lib.views import view_signal
 
 ESTIMATE = data.StructLayout(
@@ -57,6 +59,7 @@ class HomographyEstimator(wiring.Component):
     """Stream of `ESTIMATE`, one per frame."""
 
     def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
+        check_range("max_matches", max_matches, SAMPLE, MAX_MATCHES)
         self._parts = Parts(MatchOrdering(max_matches=max_matches), SampleDraws(), Processor(), Quantiser(), Sweep())
         self._matches = LineMemory(shape=WEIGHED_PAIR, depth=max_matches)
         self._list = LineMemory(shape=range(max_matches), depth=MAX_INLIERS)

@@ -11,6 +11,7 @@ from golden_model.formats import WEIGHT
 from golden_model.geometry.scoring import ENTRY, IN_FLIGHT, LEVELS, MAX_MATCHES, ScoreCause
 from hdl.geometry.match_gain import HYPOTHESIS, PRODUCT_CYCLES, WEIGHED_PAIR, MatchGain
 from hdl.lib.delay import delayed
+from hdl.lib.parameters import check_range
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
 
@@ -68,6 +69,7 @@ class HomographyScoring(wiring.Component):
     """From a hypothesis at the input of an idle block to its score, with one match; each further match adds a clock."""
 
     def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
+        check_range("max_matches", max_matches, 1, MAX_MATCHES)
         self.max_matches = max_matches
         support = max_matches * WEIGHT.max_raw
         self._result = data.StructLayout(

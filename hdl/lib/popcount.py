@@ -8,6 +8,7 @@ from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.lib.delay import delayed
+from hdl.lib.parameters import check_range
 
 LAYERS_PER_STAGE = 2
 """Layers of counters between two registers, except before the first register: two levels of LUTs."""
@@ -28,7 +29,7 @@ class Popcount(wiring.Component):
     Parameters
     ----------
     bits : int
-        Planes to count.
+        Planes to count, at least 3.
     lanes : int
         Width of a plane.
     """
@@ -41,6 +42,7 @@ class Popcount(wiring.Component):
     """A count for each lane."""
 
     def __init__(self, *, bits: int, lanes: int) -> None:
+        check_range("bits", bits, 3)
         self.bits = bits
         self.lanes = lanes
         # The layers are counted without hardware: the latency has to be known before elaboration.

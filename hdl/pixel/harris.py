@@ -16,6 +16,7 @@ from golden_model.formats import (
 from golden_model.pixel.harris import TENSOR_SHIFT
 from hdl.lib.delay import delayed
 from hdl.lib.multiplier import Multiplier, multiply
+from hdl.lib.parameters import check_choice
 from hdl.lib.weighted_sum import signed_digits
 from hdl.pixel.window import SeparableSum
 from hdl.streams import beat, carry_scan, pixelwise
@@ -46,6 +47,7 @@ class StructureTensor(wiring.Component):
     lag_px = TENSOR_LINES // 2
 
     def __init__(self, *, window_px: int, pixels_per_clock: int = 1) -> None:
+        check_choice("window_px", window_px, (3, 5))
         self.window_px = window_px
         self.pixels_per_clock = pixels_per_clock
         square, mixed = unsigned(2 * GRADIENT.bits - 2), signed(2 * GRADIENT.bits - 1)

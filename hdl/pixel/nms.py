@@ -11,6 +11,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import PIXEL, RESPONSE_CODE
 from hdl.lib.delay import Pipe, check_aligned, delayed
+from hdl.lib.parameters import check_choice
 from hdl.pixel.window import LineBuffer
 from hdl.streams import beat, carry_scan, each_pixel, pixel_beats
 
@@ -43,6 +44,7 @@ class Suppression(wiring.Component):
     """Beats of `NEIGHBOURHOOD`."""
 
     def __init__(self, *, radius_px: int, width_px: int, pixels_per_clock: int = 1) -> None:
+        check_choice("radius_px", radius_px, (1, 3))
         self.radius_px = radius_px
         self.pixels_per_clock = pixels_per_clock
         self.lag_px = radius_px

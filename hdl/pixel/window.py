@@ -8,6 +8,7 @@ from amaranth.lib.wiring import In, Out
 
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
+from hdl.lib.parameters import check_range
 from hdl.lib.weighted_sum import WeightedSum
 from hdl.streams import add_submodules, beat, carry_scan, each_pixel, pixels, pixelwise
 
@@ -40,6 +41,7 @@ class LineBuffer(wiring.Component):
     latency_cycles = LineMemory.latency_cycles + 1
 
     def __init__(self, *, shape: ShapeLike, lines: int, width_px: int, pixels_per_clock: int = 1) -> None:
+        check_range("lines", lines, 1)
         if width_px < 5 * pixels_per_clock:
             raise ValueError(
                 f"width_px is {width_px}; it must be at least {5 * pixels_per_clock}: a read precedes its write by 5"
@@ -105,6 +107,7 @@ class Window(wiring.Component):
     latency_cycles = 1
 
     def __init__(self, *, shape: ShapeLike, columns: int, pixels_per_clock: int = 1) -> None:
+        check_range("columns", columns, 1)
         self.shape = shape
         self.columns = columns
         self.pixels_per_clock = pixels_per_clock

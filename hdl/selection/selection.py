@@ -10,6 +10,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.extractor import feature_beat, feature_or_end
 from hdl.lib.delay import delayed
+from hdl.lib.parameters import check_range
 from hdl.selection.cell_ranking import MAX_CELL_LOG2, MAX_PER_CELL, MIN_CELL_LOG2, CellRanking
 from hdl.selection.level_scan import LevelScan
 from hdl.selection.row_buffer import CellRows
@@ -50,6 +51,7 @@ class CellSelection(wiring.Component):
     adds one clock."""
 
     def __init__(self, *, pattern: DescriptorPattern, width_px: int, spacing_cycles: int = 2) -> None:
+        check_range("width_px", width_px, 1)
         self.pattern = pattern
         self.spacing_cycles = spacing_cycles
         self.cells = -(-width_px >> MIN_CELL_LOG2)

@@ -43,6 +43,11 @@ def test_suppression_equals_the_golden_model(
     check_block(dut, [{"code": frame} for frame in codes], expected, margin_px=radius_px, settings=settings)
 
 
+def test_impossible_parameters_are_named() -> None:
+    with pytest.raises(ValueError, match="radius_px is 2"):
+        Suppression(radius_px=2, width_px=64)
+
+
 @pytest.mark.usefixtures("unused_blocks")
 def test_codes_that_do_not_come_with_their_scan_position_are_refused() -> None:
     dut = Suppression(radius_px=1, width_px=64)

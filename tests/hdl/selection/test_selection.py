@@ -236,6 +236,8 @@ def test_reset_in_the_middle_of_a_frame_leaves_nothing_behind(planes: list[NDArr
     assert bench.received == golden(planes[0], 32, 4)
 
 
-def test_a_queue_without_room_is_refused() -> None:
+def test_impossible_parameters_are_refused() -> None:
+    with pytest.raises(ValueError, match="width_px is 0; it must be at least 1"):
+        CellSelection(pattern=PATTERN, width_px=0)
     with pytest.raises(ValueError, match="in_flight is 16; it must be less than the depth, 16"):
         RasterSelection(pattern=PATTERN, depth=16, in_flight=16)
