@@ -151,25 +151,10 @@ class _Matches:
 def fit_meshes(
     frames: Mapping[int, Frame], ties: Sequence[Ties], bent: Sequence[int], *, always: bool
 ) -> tuple[dict[int, Mesh], tuple[float, float]]:
-    """Fit the grids that bring images closer to each other under their homographies.
+    """Fit the grids that bring some of the images, ``bent``, closer to the others under their homographies.
 
-    Parameters
-    ----------
-    frames : mapping of int to Frame
-        All images.
-    ties : sequence of Ties
-    bent : sequence of int
-        The images that are warped.
-    always : bool
-        Whether to warp them also where held-out matches do not gain by it.
-
-    Returns
-    -------
-    meshes : dict of int to Mesh
-        Of each image in ``bent``; none where they are not worthwhile, or with fewer than 30 matches within 12 px of the
-        homographies.
-    shares : (float, float)
-        As by `held_out_shares`.
+    There are none where held-out matches do not gain by them, unless ``always``, or with fewer than 30 matches within
+    12 px of the homographies. Returns also what `held_out_shares` does.
     """
     shares = held_out_shares(frames, ties, bent)
     worthwhile = always or shares[1] >= shares[0] + MIN_GAIN

@@ -21,12 +21,7 @@ def follow_relief(flight: Flight, warp: str) -> Flight:
     """The same flight with a mesh for each photograph; its links and errors are those of warped photographs.
 
     A mask would not be bent with the photographs, nor would the other bands of a set: then they keep their shape.
-
-    Parameters
-    ----------
-    flight : Flight
-    warp : {"homography", "mesh", "auto"}
-        auto: in each layout, if held-out matches gain by it.
+    ``warp`` is "homography", "mesh", or "auto": in each layout, a mesh if held-out matches gain by it.
     """
     if warp == "homography" or flight.lens.mask is not None or flight.sources[0].bands:
         return flight

@@ -38,17 +38,9 @@ def group_band_sets(
 ) -> list[Source]:
     """Group a flight's files by capture: each gets the file of one band as its content, and has those of all bands.
 
-    Parameters
-    ----------
-    band : str or None
-        The band that registers the flight; None: green, else the second of numbered bands, else the first.
-    tell : callable
-        Receives a line about pictures without a band.
-
-    Returns
-    -------
-    list of Source
-        The given sources if they are photographs, not sets.
+    The band that registers the flight is ``band``; None: green, else the second of numbered bands, else the first.
+    Sources that are photographs, not sets, are returned as they are. ``tell`` receives a line about pictures without a
+    band.
 
     Raises
     ------
@@ -77,14 +69,7 @@ def group_band_sets(
 
 
 def select_band(sources: Sequence[Source], band: str | None) -> list[Source]:
-    """Select the files of one band, for a mosaic that shows a single band.
-
-    Parameters
-    ----------
-    sources : sequence of Source
-        The files of one folder.
-    band : str or None
-        None: all files, which must not be multi-band sets.
+    """Select the files of one band of a folder, for a mosaic of it; None: all files, which must not be multi-band sets.
 
     Raises
     ------

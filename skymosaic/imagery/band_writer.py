@@ -19,17 +19,9 @@ _PNG_COLOUR_TYPE = {1: 0, 3: 2}
 
 
 def write_bands(path: Path, size: tuple[int, int], channels: int, bands: Iterable[Intensities]) -> None:
-    """Write a picture whose rows arrive in bands from the top.
+    """Write a picture of 8 bits, with 1 channel or 3, whose rows arrive in bands from the top.
 
-    Parameters
-    ----------
-    path : Path
-        PNG is written as the bands arrive; for other formats, all bands are collected first.
-    size : (int, int)
-        Width and height, px.
-    channels : {1, 3}
-        Gray, or BGR.
-    bands : iterable of ndarray of uint8, shape (rows, width) or (rows, width, 3)
+    PNG is written as the bands arrive; for other formats, all bands are collected first.
 
     Raises
     ------

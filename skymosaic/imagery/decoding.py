@@ -206,12 +206,7 @@ def _tiff_tag(header: PillowImage.Image, tag: int) -> tuple[int, ...]:
 def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[np.generic], Pixels | None, str]:
     """Decode a file and turn it upright; pixels that show nothing get the values of their neighbours.
 
-    Parameters
-    ----------
-    header : Header
-        From `read_header`.
-    keep_damaged : bool
-        Decode as much as possible of a damaged JPEG or TIFF.
+    Of a damaged JPEG or TIFF, with ``keep_damaged``, as much as possible is decoded.
 
     Returns
     -------

@@ -63,13 +63,7 @@ class ValueRange:
 
 
 def measure_range(decoded: NDArray[Any], name: str) -> ValueRange:
-    """Measure the range of one photograph: all its values but the tails, as ``np.percentile`` does.
-
-    Parameters
-    ----------
-    decoded : ndarray of uint16 or float32
-    name : str
-        Name of the photograph, for messages.
+    """Measure the range of one photograph, uint16 or float32: all its values but the tails, as ``np.percentile`` does.
 
     Raises
     ------
@@ -109,17 +103,9 @@ def sample_values(decoded: NDArray[np.generic]) -> NDArray[np.generic]:
 
 
 def measure_common_range(samples: Sequence[NDArray[np.generic]]) -> ValueRange | None:
-    """Measure the common range of photographs that are shown together.
+    """Measure the common range of photographs that are shown together: deep if all have 16 bits, None if all have 8.
 
-    Parameters
-    ----------
-    samples : sequence of ndarray of uint8, uint16 or float32
-        From `sample_values`; empty for a photograph of 8 bits.
-
-    Returns
-    -------
-    ValueRange or None
-        None if all have 8 bits; deep if all have 16.
+    The samples are from `sample_values`; empty for a photograph of 8 bits.
     """
     given = [sample.ravel() for sample in samples if sample.size]
     if not given:

@@ -137,13 +137,8 @@ def load_intensities(
 def reduce_to_width(pixels: Pixels, width_px: int) -> tuple[Pixels, Array]:
     """Reduce an image by area averaging to at most ``width_px``; a narrower one stays as it is.
 
-    The height is limited too: to twice ``width_px``, and to the front end's maximum.
-
-    Returns
-    -------
-    pixels : ndarray of uint8
-    to_original : ndarray of float64, shape (3, 3)
-        Reduced pixels to original pixels, centres at integers.
+    The height is limited too: to twice ``width_px``, and to the front end's maximum. Returns also the map (3, 3) from
+    reduced pixels to original ones.
     """
     height, width = pixels.shape[:2]
     height_px = min(2 * width_px, MAX_FRAME_PX)
@@ -200,14 +195,9 @@ def check_output(
 
 
 def check_output_folder(path: Path, inputs: Sequence[Path] = (), own: str = "", *, overwrite: bool = False) -> None:
-    """Check that a folder can be made or filled, before the work starts.
+    """Check that a folder can be made or filled, and keeps the inputs, before the work starts.
 
-    Parameters
-    ----------
-    inputs : sequence of Path
-        Files that must stay.
-    own : str
-        Regular expression of the names in the folder that will be replaced.
+    ``own`` is a regular expression of the names in it that will be replaced.
 
     Raises
     ------

@@ -40,17 +40,8 @@ def flight_sources(
 ) -> Iterator[list[Source]]:
     """As `skymosaic.imagery.photographs.list_sources`, with each video replaced by its key frames.
 
-    The key frames are JPEG files in a temporary folder, which is deleted when the context ends.
-
-    Parameters
-    ----------
-    images : str, Path or ndarray, or several
-        Files, folders, videos, patterns and arrays.
-    tell : callable
-        Receives a line per note about a video, for instance that it was cut off, and about what a folder has beside
-        the pictures that are read.
-    recursive : bool
-        Whether folders inside a folder are read.
+    The key frames are JPEG files in a temporary folder, which is deleted when the context ends. ``tell`` receives also
+    a line per note about a video, for instance that it was cut off.
 
     Raises
     ------

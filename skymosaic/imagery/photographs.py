@@ -163,12 +163,7 @@ def list_sources(
 ) -> list[Source]:
     """List files, arrays and the pictures of folders, see `skymosaic.imagery.folders.list_pictures`.
 
-    Parameters
-    ----------
-    tell : callable
-        Receives a line for each folder with more than is read.
-    recursive : bool
-        Whether folders inside a folder are read.
+    ``tell`` receives a line for each folder with more than is read.
 
     Raises
     ------

@@ -25,15 +25,7 @@ def check_tiff(data: bytes, path: Path, *, area_px: int, max_bytes: int) -> NDAr
     """Check the data of a TIFF's first picture, as far as its compression can tell damage.
 
     Returns its pixels, (H, W, 3) BGR, upright, if the check has decoded them and OpenCV would return the same.
-
-    Parameters
-    ----------
-    path : Path
-        Name of the file, for messages.
-    area_px : int
-        Area that the header declares.
-    max_bytes : int
-        Limit of the decompressed size.
+    ``area_px`` is what the header declares, ``max_bytes`` the limit of the decompressed size.
 
     Raises
     ------

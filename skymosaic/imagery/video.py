@@ -157,14 +157,8 @@ def write_video(path: Path, frame_rate: Fraction) -> Iterator[Callable[[Pixels],
     """Write H.264 under a temporary name, which is renamed to ``path`` at the end; a failure leaves no file.
 
     The context is a function that appends a frame, (H, W, 3) uint8 BGR, all of one size. An odd last row or column is
-    dropped, because H.264 stores colour at half resolution.
-
-    Parameters
-    ----------
-    path : Path
-        Its suffix, one of `OUTPUT_SUFFIXES`, determines the container.
-    frame_rate : Fraction
-        Frames per second.
+    dropped, because H.264 stores colour at half resolution. The suffix, one of `OUTPUT_SUFFIXES`, determines the
+    container.
 
     Raises
     ------

@@ -127,24 +127,10 @@ def _utm_zone(position: Position) -> str:
 def fit_to_map(
     points: Points, metres: Points, crs: str, names: Sequence[str] | None = None
 ) -> tuple[Georeference | None, str]:
-    """Fit a similarity from pixels to the map; positions that are far off are left out.
+    """Fit a similarity from pixels (N, 2) to the map (N, 2), metres east and north; what is far off is left out.
 
-    Parameters
-    ----------
-    points : (N, 2) float64 ndarray
-        Places on the mosaic, px.
-    metres : (N, 2) float64 ndarray
-        The same places on the map, metres east and north; NaN where that is unknown.
-    crs : str
-        The map's coordinate system.
-    names : sequence of str or None
-        Names of the places, for the reason.
-
-    Returns
-    -------
-    georeference : Georeference or None
-    reason : str
-        Why there is none; empty if there is one.
+    Metres are NaN where they are unknown. Returns also why there is no georeference, with the names of the places;
+    empty if there is one.
     """
     known = np.flatnonzero(np.isfinite(metres).all(axis=1))
     # With two photographs there is no third position to check the fit; the caller has to say so.

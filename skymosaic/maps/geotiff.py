@@ -41,20 +41,10 @@ def tee_to_raster(
 ) -> Iterator[tuple[Intensities, Mask]]:
     """Pass on the rows of a mosaic unchanged, and write them into a plain GeoTIFF with an alpha band.
 
-    Parameters
-    ----------
-    path : Path
-        Complete when the rows have ended. Not compressed, because it is read once and deleted.
-    size : (int, int)
-        Width and height, px.
-    bands : iterable of (ndarray, ndarray)
-        Rows from the top, gray, BGR or with any number of channels, all of one type; and where they show a photograph.
-    georeference : Georeference or None
-        None: the file does not contain its place.
-    names : sequence of str
-        Names of the channels if these are bands; empty for gray or colour.
-    mosaic : Path, optional
-        The file that ``path`` becomes, for errors; ``path`` itself by default.
+    The file is complete when the rows have ended. It is not compressed, because it is read once and deleted. The rows
+    come from the top, gray, BGR or with any number of channels, all of one type, and with where they show a photograph.
+    ``names`` are those of the channels if these are bands; empty for gray or colour. Errors name the file ``mosaic``
+    that ``path`` becomes.
 
     Raises
     ------
@@ -119,14 +109,9 @@ def _create(
 
 
 def write_cog(path: Path, raster: Path, compress: str = "deflate") -> None:
-    """Copy a plain GeoTIFF into a cloud-optimised one: tiled, with overviews.
+    """Copy a plain GeoTIFF into a cloud-optimised one: tiled, with overviews; GDAL has to know all pixels first.
 
-    Parameters
-    ----------
-    raster : Path
-        From `tee_to_raster`. GDAL can only lay out overviews once it has all pixels.
-    compress : {"deflate", "jpeg"}
-        Lossless, or JPEG for pictures of 8 bits, with a mask instead of the alpha band.
+    "deflate" is lossless; "jpeg", for pictures of 8 bits, has a mask instead of the alpha band.
 
     Raises
     ------

@@ -54,16 +54,9 @@ class Pyramid:
 
 
 def write_tiles(folder: Path, raster: Path, title: str, values: ValueRange | None) -> Pyramid:
-    """Write ``z/x/y.webp`` and ``index.html`` into a folder.
+    """Write ``z/x/y.webp`` and ``index.html`` of a raster from `skymosaic.maps.geotiff.tee_to_raster` into a folder.
 
-    Parameters
-    ----------
-    folder : Path
-        Created if it is missing; tiles of an earlier mosaic in it are removed.
-    raster : Path
-        From `skymosaic.maps.geotiff.tee_to_raster`.
-    values : ValueRange or None
-        How 8 bits show 16.
+    It is created if it is missing; tiles of an earlier mosaic in it are removed. ``values`` says how 8 bits show 16.
 
     Raises
     ------
