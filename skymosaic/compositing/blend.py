@@ -22,23 +22,15 @@ TINY = float(np.finfo(np.float32).tiny)
 def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: str) -> tuple[Intensities, Mask]:
     """Warp layers onto a canvas and blend them where they overlap.
 
+    The layers are all gray or all BGR, and all of uint8 or all of uint16; they may have masks and seams. Returns also
+    where there is an image, (H, W); elsewhere pixels are 0.
+
     Parameters
     ----------
-    layers : sequence of Layer
-        All gray or all BGR, and all of uint8 or all of uint16; they may have masks and seams.
-    canvas : Canvas
-        The rectangle of the reference frame to fill.
     method : {"average", "distance", "multiband"}
         The plain average; the average weighted by the distance to each image's own border (thesis, equation III-10),
         which fades images out towards their borders; or the image with the largest distance in each pixel, blended in
         frequency bands (Burt and Adelson 1983), which keeps detail where the registration is not perfect.
-
-    Returns
-    -------
-    pixels : ndarray of uint8 or uint16, shape (height, width) or (height, width, 3)
-        0 where there is no image.
-    shown : ndarray of bool, shape (height, width)
-        Where there is an image.
 
     Raises
     ------

@@ -223,25 +223,10 @@ def warp_backward(
     border: int = cv2.BORDER_CONSTANT,
     interpolation: int = cv2.INTER_LINEAR,
 ) -> Intensities:
-    """Warp an image backward, x = H^-1 x' (thesis, equation II-17).
+    """Warp an image or a mask backward into a canvas of any size, x = H^-1 x' (thesis, equation II-17).
 
-    Parameters
-    ----------
-    image : (H, W) or (H, W, 3) ndarray of uint8 or uint16
-        Gray, BGR, or a mask.
-    transform : (3, 3) float64 ndarray
-        Image pixels to reference pixels.
-    canvas : Canvas
-        The rectangle to fill, of any size.
-    border : int
-        OpenCV's border mode: by default 0 outside the image; or ``cv2.BORDER_REPLICATE``.
-    interpolation : int
-        OpenCV's interpolation: bilinear as in the thesis, or ``cv2.INTER_LANCZOS4``, which keeps fine detail.
-
-    Returns
-    -------
-    ndarray of uint8 or uint16
-        The canvas's pixels.
+    OpenCV's border mode is by default 0 outside the image; or ``cv2.BORDER_REPLICATE``. Its interpolation is bilinear
+    as in the thesis; or ``cv2.INTER_LANCZOS4``, which keeps fine detail.
     """
     whole_size = (image.shape[1], image.shape[0])
     warped = np.empty((canvas.height_px, canvas.width_px, *image.shape[2:]), dtype=image.dtype)

@@ -58,14 +58,9 @@ class Method:
 def choose_method(config: Config, detector: str | None = None, descriptor: str | None = None) -> tuple[Method, Config]:
     """Complete a choice of detector and descriptor, and adapt the configuration to it.
 
-    Parameters
-    ----------
-    config : Config
-        Supplies what is not named. Its rule base decides on matches of ILBP descriptors; with "none", the ratio test
-        does on the host, and nothing on the accelerator. All other matches are decided by the ratio test, fuzzy
-        correlation or the tracker.
-    detector, descriptor : str or None
-        Names in `DETECTORS` and `DESCRIPTORS`; None: the one that goes with the other, or the configuration's.
+    The configuration supplies what is not named: None is the one that goes with the other, or its own. Its rule base
+    decides on matches of ILBP descriptors; with "none", the ratio test does on the host, and nothing on the
+    accelerator. All other matches are decided by the ratio test, fuzzy correlation or the tracker.
 
     Returns
     -------

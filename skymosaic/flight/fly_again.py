@@ -82,17 +82,9 @@ def _outlines(flight: Flight, layout: Layout, on_map: Georeference, crs: str) ->
 
 
 def find_holes(outlines: Sequence[Points]) -> list[tuple[Points, float]]:
-    """Find what photographs leave out between them.
+    """Find what photographs leave out between them, by the corners (N, 2) of what each shows, m.
 
-    Parameters
-    ----------
-    outlines : sequence of (N, 2) float64 ndarray
-        Corners of what each photograph shows, m.
-
-    Returns
-    -------
-    list of (ndarray of float64, float)
-        The closed ring (N, 2) of each hole, m, counter-clockwise, and its area, m²; the largest first.
+    Returns the closed ring (N, 2) of each hole, m, counter-clockwise, and its area, m²; the largest first.
     """
     side_m = float(np.median([np.sqrt(cv2.contourArea(np.float32(ring - ring[0]))) for ring in outlines]))
     # Photographs lie along the strips, and gaps between strips are rectangles in that direction.

@@ -15,20 +15,13 @@ MAX_OCTAVES_OFF = 0.19
 
 @dataclass(frozen=True)
 class FrontEndRun:
-    """One run of the front end: a frame of one image, the reference, is matched with each of the other's frames.
-
-    Attributes
-    ----------
-    reference : Change
-    others : tuple of Change
-        One pass for each.
-    swapped : bool
-        The reference is a frame of the right image instead of the left one.
-    """
+    """One run of the front end: a frame of one image, the reference, is matched with each of the other's frames."""
 
     reference: Change
     others: tuple[Change, ...]
+    """One pass for each."""
     swapped: bool = False
+    """The reference is a frame of the right image instead of the left one."""
 
 
 # Half an octave either way: what lies between the octaves of the first pass meets best here. The larger frame has more

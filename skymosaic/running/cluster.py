@@ -35,18 +35,10 @@ CALL_BYTES, COPIES = 100 << 20, 2
 
 
 class Cluster:
-    """A connection to a Dask scheduler.
+    """A connection to a Dask scheduler, by its address (``tcp://host:8786``) or a scheduler file.
 
-    Parameters
-    ----------
-    address : str
-        Of the scheduler (``tcp://host:8786``), or a scheduler file.
-    tell : callable
-        Receives a line when workers have to be waited for, and the address of the dashboard.
-    sources : sequence of Source
-        Photographs that every worker must be able to read, and have memory for.
-    memory_bytes : int
-        Limit of the decoded photographs that a worker keeps.
+    Every worker must be able to read the sources, and have memory for them; it keeps decoded photographs of at most
+    ``memory_bytes``. ``tell`` receives a line when workers have to be waited for, and the address of the dashboard.
 
     Raises
     ------

@@ -80,16 +80,9 @@ class LinkedGroup:
         return network.adjust(transforms, "similarity", max_steps=ROUGH_STEPS, from_px=WIDEST_SCALE_PX)
 
     def network(self, chosen: slice, max_ties: int | None = MAX_TIES_PER_LINK, distortion: float = 0.0) -> Network:
-        """Build the network of every link's ties, or of some of them.
+        """Build the network of every link's ties, or of some of them, with a distortion of the lens, see `straighten`.
 
-        Parameters
-        ----------
-        chosen : slice
-            Which of the considered ties are taken.
-        max_ties : int or None
-            Ties per link that are considered, spread evenly; None: all.
-        distortion : float
-            Distortion of the lens, see `skymosaic.flight.layout.motions.straighten`.
+        Of each link, ``max_ties`` are considered, spread evenly (None: all), and those that are ``chosen`` are taken.
         """
         return Network(self._ties(chosen, max_ties), self.units_px, self.reference, distortion)
 

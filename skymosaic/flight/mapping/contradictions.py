@@ -20,21 +20,11 @@ MAX_YAW_DEG, MOUNTED_DEG = 30.0, 15.0
 
 
 def compare_places(one: Georeference, by_one: str, other: Georeference, by_other: str, places: Points) -> str:
-    """Compare two georeferences of one layout.
+    """How two georeferences of one layout contradict each other: scales, turn and distance; empty if they agree.
 
-    Parameters
-    ----------
-    one, other : Georeference
-        The first is the one that is used; the second may be less exact, as its uncertainty says.
-    by_one, by_other : str
-        What each is fitted to.
-    places : (N, 2) float64 ndarray
-        Places of the layout, px, for instance of its cameras; differences are those at their middle.
-
-    Returns
-    -------
-    str
-        How they contradict each other, with both scales, the turn and the distance; empty if they agree.
+    The first is the one that is used; the second may be less exact, as its uncertainty says. ``by_one`` and
+    ``by_other`` say what they are fitted to. ``places`` (N, 2) of the layout, px, are for instance those of its
+    cameras; differences are those at their middle.
 
     Raises
     ------
