@@ -1,6 +1,7 @@
 """Photographs with what moves with the camera, drawn over neighbours of a flight and over photographs of two places."""
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -20,23 +21,17 @@ Draw = Callable[[Pixels, np.random.Generator, np.random.Generator], tuple[Pixels
 """Decorates a picture by what is of the camera and what is of the photograph; also returns how the picture moved."""
 
 
-def draw_display(image: Pixels, camera: np.random.Generator, _photograph: np.random.Generator) -> tuple[Pixels, Array]:
-    """White text in two columns, above and below, as a ground station shows it."""
-    shown = image.copy()
-    for row in range(14):
-        place = 20 + 490 * (row % 2), 45 + 44 * (row // 2) + 330 * (row >= 8)
-        text = "LAT {:.4f}  H {}.{} M  SAT {}".format(camera.uniform(40, 50), *camera.integers(10, 99, 3))
-        cv2.putText(shown, text, place, cv2.FONT_HERSHEY_DUPLEX, 0.75, (250, 250, 250), 2)
-    return shown, np.eye(3)
-
-
-def draw_moving_display(
-    image: Pixels, camera: np.random.Generator, photograph: np.random.Generator
+def draw_display(
+    image: Pixels, camera: np.random.Generator, photograph: np.random.Generator, *, lines: int = 14, jitter_px: int = 0
 ) -> tuple[Pixels, Array]:
-    """The same, drawn up to 2 px beside its place."""
-    display, _ = draw_display(np.zeros_like(image), camera, photograph)
-    display = np.roll(display, photograph.integers(-2, 3, 2), axis=(0, 1))
-    return np.maximum(image, display), np.eye(3)
+    """White text in two columns, above and below, as ground stations show it; up to ``jitter_px`` off its place."""
+    display = np.zeros_like(image)
+    for line in range(lines):
+        place = 20 + 490 * (line % 2), 45 + 44 * (line // 2) + 330 * (line >= 8)
+        text = "LAT {:.4f}  H {}.{} M  SAT {}".format(camera.uniform(40, 50), *camera.integers(10, 99, 3))
+        cv2.putText(display, text, place, cv2.FONT_HERSHEY_DUPLEX, 0.75, (250, 250, 250), 2)
+    moved = np.roll(display, photograph.integers(-jitter_px, jitter_px + 1, 2), axis=(0, 1))
+    return np.maximum(image, moved), np.eye(3)
 
 
 def draw_film(image: Pixels, camera: np.random.Generator, photograph: np.random.Generator) -> tuple[Pixels, Array]:
@@ -103,7 +98,7 @@ def draw_watermarks(image: Pixels, _camera: np.random.Generator, _other: np.rand
 
 DRAWN: dict[str, Draw] = {
     "display": draw_display,
-    "display, jittering": draw_moving_display,
+    "display, jittering": partial(draw_display, jitter_px=2),
     "scanned film": draw_film,
     "night, sensor's pattern": draw_night,
     "dirt": draw_dirt,

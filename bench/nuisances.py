@@ -17,6 +17,7 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
+from bench.decorated import draw_display
 from bench.rendered_flights import grid_over
 from bench.report import JsonFile, Row, report
 from golden_model.arrays import Array
@@ -100,13 +101,9 @@ def murk(picture: Picture, _number: int, sigma_px: float) -> Picture:
     return np.asarray(np.clip(soft * np.linspace(1.25, 0.65, len(picture))[:, None, None], 0, 255).astype(np.uint8))
 
 
-def overlay(picture: Picture, number: int, lines: float) -> Picture:
-    """Lines of white text and a frame at the same place in every picture, as a ground station burns them in."""
-    shown = picture.copy()
-    for line in range(int(lines)):
-        text = f"ALT 120.{number} m  SPD 12.3  N 45.1234 E 7.5678  BAT {78 - number}%"
-        cv2.putText(shown, text, (10, 24 + 24 * line), cv2.FONT_HERSHEY_SIMPLEX, 0.55, (255, 255, 255), 1, cv2.LINE_AA)
-    cv2.rectangle(shown, (620, 440), (780, 560), (0, 255, 255), 2)
+def display(picture: Picture, number: int, lines: float) -> Picture:
+    """Lines of white text at the same place in every picture, as a ground station burns them in."""
+    shown, _ = draw_display(picture, np.random.default_rng(1), np.random.default_rng(number), lines=int(lines))
     return shown
 
 
@@ -147,7 +144,7 @@ NUISANCES = {
     "camera leans forward": Nuisance((15, 25, 35), "degrees", _poses(pitch_deg=lambda _old, _number, pitch: pitch)),
     "lens": Nuisance((-0.1, -0.25, -0.35), "k1", lambda k1: make_lawnmower(SEED, IMAGES + 4, SIZE_PX, k1=k1)),
     "rolling shutter": Nuisance((2, 6, 12), "shear, px", change=rolling_shutter),
-    "text burned in": Nuisance((2, 6, 12), "lines", change=overlay),
+    "text burned in": Nuisance((2, 6, 12), "lines", change=display),
     "water": Nuisance((0.3, 0.5, 0.7), "share of the picture", change=water),
     "soft, murky, lit from ahead": Nuisance((3, 5, 8), "sigma, px", change=murk),
 }
