@@ -3,7 +3,8 @@
 With more features and longer descriptors, because too few may have agreed; at the scale of thumbnails, because a link
 takes one pass of the front end, which meets zooms up to about 2: in its thumbnail, a photograph that was taken from
 nearer the ground looks as the others do; and by thumbnails of even contrast on both sides, because soft, murky or
-unevenly lit ground has no corners at full size.
+unevenly lit ground has no corners at full size. Where something moves with the camera, what all have in common at the
+same pixels is subtracted from these.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,6 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from skymosaic.features.contrast import find_pattern
 from skymosaic.flight.layout.linked_group import groups
 from skymosaic.flight.linking.links import Candidate, Link, valid_links
 from skymosaic.flight.linking.surveyor import Surveyor
@@ -77,7 +79,11 @@ def link_by_coarse_detail(
         return {}
     settings = surveyor.settings.with_more_features() or surveyor.settings
     surveyor = replace(surveyor, settings=settings, max_samples=MAX_SAMPLES)
-    thumbnails = surveyor.describe_thumbnails(views, even=True)
+    pattern = None
+    if any(link.moves_with_camera for link in links.values()):
+        pictures = [view.thumbnail for view in surveyor.fetch_thumbnails(views)]
+        pattern = find_pattern(pictures) if len({picture.shape[:2] for picture in pictures}) == 1 else None
+    thumbnails = surveyor.describe_thumbnails(views, even=True, pattern=pattern)
     votes = surveyor.count_votes(thumbnails, across=np.concatenate(isolated).tolist())
     tried = surveyor.link(thumbnails, _pairs_between_groups(links, votes))
     return {pair: _in_working_px(link, thumbnails, views) for pair, link in tried.items() if link.holds}

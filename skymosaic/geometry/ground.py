@@ -24,26 +24,28 @@ from skymosaic.geometry.acceptance import overlap_mask
 from skymosaic.geometry.homography import apply, resize_matrix, transfer_error
 from skymosaic.geometry.horizon import warp_reflected
 
-COARSE_SIDE_PX, FINE_SIDE_PX = 160, 480
-"""Longer sides of the reduced pictures, in whose pixels the sizes below are. In the finer ones, what lies between the
-lines of a display has blocks of its own; they are compared where the coarser ones leave a doubt."""
+COARSEST_SIDE_PX, COARSE_SIDE_PX, FINE_SIDE_PX = 80, 160, 480
+"""Longer sides of the reduced pictures, in whose pixels the sizes below are. In the coarsest ones, nothing is left of a
+sensor's pattern; they are compared, too, where it may be what agrees. In the finest ones, what lies between the lines
+of a display has blocks of its own; they are compared where the others leave a doubt."""
 BLOCK_PX = 12
 SEARCH_PX, NEAR_PX = 4, 1
 """A block agrees if its best place within the first distance, along both axes, is within the second: by chance, one in
 nine does."""
 NOISE_PX, LIGHT_PX = 1.0, 5.0
 """Sigmas of the band-pass: what is finer than the first is noise, what is coarser than the second light."""
-MIN_CONTRAST, MIN_WARPED_CONTRAST = 1.0, 0.3
-"""Gray levels (standard deviation) of a block that can vote. In the warped picture it may be blurred."""
+MIN_CONTRAST, LOW_CONTRAST = 1.0, 0.3
+"""Gray levels (standard deviation) of a block that can vote. In the warped picture it may be blurred, and in the
+coarsest ones there is no noise: there, the second is enough."""
 MIN_BLOCKS = 12
 """Fewer tell nothing."""
 STILL_SHARE, SHARE_PER_SIDE = 0.7, 3.0
 """Share of the blocks that must agree where the camera stood still, and how much less for each longer side that it
 moved."""
-FAR = STILL_SHARE / SHARE_PER_SIDE
-"""From here on, nothing must agree."""
-DOUBT, FINE_DOUBT = 0.2, 0.15
-"""What lacks more of the share is refused, in the coarser pictures or in the finer ones; what lacks less is in doubt.
+STILL, FAR = 0.01, STILL_SHARE / SHARE_PER_SIDE
+"""Below the first motion a sensor's pattern may be what agrees; from the second on, nothing must agree."""
+DOUBT, DECISIVE_DOUBT = 0.2, 0.15
+"""What lacks more of the share is refused, in the first pictures or in those that decide; what lacks less is in doubt.
 Displays reach 62 and 49 % where a camera stands still, a shore with 45 % of water 56 and 57 %."""
 GOOD_SHARE, RIVAL_SHARE = 0.4, 0.25
 """Share without which no pair is good, and without which no other homography is taken instead of a rejected one."""
@@ -88,20 +90,20 @@ class GroundAgreement:
         How many voted.
     motion : float
         Mean motion of the picture's corners, as a share of its longer side.
-    finer : GroundAgreement or None
-        That of the finer pictures, which decides where these leave a doubt.
+    decisive : GroundAgreement or None
+        That of coarser or finer pictures, which decides where these leave a doubt.
     """
 
     agreeing: Mask
     blocks: int
     motion: float
-    finer: GroundAgreement | None = None
+    decisive: GroundAgreement | None = None
 
     @property
     def share(self) -> float:
         """Share of the blocks that agree; 1 where too few can tell."""
-        if self.finer is not None:
-            return self.finer.share
+        if self.decisive is not None:
+            return self.decisive.share
         return float(np.count_nonzero(self.agreeing)) / self.blocks if self.blocks >= MIN_BLOCKS else 1.0
 
     @property
@@ -127,7 +129,7 @@ class GroundAgreement:
     @property
     def is_refused(self) -> bool:
         """Whether far less agrees than must."""
-        return self.share < self.required - (DOUBT if self.finer is None else FINE_DOUBT)
+        return self.share < self.required - (DOUBT if self.decisive is None else DECISIVE_DOUBT)
 
     def explain(self) -> str:
         """What agrees, how much of the ground it covers, how much it should, and what may be the cause."""
@@ -144,9 +146,12 @@ def measure_agreement(left: Sight, right: Sight, homography: Matrix, explained: 
     Blocks (rows, columns) that are ``explained`` otherwise do not vote.
     """
     coarse = _count(COARSE_SIDE_PX, left, right, homography, explained)
-    if explained is not None or coarse.suffices or coarse.is_refused:
+    if explained is not None or coarse.is_refused:
         return coarse
-    return replace(coarse, finer=_count(FINE_SIDE_PX, left, right, homography))
+    sides = [COARSEST_SIDE_PX] * (coarse.motion < STILL) + [FINE_SIDE_PX] * (not coarse.suffices)
+    others = [_count(side, left, right, homography) for side in sides]
+    decisive = min(others, key=lambda other: other.share, default=coarse)
+    return coarse if coarse.suffices and decisive.suffices else replace(coarse, decisive=decisive)
 
 
 def _count(
@@ -158,15 +163,9 @@ def _count(
     size = left.pixels.shape[1], left.pixels.shape[0]
     warped = warp_reflected(right.pixels, to_right, size)
     own, other = _band_pass(left.pixels), _band_pass(warped)
-    shown = overlap_mask(to_right, size, (right.pixels.shape[1], right.pixels.shape[0]))
-    if left.visible is not None:
-        shown = np.minimum(shown, left.visible)
-    if right.visible is not None:
-        to_left = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        shown = np.minimum(shown, cv2.warpPerspective(right.visible, to_right, size, flags=to_left))
-    votes = _blocks(shown).mean(axis=(1, 3)) > 0.98 * 255
-    votes &= _blocks(own).std(axis=(1, 3)) > MIN_CONTRAST
-    votes &= _blocks(other).std(axis=(1, 3)) > MIN_WARPED_CONTRAST
+    votes = _blocks(mask_common(left, right, to_right)).mean(axis=(1, 3)) > 0.98 * 255
+    votes &= _blocks(own).std(axis=(1, 3)) > (MIN_CONTRAST if side_px > COARSEST_SIDE_PX else LOW_CONTRAST)
+    votes &= _blocks(other).std(axis=(1, 3)) > LOW_CONTRAST
     if explained is not None:
         votes &= ~explained
     agreeing = np.zeros_like(votes)
@@ -174,6 +173,18 @@ def _count(
     for row, column in np.argwhere(votes).tolist():
         agreeing[row, column] = _fits_best_here(own, around, BLOCK_PX * row, BLOCK_PX * column)
     return GroundAgreement(agreeing, int(np.count_nonzero(votes)), _motion(to_right, *size))
+
+
+def mask_common(left: Sight, right: Sight, to_right: Matrix) -> Pixels:
+    """The left picture's mask of the ground that both show, 255 there, by a homography between the pictures."""
+    (height, width), (right_height, right_width) = left.pixels.shape[:2], right.pixels.shape[:2]
+    shown = overlap_mask(to_right, (width, height), (right_width, right_height))
+    if left.visible is not None:
+        shown = np.minimum(shown, left.visible)
+    if right.visible is not None:
+        to_left = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        shown = np.minimum(shown, cv2.warpPerspective(right.visible, to_right, (width, height), flags=to_left))
+    return shown
 
 
 def _between(left: Sight, right: Sight, homography: Matrix) -> Matrix:

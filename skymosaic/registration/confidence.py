@@ -12,8 +12,9 @@ import numpy as np
 
 from golden_model.arrays import Float32, Mask, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
-from skymosaic.geometry.acceptance import hull_share, overlap_mask
-from skymosaic.geometry.ground import GroundAgreement, Sight, measure_agreement
+from skymosaic.features.contrast import find_shared
+from skymosaic.geometry.acceptance import hull_share
+from skymosaic.geometry.ground import GroundAgreement, Sight, mask_common, measure_agreement
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.horizon import Size
 from skymosaic.geometry.prosac import INLIER_PX
@@ -35,6 +36,8 @@ CLEAR_INLIERS = 60
 CLEAR_SHARE = 0.9
 CLEAR_SHARE_OF_OVERLAP = 0.5
 HIGH_PASS_SIGMA_PX = 3.0
+# Motion of the picture's corners, as a share of its longer side, from which on no ground is where it was.
+MOVED = 0.05
 # Fewer pixels correlate by chance.
 MIN_OVERLAP_PX = 400
 # Fitted by `python -m bench.confidence`, see docs/explanation/registration.md. A fit today gives other coefficients,
@@ -111,14 +114,29 @@ def assess(
     """
     sizes = [(image.shape[1], image.shape[0]) for image in images]
     quality = assess_fit(homography, left, right, sizes[0], sizes[1])
-    correlation = correlate_overlap(images, homography)
+    trust = _judge(images, visible, homography, quality)
+    if trust.verdict == "good" or trust.ground.motion < MOVED or sizes[0] != sizes[1]:
+        return trust
+    # At the same pixels, the photographs then show only what moves with the camera, which tells nothing of the ground.
+    ground = np.where(find_shared(*images), np.uint8(0), np.uint8(255))
+    seen = [ground if own is None else np.minimum(own, ground) for own in visible]
+    again = _judge(images, (seen[0], seen[1]), homography, quality)
+    return again if again.ground.wins else trust
+
+
+def _judge(
+    images: tuple[Pixels, Pixels], visible: tuple[Pixels | None, Pixels | None], homography: Matrix, quality: FitQuality
+) -> Confidence:
+    """The confidence by the matches and by the pictures."""
+    sights = Sight(images[0], visible[0]), Sight(images[1], visible[1])
+    correlation = correlate_overlap(*sights, homography)
     inputs = measure_inputs(quality, correlation)
     exponent = INTERCEPT + sum(COEFFICIENTS[name] * value for name, value in inputs.items())
     # Beyond what the formula was fitted to, a number would only seem precise.
     predicted_px = float(np.exp(np.clip(exponent, -5, 5)))
     verdict = "good" if predicted_px < GOOD_PX else "check" if predicted_px < POOR_PX else "poor"
     reason = _explain(quality, correlation, predicted_px, verdict)
-    ground = measure_agreement(Sight(images[0], visible[0]), Sight(images[1], visible[1]), homography)
+    ground = measure_agreement(*sights, homography)
     if not ground.is_good:
         verdict, reason = "poor" if ground.is_refused or verdict == "poor" else "check", f"{ground.explain()}; {reason}"
     return Confidence(verdict, reason, predicted_px, correlation, quality, ground)
@@ -148,18 +166,18 @@ def measure_inputs(quality: FitQuality, correlation: float) -> dict[str, float]:
     }
 
 
-def correlate_overlap(images: tuple[Pixels, Pixels], homography: Matrix) -> float:
-    """Normalised cross-correlation of left and warped right image over their overlap, without low frequencies.
+def correlate_overlap(left_sight: Sight, right_sight: Sight, homography: Matrix) -> float:
+    """Normalised cross-correlation of left and warped right image over the ground of both, without low frequencies.
 
     Without these, brightness that differs or falls off towards the corners does not matter. 0 where fewer than 400 px
     of the overlap are far enough from its edge.
     """
-    left, right = (to_gray(image) for image in images)
+    left, right = to_gray(left_sight.pixels), to_gray(right_sight.pixels)
     size = (left.shape[1], left.shape[0])
     # The homography maps left to right: the inverse map, by which OpenCV looks up each pixel of the warped image.
     to_left_grid = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     warped = cv2.warpPerspective(right, homography, size, flags=to_left_grid)
-    covered = overlap_mask(homography, size, (right.shape[1], right.shape[0]))
+    covered = mask_common(left_sight, right_sight, homography)
     # At the edge of the overlap the high-pass mixes in what lies outside it.
     radius = round(3 * HIGH_PASS_SIGMA_PX)
     kernel = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)

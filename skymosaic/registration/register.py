@@ -9,17 +9,18 @@ from typing import NamedTuple, Unpack
 import numpy as np
 
 from golden_model.arrays import Mask, Matrix, Pixels, Points, Records
-from golden_model.config import Config
+from golden_model.config import MIN_FRAME_PX, Config
 from golden_model.matching.matcher import match
 from sim.backends.interface import Backend, Progress, silent
 from skymosaic.common.options import choose_options, list_options
 from skymosaic.common.stopwatch import Stopwatch
+from skymosaic.features.contrast import even_contrast, find_pattern, share_pattern
 from skymosaic.features.frames import DescribedImage
 from skymosaic.features.positions import are_on_ground, match_points, select_ground_matches
 from skymosaic.geometry.estimators import FABRIC, estimate
 from skymosaic.geometry.fabric import draw_config
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA, GroundAgreement, LeftOut, Sight, find_ground
-from skymosaic.imagery.images import Photograph, load, reduce_for_front_end
+from skymosaic.imagery.images import Photograph, load, reduce_for_front_end, reduce_to_width
 from skymosaic.imagery.lens import Lens
 from skymosaic.registration.confidence import fits_throughout
 from skymosaic.registration.dense import refit_pair
@@ -149,7 +150,45 @@ def register_photographs(
         pair = pair.refused(f"{agreement.explain()}; `accept_poor` delivers it nevertheless")
     pair = _settle(pair, options, partial(_show_ground, masks=masks, left_out=left_out))
     clock.lap("refinement")
+    in_doubt = not pair.accepted or (agreement is not None and not agreement.suffices)
+    if in_doubt and min(left.shape[:2]) >= 2 * MIN_FRAME_PX and share_pattern(*pair.working):
+        return _register_without_pattern(pair, options, lens, progress)
     return pair
+
+
+def _register_without_pattern(pair: Pair, options: RegistrationOptions, lens: Lens | None, progress: Progress) -> Pair:
+    """Register a pair in doubt at half size, without what both images show at the same pixels; or else return it."""
+    width_px = pair.working[0].shape[1] // 2
+    (left, to_left), (right, to_right) = (reduce_to_width(image, width_px) for image in pair.working)
+    pattern = find_pattern((left, right))
+    again = register_photographs(
+        (
+            dataclasses.replace(pair.left, pixels=even_contrast(left, pattern)),
+            dataclasses.replace(pair.right, pixels=even_contrast(right, pattern)),
+        ),
+        dataclasses.replace(options, accept_poor=False),
+        seconds={"with the pattern": sum(pair.seconds.values())},
+        lens=lens,
+        progress=progress,
+    )
+    trust = again.confidence
+    # What is left of the pattern in one image is its negative in the other.
+    if again.homography is None or trust is None or again.inverted:
+        return pair
+    if not (trust.ground.suffices and trust.ground.wins):
+        return pair
+    to_original = pair.to_original[0] @ to_left, pair.to_original[1] @ to_right
+    found = dataclasses.replace(
+        again,
+        left=pair.left,
+        right=pair.right.with_note(MOVES_WITH_CAMERA),
+        to_original=to_original,
+        working=(left, right),
+        homography=map_to_originals(again.homography, to_original),
+    )
+    # Computed now, because these have the pattern.
+    vars(found)["confidence"] = trust
+    return found
 
 
 class _FirstPass(NamedTuple):

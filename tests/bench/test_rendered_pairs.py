@@ -3,6 +3,7 @@ import pytest
 
 from bench.rendered_pairs import SIZE_PX, SMALL_PX, flat_pair
 from skymosaic.geometry.acceptance import hull_area, overlap
+from skymosaic.geometry.ground import Sight
 from skymosaic.geometry.horizon import ahead
 from skymosaic.registration.confidence import correlate_overlap
 
@@ -16,7 +17,7 @@ def test_hard_pairs_show_what_their_name_says(kind: str, step: float, share: tup
     size = SMALL_PX if kind == "small" else SIZE_PX
     assert left.shape == right.shape == size[::-1]
     # The truth lays the photographs on each other.
-    assert correlate_overlap((left, right), truth) > 0.3
+    assert correlate_overlap(Sight(left), Sight(right), truth) > 0.3
     assert share[0] < hull_area(overlap(truth, size, size)) / (size[0] * size[1]) < share[1]
     corners = np.array([[0.0, 0], [size[0], 0], [size[0], size[1]], [0, size[1]]])
     assert bool(ahead(truth, corners).min() < 0) is (kind == "horizon")

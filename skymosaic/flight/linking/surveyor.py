@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Matrix, Pixels, Records
+from golden_model.arrays import Float32, Matrix, Pixels, Records
 from skymosaic.common.errors import InputError
 from skymosaic.flight.linking import resemblance
 from skymosaic.flight.linking.links import FIRST_LOOK_SAMPLES, Candidate, Link, link_views
@@ -68,9 +68,11 @@ class Surveyor:
         parcels = self.workers.run("thumbnails", Parcel, [(view.thumbnail,) for view in views])
         return tuple(replace(view.light, thumbnail=parcel.pixels) for view, parcel in zip(views, parcels, strict=True))
 
-    def describe_thumbnails(self, views: Sequence[View], *, even: bool = False) -> list[View]:
+    def describe_thumbnails(
+        self, views: Sequence[View], *, even: bool = False, pattern: Float32 | None = None
+    ) -> list[View]:
         """Replace the features of the views by those of their thumbnails, or of thumbnails of even contrast."""
-        calls = [(view.thumbnail, view.light, self.settings, even) for view in views]
+        calls = [(view.thumbnail, view.light, self.settings, even, pattern) for view in views]
         return list(self.workers.run("thumbnails", describe_thumbnail, calls, kept=HEAVY))
 
     def count_votes(self, views: Sequence[View], across: Sequence[int] = ()) -> NDArray[np.int16]:

@@ -12,12 +12,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Array, Pixels, Records
+from golden_model.arrays import Array, Float32, Pixels, Records
 from golden_model.code_digest import digest_code
 from golden_model.config import Config
 from golden_model.pixel.gray import to_gray
 from sim.backends.interface import BACKENDS, load_backend
 from skymosaic.common.errors import InputError
+from skymosaic.features.contrast import even_contrast
 from skymosaic.features.positions import are_on_ground, feature_points
 from skymosaic.flight.linking.resemblance import compact
 from skymosaic.imagery.depth import ValueRange
@@ -30,8 +31,6 @@ from skymosaic.registration.options import WORKING_WIDTH_PX
 from skymosaic.running.cache import Arrays, key_of
 
 THUMBNAIL_WIDTH_PX = 320
-DETAIL_SIGMA_PX, EVEN_SPREAD = 12.0, 45.0
-"""What is coarser is light, and the standard deviation of gray levels that is left, see `even_contrast`."""
 HEAVY = ("features", "thumbnail")
 """Attributes of a view that stay with the worker that computed them, as Dask's futures."""
 
@@ -153,13 +152,15 @@ def describe(source: Source, settings: Settings) -> View:
     return make_view(source, photograph, settings, working=working, to_original=to_original, features=features)
 
 
-def describe_thumbnail(thumbnail: Pixels, view: View, settings: Settings, even: bool = False) -> View:
+def describe_thumbnail(
+    thumbnail: Pixels, view: View, settings: Settings, even: bool = False, pattern: Float32 | None = None
+) -> View:
     """Take the thumbnail of a view for its working image; without features if the front end cannot take it.
 
-    With ``even``, its contrast is made the same everywhere before.
+    With ``even``, its contrast is made the same everywhere before, without the ``pattern``.
     """
     if even:
-        thumbnail = even_contrast(thumbnail)
+        thumbnail = even_contrast(thumbnail, pattern)
     try:
         features = _extract_from_ground(thumbnail, settings, view.name, view.visible)
     except InputError:
@@ -167,7 +168,7 @@ def describe_thumbnail(thumbnail: Pixels, view: View, settings: Settings, even: 
     from_thumbnail = np.linalg.inv(view.to_thumbnail).astype(np.float64)
     return dataclasses.replace(
         view,
-        key=key_of(describe_thumbnail, view.key, settings.config.front_end, even),
+        key=key_of(describe_thumbnail, view.key, settings.config.front_end, even, pattern is None or pattern.tobytes()),
         working_size=(thumbnail.shape[1], thumbnail.shape[0]),
         to_original=view.to_original @ from_thumbnail,
         to_thumbnail=np.eye(3),
@@ -175,18 +176,6 @@ def describe_thumbnail(thumbnail: Pixels, view: View, settings: Settings, even: 
         strongest=compact(features),
         thumbnail=thumbnail,
     )
-
-
-def even_contrast(image: Pixels) -> Pixels:
-    """The gray image without what changes slowly, and with the same contrast everywhere.
-
-    Neighbours with opposite headings see a light that moves with the camera in opposite directions. Where contrast is
-    low, it decides what a descriptor compares.
-    """
-    gray = to_gray(image).astype(np.float32)
-    detail = gray - cv2.GaussianBlur(gray, (0, 0), DETAIL_SIGMA_PX)
-    spread = np.sqrt(cv2.GaussianBlur(detail * detail, (0, 0), 2 * DETAIL_SIGMA_PX))
-    return np.asarray(np.clip(np.rint(128 + EVEN_SPREAD * detail / (spread + 1)), 0, 255), np.uint8)
 
 
 def _extract_from_ground(working: Pixels, settings: Settings, name: str, visible: Pixels | None) -> Records:

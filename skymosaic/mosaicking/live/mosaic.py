@@ -12,6 +12,7 @@ With the estimator ``fabric``, frames are laid out by the homographies that the 
 import contextlib
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self, Unpack
@@ -23,6 +24,7 @@ from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.common.options import choose_options, list_options
 from skymosaic.common.replaced import refuse_inputs
 from skymosaic.compositing.warp import Canvas, CanvasError
+from skymosaic.features.contrast import even_contrast, find_pattern
 from skymosaic.flight.candidates import MIN_VOTES, MOST_SIMILAR
 from skymosaic.flight.linking.links import Link, link_views
 from skymosaic.flight.linking.resemblance import count_votes
@@ -31,6 +33,7 @@ from skymosaic.flight.mapping.cameras import Camera
 from skymosaic.flight.mapping.place import MapPlace, place_cameras
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.estimators import FABRIC
+from skymosaic.geometry.ground import Sight
 from skymosaic.geometry.homography import apply, estimate
 from skymosaic.imagery.exif import Metadata, read_metadata
 from skymosaic.imagery.folders import is_folder
@@ -264,7 +267,19 @@ class LiveMosaic:
             pair, left.features, right.features, config=self._config, seed=self._options.seed, sights=sights
         )
         self.left_out_moving |= link.moves_with_camera
+        if link.moves_with_camera and not link.holds and left.thumbnail.shape == right.thumbnail.shape:
+            return self._link_without_pattern(left, right)
         return link
+
+    def _link_without_pattern(self, left: Frame, right: Frame) -> Link:
+        """Link two frames by their thumbnails, without what both show at the same pixels."""
+        pattern = find_pattern((left.thumbnail, right.thumbnail))
+        pictures = [even_contrast(frame.thumbnail, pattern) for frame in (left, right)]
+        (one, other), config = extract_within_capacity(self._front_end, pictures, self._config)
+        sights = Sight(pictures[0]), Sight(pictures[1])
+        pair, seed = (left.number, right.number), self._options.seed
+        link = link_views(pair, one.features, other.features, config=config, seed=seed, sights=sights)
+        return link.move(partial(apply, left.from_thumbnail), partial(apply, right.from_thumbnail))
 
     def _describe(self, pixels: Pixels, features: Records | None, name: str, taken: Metadata) -> Frame:
         """Reduce a frame to the working width, and compute its features unless they are given."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from skymosaic import mosaics, register
 from skymosaic.common.errors import RegistrationError
 from skymosaic.geometry.ground import Sight, measure_agreement
+from skymosaic.geometry.homography import apply
 from skymosaic.imagery.key_frames import select_key_frames
 from skymosaic.mosaicking.live.mosaic import LiveMosaic
 from skymosaic.tracking.template import Roi
@@ -45,6 +46,22 @@ def with_jittering_display(image: np.ndarray) -> np.ndarray:
         text = f"ALT {100 + 7 * line} M  SPD {line}.4 GPS 12"
         cv2.putText(shown, text, (15 + jitter, 30 + 22 * line + jitter), cv2.FONT_HERSHEY_SIMPLEX, 0.7, (255,) * 3, 2)
     return shown
+
+
+def with_lines(site: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Ground of half the contrast behind eight lines of text."""
+    shown = np.asarray(36 + 0.5 * site.astype(np.float64), dtype=np.uint8)
+    for line in range(8):
+        text = f"ALT {100 + 7 * line} M SPD {line}.4 GPS 12 BAT 14.{line}V LAT 4{line}.2{line}"
+        cv2.putText(shown, text, (5, 25 + 40 * line), cv2.FONT_HERSHEY_SIMPLEX, 0.7, (255, 255, 255), 2)
+    return shown
+
+
+def at_night(image: np.ndarray, number: int, contrast: float = 0.25) -> np.ndarray:
+    """Little contrast, under the pattern of a sensor, and with the noise of a photograph."""
+    pattern, rng = np.random.default_rng(0).normal(0, 5, image.shape[:2]), np.random.default_rng(number + 1)
+    dark = 100 + contrast * image.mean(axis=2) + pattern + rng.normal(0, 1.5, image.shape[:2])
+    return np.asarray(dark.clip(0, 255), dtype=np.uint8)
 
 
 def ground(seed: int) -> np.ndarray:
@@ -91,6 +108,43 @@ def test_the_ground_behind_it_is_registered(cover: Callable[..., Any]) -> None:
     corners = np.array([(0, 0, 1), (640, 0, 1), (640, 480, 1), (0, 480, 1)], dtype=float).T
     one, other = ((h @ corners)[:2] / (h @ corners)[2] for h in (plain.homography, covered.homography))
     assert np.abs(one - other).max() < 3
+
+
+def test_a_sensors_pattern_is_subtracted_from_a_pair() -> None:
+    place = ground(5)
+    left, right = seen(place, 200, 150), seen(place, 330, 190, degrees=4)
+    plain, dark = register(left, right), register(at_night(left, 0), at_night(right, 1))
+    assert plain.homography is not None
+    assert dark.homography is not None
+    grid = np.stack(np.meshgrid((200, 400, 600), (100, 300, 450)), axis=-1).reshape(-1, 2).astype(float)
+    assert apply(dark.homography, grid) == pytest.approx(apply(plain.homography, grid), abs=3)
+    # The matches are in the photographs' pixels, as the homography is.
+    points = dark.points()
+    assert np.median(np.linalg.norm(apply(plain.homography, points.left) - points.right, axis=1)) < 2
+    assert dark.confidence is not None
+    assert dark.confidence.ground.share > 0.8
+    assert "moves with the camera" in dark.right.notes[-1]
+
+
+@pytest.mark.parametrize("contrast", [0.25, 0.12])
+def test_a_sensors_pattern_joins_no_different_places(sites: list[NDArray[np.uint8]], contrast: float) -> None:
+    pair = register(at_night(sites[0], 0, contrast), at_night(sites[1], 1, contrast))
+    assert not pair.accepted
+    assert "of the ground" in pair.reason
+
+
+def test_a_sensors_pattern_is_subtracted_from_a_flight_and_a_live_mosaic() -> None:
+    place = ground(5)
+    photographs = [at_night(seen(place, 100 + 90 * k, 100 + 20 * k, degrees=3 * k), k, 0.2) for k in range(4)]
+    (whole,) = mosaics(photographs)
+    live = LiveMosaic()
+    live.extend(photographs[:3])
+    assert len(whole.placed) == 4
+    assert len(live.transforms) == 3
+    middle = np.array([[SIZE[0] / 2, SIZE[1] / 2]])
+    for transforms in (whole.transforms, live.transforms):
+        moved = apply(np.linalg.inv(transforms[0]) @ transforms[2], middle) - middle
+        assert moved[0] == pytest.approx((180, 40), abs=8)
 
 
 def test_copies_of_one_photograph_are_told(sites: list[NDArray[np.uint8]]) -> None:
@@ -145,18 +199,20 @@ def test_what_a_mask_hides_does_not_vote(sites: list[NDArray[np.uint8]]) -> None
 
 
 def test_what_lies_between_the_lines_of_a_display_votes_in_finer_pictures(sites: list[NDArray[np.uint8]]) -> None:
-    def with_lines(site: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        shown = np.asarray(36 + 0.5 * site.astype(np.float64), dtype=np.uint8)
-        for line in range(8):
-            text = f"ALT {100 + 7 * line} M SPD {line}.4 GPS 12 BAT 14.{line}V LAT 4{line}.2{line}"
-            cv2.putText(shown, text, (5, 25 + 40 * line), cv2.FONT_HERSHEY_SIMPLEX, 0.7, (255, 255, 255), 2)
-        return shown
-
     agreement = measure_agreement(Sight(with_lines(sites[0])), Sight(with_lines(sites[1])), np.eye(3))
     coarse = np.count_nonzero(agreement.agreeing) / agreement.blocks
     assert agreement.required - 0.2 < coarse < agreement.required
     assert agreement.share < 0.53
     assert agreement.is_refused
+
+
+def test_between_the_lines_of_a_display_the_ground_of_a_moved_camera_is_good() -> None:
+    place = ground(5)
+    pair = register(with_lines(seen(place, 200, 150)), with_lines(seen(place, 260, 80)))
+    assert pair.confidence is not None
+    assert pair.confidence.verdict == "good"
+    assert pair.confidence.correlation > 0.9
+    assert pair.confidence.ground.share > 0.9
 
 
 def test_the_farther_a_camera_moves_the_less_must_agree(sites: list[NDArray[np.uint8]]) -> None:

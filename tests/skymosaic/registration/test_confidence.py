@@ -10,7 +10,7 @@ from golden_model.arrays import Pixels
 from sim.scene import CameraPose
 from skymosaic import register
 from skymosaic.features.positions import match_points
-from skymosaic.geometry.ground import GroundAgreement
+from skymosaic.geometry.ground import GroundAgreement, Sight
 from skymosaic.geometry.uncertainty import FitQuality
 from skymosaic.registration.confidence import Confidence, correlate_overlap, fits_throughout
 from tests.skymosaic.registration.rendering import CAMERA, view
@@ -96,7 +96,7 @@ def test_images_correlate_as_far_as_the_horizon(left: Pixels) -> None:
     left = left.copy()
     right = np.asarray(cv2.warpPerspective(left, tilted, size, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
     left[:60] = np.random.default_rng(0).integers(0, 256, (60, size[0]))
-    assert correlate_overlap((left, right), tilted) > 0.85
+    assert correlate_overlap(Sight(left), Sight(right), tilted) > 0.85
 
 
 @pytest.mark.parametrize(
