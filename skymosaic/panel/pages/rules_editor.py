@@ -48,7 +48,7 @@ class RulesEditor:
                     count = len(self._edit.rules.system.inputs)
                     self._curves = [(ui.label().classes("name"), self._build_curves(n)) for n in range(count)]
                 self._text = ui.textarea("Rules, in FLL", on_change=lambda event: self._type(event.value))
-                self._text.props(f"outlined autogrow debounce={1000 * TYPING_PAUSE_S:.0f} spellcheck=false")
+                self._text.props(f"outlined rows=20 debounce={1000 * TYPING_PAUSE_S:.0f} spellcheck=false")
                 self._text.classes("rules-text")
         self._shown: Pair | None = None
         self.update()

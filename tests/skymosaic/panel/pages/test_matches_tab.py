@@ -69,6 +69,10 @@ def test_a_dragged_corner_recolours_the_matches(made: Page, tmp_path: Path) -> N
     at_first = rejected.text_content() or ""
     # Each curve carries the name of its term.
     assert made.locator(".curves-plot .set-name").all_text_contents()[:4] == ["low", "high", "big", "small"]
+    text = made.get_by_role("textbox", name="Rules, in FLL")
+    # Many of its lines, before anything is typed.
+    expect(text).to_be_visible()
+    assert text.evaluate("area => area.clientHeight") > 200
     corner = made.get_by_role("slider", name="Corner 1 of distance: low, high")
     undo = made.get_by_role("button", name="Undo")
     expect(undo).to_be_disabled()
@@ -78,7 +82,6 @@ def test_a_dragged_corner_recolours_the_matches(made: Page, tmp_path: Path) -> N
     expect(rejected).not_to_have_text(at_first)
     effect = made.get_by_role("status", name="Effect of the rules")
     expect(effect).to_contain_text("predicted error")
-    text = made.get_by_role("textbox", name="Rules, in FLL")
     assert "low Ramp 0.34 0.1" not in text.input_value()
     # One drag is one version.
     undo.click()
