@@ -24,10 +24,10 @@ def write_footprints(path: Path, delivery: Delivery) -> None:
 
 
 def write_fly_again(path: Path, delivery: Delivery) -> None:
-    """Write where to fly again, likewise; nothing for a flight without GPS, which cannot say where."""
+    """Write where to fly again, likewise; nothing for a flight that lacks nothing, or cannot say where without GPS."""
     with contextlib.suppress(InputError):
         places = plan_again(delivery.flight)
-        for suffix in SUFFIXES:
+        for suffix in SUFFIXES if places else ():
             write_places(path.with_suffix(suffix), f"fly again: {delivery.path.name}", places)
 
 
