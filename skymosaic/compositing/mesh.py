@@ -9,6 +9,7 @@ back to the homography where there are no matches.)
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -17,7 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import cg
+from scipy.sparse.linalg import LinearOperator, cg
 
 from golden_model.arrays import Array, Intensities, Mask, Matrix, Points
 from skymosaic.compositing.grid import interpolation, roughness
@@ -42,8 +43,12 @@ CHECK_CELLS = 10
 """Held-out matches lie in alternate fields of a chessboard on the ground, with so many along a side of an image."""
 MIN_GAIN = 0.03
 """Rise of the share of held-out matches within 2 px from which warping photographs is worthwhile."""
-UNBENDING_STEPS = 3
+FINDING_STEPS = 3
 """A displacement changes by at most a tenth of itself over its own length, so each step leaves a tenth of the error."""
+
+
+Shape = tuple[int, int, int]
+"""Number of grids, their rows and their columns."""
 
 
 class Frame(NamedTuple):
@@ -81,7 +86,7 @@ class Mesh:
     def find(self, points: Points) -> Points:
         """Where the warped image shows points (N, 2) of the image."""
         warped = points
-        for _ in range(UNBENDING_STEPS):
+        for _ in range(FINDING_STEPS):
             warped = points - self.displacement(warped)
         return warped
 
@@ -116,131 +121,128 @@ def _interpolate(pixels: int, nodes: int) -> Array:
     return np.asarray(np.maximum(1 - np.abs(places[:, None] - np.arange(nodes)), 0))
 
 
-@dataclass(frozen=True, eq=False)
-class _Matches:
-    """N matches of all pairs: the images, their points (N, 2), and the homographies from right to left, (N, 3, 3)."""
-
-    left: NDArray[np.intp]
-    right: NDArray[np.intp]
-    left_points: Points
-    right_points: Points
-    to_left: Array
-
-    def __len__(self) -> int:
-        return len(self.left)
-
-    def of(self, chosen: Mask) -> _Matches:
-        return _Matches(*(column[chosen] for column in vars(self).values()))
-
-    def carry(self, points: Points) -> tuple[Points, Array]:
-        """Where points (N, 2) of the right images lie in the left ones, and by how much they move there, (N, 2, 2)."""
-        mapped = (self.to_left[..., :2] @ points[..., None])[..., 0] + self.to_left[..., 2]
-        at = mapped[:, :2] / mapped[:, 2:]
-        moving = self.to_left[:, :2, :2] - at[..., None] * self.to_left[:, 2:, :2]
-        return at, moving / mapped[:, 2:, None]
-
-    def errors_px(self, meshes: Mapping[int, Mesh]) -> Array:
-        """Distance of each match in its left image, with the images warped by their meshes, (N,)."""
-        left, right = self.left_points.copy(), self.right_points.copy()
-        for images, points in ((self.left, left), (self.right, right)):
-            for image, mesh in meshes.items():
-                points[images == image] = mesh.find(points[images == image])
-        return np.asarray(np.linalg.norm(left - self.carry(right)[0], axis=1))
-
-
 def fit_meshes(
     frames: Mapping[int, Frame], ties: Sequence[Ties], bent: Sequence[int], *, always: bool
 ) -> tuple[dict[int, Mesh], tuple[float, float]]:
     """Fit the grids that bring some of the images, ``bent``, closer to the others under their homographies.
 
     There are none where held-out matches do not gain by them, unless ``always``, or with fewer than 30 matches within
-    12 px of the homographies. Returns also what `held_out_shares` does.
+    12 px of the homographies. Returns also which share of the held-out matches within 12 px lies within 2 px: under
+    homographies alone, and with grids.
     """
-    shares = held_out_shares(frames, ties, bent)
-    worthwhile = always or shares[1] >= shares[0] + MIN_GAIN
-    return _fit(frames, _gather(frames, ties), bent) if worthwhile else {}, shares
-
-
-def held_out_shares(frames: Mapping[int, Frame], ties: Sequence[Ties], bent: Sequence[int]) -> tuple[float, float]:
-    """Share of the held-out matches within 12 px that lie within 2 px: under homographies alone, and with grids.
-
-    The grids are fitted twice, each time without the matches on half of the fields of a chessboard on the ground.
-    """
-    matches = _gather(frames, ties)
-    if len(matches) < 2 * MIN_MATCHES:
-        return 0.0, 0.0
-    # Whole fields, because neighbouring matches deviate alike and would confirm each other.
-    side_px = float(np.median([magnification(*frame) * max(frame.size) for frame in frames.values()])) / CHECK_CELLS
-    ground = np.zeros_like(matches.left_points)
-    for image in np.unique(matches.left).tolist():
-        ground[matches.left == image] = apply(frames[image].to_ground, matches.left_points[matches.left == image])
-    field = np.floor(ground / side_px).astype(np.int64).sum(axis=1) % 2 == 0
-    plain, warped = [], []
-    for held_out in (field, ~field):
-        meshes = _fit(frames, matches.of(~held_out), bent)
-        if not meshes or not held_out.any():
-            return 0.0, 0.0
-        plain.append(matches.of(held_out).errors_px({}) <= INLIER_PX)
-        warped.append(matches.of(held_out).errors_px(meshes) <= INLIER_PX)
-    return float(np.concatenate(plain).mean()), float(np.concatenate(warped).mean())
-
-
-def _gather(frames: Mapping[int, Frame], ties: Sequence[Ties]) -> _Matches:
-    """All matches near the homographies."""
-    counts = [len(each.left_points) for each in ties]
-    to_left = [np.linalg.inv(frames[each.left].to_ground) @ frames[each.right].to_ground for each in ties]
-    matches = _Matches(
-        np.repeat([each.left for each in ties], counts),
-        np.repeat([each.right for each in ties], counts),
-        np.concatenate([each.left_points for each in ties]),
-        np.concatenate([each.right_points for each in ties]),
-        np.repeat(to_left, counts, axis=0),
-    )
-    return matches.of(matches.errors_px({}) <= NEAR_PX)
-
-
-def _fit(frames: Mapping[int, Frame], matches: _Matches, bent: Sequence[int]) -> dict[int, Mesh]:
-    """The grids of all images in ``bent``, by least squares with reweighting."""
-    if len(matches) < MIN_MATCHES:
-        return {}
+    matches = _gather(frames, ties, bent)
     width, height = frames[bent[0]].size
     columns, rows = (max(round(CELLS * side / max(width, height)), 1) + 1 for side in (width, height))
-    smooth = STIFFNESS * roughness((rows, columns)) + RETURN * np.eye(rows * columns)
-    smooth = sparse.kron(sparse.eye_array(2 * len(bent)), smooth, format="csr")
-    weight, solution = np.ones(2 * len(matches)), np.zeros(smooth.shape[0])
-    moved_left, moved_right = np.zeros((2, len(matches), 2))
+    shape = len(bent), rows, columns
+    shares = _held_out_shares(matches, shape)
+    if len(matches.ground) < MIN_MATCHES or not (always or shares[1] >= shares[0] + MIN_GAIN):
+        return {}, shares
+    grids = _fit(matches, shape).reshape(*shape, 2)
+    return {image: Mesh(frames[image].size, grid) for image, grid in zip(bent, grids, strict=True)}, shares
+
+
+@dataclass(frozen=True, eq=False)
+class _Matches:
+    """N matches of all pairs, and the images that they join, the left ones first."""
+
+    points: Array
+    """(2, N, 2)"""
+    last: Array
+    """(2, N, 2): last pixel of each image."""
+    grid: NDArray[np.intp]
+    """(2, N): place of each image among those that are bent; -1 for one that is not."""
+    to_left: Array
+    """(N, 3, 3): homographies from right to left."""
+    ground: Points
+    """(N, 2): where the left points lie, in fields of a chessboard."""
+
+    def of(self, chosen: Mask) -> _Matches:
+        points, last, grid = self.points[:, chosen], self.last[:, chosen], self.grid[:, chosen]
+        return _Matches(points, last, grid, self.to_left[chosen], self.ground[chosen])
+
+    def weigh(self, side: int, moved: Array, shape: Shape) -> sparse.csr_array:
+        """Weights (N, nodes of all grids) of the nodes at the points of a side, moved by (N, 2)."""
+        local = interpolation((self.points[side] - moved) / self.last[side], shape[1:])
+        grid = np.repeat(self.grid[side], 4)
+        columns = local.indices + np.maximum(grid, 0) * local.shape[1]
+        values = np.where(grid < 0, 0.0, local.data)
+        return sparse.csr_array((values, columns, local.indptr), shape=(len(moved), math.prod(shape)))
+
+    def carry(self, moved: Array) -> tuple[Points, Array]:
+        """Where right points, moved by (N, 2), lie in the left images, and how much they move there, (N, 2, 2)."""
+        mapped = (self.to_left[..., :2] @ (self.points[1] - moved)[..., None])[..., 0] + self.to_left[..., 2]
+        at = mapped[:, :2] / mapped[:, 2:]
+        moving = self.to_left[:, :2, :2] - at[..., None] * self.to_left[:, 2:, :2]
+        return at, moving / mapped[:, 2:, None]
+
+    def errors_px(self, nodes_px: Array, shape: Shape) -> Array:
+        """Distance of each match in its left image, with the images warped by grids, (N,)."""
+        moved = np.zeros_like(self.points)
+        for _ in range(FINDING_STEPS if nodes_px.any() else 0):
+            moved = np.stack([self.weigh(side, moved[side], shape) @ nodes_px for side in (0, 1)])
+        return np.asarray(np.linalg.norm(self.points[0] - moved[0] - self.carry(moved[1])[0], axis=1))
+
+
+def _gather(frames: Mapping[int, Frame], ties: Sequence[Ties], bent: Sequence[int]) -> _Matches:
+    """All matches near the homographies."""
+    place = {image: number for number, image in enumerate(bent)}
+    side_px = float(np.median([magnification(*frame) * max(frame.size) for frame in frames.values()])) / CHECK_CELLS
+    counts, ends = [len(each.left_points) for each in ties], [(each.left, each.right) for each in ties]
+    to_left = [np.linalg.inv(frames[left].to_ground) @ frames[right].to_ground for left, right in ends]
+    last = np.array([[frames[image].size for image in pair] for pair in ends]) - 1
+    matches = _Matches(
+        np.stack([np.concatenate([each[side] for each in ties]) for side in (2, 3)]),
+        np.repeat(last, counts, axis=0).swapaxes(0, 1),
+        np.repeat([[place.get(image, -1) for image in pair] for pair in ends], counts, axis=0).T,
+        np.repeat(to_left, counts, axis=0),
+        np.concatenate([apply(frames[each.left].to_ground, each.left_points) for each in ties]) / side_px,
+    )
+    errors_px = np.linalg.norm(matches.points[0] - matches.carry(np.zeros_like(matches.ground))[0], axis=1)
+    return matches.of(errors_px <= NEAR_PX)
+
+
+def _held_out_shares(matches: _Matches, shape: Shape) -> tuple[float, float]:
+    """See `fit_meshes`; the grids are fitted twice, each time without half of the fields of a chessboard on the ground.
+
+    Whole fields are held out, because neighbouring matches deviate alike and would confirm each other.
+    """
+    field = np.floor(matches.ground).astype(np.int64).sum(axis=1) % 2 == 0
+    if min(np.count_nonzero(field), np.count_nonzero(~field)) < MIN_MATCHES:
+        return 0.0, 0.0
+    within = list[Mask]()
+    for held_out in (field, ~field):
+        nodes_px = _fit(matches.of(~held_out), shape)
+        errors_px = [matches.of(held_out).errors_px(nodes, shape) for nodes in (0 * nodes_px, nodes_px)]
+        within.append(np.array(errors_px) <= INLIER_PX)
+    plain, warped = np.concatenate(within, axis=1).mean(axis=1).tolist()
+    return plain, warped
+
+
+def _fit(matches: _Matches, shape: Shape) -> Array:
+    """Displacements (nodes of all grids, 2) by least squares with reweighting."""
+    smooth = STIFFNESS * roughness(shape[1:]) + RETURN * np.eye(shape[1] * shape[2])
+    smooth = sparse.kron(sparse.eye_array(2 * shape[0]), smooth, format="csr")
+    solution, moved = np.zeros(smooth.shape[0]), np.zeros_like(matches.points)
+    weight = np.ones(2 * len(matches.ground))
     for scale_px in ROBUST_PX:
-        left = _weigh_nodes(frames, matches.left, matches.left_points - moved_left, bent, (rows, columns))
-        right = _weigh_nodes(frames, matches.right, matches.right_points - moved_right, bent, (rows, columns))
+        left, right = (matches.weigh(side, moved[side], shape) for side in (0, 1))
         # The homography is to carry the right point, moved, to the left one, moved; it is linear near where they are.
-        at, turn = matches.carry(matches.right_points - moved_right)
-        target = (matches.left_points - at - (turn @ moved_right[..., None])[..., 0]).T.ravel()
+        at, turn = matches.carry(moved[1])
+        target = (matches.points[0] - at - (turn @ moved[1][..., None])[..., 0]).T.ravel()
         turned = sparse.block_array([[right.multiply(turn[:, i, j, None]) for j in (0, 1)] for i in (0, 1)])
         matrix = (sparse.block_diag((left, left)) - turned).tocsr()
-        weighted = matrix.multiply(weight[:, None])
-        normal = matrix.T @ weighted + smooth
-        by_diagonal = sparse.diags_array(1 / normal.diagonal())
-        solution, _ = cg(normal, weighted.T @ target, solution, rtol=SOLVED, M=by_diagonal)
+        solution = _solve(matrix, weight, target, smooth, solution)
         off = ((matrix @ solution - target).reshape(2, -1) ** 2).sum(axis=0)
         weight = np.tile(1 / (1 + off / scale_px**2) ** 2, 2)
         nodes_px = solution.reshape(2, -1).T
-        moved_left, moved_right = left @ nodes_px, right @ nodes_px
-    grids = nodes_px.reshape(len(bent), rows, columns, 2)
-    return {image: Mesh(frames[image].size, grid) for image, grid in zip(bent, grids, strict=True)}
+        moved = np.stack([left @ nodes_px, right @ nodes_px])
+    return nodes_px
 
 
-def _weigh_nodes(
-    frames: Mapping[int, Frame],
-    images: NDArray[np.intp],
-    points: Points,
-    bent: Sequence[int],
-    shape: tuple[int, int],
-) -> sparse.csr_array:
-    """Weights (N, nodes of all bent images) of the nodes at points (N, 2), each in its image; 0 in one that stays."""
-    known, place = np.unique(images, return_inverse=True)
-    last = np.array([frames[image].size for image in known.tolist()])[place] - 1
-    grid = np.array([bent.index(image) if image in bent else -1 for image in known.tolist()])[place]
-    local = interpolation(points / last, shape)
-    columns = local.indices + np.repeat(np.maximum(grid, 0) * shape[0] * shape[1], 4)
-    values = np.where(np.repeat(grid < 0, 4), 0.0, local.data)
-    return sparse.csr_array((values, columns, local.indptr), shape=(len(points), len(bent) * shape[0] * shape[1]))
+def _solve(matrix: sparse.csr_array, weight: Array, target: Array, smooth: sparse.csr_array, start: Array) -> Array:
+    """Weighted least squares without its normal matrix, in which all images of a place would meet."""
+    weighted = sparse.csr_array(matrix.multiply(weight[:, None]))
+    diagonal = weighted.multiply(matrix).sum(axis=0) + smooth.diagonal()
+    normal = LinearOperator(smooth.shape, lambda x: weighted.T @ (matrix @ x) + smooth @ x, dtype=np.float64)
+    solution, _ = cg(normal, weighted.T @ target, start, rtol=SOLVED, M=sparse.diags_array(1 / diagonal))
+    return np.asarray(solution)

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from skymosaic.compositing.mesh import CHECK_CELLS, Frame, Mesh, Ties, fit_meshes, held_out_shares
+from skymosaic.compositing.mesh import CHECK_CELLS, Frame, Mesh, Ties, fit_meshes
 from skymosaic.geometry.homography import apply
 
 SIZE = (640, 480)
@@ -18,7 +18,7 @@ def fit(left: Points, right: Points, *, always: bool = True) -> Mesh | None:
 
 
 def shares(left: Points, right: Points) -> tuple[float, float]:
-    return held_out_shares(FRAMES, [Ties(0, 1, left, right)], [0])
+    return fit_meshes(FRAMES, [Ties(0, 1, left, right)], [0], always=False)[1]
 
 
 def matches(

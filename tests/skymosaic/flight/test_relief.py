@@ -16,8 +16,10 @@ from skymosaic.common.errors import InputError
 from skymosaic.compositing.mesh import Mesh
 from skymosaic.compositing.warp import Canvas, warp_backward
 from skymosaic.flight.flight import Flight
+from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.place import sightings_of
 from skymosaic.flight.relief import bending_numbers, describe_bending, follow_relief
+from skymosaic.geometry.homography import transfer_error
 from skymosaic.imagery.lens import Lens
 from skymosaic.mosaicking.api import mosaic, open_plan
 from skymosaic.mosaicking.options import MosaicOptions
@@ -49,6 +51,19 @@ def test_meshes_halve_the_errors_of_matches_that_had_no_part_in_them(flight: Fli
     assert after.median_error_px < before.median_error_px / 2
     assert after.transforms is before.transforms
     assert all(isinstance(source.warp, Mesh) for source in bent.sources)
+
+
+def test_what_lies_off_the_plane_takes_part(flight: Flight) -> None:
+    def off_plane_px(layout: Layout) -> float:
+        errors = []
+        for link in layout.links:
+            to_right = np.linalg.inv(layout.transforms[link.right]) @ layout.transforms[link.left]
+            errors.append(transfer_error(to_right, link.left_relief, link.right_relief))
+        return float(np.median(np.concatenate(errors)))
+
+    before, after = (off_plane_px(each.layouts[0]) for each in (flight, follow_relief(flight, "auto")))
+    assert before > 3
+    assert after < before / 4
 
 
 def test_photographs_agree_better_where_they_show_the_same_ground(flight: Flight) -> None:

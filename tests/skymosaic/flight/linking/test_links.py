@@ -46,6 +46,11 @@ def test_checks_are_no_ties_and_lie_on_relief_too() -> None:
     on_plane = flight.homography_between(0, 1)
     off_px = transfer_error(on_plane, link.left_checks, link.right_checks)
     assert off_px.max() > 3
+    assert len(link.left_relief) > len(link.left_checks) / 20
+    assert transfer_error(on_plane, link.left_relief, link.right_relief).min() > 2
+    # What shapes meshes is no tie, and no check of what they gain.
+    others = ties | {tuple(point) for point in link.left_checks.tolist()}
+    assert others.isdisjoint(tuple(point) for point in link.left_relief.tolist())
     again = type(link).unpack(link.pack(), 0, 1)
     np.testing.assert_array_equal(again.right_checks, link.right_checks)
 
