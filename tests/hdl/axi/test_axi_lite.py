@@ -61,6 +61,7 @@ def test_a_read_does_not_wait_for_a_write_whose_answer_nobody_takes() -> None:
         assert ctx.get(bus.bvalid)
         # The next write has been accepted, and waits for the answer to the first.
         assert not ctx.get(bus.awready)
+        assert not ctx.get(bus.wready)
         assert (await read(ctx, bus, 4))[1] == Response.OKAY
 
     BlockBench(dut).run(run, background=[watch])

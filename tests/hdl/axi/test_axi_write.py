@@ -8,6 +8,7 @@ import pytest
 
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_write import BURST_BYTES, BURST_WORDS, MAX_OUTSTANDING, BurstWriter
+from sim.simulators.recording import Pauses
 from tests.hdl.block_bench import BlockBench
 from tests.hdl.shell.axi_memory import AxiMemory
 
@@ -21,7 +22,8 @@ BASE, LENGTH_BYTES = 0x12_3456_0000, 16 * BURST_BYTES
 )
 def test_bursts_arrive_where_they_belong(rules: dict[str, Any]) -> None:
     memory, dut, rng = AxiMemory(BASE, LENGTH_BYTES, **rules), BurstWriter(), random.Random(3)
-    bench = BlockBench(dut, cycle_limit=4000)
+    # In the gaps between words nothing is offered.
+    bench = BlockBench(dut, pauses=Pauses(gaps=60, seed=4), cycle_limit=4000)
     expected = np.zeros(LENGTH_BYTES, np.uint8)
     errors = [0]
 

@@ -1,8 +1,12 @@
 import dataclasses
+import enum
 
 import pytest
 
 from golden_model.config import EstimatorConfig
+from golden_model.geometry.estimator import EstimateCause
+from golden_model.geometry.scoring import ScoreCause
+from golden_model.records import Cause
 from hdl.build import BUILDS, Build
 from hdl.registers.register_map import ESTIMATOR_REGISTERS, REGISTERS
 from hdl.registers.shell_register_map import (
@@ -13,6 +17,7 @@ from hdl.registers.shell_register_map import (
     RingFault,
     list_registers,
 )
+from hdl.shell.slot import HeaderFlag
 
 
 def test_names_and_offsets_are_unique_and_fields_do_not_overlap() -> None:
@@ -23,6 +28,12 @@ def test_names_and_offsets_are_unique_and_fields_do_not_overlap() -> None:
         assert sum(field.mask for field in register.fields) == sum({f.mask for f in register.fields})
         assert sum(field.bits for field in register.fields) == sum(f.mask for f in register.fields).bit_count()
         assert all(field.low + field.bits <= 32 for field in register.fields)
+
+
+@pytest.mark.parametrize("flags", [Cause, EstimateCause, HeaderFlag, Refusal, RingFault, ScoreCause])
+def test_each_fault_has_a_bit_of_its_own_from_the_lowest_on(flags: type[enum.IntFlag]) -> None:
+    """What model and hardware share is no check of either: hosts of earlier boards read these."""
+    assert [fault.value for fault in flags.__members__.values()] == [1 << bit for bit in range(len(flags.__members__))]
 
 
 @pytest.mark.parametrize("shell", ["streams", "serial", "camera"])

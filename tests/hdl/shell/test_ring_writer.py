@@ -15,7 +15,7 @@ from sim.simulators.recording import Pauses
 from tests.hdl.block_bench import BlockBench, Testbench
 from tests.hdl.shell.axi_memory import AxiMemory
 
-RECORD_WORDS, MAX_WORDS = 3, 400
+RECORD_WORDS, MAX_WORDS = 4, 400
 SLOTS, BASE = 3, 0x7_0000_1000
 UNTOUCHED = 0xA5
 
@@ -66,13 +66,19 @@ class RingBench:
         self.bench.run(send, inform, background=[self.memory.port(self.dut.bus), self._host, self._watch, *others])
 
     async def _watch(self, ctx: Any) -> None:
-        """The header's burst, at the start of a page, begins when every other one has its answer."""
-        unanswered, bus = 0, self.dut.bus
-        async for *_, valid, ready, address, answer in ctx.tick().sample(
-            bus.awvalid, bus.awready, bus.awaddr, bus.bvalid
+        """The header's burst, at the start of a page, begins when every other one has its answer.
+
+        Each burst begins when all of it is there: the memory never waits for words.
+        """
+        unanswered, bus, is_within = 0, self.dut.bus, 0
+        words = bus.wvalid, bus.wready, bus.wlast
+        async for *_, valid, ready, address, answer, word, takes, last in ctx.tick().sample(
+            bus.awvalid, bus.awready, bus.awaddr, bus.bvalid, *words
         ):
             assert not valid or address % PAGE_BYTES or not unanswered
             unanswered += (valid & ready) - answer
+            assert word or not is_within
+            is_within = (is_within | word) & ~(word & takes & last)
 
     async def _wait(self, ctx: Any, ended: int) -> None:
         while self.ended < ended:
@@ -145,12 +151,12 @@ def test_what_waits_for_the_memory_does_not_change_when_the_next_packet_comes() 
 def test_a_packet_that_is_too_long_is_cut_and_flagged() -> None:
     bench = RingBench()
     room_words = (PAGE_BYTES - HEADER_BYTES) // WORD_BYTES
-    bench.run([packet(200, 1), packet(2, 2)])
+    bench.run([packet(150, 1), packet(2, 2)])
     header, _ = bench.delivered[0]
     assert int(header["flags"]) == HeaderFlag.OVERLONG
     assert int(header["length_bytes"]) == 600 * WORD_BYTES
     written = bench.memory.bytes[HEADER_BYTES:PAGE_BYTES].view("<u8").tolist()
-    assert written == packet(200, 1)[:room_words]
+    assert written == packet(150, 1)[:room_words]
     assert bench.delivered[1][1] == packet(2, 2)
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.scene import Photometry, ground, make_lawnmower, make_pair, project
+from sim.scene import Photometry, ground, make_lawnmower, make_pair, make_pursuit, project
 from sim.scene.flight import Flight
 from tests.sim.scene.caches import clear_caches
 
@@ -83,6 +83,14 @@ def test_lawnmower_renders_only_what_is_asked_for() -> None:
     assert ground.CACHED_TILES * ground.TILE_PX**2 * 3 <= 160e6
     with pytest.raises(IndexError):
         flight.images[500]
+
+
+def test_a_car_keeps_its_shape() -> None:
+    to_ground = np.array(make_pursuit(seed=1, images=5).car_to_ground)
+    np.testing.assert_array_equal(to_ground[:, 2], [[0, 0, 1]] * 5)
+    np.testing.assert_allclose(
+        to_ground[:, :2, :2] @ to_ground[:, :2, :2].transpose(0, 2, 1), [np.eye(2)] * 5, atol=1e-12
+    )
 
 
 def test_bad_input_is_named() -> None:

@@ -35,6 +35,30 @@ def test_tiling_leaves_no_trace(monkeypatch: pytest.MonkeyPatch) -> None:
     assert cv2.absdiff(reference, moved).max() <= 2
 
 
+PAIRS = {
+    2: (
+        [[84, 84, 88, 103, 104, 92], [92, 87, 88, 76, 71, 95], [113, 102, 83, 72, 74, 71], [103, 101, 98, 73, 69, 66]],
+        [[84, 90, 80, 80, 79, 77], [66, 54, 66, 84, 88, 67], [62, 55, 57, 57, 59, 77], [61, 52, 53, 55, 55, 76]],
+    ),
+    9: (
+        [
+            [123, 135, 133, 121, 83, 98], [127, 127, 134, 120, 94, 91], [111, 123, 116, 112, 110, 108],
+            [102, 80, 115, 105, 93, 111],
+        ],
+        [[99, 80, 72, 83, 86, 67], [100, 81, 75, 74, 74, 68], [87, 91, 83, 94, 105, 90], [88, 79, 73, 86, 105, 74]],
+    ),
+}  # fmt: skip
+"""Mean gray levels of 4x6 parts of the left and the right picture, by their seed."""
+
+
+@pytest.mark.parametrize("seed", PAIRS)
+def test_a_pair_is_that_on_which_recorded_figures_were_measured(seed: int) -> None:
+    """Its ground, light, shadows, poses and exposures; rounding of other processors may differ."""
+    for image, levels in zip(make_pair(seed).images, PAIRS[seed], strict=True):
+        found = cv2.resize(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), (6, 4), interpolation=cv2.INTER_AREA)
+        np.testing.assert_allclose(found.astype(int), levels, atol=1)
+
+
 @pytest.mark.parametrize("seed", [2, 9])
 def test_landscape_has_the_statistics_of_a_photograph(seed: int) -> None:
     view = cv2.cvtColor(make_pair(seed).images[0], cv2.COLOR_BGR2GRAY)

@@ -27,7 +27,7 @@ def test_positions_from_a_file_are_those_that_are_checked(tmp_path: Path) -> Non
         assert [each["gps"] for each in session.numbers["photographs"]] == [known] * 3
 
 
-def test_where_to_fly_again_is_written_for_a_map(tmp_path: Path) -> None:
+def test_where_to_fly_again_is_written_for_a_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Of three strips the middle photograph is missing, and another one shows nothing that the others do."""
     flight = make_lawnmower(seed=9, images=9, size=(320, 240), forward_overlap=0.25, side_overlap=0.25)
     (tmp_path / "flight").mkdir()
@@ -68,3 +68,4 @@ def test_where_to_fly_again_is_written_for_a_map(tmp_path: Path) -> None:
     both = f"control points ({tmp_path / 'gcp.txt'}) and positions ({tmp_path / 'geo.txt'})"
     assert problem.startswith(both)
     assert "0 degrees apart, 60 m away" in problem
+    assert f"warning: {problem}\n" in capsys.readouterr().err

@@ -26,6 +26,13 @@ def test_the_finer_of_two_photographs_shows_all_but_its_margin() -> None:
     assert ((fine.claim(part) >= alike) == (fine.border_distance(part) >= alike)).all()
 
 
+def test_a_mask_that_hides_nothing_changes_no_distance() -> None:
+    whole, masked = (Layer(IMAGE, enlarged(1), visible=mask) for mask in (None, np.full(IMAGE.shape, 255, np.uint8)))
+    distance = whole.border_distance(whole.footprint)
+    np.testing.assert_array_equal(distance, masked.border_distance(whole.footprint))
+    np.testing.assert_array_equal(distance, distance[::-1, ::-1])
+
+
 def test_detail_falls_towards_the_horizon() -> None:
     tilted = np.array([[1.0, 0, 0], [0, 1, 0], [0, 1 / 600, 1]])
     layer = Layer(IMAGE, tilted)

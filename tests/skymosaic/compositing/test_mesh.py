@@ -41,7 +41,9 @@ def test_the_grid_follows_the_relief_and_ignores_wrong_matches() -> None:
     before = np.linalg.norm(bent - left[correct], axis=1)
     after = np.linalg.norm(bent + mesh.displacement(bent) - left[correct], axis=1)
     assert before.max() > 5
-    assert np.percentile(after, 95) < 1.2
+    assert np.percentile(after, 95) < 0.85
+    # On top of the hill, wrong matches beside right ones would hold it back.
+    assert -6 < mesh.displacement(np.array([[400.0, 240.0]]))[0, 0] < -5.4
     assert np.abs(mesh.displacement(np.array([[5.0, 240.0]]))).max() < 1.5  # no matches there
 
 

@@ -4,10 +4,18 @@ from numpy.typing import NDArray
 
 from golden_model.config import preset_config
 from golden_model.front_end import extract
+from golden_model.records import MATCH
 from sim.backends.golden import GoldenBackend
 from sim.scene import make_pair
-from skymosaic.features.frames import Change, change_image, map_matches_to_images, map_to_image, swap_sides
-from skymosaic.features.positions import feature_points, match_points
+from skymosaic.features.frames import (
+    Change,
+    ChangedImage,
+    change_image,
+    map_matches_to_images,
+    map_to_image,
+    swap_sides,
+)
+from skymosaic.features.positions import feature_points, match_points, raw_positions
 from skymosaic.geometry.homography import apply
 
 CONFIG = preset_config("aerial")
@@ -30,6 +38,18 @@ def test_a_changed_frame_matches_its_image_in_place(image: NDArray[np.uint8], ch
     close = np.linalg.norm(left - right, axis=1) < 1.5
     assert close.sum() >= 12
     assert np.median(np.linalg.norm(left - right, axis=1)[close]) < 0.6
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_matches_outside_their_images_are_dropped(image: NDArray[np.uint8], side: str) -> None:
+    (width, height), moved = SIZE, np.array([[1.0, 0, -20], [0, 1, -10], [0, 0, 1]])
+    frames = {"left": ChangedImage(image, np.eye(3)), "right": ChangedImage(image, np.eye(3))}
+    frames[side] = ChangedImage(image, moved)
+    inside, outside = [(20, 10), (width + 19, height + 9)], [(width + 20, 50), (50, height + 10), (19, 50), (50, 9)]
+    matches = np.zeros(6, MATCH.dtype)
+    matches[f"{side}_x"], matches[f"{side}_y"] = raw_positions(np.array(inside + outside, np.float64)).T
+    found = map_matches_to_images(matches, (frames["left"], frames["right"]), (image, image))
+    np.testing.assert_array_equal(match_points(found)[side == "right"], [(0, 0), (width - 1, height - 1)])
 
 
 def test_frames_outside_the_range_of_the_front_end_are_refused(image: NDArray[np.uint8]) -> None:

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
+from golden_model.config import MIN_FRAME_PX
 from skymosaic.common.errors import InputError
 from skymosaic.imagery import images
 
@@ -101,6 +102,8 @@ def test_a_tall_image_is_reduced_by_its_height() -> None:
 def test_an_image_that_becomes_too_narrow_is_named() -> None:
     with pytest.raises(InputError, match=r"pano\.jpg: 16000x700 is reduced to 1280x56"):
         images.reduce_for_front_end(np.zeros((700, 16000), np.uint8), 1280, "pano.jpg")
+    for shape in ((MIN_FRAME_PX, 2 * MIN_FRAME_PX), (2 * MIN_FRAME_PX, MIN_FRAME_PX)):
+        assert images.reduce_for_front_end(np.zeros(shape, np.uint8), 1280, "small.jpg")[0].shape == shape
 
 
 def test_written_files_have_the_permissions_of_the_user(tmp_path: Path) -> None:

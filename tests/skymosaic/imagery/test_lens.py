@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from skymosaic.common.errors import InputError
-from skymosaic.imagery.lens import load_lens
+from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.mosaicking.api import mosaic
 from skymosaic.mosaicking.options import MosaicOptions
 
@@ -36,6 +36,20 @@ def test_a_camera_takes_the_distortion_out(tmp_path: Path) -> None:
         rows, columns = np.mgrid[-6:7, -6:7]
         centre = np.array([(patch * columns).sum(), (patch * rows).sum()]) / patch.sum() + np.rint([x, y])
         np.testing.assert_allclose(centre, [x, y], atol=0.3)
+
+
+def test_ground_is_where_the_lens_and_the_mask_of_the_photograph_both_show_it(tmp_path: Path) -> None:
+    (tmp_path / "camera.toml").write_text(CAMERA)
+    own = np.full((24, 32), 255, np.uint8)
+    own[:6] = 0
+    own[12, 16] = 254
+    by_lens = np.asarray(load_lens(tmp_path / "camera.toml", None).visible_mask((640, 480)))
+    both = load_lens(tmp_path / "camera.toml", None).visible_mask((640, 480), own)
+    alone = Lens().visible_mask((640, 480), own)
+    for mask, ground in ((alone, 255), (both, by_lens)):
+        expected = np.broadcast_to(ground, (480, 640)).copy()
+        expected[:120] = expected[240:260, 320:340] = 0
+        np.testing.assert_array_equal(mask, expected)
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,7 @@ def test_a_cache_that_cannot_be_written_keeps_nothing(tmp_path: Path, monkeypatc
     cache.save("key", {"values": np.arange(3)})
     cache.save("other", {"values": np.arange(3)})
     assert len(lines) == 2
+    assert "cannot be made" in lines[0]
     assert "No space left" in lines[1]
 
 

@@ -79,7 +79,10 @@ def test_the_final_adjustment_brings_all_frames_within_a_third_of_a_pixel(
     live = LiveMosaic(config=CONFIG)
     for frame in frames:
         live.add(frame)
+    before = dict(live.transforms)
     live.finish()
+    # The last layout was that of eight frames.
+    assert np.abs(live.transforms[IMAGES - 2] - before[IMAGES - 2]).max() > 1e-6
     grid = np.stack(np.meshgrid(np.linspace(0, SIZE[0] - 1, 4), np.linspace(0, SIZE[1] - 1, 4)), -1).reshape(-1, 2)
     found = np.concatenate([apply(live.transforms[index], grid) for index in range(IMAGES)])
     true = np.concatenate(
