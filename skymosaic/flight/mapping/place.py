@@ -91,11 +91,14 @@ def _hold_against(place: MapPlace, by: str, other: MapPlace, by_other: str, came
 
 
 def list_contradictions(flight: Flight, control: ControlPoints | None = None) -> list[str]:
-    """How the sources of a flight's place contradict each other, those included for which a mosaic is refused."""
+    """How the sources of a flight's place contradict each other or the layouts, also where a mosaic is refused."""
     found: list[str] = []
     for layout in flight.layouts:
         with noting(found):
-            found += place_on_map(flight, layout, control).contradictions
+            place = place_on_map(flight, layout, control)
+            known = sum(flight.views[member].gps is not None for member in layout.members)
+            refused = place.georeference is None and known >= MIN_POSITIONS
+            found += [f"no place on the map: {place.note}"] if refused else place.contradictions
     return found
 
 

@@ -105,6 +105,18 @@ def test_a_file_of_positions_is_held_against_gps(place: Change, found: str) -> N
     assert not result if not found else re.search(found, result), result
 
 
+def test_positions_that_do_not_fit_the_layout_are_a_contradiction() -> None:
+    flight, layout = flown()
+    for view, other in zip(flight.views, np.random.default_rng(0).permutation(12), strict=True):
+        view.taken = taken_above(*STEPS[other])
+    (line,) = list_contradictions(flight)
+    assert re.match(r"no place on the map: positions and layout differ by .* farthest off: ", line)
+    for view in flight.views:
+        view.taken, view.gps = Metadata(), None
+    assert list_contradictions(flight) == []
+    assert place_on_map(flight, layout).note
+
+
 def test_two_gps_positions_say_little_of_the_scale() -> None:
     """Each may be 5 m off, and they fit exactly."""
     flight, layout = with_positions(lambda at: MIDDLE + 1.25 * (at - MIDDLE))
