@@ -12,6 +12,8 @@ DETAIL_SIGMA_PX, EVEN_SPREAD = 12.0, 45.0
 """What is coarser is light, and the standard deviation of gray levels that is left, see `even_contrast`."""
 PATTERN_SIGMA_PX = 3.0
 """What is coarser is ground. Of two images, the mean of all detail would leave each as the negative of the other."""
+ENOUGH = 100
+"""More images make no difference."""
 SHARED = 0.1
 """From this correlation of two images' fine detail on, they have a pattern in common: 0.3 and more where it decides
 what matches, 0.02 where different ground lies on the same pixels."""
@@ -21,12 +23,12 @@ LOCALLY_SHARED, SHARED_SIDE_PX = 0.5, 21
 
 
 def find_pattern(images: Sequence[Pixels]) -> Float32:
-    """What images of one camera have in common, each at the same pixels: the mean of their fine detail, (H, W).
+    """What images of one camera have in common, each at the same pixels: the median of their fine detail, (H, W).
 
     A display that stands still is part of it, a sensor's columns and bright pixels are. Two images are enough to find
     it, although half of each one's own detail is then taken for it, too.
     """
-    return np.asarray(np.mean([_fine_detail(image) for image in images], axis=0))
+    return np.asarray(np.median([_fine_detail(image) for image in images[:: 1 + len(images) // ENOUGH]], axis=0))
 
 
 def share_pattern(left: Pixels, right: Pixels) -> bool:

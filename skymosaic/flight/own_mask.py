@@ -7,6 +7,7 @@ import numpy as np
 
 from golden_model.arrays import Mask, Pixels
 from golden_model.pixel.gray import to_gray
+from skymosaic.features.contrast import find_pattern
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply
@@ -20,11 +21,14 @@ REACH_PX = 5
 MAX_HOLE = 0.02
 """What is masked all around and smaller than this share of a picture is masked, too."""
 CONSTANT_SHARE = 0.25
-"""What changes less than this share of the usual from photograph to photograph, as a border does, and joins the places
-that were voted for, moves with the camera, too."""
+"""What changes less than this share of the usual from photograph to photograph, as a border does, and joins such
+places, moves with the camera, too."""
 _AROUND = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * REACH_PX + 1, 2 * REACH_PX + 1))
+SHARED = 5.0
+"""Where what all photographs have in common has so many times the usual energy, something is drawn in them. Some of
+what was voted for must be such a place: a sensor's pattern is everywhere."""
 MAX_SHARE_MASKED = 0.6
-"""A mask of more is none: a sensor's pattern is everywhere."""
+"""A mask of more is none."""
 
 
 def find_mask(views: Sequence[View], moving: Sequence[Link], thumbnails: Sequence[Pixels]) -> Pixels | None:
@@ -39,8 +43,10 @@ def find_mask(views: Sequence[View], moving: Sequence[Link], thumbnails: Sequenc
         return None
     votes = np.sum([_places(link, views, thumbnails[0]) for link in moving], axis=0)
     voted = votes >= max(MIN_VOTES, MIN_SHARE_OF_VOTES * len(moving))
-    masked = _with_constant(voted, thumbnails)
-    if not voted.any() or masked.mean() > MAX_SHARE_MASKED:
+    energy = cv2.GaussianBlur(find_pattern(thumbnails) ** 2, (0, 0), REACH_PX / 2)
+    shared = energy > SHARED * np.median(energy[~voted])
+    masked = _join(shared, thumbnails)
+    if not (voted & shared).any() or max(voted.mean(), masked.mean()) > MAX_SHARE_MASKED:
         return None
     return np.where(masked, 0, 255).astype(np.uint8)
 
@@ -54,13 +60,13 @@ def _places(link: Link, views: Sequence[View], thumbnail: Pixels) -> Mask:
     return np.asarray(cv2.dilate(hit, _AROUND) > 0)
 
 
-def _with_constant(voted: Mask, thumbnails: Sequence[Pixels]) -> Mask:
+def _join(shared: Mask, thumbnails: Sequence[Pixels]) -> Mask:
     """These places, what is constant and joins them, and what both enclose."""
     spread = np.std([to_gray(thumbnail) for thumbnail in thumbnails], axis=0)
-    constant = cv2.GaussianBlur(spread, (0, 0), 1.0) < CONSTANT_SHARE * np.median(spread[~voted])
-    joined = cv2.morphologyEx((voted | constant).astype(np.uint8), cv2.MORPH_CLOSE, _AROUND)
+    constant = cv2.GaussianBlur(spread, (0, 0), 1.0) < CONSTANT_SHARE * np.median(spread[~shared])
+    joined = cv2.morphologyEx((shared | constant).astype(np.uint8), cv2.MORPH_CLOSE, _AROUND)
     _, labels = cv2.connectedComponents(joined)
-    masked = np.isin(labels, np.setdiff1d(labels[voted], 0))
+    masked = np.isin(labels, np.setdiff1d(labels[shared], 0))
     _, labels, sizes, _ = cv2.connectedComponentsWithStats((~masked).astype(np.uint8))
     holes = np.flatnonzero(sizes[:, cv2.CC_STAT_AREA] < MAX_HOLE * masked.size)
     return np.asarray(masked | np.isin(labels, np.setdiff1d(holes, 0)))

@@ -341,7 +341,7 @@ def _why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:
     if held := sum(link.holds for link in tried):
         return f"{held} links contradict each other or the layout, so its place is unknown"
     best = max(tried, key=lambda link: link.inliers)
-    if not best.inliers and any(link.moves_with_camera for link in tried):
+    if best.moves_with_camera or (not best.inliers and any(link.moves_with_camera for link in tried)):
         return f"nothing links it to the others; {MOVES_WITH_CAMERA}"
     other = views[best.left + best.right - view].name
     best_match = f"at best {best.inliers} matches agree, with {other}; {MIN_INLIERS} are needed"

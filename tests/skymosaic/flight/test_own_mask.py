@@ -1,5 +1,6 @@
 """A flight masks what moves with its camera, as the file in its report would."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -14,7 +15,7 @@ from skymosaic.imagery.lens import load_lens
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.reports.flight import write_report
-from tests.skymosaic.geometry.test_ground import ground, seen
+from tests.skymosaic.geometry.test_ground import at_night, ground, seen
 
 
 def with_frame(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -71,3 +72,18 @@ def test_no_mask_without_a_flight_that_moves_with_its_camera(flight: list[NDArra
     assert find_mask(views, links(here)[:1], thumbnails) is None
     assert find_mask(views, links(points), thumbnails) is None
     assert find_mask(views, links(here), [thumbnails[0][:-8], *thumbnails[1:]]) is None
+    # Nor where nothing is drawn: the matches are on a sensor's pattern.
+    dark = [at_night(seen(ground(5), *corner), 0)[::2, ::2] for corner in ((50, 40), (230, 60), (240, 240))]
+    assert find_mask(views, links(here), dark) is None
+
+
+def test_what_is_drawn_is_masked_where_no_match_is_rejected(flight: list[NDArray[np.uint8]]) -> None:
+    with open_plan(flight[:3], MosaicOptions()) as plan:
+        views = plan.flight.views
+    above = np.array([(20.0, 20.0), (60.0, 40.0)])
+    link = Link(0, 1, above[:0], above[:0], 0, 0, left_moving=above, right_moving=above)
+    links = [replace(link, left=left, right=right) for left, right in ((0, 1), (0, 2), (1, 2))]
+    mask = find_mask(views, links, [view.thumbnail for view in views])
+    assert mask is not None
+    assert not mask[:, :40].any()
+    assert (mask[:, 60:] == 255).mean() > 0.9
