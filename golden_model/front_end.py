@@ -68,6 +68,9 @@ class _Corners(NamedTuple):
     full_y: NDArray[np.uint16]
 
 
+BAND_PX = 64
+"""Rows whose response is computed together: their planes stay in the cache, and in memory that is at hand already."""
+
 Keep = Callable[[str, NDArray[Any], int], None]
 """Called with the name, plane and margin of each stage."""
 
@@ -94,7 +97,7 @@ def extract(image: Pixels, config: FrontEndConfig, *, frame: int = 0) -> FrameFe
     ValueError
         If type, shape or size of the image is not supported.
     """
-    return _extract(image, config, frame, lambda _level, _name, _values, _margin_px: None)
+    return _extract(image, config, frame, lambda _level, _name, _values, _margin_px: None, BAND_PX)
 
 
 def trace(image: Pixels, config: FrontEndConfig) -> FrontEndTrace:
@@ -104,18 +107,22 @@ def trace(image: Pixels, config: FrontEndConfig) -> FrontEndTrace:
     def keep(level: int, name: str, values: NDArray[Any], margin_px: int) -> None:
         levels[level][name] = Plane(values, margin_px)
 
-    return FrontEndTrace(_extract(image, config, 0, keep), levels)
+    return FrontEndTrace(_extract(image, config, 0, keep, image.shape[0]), levels)
 
 
 def _extract(
-    image: Pixels, config: FrontEndConfig, frame: int, keep: Callable[[int, str, NDArray[Any], int], None]
+    image: Pixels,
+    config: FrontEndConfig,
+    frame: int,
+    keep: Callable[[int, str, NDArray[Any], int], None],
+    band_px: int,
 ) -> FrameFeatures:
     full = to_gray(image)
     size_px = full.shape[1], full.shape[0]
     config = config.for_size(*size_px)
     # Levels do not depend on each other: the same stages run on each of them.
     pyramid = [full, halve(full)][: config.levels]
-    chosen = [_choose_corners(gray, level, config, partial(keep, level)) for level, gray in enumerate(pyramid)]
+    chosen = [_choose_corners(gray, level, config, partial(keep, level), band_px) for level, gray in enumerate(pyramid)]
     if sum(len(corners.x) for corners in chosen) > config.max_features:
         no_features = np.zeros(0, config.pattern.record.dtype)
         return FrameFeatures(no_features, _status(config, frame, size_px, no_features, Cause.TOO_MANY_FEATURES))
@@ -134,9 +141,15 @@ def _extract(
     return FrameFeatures(features, _status(config, frame, size_px, features, Cause(0)))
 
 
-def _choose_corners(gray: Pixels, level: int, config: FrontEndConfig, keep: Keep) -> _Corners:
+def _choose_corners(gray: Pixels, level: int, config: FrontEndConfig, keep: Keep, band_px: int) -> _Corners:
     keep("gray", gray, 0)
-    code = _compute_response(gray, config, keep)
+    code = np.empty(gray.shape, np.uint16)
+    support_px = config.response_support_px
+    for top in range(0, len(gray), band_px):
+        # Twice the support: a last band of one row still holds FAST's whole circle.
+        above = min(top, 2 * support_px)
+        band = gray[top - above : top + band_px + support_px]
+        code[top : top + band_px] = _compute_response(band, config, keep)[above : above + band_px]
     keep("response_code", code, config.response_support_px)
     survivors = nms.suppress(code, *config.suppression)
     # After the suppression: a response in the border may still suppress one inside.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from golden_model.config import PRESETS, FrontEndConfig
 from golden_model.feature import ilbp
 from golden_model.formats import decode_response, encode_response
-from golden_model.front_end import Plane, extract, trace
+from golden_model.front_end import BAND_PX, Plane, extract, trace
 from golden_model.pixel.smooth import binomial
 from golden_model.records import Cause, Tag
 
@@ -37,6 +37,15 @@ def near(plane: NDArray[np.uint16], fine: NDArray[np.int64]) -> tuple[NDArray[np
     assert ((distance <= 8).sum(axis=1) == 1).all()
     nearest = distance.argmin(axis=1)
     return columns[nearest], rows[nearest]
+
+
+@CONFIGS
+@pytest.mark.parametrize("height_px", [3 * BAND_PX - 1, 3 * BAND_PX + 1])
+def test_bands_meet(texture: Callable[..., Any], config: FrontEndConfig, height_px: int) -> None:
+    image = texture(height_px, 160)
+    features = extract(image, config).features
+    assert len(features) > 50
+    np.testing.assert_array_equal(features, trace(image, config).result.features)
 
 
 @CONFIGS
