@@ -1,8 +1,8 @@
 """Judges a fitted homography by its matches: how well they determine it, and how well it describes the scene.
 
-The covariance of the fit assumes that the inliers' errors are independent. With relief they are not, because
-neighbouring matches deviate together. So the fit is also repeated without a part of the image, and the held-out
-matches show how well any homography describes the scene.
+The covariance of the fit would assume that the inliers' errors are independent. With relief they are not, because
+neighbouring matches deviate together. So the fit is repeated without a part of the image, and the held-out matches show
+how well any homography describes the scene.
 """
 
 from dataclasses import dataclass
@@ -11,15 +11,13 @@ import numpy as np
 
 from golden_model.arrays import Array, Mask, Matrix, Points
 from skymosaic.geometry.acceptance import CELL_PX, hull_share, overlap
-from skymosaic.geometry.homography import DegenerateError, apply, normalisation, rescale, transfer_error
+from skymosaic.geometry.homography import DegenerateError, apply, transfer_error
 from skymosaic.geometry.horizon import Size
 from skymosaic.geometry.prosac import INLIER_PX
-from skymosaic.geometry.refinement import refine_robustly, transfer
+from skymosaic.geometry.refinement import refine_robustly
 
 NEAR_PX = 12.0
 """Matches this close to the homography are considered correct, though relief may have displaced them."""
-NOISE_PX = 0.3
-"""Lower limit on a match's standard deviation, in each direction."""
 FOLDS = 2
 GRID_POINTS = 12
 BLOCKS = 6
@@ -30,8 +28,6 @@ BLOCKS = 6
 class FitQuality:
     """Quality of a homography, measured on its matches."""
 
-    covariance_px: float
-    """Mean standard deviation of the fit over the overlap, from its covariance."""
     instability_px: float
     """Mean distance, over the overlap, between the fit to all matches and fits without a part of them."""
     held_out_share: float
@@ -56,48 +52,12 @@ def assess_fit(homography: Matrix, left: Points, right: Points, left_size: Size,
     held_out_px, fits = _cross_validated(homography, left[near], right[near]) if len(grid) else (np.zeros(0), [])
     distances = [transfer_error(fit, grid, apply(homography, grid)).mean() for fit in fits]
     return FitQuality(
-        covariance_px=_covariance_error(homography, left[inlier], right[inlier], grid),
         instability_px=float(np.mean(distances)) if distances else NEAR_PX,
         held_out_share=float(np.mean(held_out_px <= INLIER_PX)) if len(held_out_px) else 0.0,
         held_out_px=float(np.percentile(held_out_px, 90)) if len(held_out_px) else NEAR_PX,
         hull_share=hull_share(homography, left[inlier], left_size, right_size),
         inliers=int(np.count_nonzero(inlier)),
     )
-
-
-def covariance(homography: Matrix, left: Points, right: Points) -> Array:
-    """Covariance (8, 8) of h11 ... h32 with h33 = 1, from N inliers' transfer errors and their Jacobian.
-
-    Raises
-    ------
-    DegenerateError
-        If the points do not determine a homography.
-    """
-    residuals, jacobian = transfer(rescale(homography).ravel()[:8], left, right)
-    rows = jacobian.reshape(-1, 8)
-    variance = max(float((residuals**2).sum()) / max(rows.shape[0] - 8, 1), NOISE_PX**2)
-    information = rows.T @ rows
-    if np.linalg.matrix_rank(information, hermitian=True) < 8:
-        raise DegenerateError("the points do not determine a homography")
-    return np.asarray(variance * np.linalg.inv(information))
-
-
-def _covariance_error(homography: Matrix, left: Points, right: Points, grid: Points) -> float:
-    """Mean standard deviation of the mapped grid; 12 px where the inliers determine no homography."""
-    # Four matches fit exactly, whatever their errors.
-    if len(left) < 5 or not len(grid):
-        return NEAR_PX
-    # Without normalised coordinates in the left image, the elements of h would differ by six orders of magnitude.
-    to_left = normalisation(left)
-    try:
-        H = rescale(homography @ np.linalg.inv(to_left))
-        sigma = covariance(H, apply(to_left, left), right)
-    except (DegenerateError, np.linalg.LinAlgError):
-        return NEAR_PX
-    points = apply(to_left, grid)
-    _, jacobian = transfer(H.ravel()[:8], points, points)
-    variance = np.einsum("nij,jk,nik->n", jacobian, sigma, jacobian)
-    return float(np.sqrt(np.maximum(variance, 0)).mean())
 
 
 def _cross_validated(homography: Matrix, left: Points, right: Points) -> tuple[Array, list[Matrix]]:
