@@ -44,7 +44,7 @@ RESTARTS = 3
 """Independent searches; the homography with the highest score wins."""
 CLEAR_SHARE = 0.5
 """A search that gains more than this share of all weights ends the restarts: no other plane can gain as much."""
-BATCH = 64
+BATCH = 128
 """Samples that are solved and scored together, because NumPy is fast on arrays only."""
 EIGENVALUE_TOLERANCE = 1e-13
 """Normal equations are degenerate if their second smallest eigenvalue is below this share of the largest."""
@@ -187,19 +187,21 @@ def _search(matches: _Matches, rng: np.random.Generator, max_samples: int) -> tu
     """Search once; returns the homography with the highest score, its score, and the number of samples drawn."""
     subset_sizes = _subset_sizes(len(matches.left), max_samples)
     best, best_score, best_sample_score = None, 0.0, 0.0
+    supports = np.zeros(len(matches.left), dtype=bool)
     drawn, needed = 0, float(len(subset_sizes))
-    while drawn < needed:
+    while drawn < min(needed, len(subset_sizes)):
         batch = subset_sizes[drawn : drawn + BATCH]
         drawn += len(batch)
         sample, sample_score = _best_of(_minimal_homographies(matches, _draw(batch, rng)), matches)
         # Compared with the best sample, which local optimisation has not improved: few would beat the best homography.
-        if sample is None or sample_score <= best_sample_score:
-            continue
-        best_sample_score = sample_score
-        improved, score = _optimise_locally(sample, matches)
-        if score > best_score:
-            best, best_score = improved, score
-            needed = min(needed, _samples_needed(best, matches))
+        if sample is not None and sample_score > best_sample_score:
+            best_sample_score = sample_score
+            improved, score = _optimise_locally(sample, matches)
+            if score > best_score:
+                best, best_score = improved, score
+                supports = matches.squared_error(best) < 2 * TOLERANCE_PX**2
+        # All samples so far are from the best matches, among which more are right than among all.
+        needed = _samples_needed(supports[: batch[-1]])
     return best, best_score, drawn
 
 
@@ -281,9 +283,8 @@ def _optimise_locally(H: Array, matches: _Matches) -> tuple[Array, float]:
     return H, score
 
 
-def _samples_needed(H: Array, matches: _Matches) -> float:
-    """Samples needed for one without outliers, with probability `CONFIDENCE`, given the inliers of ``H``."""
-    inlier_share = float(np.mean(matches.squared_error(H) < 2 * TOLERANCE_PX**2))
-    # With no outlier at all, the logarithm below would be of 0.
-    good_sample = min(inlier_share**4, 1 - 1e-9)
+def _samples_needed(supports: Mask) -> float:
+    """Samples needed for one without outliers, with probability `CONFIDENCE`, of matches that may support the best."""
+    # With no inlier or no outlier at all, a logarithm below would be of 0 or 1.
+    good_sample = np.clip(np.mean(supports) ** 4, 1e-9, 1 - 1e-9)
     return float(np.log(1 - CONFIDENCE) / np.log1p(-good_sample))

@@ -29,8 +29,11 @@ FEW_INLIERS = 20
 SMALL_SHARE_OF_OVERLAP = 0.25
 SMALL_SHARE_OF_FLAT_OVERLAP = 0.15
 SURELY_FLAT_SHARE = 0.8
-# With fewer held-out matches within 2 px the ground is not flat.
+# With fewer held-out matches within 2 px, or less of the ground in agreement, the ground is not flat.
 FLAT_SHARE = 0.75
+FLAT_SHARE_OF_GROUND = 0.95
+# What optical flow confirms is not poor: all but two of 75 such pairs are less than this off, and these two 8 px.
+CONFIRMED_PX = 4.5
 # A pair above all three needs no closer look.
 CLEAR_INLIERS = 60
 CLEAR_SHARE = 0.9
@@ -40,8 +43,8 @@ HIGH_PASS_SIGMA_PX = 3.0
 MOVED = 0.05
 # Fewer pixels correlate by chance.
 MIN_OVERLAP_PX = 400
-# Fitted by `python -m bench.confidence`, see docs/explanation/registration.md. A fit today gives other coefficients,
-# which judge unseen pairs no better.
+# Fitted by `python -m bench.confidence`, see docs/explanation/registration.md. A fit to today's pairs gives other
+# coefficients, which call a rendered pair good that is 8 px off.
 INTERCEPT = 2.749
 COEFFICIENTS = {
     "log_instability": 0.367,
@@ -79,10 +82,16 @@ class Confidence:
     ground: GroundAgreement
 
     @property
+    def is_flat(self) -> bool:
+        """Whether many matches and the ground agree: then a refit to the whole overlap gains next to nothing."""
+        agrees = self.quality.held_out_share >= FLAT_SHARE and self.ground.share >= FLAT_SHARE_OF_GROUND
+        return agrees and self.quality.inliers >= CLEAR_INLIERS
+
+    @property
     def extrapolates(self) -> bool:
         """Whether the pair is poor and its inliers cover so little of the overlap that most of it is a guess."""
-        is_flat = self.quality.held_out_share >= SURELY_FLAT_SHARE
-        least = SMALL_SHARE_OF_FLAT_OVERLAP if is_flat else SMALL_SHARE_OF_OVERLAP
+        surely_flat = self.quality.held_out_share >= SURELY_FLAT_SHARE
+        least = SMALL_SHARE_OF_FLAT_OVERLAP if surely_flat else SMALL_SHARE_OF_OVERLAP
         return self.verdict == "poor" and self.quality.hull_share < least
 
     def summary(self) -> dict[str, Any]:
@@ -98,6 +107,8 @@ def assess(
     homography: Matrix,
     left: Points,
     right: Points,
+    *,
+    confirmed: bool = False,
 ) -> Confidence:
     """Predict the error of a homography between two working images.
 
@@ -111,21 +122,28 @@ def assess(
         Left to right, working px.
     left, right : (N, 2) ndarray
         The kept matches, including wrong ones, working px.
+    confirmed : bool
+        Optical flow agrees with the homography over a third of the overlap.
     """
     sizes = [(image.shape[1], image.shape[0]) for image in images]
     quality = assess_fit(homography, left, right, sizes[0], sizes[1])
-    trust = _judge(images, visible, homography, quality)
+    trust = _judge(images, visible, homography, quality, confirmed=confirmed)
     if trust.verdict == "good" or trust.ground.motion < MOVED or sizes[0] != sizes[1]:
         return trust
     # At the same pixels, the photographs then show only what moves with the camera, which tells nothing of the ground.
     ground = np.where(find_shared(*images), np.uint8(0), np.uint8(255))
     seen = [ground if own is None else np.minimum(own, ground) for own in visible]
-    again = _judge(images, (seen[0], seen[1]), homography, quality)
+    again = _judge(images, (seen[0], seen[1]), homography, quality, confirmed=confirmed)
     return again if again.ground.wins else trust
 
 
 def _judge(
-    images: tuple[Pixels, Pixels], visible: tuple[Pixels | None, Pixels | None], homography: Matrix, quality: FitQuality
+    images: tuple[Pixels, Pixels],
+    visible: tuple[Pixels | None, Pixels | None],
+    homography: Matrix,
+    quality: FitQuality,
+    *,
+    confirmed: bool,
 ) -> Confidence:
     """The confidence by the matches and by the pictures."""
     sights = Sight(images[0], visible[0]), Sight(images[1], visible[1])
@@ -133,7 +151,7 @@ def _judge(
     inputs = measure_inputs(quality, correlation)
     exponent = INTERCEPT + sum(COEFFICIENTS[name] * value for name, value in inputs.items())
     # Beyond what the formula was fitted to, a number would only seem precise.
-    predicted_px = float(np.exp(np.clip(exponent, -5, 5)))
+    predicted_px = min(float(np.exp(np.clip(exponent, -5, 5))), CONFIRMED_PX if confirmed else np.inf)
     verdict = "good" if predicted_px < GOOD_PX else "check" if predicted_px < POOR_PX else "poor"
     reason = _explain(quality, correlation, predicted_px, verdict)
     ground = measure_agreement(*sights, homography)

@@ -7,6 +7,7 @@ begins again with them. The result counts only if it explains more of the overla
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -32,20 +33,20 @@ ENOUGH_OF_OVERLAP = 1 / 3
 """Share of the overlap that fits by flow and needs no inliers; with a quarter, a rendered pair was 29 px wrong."""
 
 
-def refit_pair(pair: Pair, shows_ground: Callable[[Points, Points], Mask]) -> tuple[Pair, bool]:
-    """The pair with the homography that fits most of the overlap, or as it is where that gains too little.
+def refit_pair(pair: Pair, shows_ground: Callable[[Points, Points], Mask]) -> Pair:
+    """The pair with the homography that fits most of the overlap, or its own where that gains too little.
 
-    ``shows_ground`` tells which points, left and right, count. Also returns whether the flow confirms the homography:
+    ``shows_ground`` tells which points, left and right, count. The pair says whether the flow confirms its homography:
     over a third of the overlap they differ by less than 2 px.
     """
     homography = pair.working_homography
     if homography is None:
-        return pair, False
+        return pair
     left, right = match_densely(to_gray(pair.working[0]), to_gray(pair.working[1]), homography)
     counted = shows_ground(left, right)
     left, right = left[counted], right[counted]
     if len(left) < MIN_GRID_POINTS:
-        return pair, False
+        return pair
     inliers = int(np.count_nonzero(transfer_error(homography, left, right) <= INLIER_PX))
     rng = np.random.default_rng(0)
     found = estimate_homography(left, right, np.ones(len(left)), rng=rng, starts=[homography])
@@ -59,7 +60,7 @@ def refit_pair(pair: Pair, shows_ground: Callable[[Points, Points], Mask]) -> tu
         )
     ):
         pair, inliers = pair.with_homography(found.homography, refined_inliers=gained), gained
-    return pair, _fit_overlap(pair, inliers)
+    return replace(pair, confirmed=_fit_overlap(pair, inliers))
 
 
 def _fit_overlap(pair: Pair, inliers: int) -> bool:

@@ -79,6 +79,8 @@ class Pair:
         2 working px of the homography, or are accepted by the rules of fuzzy RANSAC.
     refined_inliers : int
         Grid points of the dense flow within 2 working px; 0 without a refit, or where it does not fit better.
+    confirmed : bool
+        The dense flow agrees with the homography over a third of the overlap.
     homography : ndarray of float64, shape (3, 3), or None
         Left original pixels to right original pixels, pixel centres at integers; None where not accepted.
     reason : str
@@ -111,6 +113,7 @@ class Pair:
     kept: Records
     inliers: Records
     refined_inliers: int
+    confirmed: bool
     homography: Matrix | None
     reason: str
     config: Config
@@ -142,14 +145,15 @@ class Pair:
 
     def refused(self, reason: str) -> Pair:
         """This pair without a homography."""
-        return replace(self, homography=None, refined_inliers=0, reason=reason)
+        return replace(self, homography=None, refined_inliers=0, confirmed=False, reason=reason)
 
     @cached_property
     def confidence(self) -> Confidence | None:
         """How far to trust the homography; computed on first use. None where not accepted."""
         if self.working_homography is None:
             return None
-        return assess(self.working, self.visible, self.working_homography, *match_points(self.kept))
+        points = match_points(self.kept)
+        return assess(self.working, self.visible, self.working_homography, *points, confirmed=self.confirmed)
 
     def points(self, kind: str = "inliers") -> MatchedPoints:
         """The matches in pixels of the original photographs.

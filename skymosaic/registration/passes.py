@@ -1,7 +1,7 @@
 """Searches a pair for a homography: one pass of the front end where that is enough, further passes where it is not.
 
 A pass matches a frame of one image with a frame of the other. The first pass takes the images as they are. A weak
-result gets further passes, in this order: both images √2 times larger (small ones also twice), both √2 times smaller,
+result gets further passes, in this order: both images √2 times larger (small ones then twice), both √2 times smaller,
 one image enlarged and the other reduced in steps, one image compressed as if seen from the side, the right image
 inverted. All go through the same front end and matcher. A homography is accepted by the matches of these passes alone.
 """
@@ -151,9 +151,13 @@ class Search:
         if effort == "fast" or (effort == "normal" and self._is_strong(state)):
             return state
         larger = (LARGER, DOUBLE) if max(max(size) for size in self._sizes) <= SMALL_PX else (LARGER,)
-        state = self._search_together(state, (*larger, SMALLER) if effort == "thorough" else larger)
-        if state.homography is None and effort == "normal":
-            state = self._search_together(state, (SMALLER,))
+        if effort == "thorough":
+            state = self._search_together(state, (*larger, SMALLER))
+        else:
+            for enlarged in larger:
+                state = state if self._is_strong(state) else self._search_together(state, (enlarged,))
+            if state.homography is None:
+                state = self._search_together(state, (SMALLER,))
         if self._is_strong(state):
             return state
         if state.homography is not None:

@@ -134,6 +134,7 @@ def register_photographs(
         kept=state.evidence.kept,
         inliers=state.evidence.matches[state.inliers],
         refined_inliers=0,
+        confirmed=False,
         homography=homography,
         reason="" if homography is not None else explain_refusal(state),
         config=first.config,
@@ -282,11 +283,11 @@ def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Po
     sizes = [(image.shape[1], image.shape[0]) for image in pair.working]
     if fits_throughout(homography, *match_points(pair.kept), sizes[0], sizes[1]):
         return pair
-    confirmed = False
-    if pair.effort != "fast" and pair.confidence and pair.confidence.verdict != "good":
-        pair, confirmed = refit_pair(pair, shows_ground)
     confidence = pair.confidence
-    if confidence is None or options.accept_poor or confirmed or not confidence.extrapolates:
+    if pair.effort != "fast" and confidence and not (confidence.verdict == "good" or confidence.is_flat):
+        pair = refit_pair(pair, shows_ground)
+        confidence = pair.confidence
+    if confidence is None or options.accept_poor or not confidence.extrapolates:
         return pair
     return pair.refused(f"{confidence.reason}; `accept_poor` delivers it nevertheless")
 

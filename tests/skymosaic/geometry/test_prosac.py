@@ -70,7 +70,7 @@ def test_easy_pairs_stop_early_and_good_weights_make_hard_ones_easy(monkeypatch:
     assert estimated(*easy).samples == prosac.RESTARTS * prosac.BATCH
     left, right, weight, correct = matches(400, 0.06, seed=5)
     telling = np.where(correct, weight + 200, weight)
-    blind, guided = (estimated(left, right, w, max_samples=256) for w in (weight, telling))
+    blind, guided = (estimated(left, right, w, max_samples=128) for w in (weight, telling))
     assert blind.homography is None
     assert guided.homography is not None
     assert grid_error(guided.homography, TRUTH, SIZE, SIZE) < 0.5

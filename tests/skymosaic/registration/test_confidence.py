@@ -81,10 +81,14 @@ def test_a_poor_pair_on_little_of_the_overlap_is_refused(left: Pixels, monkeypat
     assert delivered.accepted
     assert delivered.confidence is not None
     assert delivered.confidence.verdict == "poor"
-    # What the flow confirms is not extrapolated, even where a refit gains nothing.
+    # What the flow confirms is neither poor nor extrapolated, even where a refit gains nothing.
+    monkeypatch.setattr("skymosaic.registration.confidence.FLAT_SHARE", 1.1)
+    monkeypatch.setattr("skymosaic.registration.confidence.POOR_PX", 1e-2)
+    monkeypatch.setattr("skymosaic.registration.confidence.CONFIRMED_PX", 1e-3)
     confirmed = register(left, right)
-    assert confirmed.accepted
-    assert confirmed.refined_inliers == 0
+    assert confirmed.confidence is not None
+    assert (confirmed.confidence.verdict, confirmed.confidence.predicted_px) == ("check", 1e-3)
+    assert (confirmed.confirmed, confirmed.refined_inliers) == (True, 0)
     monkeypatch.setattr("skymosaic.registration.dense.ENOUGH_OF_OVERLAP", 1.0)
     assert not register(left, right).accepted
 
@@ -112,7 +116,7 @@ def test_images_correlate_as_far_as_the_horizon(left: Pixels) -> None:
 def test_flat_ground_needs_less_of_the_overlap(
     verdict: str, hull_share: float, held_out_share: float, extrapolates: bool
 ) -> None:
-    quality = FitQuality(1.0, 1.0, held_out_share, 3.0, hull_share, 20)
+    quality = FitQuality(1.0, held_out_share, 3.0, hull_share, 20)
     ground = GroundAgreement(np.ones((4, 4), np.bool_), 16, 0.5)
     assert Confidence(verdict, "", 6.0, 0.3, quality, ground).extrapolates is extrapolates
 

@@ -70,8 +70,8 @@ def test_a_homography_that_is_off_is_refitted(pair: Pair) -> None:
     off = pair.with_homography(OFF @ TRUTH, refined_inliers=0)
     # All matches together determine the homography as well as the flow does; so few do not.
     few = dataclasses.replace(off, kept=off.kept[::12])
-    refitted, confirmed = refit_pair(few, everywhere)
-    assert confirmed
+    refitted = refit_pair(few, everywhere)
+    assert refitted.confirmed
     assert refitted.refined_inliers > 200
     assert error_px(refitted.homography) < 0.3 < error_px(off.homography)
     assert len(refitted.inliers) > 0.8 * len(few.kept)
@@ -89,48 +89,51 @@ def test_the_plane_of_most_of_the_overlap_is_found_from_that_of_the_corners(
     right[middle] = np.roll(left, 10, axis=1)[middle]
     of_corners = np.array([[1.0, 0, 10], [0, 1, 0], [0, 0, 1]])
     planes = dataclasses.replace(pair, working=(left, right)).with_homography(of_corners, refined_inliers=0)
-    refitted, confirmed = refit_pair(planes, everywhere)
+    refitted = refit_pair(planes, everywhere)
     assert refitted.homography is not None
     assert grid_error(refitted.homography, np.eye(3), (480, 360), (480, 360)) < 0.3
-    assert confirmed
+    assert refitted.confirmed
 
 
 def test_a_homography_that_the_flow_confirms_stays(pair: Pair) -> None:
     true = pair.with_homography(TRUTH, refined_inliers=0)
-    assert refit_pair(true, everywhere) == (true, True)
+    assert refit_pair(true, everywhere) == dataclasses.replace(true, confirmed=True)
 
 
 def test_a_homography_that_fits_a_quarter_of_the_overlap_is_not_confirmed(pair: Pair) -> None:
     true = pair.with_homography(TRUTH, refined_inliers=0)
     visible = overlap(TRUTH, (480, 360), (480, 360))
     low, high = visible.min(axis=0), visible.max(axis=0)
-    assert refit_pair(true, lambda left, _: left[:, 0] < low[0] + 0.25 * (high - low)[0]) == (true, False)
+    assert refit_pair(true, lambda left, _: left[:, 0] < low[0] + 0.25 * (high - low)[0]) == true
 
 
 def test_what_does_not_show_the_ground_has_no_vote(pair: Pair) -> None:
     off = pair.with_homography(OFF @ TRUTH, refined_inliers=0)
-    assert refit_pair(off, lambda left, _: left[:, 0] < 0) == (off, False)
+    assert refit_pair(off, lambda left, _: left[:, 0] < 0) == off
 
 
 def test_a_refused_pair_stays_refused(pair: Pair) -> None:
     refused = pair.refused("no overlap")
-    assert refit_pair(refused, everywhere) == (refused, False)
+    assert refit_pair(refused, everywhere) == refused
     assert (refused.accepted, refused.reason) == (False, "no overlap")
 
 
 def test_a_good_pair_is_not_refitted(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Pair] = []
 
-    def note(pair: Pair, _: object) -> tuple[Pair, bool]:
+    def note(pair: Pair, _: object) -> Pair:
         asked.append(pair)
-        return pair, True
+        return pair
 
     monkeypatch.setattr("skymosaic.registration.register.refit_pair", note)
     good = register(LEFT, RIGHT).confidence
     assert good is not None
     assert (good.verdict, asked) == ("good", [])
     monkeypatch.setattr("skymosaic.registration.confidence.GOOD_PX", 0.0)
-    monkeypatch.setattr("skymosaic.registration.confidence.CLEAR_INLIERS", 10_000)
+    monkeypatch.setattr("skymosaic.registration.confidence.CLEAR_SHARE_OF_OVERLAP", 1.1)
+    # Nor is one that is flat.
+    register(LEFT, RIGHT)
+    monkeypatch.setattr("skymosaic.registration.confidence.FLAT_SHARE", 1.1)
     register(LEFT, RIGHT, effort="fast")
     assert not asked
     register(LEFT, RIGHT)
