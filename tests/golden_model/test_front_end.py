@@ -54,6 +54,9 @@ def test_every_feature_is_what_its_planes_say(texture: Callable[..., Any], confi
     result = trace(image, config)
     features = result.result.features
     assert len(features) > 300
+    extracted = extract(image, config)
+    np.testing.assert_array_equal(features, extracted.features)
+    assert result.result.status == extracted.status
     for level, planes in enumerate(result.levels):
         values = {name: plane.values for name, plane in planes.items()}
         chosen = features[features["level"] == level]
