@@ -1,9 +1,17 @@
-"""A coarse grid of values over an image: bilinear interpolation between its nodes, and their roughness."""
+"""A coarse grid of values over an image: bilinear interpolation, roughness, and the values that explain others."""
+
+from typing import TypeVar
 
 import numpy as np
 from scipy import sparse
+from scipy.sparse.linalg import LinearOperator, cg
 
 from golden_model.arrays import Array, Float32, Points
+
+Values = TypeVar("Values", Array, Float32)
+
+MAX_STEPS, TOLERANCE = 200, 1e-3
+"""Steps of conjugate gradients, and the residual at which they end, as a share of the target."""
 
 
 def interpolation(places: Points | Float32, shape: tuple[int, int]) -> sparse.csr_array:
@@ -35,3 +43,26 @@ def roughness(shape: tuple[int, int]) -> Array:
     difference = np.zeros((len(first), index.size))
     difference[order, first], difference[order, second] = 1, -1
     return np.asarray(difference.T @ difference)
+
+
+def solve(design: sparse.csr_array, weight: Values, prior: sparse.csr_array, target: Values, start: Values) -> Values:
+    """Values (nodes, C) by weighted least squares and conjugate gradients, scaled by the diagonal.
+
+    ``design`` (N, nodes) takes them to ``target`` (N, C), with weights (N,); ``prior``, a quadratic form,
+    (nodes, nodes), holds them back.
+    """
+
+    def multiply(nodes: Values) -> Values:
+        return np.asarray(design.T @ (weight * (design @ nodes)) + prior @ nodes)
+
+    # The matrix itself would take most of a megabyte per photograph, and a direct solution tens of seconds.
+    system = LinearOperator(prior.shape, multiply, dtype=prior.dtype)
+    # Unlike `design.power(2)`, this shares the indices of the design.
+    diagonal = sparse.csr_array((design.data**2, design.indices, design.indptr), design.shape).T @ weight
+    scale = sparse.diags_array(1 / (diagonal + prior.diagonal()))
+    return np.column_stack(
+        [
+            cg(system, design.T @ (weight * channel), x0=first, rtol=TOLERANCE, maxiter=MAX_STEPS, M=scale)[0]
+            for channel, first in zip(target.T, start.T, strict=True)
+        ]
+    )

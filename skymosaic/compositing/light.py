@@ -6,10 +6,9 @@ photographs overlap, all of this shows as differences that change slowly across 
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, cg
 
 from golden_model.arrays import Float32, Mask
-from skymosaic.compositing.grid import interpolation, roughness
+from skymosaic.compositing.grid import interpolation, roughness, solve
 from skymosaic.compositing.overlaps import Overlaps
 
 GRID = 5, 7
@@ -21,8 +20,6 @@ FIELD_SIGMA, STEP_SIGMA = 0.28, 0.18
 """Expected size of the field, as a logarithm, and of its difference between neighbouring nodes."""
 ROBUST_SIGMAS = (0.64, 0.32, 0.16, LOG_SIGMA, LOG_SIGMA)
 """Scales of the reweighting. They begin wide, because sunlight looks like an outlier to a field that starts at zero."""
-MAX_STEPS, TOLERANCE = 200, 1e-3
-"""Steps of conjugate gradients, and the residual at which they end, as a share of the target."""
 MAX_HELD_OUT_COST = 0.95
 """Fields are used if they lower the robust cost of held-out pairs below this share."""
 
@@ -64,10 +61,10 @@ def _fit(design: sparse.csr_array, target: Float32, number: int) -> Float32:
     smooth = np.eye(NODES) / FIELD_SIGMA**2 + roughness(GRID) / STEP_SIGMA**2
     # All in 32 bits: SciPy would convert the whole design for each product with 64 bits.
     prior = sparse.kron(sparse.eye_array(number), smooth, format="csr").astype(np.float32)
-    nodes = np.zeros((design.shape[1], 3), np.float32)
-    weight = np.full(len(target), 1 / LOG_SIGMA**2, np.float32)
+    nodes: Float32 = np.zeros((design.shape[1], 3), np.float32)
+    weight: Float32 = np.full(len(target), 1 / LOG_SIGMA**2, np.float32)
     for sigma in ROBUST_SIGMAS:
-        nodes = _solve(design, weight, prior, target, nodes)
+        nodes = solve(design, weight, prior, target, nodes)
         left = design @ nodes
         left -= target
         squared = np.square(left, out=left).mean(axis=1)
@@ -79,24 +76,3 @@ def _cost(difference: Float32) -> float:
     """Mean Geman-McClure loss, to which parallax and moving things add at most 1 each."""
     squared = (difference / LOG_SIGMA) ** 2
     return float((squared / (1 + squared)).mean())
-
-
-def _solve(
-    design: sparse.csr_array, weight: Float32, prior: sparse.csr_array, target: Float32, start: Float32
-) -> Float32:
-    """Weighted least squares for each channel by conjugate gradients, scaled by the diagonal."""
-
-    def multiply(nodes: Float32) -> Float32:
-        return np.asarray(design.T @ (weight * (design @ nodes)) + prior @ nodes)
-
-    # The matrix itself would take most of a megabyte per photograph, and a direct solution tens of seconds.
-    system = LinearOperator(prior.shape, multiply, dtype=np.float32)
-    # Unlike `design.power(2)`, this shares the indices of the design.
-    diagonal = sparse.csr_array((design.data**2, design.indices, design.indptr), design.shape).T @ weight
-    scale = sparse.diags_array(1 / (diagonal + prior.diagonal()))
-    return np.column_stack(
-        [
-            cg(system, design.T @ (weight * channel), x0=first, rtol=TOLERANCE, maxiter=MAX_STEPS, M=scale)[0]
-            for channel, first in zip(target.T, start.T, strict=True)
-        ]
-    )

@@ -18,10 +18,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, cg
 
 from golden_model.arrays import Array, Intensities, Mask, Matrix, Points
-from skymosaic.compositing.grid import interpolation, roughness
+from skymosaic.compositing.grid import interpolation, roughness, solve
 from skymosaic.compositing.warp import magnification
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import INLIER_PX
@@ -36,8 +35,6 @@ RETURN = 0.01
 """Weight of a node's own displacement, which returns it to the homography where no matches are near."""
 ROBUST_PX = (6.0, 3.0, 2.0)
 """Scales of the reweighting; a residual of 0.64 scales has half of the weight."""
-SOLVED = 1e-3
-"""Relative residual at which the equations of the nodes count as solved: about a hundredth of a pixel."""
 MIN_MATCHES = 30
 CHECK_CELLS = 10
 """Held-out matches lie in alternate fields of a chessboard on the ground, with so many along a side of an image."""
@@ -223,27 +220,18 @@ def _fit(matches: _Matches, shape: Shape) -> Array:
     """Displacements (nodes of all grids, 2) by least squares with reweighting."""
     smooth = STIFFNESS * roughness(shape[1:]) + RETURN * np.eye(shape[1] * shape[2])
     smooth = sparse.kron(sparse.eye_array(2 * shape[0]), smooth, format="csr")
-    solution, moved = np.zeros(smooth.shape[0]), np.zeros_like(matches.points)
+    solution, moved = np.zeros((smooth.shape[0], 1)), np.zeros_like(matches.points)
     weight = np.ones(2 * len(matches.ground))
     for scale_px in ROBUST_PX:
         left, right = (matches.weigh(side, moved[side], shape) for side in (0, 1))
         # The homography is to carry the right point, moved, to the left one, moved; it is linear near where they are.
         at, turn = matches.carry(moved[1])
-        target = (matches.points[0] - at - (turn @ moved[1][..., None])[..., 0]).T.ravel()
+        target = (matches.points[0] - at - (turn @ moved[1][..., None])[..., 0]).T.reshape(-1, 1)
         turned = sparse.block_array([[right.multiply(turn[:, i, j, None]) for j in (0, 1)] for i in (0, 1)])
         matrix = (sparse.block_diag((left, left)) - turned).tocsr()
-        solution = _solve(matrix, weight, target, smooth, solution)
+        solution = solve(matrix, weight, smooth, target, solution)
         off = ((matrix @ solution - target).reshape(2, -1) ** 2).sum(axis=0)
         weight = np.tile(1 / (1 + off / scale_px**2) ** 2, 2)
         nodes_px = solution.reshape(2, -1).T
         moved = np.stack([left @ nodes_px, right @ nodes_px])
     return nodes_px
-
-
-def _solve(matrix: sparse.csr_array, weight: Array, target: Array, smooth: sparse.csr_array, start: Array) -> Array:
-    """Weighted least squares without its normal matrix, in which all images of a place would meet."""
-    weighted = sparse.csr_array(matrix.multiply(weight[:, None]))
-    diagonal = weighted.multiply(matrix).sum(axis=0) + smooth.diagonal()
-    normal = LinearOperator(smooth.shape, lambda x: weighted.T @ (matrix @ x) + smooth @ x, dtype=np.float64)
-    solution, _ = cg(normal, weighted.T @ target, start, rtol=SOLVED, M=sparse.diags_array(1 / diagonal))
-    return np.asarray(solution)
