@@ -32,9 +32,12 @@ LONGEST_FIRST = (
     "tests/formal/test_banks.py",
     "tests/system/test_sequence_rtl.py",
     "tests/system/board/test_board.py",
+    "tests/system/test_gallery.py",
+    "tests/system/test_terminal.py",
+    "tests/system/test_lens.py",
 )
 """Beginnings of the names of long tests. They run first, so that no process is left with one at the end. In `make test`
-the first two files of these compile different builds, and the last two wait for that of the accelerator's test."""
+the first two files of these compile different builds, and two later ones wait for that of the accelerator's test."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
