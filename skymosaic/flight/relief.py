@@ -40,10 +40,12 @@ def follow_relief(flight: Flight, warp: str) -> Flight:
         found, shares = fit_meshes(frames, ties, layout.members, always=warp == "mesh")
         meshes |= found
         layouts.append(replace(layout, bent=shares) if found else layout)
+    if not meshes:
+        return flight
     moves = {view: meshes[view].find if view in meshes else _stay for view in range(len(flight.views))}
     return replace(
         flight,
-        sources=tuple(replace(source, warp=meshes.get(view)) for view, source in enumerate(flight.sources)),
+        sources=tuple(source.warped_by(meshes.get(view)) for view, source in enumerate(flight.sources)),
         links=_move(flight.links, moves),
         layouts=tuple(_move_links(layout, moves) for layout in layouts),
     )

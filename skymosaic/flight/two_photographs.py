@@ -46,7 +46,7 @@ def register_two(
     mesh = choose_mesh(pair, warp)
     if mesh is not None:
         # Blending decodes the left photograph again where memory is short, and warps it again.
-        sources = [replace(sources[0], warp=mesh), sources[1]]
+        sources = [sources[0].warped_by(mesh), sources[1]]
         left = replace(left, pixels=np.asarray(mesh.apply(left.pixels), dtype=np.uint8))
     for source, photograph in zip(sources, (left, right), strict=True):
         decoded_photographs(memory_bytes).keep(source, lens, (photograph.pixels, photograph.visible))

@@ -68,6 +68,12 @@ class Source:
         bands = {band: source.with_damaged(keep=keep) for band, source in self.bands.items()}
         return dataclasses.replace(self, keep_damaged=keep, bands=bands)
 
+    def warped_by(self, warp: Warp | None) -> Source:
+        """The same photograph, warped; what it was when it was read is not forgotten."""
+        warped = dataclasses.replace(self, warp=warp)
+        vars(warped).update({name: known for name, known in vars(self).items() if name in ("digest", "_first_read")})
+        return warped
+
     @cached_property
     def digest(self) -> str:
         """SHA-256 of the file or array, whatever the file's name.

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import re
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -81,10 +82,20 @@ def test_photographs_agree_better_where_they_show_the_same_ground(flight: Flight
     assert disagreement(follow_relief(flight, "mesh")) < 0.8 * disagreement(flight)
 
 
+def test_a_photograph_that_changes_after_it_was_read_is_noticed_though_warped(folder: Path, tmp_path: Path) -> None:
+    copies = [Path(shutil.copy(path, tmp_path)) for path in sorted(folder.iterdir())]
+    with open_plan(copies, MosaicOptions(cache=tmp_path / "cache")) as plan:
+        flight = plan.flight
+    cv2.imwrite(str(copies[1]), np.zeros((90, 120, 3), np.uint8))
+    changes = [bool(source.change) for source in follow_relief(flight, "mesh").sources]
+    assert changes == [False, True, False, False]
+
+
 def test_flat_ground_keeps_its_shape(tmp_path: Path) -> None:
     for number, image in enumerate(make_lawnmower(7, 4, SIZE_PX).images):
         cv2.imwrite(str(tmp_path / f"{number}.png"), image)
     with open_plan([tmp_path], MosaicOptions(cache=tmp_path / "cache", warp="auto")) as plan:
+        assert follow_relief(plan.flight, "auto") is plan.flight
         assert [layout.bent for layout in plan.flight.layouts] == [None]
         assert {source.warp for source in plan.flight.sources} == {None}
 
