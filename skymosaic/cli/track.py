@@ -56,20 +56,23 @@ def track(
                 step(f"frame {frame.number}")
 
         rows = follow_video(tracker, reader, output, report, failures if corners else None)
-    if not failures:
+    written = [] if failures else [f"video {output}"]
+    if written:
         session.wrote(output)
     session.numbers = {"frames": len(rows), "corners": [dataclasses.asdict(each) for each in rows]}
     if corners:
         with noting(failures):
             save_corners(corners, rows)
             session.wrote(corners)
+            written.append(f"corners {corners}")
     session.seconds["tracking"] = time.perf_counter() - start
     _show_summary(rows, session.seconds["tracking"] / len(rows))
     for note in reader.notes:
         session.warn(f"{video}: {note}")
+    if written:
+        session.show(", ".join(written))
     if failures:
         raise InputError("; ".join(failures))
-    session.show(f"video {output}" + (f", corners {corners}" if corners else ""))
 
 
 def _template_and_video(inputs: list[Path], roi: str | None) -> tuple[Path | Roi, Path]:
@@ -89,6 +92,5 @@ def _template_and_video(inputs: list[Path], roi: str | None) -> tuple[Path | Roi
 def _show_summary(rows: list[TrackedCorners], seconds: float) -> None:
     seen = [each for each in rows if each.corners]
     session.show(f"found in {len(seen)} of {len(rows)} frames, {1000 * seconds:.0f} ms per frame")
-    lost = [list(group) for missing, group in groupby(rows, key=lambda each: each.corners is None) if missing]
-    for group in lost:
+    for group in [list(group) for missing, group in groupby(rows, key=lambda each: each.corners is None) if missing]:
         session.show(f"frames {group[0].frame} to {group[-1].frame}: {group[-1].reason}")
