@@ -42,8 +42,8 @@ class Accelerator(wiring.Component):
     that is disabled discards its packets, so that no DMA has to read it.
 
     The estimator takes the matches beside their output. It needs at most `golden_model.geometry.estimator.MAX_CYCLES`,
-    for which the matcher waits before it takes the next frame: a frame without an accepted homography does not become
-    the reference.
+    for which the matcher waits before it takes the next frame: whether the frame before becomes the reference depends
+    on its homography (`golden_model.matching.matcher.ReferenceFrame`).
 
     Parameters
     ----------

@@ -132,8 +132,8 @@ class RingReader:
     slots : int
         Number of frames that fit the memory; with more, the host can pause for longer.
     hold_reference : bool
-        Match every frame with the first; otherwise each with the good one before, which its matches name. A build with
-        homographies passes over those whose homography is refused.
+        Match every frame with the first; otherwise each with the good one before, which its matches name. Once a build
+        with homographies has accepted one, it passes over frames whose own is refused.
 
     Attributes
     ----------

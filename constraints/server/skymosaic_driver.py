@@ -81,8 +81,8 @@ class Accelerator(Registers):
             Values of the register fields in `skymosaic_map.REQUESTED`; those in `skymosaic_map.ESTIMATION` keep theirs
             if they are left out.
         hold_reference : bool
-            Match every frame with the first; otherwise each with the good one before, which its matches name. A build
-            with homographies passes over those whose homography is refused.
+            Match every frame with the first; otherwise each with the good one before, which its matches name. Once a
+            build with homographies has accepted one, it passes over frames whose own is refused.
         """
         self.check(settings)
         frames = iter(frames)

@@ -21,13 +21,16 @@ class ReferenceFrame(Generic[Frame]):
     """The frame that other frames are matched with; `hdl.matching.feature_banks.FeatureBanks` follows the same rule.
 
     The first good frame becomes the reference. A frame that holds the reference is matched with it; for another, the
-    good frame before it becomes the reference first, unless it has been refused. The first good frame and bad frames
-    are not matched.
+    good frame before it becomes the reference first. The first good frame and bad frames are not matched.
+
+    Accepted homographies make a chain. Once there is one, a frame whose homography is refused does not become the
+    reference. Before, it does: otherwise all would be matched with a dark first frame.
     """
 
     def __init__(self) -> None:
         self._reference: Frame | None = None
         self._latest: Frame | None = None
+        self._is_chained = False
 
     def for_frame(self, frame: Frame, *, good: bool, held: bool) -> Frame | None:
         """Return the reference to match the next frame with, or None, and update the reference."""
@@ -37,9 +40,11 @@ class ReferenceFrame(Generic[Frame]):
         self._reference, self._latest = frame if reference is None else reference, frame
         return reference
 
-    def refuse(self) -> None:
-        """The last good frame has no homography that is accepted, and does not become the reference."""
-        self._latest = self._reference
+    def judge(self, *, accepted: bool) -> None:
+        """Take note of whether the last good frame's homography is accepted."""
+        self._is_chained |= accepted
+        if self._is_chained and not accepted:
+            self._latest = self._reference
 
 
 def match(

@@ -136,7 +136,7 @@ class RecordEstimator(wiring.Component):
     o_estimating: Out(1)
     """A packet of matches has begun, and its estimate is not complete."""
     o_refused: Out(1)
-    """The last good frame has no homography that is accepted."""
+    """The last good frame has no homography that is accepted, though one before it has."""
 
     def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
         self._estimator = HomographyEstimator(max_matches=max_matches)
@@ -179,6 +179,8 @@ class RecordEstimator(wiring.Component):
         """Count the packets of which no estimate is complete, and note how the last good frame's ended."""
         m = Module()
         begins = Signal(init=1)
+        # Since the clear a homography has been accepted.
+        is_chained = Signal()
         # One is being estimated, one is stored, and one arrives.
         packets = Signal(2)
         takes, result = self.i_matches.valid & self.i_matches.ready, self._estimator.o
@@ -188,7 +190,8 @@ class RecordEstimator(wiring.Component):
         with m.If(takes):
             m.d.sync += begins.eq(self.i_matches.payload.last)
         with m.If(ends & ~(result.payload.causes & EstimateCause.BAD_FRAME).any()):
-            m.d.sync += self.o_refused.eq(result.payload.causes.any())
+            refused = result.payload.causes.any()
+            m.d.sync += [is_chained.eq(is_chained | ~refused), self.o_refused.eq(is_chained & refused)]
         return m
 
 

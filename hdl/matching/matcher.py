@@ -60,7 +60,7 @@ class Matcher(wiring.Component):
     i_estimating: In(1)
     """The homography of a frame that has been sent is not known yet: no other frame is accepted."""
     i_refused: In(1)
-    """The last good frame has no homography that is accepted, and does not become the reference."""
+    """The last good frame does not become the reference."""
     i_hold_reference: In(1)
     """See `FeatureBanks`."""
     i_take_reference: In(1)

@@ -57,6 +57,6 @@ def add_matches(
         result = FrameResult.count_matches(features, matches, status, cycles)
         if config.estimator:
             result = replace(result, homography=frame_homography(matches, status, config)[0])
-        if result.refused:
-            references.refuse()
+        if result.accepted is not None:
+            references.judge(accepted=result.accepted)
         yield result

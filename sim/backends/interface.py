@@ -65,9 +65,9 @@ class FrameResult:
     """The Homography record (`golden_model.records.HOMOGRAPHY`); None unless the configuration has an estimator."""
 
     @property
-    def refused(self) -> bool:
-        """Whether a good frame's homography is not accepted."""
-        return bool(self.homography is not None and self.homography["causes"] and self.status["good"])
+    def accepted(self) -> bool | None:
+        """Whether a good frame's homography is accepted; None for a bad one, and without homographies."""
+        return None if self.homography is None or not self.status["good"] else not self.homography["causes"]
 
     @classmethod
     def count_matches(
@@ -122,8 +122,8 @@ class Backend(Protocol):
         config : Config
             What to compute.
         reference : {"held", "previous"}
-            Match each later frame with the first frame, or with the good frame before it; with an estimator, the last
-            one whose homography is accepted.
+            Match each later frame with the first frame, or with the good frame before it; with an estimator, from the
+            first accepted homography on, the last frame whose own is accepted.
 
         Raises
         ------

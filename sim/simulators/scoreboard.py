@@ -77,8 +77,8 @@ def _measure_works(golden: Sequence[FrameResult], reference: Reference) -> Itera
         good, count = bool(result.status["good"]), len(result.features)
         size_px = int(result.status["width"]), int(result.status["height"])
         left = references.for_frame(count, good=good, held=reference == "held")
-        if result.refused:
-            references.refuse()
+        if result.accepted is not None:
+            references.judge(accepted=result.accepted)
         counts = (0, 0) if left is None else (left, count)
         kept = int(result.match_status["kept"])
         estimate_cycles = None if result.homography is None else int(result.homography["cycles"])

@@ -231,11 +231,11 @@ def test_the_reference_is_the_first_good_frame_or_the_one_before(
     assert [rule.for_frame(frame, good=good, held=hold) for frame, good, hold in frames] == references
 
 
-def test_a_refused_frame_does_not_become_the_reference() -> None:
+def test_a_refused_frame_becomes_the_reference_only_before_the_first_accepted_one() -> None:
     rule: matcher.ReferenceFrame[str] = matcher.ReferenceFrame()
     references = []
-    for frame in "abcdefg":
-        references.append(rule.for_frame(frame, good=frame != "d", held=False))
-        if frame in "acef":
-            rule.refuse()
-    assert references == [None, "a", "b", None, "b", "b", "b"]
+    for frame in "abcdefgh":
+        references.append(rule.for_frame(frame, good=frame != "e", held=False))
+        if frame != "e":
+            rule.judge(accepted=frame in "cf")
+    assert references == [None, "a", "b", "c", None, "c", "f", "f"]

@@ -194,15 +194,15 @@ def test_every_packet_of_matches_is_answered_by_its_homography() -> None:
     unknown["tag"][4] = Tag.FEATURE
     bad = [packet(matches, status(good=0, frame=1)), packet(matches), packet(unknown, status(frame=2))]
     few = packet(matches[:3], status(frame=9))
-    records, drops, refused = estimates([*bad, packet(matches, good), bad[0], few, bad[0]])
-    assert records["causes"].tolist()[:3] == [estimator.EstimateCause.BAD_FRAME] * 3
+    records, drops, refused = estimates([few, *bad, packet(matches, good), bad[0], few, bad[0]])
+    assert records["causes"].tolist()[1:4] == [estimator.EstimateCause.BAD_FRAME] * 3
     expected = estimate(FrameMatches.from_records(matches, good_view.reshape(1)[0]), SETTINGS)
-    np.testing.assert_array_equal(records[3:4], homography_record(expected, frame=7, reference=2))
-    assert records["score"][3] > 0
-    assert (records["causes"][5], records["frame"][5]) == (estimator.EstimateCause.TOO_FEW_MATCHES, 9)
+    np.testing.assert_array_equal(records[4:5], homography_record(expected, frame=7, reference=2))
+    assert records["score"][4] > 0
+    assert (records["causes"][6], records["frame"][6]) == (estimator.EstimateCause.TOO_FEW_MATCHES, 9)
     assert drops == 0
-    # What is not a good frame leaves the verdict on the last one as it is.
-    assert (records["causes"][3], refused) == (0, [0, 0, 0, 0, 0, 1, 1])
+    # Nothing is refused before one has been accepted. What is not a good frame leaves the last verdict as it is.
+    assert (records["causes"][4], refused) == (0, [0, 0, 0, 0, 0, 0, 1, 1])
 
 
 def test_a_record_that_is_not_wanted_is_not_lost() -> None:

@@ -318,8 +318,7 @@ def test_a_refused_frame_does_not_become_the_reference() -> None:
         left = references.for_frame(features, good=True, held=False)
         wanted = np.zeros(0, MATCH.dtype) if left is None else match(left, features, ILBP_32, config)
         assert np.array(packet[:-3], np.uint64).tobytes() == wanted.tobytes()
-        if cause:
-            references.refuse()
+        references.judge(accepted=not cause)
 
 
 @pytest.mark.parametrize("interrupted", [(2, 0), (150, 0), (194, 40), (194, 300), (194, 700)])
