@@ -25,7 +25,8 @@ from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.front_end import extract
 from golden_model.geometry.estimator import MAX_CYCLES
 from golden_model.geometry.scoring import answers, quantise
-from hdl.build import BUILDS
+from golden_model.timing import FrameWork, steady_pace
+from hdl.build import BUILDS, Build
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends.golden import add_matches
 from sim.benches.camera import CameraBench, CameraTiming, MemoryRules
@@ -65,14 +66,14 @@ def fly(frames: list[Pixels], size_px: tuple[int, int], seed: int) -> dict[str, 
     """Send a flight through the camera build, and compare what is delivered."""
     width_px, height_px = size_px
     settings = matched_frame_settings(CONFIG, *size_px, gray_input=True)
-    # Small frames come less often: the estimator takes as long as 640x480 pixels.
-    frame_blank = max(FRAME_BLANK_LINES * width_px, MAX_CYCLES - width_px * height_px)
-    # The camera's clock has 99 edges per 100 of the design: 148.5 of 150 MHz, that of 1080p60.
-    camera = CameraTiming(line_blank=width_px // 8, frame_blank=frame_blank, jitter=8, steps=99, period=100)
-    rules = MemoryRules(waits=40, latency_clocks=120, seed=seed)
     build = dataclasses.replace(
         BUILDS["camera"], config=CONFIG, max_width_px=width_px, max_height_px=height_px, video_bits=8
     )
+    # Small frames come less often: each is matched, and its homography estimated, before the next one is.
+    frame_blank = max(FRAME_BLANK_LINES * width_px, slowest_pace(size_px, build) - width_px * height_px)
+    # The camera's clock has 99 edges per 100 of the design: 148.5 of 150 MHz, that of 1080p60.
+    camera = CameraTiming(line_blank=width_px // 8, frame_blank=frame_blank, jitter=8, steps=99, period=100)
+    rules = MemoryRules(waits=40, latency_clocks=120, seed=seed)
     bench = CameraBench(build, length_bytes=1 << 22, camera=camera, rules=rules, progress=Console().print)
     with host_programs(build) as load:
         requested = {name: settings[name] for name in (*REQUESTED, "gray_input")}
@@ -120,6 +121,15 @@ def fly(frames: list[Pixels], size_px: tuple[int, int], seed: int) -> dict[str, 
         "AXI rules broken": bench.violations,
         "clocks simulated": bench.cycle,
     }
+
+
+def slowest_pace(size_px: tuple[int, int], build: Build) -> int:
+    """Clocks from one frame to the next if all features match and every homography takes its longest."""
+    most = CONFIG.front_end.max_features
+    work = FrameWork(*size_px, good=True, left=most, right=most, rows=np.arange(most), estimate_cycles=MAX_CYCLES)
+    pace = steady_pace(work, CONFIG, lanes=build.lanes)
+    assert pace is not None
+    return pace[0]
 
 
 def propose(matches: Records, rng: np.random.Generator) -> np.ndarray[Any, np.dtype[np.int64]]:

@@ -131,8 +131,6 @@ class FrameWork:
     """Number of features of this frame; 0 where there is nothing to match."""
     rows: NDArray[np.integer]
     """Left indices (N,) of the mutual matches, rising."""
-    kept: int = 0
-    """How many of them are kept."""
     estimate_cycles: int | None = None
     """``cycles`` of the frame's homography; None without an estimator."""
 
@@ -198,11 +196,13 @@ def timelines(works: Sequence[FrameWork], config: Config, *, lanes: int, pixels_
 def steady_pace(work: FrameWork, config: Config, *, lanes: int) -> tuple[int, int] | None:
     """Clocks from one such frame to the next, and from last pixel to last match; None where they cannot be predicted.
 
-    The slower of pixels and matching sets the pace.
+    The slower of pixels and matching, with the homography if the frame has one, sets the pace.
     """
-    for line in timelines([work], config, lanes=lanes):
-        return max(line.status_cycles, line.matches_end - line.accepted), line.matches_end - line.last_pixel
-    return None
+    lines = timelines([work, work], config, lanes=lanes)
+    if not lines:
+        return None
+    first, second = lines
+    return second.accepted - first.accepted, first.matches_end - first.last_pixel
 
 
 def _timelines(

@@ -80,9 +80,8 @@ def _measure_works(golden: Sequence[FrameResult], reference: Reference) -> Itera
         if result.accepted is not None:
             references.judge(accepted=result.accepted)
         counts = (0, 0) if left is None else (left, count)
-        kept = int(result.match_status["kept"])
         estimate_cycles = None if result.homography is None else int(result.homography["cycles"])
-        yield FrameWork(*size_px, good, *counts, result.matches["left_index"], kept, estimate_cycles)
+        yield FrameWork(*size_px, good, *counts, result.matches["left_index"], estimate_cycles)
 
 
 def find_clock_mismatch(timelines: Sequence[Timeline], simulated: Sequence[FrameResult]) -> Mismatch | None:

@@ -66,7 +66,7 @@ def live(
     images.check_output(preview, overwrite=overwrite)
     if options.canvas_limit_px is None:
         check_room(output, room_for(output, PLANES))
-    pace = Pace(options.base_config, options.backend_name)
+    pace = Pace(options.base_config, options.backend_name, options.estimator)
     replaces = output.exists()
 
     def report(update: LiveUpdate) -> None:

@@ -1,6 +1,7 @@
 # amaranth: UnusedElaboratable=no
 """The model of time adds up the latencies that the blocks state; whole frames are compared in tests/system."""
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,10 @@ from amaranth.hdl import Fragment
 from golden_model import timing
 from golden_model.config import Config, FrontEndConfig
 from golden_model.feature.ilbp import PATTERNS
-from golden_model.geometry.estimator import MAX_CYCLES
+from golden_model.geometry.estimator import CYCLES, MAX_CYCLES
 from golden_model.geometry.scoring import MAX_MATCHES
 from golden_model.matching import rule_bases
-from golden_model.timing import FrameWork, Latencies, timelines
+from golden_model.timing import FrameWork, Latencies, steady_pace, timelines
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.matching.correlation import SumOfAbsoluteDifferences
 from hdl.matching.fuzzy import Sugeno
@@ -63,9 +64,17 @@ def test_two_pixels_a_clock_take_half_the_clocks() -> None:
 
 def test_frames_of_720p_never_wait_for_the_homography_before() -> None:
     most = MAX_MATCHES
-    frame = FrameWork(1280, 720, True, most, most, np.arange(most), kept=most, estimate_cycles=MAX_CYCLES)
+    frame = FrameWork(1280, 720, True, most, most, np.arange(most), estimate_cycles=MAX_CYCLES)
     accepted = [line.accepted for line in timelines([frame] * 4, Config(), lanes=16)]
     assert np.diff(accepted).tolist() == [1280 * 720] * 3
+
+
+def test_the_homography_before_sets_the_pace_of_small_frames() -> None:
+    most = MAX_MATCHES
+    frame = FrameWork(640, 480, good=True, left=most, right=most, rows=np.arange(most))
+    longest = dataclasses.replace(frame, estimate_cycles=MAX_CYCLES)
+    paces = [steady_pace(each, Config(), lanes=16) or (0, 0) for each in (frame, longest)]
+    assert np.diff(paces, axis=0).tolist() == [[MAX_CYCLES + CYCLES.records, 0]]
 
 
 def test_what_is_not_predicted_is_left_out() -> None:

@@ -9,8 +9,10 @@ import numpy as np
 
 from golden_model.arrays import Records
 from golden_model.config import Config
+from golden_model.geometry.estimator import MAX_CYCLES
 from golden_model.matching.matcher import match
 from golden_model.timing import FrameWork, steady_pace
+from skymosaic.geometry.estimators import FABRIC
 from skymosaic.imagery.live_frames import LiveFrame
 from skymosaic.mosaicking.live.update import LiveUpdate
 
@@ -25,10 +27,12 @@ class Pace:
     simulation; the clock also counts waiting for frames, reading them, and those of a video that are passed over.
     What the accelerator itself takes is computed from its exact timeline (`golden_model.timing`), for frames that
     follow each other without a pause: from the size of a frame, its features, and its matches with the frame before it.
+    Where the chip estimates homographies, each takes as long as any can.
     """
 
-    def __init__(self, config: Config, backend: str) -> None:
+    def __init__(self, config: Config, backend: str, estimator: str = "prosac") -> None:
         self._config = config
+        self._estimate_cycles = MAX_CYCLES if estimator == FABRIC else None
         self._has_clocks = backend != "golden"
         self._started_s = time.monotonic()
         self._seconds = self._work_seconds = 0.0
@@ -59,7 +63,14 @@ class Pace:
         matches = match(self._before, features, self._config.front_end.pattern, self._config.matcher)
         # The accelerator walks over the left features in their order.
         rows = np.sort(matches["left_index"]).astype(int)
-        work = FrameWork(*size_px, good=True, left=len(self._before), right=len(features), rows=rows)
+        work = FrameWork(
+            *size_px,
+            good=True,
+            left=len(self._before),
+            right=len(features),
+            rows=rows,
+            estimate_cycles=self._estimate_cycles,
+        )
         # Imported late: the help of `mosaic` imports this module, and needs no hardware.
         lanes = importlib.import_module("hdl.build").Build.lanes
         pace = steady_pace(work, self._config, lanes=lanes)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from golden_model.config import preset_config
+from golden_model.geometry.estimator import MAX_CYCLES
 from skymosaic.imagery.live_frames import LiveFrame
 from skymosaic.mosaicking.live.pace import Pace
 from skymosaic.mosaicking.live.update import LiveUpdate
@@ -31,6 +32,16 @@ def test_what_is_counted_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
         "13.33 seen per second of the clock (9.0 s)"
     )
     assert pace.numbers["used_per_second_of_work"] == 1.0
+
+
+@pytest.mark.parametrize(("estimator", "least", "most"), [("prosac", 0, 76_800), ("fabric", MAX_CYCLES, 310_000)])
+def test_a_homography_on_the_chip_is_part_of_its_pace(estimator: str, least: int, most: int) -> None:
+    config = preset_config("aerial")
+    pace = Pace(config, "rtl", estimator)
+    features = np.zeros(8, config.front_end.pattern.record.dtype)
+    for number in range(2):
+        pace.add(LiveUpdate(number, "", 0.0, None, None, "", 1, (320, 240), features))
+    assert least < pace.numbers["accelerator"]["clocks_per_frame"] <= most
 
 
 def test_no_frame_has_no_rate() -> None:
