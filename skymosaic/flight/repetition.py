@@ -43,7 +43,7 @@ def repeat_flight(known: Flight, sources: Sequence[Source], seed: int, workers: 
         known,
         names=tuple(source.name for source in sources),
         # The mesh belongs to the layout: it makes the homography fit.
-        sources=tuple(replace(source, warp=before.warp) for source, before in zip(used, known.sources, strict=True)),
+        sources=tuple(source.warped_by(before.warp) for source, before in zip(used, known.sources, strict=True)),
         views=tuple(views),
         left_out={index: f"{sources[index].name}: left out of the known layout" for index in known.left_out},
         seconds={},
