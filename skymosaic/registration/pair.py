@@ -212,10 +212,7 @@ class Pair:
         summary, trust = self.summary(), self.confidence
         entries = np.full(9, np.nan) if self.homography is None else self.homography.ravel()
         return {
-            "left": self.left.name,
-            "right": self.right.name,
-            "accepted": self.accepted,
-            "reason": self.reason,
+            **{name: summary[name] for name in ("left", "right", "accepted", "reason")},
             "verdict": "" if trust is None else trust.verdict,
             "predicted_px": None if trust is None else trust.predicted_px,
             "left_features": len(self.features[0]),
