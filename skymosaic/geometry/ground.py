@@ -53,7 +53,7 @@ MAX_RIVALS = 3
 EXPLAINED_PX, APART_PX = 3.0, 16.0
 """A match that a rejected homography explains to the first distance, or that has an inlier of it within the second, may
 move with the camera, too. Working px."""
-MOVES_WITH_CAMERA = "what moves with the camera (a display, a border, dirt on the lens) is not counted"
+MOVES_WITH_CAMERA = "what moves with the camera (a display, a border, dirt, a sensor's pattern) is not counted"
 """Note of a result that leaves such matches out."""
 
 
