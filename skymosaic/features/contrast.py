@@ -14,12 +14,10 @@ PATTERN_SIGMA_PX = 3.0
 """What is coarser is ground. Of two images, the mean of all detail would leave each as the negative of the other."""
 ENOUGH = 100
 """More images make no difference."""
-SHARED = 0.1
-"""From this correlation of two images' fine detail on, they have a pattern in common: 0.3 and more where it decides
-what matches, 0.02 where different ground lies on the same pixels."""
-
-LOCALLY_SHARED, SHARED_SIDE_PX = 0.5, 21
-"""The same within squares of this side: four standard deviations of what different ground has by chance."""
+SHARED, LOCALLY_SHARED, SHARED_SIDE_PX = 0.1, 0.5, 21
+"""Correlation of two images' fine detail in squares of this side. Under a pattern, nine tenths of them have more than
+the first; behind a display or a border, a tenth has less than zero. More than the second is no chance: that is four
+standard deviations of what different ground has."""
 
 
 def find_pattern(images: Sequence[Pixels]) -> Float32:
@@ -32,19 +30,21 @@ def find_pattern(images: Sequence[Pixels]) -> Float32:
 
 
 def share_pattern(left: Pixels, right: Pixels) -> bool:
-    """Whether the fine detail of two images is alike at the same pixels."""
-    if left.shape[:2] != right.shape[:2]:
-        return False
-    one, other = _fine_detail(left), _fine_detail(right)
-    return bool(np.vdot(one, other) > SHARED * np.linalg.norm(one) * np.linalg.norm(other))
+    """Whether the fine detail of two images is alike at the same pixels nearly everywhere, which no display is."""
+    return left.shape[:2] == right.shape[:2] and bool(np.quantile(_likeness(left, right), 0.1) > SHARED)
 
 
 def find_shared(left: Pixels, right: Pixels) -> Mask:
     """Where two images of one size are alike at the same pixels, as in the text of a display, (H, W)."""
+    alike = (_likeness(left, right) > LOCALLY_SHARED).astype(np.uint8)
+    return np.asarray(cv2.dilate(alike, np.ones((SHARED_SIDE_PX,) * 2)) > 0)
+
+
+def _likeness(left: Pixels, right: Pixels) -> Float32:
+    """Correlation of the fine detail of two images at the same pixels, in the square around each, (H, W)."""
     one, other = _fine_detail(left), _fine_detail(right)
     both, *energies = (cv2.blur(product, (SHARED_SIDE_PX,) * 2) for product in (one * other, one * one, other * other))
-    alike = both > LOCALLY_SHARED * np.sqrt(np.prod(energies, axis=0) + 1)
-    return np.asarray(cv2.dilate(alike.astype(np.uint8), np.ones((SHARED_SIDE_PX,) * 2)) > 0)
+    return np.asarray(both / np.sqrt(np.prod(energies, axis=0) + 1))
 
 
 def even_contrast(image: Pixels, pattern: Float32 | None = None) -> Pixels:
