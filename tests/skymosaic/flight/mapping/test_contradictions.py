@@ -14,9 +14,9 @@ from skymosaic.common.errors import InputError
 from skymosaic.flight.mapping.cameras import Camera
 from skymosaic.flight.mapping.place import list_contradictions, place_cameras, place_on_map
 from skymosaic.imagery.exif import Metadata, Position
-from skymosaic.imagery.lens import Lens
 from skymosaic.maps.control_points import load_control_points
 from skymosaic.maps.georeference import map_to_globe
+from tests.skymosaic.flight.mapping.laid_out import lay_out
 
 CORNER, METRES, SIZE = np.array([576_600.0, 5_188_200.0]), 0.1, (400, 300)
 STEPS = [(150 * column, 120 * row) for row in range(3) for column in range(4)]
@@ -37,16 +37,7 @@ def flown() -> tuple[Any, Any]:
         SimpleNamespace(name=f"{number}.jpg", size=SIZE, taken=taken, gps=taken.position)
         for number, taken in enumerate(taken_above(*(step + middle)) for step in STEPS)
     ]
-    shifts = {view: np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]]) for view, (x, y) in enumerate(STEPS)}
-    layout = SimpleNamespace(members=tuple(shifts), to_reference=lambda _views: shifts)
-    return SimpleNamespace(
-        views=views,
-        sources=[SimpleNamespace(warp=None)] * len(views),
-        lens=Lens(),
-        settings=SimpleNamespace(lens=Lens()),
-        layouts=(layout,),
-        positions="",
-    ), layout
+    return lay_out(views, STEPS)
 
 
 def write_control(path: Path, place: Change, pixel: Change, shift: int) -> Path:

@@ -22,6 +22,7 @@ from skymosaic.maps.control_points import load_control_points
 from skymosaic.maps.positions import load_positions
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
+from tests.skymosaic.flight.mapping.laid_out import lay_out
 
 SIZE = (480, 360)
 METRES, CORNER = 0.15, np.array([430_000.0, 5_190_000.0])
@@ -116,16 +117,7 @@ def flown(folders: tuple[str, ...], position: Position | None = None) -> tuple[A
     """Photographs of one name in several folders, side by side on the ground, each 100 px wide."""
     taken = Metadata(position=position)
     views = [SimpleNamespace(name=f"{folder}/1.jpg", size=(100, 100), gps=position, taken=taken) for folder in folders]
-    shifts = {view: np.array([[1.0, 0, 100 * view], [0, 1, 0], [0, 0, 1]]) for view in range(len(views))}
-    layout = SimpleNamespace(members=tuple(shifts), to_reference=lambda _views: shifts)
-    return SimpleNamespace(
-        views=views,
-        sources=[SimpleNamespace(warp=None)] * len(views),
-        lens=Lens(),
-        settings=SimpleNamespace(lens=Lens()),
-        layouts=(layout,),
-        positions="",
-    ), layout
+    return lay_out(views, [(100 * view, 0) for view in range(len(views))])
 
 
 def test_photographs_of_one_name_in_two_folders_are_told_apart(tmp_path: Path) -> None:

@@ -1,0 +1,23 @@
+"""A flight with what its place on the map needs, and its layout, without photographs."""
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from skymosaic.imagery.lens import Lens
+
+
+def lay_out(views: Sequence[Any], steps: Sequence[tuple[float, float]]) -> tuple[Any, Any]:
+    """The flight and the layout of views that lie ``steps`` (x, y) px from the first one's corner."""
+    shifts = {view: np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]]) for view, (x, y) in enumerate(steps)}
+    layout = SimpleNamespace(members=tuple(shifts), to_reference=lambda _views: shifts)
+    return SimpleNamespace(
+        views=views,
+        sources=[SimpleNamespace(warp=None)] * len(views),
+        lens=Lens(),
+        settings=SimpleNamespace(lens=Lens()),
+        layouts=(layout,),
+        positions="",
+    ), layout
