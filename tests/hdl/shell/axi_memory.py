@@ -1,4 +1,4 @@
-"""A memory behind AXI4 write ports, for Amaranth's simulator: it delays, refuses, and checks AXI's rules."""
+"""A memory behind AXI4 ports, for Amaranth's simulator: it delays, refuses, and checks AXI's rules."""
 
 import random
 from collections import deque
@@ -9,22 +9,23 @@ from amaranth import Cat
 
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_lite import Response
+from hdl.axi.axi_read import MAX_OPEN_BURSTS
 from hdl.settings import PAGE_BYTES
 
 
 class AxiMemory:
-    """Memory from ``base`` on, which any number of ports write.
+    """Memory from ``base`` on, which any number of ports write and read.
 
     Parameters
     ----------
     base, length_bytes : int
-        Writes to any other address are faults of the design.
+        Any other address is a fault of the design.
     waits : int
-        0..255: probability per clock, in 1/256, that address or data are not accepted.
+        0..255: probability per clock, in 1/256, that address or data are not accepted, or that no word is given.
     latency_clocks : int
-        Longest time from a burst's last word to its response.
+        Longest time from a burst's last word to its response, or from its address to its first word.
     errors : int
-        0..255: probability, in 1/256, that a burst is answered by SLVERR, without being written.
+        0..255: probability, in 1/256, that a burst is answered by SLVERR, without being written or read.
     data_first : bool
         Addresses are accepted only after a word of their burst, as AXI allows a memory to do.
     seed : int
@@ -36,7 +37,7 @@ class AxiMemory:
     error_count : int
         Bursts answered by SLVERR.
     stuck : bool
-        While it is set, nothing is accepted.
+        While it is set, nothing is accepted or given.
     """
 
     def __init__(
@@ -94,11 +95,7 @@ class AxiMemory:
                 if answers and bready:
                     responses.popleft()
                 if awvalid and ready["a"]:
-                    length = (awlen + 1) * WORD_BYTES
-                    assert (awsize, awburst, awaddr % WORD_BYTES) == (3, 1, 0)
-                    assert awaddr // PAGE_BYTES == (awaddr + length - 1) // PAGE_BYTES, "a burst crosses 4 KiB"
-                    assert self.base <= awaddr <= self.base + self.bytes.size - length, f"{awaddr:#x} is outside"
-                    addresses.append((awaddr - self.base, awlen + 1))
+                    addresses.append((self._offset(awaddr, awlen, awsize, awburst), awlen + 1))
                 if wvalid and ready["w"]:
                     words.append((wdata, wstrb, wlast))
                 while addresses and len(words) >= addresses[0][1]:
@@ -109,6 +106,64 @@ class AxiMemory:
                     responses.append((due, self._write(offset, burst)))
 
         return testbench
+
+    def read_port(self, bus: Any) -> Any:
+        """A background testbench that serves ``bus``, an interface of `hdl.axi.axi_read.AXI_READ`.
+
+        Raises
+        ------
+        AssertionError
+            As by `port`, or if more than `MAX_OPEN_BURSTS` are open.
+        """
+
+        async def testbench(ctx: Any) -> None:
+            # Of each word: from when on it can be given, the word, its response, and whether it is its burst's last.
+            words: deque[tuple[int, int, int, bool]] = deque()
+            offered: dict[str, Any] = {}
+            clock = before = 0
+            given = False
+            while True:
+                accepts = not self.stuck and self._random.randrange(256) >= self.waits
+                # A word that is offered stays until it is taken.
+                waits = self.stuck or self._random.randrange(256) < self.waits
+                given = bool(words) and (given or (words[0][0] <= clock and not waits))
+                _, word, response, last = words[0] if given else (0, self._random.getrandbits(64), 0, False)
+                driven = accepts | given << 1 | last << 2 | response << 3 | word << 5
+                if driven != before:
+                    ctx.set(Cat(bus.arready, bus.rvalid, bus.rlast, bus.rresp, bus.rdata), driven)
+                    before = driven
+                address = (bus.araddr, bus.arlen, bus.arsize, bus.arburst)
+                *_, arvalid, araddr, arlen, arsize, arburst, rready = await ctx.tick("sync").sample(
+                    bus.arvalid, *address, bus.rready
+                )
+                clock += 1
+                _check_held(offered, "a", arvalid, accepts, (araddr, arlen, arsize, arburst))
+                if given and rready:
+                    words.popleft()
+                    given = False
+                if arvalid and accepts:
+                    burst = self._read(self._offset(araddr, arlen, arsize, arburst), arlen + 1)
+                    due = clock + self._random.randint(0, self.latency_clocks)
+                    words.extend((due, *each, n == arlen) for n, each in enumerate(burst))
+                    assert sum(last for *_, last in words) <= MAX_OPEN_BURSTS, "too many bursts are open"
+
+        return testbench
+
+    def _offset(self, address: int, length: int, size: int, burst: int) -> int:
+        """Where a burst starts in the memory; its rules are checked."""
+        length_bytes = (length + 1) * WORD_BYTES
+        assert (size, burst, address % WORD_BYTES) == (3, 1, 0)
+        assert address // PAGE_BYTES == (address + length_bytes - 1) // PAGE_BYTES, "a burst crosses 4 KiB"
+        assert self.base <= address <= self.base + self.bytes.size - length_bytes, f"{address:#x} is outside"
+        return address - self.base
+
+    def _read(self, offset: int, length: int) -> list[tuple[int, int]]:
+        """The words of a burst, each with its response; random ones where they fail."""
+        if self._random.randrange(256) < self.errors:
+            self.error_count += 1
+            return [(self._random.getrandbits(64), Response.SLVERR) for _ in range(length)]
+        words = self.bytes[offset : offset + length * WORD_BYTES].view("<u8").tolist()
+        return [(word, Response.OKAY) for word in words]
 
     def _write(self, offset: int, words: list[tuple[int, int, int]]) -> int:
         """Store a burst; returns its response."""
