@@ -6,10 +6,10 @@ from amaranth import Array, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_choice
 from golden_model.formats import RESPONSE_CODE
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, Record, Tag
 from hdl.frame_admission import CAUSES
-from hdl.lib.parameters import check_choice
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
 from hdl.streams import FRONT_END_SETTINGS, WORD, RowPayload, WordPayload, record_layout, words

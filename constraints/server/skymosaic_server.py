@@ -12,7 +12,6 @@ import argparse
 import hashlib
 import hmac
 import ipaddress
-import itertools
 import json
 import pathlib
 import secrets
@@ -194,7 +193,7 @@ class Handler(socketserver.BaseRequestHandler):
     def _refuse(self, reason):
         try:
             # A client that is still sending would not read the answer.
-            for _ in itertools.repeat(None, self.frames_left):
+            for _ in range(self.frames_left):
                 self.client.bytes(self.frame_bytes)
             self.client.answer({"error": reason})
         except ClientGoneError:

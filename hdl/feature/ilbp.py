@@ -7,10 +7,10 @@ from amaranth.lib import wiring
 from amaranth.lib.data import ArrayLayout, View
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_choice
 from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.orientation import RingMoments, Sector
 from hdl.lib.delay import delayed
-from hdl.lib.parameters import check_choice
 from hdl.lib.views import view_signal
 
 Ring = Sequence[Value]

@@ -6,9 +6,9 @@ from amaranth import Cat, Module, Mux, Shape, Signal, Value, signed, unsigned
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_choice
 from golden_model.feature.orientation import COSINES, HALF_SECTOR_TANGENTS, SECTORS, SINES, TANGENT_ONE
 from hdl.lib.delay import check_aligned, delayed, port_register
-from hdl.lib.parameters import check_choice
 from hdl.lib.weighted_sum import WeightedSum
 
 

@@ -4,9 +4,9 @@ from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_choice
 from golden_model.formats import POSITION, RAW_RESPONSE, RESPONSE_CODE, RESPONSE_FRACTION_BITS
 from hdl.lib.delay import delayed, port_register
-from hdl.lib.parameters import check_choice
 from hdl.streams import CANDIDATE
 
 OFFSET = signed(5)

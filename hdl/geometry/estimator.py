@@ -4,6 +4,7 @@ from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_range
 from golden_model.geometry.acceptance import CELLS
 from golden_model.geometry.estimator import EstimateCause
 from golden_model.geometry.program import LANES, SLOTS
@@ -20,7 +21,6 @@ from hdl.geometry.sampling import COUNT, SampleDraws
 from hdl.geometry.sweep import SCORE, SUPPORT, Sweep
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
-from hdl.lib.parameters import check_range
 from hdl.lib.views import view_signal
 
 ESTIMATE = data.StructLayout(

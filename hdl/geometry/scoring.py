@@ -7,11 +7,11 @@ from amaranth.lib import data, stream, wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_range
 from golden_model.formats import WEIGHT
 from golden_model.geometry.scoring import ENTRY, IN_FLIGHT, LEVELS, MAX_MATCHES, ScoreCause
 from hdl.geometry.match_gain import HYPOTHESIS, PRODUCT_CYCLES, WEIGHED_PAIR, MatchGain
 from hdl.lib.delay import delayed
-from hdl.lib.parameters import check_range
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
 

@@ -7,8 +7,8 @@ from amaranth import Cat, Module, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_range
 from hdl.lib.delay import delayed
-from hdl.lib.parameters import check_range
 
 LAYERS_PER_STAGE = 2
 """Layers of counters between two registers, except before the first register: two levels of LUTs."""

@@ -6,6 +6,7 @@ from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_range
 from golden_model.formats import PIXEL, RESPONSE_CODE
 from golden_model.pixel.fast import CIRCLE, MARGIN_PX
 from hdl.lib.delay import Pipe, check_aligned, delayed
@@ -53,8 +54,7 @@ class Fast(wiring.Component):
     latency_cycles = Window.latency_cycles + 3 + 2 * PIXEL.bits + 2
 
     def __init__(self, *, lag_px: int = MARGIN_PX, pixels_per_clock: int = 1) -> None:
-        if lag_px < MARGIN_PX:
-            raise ValueError(f"lag_px is {lag_px}; the segment test needs {MARGIN_PX}")
+        check_range("lag_px", lag_px, MARGIN_PX)
         self.lag_px = lag_px
         self.pixels_per_clock = pixels_per_clock
         self.lines = lag_px + MARGIN_PX + 1

@@ -4,6 +4,7 @@ from amaranth import Cat, Const, Module, Mux, Shape, Value, signed, unsigned
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_choice
 from golden_model.formats import (
     GRADIENT,
     RAW_RESPONSE,
@@ -16,7 +17,6 @@ from golden_model.formats import (
 from golden_model.pixel.harris import TENSOR_SHIFT
 from hdl.lib.delay import delayed
 from hdl.lib.multiplier import Multiplier, multiply
-from hdl.lib.parameters import check_choice
 from hdl.lib.weighted_sum import signed_digits
 from hdl.pixel.window import SeparableSum
 from hdl.streams import beat, carry_scan, pixelwise

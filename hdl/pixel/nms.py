@@ -9,9 +9,9 @@ from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_choice
 from golden_model.formats import PIXEL, RESPONSE_CODE
 from hdl.lib.delay import Pipe, check_aligned, delayed
-from hdl.lib.parameters import check_choice
 from hdl.pixel.window import LineBuffer
 from hdl.streams import beat, carry_scan, each_pixel, pixel_beats
 

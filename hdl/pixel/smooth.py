@@ -6,7 +6,7 @@ from amaranth import Module, Signal, unsigned
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
-from hdl.lib.parameters import check_choice
+from golden_model.config import check_choice
 from hdl.pixel.window import SeparableSum
 from hdl.streams import beat, carry_scan, pixelwise
 

@@ -6,9 +6,9 @@ from amaranth import Cat, Module, Shape, ShapeLike, Signal, Value
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_range
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
-from hdl.lib.parameters import check_range
 from hdl.lib.weighted_sum import WeightedSum
 from hdl.streams import add_submodules, beat, carry_scan, each_pixel, pixels, pixelwise
 
@@ -42,10 +42,8 @@ class LineBuffer(wiring.Component):
 
     def __init__(self, *, shape: ShapeLike, lines: int, width_px: int, pixels_per_clock: int = 1) -> None:
         check_range("lines", lines, 1)
-        if width_px < 5 * pixels_per_clock:
-            raise ValueError(
-                f"width_px is {width_px}; it must be at least {5 * pixels_per_clock}: a read precedes its write by 5"
-            )
+        # A column is written back after it has been read, and before it is read again.
+        check_range("width_px", width_px, 5 * pixels_per_clock)
         self.shape = shape
         self.lines = lines
         self.width_px = width_px

@@ -7,10 +7,10 @@ from amaranth import Cat, Module, Signal, Value
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_range
 from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.extractor import feature_beat, feature_or_end
 from hdl.lib.delay import delayed
-from hdl.lib.parameters import check_range
 from hdl.selection.cell_ranking import MAX_CELL_LOG2, MAX_PER_CELL, MIN_CELL_LOG2, CellRanking
 from hdl.selection.level_scan import LevelScan
 from hdl.selection.row_buffer import CellRows
@@ -142,8 +142,7 @@ class RasterSelection(wiring.Component):
     """From a feature at ``i`` to the same feature at ``o``."""
 
     def __init__(self, *, pattern: DescriptorPattern, depth: int, in_flight: int) -> None:
-        if in_flight >= depth:
-            raise ValueError(f"in_flight is {in_flight}; it must be less than the depth, {depth}")
+        check_range("in_flight", in_flight, 0, depth - 1)
         self.depth = depth
         self.in_flight = in_flight
         super().__init__(

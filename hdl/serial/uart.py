@@ -4,7 +4,7 @@ from amaranth import Cat, Module, Mux, Signal
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from hdl.lib.parameters import check_range
+from golden_model.config import check_range
 
 DATA_BITS = 8
 MIN_CLOCKS_PER_BIT = 4

@@ -29,7 +29,7 @@ def test_the_model_of_time_knows_the_parts() -> None:
 
 @pytest.mark.parametrize("max_matches", [3, 2049])
 def test_an_impossible_memory_is_refused(max_matches: int) -> None:
-    with pytest.raises(ValueError, match=f"max_matches is {max_matches}; it must be 4 to 2048"):
+    with pytest.raises(ValueError, match=f"max_matches is {max_matches}; it must be a whole number from 4 to 2048"):
         HomographyEstimator(max_matches=max_matches)
 
 

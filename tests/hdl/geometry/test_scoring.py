@@ -149,5 +149,5 @@ def test_reset_in_any_phase_leaves_nothing_behind() -> None:
 
 @pytest.mark.parametrize("max_matches", [0, golden.MAX_MATCHES + 1])
 def test_an_impossible_memory_is_refused(max_matches: int) -> None:
-    with pytest.raises(ValueError, match=f"max_matches is {max_matches}; it must be 1 to 2048"):
+    with pytest.raises(ValueError, match=f"max_matches is {max_matches}; it must be a whole number from 1 to 2048"):
         HomographyScoring(max_matches=max_matches)

@@ -62,7 +62,7 @@ def test_corners_of_a_larger_window_equal_the_golden_model(
 def test_detectors_of_different_lags_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """FAST waits for Harris; nothing makes Harris wait."""
     monkeypatch.setattr(StructureTensor, "lag_px", 1)
-    with pytest.raises(ValueError, match="lag_px is 2; the segment test needs 3"):
+    with pytest.raises(ValueError, match="lag_px is 2; it must be a whole number from 3 on"):
         Corners(config=CONFIG, width_px=WIDTH_PX)
 
 

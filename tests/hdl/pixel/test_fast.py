@@ -53,7 +53,7 @@ def test_scores_equal_the_golden_model(
 
 
 def test_a_lag_that_the_window_cannot_have_is_refused() -> None:
-    with pytest.raises(ValueError, match="lag_px is 2; the segment test needs 3"):
+    with pytest.raises(ValueError, match="lag_px is 2; it must be a whole number from 3 on"):
         Fast(lag_px=2)
 
 
