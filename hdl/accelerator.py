@@ -10,7 +10,7 @@ from golden_model.geometry.scoring import MAX_MATCHES
 from golden_model.records import MATCH
 from hdl.axi.axi_lite import AXI_LITE
 from hdl.axi.flat_ports import FlatTop, bus_pins, packet_pins, stream_pins
-from hdl.axi.packet_gate import PacketGate
+from hdl.axi.packet_gate import CLOSING_RECORDS, PacketGate
 from hdl.axi.video_input import video_payload
 from hdl.build import Build
 from hdl.front_end import FrontEnd
@@ -238,6 +238,14 @@ class Accelerator(wiring.Component):
         with m.If(estimator.o_drops):
             m.d.sync += registers.i_lost_homographies.eq(registers.i_lost_homographies + 1)
         return m
+
+
+def longest_packets(build: Build) -> dict[str, int]:
+    """Words of the longest packet of each output: a record for every feature, and what ends one that is broken off."""
+    capacity = build.config.front_end.max_features + CLOSING_RECORDS
+    return {
+        output: words * (1 if output == "homographies" else capacity) for output, words in build.record_words.items()
+    }
 
 
 class AcceleratorTop(FlatTop):

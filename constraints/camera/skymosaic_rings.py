@@ -11,7 +11,7 @@
 """
 
 import skymosaic_map as register_map
-from skymosaic_map import CLOSING_RECORDS, HEADER_BYTES, PAGE_BYTES
+from skymosaic_map import HEADER_BYTES, PACKET_BYTES, PAGE_BYTES
 from skymosaic_registers import AcceleratorError, Registers, split_packet
 
 RINGS = {"features": register_map.FEATURE, "matches": register_map.MATCH}
@@ -66,8 +66,7 @@ class Ring:
 
     def __init__(self, registers, name, slots):
         self.registers, self.name, self.dtype, self.slots = registers, name, RINGS[name], slots
-        records = 1 if name == "homographies" else register_map.BUILT["built_max_features"] + CLOSING_RECORDS
-        self.slot_pages = -(-(HEADER_BYTES + records * self.dtype.itemsize) // PAGE_BYTES)
+        self.slot_pages = -(-(HEADER_BYTES + PACKET_BYTES[name]) // PAGE_BYTES)
         self.buffer = registers.bus.allocate(slots * self.slot_pages * PAGE_BYTES)
         self.address = registers.bus.address(self.buffer)
         if self.address % PAGE_BYTES:

@@ -10,8 +10,7 @@ import xml.etree.ElementTree as ET
 
 import skymosaic_map as register_map
 
-OUTPUTS = ("features", "matches", *(("homographies",) if register_map.BUILT["built_homographies"] else ()))
-BLOCKS = ("skymosaic", "dma_video", *("dma_" + output for output in OUTPUTS))
+BLOCKS = ("skymosaic", "dma_video", *("dma_" + output for output in register_map.PACKET_BYTES))
 ROOT_CELLS = {"zynq": 1, "zynquplus": 2}
 """Cells of an address at the root of the board's device tree, by family."""
 # Has AMD's kernels set the ports as wide as they are built, 128 bits, whatever another overlay has set: by registers 4
@@ -27,14 +26,7 @@ def buffer_sizes():
     built = register_map.BUILT
     # With two pixels per clock, a line of odd width has one more.
     frame = 4 * (built["built_width_px"] + 1) * built["built_height_px"]
-    capacity = built["built_max_features"] + register_map.CLOSING_RECORDS
-    sizes = {
-        "frame": min(frame, register_map.MAX_TRANSFER_BYTES),
-        "features": capacity * register_map.FEATURE.itemsize,
-        "matches": capacity * register_map.MATCH.itemsize,
-    }
-    if "homographies" in OUTPUTS:
-        sizes["homographies"] = register_map.HOMOGRAPHY.itemsize
+    sizes = {"frame": min(frame, register_map.MAX_TRANSFER_BYTES), **register_map.PACKET_BYTES}
     return {name: -(-size >> 20) << 20 for name, size in sizes.items()}
 
 

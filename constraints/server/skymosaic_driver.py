@@ -17,7 +17,7 @@ import numpy as np
 import skymosaic_map as register_map
 from skymosaic_registers import AcceleratorError, Registers, split_packet
 
-CHANNELS = ("features", "matches", *(("homographies",) if register_map.BUILT["built_homographies"] else ()))
+CHANNELS = tuple(register_map.PACKET_BYTES)
 TIMEOUT_SECONDS = 5.0
 
 
@@ -60,13 +60,7 @@ class Accelerator(Registers):
         self.timeout_seconds = timeout_seconds
         self.video_bits = self.read("built_video_bits")
         self.max_width_px, self.max_height_px = self.read("built_width_px"), self.read("built_height_px")
-        capacity = self.read("built_max_features") + register_map.CLOSING_RECORDS
-        self._received = {
-            "features": bus.allocate(capacity * register_map.FEATURE.itemsize),
-            "matches": bus.allocate(capacity * register_map.MATCH.itemsize),
-        }
-        if "homographies" in CHANNELS:
-            self._received["homographies"] = bus.allocate(register_map.HOMOGRAPHY.itemsize)
+        self._received = {channel: bus.allocate(length) for channel, length in register_map.PACKET_BYTES.items()}
         # With two pixels per clock, a line of odd width has one more.
         self._sent = bus.allocate(4 * (self.max_width_px + 1) * self.max_height_px)
 

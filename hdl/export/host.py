@@ -9,8 +9,8 @@ import numpy as np
 
 from golden_model.formats import POSITION
 from golden_model.geometry.scoring import ENTRY
-from golden_model.records import FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, Tag
-from hdl.axi.packet_gate import CLOSING_RECORDS
+from golden_model.records import FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, WORD_BYTES, Tag
+from hdl.accelerator import longest_packets
 from hdl.build import Build
 from hdl.export.boards import SOURCES
 from hdl.export.ip_xact import VLNV
@@ -59,6 +59,7 @@ def driver_map(build: Build) -> str:
     tags += [Tag.HOMOGRAPHY] if estimates else []
     requests = ((r.offset, sum(f.mask for f in r.fields if f.access is Access.REQUEST)) for r in registers)
     request_bits = {offset: bits for offset, bits in requests if bits}
+    packet_bytes = {output: words * WORD_BYTES for output, words in longest_packets(build).items()}
     lines = [
         f'"""Registers and records of the {NAME} accelerator. Generated; do not edit."""',
         "",
@@ -74,8 +75,7 @@ def driver_map(build: Build) -> str:
         *_dictionary("BUILT", constants, "Values of the constant fields"),
         *_dictionary("REQUEST_BITS", request_bits, "Offset of a register: its bits that are requests"),
         *(f"{tag.name.removeprefix('FRAME_')}_TAG = {int(tag)}" for tag in tags),
-        "# A packet that is ended early is longer by this number of records.",
-        f"CLOSING_RECORDS = {CLOSING_RECORDS}",
+        *_dictionary("PACKET_BYTES", packet_bytes, "Output: bytes of its longest packet"),
         "# A DMA's register LENGTH has 26 bits: 2^26 bytes, a frame of 4096x4096 in colour, would be 0.",
         "MAX_TRANSFER_BYTES = (1 << 26) - 1",
         *([f"PAGE_BYTES, HEADER_BYTES = {PAGE_BYTES}, {HEADER_BYTES}"] if has_shell else []),

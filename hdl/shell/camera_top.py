@@ -6,11 +6,10 @@ from amaranth.lib.cdc import ResetSynchronizer
 from amaranth.lib.wiring import In, Out
 
 from golden_model.geometry.scoring import MAX_MATCHES
-from hdl.accelerator import Accelerator
+from hdl.accelerator import Accelerator, longest_packets
 from hdl.axi.axi_lite import AXI_LITE
 from hdl.axi.axi_write import AXI_WRITE
 from hdl.axi.flat_ports import FlatTop, bus_pins, packet_pins, stream_pins
-from hdl.axi.packet_gate import CLOSING_RECORDS
 from hdl.axi.video_input import VideoPayload
 from hdl.build import Build
 from hdl.geometry.records import RecordScoring
@@ -49,22 +48,20 @@ class CameraAccelerator(wiring.Component):
 
     def __init__(self, build: Build) -> None:
         self.accelerator = accelerator = Accelerator(build)
-        self.rings, max_features = build.outputs, build.config.front_end.max_features
-        capacity = max_features + CLOSING_RECORDS
-        max_records = {"features": capacity, "matches": capacity, "homographies": 1}
+        self.rings = build.outputs
         # While a frame that was cut off is closed, the queue holds the next one's pixels; otherwise that one would be
         # cut off, too, and so on for ever. The second reserve is for the clocks that pixels take from the queue on.
         held_px = build.max_width_px + accelerator.closing_clocks + 2 * RESERVE_PX
         self._shell = Shell(
             registers=accelerator.registers,
             record_words=build.record_words,
-            max_words={ring: max_records[ring] * words for ring, words in build.record_words.items()},
+            max_words=longest_packets(build),
             video_bits=build.video_bits,
             # A power of two, as the Gray counters of the queue need it.
             camera_depth=1 << (held_px - 1).bit_length(),
             fifo_words=FIFO_WORDS,
         )
-        self._scoring = RecordScoring(max_matches=min(max_features, MAX_MATCHES))
+        self._scoring = RecordScoring(max_matches=min(build.config.front_end.max_features, MAX_MATCHES))
         super().__init__()
 
     def elaborate(self, platform: object) -> Module:
