@@ -147,8 +147,8 @@ def tabulate_errors(m: Measurements) -> Sheet:
         (
             f"here, {name}",
             _format_percent(m.mean("IV-5", name, "registered")),
-            f"{m.mean('IV-5', name, 'RMSE'):.2f}",
-            f"{np.median(m.values('IV-5', name, 'error') or [np.nan]):.2f}",
+            _format_decimal(m.mean("IV-5", name, "RMSE"), 2),
+            _format_decimal(float(np.median(m.values("IV-5", name, "error") or [np.nan])), 2),
         )
         for name in (*DESCRIPTORS, OURS)
     ]
@@ -164,9 +164,9 @@ def tabulate_recall(m: Measurements) -> Sheet:
     rows += [
         (
             f"here, {name}",
-            f"{m.ratio('IV-4', name, 'inliers', 'matched'):.2f}",
-            f"{pool_recall(m, stage):.2f}",
-            f"{1 - pool_precision(m, stage):.2f}",
+            _format_decimal(m.ratio("IV-4", name, "inliers", "matched"), 2),
+            _format_decimal(pool_recall(m, stage), 2),
+            _format_decimal(1 - pool_precision(m, stage), 2),
         )
         for name, stage in STAGES.items()
     ]
@@ -275,8 +275,8 @@ def _join_by_arrows(values: Sequence[float], form: str) -> str:
     return " → ".join(form.format(value) for value in values)
 
 
-def _format_decimal(value: float) -> str:
-    return MISSING if np.isnan(value) else f"{value:.1f}"
+def _format_decimal(value: float, places: int = 1) -> str:
+    return MISSING if np.isnan(value) else f"{value:.{places}f}"
 
 
 def _format_percent(share: float) -> str:

@@ -1,0 +1,56 @@
+"""Every number of the page's tables and diagrams, of made-up measurements, as it was when it was looked at."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from matplotlib.figure import Figure
+
+from skymosaic.thesis import charts, page, tables
+from skymosaic.thesis.measurements import Measurements
+
+RECORDED = Path(__file__).with_name("recorded_page.txt")
+"""After a change that is meant, `write_out` of `made_up` writes it again."""
+
+
+@pytest.fixture
+def made_up(measured: Measurements) -> Measurements:
+    """The lines of all experiments on two pairs, with falling numbers; of one setting, none."""
+    lines = []
+    for number, line in enumerate(measured.lines):
+        for pair, group in enumerate(("along", "across")):
+            top = 1200 - 20 * (number % 55) - 100 * pair
+            found = {each: top / (1 + n) + n * number for n, each in enumerate(line.values)}
+            values = {} if line.setting == "SIFT + SIFT" else found
+            lines.append(replace(line, pair=f"pair {pair}", group=group, values=values))
+    return Measurements(lines)
+
+
+def write_out(m: Measurements) -> Iterator[str]:
+    for name, tabulate in page.SHEETS.items():
+        sheet = tabulate(m)
+        yield from (f"table {name}: {' | '.join(row)}" for row in (sheet.headings, *sheet.rows))
+    yield from (f"groups: {' | '.join(row)}" for row in tables.tabulate_groups(m, "IV-2", "px").rows)
+    yield from (f"trend: {trend.statement} | {trend.holds} | {trend.numbers}" for trend in tables.check_trends(m))
+    drawn: list[Figure] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(charts, "_render_svg", lambda figure, **_: drawn.append(figure))
+        for plot in page.CHARTS.values():
+            plot(m)
+    for name, figure in zip(page.CHARTS, drawn, strict=True):
+        every: list[Any] = figure.axes
+        for axes in every:
+            series: dict[str, Any] = {line.get_label(): line.get_xydata() for line in axes.lines}
+            series |= {"bars": [(bar.get_x(), bar.get_height()) for bar in axes.patches]}
+            series |= {"segments": [end for each in axes.collections for ends in each.get_segments() for end in ends]}
+            for label, points in series.items():
+                if len(points):
+                    yield f"diagram {name}: {label}: {' '.join(f'{x:.3g},{y:.4g}' for x, y in points)}"
+            if axes.texts:
+                yield f"diagram {name}: {' '.join(text.get_text() for text in axes.texts)}"
+
+
+def test_tables_and_diagrams_say_what_was_measured_and_published(made_up: Measurements) -> None:
+    assert list(write_out(made_up)) == RECORDED.read_text(encoding="utf-8").splitlines()
