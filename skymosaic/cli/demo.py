@@ -1,7 +1,6 @@
 """The command that shows the whole chain on rendered photographs."""
 
 import sys
-import time
 from pathlib import Path
 from typing import Annotated
 
@@ -89,7 +88,7 @@ def _compare_hardware(photographs: tuple[Path, Path], options: BackendOptions) -
     """Compare the hardware with the golden model; without a compiler, only say that it was not simulated."""
     # What was shown so far is worth seeing before a first compile, which takes a while.
     sys.stdout.flush()
-    start = time.perf_counter()
+    clock = Stopwatch()
     options_of_pair = PhotographOptions(backend=options.backend, address=options.address)
     try:
         with session.working("simulating the hardware") as step:
@@ -99,7 +98,7 @@ def _compare_hardware(photographs: tuple[Path, Path], options: BackendOptions) -
         return
     if result.mismatch:
         raise RegistrationError(f"hardware and golden model differ: {result.mismatch}")
-    session.seconds["hardware"] = time.perf_counter() - start
+    session.seconds["hardware"] = clock.lap("hardware")
     session.numbers["hardware"] = result.summary()
     session.show(f"hardware    equal to the golden model bit for bit: {result.coverage}")
     clocks, speed = result.cycles_per_frame[0], result.cycles_per_second / 1e6

@@ -1,7 +1,6 @@
 """The command that follows an object through a video."""
 
 import dataclasses
-import time
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +11,7 @@ from skymosaic.cli.options import OverwriteOption, output_option, with_options
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError, noting
+from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.imagery import images
 from skymosaic.imagery.key_frames import name_frame
 from skymosaic.imagery.video import OUTPUT_SUFFIXES, VideoReader
@@ -44,7 +44,7 @@ def track(
         images.check_output(corners, suffixes=TABLE_SUFFIXES, overwrite=overwrite)
     reader = VideoReader(video)
     tracker = Tracker(template, options)
-    start = time.perf_counter()
+    clock = Stopwatch()
     failures: list[str] = []
     with session.working("tracking") as step:
 
@@ -65,7 +65,7 @@ def track(
             save_corners(corners, rows)
             session.wrote(corners)
             written.append(f"corners {corners}")
-    session.seconds["tracking"] = time.perf_counter() - start
+    session.seconds["tracking"] = clock.lap("tracking")
     _show_summary(rows, session.seconds["tracking"] / len(rows))
     for note in reader.notes:
         session.warn(f"{video}: {note}")

@@ -12,8 +12,9 @@ class Stopwatch:
         """Wall time of each stage."""
         self._last = time.perf_counter()
 
-    def lap(self, stage: str) -> None:
-        """Record the time since the last call, or since construction, as that of ``stage``."""
+    def lap(self, stage: str) -> float:
+        """Record the time since the last call, or since construction, as that of ``stage``, and return it."""
         now = time.perf_counter()
         self.seconds[stage] = now - self._last
         self._last = now
+        return self.seconds[stage]

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from golden_model.timing import Timeline
 from hdl.build import Build
 from sim.backends.interface import Mismatch, load_backend, silent
 from sim.simulators.scoreboard import Coverage, find_clock_mismatch, find_mismatch, predict_timelines
+from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.imagery.images import load, reduce_for_front_end
 from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.registration.options import PhotographOptions
@@ -99,16 +99,16 @@ def compare(
     ]
     frames = [reduce_for_front_end(each.pixels, options.working_width_px, each.name)[0] for each in photographs]
     config = dataclasses.replace(options.base_config, estimator=EstimatorConfig() if homography else None)
-    start = time.perf_counter()
+    clock = Stopwatch()
     golden, config = extract_within_capacity(load_backend("golden"), frames, config)
-    golden_seconds = time.perf_counter() - start
+    golden_seconds = clock.lap("golden model")
     hardware = load_backend(options.backend_name, progress=progress, waves=waves)
     if waves is None:
         # The first run may build the simulator, so only the second one is timed.
         hardware.run(frames, config)
-    start = time.perf_counter()
+    clock = Stopwatch()
     results = hardware.run(frames, config)
-    seconds = time.perf_counter() - start
+    seconds = clock.lap("hardware")
     timelines = predict_timelines(golden, results, Build(config=config), "held")
     mismatch = find_mismatch(golden, results)
     if mismatch:

@@ -1,6 +1,5 @@
 """The road of a mosaic, stage by stage, which the API, the command line and the panel share."""
 
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
@@ -10,6 +9,7 @@ from pathlib import Path
 from golden_model.arrays import Intensities, Mask
 from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.memory import release_free_memory
+from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.flight.bands.spectrum import in_all_bands
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
@@ -216,9 +216,9 @@ class MosaicPlan:
 
     def bands(self, composition: Composition) -> Iterator[tuple[Intensities, Mask]]:
         """Render the picture in bands of whole rows from the top, each with a mask of what shows a photograph."""
-        start = time.perf_counter()
+        clock = Stopwatch()
         release_free_memory()
         yield from composition.bands(self._workers, self.options.memory_bytes)
         # A pair counts its blending among its own stages; the time of a flight's is in its delivery.
         if self.flight.pair is not None:
-            self.flight.pair.seconds["warping and blending"] = time.perf_counter() - start
+            self.flight.pair.seconds["warping and blending"] = clock.lap("blending")

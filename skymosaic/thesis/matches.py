@@ -1,6 +1,5 @@
 """Good and false matches as functions of the correlation window (Table IV-2) and of the ILBP's rings (Table IV-3)."""
 
-import time
 from collections.abc import Iterator
 
 import numpy as np
@@ -10,6 +9,7 @@ from golden_model.config import MatcherConfig
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.matching.correlation import best_matches
 from golden_model.matching.matcher import match
+from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.evaluation.metrics import confusion, correct_matches, grid_error
 from skymosaic.features.descriptors import WINDOWS_PX, describe
 from skymosaic.features.detectors import to_key_points
@@ -33,10 +33,10 @@ def measure_windows(pair: DatasetPair) -> Iterator[Line]:
     """
     key_points = [to_key_points(detect_strongest(gray)) for gray in pair.grays]
     for name, size_px in WINDOWS_PX.items():
-        start = time.perf_counter()
+        clock = Stopwatch()
         left, right = (describe(gray, points, name) for gray, points in zip(pair.grays, key_points, strict=True))
         best_matches(left["descriptor"], right["descriptor"], "sad")
-        seconds = time.perf_counter() - start
+        seconds = clock.lap("matching")
         matches = match_by_correlation(left, right)
         yield "IV-2", str(size_px), _count_good(pair, matches, seconds)
         yield measure_stage(
@@ -49,9 +49,9 @@ def measure_rings(pair: DatasetPair) -> Iterator[Line]:
     for rings in published.ILBP:
         name = f"thesis-ilbp-{rings}"
         features = [detect_strongest(gray, descriptor=name) for gray in pair.grays]
-        start = time.perf_counter()
+        clock = Stopwatch()
         matches = match(features[0], features[1], PATTERNS[name], FUZZY_ILBP)
-        seconds = time.perf_counter() - start
+        seconds = clock.lap("matching")
         yield "IV-3", str(rings), _count_good(pair, matches, seconds)
         yield measure_stage(f"fuzzy ILBP, N = {rings}", pair, match_points(matches), _kept_by_rules(matches))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 
 from golden_model.arrays import Intensities, Mask, Pixels
 from skymosaic.common.errors import InputError, noting
+from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.common.temporary import temporary_folder
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
@@ -151,7 +151,7 @@ def deliver(
         If the mosaic cannot be written or a photograph can no longer be read; no partial file is left. What fails after
         it is among the failures of the delivery.
     """
-    start = time.perf_counter()
+    clock = Stopwatch()
     values, on_map = composition.values, composition.place.georeference
     if form.compress == "jpeg" and values is not None and values.deep:
         raise too_deep_for_jpeg(path)
@@ -180,8 +180,9 @@ def deliver(
     if not note and not _is_tiff(path):
         note = f"{path.suffix} files have no georeference; .tif files do"
     preview, coverage = map(np.concatenate, zip(*previews, strict=True))
-    seconds = time.perf_counter() - start
-    return Delivery(path, flight, layout, composition, note, preview, coverage, seconds, tiles, tuple(failures))
+    return Delivery(
+        path, flight, layout, composition, note, preview, coverage, clock.lap("writing"), tiles, tuple(failures)
+    )
 
 
 def _collect_previews(

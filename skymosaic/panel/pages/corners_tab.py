@@ -1,7 +1,6 @@
 """Shows the corners of the first two photographs, and detects them again when an option changes them."""
 
 import asyncio
-import time
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 from nicegui import background_tasks, ui
 
 from golden_model.arrays import Pixels, Records
+from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.panel.options import Options, fault_of
 from skymosaic.panel.pages import drawings
 from skymosaic.panel.results import Decoded, Picture, side_by_side
@@ -63,12 +63,12 @@ class CornersTab:
         self._detecting = True
         try:
             while (inputs := self._inputs()) != self._drawn and not fault_of(self._session.options):
-                started = time.perf_counter()
+                clock = Stopwatch()
                 pictures = [each.working for each in self._photographs]
                 features = await asyncio.to_thread(detect, pictures, self._session.options)
                 # The photographs may have been replaced meanwhile.
                 if inputs[: len(features)] == self._photographs:
-                    self._draw(features, time.perf_counter() - started)
+                    self._draw(features, clock.lap("corners"))
                     self._drawn = inputs
         finally:
             self._detecting = False

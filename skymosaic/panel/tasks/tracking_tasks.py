@@ -1,10 +1,10 @@
 """The task that follows an object through a video, run in a worker."""
 
 import shlex
-import time
 from pathlib import Path
 
 from skymosaic.common.options import command_words
+from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.video import VideoReader
 from skymosaic.panel.options import Options
@@ -30,10 +30,10 @@ def follow(
     """
     reader = VideoReader(folder / video)
     chosen = TrackerOptions(preset=options.preset, backend=options.backend, address=options.address)
-    started = time.perf_counter()
+    clock = Stopwatch()
     tracker = Tracker(folder / template, chosen)
     rows = follow_video(tracker, reader, folder / VIDEO, lambda frame, _row: progress(f"frame {frame.number + 1}"))
-    seconds = time.perf_counter() - started
+    seconds = clock.lap("tracking")
     save_corners(folder / CORNERS, rows)
     words = ["skymosaic", "track", template, video, "-o", VIDEO, "--corners", CORNERS, "--overwrite"]
     command = shlex.join([*words, *command_words(chosen)])
