@@ -120,11 +120,12 @@ def _closures() -> dict[Path, set[str]]:
 
 
 def choose_tests(path: Path) -> list[Path]:
-    """The file of tests beside a file of code, those of its folder, and some of those that reach it."""
+    """The file of tests beside a file of code, those of its folder, and some of the others that reach it."""
     module = ".".join(path.with_suffix("").parts)
     beside = Path("tests") / path.with_name(f"test_{path.name}")
     reaching = [each for each, modules in _closures().items() if module in modules]
-    near = [each for each in reaching if each.parent == beside.parent]
+    # Of its folder all: pages and commands are tested in another process, which imports do not show.
+    near = [each for each in _closures() if each.parent == beside.parent]
     chosen = dict.fromkeys([*([beside] if (ROOT / beside).exists() else []), *near])
     others = [each for each in reaching if each not in chosen]
     return [*chosen, *others[:MAX_REACHING]]
