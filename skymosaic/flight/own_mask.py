@@ -69,4 +69,4 @@ def _join(shared: Mask, thumbnails: Sequence[Pixels]) -> Mask:
     masked = np.isin(labels, np.setdiff1d(labels[shared], 0))
     _, labels, sizes, _ = cv2.connectedComponentsWithStats((~masked).astype(np.uint8))
     holes = np.flatnonzero(sizes[:, cv2.CC_STAT_AREA] < MAX_HOLE * masked.size)
-    return np.asarray(masked | np.isin(labels, np.setdiff1d(holes, 0)))
+    return np.asarray(masked | np.isin(labels, holes))

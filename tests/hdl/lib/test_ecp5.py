@@ -65,8 +65,10 @@ def test_a_block_of_instances_equals_the_golden_model(
     assert printed.startswith("PASS"), printed
 
 
-def test_what_does_not_fit_is_refused() -> None:
+def test_what_does_not_fit_is_refused_and_what_just_fits_is_not() -> None:
     wide, narrow, bit, m = Signal(19), Signal(4), Signal(), Module()
+    Ecp5().multiplier(m, a=wide[1:], b=narrow, loads=(bit, bit, bit), product=Signal(22))
+    Ecp5().memory(m, LineMemory(shape=8, depth=16384), registers=bit)
     with pytest.raises(ValueError, match="a factor has 19 bits"):
         Ecp5().multiplier(m, a=wide, b=narrow, loads=(bit, bit, bit), product=Signal(23))
     with pytest.raises(ValueError, match="the memory has 16385 words"):

@@ -186,6 +186,8 @@ def test_a_broken_file_is_refused_with_a_reason(page: Page, photographs: list[Pa
 
 def test_the_button_that_starts_a_run_is_always_in_reach(page: Page) -> None:
     load_built_in_pair(page)
+    open_tab(page, "Numbers")
+    expect(page.get_by_text("Make the mosaic first.")).to_be_visible()
     make_mosaic(page)
     open_tab(page, "Numbers")
     open_advanced(page)
