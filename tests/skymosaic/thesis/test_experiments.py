@@ -21,7 +21,7 @@ MEASURED: dict[tuple[str, str], dict[str, float]] = {
     ("figure IV-6", "SIFT 2"): {"repeatability": 0.88, "chance": 0.08},
     ("figure IV-6", "Harris 4"): {"repeatability": 0.53, "chance": 0.26},
 }
-"""Of the pair, as recorded."""
+"""What was recorded of the pair."""
 
 
 @pytest.mark.parametrize("where", MEASURED)
