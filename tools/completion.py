@@ -7,7 +7,7 @@ from typing import get_args
 
 from typer.models import ArgumentInfo
 
-from skymosaic.cli import COMMANDS, import_functions
+from skymosaic.cli.commands import COMMANDS, import_functions
 from skymosaic.cli.completion import TABLE
 
 

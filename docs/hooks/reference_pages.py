@@ -15,7 +15,7 @@ from golden_model.config import PRESETS
 from golden_model.config_file import to_toml
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, Record, feature_record
-from skymosaic.cli import app
+from skymosaic.cli.commands import app
 from skymosaic.common.options import options_of
 from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
 from skymosaic.registration.options import FeatureOptions, RegistrationOptions

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from sim.scene import Flight, make_pair
-from skymosaic.cli import COMMANDS, app, main
+from skymosaic.cli import main
+from skymosaic.cli.commands import COMMANDS, app
 from skymosaic.evaluation.metrics import grid_error
 from tests.conftest import Run
 from tests.system.command_line import only_error, skymosaic

@@ -19,7 +19,7 @@ from golden_model.feature.orientation import SECTORS
 from golden_model.matching.fuzzy import ONE
 from golden_model.matching.rule_bases import aerial
 from sim.scene import Flight
-from skymosaic.cli import COMMANDS
+from skymosaic.cli.commands import COMMANDS
 from skymosaic.features.positions import feature_points, match_points
 from skymosaic.flight.check import check_flight
 from skymosaic.flight.mapping.place import MapPlace

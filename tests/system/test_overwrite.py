@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from sim.scene import make_pair
-from skymosaic.cli import app
+from skymosaic.cli.commands import app
 from skymosaic.common.errors import InputError
 
 COMMANDS = {

@@ -5,7 +5,7 @@ import pytest
 from typer.testing import CliRunner
 
 from golden_model.fuzzy.rules import SHIPPED
-from skymosaic.cli import app
+from skymosaic.cli.commands import app
 from skymosaic.common.errors import InputError
 
 

@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 import pytest
 
-from skymosaic.cli import COMMANDS
+from skymosaic.cli.commands import COMMANDS
 from skymosaic.cli.outputs import Reads, Writes, check_typed_outputs
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import OUTPUT

@@ -4,7 +4,7 @@ import cv2
 import pytest
 from typer.testing import CliRunner
 
-from skymosaic.cli import app
+from skymosaic.cli.commands import app
 from skymosaic.common.errors import InputError
 from skymosaic.evaluation.known_pairs import COLUMNS
 from skymosaic.thesis.dataset import list_sources

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from golden_model.fuzzy.rules import SHIPPED
-from skymosaic.cli import app
+from skymosaic.cli.commands import app
 from skymosaic.common.errors import InputError
 from tests.golden_model.fuzzy.valve import PRODUCT, VALVE
 from tests.hdl.blocks.test_export import simulate

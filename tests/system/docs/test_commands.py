@@ -15,8 +15,8 @@ import typer
 from typer.main import get_command
 
 from docs.hooks.measured import table
-from skymosaic.cli import COMMANDS
-from skymosaic.cli import app as skymosaic
+from skymosaic.cli.commands import COMMANDS
+from skymosaic.cli.commands import app as skymosaic
 
 ROOT = Path(__file__).parents[3]
 PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("constraints/**/*.md")]

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from golden_model.version import VERSION
 from sim.scene import make_lawnmower, make_pair
-from skymosaic.cli import app
+from skymosaic.cli.commands import app
 from skymosaic.panel.options import Options
 from skymosaic.panel.tasks.mosaic_tasks import compare_hardware, make_mosaic, write_command
 
