@@ -1,0 +1,1 @@
+"""A camera's frames painted where their poses say: tiles, positions, pixels."""
