@@ -1,0 +1,1 @@
+"""Frames painted where their poses say, as `golden_model.painting` defines it."""

@@ -1,0 +1,66 @@
+# amaranth: UnusedElaboratable=no
+"""Blended pixels equal the golden model, with every share and both modes."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from golden_model.painting.blending import FADE, blend
+from hdl.painting.blending import Blending
+from sim.simulators.recording import NO_PAUSES, Pauses
+from tests.hdl.block_bench import BlockBench
+from tests.hdl.drivers import run_streams
+from tests.hdl.painting.payloads import pixel_payload, pixel_row
+
+COUNT = 600
+
+
+def pixels(seed: int = 1) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64]]:
+    """Old pixels, colours and weights: extreme and random colours, weights near each other, equal, 0 and 255."""
+    rng = np.random.default_rng(seed)
+    old = rng.integers(0, 256, (COUNT, 4), dtype=np.uint8)
+    colours = rng.integers(0, 256, (COUNT, 3))
+    old[::5, :3], colours[::3] = 255 * (rng.random((COUNT // 5, 3)) < 0.5), rng.choice([0, 255], (COUNT // 3, 3))
+    weights = np.clip(old[:, 3].astype(int) + rng.integers(-FADE, FADE + 1, COUNT), 0, 255)
+    weights[::7], old[::11, 3] = rng.integers(0, 256, len(weights[::7])), 0
+    weights[::13], weights[::17], old[::19, 3] = 0, 255, 1
+    return old, colours, weights
+
+
+def payloads(old: NDArray[np.uint8], colours: NDArray[np.int64], weights: NDArray[np.int64]) -> list[dict[str, Any]]:
+    rows = zip(old[:, :3], old[:, 3], colours, weights, strict=True)
+    return [{"old": pixel_payload(under, before), "new": pixel_payload(over, now)} for under, before, over, now in rows]
+
+
+@pytest.mark.parametrize("replace", [False, True])
+@pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=90, stalls=150, seed=5)], ids=["free", "pauses"])
+def test_blended_pixels_equal_the_golden_model(pauses: Pauses, replace: bool) -> None:
+    given = pixels()
+    shares = np.clip(given[2].astype(int) - given[0][:, 3] + FADE // 2, 0, FADE)[given[0][:, 3] > 0]
+    assert set(shares) == set(range(FADE + 1))
+    # Without pauses, a clock until it is ready, one per pixel, the latency, and one in which the bench stops.
+    limit = COUNT + Blending.latency_cycles + 2 if pauses == NO_PAUSES else 5 * COUNT
+    inputs, settings = {"i": payloads(*given)}, {"i_replace": replace}
+    results = run_streams(Blending(), inputs, {"o": COUNT}, settings=settings, pauses=pauses, cycle_limit=limit)["o"]
+    np.testing.assert_array_equal([pixel_row(each) for each in results], blend(*given, replace=replace))
+
+
+def test_a_reset_leaves_nothing_behind() -> None:
+    dut = Blending()
+    given = payloads(*pixels(2))
+    expected = blend(*pixels(2))
+    bench = BlockBench(dut, cycle_limit=400)
+    results: list[list[int]] = []
+
+    async def run(ctx: Any) -> None:
+        for count in (1, 4, 9):
+            for payload in given[:count]:
+                await bench.stream_put(ctx, dut.i, payload)
+            await bench.pulse(ctx, bench.reset)
+            await bench.stream_put(ctx, dut.i, given[20])
+            results.append(pixel_row(await bench.stream_get(ctx, dut.o)))
+
+    bench.run(run)
+    assert results == [expected[20].tolist()] * 3

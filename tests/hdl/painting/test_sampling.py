@@ -1,0 +1,173 @@
+# amaranth: UnusedElaboratable=no
+"""Colours and weights equal the golden model wherever a window lies, and while the other one is written."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from golden_model.arrays import Pixels
+from golden_model.painting.positions import POSITION
+from golden_model.painting.sampling import sample
+from hdl.painting.sampling import Sampling
+from sim.simulators.recording import NO_PAUSES, Pauses
+from tests.hdl.block_bench import BlockBench
+from tests.hdl.painting.payloads import pixel_row
+
+COUNT = 300
+BOXES = {
+    # Size of the frame; left, top, right, bottom of the window.
+    "a whole frame of odd size": ((45, 37), (0, 0, 44, 36)),
+    "the largest window, at odd places": ((640, 480), (301, 177, 364, 240)),
+    "the last corner of the largest frame": ((4096, 4096), (4032, 4032, 4095, 4095)),
+    "a column at the right border": ((1031, 1100), (1029, 600, 1030, 640)),
+}
+
+
+def settings_of(size: tuple[int, int]) -> dict[str, int]:
+    return {"i_width_px": size[0], "i_height_px": size[1]}
+
+
+def draw(size: tuple[int, int], box: tuple[int, int, int, int], seed: int) -> tuple[Pixels, NDArray[np.int64]]:
+    """The frame's pixels in the box, and positions in it and, beyond the border of the frame, around it."""
+    rng = np.random.default_rng(seed)
+    left, top, right, bottom = np.array(box)
+    colours = rng.integers(0, 256, (bottom - top + 1, right - left + 1, 3), dtype=np.uint8)
+    colours[rng.random(colours.shape) < 0.3] = 255
+    colours[rng.random(colours.shape) < 0.3] = 0
+    least = np.where([left == 0, top == 0], -5, [left, top])
+    most = np.where([right == size[0] - 1, bottom == size[1] - 1], [right + 5, bottom + 5], [right, bottom])
+    at = rng.integers(least * POSITION.one, most * POSITION.one, (COUNT, 2))
+    # Whole pixels and the last step before the next one.
+    at[::4] &= -POSITION.one
+    at[1::4] |= POSITION.one - 1
+    return colours, at
+
+
+def expected(size: tuple[int, int], box: tuple[int, int, int, int], colours: Pixels, at: NDArray[np.int64]) -> Any:
+    """Colours and weights of the golden model; of the frame only the pixels in the box are made."""
+    left, top, right, bottom = box
+    frame = np.lib.stride_tricks.as_strided(np.zeros(3, np.uint8), (size[1], size[0], 3), (0, 0, 1))
+    _, weights = sample(frame, at)
+    part = np.zeros((size[1], right - left + 3, 3), np.uint8)
+    part[top : bottom + 1, : right - left + 1] = colours
+    inside, _ = sample(part, at - (left * POSITION.one, 0))
+    return np.where(weights[:, None] > 0, inside, 0), weights
+
+
+async def write(ctx: Any, port: Any, window: int, box: tuple[int, int, int, int], colours: Pixels) -> None:
+    """Write a box in words of two pixels, as they come from memory."""
+    left, top, right, bottom = box
+    ctx.set(port.valid, 1)
+    for y in range(top, bottom + 1):
+        for x in range(left & ~1, right + 1, 2):
+            kept = [int(left <= each <= right) for each in (x, x + 1)]
+            pair = [
+                colours[y - top, each - left].tolist() if left <= each <= right else [170] * 3 for each in (x, x + 1)
+            ]
+            ctx.set(port, {"valid": 1, "window": window, "y": y % 64, "x": x // 2 % 32, "pixels": pair, "kept": kept})
+            await ctx.tick()
+    ctx.set(port.valid, 0)
+
+
+async def put(ctx: Any, bench: BlockBench, window: int, at: NDArray[np.int64], *, blank: int = 0) -> None:
+    for x, y in at.tolist():
+        await bench.stream_put(ctx, bench.dut.i, {"x": x, "y": y, "window": window, "blank": blank})
+
+
+async def get(ctx: Any, bench: BlockBench, results: list[list[int]], count: int) -> None:
+    for _ in range(count):
+        results.append(pixel_row(await bench.stream_get(ctx, bench.dut.o)))
+
+
+def assert_equal(results: list[list[int]], colours: NDArray[np.int64], weights: NDArray[np.int64]) -> None:
+    received = np.array(results)
+    np.testing.assert_array_equal(received[:, 3], weights)
+    np.testing.assert_array_equal(received[weights > 0, :3], colours[weights > 0])
+
+
+@pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=100, stalls=140, seed=9)], ids=["free", "pauses"])
+@pytest.mark.parametrize("name", BOXES)
+def test_pixels_equal_the_golden_model(name: str, pauses: Pauses) -> None:
+    size, box = BOXES[name]
+    colours, at = draw(size, box, seed=len(name))
+    dut = Sampling()
+    bench = BlockBench(dut, settings=settings_of(size), pauses=pauses, cycle_limit=5000)
+    results: list[list[int]] = []
+
+    async def send(ctx: Any) -> None:
+        await write(ctx, dut.i_write, 1, box, colours)
+        await put(ctx, bench, 1, at)
+
+    async def receive(ctx: Any) -> None:
+        await get(ctx, bench, results, COUNT)
+
+    bench.run(send, receive)
+    assert_equal(results, *expected(size, box, colours, at))
+    assert {bool(weight) for *_, weight in results} == {True, False} or name.startswith("the largest")
+
+
+def test_a_pixel_leaves_per_clock_while_the_other_window_is_written() -> None:
+    """Alternating windows: each is read with nothing of the other."""
+    size = (640, 480)
+    boxes = [(301, 177, 364, 240), (80, 63, 130, 100), (0, 440, 40, 479)]
+    drawn = [draw(size, box, seed) for seed, box in enumerate(boxes)]
+    dut = Sampling()
+    bench = BlockBench(dut, settings=settings_of(size), cycle_limit=8000)
+    results: list[list[int]] = []
+    clocks: list[int] = []
+    written: list[int] = []
+
+    async def load(ctx: Any) -> None:
+        for n, (box, (colours, _)) in enumerate(zip(boxes, drawn, strict=True)):
+            # The window is free when the pixels of the tile before last have left.
+            while len(results) < COUNT * (n - 1):
+                await ctx.tick()
+            await write(ctx, dut.i_write, n % 2, box, colours)
+            written.append(n)
+
+    async def send(ctx: Any) -> None:
+        for n, (_, at) in enumerate(drawn):
+            while n not in written:
+                await ctx.tick()
+            await put(ctx, bench, n % 2, at)
+
+    async def receive(ctx: Any) -> None:
+        await get(ctx, bench, results, COUNT * len(boxes))
+
+    async def count(ctx: Any) -> None:
+        clock = 0
+        async for _, _, taken in ctx.tick().sample(dut.i.valid & dut.i.ready):
+            clock += 1
+            clocks.extend([clock] * taken)
+
+    bench.run(load, send, receive, background=[count])
+    for n, (box, (colours, at)) in enumerate(zip(boxes, drawn, strict=True)):
+        assert_equal(results[n * COUNT : (n + 1) * COUNT], *expected(size, box, colours, at))
+        assert clocks[(n + 1) * COUNT - 1] - clocks[n * COUNT] == COUNT - 1
+
+
+def test_blank_positions_weigh_nothing_and_a_reset_forgets_what_is_under_way() -> None:
+    size, box = BOXES["a whole frame of odd size"]
+    colours, at = draw(size, box, seed=4)
+    dut = Sampling()
+    bench = BlockBench(dut, settings=settings_of(size), cycle_limit=3000)
+    blank: list[list[int]] = []
+    results: list[list[int]] = []
+
+    async def run(ctx: Any) -> None:
+        await write(ctx, dut.i_write, 0, box, colours)
+        await put(ctx, bench, 0, at[:10], blank=1)
+        await get(ctx, bench, blank, 10)
+        for count in (1, 6, 15):
+            await put(ctx, bench, 0, at[:count])
+            await bench.pulse(ctx, bench.reset)
+            await put(ctx, bench, 0, at[20:26])
+            await get(ctx, bench, results, 6)
+
+    bench.run(run)
+    assert not any(weight for *_, weight in blank)
+    for n in range(3):
+        after = (each[20:26] for each in expected(size, box, colours, at))
+        assert_equal(results[6 * n : 6 * n + 6], *after)
