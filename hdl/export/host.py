@@ -9,7 +9,7 @@ import numpy as np
 
 from golden_model.formats import POSITION
 from golden_model.geometry.scoring import ENTRY
-from golden_model.records import FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, WORD_BYTES, Tag
+from golden_model.records import FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, WORD_BYTES
 from hdl.accelerator import longest_packets
 from hdl.build import Build
 from hdl.export.boards import SOURCES
@@ -40,49 +40,52 @@ def write_host(folder: Path, build: Build) -> None:
 
 def driver_map(build: Build) -> str:
     """The Python module ``skymosaic_map``: registers, records and build constants for the driver."""
+    title = f'"""Registers and records of the {NAME} accelerator. Generated; do not edit."""'
+    head = [title, "", "import numpy as np", ""]
+    return "\n".join([*head, *_describe_registers(build), *_describe_packets(build), ""])
+
+
+def _describe_registers(build: Build) -> list[str]:
     registers, constants = list_registers(build), built_constants(build)
-    estimates, has_shell = build.config.estimator is not None, build.shell == "camera"
     # Patch versions have the same registers and records, so the driver accepts all of them.
     del constants["version_patch"]
-    pattern = build.config.front_end.pattern
     positions = {f.name: (r.offset, f.low, f.bits) for r in registers for f in r.fields}
     written = sorted(fields(*WRITABLE, registers=registers), key=lambda field: field.name)
-    writable = {f.name: _valid_range(f) for f in written}
-    records = {
-        "FEATURE": pattern.record.dtype,
-        "MATCH": MATCH.dtype,
-        "STATUS": FRAME_STATUS.dtype,
-        **({"HOMOGRAPHY": HOMOGRAPHY.dtype} if estimates else {}),
-        **({"HEADER": HEADER, "HYPOTHESIS": HYPOTHESIS.dtype, "SCORE": SCORE.dtype} if has_shell else {}),
-    }
-    tags = [Tag.FRAME_STATUS, *((Tag.HYPOTHESIS, Tag.SCORE) if has_shell else ())]
-    tags += [Tag.HOMOGRAPHY] if estimates else []
     requests = ((r.offset, sum(f.mask for f in r.fields if f.access is Access.REQUEST)) for r in registers)
-    request_bits = {offset: bits for offset, bits in requests if bits}
-    packet_bytes = {output: words * WORD_BYTES for output, words in longest_packets(build).items()}
-    lines = [
-        f'"""Registers and records of the {NAME} accelerator. Generated; do not edit."""',
-        "",
-        "import numpy as np",
-        "",
+    return [
         *_dictionary("FIELDS", positions, "Field: (byte offset of its register, lowest bit, bits)"),
-        *_dictionary("WRITABLE", writable, "Writable field: (smallest, largest valid value)"),
+        *_dictionary(
+            "WRITABLE", {f.name: _valid_range(f) for f in written}, "Writable field: (smallest, largest valid value)"
+        ),
         f"CORE = {VLNV!r}",
         "# The fields in a request to the server.",
         f"REQUESTED = {REQUESTED!r}",
         "# What a request for homographies has besides.",
         f"ESTIMATION = {tuple(setting.name for setting in ESTIMATION)!r}",
         *_dictionary("BUILT", constants, "Values of the constant fields"),
-        *_dictionary("REQUEST_BITS", request_bits, "Offset of a register: its bits that are requests"),
-        *(f"{tag.name.removeprefix('FRAME_')}_TAG = {int(tag)}" for tag in tags),
+        *_dictionary("REQUEST_BITS", {r: bits for r, bits in requests if bits}, "Offset of a register: its requests"),
+    ]
+
+
+def _describe_packets(build: Build) -> list[str]:
+    records = {"FEATURE": build.config.front_end.pattern.record, "MATCH": MATCH, "STATUS": FRAME_STATUS}
+    records |= {"HOMOGRAPHY": HOMOGRAPHY} if build.config.estimator else {}
+    packet_bytes = {output: words * WORD_BYTES for output, words in longest_packets(build).items()}
+    in_memory = []
+    if build.shell == "camera":
+        records |= {"HYPOTHESIS": HYPOTHESIS, "SCORE": SCORE}
+        in_memory = [
+            f"PAGE_BYTES, HEADER_BYTES = {PAGE_BYTES}, {HEADER_BYTES}",
+            f"HEADER = np.dtype({_dtype_text(HEADER)})",
+            f"UNIT_PX, MAX_ELEMENT = {1 << POSITION.integer_bits}, {ENTRY.max_raw}",
+        ]
+    return [
         *_dictionary("PACKET_BYTES", packet_bytes, "Output: bytes of its longest packet"),
         "# A DMA's register LENGTH has 26 bits: 2^26 bytes, a frame of 4096x4096 in colour, would be 0.",
         "MAX_TRANSFER_BYTES = (1 << 26) - 1",
-        *([f"PAGE_BYTES, HEADER_BYTES = {PAGE_BYTES}, {HEADER_BYTES}"] if has_shell else []),
-        *([f"UNIT_PX, MAX_ELEMENT = {1 << POSITION.integer_bits}, {ENTRY.max_raw}"] if has_shell else []),
-        *(f"{name} = np.dtype({_dtype_text(dtype)})" for name, dtype in records.items()),
+        *in_memory,
+        *(f"{name}_TAG, {name} = {each.tag:d}, np.dtype({_dtype_text(each.dtype)})" for name, each in records.items()),
     ]
-    return "\n".join(lines) + "\n"
 
 
 def _dictionary(name: str, entries: Mapping[Any, object], comment: str) -> list[str]:
