@@ -10,6 +10,7 @@ from golden_model.painting.corners import CELL_PX, CORNER, SIDE
 from golden_model.painting.positions import CELL_LOG2, EDGE_BITS, EXACT_BITS, POSITION
 from golden_model.painting.tiles import TILE_PX
 from golden_model.painting.windows import WINDOW_PX
+from hdl.lib.add_subtract import add_or_subtract
 from hdl.painting.corners import CORNERS
 
 POSITION_PAYLOAD = data.StructLayout({"x": signed(POSITION.bits), "y": signed(POSITION.bits), "window": 1, "blank": 1})
@@ -20,7 +21,7 @@ LOADED_TILE = data.StructLayout({"corners": CORNERS, "window": 1, "blank": 1})
 ROUNDING = 1 << EDGE_BITS - POSITION.fraction_bits - 1
 """Half a step of a position, on an edge; edges carry it to all positions between them."""
 SPAN_BITS = WINDOW_PX.bit_length()
-"""Of a distance of two corners in whole pixels, sign included."""
+"""Bits of the whole pixels between two corners, with the sign."""
 DOWN_COLUMN = TILE_PX * 3 // 4
 """Where the edges move on to the next row: in the second cell, when this row needs them no more."""
 
@@ -35,8 +36,12 @@ class _Moves(NamedTuple):
     goes_right: Signal
     changes_cell: Signal
     goes_down: Signal
+    is_right: Signal
+    """The position is in the right cell."""
     is_lower: Signal
     """The row is in the lower cells."""
+    ends: Signal
+    """The tile ends."""
 
 
 class Positions(wiring.Component):
@@ -66,7 +71,9 @@ class Positions(wiring.Component):
         m.d.comb += [
             moves.changes_cell.eq(moves.goes_right & (column == CELL_PX - 1)),
             moves.goes_down.eq(moves.goes_right & (column == DOWN_COLUMN)),
+            moves.is_right.eq(column >= CELL_PX),
             moves.is_lower.eq(row >= CELL_PX),
+            moves.ends.eq(self.i.ready),
         ]
         with m.FSM():
             with m.State("Load"):
@@ -95,11 +102,15 @@ class Positions(wiring.Component):
         edges = []
         for n in range(SIDE):
             top, middle, bottom = (self.i.payload.corners[row * SIDE + n][axis] for row in range(SIDE))
-            step = Signal(signed(CORNER.fraction_bits + SPAN_BITS), name=f"{axis}_edge{n}_step", reset_less=True)
-            m.d.sync += step.eq(Mux(moves.is_lower, bottom, middle) - Mux(moves.is_lower, middle, top))
-            edge = Signal(signed(POSITION.integer_bits + EDGE_BITS), name=f"{axis}_edge{n}", reset_less=True)
+            # One operand is always the same, and the sign follows in the next adder, or tools would need more logic.
+            distance = Signal(signed(CORNER.fraction_bits + SPAN_BITS), name=f"{axis}_distance{n}", reset_less=True)
+            m.d.sync += distance.eq(middle - Mux(moves.is_lower, bottom, top))
+            edge = Signal(signed(POSITION.integer_bits + EDGE_BITS), name=f"{axis}_edge{n}", init=ROUNDING)
             with m.If(moves.loads | moves.goes_down):
-                m.d.sync += edge.eq(Mux(moves.loads, top << CELL_LOG2, edge) + Mux(moves.loads, ROUNDING, step))
+                way = Mux(moves.loads, top << CELL_LOG2, distance)
+                m.d.sync += edge.eq(add_or_subtract(edge, way, moves.is_lower))
+            with m.If(moves.ends):
+                m.d.sync += edge.eq(ROUNDING)
             edges.append(edge)
         return edges
 
@@ -110,7 +121,8 @@ class Positions(wiring.Component):
         step = Signal(signed(EDGE_BITS + SPAN_BITS), name=f"{axis}_step", reset_less=True)
         exact = Signal(signed(POSITION.integer_bits + EXACT_BITS), name=f"exact_{axis}", reset_less=True)
         with m.If(moves.begins | moves.changes_cell):
-            m.d.sync += step.eq(Mux(moves.begins, middle, right) - Mux(moves.begins, left, middle))
+            m.d.sync += step.eq(middle - Mux(moves.begins, left, right))
         with m.If(moves.begins | moves.goes_right):
-            m.d.sync += exact.eq(Mux(moves.begins, left << CELL_LOG2, exact + step))
+            onwards = add_or_subtract(exact, step, moves.is_right)
+            m.d.sync += exact.eq(Mux(moves.begins, left << CELL_LOG2, onwards))
         return exact[EXACT_BITS - POSITION.fraction_bits :]
