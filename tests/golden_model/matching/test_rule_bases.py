@@ -1,5 +1,6 @@
 """The matcher's fuzzy systems equal `simpful` systems in real numbers, built from the published corners."""
 
+import importlib
 import itertools
 import math
 from collections.abc import Iterable
@@ -7,15 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-import simpful
 from numpy.typing import NDArray
-from simpful.simpful import FuzzySystem
 
 from golden_model.matching import rule_bases
 from golden_model.matching.fuzzy import SugenoSystem
 
 HALF_STEP = 1 / 512
 """Largest error of a degree, a singleton or the final weight rounded to 8 fraction bits."""
+
+
+def simpful() -> Any:
+    """The package, when a test needs it: it imports matplotlib.pyplot, which takes longer than these tests."""
+    return importlib.import_module("simpful")
 
 
 def falling(start: float, end: float, domain: int) -> list[Any]:
@@ -31,18 +35,18 @@ def reference(
     outputs: dict[str, float],
     rules: list[tuple[tuple[str, str, str], str]] | Iterable[Any],
     operators: list[str] | None = None,
-) -> FuzzySystem:
+) -> Any:
     """A `simpful` system.
 
     ``variables`` maps each input to its sets, and each set to points or a function; ``rules`` are (sets, output).
     """
-    system = simpful.FuzzySystem(operators=operators, show_banner=False, verbose=False)
+    system = simpful().FuzzySystem(operators=operators, show_banner=False, verbose=False)
     for name, sets in variables.items():
         fuzzy_sets = [
-            simpful.FuzzySet(**{"points" if isinstance(shape, list) else "function": shape}, term=term)
+            simpful().FuzzySet(**{"points" if isinstance(shape, list) else "function": shape}, term=term)
             for term, shape in sets.items()
         ]
-        system.add_linguistic_variable(name, simpful.LinguisticVariable(fuzzy_sets))
+        system.add_linguistic_variable(name, simpful().LinguisticVariable(fuzzy_sets))
     for name, value in outputs.items():
         system.set_crisp_output_value(name, value)
     for sets, output in rules:
@@ -54,9 +58,7 @@ def reference(
     return system
 
 
-def infer(
-    system: FuzzySystem, names: dict[str, Any], grid: NDArray[Any]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def infer(system: Any, names: dict[str, Any], grid: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Weight (N,) and strengths (N, rules) of the reference at the rows of ``grid``."""
     weights, strengths = [], []
     for values in grid:
@@ -145,7 +147,7 @@ def test_aerial_orientation_equals_simpful() -> None:
 def test_ilbp_equals_simpful(bits: int) -> None:
     """The sigmoid falls to 0.95 at 6 gray levels per pixel and to 0.05 at 13 (window of 9 pixels)."""
     slope = 2 * math.log(19) / (9 * (13 - 6))
-    belongs = {"yes": simpful.InvSigmoid_MF(c=9 * 9.5, a=slope), "no": simpful.Sigmoid_MF(c=9 * 9.5, a=slope)}
+    belongs = {"yes": simpful().InvSigmoid_MF(c=9 * 9.5, a=slope), "no": simpful().Sigmoid_MF(c=9 * 9.5, a=slope)}
     variables = {
         "d": {"low": falling(bits / 8, 3 * bits / 8, bits), "high": rising(bits / 8, 3 * bits / 8, bits)},
         "p": belongs,

@@ -1,13 +1,14 @@
 """The refit to dense flow: it finds the plane of the overlap, and counts only where more of that fits."""
 
 import dataclasses
+import functools
 import time
 
 import cv2
 import numpy as np
 import pytest
 
-from golden_model.arrays import Mask, Matrix, Points
+from golden_model.arrays import Mask, Matrix, Pixels, Points
 from sim.scene import make_pair
 from skymosaic import register
 from skymosaic.evaluation.metrics import grid_error
@@ -17,9 +18,14 @@ from skymosaic.registration.dense import match_densely, refit_pair
 from skymosaic.registration.pair import Pair
 
 FLIGHT = make_pair(seed=4, size=(480, 360))
-LEFT, RIGHT = FLIGHT.images
 TRUTH = FLIGHT.homography_between(0, 1)
 OFF = np.array([[1.0, 0, 1.2], [0, 1, -0.9], [0, 0, 1]])
+
+
+@functools.cache
+def photographs() -> tuple[Pixels, Pixels]:
+    left, right = FLIGHT.images
+    return left, right
 
 
 def everywhere(left: Points, right: Points) -> Mask:
@@ -28,7 +34,7 @@ def everywhere(left: Points, right: Points) -> Mask:
 
 @pytest.fixture(scope="module")
 def pair() -> Pair:
-    return register(LEFT, RIGHT, effort="fast")
+    return register(*photographs(), effort="fast")
 
 
 def error_px(homography: Matrix | None) -> float:
@@ -37,7 +43,7 @@ def error_px(homography: Matrix | None) -> float:
 
 
 def test_flow_ends_at_the_horizon_and_soon() -> None:
-    left = cv2.cvtColor(LEFT, cv2.COLOR_BGR2GRAY)
+    left = cv2.cvtColor(photographs()[0], cv2.COLOR_BGR2GRAY)
     # It maps left row 100 to infinity.
     tilted = np.array([[-1.0, 2.4, 0], [0, 2, -100], [0, 0.01, -1]])
     right = np.asarray(cv2.warpPerspective(left, tilted, (480, 360), borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
@@ -50,7 +56,7 @@ def test_flow_ends_at_the_horizon_and_soon() -> None:
 
 
 def test_flow_finds_each_point_from_a_homography_that_is_off() -> None:
-    left, right = (cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in (LEFT, RIGHT))
+    left, right = (cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in photographs())
     points, moved = match_densely(left, right, OFF @ OFF @ TRUTH)
     assert len(points) > 200
     assert np.percentile(transfer_error(TRUTH, points, moved), 90) < 0.5
@@ -126,15 +132,15 @@ def test_a_good_pair_is_not_refitted(monkeypatch: pytest.MonkeyPatch) -> None:
         return pair
 
     monkeypatch.setattr("skymosaic.registration.register.refit_pair", note)
-    good = register(LEFT, RIGHT).confidence
+    good = register(*photographs()).confidence
     assert good is not None
     assert (good.verdict, asked) == ("good", [])
     monkeypatch.setattr("skymosaic.registration.confidence.GOOD_PX", 0.0)
     monkeypatch.setattr("skymosaic.registration.confidence.CLEAR_SHARE_OF_OVERLAP", 1.1)
     # Nor is one that is flat.
-    register(LEFT, RIGHT)
+    register(*photographs())
     monkeypatch.setattr("skymosaic.registration.confidence.FLAT_SHARE", 1.1)
-    register(LEFT, RIGHT, effort="fast")
+    register(*photographs(), effort="fast")
     assert not asked
-    register(LEFT, RIGHT)
+    register(*photographs())
     assert len(asked) == 1
