@@ -50,14 +50,8 @@ async def colour_video_back_to_back(dut: Any) -> None:
 
 
 @cocotb.test(timeout_time=2, timeout_unit="ms")
-async def gray_video_with_random_stalls(dut: Any) -> None:
-    """Every channel pauses at random, including those of the registers."""
-    await _run(dut, render_scene(MAX_SIZE_PX, gray=True), memory_mode=False, seed=100)
-
-
-@cocotb.test(timeout_time=2, timeout_unit="ms")
 async def gray_video_of_an_odd_size_with_random_stalls(dut: Any) -> None:
-    """Lines and frames whose sizes no cell and no level divides."""
+    """Every channel pauses at random, and no cell and no level divides the sizes of lines and frames."""
     await _run(dut, render_scene(ODD_SIZE_PX, gray=True), memory_mode=False, seed=300)
 
 
