@@ -61,6 +61,8 @@ def test_confidence_falls_with_relief(left: Pixels) -> None:
     assert [each.verdict for each in hills] == ["good", "good", "good", "check", "poor"]
     assert hills[-1].reason.startswith("relief: ")
     assert hills[-1].quality.held_out_px > 5 > hills[1].quality.held_out_px
+    # Photographs of two sizes have no pixels in common that could move with the camera.
+    assert confidence(left, with_relief(right, 14)[:-8]).verdict == "poor"
 
 
 def test_a_poor_pair_on_little_of_the_overlap_is_refused(left: Pixels, monkeypatch: pytest.MonkeyPatch) -> None:
