@@ -88,3 +88,18 @@ def test_photographs_of_another_shape_are_of_another_camera(tmp_path: Path) -> N
     cv2.imwrite(str(tmp_path / "wide.png"), picture)
     with pytest.raises(InputError, match=r"wide.png: 640x360 px, and the camera file is for 640x480 px"):
         mosaic([tmp_path / "wide.png"] * 2, MosaicOptions(lens=lens))
+
+
+def test_lenses_that_straighten_or_hide_differently_have_different_keys() -> None:
+    matrix, mask = np.eye(3), np.zeros((4, 6), np.uint8)
+    lenses = [
+        Lens(),
+        Lens(mask=mask),
+        Lens(mask=mask.T),
+        Lens(size=(6, 4)),
+        Lens((6, 4), matrix, np.zeros(5)),
+        Lens((6, 4), 2 * matrix, np.zeros(5)),
+        Lens((6, 4), matrix, np.ones(5)),
+    ]
+    assert len({lens.key for lens in lenses}) == len(lenses)
+    assert Lens(mask=mask.copy()).key == lenses[1].key
