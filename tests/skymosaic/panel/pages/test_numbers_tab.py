@@ -16,7 +16,8 @@ def test_a_homography_is_described_by_its_turn_scale_and_shift() -> None:
 
 
 def test_quality_is_measured_on_inliers_and_correct_matches() -> None:
-    pair = register(*make_pair(9, size=(320, 240)).images)
+    left, right = make_pair(9, size=(320, 240)).images
+    pair = register(left, right)
     assert pair.homography is not None
     found = _list_quality(pair)
     ends = pair.points("inliers")
