@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.painting.pose import elements
+
 
 def corner_payload(corners: NDArray[np.int64]) -> list[dict[str, int]]:
     """The nine corners (3, 3, 2) of a tile, row by row."""
@@ -18,3 +20,9 @@ def pixel_payload(colour: NDArray[np.integer], weight: int) -> dict[str, Any]:
 def pixel_row(pixel: Any) -> list[int]:
     """Blue, green, red, weight."""
     return [*(pixel.colour[n] for n in range(3)), pixel.weight]
+
+
+async def put_pose(ctx: Any, bench: Any, port: Any, pose: NDArray[np.int64]) -> None:
+    """A pose's columns: what is constant, then the factors of X and Y."""
+    for column in elements(pose)[:, [2, 0, 1]].T.tolist():
+        await bench.stream_put(ctx, port, dict(zip("xyw", column, strict=True)))
