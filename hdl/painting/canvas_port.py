@@ -1,0 +1,165 @@
+"""Tiles of the canvas: the old pixels of each out of memory, its new ones into it."""
+
+from amaranth import Cat, Module, Mux, Signal, Value
+from amaranth.lib import fifo, stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.painting.tiles import MAX_TILES, TILE_PX
+from golden_model.records import WORD_BYTES
+from hdl.axi.axi_read import AXI_READ, BurstReader
+from hdl.axi.axi_write import AXI_WRITE, BURST_WORDS, BurstWriter
+from hdl.lib.views import view_signal
+from hdl.painting.frame_writer import PAGE_BURSTS_LOG2
+from hdl.painting.sampling import PIXEL
+from hdl.painting.windows import PAINTED_TILE, PLAN
+
+TILES = 4
+"""Tiles under way: two windows, and one on either side of them."""
+TILE_BURSTS = 1 << PAGE_BURSTS_LOG2
+"""A tile is a page: a burst is a row of it."""
+OLD_WORDS, NEW_WORDS = 512, 64
+"""A whole tile waits to be painted; what is painted waits for the memory a little."""
+PIPELINE_WORDS = 32
+"""Pairs of pixels between the old and the new ones, at most."""
+
+
+class CanvasPort(wiring.Component):
+    """Gives the old pixels of tiles, and writes the new ones in the same order, 1,024 for each tile.
+
+    A tile is read while others are painted; one that was never painted is not read, its old pixels are 0. Words that
+    could not be read are not written either, so that nothing is painted over them, and the tile's smallest weight is 0.
+    """
+
+    i: In(stream.Signature(PLAN))
+    """Tiles that will be painted, in this order."""
+    i_replace: In(1)
+    """The old pixels do not matter: they are 0. Constant while a frame is painted, as the next two."""
+    i_page: In(52)
+    """Where the canvas begins, in pages of 4 KiB; a tile is a page, rows of tiles follow each other."""
+    i_columns: In(range(MAX_TILES + 1))
+    """Of the canvas, in tiles."""
+    reads: Out(AXI_READ)
+    writes: Out(AXI_WRITE)
+    o: Out(stream.Signature(PIXEL))
+    """Old pixels, row by row."""
+    i_new: In(stream.Signature(PIXEL))
+    """New pixels."""
+    o_painted: Out(PAINTED_TILE)
+    o_error: Out(1)
+    """Memory answers with an error."""
+    o_idle: Out(1)
+    """Every tile is in memory."""
+
+    def elaborate(self, platform: object) -> Module:
+        """Three queues of tiles: to be read, to be given, to be written."""
+        m = Module()
+        m.submodules.reader, m.submodules.bursts = reader, bursts = BurstReader(), BurstWriter()
+        wiring.connect(m, reader.bus, wiring.flipped(self.reads))
+        wiring.connect(m, bursts.bus, wiring.flipped(self.writes))
+        m.submodules.failures = failures = fifo.SyncFIFO(width=1, depth=PIPELINE_WORDS)
+        visited = self.i.payload
+        number = (visited.tile.row * self.i_columns + visited.tile.column)[: len(Value.cast(visited.tile))]
+        is_read = visited.painted & ~self.i_replace
+        to_read, to_give, to_write = (
+            self._queue(m, name, entry)
+            for name, entry in (
+                ("to_read", Cat(is_read, number)),
+                ("to_give", is_read),
+                ("to_write", Cat(visited.tile, number)),
+            )
+        )
+        m.d.comb += [
+            # The others are never longer than this one.
+            self.i.ready.eq(to_write.w_rdy),
+            self.o_error.eq(reader.o_error | bursts.o_error),
+            self.o_idle.eq(~to_write.r_rdy & bursts.o_all_answered),
+        ]
+        self._give(m, to_give, failures, self._read(m, reader, to_read))
+        self._write(m, bursts, to_write, *self._collect(m, failures))
+        return m
+
+    def _queue(self, m: Module, name: str, entry: Value) -> fifo.SyncFIFO:
+        m.submodules[name] = queue = fifo.SyncFIFO(width=len(entry), depth=TILES)
+        m.d.comb += [queue.w_data.eq(entry), queue.w_en.eq(self.i.valid & self.i.ready)]
+        return queue
+
+    def _read(self, m: Module, reader: BurstReader, tiles: fifo.SyncFIFO) -> fifo.SyncFIFOBuffered:
+        """Read ahead as far as there is room; returns the words."""
+        m.submodules.old = old = fifo.SyncFIFOBuffered(width=8 * WORD_BYTES + 1, depth=OLD_WORDS)
+        burst, promised = Signal(range(TILE_BURSTS)), Signal(range(OLD_WORDS + 1))
+        is_read, number = tiles.r_data[0], tiles.r_data[1:]
+        asks = reader.i.valid & reader.i.ready
+        m.d.comb += [
+            reader.i.valid.eq(tiles.r_rdy & is_read & (promised <= OLD_WORDS - BURST_WORDS)),
+            reader.i.payload.burst.eq(Cat(burst, self.i_page + number)),
+            reader.i.payload.last.eq(BURST_WORDS - 1),
+            tiles.r_en.eq(~is_read | (asks & (burst == TILE_BURSTS - 1))),
+            old.w_en.eq(reader.o.valid),
+            old.w_data.eq(reader.o.payload),
+            reader.o.ready.eq(1),
+        ]
+        m.d.sync += [
+            burst.eq(burst + asks),
+            promised.eq(promised + Mux(asks, BURST_WORDS, 0) - (old.r_rdy & old.r_en)),
+        ]
+        return old
+
+    def _give(self, m: Module, tiles: fifo.SyncFIFO, failures: fifo.SyncFIFO, old: fifo.SyncFIFOBuffered) -> None:
+        """Give pixels of the words, or zeros, and remember of each word whether it could be read."""
+        pixel, is_read = Signal(range(TILE_PX * TILE_PX)), tiles.r_data
+        word, has_failed = old.r_data[:-1], old.r_data[-1]
+        ends_word = self.o.valid & self.o.ready & pixel[0]
+        m.d.comb += [
+            self.o.valid.eq(tiles.r_rdy & failures.w_rdy & (~is_read | old.r_rdy)),
+            self.o.payload.eq(Mux(is_read, word.word_select(pixel[0], PIXEL.size), 0)),
+            old.r_en.eq(ends_word & is_read),
+            failures.w_en.eq(ends_word),
+            failures.w_data.eq(is_read & has_failed),
+            tiles.r_en.eq(ends_word & pixel.all()),
+        ]
+        m.d.sync += pixel.eq(pixel + (self.o.valid & self.o.ready))
+
+    def _collect(self, m: Module, failures: fifo.SyncFIFO) -> tuple[fifo.SyncFIFOBuffered, Signal]:
+        """Join two new pixels in a word; returns the words, and the smallest weight of the tile that ended last."""
+        m.submodules.new = new = fifo.SyncFIFOBuffered(width=8 * WORD_BYTES + 1, depth=NEW_WORDS)
+        pixel, left = Signal(range(TILE_PX * TILE_PX)), view_signal(PIXEL, name="left", reset_less=True)
+        least, tile_least = Signal.like(left.weight), Signal.like(left.weight, reset_less=True)
+        right, has_failed = self.i_new.payload, failures.r_data[0]
+        ends_word = self.i_new.valid & self.i_new.ready & pixel[0]
+        pair = Mux(left.weight < right.weight, left.weight, right.weight)
+        smallest = Mux(has_failed, 0, Mux((pixel[1:] != 0) & (least < pair), least, pair))
+        m.d.comb += [
+            self.i_new.ready.eq(~pixel[0] | (new.w_rdy & failures.r_rdy)),
+            new.w_en.eq(ends_word),
+            new.w_data.eq(Cat(left, right, ~has_failed)),
+            failures.r_en.eq(ends_word),
+        ]
+        with m.If(self.i_new.valid & self.i_new.ready):
+            m.d.sync += [pixel.eq(pixel + 1), left.eq(right)]
+        with m.If(ends_word):
+            m.d.sync += least.eq(smallest)
+            with m.If(pixel.all()):
+                m.d.sync += tile_least.eq(smallest)
+        return new, tile_least
+
+    def _write(
+        self, m: Module, bursts: BurstWriter, tiles: fifo.SyncFIFO, new: fifo.SyncFIFOBuffered, least: Signal
+    ) -> None:
+        """Write a burst when its words are there."""
+        burst, sends = Signal(range(TILE_BURSTS)), Signal()
+        tile_bits = len(Value.cast(self.o_painted.tile))
+        m.d.comb += [
+            bursts.i_burst.eq(Cat(burst, self.i_page + tiles.r_data[tile_bits:])),
+            bursts.i_start.eq(~sends & bursts.o_ready & (new.r_level >= BURST_WORDS)),
+            bursts.i.valid.eq(new.r_rdy),
+            bursts.i.payload.eq(new.r_data),
+            new.r_en.eq(bursts.i.ready),
+            self.o_painted.tile.eq(tiles.r_data[:tile_bits]),
+            # The next tile ends much later than the words that wait.
+            self.o_painted.least.eq(least),
+        ]
+        with m.If(bursts.i_start):
+            m.d.sync += sends.eq(1)
+        with m.Elif(sends & bursts.o_sent):
+            m.d.comb += [self.o_painted.valid.eq(burst.all()), tiles.r_en.eq(burst.all())]
+            m.d.sync += [sends.eq(0), burst.eq(burst + 1)]
