@@ -28,3 +28,4 @@ def test_lines_end_on_their_points_in_photographs_of_two_sizes(colour: bool) -> 
     assert (lines.get_array().tolist(), lines.get_clim()) == ([0.2, 0.9], (0, 1))
     assert (scale.get_ylabel(), plot.axison) == ("weight of the match", False)
     assert not plot.title.get_parse_math()
+    assert figure.get_size_inches() == pytest.approx([5 * 182 / 90, 6])
