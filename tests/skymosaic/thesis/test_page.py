@@ -42,6 +42,9 @@ def write_out(m: Measurements) -> Iterator[str]:
     for name, figure in zip(page.CHARTS, drawn, strict=True):
         every: list[Any] = figure.axes
         for axes in every:
+            shape = (*figure.get_size_inches(), *axes.get_ylim())
+            words = axes.get_xlabel(), axes.get_xscale(), axes.get_ylabel(), axes.get_yscale()
+            yield f"diagram {name}: {' '.join(words)} {' '.join(f'{each:.4g}' for each in shape)}"
             series: dict[str, Any] = {line.get_label(): line.get_xydata() for line in axes.lines}
             series |= {"bars": [(bar.get_x(), bar.get_height()) for bar in axes.patches]}
             series |= {"segments": [end for each in axes.collections for ends in each.get_segments() for end in ends]}
