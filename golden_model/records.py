@@ -8,6 +8,7 @@ stream has the same length.
 import enum
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -83,7 +84,7 @@ class Record:
             yield field, offset
             offset += field.storage_bytes
 
-    @property
+    @cached_property
     def dtype(self) -> np.dtype[np.void]:
         """Structured dtype of one record, ``record_bytes`` long, the tag under the name ``tag``."""
         return self.dtype_padded_to(self.record_bytes)

@@ -66,7 +66,7 @@ class DescriptorPattern:
         """Bytes of the gray window that the record holds beside the descriptor."""
         return 9 if self.carries_window else 0
 
-    @property
+    @cached_property
     def record(self) -> Record:
         """Record of a feature with this descriptor."""
         return feature_record(self.descriptor_bytes, self.window_bytes)

@@ -55,10 +55,14 @@ def fit_object(
     left_out = trusted & np.any([transfer_error(each, left, right) <= TOLERANCE_PX for each in foreign], axis=0)
     others = trusted & ~left_out
     if left_out.any():
-        needed = MIN_OTHERS if expected is None else fewest
-        own = fit(left[others], right[others], weight[others], fewest=needed, rng=rng)
-        if expected is not None or (own and _differ(own.matrix, left[left_out], right[left_out])):
-            return own, left_out
+        own = left[others], right[others], weight[others]
+        if expected is not None:
+            return fit(*own, fewest=fewest, rng=rng), left_out
+        # Most often there is no other motion, as a similarity tells sooner.
+        if fit_similarity(*own, fewest=MIN_OTHERS):
+            best = fit(*own, fewest=MIN_OTHERS, rng=rng)
+            if best and _differ(best.matrix, left[left_out], right[left_out]):
+                return best, left_out
     return fit(left[trusted], right[trusted], weight[trusted], fewest=fewest, rng=rng), np.zeros_like(trusted)
 
 
