@@ -40,6 +40,7 @@ def test_options_replace_what_they_name() -> None:
     [
         (("board", "breadboard"), "unknown board 'breadboard'; valid: arty_a7_100, "),
         (("board", "pynq_z2", "--build"), "--build makes the bitstream of the ulx3s"),
+        (("block", "prewitt"), "unknown block 'prewitt'; valid: gray, "),
         (("camera", "--video-bits", "32"), "video_bits with shell 'camera' is 32; valid: 24, 8"),
     ],
 )
@@ -49,4 +50,5 @@ def test_what_cannot_be_built_is_refused_before_anything_is_written(
     status, _, errors = run("export", *words, "-o", "made")
     assert status == 2
     assert message in only_error(errors)
+    assert "writing" not in errors
     assert not (tmp_path / "made").exists()
