@@ -157,12 +157,12 @@ def _show(delivery: Delivery, absent: Mapping[int, str], mosaic: LiveMosaic, pac
 
 
 def report_absent(absent: Mapping[int, str], *, strict: bool) -> None:
-    """Warn of what the mosaic does not contain, by the reasons; call it before anything is written.
+    """Warn of what the mosaic does not contain, by the reasons, before anything is written.
 
     Raises
     ------
     RegistrationError
-        With ``strict``, if anything is absent. Call this before the mosaic is written: the message says it was not.
+        With ``strict``, if anything is absent.
     """
     for reason in absent.values():
         session.warn(f"left out: {reason}")

@@ -27,7 +27,7 @@ from skymosaic.imagery.photographs import Source, list_sources
 from skymosaic.maps.georeference import MIN_POSITIONS
 from skymosaic.mosaicking.api import open_plan_of_sources
 from skymosaic.mosaicking.plan import MosaicPlan
-from skymosaic.panel.explain import classify_matches, measure_residuals
+from skymosaic.panel.explain import classify_matches
 from skymosaic.panel.options import Options, backend_options
 from skymosaic.panel.results import RULES, HardwareResult, Link, MosaicResult, Picture, side_by_side
 from skymosaic.panel.steps import Progress
@@ -221,17 +221,6 @@ def _list_corners(pair: Pair) -> str:
 
 
 def _list_matches(pair: Pair) -> str:
-    """List the matches as CSV, in working pixels."""
-    measured = measure_residuals(pair)
-    residual_px = np.full(len(pair.matches), np.nan) if measured is None else measured
-    names = ("left_x", "left_y", "right_x", "right_y", "distance", "margin", "weight", "rule")
-    rows = [
-        (
-            *(match[name] / POSITION.one for name in names[:4]),
-            *(match[name] for name in names[4:]),
-            verdict,
-            f"{distance:.3f}",
-        )
-        for match, verdict, distance in zip(pair.matches, classify_matches(pair), residual_px, strict=True)
-    ]
-    return to_csv((*names, "verdict", "residual_px"), rows)
+    """List the matches as CSV, as `Pair.table` has them, each with its verdict."""
+    table = pair.table("matches") | {"verdict": np.array(classify_matches(pair))}
+    return to_csv(table, zip(*(column.tolist() for column in table.values()), strict=True))

@@ -1,5 +1,6 @@
 """Runs of the mosaic page: the command line beside a result repeats it."""
 
+import csv
 import json
 import math
 import re
@@ -19,6 +20,7 @@ from sim.scene import make_lawnmower, make_pair
 from skymosaic.cli.commands import app
 from skymosaic.panel.options import Options
 from skymosaic.panel.tasks.mosaic_tasks import compare_hardware, make_mosaic, write_command
+from skymosaic.registration.register import register
 
 METRES_PER_PIXEL = 0.15
 NORTH_DEG, EAST_DEG = 46.0, 7.0
@@ -82,6 +84,16 @@ def test_the_files_of_a_run_do_not_name_its_folder(runs: dict[str, Path]) -> Non
         texts = [path for path in folder.rglob("*") if path.suffix in (".csv", ".html", ".json", ".toml", ".txt")]
         assert len(texts) == 6
         assert not any(str(folder) in path.read_text() for path in texts)
+
+
+def test_the_file_of_matches_is_the_table_of_the_pair(runs: dict[str, Path]) -> None:
+    folder = runs["preset"]
+    pair = register(folder / "0.png", folder / "1.png")
+    with (folder / "matches.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    for name in ("left_x", "left_y", "right_x", "right_y", "error_px", "weight"):
+        np.testing.assert_array_equal([float(row[name]) for row in rows], pair.table("matches")[name])
+    assert [row["verdict"] for row in rows].count("inlier") == len(pair.inliers) > 0
 
 
 def test_a_damaged_photograph_that_is_kept_is_compared_too(tmp_path: Path) -> None:
