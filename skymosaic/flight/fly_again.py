@@ -20,7 +20,7 @@ from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.features import Place
 from skymosaic.maps.georeference import Georeference, map_to_globe, reproject
 
-CELLS = 100
+CELLS = 200
 """Cells along the side of a photograph on the ground, in which holes are found; fewer where the area is large, ..."""
 MAX_CELLS = 4000
 """... at most so many along its side."""
