@@ -25,8 +25,8 @@ from golden_model.code_digest import digest_each
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("golden_model", "hdl", "sim", "skymosaic")
 MAX_REACHING = 8
-"""So many test files of other folders run that reach the line, those that import least."""
-SECONDS = 300
+"""So many test files of other folders run that reach the line: those that name it, then those that import least."""
+SECONDS = 600
 """Tests that take longer hang: the mutant is noticed."""
 SWAPS: dict[type[ast.AST], tuple[str, str]] = {
     ast.Lt: ("<", "<="), ast.LtE: ("<=", "<"), ast.Gt: (">", ">="), ast.GtE: (">=", ">"), ast.Eq: ("==", "!="),
@@ -116,6 +116,10 @@ def _closures() -> dict[Path, set[str]]:
     """The modules that each file of tests imports, those that import least first."""
     files = [path.relative_to(ROOT) for path in sorted((ROOT / "tests").rglob("test_*.py"))]
     closures = {path: set(digest_each(".".join(path.with_suffix("").parts))) for path in files}
+    # Commands are imported by their names.
+    commands = digest_each(*(f"skymosaic.cli.{path.stem}" for path in (ROOT / "skymosaic" / "cli").glob("[!_]*.py")))
+    for modules in closures.values():
+        modules.update(commands if "skymosaic.cli" in modules else ())
     return dict(sorted(closures.items(), key=lambda each: len(each[1])))
 
 
@@ -128,6 +132,8 @@ def choose_tests(path: Path) -> list[Path]:
     near = [each for each in _closures() if each.parent == beside.parent]
     chosen = dict.fromkeys([*([beside] if (ROOT / beside).exists() else []), *near])
     others = [each for each in reaching if each not in chosen]
+    # First those that name it, as a command is named.
+    others.sort(key=lambda each: f'"{path.stem}' not in (ROOT / each).read_text(encoding="utf-8"))
     return [*chosen, *others[:MAX_REACHING]]
 
 
