@@ -128,6 +128,12 @@ def test_padding_before_the_end_marker_is_no_damage(tmp_path: Path) -> None:
     assert np.array_equal(plain.pixels, padded.pixels)
 
 
+def test_an_extended_jpeg_is_read_as_a_baseline_one(tmp_path: Path) -> None:
+    data = cv2.imencode(".jpg", SCENE)[1].tobytes()
+    (tmp_path / "p.jpg").write_bytes(data.replace(b"\xff\xc0", b"\xff\xc1", 1))
+    assert np.array_equal(images.load(tmp_path / "p.jpg").pixels, np.asarray(cv2.imread(str(tmp_path / "p.jpg"))))
+
+
 @pytest.mark.parametrize("orientation", range(1, 9))
 @pytest.mark.parametrize("mode", ["RGB", "L", "CMYK"])
 def test_jpeg_pixels_are_those_of_opencv(tmp_path: Path, orientation: int, mode: str) -> None:
