@@ -35,6 +35,7 @@ LONGEST_FIRST = (
     "tests/system/test_gallery.py",
     "tests/system/test_terminal.py",
     "tests/system/test_lens.py",
+    "tests/system/test_sequence.py",
 )
 """Beginnings of the names of long tests. They run first, so that no process is left with one at the end. In `make test`
 the first two files of these compile different builds, and two later ones wait for that of the accelerator's test."""
