@@ -1,5 +1,6 @@
 """The panel's server on loopback, with its pages."""
 
+import os
 import secrets
 import socket
 from collections.abc import Callable, Sequence
@@ -20,7 +21,7 @@ from skymosaic.panel.pages.runs_page import build_runs_page
 from skymosaic.panel.pages.tracking_page import build_tracking_page
 from skymosaic.panel.session import Session
 from skymosaic.panel.sessions import Sessions
-from skymosaic.panel.tasks.containment import IS_POSIX, MISSING_LIMITS
+from skymosaic.panel.tasks.containment import MISSING_LIMITS
 from skymosaic.panel.tasks.jobs import prepare_workers
 
 HOST = "127.0.0.1"
@@ -64,17 +65,12 @@ def serve(
 
 
 def _listen(port: int) -> socket.socket:
-    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    # A port that a panel has just left. Elsewhere than on POSIX, two programs would share one that is in use.
-    if IS_POSIX:
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listener.bind((HOST, port))
+        # Also a port that a panel has just left. Browsers that come before the server is ready wait in its queue.
+        return socket.create_server((HOST, port))
     except OSError as error:
-        raise InputError(f"port {port}: cannot be used ({error.strerror}); choose another with --port") from None
-    # From here on, browsers that connect before the server is ready wait in the listener's queue.
-    listener.listen()
-    return listener
+        reason = os.strerror(error.errno or 0)
+        raise InputError(f"port {port}: cannot be used ({reason}); choose another with --port") from None
 
 
 def _application(sessions: Sessions, port: int, token: str) -> FastAPI:
