@@ -6,7 +6,7 @@ from amaranth.lib.wiring import In, Out
 
 from hdl.lib.delay import delayed
 
-RETURN_CYCLES = 2
+RETURN_CYCLES = 1
 """Clocks from a result that is taken to the start that its place allows."""
 
 

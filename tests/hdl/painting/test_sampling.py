@@ -160,7 +160,7 @@ def test_blank_positions_weigh_nothing_and_a_reset_forgets_what_is_under_way() -
         await write(ctx, dut.i_write, 0, box, colours)
         await put(ctx, bench, 0, at[:10], blank=1)
         await get(ctx, bench, blank, 10)
-        for count in (1, 6, 15):
+        for count in (1, 6, 14):
             await put(ctx, bench, 0, at[:count])
             await bench.pulse(ctx, bench.reset)
             await put(ctx, bench, 0, at[20:26])
