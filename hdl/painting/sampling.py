@@ -1,7 +1,5 @@
 """Windows of a frame in block RAM, and bilinear interpolation in them."""
 
-from collections.abc import Sequence
-
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
@@ -41,8 +39,7 @@ ADDRESS_CYCLES = 1
 INTERPOLATION_CYCLES = Multiplier.latency_cycles + 1
 READ_CYCLES = ADDRESS_CYCLES + LineMemory.latency_cycles
 PIPELINE_CYCLES = READ_CYCLES + 2 * INTERPOLATION_CYCLES
-WEIGHING_CYCLES = 4
-"""Clocks from the four distances to the border to the weight."""
+WEIGHING_CYCLES = 2
 
 
 class Sampling(wiring.Component):
@@ -121,14 +118,14 @@ class Sampling(wiring.Component):
         # All four pixels around a position count: at 0 one of them is outside.
         last_x, last_y = delayed(m, self.i_width_px - 1, 1), delayed(m, self.i_height_px - 1, 1)
         distances = [Mux(position.blank, 0, x + 1), last_x - x, y + 1, last_y - y]
-        shift = weight_shift(m, self.i_width_px, self.i_height_px)
-        return weigh(m, [delayed(m, each, 1) for each in distances], shift), 1 + WEIGHING_CYCLES
+        left, right, top, bottom = (delayed(m, each, 1) for each in distances)
+        nearest = smaller(m, smaller(m, left, right), smaller(m, top, bottom))
+        return weigh(m, nearest, weight_shift(m, self.i_width_px, self.i_height_px)), 3 + WEIGHING_CYCLES
 
 
 def weight_shift(m: Module, width_px: Value, height_px: Value) -> Signal:
     """Bits that a distance drops, as in `golden_model.painting.sampling.weight_shift`; two clocks later."""
-    smaller = delayed(m, Mux(width_px < height_px, width_px, height_px), 1)
-    upper = smaller[WEIGHT_BITS + 1 :]
+    upper = smaller(m, width_px, height_px)[WEIGHT_BITS + 1 :]
     shift = Signal(range(len(upper) + 1), reset_less=True)
     m.d.sync += shift.eq(0)
     for n in range(len(upper)):
@@ -137,14 +134,17 @@ def weight_shift(m: Module, width_px: Value, height_px: Value) -> Signal:
     return shift
 
 
-def weigh(m: Module, distances: Sequence[Value], shift: Value) -> Value:
-    """The weight by the least distance, as in `golden_model.painting.sampling.weigh`; `WEIGHING_CYCLES` later."""
-    pairs = [delayed(m, Mux(a < b, a, b), 1) for a, b in (distances[:2], distances[2:])]
-    least = delayed(m, Mux(pairs[0] < pairs[1], *pairs), 1)
-    is_inside = delayed(m, least > 0, 1)
+def weigh(m: Module, distance: Value, shift: Value) -> Value:
+    """The weight by the distance to the border, as `golden_model.painting.sampling.weigh`; `WEIGHING_CYCLES` later."""
+    is_inside = delayed(m, distance > 0, 1)
     # A bit more than a weight needs: the distances of a whole tile are not all those of one pixel.
-    shifted = delayed(m, (least >> shift)[: WEIGHT_BITS + 1], 1)
+    shifted = delayed(m, (distance >> shift)[: WEIGHT_BITS + 1], 1)
     return delayed(m, Mux(is_inside, shifted | ~shifted.any(), 0), 1)
+
+
+def smaller(m: Module, a: Value, b: Value) -> Value:
+    """The smaller one, a clock later."""
+    return delayed(m, Mux(a < b, a, b), 1)
 
 
 def _half_and_parity(position: Value) -> tuple[Value, Value]:

@@ -13,18 +13,16 @@ from golden_model.painting.windows import WINDOW_PX
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
 from hdl.painting.corners import CORNERS, PROJECTED
-from hdl.painting.sampling import SIDE, WEIGHING_CYCLES, weigh, weight_shift
+from hdl.painting.sampling import SIDE, WEIGHING_CYCLES, smaller, weigh, weight_shift
 from hdl.painting.tiles import TILE
 
 BOX_SIDE = range(MAX_FRAME_PX)
+BOX = ("left", "top", "right", "bottom")
 PLAN = data.StructLayout(
     {
         "tile": TILE,
         "corners": CORNERS,
-        "left": BOX_SIDE,
-        "top": BOX_SIDE,
-        "right": BOX_SIDE,
-        "bottom": BOX_SIDE,
+        **dict.fromkeys(BOX, BOX_SIDE),
         "painted": 1,
         "blank": 1,
     }
@@ -41,12 +39,13 @@ PLACE_BITS = TILE["column"].width
 WHOLE = signed(CORNER.integer_bits + 1)
 """Whole pixels: a corner may be rounded up beyond its format."""
 HALF_POSITION = 1 << CORNER.fraction_bits - POSITION.fraction_bits - 1
-
-BOX_CYCLES = 3
-"""From a corner at the input to the box that holds it."""
-LAST_CORNER = CORNERS.length - 1
-JUDGE_STEP = LAST_CORNER + BOX_CYCLES + 1 + WEIGHING_CYCLES + 1
-"""After the last corner's box: its size and distances; the largest weight; its comparison."""
+COORDINATES = 2 * CORNERS.length
+BOX_STEP = COORDINATES + 2
+"""The box is known along x, and in the next step along y."""
+DISTANCE_STEP = BOX_STEP + 4
+"""The distance of its farthest pixel to the border is known."""
+JUDGE_STEP = DISTANCE_STEP + WEIGHING_CYCLES + 1
+"""And so is whether it can win."""
 
 
 class WindowPlanner(wiring.Component):
@@ -58,7 +57,7 @@ class WindowPlanner(wiring.Component):
     For each tile of the canvas a memory keeps the smallest weight, and whether the tile was ever painted. It is cleared
     after a reset and by ``i_clear``, a tile per clock; tiles wait until then.
 
-    A tile takes 18 clocks, the last of them that in which the plan is taken.
+    A tile takes 28 clocks, the last of them that in which the plan is taken.
 
     Parameters
     ----------
@@ -112,45 +111,49 @@ class WindowPlanner(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Look at a corner per clock, then judge the box around them."""
+        """Take a coordinate of a corner per clock, x and y in turns; then judge the box around them."""
         m = Module()
         step = Signal(range(JUDGE_STEP + 1))
-        tile, plan = self.i.payload, self.o.payload
         kept = self._keep(m)
-        distances, sizes = [], []
-        for axis, size, names in (
-            ("x", self.i_width_px, ("left", "right")),
-            ("y", self.i_height_px, ("top", "bottom")),
-        ):
-            least, most = self._measure(m, axis, step)
-            last = delayed(m, size - 1, 1)
-            distances += [delayed(m, most, 1), delayed(m, last - least, 1)]
-            sizes.append(most - least)
-            cut = delayed(m, Mux(least < 0, 0, least), 1), delayed(m, Mux(most > last, last, most), 1)
-            m.d.comb += [plan[name].eq(side) for name, side in zip(names, cut, strict=True)]
-        is_large = delayed(m, (sizes[0] >= WINDOW_PX) | (sizes[1] >= WINDOW_PX), 1)
-        weight = weigh(m, distances, weight_shift(m, self.i_width_px, self.i_height_px))
+        least, most = self._measure(m, step)
+        # Known a step before it is needed.
+        last = delayed(m, Mux(step[0], self.i_width_px, self.i_height_px) - 1, 1)
+        is_large = self._cut(m, step, least, most, last)
+        nearer = smaller(m, delayed(m, most, 1), delayed(m, last - least, 1))
+        other = delayed(m, nearer, 1)
+        distance = Signal(WHOLE, reset_less=True)
+        with m.If(step == DISTANCE_STEP - 1):
+            m.d.sync += distance.eq(Mux(nearer < other, nearer, other))
+        weight = weigh(m, distance, weight_shift(m, self.i_width_px, self.i_height_px))
         is_outside = delayed(m, weight == 0, 1)
         wins = delayed(m, (weight != 0) & (weight + (FADE >> 1) > kept.least), 1)
-        judges = Signal()
-        drops = ~self.i_replace & (tile.behind | is_large | ~wins)
+        tile, plan = self.i.payload, self.o.payload
         m.d.comb += [
             plan.tile.eq(tile.tile),
             plan.corners.eq(tile.corners),
             plan.painted.eq(kept.painted),
             plan.blank.eq(tile.behind | is_large | is_outside),
+        ]
+        self._judge(m, step, is_large, wins)
+        return m
+
+    def _judge(self, m: Module, step: Signal, is_large: Value, wins: Value) -> None:
+        """Count steps; in the last one offer the plan, or drop the tile."""
+        behind = self.i.payload.behind
+        drops = ~self.i_replace & (behind | is_large | ~wins)
+        judges, ends = Signal(), self.i.ready
+        m.d.comb += [
             judges.eq(self.i.valid & ~self.o_clearing & (step == JUDGE_STEP)),
             self.o.valid.eq(judges & ~drops),
-            self.i.ready.eq(judges & (drops | self.o.ready)),
-            self.o_behind.eq(self.i.ready & tile.behind),
-            self.o_too_large.eq(self.i.ready & ~tile.behind & is_large),
-            self.o_cannot_win.eq(self.i.ready & drops & ~tile.behind & ~is_large),
+            ends.eq(judges & (drops | self.o.ready)),
+            self.o_behind.eq(ends & behind),
+            self.o_too_large.eq(ends & ~behind & is_large),
+            self.o_cannot_win.eq(ends & drops & ~behind & ~is_large),
         ]
-        with m.If(self.i.ready):
+        with m.If(ends):
             m.d.sync += step.eq(0)
         with m.Elif(self.i.valid & ~self.o_clearing & ~judges):
             m.d.sync += step.eq(step + 1)
-        return m
 
     def _keep(self, m: Module) -> data.View:
         """What the memory says of the tile at the input."""
@@ -173,17 +176,35 @@ class WindowPlanner(wiring.Component):
     def _address(self, tile: data.View) -> Value:
         return Cat(tile.column[: self.place_bits], tile.row[: self.place_bits])
 
-    def _measure(self, m: Module, axis: str, step: Signal) -> tuple[Signal, Signal]:
-        """First and last pixel that a tile needs along an axis, `BOX_CYCLES` after its last corner."""
-        corner = delayed(m, Array(each[axis] for each in self.i.payload.corners)[step], 1)
-        nearest = delayed(m, (corner + HALF_POSITION) >> CORNER.fraction_bits, 1)
-        least = Signal(WHOLE, name=f"least_{axis}", reset_less=True)
-        most = Signal(WHOLE, name=f"most_{axis}", reset_less=True)
-        is_first = delayed(m, step == 0, 2)
-        # While a plan waits, its box stays.
-        with m.If(delayed(m, step <= LAST_CORNER, 2)):
-            m.d.sync += [
-                least.eq(Mux(is_first | (nearest < least), nearest, least)),
-                most.eq(Mux(is_first | (nearest >= most), nearest + 1, most)),
-            ]
+    def _measure(self, m: Module, step: Signal) -> tuple[Value, Value]:
+        """First and last pixel that a tile needs, along x and along y in turns."""
+        coordinates = Array(corner[axis] for corner in self.i.payload.corners for axis in "xy")
+        coordinate = delayed(m, coordinates[step], 1)
+        nearest = delayed(m, (coordinate + HALF_POSITION) >> CORNER.fraction_bits, 1)
+        is_first = delayed(m, step < 2, 2)
+        is_coordinate = delayed(m, step < COORDINATES, 2)
+        sides = []
+        for name in ("least", "most"):
+            # That of this coordinate's axis; the other one's is in `waiting`.
+            side = Signal(WHOLE, name=name, reset_less=True)
+            waiting = Signal(WHOLE, name=f"{name}_waiting", reset_less=True)
+            exceeds, pixel = (nearest < side, nearest) if name == "least" else (nearest >= side, nearest + 1)
+            m.d.sync += [side.eq(waiting), waiting.eq(Mux(is_coordinate & (is_first | exceeds), pixel, side))]
+            sides.append(side)
+        least, most = sides
         return least, most
+
+    def _cut(self, m: Module, step: Signal, least: Value, most: Value, last: Value) -> Value:
+        """Cut the box to the frame and give it to the plan; return whether it is too large."""
+        plan = self.o.payload
+        left, top, right, bottom = (Signal(BOX_SIDE, name=name, reset_less=True) for name in BOX)
+        large = Signal(2, reset_less=True)
+        with m.If((step == BOX_STEP) | (step == BOX_STEP + 1)):
+            # What is taken along x moves on when that along y comes.
+            m.d.sync += [
+                Cat(left, top).eq(Cat(top, Mux(least < 0, 0, least)[: len(top)])),
+                Cat(right, bottom).eq(Cat(bottom, Mux(most > last, last, most)[: len(bottom)])),
+                large.eq(Cat(large[1], most - least >= WINDOW_PX)),
+            ]
+        m.d.comb += [plan[name].eq(side) for name, side in zip(BOX, (left, top, right, bottom), strict=True)]
+        return large.any()
