@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from golden_model.painting.blending import blend
@@ -16,6 +16,7 @@ SIZES = ((64, 48), (153, 101), (640, 480), (1100, 1031))
 angles, zooms = st.floats(0, 6.3), st.floats(0.4, 3)
 
 
+@settings(max_examples=40)
 @given(size=st.sampled_from(SIZES), zoom=zooms, turn=angles, tilt=st.sampled_from([0, 3e-4, -8e-4]))
 def test_windows_hold_what_tiles_need_and_hardly_more(
     size: tuple[int, int], zoom: float, turn: float, tilt: float
