@@ -34,6 +34,7 @@ def flight(browser: Browser, panel: str) -> Iterator[Page]:
 
 
 def test_a_flight_becomes_one_mosaic(flight: Page) -> None:
+    expect(flight.get_by_text(f"{PHOTOGRAPHS} photographs", exact=True)).to_be_visible()
     expect(flight.get_by_role("tabpanel", name="Mosaic")).to_contain_text(f"{PHOTOGRAPHS} photographs")
     flight.get_by_role("switch", name="Outlines").click()
     expect(mosaic_viewer(flight).locator("polygon")).to_have_count(PHOTOGRAPHS)

@@ -6,7 +6,8 @@ import numpy as np
 
 from golden_model.config import preset_config
 from sim.scene.flight import Flight
-from skymosaic.flight.check import check_flight, doubts, layout_errors
+from skymosaic.flight.check import CLIPPED, MIN_BEST_OVERLAP, _problems, check_flight, doubts, layout_errors
+from skymosaic.flight.flight import BLURRED
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import Settings
@@ -28,6 +29,35 @@ def test_a_blurred_photograph_is_named(flight: Flight) -> None:
     assert errors.matches > 100
     assert 0.05 < errors.median_px < 1 < 3 * errors.ninety_px
     assert all(photo.error_px is not None and photo.error_px < 2 for photo in checked.photographs)
+
+
+def test_each_problem_of_a_photograph_is_named() -> None:
+    assert _problems(1, MIN_BEST_OVERLAP, BLURRED, CLIPPED) == ()
+    assert _problems(0, 0.0, 1.0, 0.0) == ("linked with no other photograph",)
+    assert _problems(1, 0.1, 0.2, 0.31) == ("overlaps others by 10% at most", "blurred", "31% black or white")
+
+
+def test_what_many_photographs_lack_is_counted() -> None:
+    facts = {"working_size": (400, 300), "clipped": 0.0, "sharpness": 1.0}
+    views = [SimpleNamespace(name=f"{view}.jpg", gps=(46, 8) if view < 3 else None, **facts) for view in range(5)]
+    links = tuple(Link(*pair, *(np.zeros((90, 2)),) * 2, 90, 90) for pair in ((0, 1), (1, 2), (3, 4)))
+    places = [dict.fromkeys(members, np.eye(3)) for members in ((0, 1, 2), (3, 4))]
+    flight: Any = SimpleNamespace(
+        names=[*"012345"],
+        views=views,
+        links=links,
+        layouts=[
+            Layout(tuple(each), min(each), each, own) for each, own in zip(places, (links[:2], links[2:]), strict=True)
+        ],
+        relative_sharpness=np.ones(5),
+        found_mask=None,
+    )
+    found = check_flight(flight)
+    assert not found.complete
+    unusable, groups, gps = found.problems
+    assert unusable == "1 of 6 photographs cannot be used or repeat another"
+    assert groups.startswith("2 groups that no link joins for sure (3, 2 photographs): fly again between them")
+    assert gps == "2 of 5 photographs have no GPS"
 
 
 def test_a_layout_with_many_contradicting_links_is_doubted_by_name() -> None:

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image, TiffImagePlugin
 from PIL.ExifTags import IFD, Base
 
-from skymosaic.imagery.exif import Metadata, Position, explain_missing_gps, read_metadata
+from skymosaic.imagery.exif import Metadata, Position, _on_globe, explain_missing_gps, read_metadata
 
 
 def test_gps_and_focal_length_are_read_from_exif(tmp_path: Path) -> None:
@@ -22,6 +22,16 @@ def test_gps_and_focal_length_are_read_from_exif(tmp_path: Path) -> None:
     assert position.longitude_deg == pytest.approx(-70.25)
     Image.new("RGB", (64, 64)).save(tmp_path / "none.jpg")
     assert read_metadata(tmp_path / "none.jpg") == Metadata()
+
+
+@pytest.mark.parametrize("place", [(90, 180), (-90, -180), (0, 8.5), (46.5, 0)])
+def test_a_place_on_the_globe_is_one(place: tuple[float, float]) -> None:
+    assert _on_globe(*place) == Position(*place)
+
+
+@pytest.mark.parametrize("place", [(0, 0), (90.5, 8), (-90.5, 8), (46, 180.5), (46, -180.5), (np.nan, 8), (46, np.nan)])
+def test_what_cameras_without_reception_write_is_no_place(place: tuple[float, float]) -> None:
+    assert _on_globe(*place) is None
 
 
 @pytest.mark.parametrize(

@@ -93,6 +93,17 @@ def test_an_input_is_never_overwritten(tmp_path: Path) -> None:
         images.check_output(tmp_path / "a.png", [tmp_path / "a.png"])
 
 
+def test_what_an_output_would_replace_is_said(tmp_path: Path) -> None:
+    (tmp_path / "m.png").touch()
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match=r"m\.png: exists; choose another name"):
+        images.check_unused(tmp_path / "m.png", overwrite=False)
+    with pytest.raises(InputError, match=r": is a folder with files in it; choose another name"):
+        images.check_unused(tmp_path, overwrite=False)
+    images.check_unused(tmp_path, overwrite=True)
+    images.check_unused(tmp_path / "empty", overwrite=False)
+
+
 def test_a_tall_image_is_reduced_by_its_height() -> None:
     small, to_original = images.reduce_to_width(np.zeros((4200, 500), np.uint8), 1280)
     assert small.shape == (2560, 305)

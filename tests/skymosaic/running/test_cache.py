@@ -1,4 +1,5 @@
 import ast
+import io
 import os
 import stat
 import subprocess
@@ -13,7 +14,7 @@ from golden_model.code_digest import digest_each
 from skymosaic.common.errors import InputError
 from skymosaic.flight.linking.links import link_views
 from skymosaic.flight.linking.view import describe, describe_thumbnail
-from skymosaic.running.cache import ResultCache, key_of
+from skymosaic.running.cache import ResultCache, _checksum, key_of
 
 
 def test_a_damaged_cache_file_counts_as_missing(tmp_path: Path) -> None:
@@ -30,6 +31,13 @@ def test_a_damaged_cache_file_counts_as_missing(tmp_path: Path) -> None:
     loaded = cache.load("key")
     assert loaded
     np.testing.assert_array_equal(loaded["values"], np.arange(1000))
+
+
+def test_a_cache_file_that_holds_code_runs_none_of_it(tmp_path: Path) -> None:
+    buffer = io.BytesIO()
+    np.savez(buffer, values=np.array([Path()], dtype=object))
+    (tmp_path / "key.entry").write_bytes(_checksum("key", buffer.getvalue()) + buffer.getvalue())
+    assert ResultCache(tmp_path).load("key") is None
 
 
 def test_a_cache_that_cannot_be_written_keeps_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
