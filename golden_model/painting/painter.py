@@ -1,0 +1,106 @@
+"""Frames are painted onto a canvas one after the other: all steps joined."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden_model.arrays import Pixels
+from golden_model.painting import windows
+from golden_model.painting.blending import blend
+from golden_model.painting.corners import project
+from golden_model.painting.positions import positions
+from golden_model.painting.sampling import sample
+from golden_model.painting.tiles import TILE_PX, touched
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What became of the tiles that a frame may touch: one of four, or with ``replace`` all are painted.
+
+    With ``replace`` those behind the camera or too large are painted with zeros, and counted twice.
+    """
+
+    offered: int
+    """The frame may touch them; with ``replace`` all of the canvas."""
+    behind: int
+    """Not wholly in front of the camera."""
+    too_large: int
+    """They need more of the frame than a window has."""
+    cannot_win: int
+    """Nothing of the frame is in them, or every pixel of the canvas there is farther from its frame's border."""
+    painted: int
+
+
+class Painter:
+    """A canvas, and the painting of frames onto it.
+
+    Parameters
+    ----------
+    columns, rows : int
+        Size of the canvas in tiles of 32 x 32 px, 1 to 128.
+    replace : bool
+        A frame forgets what was on the canvas, as stabilised video needs.
+
+    Attributes
+    ----------
+    memory : uint8 ndarray, shape (rows, columns, 32, 32, 4)
+        The tiles, as they lie in memory: blue, green, red and weight; weight 0 where nothing was painted.
+    """
+
+    def __init__(self, columns: int, rows: int, *, replace: bool = False) -> None:
+        self.memory = np.zeros((rows, columns, TILE_PX, TILE_PX, 4), np.uint8)
+        self.replace = replace
+        self._least = np.zeros((rows, columns), np.int64)
+
+    @property
+    def picture(self) -> NDArray[np.uint8]:
+        """The canvas (H, W, 4), row by row."""
+        return join_tiles(self.memory)
+
+    def paint(self, frame: Pixels, pose: NDArray[np.int64]) -> Counts:
+        """Paint a frame.
+
+        Parameters
+        ----------
+        frame : uint8 ndarray, shape (H, W, 3)
+            Blue, green, red.
+        pose : int64 ndarray, shape (3, 3)
+            From the canvas to the frame (`golden_model.painting.pose`).
+
+        Returns
+        -------
+        Counts
+        """
+        height_px, width_px = frame.shape[:2]
+        rows, columns = self.memory.shape[:2]
+        tiles = touched(pose, (width_px, height_px), (columns, rows), all_tiles=self.replace)
+        corners, behind = project(pose, tiles)
+        boxes = windows.bounding_boxes(corners)
+        too_large = windows.are_too_large(boxes) & ~behind
+        column, row = tiles.T
+        wins = windows.can_win(boxes, width_px, height_px, self._least[row, column])
+        shown = ~behind & ~too_large
+        painted = np.ones_like(shown) if self.replace else shown & wins
+        for n in np.flatnonzero(painted):
+            self._paint_tile(frame, corners[n], (row[n], column[n]), shown=bool(shown[n]))
+        return Counts(
+            offered=len(tiles),
+            behind=int(np.count_nonzero(behind)),
+            too_large=int(np.count_nonzero(too_large)),
+            cannot_win=0 if self.replace else int(np.count_nonzero(shown & ~wins)),
+            painted=int(np.count_nonzero(painted)),
+        )
+
+    def _paint_tile(self, frame: Pixels, corners: NDArray[np.int64], place: tuple[int, int], *, shown: bool) -> None:
+        colours, weights = sample(frame, positions(corners[np.newaxis])[0])
+        if not shown:
+            weights = np.zeros_like(weights)
+        self.memory[place] = blend(self.memory[place], colours, weights, replace=self.replace)
+        self._least[place] = self.memory[place][..., 3].min()
+
+
+def join_tiles(memory: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Put tiles (rows, columns, 32, 32, 4) beside each other: (H, W, 4), row by row."""
+    rows, columns = memory.shape[:2]
+    return memory.swapaxes(1, 2).reshape(rows * TILE_PX, columns * TILE_PX, memory.shape[-1])
