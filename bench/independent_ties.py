@@ -2,8 +2,9 @@
 
 SIFT, at 1600 px and with fixed parameters and seed, matches photographs that follow each other or that the layout lets
 overlap. An epipolar test keeps matches on relief, which no homography explains. The error of a tie is its distance
-under the layout, in px of the right photograph at that width. Its part along the baseline, the line between the two
-cameras, can be the height of the ground; the part across it is a fault of the layout, the lens or the tie.
+under the layout, in px of the right photograph at that width. Its part along the baseline, towards the epipole of the
+pair's own ties, can be the height of the ground; the part across it is a fault of the layout, the lens or the tie. The
+layout's cameras do not say where the baseline is: from a kite, a few degrees of theirs make a fault of height.
 """
 
 import tempfile
@@ -30,7 +31,6 @@ from sim.scene.terrain import TERRAINS
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.extent import outline, overlap
 from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.mapping.cameras import cameras_of
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import reduce_to_width
 from skymosaic.mosaicking.api import open_plan
@@ -45,8 +45,6 @@ PARTNERS = 3
 WORST = 3
 SEED, IMAGES, SIZE_PX = 7, 16, (800, 600)
 """Of rendered flights."""
-STEP = 1e-3
-"""Share of the baseline by which a place on the ground is moved, to see in which direction that is in a photograph."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,23 +153,16 @@ def on_epipolar_lines(left: Points, right: Points) -> Array:
 
 def tie_errors(flight: Flight, layout: Layout, pairs: Sequence[PairOfTies]) -> list[Array]:
     """Error of each tie of each pair under a layout, along and across the baseline, px: (N, 2) for each pair."""
-    to_reference = layout.to_reference(flight.views)
-    positions = [camera.position[:2] for camera in cameras_of(flight, layout)]
-    cameras = dict(zip(layout.members, positions, strict=True))
-
-    def from_width(member: int) -> Matrix:
+    errors, frames = [], dict[int, Matrix]()
+    for member, matrix in layout.to_reference(flight.views).items():
         blank = np.zeros(flight.views[member].size[::-1], np.uint8)
-        return to_reference[member] @ reduce_to_width(blank, WIDTH_PX)[1]
-
-    frames = {member: from_width(member) for member in layout.members}
-    errors = []
+        frames[member] = matrix @ reduce_to_width(blank, WIDTH_PX)[1]
     for pair in pairs:
-        to_right = np.asarray(np.linalg.inv(frames[pair.right]))
-        on_ground = apply(frames[pair.left], pair.left_points)
-        moved = apply(to_right, on_ground)
-        # What stands above the ground is moved along the baseline there; a step is short enough to be straight.
-        step = STEP * (cameras[pair.right] - cameras[pair.left])
-        along = apply(to_right, on_ground + step) - moved
+        moved = apply(np.linalg.inv(frames[pair.right]) @ frames[pair.left], pair.left_points)
+        F, _ = cv2.findFundamentalMat(pair.left_points, pair.right_points, cv2.FM_8POINT)
+        *epipole, depth = np.linalg.svd(F)[0][:, -1]
+        # The epipole may be at infinity.
+        along = moved * depth - epipole
         along /= np.linalg.norm(along, axis=1, keepdims=True)
         off = moved - pair.right_points
         errors.append(np.column_stack(((off * along).sum(axis=1), off[:, 0] * along[:, 1] - off[:, 1] * along[:, 0])))
