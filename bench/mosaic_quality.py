@@ -20,6 +20,8 @@ import typer
 from bench.pair_sets import public_folder
 from bench.report import JsonFile, Row, report
 from golden_model.arrays import Array, Matrix, Pixels
+from skymosaic.compositing.warp import magnification
+from skymosaic.imagery.lens import Lens, lens_of
 
 COMPARED_AT_PX = 1600
 """Width at which errors are given, whatever the working width was."""
@@ -93,22 +95,12 @@ def read_picture(path: Path) -> Pixels:
 def measure_photographs(mosaic_path: Path, summary: dict[str, Any]) -> Array:
     """The measures of each photograph, (N, 5)."""
     mosaic, transforms = read_picture(mosaic_path), summary["mosaics"][0]["transforms"]
-    photographs = (
-        (straighten(np.asarray(cv2.imread(name), dtype=np.uint8), summary.get("lens")), matrix)
-        for name, matrix in transforms.items()
-    )
-    return np.array(
-        [row for photo, matrix in photographs if (row := measure_photograph(mosaic, photo, np.array(matrix)))]
-    )
-
-
-def straighten(photograph: Pixels, lens: dict[str, float] | None) -> Pixels:
-    """The photograph without the distortion that the report names."""
-    if lens is None:
-        return photograph
-    x, y = (photograph.shape[1] - 1) / 2, (photograph.shape[0] - 1) / 2
-    matrix = np.array([[lens["focal_px"], 0, x], [0, lens["focal_px"], y], [0, 0, 1]])
-    return cv2.undistort(photograph, matrix, np.array([lens["k1"], 0, 0, 0, 0]))
+    lens, rows = lens_of(summary["lens"]) if summary["lens"] else Lens(), []
+    for name, matrix in transforms.items():
+        photograph = lens.straighten(np.asarray(cv2.imread(name), np.uint8))
+        if row := measure_photograph(mosaic, np.asarray(photograph, np.uint8), np.array(matrix)):
+            rows.append(row)
+    return np.array(rows)
 
 
 def measure_photograph(mosaic: Pixels, photograph: Pixels, to_mosaic: Matrix) -> tuple[float, ...] | None:
@@ -117,7 +109,7 @@ def measure_photograph(mosaic: Pixels, photograph: Pixels, to_mosaic: Matrix) ->
     small = cv2.resize(photograph, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     to_small = np.array([[scale, 0, (scale - 1) / 2], [0, scale, (scale - 1) / 2], [0, 0, 1]])
     # Reduced first: warping down by a large factor without it would alias.
-    factor = max(1, round(1 / scale / local_scale(to_mosaic, photograph.shape)))
+    factor = max(1, round(1 / scale / magnification((photograph.shape[1], photograph.shape[0]), to_mosaic)))
     reduced = cv2.resize(mosaic, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
     shrink = np.array([[1 / factor, 0, (1 / factor - 1) / 2], [0, 1 / factor, (1 / factor - 1) / 2], [0, 0, 1]])
     back = to_small @ np.linalg.inv(to_mosaic) @ np.linalg.inv(shrink)
@@ -134,15 +126,6 @@ def measure_photograph(mosaic: Pixels, photograph: Pixels, to_mosaic: Matrix) ->
     high = [plane - cv2.GaussianBlur(plane, (0, 0), HIGH_PASS_PX) for plane in (a, b)]
     ncc = float(np.corrcoef(high[0][inside], high[1][inside])[0, 1])
     return kept, burnt, misfit, ncc, sharpness(mosaic, photograph, to_mosaic)
-
-
-def local_scale(matrix: Matrix, shape: tuple[int, ...]) -> float:
-    """Mosaic pixels for each photograph pixel, at the photograph's centre."""
-    centre = np.array([shape[1] / 2, shape[0] / 2, 1.0])
-    w = matrix[2] @ centre
-    mapped = matrix[:2] @ centre / w
-    jacobian = (matrix[:2, :2] - np.outer(mapped, matrix[2, :2])) / w
-    return float(np.sqrt(abs(np.linalg.det(jacobian))))
 
 
 def sharpness(mosaic: Pixels, photograph: Pixels, to_mosaic: Matrix) -> float:

@@ -30,8 +30,8 @@ def skymosaic(package: ModuleType, paths: Sequence[str], width_px: int, result: 
     mosaic = package.mosaic(paths, working_width_px=width_px, canvas_limit_px=10**9)
     result["transforms"] = {Path(paths[index]).name: mosaic.transforms[index].tolist() for index in mosaic.placed}
     # As k1 over the square of the focal length, because tie points do not determine the focal length.
-    calibration = mosaic.flight.calibration
-    result["distortion"] = 0.0 if calibration is None else calibration.k1 / calibration.focal_px**2
+    numbers = mosaic.flight.lens.numbers
+    result["distortion"] = numbers["k1"] / numbers["focal_x_px"] ** 2 if numbers else 0.0
 
 
 def opencv(package: ModuleType, paths: Sequence[str], width_px: int, result: Result) -> None:

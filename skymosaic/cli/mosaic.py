@@ -163,8 +163,9 @@ def _show(written: _Written, output: Path) -> None:
     for delivery in deliveries:
         _show_mosaic(delivery, output if output == STDOUT else delivery.path)
     if (lens := flight.calibration) is not None:
+        numbers = list(lens.lens.numbers.items())[2:]
         session.show(
-            f"lens: k1 {lens.k1:.4f} (focal length {lens.focal_px:.0f} px); median error of held-out ties "
+            f"lens: {', '.join(f'{name} {value:.4g}' for name, value in numbers)}; median error of held-out ties "
             f"{lens.before_px:.2f} px without it, {lens.after_px:.2f} px with it"
         )
     if written.report:

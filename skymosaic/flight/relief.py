@@ -60,11 +60,10 @@ def _move(links: Iterable[Link], moves: Moves) -> tuple[Link, ...]:
 
 
 def _move_links(layout: Layout, moves: Moves) -> Layout:
-    links = _move(layout.links, moves)
-    to_right = [np.linalg.inv(layout.transforms[link.right]) @ layout.transforms[link.left] for link in links]
-    errors_px = [
-        transfer_error(H, each.left_points, each.right_points) for H, each in zip(to_right, links, strict=True)
-    ]
+    links, errors_px = _move(layout.links, moves), []
+    for link in links:
+        to_right = np.linalg.inv(layout.transforms[link.right]) @ layout.transforms[link.left]
+        errors_px.append(transfer_error(to_right, link.left_points, link.right_points))
     contradicting = _move(layout.contradicting, moves)
     return replace(layout, links=links, contradicting=contradicting, errors_px=tuple(errors_px))
 

@@ -92,7 +92,7 @@ def survey(
         settings = surveyor.settings
     clock.lap("pairs")
     parts = sorted(groups(len(views), valid_links(links)), key=partial(_rank, views))
-    calibration, remaining = None, dict[int, float]()
+    calibration, remaining = None, dict[int, Array]()
     workers.progress("lens", 0, 0)
     # A lens that was given is trusted: photographs through it are straight already.
     if settings.lens.matrix is None:
@@ -235,7 +235,7 @@ def _straighten(
     *,
     members: Sequence[int],
     calibration: Calibration,
-) -> tuple[tuple[View, ...], dict[Candidate, Link], dict[int, float]]:
+) -> tuple[tuple[View, ...], dict[Candidate, Link], dict[int, Array]]:
     """Describe and link the photographs again without their distortion, and measure what distortion remains in each.
 
     Near the border of a distorted photograph a corner looks different from what it is in the middle of a neighbour, and
@@ -252,8 +252,9 @@ def _straighten(
         straight_views[index] = replace(view, taken=views[index].taken)
     straight = straighten_links(valid_links(links), views, dict.fromkeys(through, calibration.distortion))
     straight |= {pair: link for pair, link in surveyor.link(straight_views, straight).items() if link.holds}
-    # Features of distorted photographs made the coefficient 0.1 to 0.3 % too small.
-    distortion = measure_remaining_distortion(straight_views, members, valid_links(straight), surveyor.cache)
+    # Features of distorted photographs made k1 0.1 to 0.3 % too small.
+    terms = min(len(calibration.distortion), 2)
+    distortion = measure_remaining_distortion(straight_views, members, valid_links(straight), terms, surveyor.cache)
     remaining = dict.fromkeys(through, distortion)
     straight = straighten_links(valid_links(straight), straight_views, remaining)
     return tuple(straight_views), {**links, **straight}, remaining
@@ -311,7 +312,7 @@ def _lay_out_again(
 
 
 def _link_nearby(
-    surveyor: Surveyor, views: Sequence[View], remaining: Mapping[int, float], layout: Layout
+    surveyor: Surveyor, views: Sequence[View], remaining: Mapping[int, Array], layout: Layout
 ) -> dict[Candidate, Link]:
     """Links of pairs that overlap in a layout, although their features alone did not link them.
 

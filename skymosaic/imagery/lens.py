@@ -2,6 +2,7 @@
 
 import hashlib
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -64,17 +65,19 @@ class Lens:
         Pixels of another camera, see `fits`, are returned as they are; so are points by `straighten_points`.
         """
         size = (pixels.shape[1], pixels.shape[0])
-        if self.matrix is None or not self.fits(size):
+        camera = self.camera_at(size)
+        if camera is None:
             return pixels
-        matrix, distortion = self._camera_at(size)
+        matrix, distortion = camera
         maps = cv2.initUndistortRectifyMap(matrix, distortion, None, matrix, size, cv2.CV_16SC2)
         return np.asarray(cv2.remap(pixels, *maps, interpolation), dtype=pixels.dtype)
 
     def straighten_points(self, points: Points, size: tuple[int, int]) -> Points:
         """Move points (N, 2), px, to where the straightened photograph of ``size`` (width, height) shows them."""
-        if self.matrix is None or not self.fits(size):
+        camera = self.camera_at(size)
+        if camera is None:
             return points
-        matrix, distortion = self._camera_at(size)
+        matrix, distortion = camera
         straight = cv2.undistortPoints(points.reshape(-1, 1, 2), matrix, distortion, P=matrix)
         return np.asarray(straight, dtype=np.float64).reshape(-1, 2)
 
@@ -90,15 +93,14 @@ class Lens:
         whole = np.where(resized == 255, np.uint8(255), np.uint8(0))
         return whole if mask is None else np.minimum(whole, mask)
 
-    def to_toml(self) -> str:
-        """The lines of a camera file that `load_lens` reads; for a lens with a calibration matrix."""
-        assert self.size is not None
-        assert self.matrix is not None
-        assert self.distortion is not None
+    @property
+    def numbers(self) -> dict[str, float]:
+        """What a camera file that `load_lens` reads has, but for what is 0; empty without a calibration matrix."""
+        if self.size is None or self.matrix is None or self.distortion is None:
+            return {}
         focal, centre = self.matrix[[0, 1], [0, 1]].tolist(), self.matrix[:2, 2].tolist()
-        lines = list(zip(_REQUIRED, (*self.size, *focal, *centre), strict=True))
-        lines += [(key, value) for key, value in zip(_DISTORTION, self.distortion.tolist(), strict=True) if value]
-        return "".join(f"{key} = {value}\n" for key, value in lines)
+        values = (*self.size, *focal, *centre, *self.distortion.tolist())
+        return {key: value for key, value in zip(_REQUIRED + _DISTORTION, values, strict=True) if value}
 
     def __eq__(self, other: object) -> bool:
         """Whether the other lens makes the same corrections."""
@@ -108,11 +110,10 @@ class Lens:
         """Hash of the key."""
         return hash(self.key)
 
-    def _camera_at(self, size: tuple[int, int]) -> tuple[Array, Array]:
-        """Calibration matrix and distortion for a photograph of ``size``, which may be reduced, or upright."""
-        assert self.size is not None
-        assert self.matrix is not None
-        assert self.distortion is not None
+    def camera_at(self, size: tuple[int, int]) -> tuple[Array, Array] | None:
+        """Calibration matrix and distortion for a photograph of ``size``, reduced or upright, if known."""
+        if self.size is None or self.matrix is None or self.distortion is None or not self.fits(size):
+            return None
         (width, height), matrix, distortion = self.size, self.matrix, self.distortion
         if (size[0] > size[1]) != (width > height):
             # The axes change places: x and y of the matrix, and p1 and p2 of the distortion.
@@ -154,14 +155,19 @@ def load_lens(camera: Path | None, mask: Path | None) -> Lens:
     if camera is None:
         return Lens(mask=ground)
     values = _read_numbers(camera)
-    fx, fy, cx, cy = (values[key] for key in _REQUIRED[2:])
     if min(values[key] for key in _REQUIRED) <= 0:
         raise InputError(f"{camera}: sizes, focal lengths and the centre must be positive")
+    return lens_of(values, ground)
+
+
+def lens_of(numbers: Mapping[str, float], mask: Pixels | None = None) -> Lens:
+    """The lens with some `Lens.numbers`."""
+    width, height, fx, fy, cx, cy = (numbers[key] for key in _REQUIRED)
     return Lens(
-        size=(round(values["width_px"]), round(values["height_px"])),
+        size=(round(width), round(height)),
         matrix=np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], dtype=np.float64),
-        distortion=np.array([values.get(key, 0.0) for key in _DISTORTION], dtype=np.float64),
-        mask=ground,
+        distortion=np.array([numbers.get(key, 0.0) for key in _DISTORTION], dtype=np.float64),
+        mask=mask,
     )
 
 

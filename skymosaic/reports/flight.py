@@ -12,6 +12,7 @@ from skymosaic.common.temporary import PAGE
 from skymosaic.flight.check import FlightCheck, check_flight, layout_errors
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.layout.self_calibration import Calibration
 from skymosaic.flight.picture.output import PREVIEW_WIDTH_PX, Delivery
 from skymosaic.flight.relief import bending_numbers
 from skymosaic.imagery.images import reduce_to_width, save
@@ -91,7 +92,7 @@ def flight_numbers(deliveries: Sequence[Delivery], check: FlightCheck) -> dict[s
         "pairs_tried": len(flight.links),
         "links": sum(link.holds for link in flight.links),
         "seconds": {stage: round(value, 3) for stage, value in flight.seconds.items()},
-        "lens": _lens_numbers(flight),
+        "lens": None if flight.calibration is None else _lens_numbers(flight.calibration),
         "mosaics": [_mosaic_numbers(delivery) for delivery in deliveries],
         "check": dataclasses.asdict(check),
         "backend": flight.settings.backend,
@@ -101,17 +102,9 @@ def flight_numbers(deliveries: Sequence[Delivery], check: FlightCheck) -> dict[s
     }
 
 
-def _lens_numbers(flight: Flight) -> dict[str, float] | None:
-    """The lens estimated from tie points; None where it was given, or where no distortion could be measured."""
-    estimate = flight.calibration
-    if estimate is None:
-        return None
-    return {
-        "k1": estimate.k1,
-        "focal_px": estimate.focal_px,
-        "held_out_before_px": round(estimate.before_px, 3),
-        "held_out_after_px": round(estimate.after_px, 3),
-    }
+def _lens_numbers(estimate: Calibration) -> dict[str, float]:
+    errors = {"held_out_before_px": round(estimate.before_px, 3), "held_out_after_px": round(estimate.after_px, 3)}
+    return estimate.lens.numbers | errors
 
 
 def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:

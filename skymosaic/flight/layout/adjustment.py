@@ -6,8 +6,8 @@ stretches (with them, affine) and two tilts. Coordinates are normalised: centred
 
 The ties alone leave some motions open; a prior decides these, see `skymosaic.flight.layout.expected_shape`.
 
-The radial distortion of the lens, the same for all views, can be one more unknown: one coefficient, which is OpenCV's
-k1 in units that need no focal length.
+The distortion of the lens, the same for all views, can be one more unknown, or four: OpenCV's k1 and k2 in units that
+need no focal length, and the centre, see `skymosaic.flight.layout.motions.straighten`.
 """
 
 import math
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array
 from skymosaic.flight.layout.expected_shape import Prior, are_possible
 from skymosaic.flight.layout.motions import (
+    NO_DISTORTION,
     bending_of,
     generators,
     multiply_small,
@@ -50,8 +51,9 @@ MAX_RISE = 1e-3
 """Rise of the cost, as a share of it, that is no failure: one of a flight that converges is below 1e-5."""
 MIN_DEPTH = 0.02
 """Smallest depth of a tie, where that of the middle of its view is 1: ground fifty times as far away."""
-MAX_DISTORTION = 0.25
-"""Bound of the displacement in the corners, as a share of the half diagonal; stronger lenses need a calibration."""
+MAX_DISTORTION = np.array([0.25, 0.05, 0.1, 0.1])
+"""Bounds of the displacements in the corners, and of the centre, as shares of the half diagonal: stronger lenses, which
+would fold the picture, need a calibration."""
 MAX_DISTORTION_CHANGE = 0.03
 """Bound of one step: far from the solution the ties are not nearly linear in the distortion."""
 
@@ -84,7 +86,7 @@ class Anchors:
 class _Batch:
     """Some links of a network. All get the same number of rows, those beyond a link's ties without weight."""
 
-    def __init__(self, ties: Sequence[Ties], unit_px: Array, distortion: float) -> None:
+    def __init__(self, ties: Sequence[Ties], unit_px: Array, distortion: Array) -> None:
         self.pairs = np.array([(tie.left, tie.right) for tie in ties], dtype=np.intp)
         self.counts = np.array([len(tie.left_points) for tie in ties], dtype=np.intp)
         self.valid = np.arange(self.counts.max()) < self.counts[:, None]
@@ -94,9 +96,9 @@ class _Batch:
         self._unit_px = unit_px[self.pairs[:, 1], None]
         self.straighten(distortion)
 
-    def straighten(self, distortion: float) -> None:
+    def straighten(self, distortion: Array) -> None:
         """Take the distortion of the lens out of the ties."""
-        self.left, self._right = self._points if distortion == 0 else straighten(self._points, distortion)
+        self.left, self._right = straighten(self._points, distortion)
 
     def map(self, transforms: Array) -> tuple[Array, Array, Array]:
         """Map the left points into the right views, (L, N, 2), with their depth (L, N), by matrices (L, 3, 3, 1)."""
@@ -118,25 +120,26 @@ class _Batch:
         return np.asarray(np.sqrt(squared_lengths(predicted - self._right)[..., 0]) * self._unit_px)
 
     def equations(
-        self, transforms: Array, free: int, scale_px: float, distortion: float | None
+        self, transforms: Array, free: int, scale_px: float, distortion: Array
     ) -> tuple[Array, Array, Array, Array]:
-        """Normal equations of each link, and the weighted residuals and their derivative by the distortion, if any."""
+        """Normal equations of each link, and the weighted residuals and their derivatives by the distortion's terms."""
         predicted, depth, between = self.map(transforms)
         root = (self.valid * self._unit_px / (1 + (self.errors_px(predicted) / scale_px) ** 2))[..., None]
         places = [[between[:, row, k] - predicted[..., row] * between[:, 2, k] for k in (0, 1)] for row in (0, 1)]
         # In memory, all points of an element follow each other, as those of `generators` do.
         derivative = np.moveaxis(np.array(places) / depth, (0, 1), (-2, -1))
         residual = (predicted - self._right) * root
-        bending = np.zeros_like(residual)
-        if distortion is not None:
+        bending = np.zeros((*residual.shape, len(distortion)))
+        if len(distortion):
             left, right = (bending_of(points, distortion) for points in (self.left, self._right))
-            bending = (multiply_small(derivative, left[..., None])[..., 0] - right) * root
+            bending = (multiply_small(derivative, left) - right) * root[..., None]
         # Left points are mapped into the right view, not both onto the ground: there, shrinking all views would
         # help. A motion of the right view moves its point away from under the mapped one.
         by_left = multiply_small(derivative, generators(self.left, free))
         jacobian = np.concatenate([by_left, -generators(predicted, free)], axis=3) * root[..., None]
         rows = jacobian.reshape(len(self.pairs), -1, 2 * free)
-        targets = np.stack([residual, bending], axis=-1).reshape(len(self.pairs), -1, 2)
+        targets = np.concatenate([residual[..., None], bending], axis=-1)
+        targets = targets.reshape(len(self.pairs), -1, 1 + len(distortion))
         transposed = rows.transpose(0, 2, 1)
         return transposed @ rows, transposed @ targets, residual, bending
 
@@ -152,17 +155,17 @@ class Network:
         Half diagonal of each view, in working px.
     reference : int
         The view whose position, rotation and scale stay fixed.
-    distortion : float
-        Distortion of the lens, see `straighten`.
+    distortion : ndarray of float64, at most (4,)
+        Distortion of the lens, see `straighten`, from which `adjust` starts.
 
     Attributes
     ----------
-    distortion : float
+    distortion : ndarray of float64
         As given, or as `adjust` estimated it.
     """
 
     def __init__(
-        self, ties: Iterable[Ties], units_px: Sequence[float], reference: int, distortion: float = 0.0
+        self, ties: Iterable[Ties], units_px: Sequence[float], reference: int, distortion: Array = NO_DISTORTION
     ) -> None:
         self.distortion = distortion
         self._unit_px = np.asarray(units_px, dtype=np.float64)
@@ -191,11 +194,10 @@ class Network:
         model: str,
         *,
         max_steps: int = MAX_STEPS,
-        lens: bool = False,
         from_px: float = 0.0,
         anchors: Anchors | None = None,
     ) -> Array:
-        """Refine the transformations (V, 3, 3), view to ground, by reweighted Gauss-Newton steps.
+        """Refine the transformations (V, 3, 3), view to ground, and the distortion, by reweighted Gauss-Newton steps.
 
         Every step weighs the ties by 1 / (1 + e²/s²)² (Geman-McClure), s falling with the median residual.
 
@@ -205,8 +207,6 @@ class Network:
         model : str
             A key of `MODELS`.
         max_steps : int
-        lens : bool
-            Whether the distortion of the lens is one more unknown; `distortion` is then set.
         from_px : float
             Scale s of the first step, at least; it is annealed before the ``max_steps`` begin. Near the final scale
             alone, links that the first guess placed badly would hardly count, whether they are true or not.
@@ -220,7 +220,7 @@ class Network:
             least_px = max(MIN_SCALE_PX, from_px * COOLING**step)
             scale_px = max(least_px, 2 * float(np.median(errors_px)))
             transforms, errors_px, motion = self._step(
-                transforms, errors_px, MODELS[model], scale_px, damping, lens=lens, anchors=anchors
+                transforms, errors_px, MODELS[model], scale_px, damping, anchors=anchors
             )
             if step >= annealed and motion * self._unit_px.max() < CONVERGED_PX:
                 break
@@ -234,7 +234,6 @@ class Network:
         scale_px: float,
         damping: Array,
         *,
-        lens: bool,
         anchors: Anchors | None,
     ) -> tuple[Array, Array, float]:
         """Take a step; returns the transformations, the errors of all ties and the largest motion.
@@ -243,17 +242,16 @@ class Network:
         would raise the cost. ``damping`` (V,) is that of the last step, and becomes that of this one.
         """
         prior = Prior.of(start, free - MODELS["similarity"])
-        system = self._linearise(start, free, scale_px, prior, lens=lens, anchors=anchors)
+        system = self._linearise(start, free, scale_px, prior, anchors)
         cost = _cost(start, errors_px, scale_px, prior, anchors)
         distortion, allowed = self.distortion, np.minimum(MIN_DEPTH, self._least_depths(start))
         damping[:] = np.where(damping > DAMPING, damping / FIRMER, 0)
         while damping.max() <= MAX_DAMPING:
-            motion, change = system.solve(self._reference, damping, MAX_DISTORTION_CHANGE if lens else 0.0)
+            motion, change = system.solve(self._reference, damping, MAX_DISTORTION_CHANGE)
             # Motions are of the view's own pixels, so they come first: a tilt is the same wherever the view lies.
             transforms = start @ to_transforms(np.pad(motion, ((0, 0), (0, 8 - free))))
             transforms = transforms / transforms[:, 2:, 2:]
-            if lens:
-                self._set_distortion(distortion + change)
+            self._set_distortion(distortion + change)
             failing = ~(are_possible(transforms) & (self._least_depths(transforms) >= allowed))
             if not failing.any():
                 new_errors_px = np.concatenate(self.errors_px(transforms))
@@ -265,16 +263,16 @@ class Network:
         return start, errors_px, 0.0
 
     def _linearise(
-        self, transforms: Array, free: int, scale_px: float, prior: Prior, *, lens: bool, anchors: Anchors | None
+        self, transforms: Array, free: int, scale_px: float, prior: Prior, anchors: Anchors | None
     ) -> BlockSystem:
         """Set up the normal equations of a Gauss-Newton step, each tie weighted by its error."""
-        blocks, downhill, curvature = [], 0.0, 0.0
+        blocks, downhill, curvature = [], np.zeros(len(self.distortion)), np.zeros([len(self.distortion)] * 2)
         for batch in self._batches:
-            *block, residual, bending = batch.equations(transforms, free, scale_px, self.distortion if lens else None)
+            *block, residual, bending = batch.equations(transforms, free, scale_px, self.distortion)
             blocks.append(block)
             # Not BLAS, whose sums depend on the number of its threads, and with them the layout.
-            downhill += float((bending * residual).sum())
-            curvature += float((bending * bending).sum())
+            downhill += (bending * residual[..., None]).sum(axis=(0, 1, 2))
+            curvature += (bending[..., None] * bending[..., None, :]).sum(axis=(0, 1, 2))
         normal, target = map(np.concatenate, zip(*blocks, strict=True))
         system = BlockSystem(len(self._unit_px), self._pairs, normal, target, shared=(downhill, curvature))
         if anchors is not None:
@@ -283,8 +281,9 @@ class Network:
             system.add_prior(prior.differences(transforms), prior.weights)
         return system
 
-    def _set_distortion(self, distortion: float) -> None:
-        self.distortion = float(np.clip(distortion, -MAX_DISTORTION, MAX_DISTORTION))
+    def _set_distortion(self, distortion: Array) -> None:
+        limit = MAX_DISTORTION[: len(distortion)]
+        self.distortion = np.clip(distortion, -limit, limit)
         for batch in self._batches:
             batch.straighten(self.distortion)
 

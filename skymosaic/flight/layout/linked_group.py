@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 from golden_model.arrays import Array
 from skymosaic.flight.layout.adjustment import WIDEST_SCALE_PX, Network, Ties
 from skymosaic.flight.layout.expected_shape import are_possible
+from skymosaic.flight.layout.motions import NO_DISTORTION
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply, estimate
@@ -79,8 +80,10 @@ class LinkedGroup:
         network = self.network(slice(None), ANNEALED_TIES_PER_LINK)
         return network.adjust(transforms, "similarity", max_steps=ROUGH_STEPS, from_px=WIDEST_SCALE_PX)
 
-    def network(self, chosen: slice, max_ties: int | None = MAX_TIES_PER_LINK, distortion: float = 0.0) -> Network:
-        """Build the network of every link's ties, or of some of them, with a distortion of the lens, see `straighten`.
+    def network(
+        self, chosen: slice, max_ties: int | None = MAX_TIES_PER_LINK, distortion: Array = NO_DISTORTION
+    ) -> Network:
+        """Build the network of every link's ties, or of some of them, with a distortion of the lens, see `Network`.
 
         Of each link, ``max_ties`` are considered, spread evenly (None: all), and those that are ``chosen`` are taken.
         """

@@ -10,6 +10,7 @@ from golden_model.arrays import Array
 FOCAL_HALF_DIAGONALS = 1.2
 """Focal length in half diagonals of the view: common drones have 1.1 to 1.3."""
 STRAIGHTENING_ROUNDS = 12
+NO_DISTORTION = np.zeros(0)
 
 
 def generators(points: Array, count: int) -> Array:
@@ -59,24 +60,38 @@ def to_transforms(motion: Array) -> Array:
     return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
 
 
-def straighten(points: Array, distortion: float) -> Array:
-    """Take the distortion of the lens out of points (..., 2) about the centre, in half diagonals.
+def straighten(points: Array, distortion: Array) -> Array:
+    """Take the distortion of the lens out of points (..., 2) about the middle, in half diagonals.
 
-    A point at distance r from the centre, in half diagonals, was displaced outwards by ``distortion * r^2`` of it.
+    The distortion is nothing, k1, k1 and k2 of OpenCV's model, with half diagonals for focal lengths, or these and the
+    centre of the lens. A point at distance r from the centre was displaced outwards by k1 r² + k2 r⁴ of it.
     """
+    if not distortion.any():
+        return points
+    k1, k2, *centre = np.pad(distortion, (0, 4 - len(distortion)))
+    bent = straight = points - centre
     # A fixed-point iteration: the model gives the bent radius from the straight one, and has no simple inverse.
-    straight = points
     for _ in range(STRAIGHTENING_ROUNDS):
-        before, straight = straight, points / (1 + distortion * squared_lengths(straight))
+        before, squared = straight, squared_lengths(straight)
+        straight = bent / (1 + squared * (k1 + squared * k2))
         if np.array_equal(before, straight):
             break
-    return np.asarray(straight)
+    return np.asarray(straight + centre)
 
 
-def bending_of(straight: Array, distortion: float) -> Array:
-    """How straightened points (..., 2) move with the distortion."""
-    squared = squared_lengths(straight)
-    return np.asarray(-straight * squared / (1 + 3 * distortion * squared))
+def bending_of(straight: Array, distortion: Array) -> Array:
+    """How straightened points (..., 2) move with each term of the distortion, (..., 2, terms)."""
+    k1, k2, *centre = np.pad(distortion, (0, 4 - len(distortion)))
+    from_centre = straight - centre
+    squared = squared_lengths(from_centre)
+    # How a small step from the centre, and one around it, was stretched.
+    along, around = 1 + squared * (3 * k1 + squared * 5 * k2), 1 + squared * (k1 + squared * k2)
+    radial = -from_centre * squared / along
+    terms = np.stack([radial, radial * squared], axis=-1)
+    if len(distortion) > 2:
+        turned = ((2 * k1 + 4 * k2 * squared) / (along * around) * from_centre)[..., None] * from_centre[..., None, :]
+        terms = np.concatenate([terms, (1 - 1 / around)[..., None] * np.eye(2) + turned], axis=-1)
+    return terms[..., : len(distortion)]
 
 
 def squared_lengths(vectors: Array) -> Array:

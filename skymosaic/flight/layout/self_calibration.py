@@ -1,8 +1,9 @@
-"""Radial distortion of a flight's lens, estimated from the ties of its links.
+"""Distortion of a flight's lens, estimated from the ties of its links.
 
 A lens that bends straight lines bends every strip of a mosaic, and running lanes then meet with a step. One
-coefficient of OpenCV's model, k1, removes most of it. Every second tie is fitted and the others are predicted: the
-coefficient is used only if it predicts them clearly better.
+coefficient of OpenCV's model, k1, removes most of it. Where it helps, k2 and the centre of the lens are tried, too:
+strong lenses need them. Every second tie is fitted and the others are predicted: what is estimated is used only if it
+predicts them clearly better.
 
 Features of bent photographs are a little off towards the borders, which makes the coefficient 0.2 % too small in
 rendered flights. What distortion remains between features of the straightened photographs is therefore added to it.
@@ -21,7 +22,7 @@ import numpy as np
 from golden_model.arrays import Array, Pixels
 from skymosaic.flight.layout.adjustment import MAX_DISTORTION, MAX_STEPS, MODELS, Network
 from skymosaic.flight.layout.linked_group import LinkedGroup, linked_group, normalisation
-from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS, straighten
+from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS, NO_DISTORTION, straighten
 from skymosaic.flight.linking.links import Candidate, Link
 from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply
@@ -31,48 +32,44 @@ from skymosaic.running.cache import NO_CACHE, ResultCache, key_of
 MIN_VIEWS = 6
 """Fewer views leave the distortion to the tilts: a homography each can absorb most of it."""
 MAX_ERROR_RATIO = 0.95
-"""The coefficient is used if the median error of held-out ties falls below this share: straightening costs detail."""
+"""Terms are used if the median error of held-out ties falls below this share: straightening costs detail."""
 TRIAL_TIES_PER_LINK = 100
 """More ties per link show no better whether a distortion helps, but take longer."""
 AFFINE_STEPS = 4
 """Steps of the affine model, which only leads from similarities to homographies."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """The lens estimated from tie points."""
 
-    distortion: float
-    """A point at distance r from the centre, in half diagonals, is displaced outwards by ``distortion * r^2`` of it."""
+    distortion: Array
+    """(1,) or (4,): k1, or k1, k2 and the centre, see `skymosaic.flight.layout.motions.straighten`."""
     before_px: float
     after_px: float
     """Median error of the held-out ties without and with it, working px."""
     lens: Lens
-    """The same as OpenCV's k1, for photographs of the flight's size."""
+    """The same as a camera file describes it, for photographs of the flight's size."""
 
-    def with_remaining(self, distortion: float) -> Calibration:
-        """Add the distortion that is left once ``lens`` has straightened the photographs."""
+    def with_remaining(self, distortion: Array) -> Calibration:
+        """Add the distortion (1,) or (2,) that is left once ``lens`` has straightened the photographs."""
         assert self.lens.size is not None
-        whole = self.distortion + distortion
+        whole = self.distortion.copy()
+        whole[: len(distortion)] += distortion
+        if len(distortion) > 1:
+            # What moves points by r³ twice moves them by r⁵ and r⁷, too: k1 and k2 that come nearest.
+            straight = np.linspace(0.05, 1, 20)[:, None]
+            first = straight + straight ** [3, 5] @ distortion[:, None]
+            moved = first + first ** [3, 5] @ self.distortion[:2, None] - straight
+            whole[:2] = np.linalg.lstsq(straight ** [3, 5], moved[:, 0])[0]
         return dataclasses.replace(self, distortion=whole, lens=_lens(whole, self.lens.size, self.lens.mask))
-
-    @property
-    def focal_px(self) -> float:
-        """Focal length that the coefficient refers to, px of the originals."""
-        assert self.lens.matrix is not None
-        return float(self.lens.matrix[0, 0])
-
-    @property
-    def k1(self) -> float:
-        """OpenCV's coefficient, which depends on the focal length that `lens` assumes."""
-        assert self.lens.distortion is not None
-        return float(self.lens.distortion[0])
 
     @property
     def camera_file(self) -> str:
         """The lens as a file that `skymosaic.imagery.lens.load_lens` reads."""
-        errors = f"{self.before_px:.2f} px without k1, {self.after_px:.2f} px with it"
-        return f"# Median error of held-out ties: {errors}.\n{self.lens.to_toml()}"
+        errors = f"{self.before_px:.2f} px without distortion, {self.after_px:.2f} px with it"
+        lines = (f"{key} = {value}\n" for key, value in self.lens.numbers.items())
+        return f"# Median error of held-out ties: {errors}.\n{''.join(lines)}"
 
 
 def calibrate(
@@ -91,31 +88,32 @@ def calibrate(
     if len(members) < MIN_VIEWS or len(sizes) > 1:
         return None
     group = linked_group(views, members, links)
-    before_px, after_px, distortion = _load_or_measure(_measure, group, cache)
-    if abs(distortion) >= MAX_DISTORTION or after_px > MAX_ERROR_RATIO * before_px:
+    # Of an upright photograph, nobody knows which way the camera was turned, nor so where the centre is.
+    most = 4 if len({views[member].size for member in members}) == 1 else 1
+    before_px, after_px, *distortion = _load_or_measure(_measure, group, most, cache).tolist()
+    if not distortion:
         return None
+    distortion = np.array(distortion)
     return Calibration(distortion, before_px, after_px, _lens(distortion, views[members[0]].size, mask))
 
 
 def measure_remaining_distortion(
-    views: Sequence[View], members: Sequence[int], links: Sequence[Link], cache: ResultCache = NO_CACHE
-) -> float:
-    """Measure the distortion between straightened photographs, as `calibrate` does."""
-    group = linked_group(views, members, links)
-    (distortion,) = _load_or_measure(_measure_remaining, group, cache)
-    return distortion
+    views: Sequence[View], members: Sequence[int], links: Sequence[Link], terms: int, cache: ResultCache = NO_CACHE
+) -> Array:
+    """Measure the first terms of the distortion between straightened photographs, about their middle."""
+    return _load_or_measure(_measure_remaining, linked_group(views, members, links), terms, cache)
 
 
 def _load_or_measure(
-    measure: Callable[[LinkedGroup], tuple[float, ...]], group: LinkedGroup, cache: ResultCache
-) -> tuple[float, ...]:
+    measure: Callable[[LinkedGroup, int], Array], group: LinkedGroup, terms: int, cache: ResultCache
+) -> Array:
     """Call ``measure``, or load its result from the cache where sizes and ties are those of an earlier run."""
-    key = key_of(measure, group.units_px, _digest(group.links))
+    key = key_of(measure, group.units_px, _digest(group.links), terms)
     arrays = cache.load(key)
     if arrays is None:
-        arrays = {"numbers": np.array(measure(group))}
+        arrays = {"numbers": measure(group, terms)}
         cache.save(key, arrays)
-    return tuple(arrays["numbers"].tolist())
+    return np.asarray(arrays["numbers"], np.float64)
 
 
 def _digest(links: Sequence[Link]) -> str:
@@ -126,62 +124,78 @@ def _digest(links: Sequence[Link]) -> str:
     return state.hexdigest()
 
 
-def _measure(group: LinkedGroup) -> tuple[float, float, float]:
-    """The median error of held-out ties without and with a distortion, working px, and the distortion by all ties."""
-    before_px, _, _ = _try(group, lens=False)
-    after_px, distortion, transforms = _try(group, lens=True)
-    whole = group.network(slice(None), distortion=distortion)
-    whole.adjust(transforms, "homography", lens=True)
-    return before_px, after_px, whole.distortion
+def _measure(group: LinkedGroup, most: int) -> Array:
+    """The median error of held-out ties without and with a distortion, working px, and the distortion by all ties.
+
+    Of 1 and of 4 terms, if there may be so many, the more are used if they predict clearly better than the fewer.
+    """
+    before_px, distortion, transforms = _try(group, NO_DISTORTION, None)
+    after_px = before_px
+    for terms in sorted({1, most}):
+        start = transforms if len(distortion) else None
+        found_px, *found = _try(group, np.pad(distortion, (0, terms - len(distortion))), start)
+        if found_px > MAX_ERROR_RATIO * after_px or (np.abs(found[0]) >= MAX_DISTORTION[:terms]).any():
+            break
+        after_px, (distortion, transforms) = found_px, found
+    if len(distortion):
+        whole = group.network(slice(None), distortion=distortion)
+        whole.adjust(transforms, "homography")
+        distortion = whole.distortion
+    return np.array([before_px, after_px, *distortion])
 
 
-def _measure_remaining(group: LinkedGroup) -> tuple[float]:
-    whole = group.network(slice(None))
-    _fit(whole, group.start, lens=True)
-    return (whole.distortion,)
+def _measure_remaining(group: LinkedGroup, terms: int) -> Array:
+    whole = group.network(slice(None), distortion=np.zeros(terms))
+    _fit(whole, group.start)
+    return whole.distortion
 
 
-def _try(group: LinkedGroup, *, lens: bool) -> tuple[float, float, Array]:
-    """Fit every second tie; the median error of the others, working px, the distortion and the transformations."""
-    fitted = group.network(slice(0, None, 2), TRIAL_TIES_PER_LINK)
-    transforms = _fit(fitted, group.start, lens=lens)
+def _try(group: LinkedGroup, distortion: Array, start: Array | None) -> tuple[float, Array, Array]:
+    """Fit every second tie; the median error of the others, working px, the distortion and the transformations.
+
+    Begins from a distortion, and from homographies that were fitted with it, if any.
+    """
+    fitted = group.network(slice(0, None, 2), TRIAL_TIES_PER_LINK, distortion)
+    transforms = _fit(fitted, group.start) if start is None else fitted.adjust(start, "homography")
     held_out = group.network(slice(1, None, 2), TRIAL_TIES_PER_LINK, fitted.distortion)
     return float(np.median(np.concatenate(held_out.errors_px(transforms)))), fitted.distortion, transforms
 
 
-def _fit(network: Network, start: Array, *, lens: bool) -> Array:
+def _fit(network: Network, start: Array) -> Array:
     """Fit one model after the other."""
     # Similarities converge from far away; homographies with a wrong distortion may not, so they come last.
     transforms = start
     for model in MODELS:
         steps = AFFINE_STEPS if model == "affine" else MAX_STEPS
-        transforms = network.adjust(transforms, model, max_steps=steps, lens=lens)
+        transforms = network.adjust(transforms, model, max_steps=steps)
     return transforms
 
 
 def straighten_links(
-    links: Sequence[Link], views: Sequence[View], distortion: Mapping[int, float]
+    links: Sequence[Link], views: Sequence[View], distortion: Mapping[int, Array]
 ) -> dict[Candidate, Link]:
     """Move the ties to where a lens without distortion would have shown them; the links by their pairs.
 
     ``distortion`` is that of each view's lens; views without one keep their ties.
     """
     moves = {
-        member: partial(_straighten_pixels, view=view, distortion=distortion.get(member, 0.0))
+        member: partial(_straighten_pixels, view=view, distortion=distortion.get(member, NO_DISTORTION))
         for member, view in enumerate(views)
     }
     return {(link.left, link.right): link.move(moves[link.left], moves[link.right]) for link in links}
 
 
-def _straighten_pixels(points: Array, *, view: View, distortion: float) -> Array:
+def _straighten_pixels(points: Array, *, view: View, distortion: Array) -> Array:
     matrix = normalisation(view.working_size)
     return apply(np.linalg.inv(matrix).astype(np.float64), straighten(apply(matrix, points), distortion))
 
 
-def _lens(distortion: float, size: tuple[int, int], mask: Pixels | None) -> Lens:
+def _lens(distortion: Array, size: tuple[int, int], mask: Pixels | None) -> Lens:
     """The lens as a camera file describes it; the focal length is that of common drones."""
-    focal_px = FOCAL_HALF_DIAGONALS * float(np.hypot(*size)) / 2
-    x, y = (size[0] - 1) / 2, (size[1] - 1) / 2
+    k1, k2, *centre = np.pad(distortion, (0, 4 - len(distortion)))
+    half_px = float(np.hypot(*size)) / 2
+    focal_px = FOCAL_HALF_DIAGONALS * half_px
+    x, y = (np.array(size) - 1) / 2 + half_px * np.array(centre)
     matrix = np.array([[focal_px, 0, x], [0, focal_px, y], [0, 0, 1]])
-    coefficients = np.array([distortion * FOCAL_HALF_DIAGONALS**2, 0, 0, 0, 0])
+    coefficients = np.array([k1 * FOCAL_HALF_DIAGONALS**2, k2 * FOCAL_HALF_DIAGONALS**4, 0, 0, 0])
     return Lens(size=size, matrix=matrix, distortion=coefficients, mask=mask)

@@ -29,6 +29,8 @@ class Camera:
     """What the camera recorded."""
     focal_half_diagonals: float | None = None
     """Focal length, half diagonals of the photograph; None: as recorded, else that of common drones."""
+    centre_px: Array | None = None
+    """The principal point; None: the middle."""
 
     @cached_property
     def position(self) -> Array:
@@ -40,7 +42,8 @@ class Camera:
         width, height = self.size
         focal = self.focal_half_diagonals or self.taken.focal_half_diagonals or FOCAL_HALF_DIAGONALS
         focal_px = focal * float(np.hypot(width, height)) / 2
-        camera = np.array([[focal_px, 0, (width - 1) / 2], [0, focal_px, (height - 1) / 2], [0, 0, 1]])
+        x, y = (np.array(self.size) - 1) / 2 if self.centre_px is None else self.centre_px
+        camera = np.array([[focal_px, 0, x], [0, focal_px, y], [0, 0, 1]])
         pose = np.linalg.inv(self.to_reference @ camera)
         pose /= (np.linalg.norm(pose[:, 0]) + np.linalg.norm(pose[:, 1])) / 2
         # The nearest rotation: noise, and ground that is not quite flat, leave the columns not quite orthogonal.
@@ -50,13 +53,18 @@ class Camera:
 
 
 def cameras_of(flight: Flight, layout: Layout) -> list[Camera]:
-    """The cameras of a layout's members, with the focal length of the camera file where there is one."""
-    lens, focal = flight.settings.lens, None
-    if lens.matrix is not None and lens.size is not None:
-        focal = float(lens.matrix[0, 0] / (np.hypot(*lens.size) / 2))
+    """The cameras of a layout's members, with the focal length of the camera file, and the lens's centre, if known."""
     transforms = layout.to_reference(flight.views)
-    views = [(flight.views[member], transforms[member]) for member in layout.members]
-    return [Camera(view.name, view.size, transform, view.taken, focal) for view, transform in views]
+    cameras = []
+    for member in layout.members:
+        view, focal, centre = flight.views[member], None, None
+        if (known := flight.lens.camera_at(view.size)) is not None:
+            centre = known[0][:2, 2]
+            # That of an estimated lens is only what its coefficients refer to.
+            if flight.settings.lens.matrix is not None:
+                focal = float(known[0][0, 0] / (np.hypot(*view.size) / 2))
+        cameras.append(Camera(view.name, view.size, transforms[member], view.taken, focal, centre))
+    return cameras
 
 
 def measure_turn(cameras: Sequence[Camera], to_map: Matrix, place: Points, crs: str) -> float | None:

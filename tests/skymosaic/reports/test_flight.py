@@ -206,7 +206,9 @@ def test_the_numbers_of_a_flight_name_whom_they_concern() -> None:
         view.notes = notes
     delivery.flight.settings = SimpleNamespace(backend="golden", working_width_px=400, config=PRESETS["aerial"])
     delivery.flight.seconds = {"features": 1.23456}
-    delivery.flight.calibration = SimpleNamespace(k1=-0.02, focal_px=900.0, before_px=1.23456, after_px=0.51239)
+    delivery.flight.calibration = SimpleNamespace(
+        lens=SimpleNamespace(numbers={"k1": -0.02}), before_px=1.23456, after_px=0.51239
+    )
     check = FlightCheck(complete=False, photographs=(), problems=("one side",))
     numbers = report.flight_numbers([delivery, delivery], check)
     assert numbers["left_out"] == {"/site/2.jpg": "/site/2.jpg: blurred"}
@@ -214,7 +216,7 @@ def test_the_numbers_of_a_flight_name_whom_they_concern() -> None:
     assert (numbers["pairs_tried"], numbers["links"], numbers["photographs"]) == (4, 3, 4)
     assert len(numbers["mosaics"]) == 2
     assert numbers["seconds"] == {"features": 1.235}
-    assert numbers["lens"] == {"k1": -0.02, "focal_px": 900.0, "held_out_before_px": 1.235, "held_out_after_px": 0.512}
+    assert numbers["lens"] == {"k1": -0.02, "held_out_before_px": 1.235, "held_out_after_px": 0.512}
     delivery.flight.calibration = None
     assert report.flight_numbers([delivery], check)["lens"] is None
     assert (numbers["check"]["problems"], numbers["rules"], numbers["working_width_px"]) == (

@@ -1,5 +1,3 @@
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -54,12 +52,14 @@ def test_a_leaning_camera_stretches_as_its_tilt_tells(pitch_deg: int, roll_deg: 
     np.testing.assert_allclose(shape[:, :2], stretch_of_tilt(shape[:, 2:]), atol=1e-9)
 
 
-def test_straightening_undoes_the_bending() -> None:
-    def bent(points: Any, distortion: Any) -> Any:
-        return points * (1 + distortion * (points**2).sum(axis=1, keepdims=True))
-
-    points = np.random.default_rng(1).uniform(-0.7, 0.7, (100, 2))
-    np.testing.assert_allclose(straighten(bent(points, -0.2), -0.2), points, atol=1e-4)
-    step = 1e-6
-    moved = (straighten(bent(points, 0.1), 0.1 + step) - straighten(bent(points, 0.1), 0.1)) / step
-    np.testing.assert_allclose(bending_of(points, 0.1), moved, atol=1e-5)
+@pytest.mark.parametrize("terms", [(), (0.1,), (-0.15, 0.04), (-0.15, 0.04, 0.05, -0.03)])
+def test_straightening_undoes_the_bending(terms: tuple[float, ...]) -> None:
+    distortion, step = np.array(terms), 1e-6
+    k1, k2, *centre = *terms, *[0.0] * (4 - len(terms))
+    points = np.random.default_rng(1).uniform(-0.6, 0.6, (100, 2))
+    squared = ((points - centre) ** 2).sum(axis=1, keepdims=True)
+    bent = centre + (points - centre) * (1 + k1 * squared + k2 * squared**2)
+    np.testing.assert_allclose(straighten(bent, distortion), points, atol=1e-4)
+    moves = [straighten(bent, distortion + step * each) - straighten(bent, distortion) for each in np.eye(len(terms))]
+    expected = np.stack(moves, axis=-1) / step if moves else np.zeros((100, 2, 0))
+    np.testing.assert_allclose(bending_of(points, distortion), expected, atol=2e-4)

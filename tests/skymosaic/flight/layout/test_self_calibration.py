@@ -7,20 +7,22 @@ from numpy.typing import NDArray
 
 from skymosaic.flight.layout.layout import lay_out
 from skymosaic.flight.layout.linked_group import normalisation
-from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS
-from skymosaic.flight.layout.self_calibration import calibrate, straighten_links
+from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS, straighten
+from skymosaic.flight.layout.self_calibration import Calibration, calibrate, straighten_links
 from skymosaic.flight.linking.links import Link
 from skymosaic.geometry.homography import apply
+from skymosaic.imagery.lens import Lens
 
 SIZE_PX = (1280, 960)
 
 
-def bent(points: NDArray[np.float64], distortion: float) -> NDArray[np.float64]:
-    return points * (1 + distortion * (points**2).sum(axis=1, keepdims=True))
+def bent(points: NDArray[np.float64], k1: float, k2: float = 0, x: float = 0, y: float = 0) -> NDArray[np.float64]:
+    squared = ((points - [x, y]) ** 2).sum(axis=1, keepdims=True)
+    return [x, y] + (points - [x, y]) * (1 + k1 * squared + k2 * squared**2)
 
 
 def lawnmower(
-    distortion: float, rows: int = 3, columns: int = 5, noise_px: float = 0.3, seed: int = 0
+    *distortion: float, rows: int = 3, columns: int = 5, noise_px: float = 0.3, seed: int = 0
 ) -> tuple[list[Any], list[Link]]:
     """Views of flat ground by a slightly tilted camera with a bending lens, and the links between neighbours."""
     rng = np.random.default_rng(seed)
@@ -38,7 +40,7 @@ def lawnmower(
     projections = []
     for pose in poses:
         straight = apply(np.asarray(np.linalg.inv(pose), np.float64), ground)
-        points = bent(straight, distortion)
+        points = bent(straight, *distortion)
         # Far outside, a bending inwards would fold the ground back into the picture.
         inside = (np.abs(points) < limits).all(axis=1) & (np.linalg.norm(straight, axis=1) < 1.3)
         pixels = apply(np.asarray(np.linalg.inv(unit), np.float64), points)
@@ -58,9 +60,31 @@ def lawnmower(
 def test_distortion_is_found_within_five_percent(distortion: float) -> None:
     views, links = lawnmower(distortion)
     calibration = calibrate(views, range(len(views)), links)
-    assert calibration.distortion == pytest.approx(distortion, rel=0.05)
-    assert calibration.k1 == pytest.approx(distortion * FOCAL_HALF_DIAGONALS**2, rel=0.05)
+    # One term, where more explain no more.
+    assert calibration.distortion == pytest.approx([distortion], rel=0.05)
+    assert calibration.lens.numbers["k1"] == pytest.approx(distortion * FOCAL_HALF_DIAGONALS**2, rel=0.05)
     assert calibration.after_px < calibration.before_px
+
+
+def test_a_strong_lens_beside_the_middle_is_found() -> None:
+    views, links = lawnmower(-0.2, 0.04, 0.05, -0.03)
+    calibration = calibrate(views, range(len(views)), links)
+    assert calibration.distortion == pytest.approx([-0.2, 0.04, 0.05, -0.03], abs=0.005)
+    assert calibration.after_px < 0.3 * calibration.before_px
+    half_px = np.hypot(*SIZE_PX) / 2
+    centre = calibration.lens.numbers["centre_x_px"], calibration.lens.numbers["centre_y_px"]
+    assert centre == pytest.approx((np.array(SIZE_PX) - 1) / 2 + half_px * calibration.distortion[2:])
+    upright: Any = SimpleNamespace(size=SIZE_PX[::-1], working_size=SIZE_PX)
+    assert len(calibrate([*views[:-1], upright], range(len(views)), links).distortion) == 1
+
+
+def test_what_remains_is_a_second_distortion_on_top_of_the_first() -> None:
+    points = np.random.default_rng(0).uniform(-0.55, 0.55, (50, 2))
+    first, second = np.array([-0.2, 0.03, 0, 0]), np.array([-0.01, 0.004])
+    whole = Calibration(first, 2, 1, Lens(size=SIZE_PX)).with_remaining(second).distortion
+    twice = straighten(straighten(points, first), second)
+    np.testing.assert_allclose(straighten(points, whole), twice, atol=5e-4)
+    assert np.abs(straighten(points, first) - twice).max() > 3e-3
 
 
 def test_a_straight_lens_is_left_alone() -> None:

@@ -33,13 +33,22 @@ def flight() -> Flight:
     return make_lawnmower(seed=5, images=4, size=SIZE, forward_overlap=0.6, side_overlap=0.4)
 
 
-def test_cameras_that_lean_are_found_above_where_they_were(flight: Flight) -> None:
-    half_diagonals = flight.camera.focal_px / (np.hypot(*SIZE) / 2)
+@pytest.mark.parametrize("beside_px", [None, (25.0, -10.0)])
+def test_cameras_that_lean_are_found_above_where_they_were(
+    flight: Flight, beside_px: tuple[float, float] | None
+) -> None:
+    half_diagonals, focal_px = flight.camera.focal_px / (np.hypot(*SIZE) / 2), flight.camera.focal_px
+    # What a camera shows whose lens lies beside the middle is shifted.
+    shift, lens = np.eye(3), Lens()
+    if beside_px is not None:
+        shift[:2, 2] = beside_px
+        middle = shift @ [(SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2, 1]
+        lens = Lens(SIZE, np.column_stack((np.diag([focal_px, focal_px, 0])[:, :2], middle)), np.zeros(5))
     view = SimpleNamespace(name="0.jpg", size=SIZE, taken=Metadata(focal_half_diagonals=half_diagonals))
     views, members = (view,) * 4, tuple(range(4))
-    to_ground = {m: np.linalg.inv(flight.homographies[m]) for m in members}
+    to_ground = {m: np.linalg.inv(shift @ flight.homographies[m]) for m in members}
     layout: Any = SimpleNamespace(members=members, to_reference=lambda _views: to_ground)
-    leaning: Any = SimpleNamespace(views=views, settings=SimpleNamespace(lens=Lens()))
+    leaning: Any = SimpleNamespace(views=views, lens=lens, settings=SimpleNamespace(lens=lens))
     found = np.array([camera.position for camera in cameras_of(leaning, layout)])
     np.testing.assert_allclose(found, [(p.x_px, p.y_px, p.altitude_px) for p in flight.poses], rtol=1e-6, atol=1e-3)
     middles = np.array([apply(np.asarray(to_ground[m], np.float64), (np.array(SIZE) - 1) / 2) for m in members])
