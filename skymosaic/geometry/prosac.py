@@ -48,9 +48,9 @@ BATCH = 128
 """Samples that are solved and scored together, because NumPy is fast on arrays only."""
 EIGENVALUE_TOLERANCE = 1e-13
 """Normal equations are degenerate if their second smallest eigenvalue is below this share of the largest."""
-TRIPLES = ((1, 2, 3), (2, 0, 3), (0, 1, 3), (0, 1, 2))
-"""The triangles among a sample's four points. The first three leave out point 0, 1 and 2; the ratios of their areas to
-the last give the fourth point as a combination of the first three."""
+TRIANGLES = np.array([(1, 2, 3), (2, 0, 3), (0, 1, 3), (0, 1, 2)]).T
+"""The triangles among a sample's four points, one a column. The first three leave out point 0, 1 and 2; the ratios of
+their areas to the last give the fourth point as a combination of the first three."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ def estimate_homography(
 
 def _gain(squared_error: Array) -> Array:
     """The truncated quadratic max(0, 1 - e²/2tau²); 0 for points that map to infinity."""
-    return np.maximum(0, 1 - np.nan_to_num(squared_error, nan=np.inf) / (2 * TOLERANCE_PX**2))
+    return np.fmax(0, 1 - squared_error / (2 * TOLERANCE_PX**2))
 
 
 def _search(matches: _Matches, rng: np.random.Generator, max_samples: int) -> tuple[Array | None, float, int]:
@@ -238,22 +238,24 @@ def _minimal_homographies(matches: _Matches, samples: NDArray[np.int64]) -> Arra
     areas. With b_i the same ratio for the right points, H = sum_i (b_i / a_i) q_i (p_j x p_k)'. The signs of the areas
     are the orientation test: a view from the same side turns no triangle over. All four third coordinates are positive.
     """
-    left, right = (homogeneous(points[samples]) for points in (matches.left, matches.right))
+    left, right = (points.T[:, samples.T] for points in (matches.left, matches.right))
     left_areas, right_areas = _areas(left), _areas(right)
     # Twice the area of a triangle with base and height tau; the orientation of a smaller one is decided by noise.
-    large = np.minimum(np.abs(left_areas), np.abs(right_areas)).min(axis=1) > TOLERANCE_PX**2
-    usable = large & (left_areas * right_areas > 0).all(axis=1)
-    left, right = left[usable], right[usable]
-    ratio = right_areas[usable, :3] / left_areas[usable, :3] * np.sign(left_areas[usable, 3:])
-    crossed = np.cross(left[:, [1, 2, 0]], left[:, [2, 0, 1]])
-    return np.asarray((right[:, :3] * ratio[..., None]).transpose(0, 2, 1) @ crossed)
+    large = np.minimum(np.abs(left_areas), np.abs(right_areas)).min(axis=0) > TOLERANCE_PX**2
+    usable = large & (left_areas * right_areas > 0).all(axis=0)
+    left, right = left[:, :3, usable], homogeneous(right[:, :3, usable].T)
+    ratio = right_areas[:3, usable] / left_areas[:3, usable] * np.sign(left_areas[3, usable])
+    # The cross product of the next two points, whose third coordinate is 1.
+    (x, y), (next_x, next_y) = left[:, [1, 2, 0]], left[:, [2, 0, 1]]
+    crossed = np.stack([y - next_y, next_x - x, x * next_y - y * next_x])
+    return np.asarray((right * ratio.T[..., None]).transpose(0, 2, 1) @ crossed.T)
 
 
 def _areas(points: Array) -> Array:
-    """Twice the signed areas (B, 4) of the triangles `TRIPLES` among homogeneous points (B, 4, 3)."""
-    corners = points[:, np.array(TRIPLES), :2]
-    first, second = corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0]
-    return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
+    """Twice the signed areas (4, B) of the `TRIANGLES` among points (2, 4, B)."""
+    corner, *others = (points[:, which] for which in TRIANGLES)
+    first, second = (other - corner for other in others)
+    return np.asarray(first[0] * second[1] - first[1] * second[0])
 
 
 def _best_of(homographies: Array, matches: _Matches) -> tuple[Array | None, float]:
