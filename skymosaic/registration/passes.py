@@ -45,11 +45,11 @@ from skymosaic.registration.front_end_runs import (
 
 # A result above all three thresholds needs no further passes. Where fewer of the kept matches agree, relief divides
 # them between planes, and more matches settle which plane counts.
-STRONG_INLIERS = 60
+STRONG_PLACES, STRONG_PLACES_OF_SMALL = 60, 30
 STRONG_SHARE_OF_OVERLAP = 0.25
 STRONG_SHARE_OF_KEPT = 0.25
 SMALL_PX = 400
-"""Photographs of this side have too few corners for a second pass at √2 alone; two are better than one at twice."""
+"""Photographs of this side have few corners: a pass at √2 is often too little, and with it one at twice gives more."""
 # Most pairs that need many further passes are unrelated: one short search for each.
 FURTHER_PASS_SAMPLES = 1000
 MIN_PLACES = 12
@@ -145,12 +145,13 @@ class Search:
         self._remove_masked = remove_masked
         self._shared = shared
         self._sizes = tuple((image.shape[1], image.shape[0]) for image in images)
+        self._are_small = max(max(size) for size in self._sizes) <= SMALL_PX
 
     def run(self, effort: str, state: SearchState) -> SearchState:
         """Continue after the first pass as far as ``effort`` allows and the pair needs."""
         if effort == "fast" or (effort == "normal" and self._is_strong(state)):
             return state
-        larger = (LARGER, DOUBLE) if max(max(size) for size in self._sizes) <= SMALL_PX else (LARGER,)
+        larger = (LARGER, DOUBLE) if self._are_small else (LARGER,)
         if effort == "thorough":
             state = self._search_together(state, (*larger, SMALLER))
         else:
@@ -301,7 +302,8 @@ class Search:
         return estimate_homography(left, right, weight, rng=self._rng, starts=starts, **search)
 
     def _is_strong(self, state: SearchState) -> bool:
-        if state.homography is None or state.places < STRONG_INLIERS:
+        strong_places = STRONG_PLACES_OF_SMALL if self._are_small else STRONG_PLACES
+        if state.homography is None or state.places < strong_places:
             return False
         if np.count_nonzero(state.inliers) < STRONG_SHARE_OF_KEPT * len(state.evidence.kept):
             return False

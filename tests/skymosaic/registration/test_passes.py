@@ -141,6 +141,13 @@ def test_small_photographs_are_searched_at_twice_their_size_too(small_px: int, m
         assert grid_error(pair.homography, truth, (240, 180), (240, 180)) < 1
 
 
+def test_small_photographs_need_no_more_places_than_they_have() -> None:
+    left, right, truth = flat_pair("small", 35, 0)
+    pair = register(left, right)
+    assert (pair.passes, len(pair.inliers) < 60) == (2, True)
+    assert grid_error(pair.homography, truth, (240, 180), (240, 180)) < 0.5
+
+
 def test_a_negative_is_registered_and_said_to_be_one(near: tuple[CameraPose, NDArray[np.uint8]]) -> None:
     pose = CameraPose(x_px=90, y_px=60, altitude_px=400, heading_deg=10)
     truth = pose.homography(CAMERA) @ np.linalg.inv(near[0].homography(CAMERA))
