@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, TypeVar
 
 import cv2
 import numpy as np
@@ -22,7 +22,7 @@ from golden_model.arrays import Array, Float32, Mask, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
 from skymosaic.geometry.acceptance import overlap_mask
 from skymosaic.geometry.homography import apply, resize_matrix, transfer_error
-from skymosaic.geometry.horizon import warp_reflected
+from skymosaic.geometry.horizon import Size, warp_reflected
 
 COARSEST_SIDE_PX, COARSE_SIDE_PX, FINE_SIDE_PX = 80, 160, 480
 """Longer sides of the reduced pictures, in whose pixels the sizes below are. In the coarsest ones, nothing is left of a
@@ -53,6 +53,7 @@ MAX_RIVALS = 3
 EXPLAINED_PX, APART_PX = 3.0, 16.0
 """A match that a rejected homography explains to the first distance, or that has an inlier of it within the second, may
 move with the camera, too. Working px."""
+Fit = TypeVar("Fit")
 MOVES_WITH_CAMERA = "what moves with the camera (a display, a border, dirt, a sensor's pattern) is not counted"
 """Note of a result that leaves such matches out."""
 
@@ -66,9 +67,14 @@ class Sight(NamedTuple):
     to_working: Array = np.eye(3)
     """Its pixels to working ones, (3, 3)."""
 
+    @property
+    def size(self) -> Size:
+        """Width and height, px."""
+        return self.pixels.shape[1], self.pixels.shape[0]
+
     def reduced(self, side_px: int) -> Sight:
         """The same in gray, with the longer side at most so long."""
-        height, width = self.pixels.shape[:2]
+        width, height = self.size
         factor = min(side_px / max(width, height), 1.0)
         size = max(round(width * factor), 1), max(round(height * factor), 1)
         gray = to_gray(np.asarray(cv2.resize(self.pixels, size, interpolation=cv2.INTER_AREA), dtype=np.uint8))
@@ -160,8 +166,7 @@ def _count(
     """`measure_agreement` in pictures of one size."""
     left, right = left.reduced(side_px), right.reduced(side_px)
     to_right = _between(left, right, homography)
-    size = left.pixels.shape[1], left.pixels.shape[0]
-    warped = warp_reflected(right.pixels, to_right, size)
+    warped = warp_reflected(right.pixels, to_right, left.size)
     own, other = _band_pass(left.pixels), _band_pass(warped)
     votes = _blocks(mask_common(left, right, to_right)).mean(axis=(1, 3)) > 0.98 * 255
     votes &= _blocks(own).std(axis=(1, 3)) > (MIN_CONTRAST if side_px > COARSEST_SIDE_PX else LOW_CONTRAST)
@@ -172,18 +177,17 @@ def _count(
     around = np.pad(other, SEARCH_PX)
     for row, column in np.argwhere(votes).tolist():
         agreeing[row, column] = _fits_best_here(own, around, BLOCK_PX * row, BLOCK_PX * column)
-    return GroundAgreement(agreeing, int(np.count_nonzero(votes)), _motion(to_right, *size))
+    return GroundAgreement(agreeing, int(np.count_nonzero(votes)), _motion(to_right, left.size))
 
 
 def mask_common(left: Sight, right: Sight, to_right: Matrix) -> Pixels:
     """The left picture's mask of the ground that both show, 255 there, by a homography between the pictures."""
-    (height, width), (right_height, right_width) = left.pixels.shape[:2], right.pixels.shape[:2]
-    shown = overlap_mask(to_right, (width, height), (right_width, right_height))
+    shown = overlap_mask(to_right, left.size, right.size)
     if left.visible is not None:
         shown = np.minimum(shown, left.visible)
     if right.visible is not None:
         to_left = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        shown = np.minimum(shown, cv2.warpPerspective(right.visible, to_right, (width, height), flags=to_left))
+        shown = np.minimum(shown, cv2.warpPerspective(right.visible, to_right, left.size, flags=to_left))
     return shown
 
 
@@ -191,8 +195,9 @@ def _between(left: Sight, right: Sight, homography: Matrix) -> Matrix:
     return np.asarray(np.linalg.inv(right.to_working) @ homography @ left.to_working)
 
 
-def _motion(to_right: Matrix, width: int, height: int) -> float:
+def _motion(to_right: Matrix, size: Size) -> float:
     """Mean motion of the corners, as a share of the longer side."""
+    width, height = size
     corners = np.array([[0, 0], [width, 0], [width, height], [0, height]])
     return float(np.linalg.norm(apply(to_right, corners) - corners, axis=1).mean() / max(width, height))
 
@@ -232,24 +237,10 @@ class LeftOut:
         return apart
 
 
-class Fit(Protocol):
-    """What a search finds."""
-
-    @property
-    def homography(self) -> Matrix | None:
-        """Left to right working px; None where there is none."""
-
-    @property
-    def inlier_points(self) -> tuple[Points, Points]:
-        """The matches that agree with it, (N, 2) left and right."""
-
-
-AnyFit = TypeVar("AnyFit", bound=Fit)
-
-
 def find_ground(
-    search: Callable[[LeftOut], AnyFit], see: Callable[[AnyFit], tuple[Sight, Sight]]
-) -> tuple[AnyFit, GroundAgreement | None, LeftOut]:
+    search: Callable[[LeftOut], tuple[Fit, Matrix | None, tuple[Points, Points]]],
+    see: Callable[[Fit], tuple[Sight, Sight]],
+) -> tuple[Fit, GroundAgreement | None, LeftOut]:
     """Search until a homography joins the ground.
 
     One that does not is rejected, and the search is made again without what may move with the camera. A rival needs
@@ -258,7 +249,8 @@ def find_ground(
     Parameters
     ----------
     search : callable
-        Searches the matches that may be ground.
+        Searches the matches that may be ground: what it finds, of any type, the homography, and its inliers, (N, 2)
+        left and right.
     see : callable
         The pictures, left and right, that a fit compares.
 
@@ -268,17 +260,16 @@ def find_ground(
     """
     left_out, explained, first = LeftOut(), None, None
     for _ in range(1 + MAX_RIVALS):
-        fit = search(left_out)
-        if fit.homography is None:
+        fit, homography, inliers = search(left_out)
+        if homography is None:
             break
         sights = see(fit)
-        size = sights[0].pixels.shape[1], sights[0].pixels.shape[0]
-        if first is None and _motion(_between(*sights, fit.homography), *size) >= FAR:
+        if first is None and _motion(_between(*sights, homography), sights[0].size) >= FAR:
             return fit, None, left_out
-        agreement = measure_agreement(*sights, fit.homography, explained)
+        agreement = measure_agreement(*sights, homography, explained)
         if agreement.suffices and (first is None or agreement.wins):
             return fit, agreement, left_out
         first = first or (fit, agreement)
         explained = agreement.agreeing if explained is None else explained | agreement.agreeing
-        left_out = LeftOut((*left_out.rejected, (fit.homography, *fit.inlier_points)))
+        left_out = LeftOut((*left_out.rejected, (homography, *inliers)))
     return (*(first or (fit, None)), left_out)

@@ -12,7 +12,6 @@ import numpy as np
 
 from golden_model.arrays import Float32, Mask, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
-from skymosaic.features.contrast import find_shared
 from skymosaic.geometry.acceptance import hull_share
 from skymosaic.geometry.ground import GroundAgreement, Sight, mask_common, measure_agreement
 from skymosaic.geometry.homography import transfer_error
@@ -39,8 +38,6 @@ CLEAR_INLIERS = 60
 CLEAR_SHARE = 0.9
 CLEAR_SHARE_OF_OVERLAP = 0.5
 HIGH_PASS_SIGMA_PX = 3.0
-# Motion of the picture's corners, as a share of its longer side, from which on no ground is where it was.
-MOVED = 0.05
 # Fewer pixels correlate by chance.
 MIN_OVERLAP_PX = 400
 # Fitted by `python -m bench.confidence`, see docs/explanation/registration.md. A fit to today's pairs gives other
@@ -102,51 +99,30 @@ class Confidence:
 
 
 def assess(
-    images: tuple[Pixels, Pixels],
-    visible: tuple[Pixels | None, Pixels | None],
+    sights: tuple[Sight, Sight],
     homography: Matrix,
     left: Points,
     right: Points,
     *,
+    ground: GroundAgreement | None = None,
     confirmed: bool = False,
 ) -> Confidence:
     """Predict the error of a homography between two working images.
 
     Parameters
     ----------
-    images : tuple of ndarray of uint8
+    sights : tuple of Sight
         Left and right working image.
-    visible : tuple of (ndarray of uint8 or None)
-        255 where they show ground; None: everywhere.
     homography : (3, 3) ndarray
         Left to right, working px.
     left, right : (N, 2) ndarray
         The kept matches, including wrong ones, working px.
+    ground : GroundAgreement or None
+        How much of the ground agrees with it, where that is measured already.
     confirmed : bool
         Optical flow agrees with the homography over a third of the overlap.
     """
-    sizes = [(image.shape[1], image.shape[0]) for image in images]
-    quality = assess_fit(homography, left, right, sizes[0], sizes[1])
-    trust = _judge(images, visible, homography, quality, confirmed=confirmed)
-    if trust.verdict == "good" or trust.ground.motion < MOVED or sizes[0] != sizes[1]:
-        return trust
-    # At the same pixels, the photographs then show only what moves with the camera, which tells nothing of the ground.
-    ground = np.where(find_shared(*images), np.uint8(0), np.uint8(255))
-    seen = [ground if own is None else np.minimum(own, ground) for own in visible]
-    again = _judge(images, (seen[0], seen[1]), homography, quality, confirmed=confirmed)
-    return again if again.ground.wins else trust
-
-
-def _judge(
-    images: tuple[Pixels, Pixels],
-    visible: tuple[Pixels | None, Pixels | None],
-    homography: Matrix,
-    quality: FitQuality,
-    *,
-    confirmed: bool,
-) -> Confidence:
-    """The confidence by the matches and by the pictures."""
-    sights = Sight(images[0], visible[0]), Sight(images[1], visible[1])
+    quality = assess_fit(homography, left, right, *(sight.size for sight in sights))
     correlation = correlate_overlap(*sights, homography)
     inputs = measure_inputs(quality, correlation)
     exponent = INTERCEPT + sum(COEFFICIENTS[name] * value for name, value in inputs.items())
@@ -154,7 +130,7 @@ def _judge(
     predicted_px = min(float(np.exp(np.clip(exponent, -5, 5))), CONFIRMED_PX if confirmed else np.inf)
     verdict = "good" if predicted_px < GOOD_PX else "check" if predicted_px < POOR_PX else "poor"
     reason = _explain(quality, correlation, predicted_px, verdict)
-    ground = measure_agreement(*sights, homography)
+    ground = ground or measure_agreement(*sights, homography)
     if not ground.is_good:
         verdict, reason = "poor" if ground.is_refused or verdict == "poor" else "check", f"{ground.explain()}; {reason}"
     return Confidence(verdict, reason, predicted_px, correlation, quality, ground)
@@ -191,10 +167,9 @@ def correlate_overlap(left_sight: Sight, right_sight: Sight, homography: Matrix)
     of the overlap are far enough from its edge.
     """
     left, right = to_gray(left_sight.pixels), to_gray(right_sight.pixels)
-    size = (left.shape[1], left.shape[0])
     # The homography maps left to right: the inverse map, by which OpenCV looks up each pixel of the warped image.
     to_left_grid = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    warped = cv2.warpPerspective(right, homography, size, flags=to_left_grid)
+    warped = cv2.warpPerspective(right, homography, left_sight.size, flags=to_left_grid)
     covered = mask_common(left_sight, right_sight, homography)
     # At the edge of the overlap the high-pass mixes in what lies outside it.
     radius = round(3 * HIGH_PASS_SIGMA_PX)

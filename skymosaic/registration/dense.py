@@ -60,14 +60,13 @@ def refit_pair(pair: Pair, shows_ground: Callable[[Points, Points], Mask]) -> Pa
         )
     ):
         pair, inliers = pair.with_homography(found.homography, refined_inliers=gained), gained
-    return replace(pair, confirmed=_fit_overlap(pair, inliers))
+    return replace(pair, confirmed=True) if _fit_overlap(pair, inliers) else pair
 
 
 def _fit_overlap(pair: Pair, inliers: int) -> bool:
     """Whether so many points of the grid fit a third of an accepted pair's overlap."""
     assert pair.working_homography is not None
-    left_size, right_size = ((image.shape[1], image.shape[0]) for image in pair.working)
-    area = hull_area(overlap(pair.working_homography, left_size, right_size))
+    area = hull_area(overlap(pair.working_homography, *(sight.size for sight in pair.sights)))
     return inliers * GRID_STEP_PX**2 > ENOUGH_OF_OVERLAP * area > 0
 
 

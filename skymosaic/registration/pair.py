@@ -18,6 +18,7 @@ from skymosaic.common.errors import InputError
 from skymosaic.common.tables import Table
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
+from skymosaic.geometry.ground import GroundAgreement, Sight
 from skymosaic.geometry.homography import apply, rescale, transfer_error
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.imagery.images import Photograph, load
@@ -71,6 +72,8 @@ class Pair:
         The images that the front end processed.
     visible : tuple of (ndarray of uint8 or None)
         255 where these show ground, (H, W); None: everywhere.
+    ground : GroundAgreement or None
+        How much of it agrees with the homography, where the search has measured that.
     features : tuple of structured arrays
         Feature records, left and right (`golden_model.records.feature_record`), in 1/16 working px.
     matches, kept, inliers : structured arrays
@@ -108,6 +111,7 @@ class Pair:
     to_original: tuple[Matrix, Matrix]
     working: tuple[Pixels, Pixels]
     visible: tuple[Pixels | None, Pixels | None]
+    ground: GroundAgreement | None
     features: tuple[Records, Records]
     matches: Records
     kept: Records
@@ -131,6 +135,11 @@ class Pair:
         return self.homography is not None
 
     @property
+    def sights(self) -> tuple[Sight, Sight]:
+        """The working images, and where they show ground."""
+        return Sight(self.working[0], self.visible[0]), Sight(self.working[1], self.visible[1])
+
+    @property
     def working_homography(self) -> Matrix | None:
         """The homography between the working images, (3, 3); None where not accepted."""
         if self.homography is None:
@@ -141,7 +150,8 @@ class Pair:
         """This pair with another homography between the working images, whose inliers are counted anew."""
         inlier = transfer_error(working, *match_points(self.kept)) <= INLIER_PX
         homography = map_to_originals(working, self.to_original)
-        return replace(self, homography=homography, inliers=self.kept[inlier], refined_inliers=refined_inliers)
+        inliers = self.kept[inlier]
+        return replace(self, homography=homography, ground=None, inliers=inliers, refined_inliers=refined_inliers)
 
     def refused(self, reason: str) -> Pair:
         """This pair without a homography."""
@@ -150,10 +160,10 @@ class Pair:
     @cached_property
     def confidence(self) -> Confidence | None:
         """How far to trust the homography; computed on first use. None where not accepted."""
-        if self.working_homography is None:
+        homography, points = self.working_homography, match_points(self.kept)
+        if homography is None:
             return None
-        points = match_points(self.kept)
-        return assess(self.working, self.visible, self.working_homography, *points, confirmed=self.confirmed)
+        return assess(self.sights, homography, *points, ground=self.ground, confirmed=self.confirmed)
 
     def points(self, kind: str = "inliers") -> MatchedPoints:
         """The matches in pixels of the original photographs.

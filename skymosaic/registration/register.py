@@ -14,12 +14,13 @@ from golden_model.matching.matcher import match
 from sim.backends.interface import Backend, Progress, silent
 from skymosaic.common.options import choose_options, list_options
 from skymosaic.common.stopwatch import Stopwatch
-from skymosaic.features.contrast import even_contrast, find_pattern, share_pattern
+from skymosaic.features.contrast import even_contrast, find_pattern, find_shared, share_pattern
 from skymosaic.features.frames import DescribedImage
 from skymosaic.features.positions import are_on_ground, match_points, select_ground_matches
 from skymosaic.geometry.estimators import FABRIC, estimate
 from skymosaic.geometry.fabric import draw_config
-from skymosaic.geometry.ground import MOVES_WITH_CAMERA, GroundAgreement, LeftOut, Sight, find_ground
+from skymosaic.geometry.ground import MOVES_WITH_CAMERA, GroundAgreement, LeftOut, Sight, find_ground, measure_agreement
+from skymosaic.geometry.homography import transfer_error
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end, reduce_to_width
 from skymosaic.imagery.lens import Lens
 from skymosaic.registration.confidence import fits_throughout
@@ -30,6 +31,9 @@ from skymosaic.registration.pair import Pair, map_to_originals
 from skymosaic.registration.passes import Evidence, Search, SearchState, explain_refusal
 
 INVERTED_NOTE = "it matches only as its negative, as thermal and infrared photographs may"
+STILL_MATCHES, STILL_PX, MOVED = 4, 1.0, 0.05
+"""So many matches within so few pixels of where they were, where the homography says that the ground has moved by so
+much of the longer side, show a display."""
 
 
 @list_options
@@ -129,6 +133,7 @@ def register_photographs(
         to_original=(to_left, to_right),
         working=(left, ~right if state.inverted else right),
         visible=masks,
+        ground=agreement,
         features=state.evidence.features,
         matches=state.evidence.matches,
         kept=state.evidence.kept,
@@ -149,6 +154,7 @@ def register_photographs(
     clock.lap("homography")
     if agreement is not None and agreement.is_refused and not options.accept_poor:
         pair = pair.refused(f"{agreement.explain()}; `accept_poor` delivers it nevertheless")
+    pair = _look_behind_display(pair, first.matches)
     pair = _settle(pair, options, partial(_show_ground, masks=masks, left_out=left_out))
     clock.lap("refinement")
     in_doubt = not pair.accepted or (agreement is not None and not agreement.suffices)
@@ -238,7 +244,7 @@ def _search(
     # One generator for all passes: a result depends on the seed alone.
     rng = np.random.default_rng(options.seed)
 
-    def search(left_out: LeftOut) -> SearchState:
+    def search(left_out: LeftOut) -> tuple[SearchState, Matrix | None, tuple[Points, Points]]:
         def remove(matches: Records) -> Records:
             shown = select_ground_matches(matches, masks)
             apart: Records = shown[left_out.are_apart(*match_points(shown))]
@@ -249,7 +255,8 @@ def _search(
         size = (images[1].shape[1], images[1].shape[0])
         estimated = None if left_out.rejected else first.homography
         found = _estimate(options.estimator, size, rng, evidence.matches, estimated)
-        return passes.run(effort, passes.accept(evidence, *found, passes=1))
+        state = passes.run(effort, passes.accept(evidence, *found, passes=1))
+        return state, state.homography, state.inlier_points
 
     def see(state: SearchState) -> tuple[Sight, Sight]:
         return Sight(images[0], masks[0]), Sight(~images[1] if state.inverted else images[1], masks[1])
@@ -275,13 +282,29 @@ def _show_ground(left: Points, right: Points, *, masks: Sequence[Pixels | None],
     return are_on_ground(left, masks[0]) & are_on_ground(right, masks[1]) & left_out.are_apart(left, right)
 
 
+def _look_behind_display(pair: Pair, matches: Records) -> Pair:
+    """Judge a pair without what both images show at the same pixels, as text, if such ``matches`` stand still."""
+    homography, sights = pair.working_homography, pair.sights
+    if homography is None or sights[0].size != sights[1].size:
+        return pair
+    left, right = match_points(matches[matches["verdict"] == 1])
+    still = np.linalg.norm(left - right, axis=1) <= STILL_PX
+    still &= transfer_error(homography, left, right) > MOVED * max(sights[0].size)
+    if np.count_nonzero(still) < STILL_MATCHES:
+        return pair
+    moving = find_shared(*pair.working)
+    masks = [np.where(moving, np.uint8(0), np.uint8(255) if mask is None else mask) for mask in pair.visible]
+    behind = dataclasses.replace(pair, visible=(masks[0], masks[1]))
+    ground = measure_agreement(*behind.sights, homography)
+    return dataclasses.replace(behind, ground=ground) if ground.wins else pair
+
+
 def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Points, Points], Mask]) -> Pair:
     """Refit a pair where the verdict is not good, and refuse what is mostly extrapolated."""
     homography = pair.working_homography
     if homography is None:
         return pair
-    sizes = [(image.shape[1], image.shape[0]) for image in pair.working]
-    if fits_throughout(homography, *match_points(pair.kept), sizes[0], sizes[1]):
+    if fits_throughout(homography, *match_points(pair.kept), *(sight.size for sight in pair.sights)):
         return pair
     confidence = pair.confidence
     if pair.effort != "fast" and confidence and not (confidence.verdict == "good" or confidence.is_flat):

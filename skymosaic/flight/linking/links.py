@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
@@ -110,21 +110,8 @@ def valid_links(links: Mapping[Candidate, Link]) -> list[Link]:
     return [link for link in links.values() if link.holds]
 
 
-class _Fit(NamedTuple):
-    """Matches, their weights, and what was estimated from them."""
-
-    left_points: Points
-    right_points: Points
-    weight: Array
-    estimate: Estimate
-
-    @property
-    def homography(self) -> Matrix | None:
-        return self.estimate.homography
-
-    @property
-    def inlier_points(self) -> tuple[Points, Points]:
-        return self.left_points[self.estimate.inliers], self.right_points[self.estimate.inliers]
+_Fit = tuple[Points, Points, Array, Estimate]
+"""Matches, their weights, and what was estimated from them."""
 
 
 def link_views(
@@ -163,12 +150,13 @@ def link_views(
     points = match_points(accepted)
     rng = np.random.default_rng(seed)
 
-    def search(left_out: LeftOut) -> _Fit:
+    def search(left_out: LeftOut) -> tuple[_Fit, Matrix | None, tuple[Points, Points]]:
         apart = left_out.are_apart(*points)
         left_points, right_points, weight = points[0][apart], points[1][apart], accepted["weight"][apart].astype(float)
         # One search: a link that it misses is made up for by the others, which the layout predicts.
         found = estimate_homography(left_points, right_points, weight, rng=rng, max_samples=max_samples, restarts=1)
-        return _Fit(left_points, right_points, weight, found)
+        inliers = left_points[found.inliers], right_points[found.inliers]
+        return (left_points, right_points, weight, found), found.homography, inliers
 
     (left_points, right_points, weight, estimate), agreement, left_out = find_ground(search, lambda _fit: sights)
     inliers, nothing = int(np.count_nonzero(estimate.inliers)), np.zeros((0, 2))

@@ -139,5 +139,9 @@ def test_a_clear_pair_is_good_without_a_closer_look(left: Pixels, monkeypatch: p
         if each.working_homography is not None
     ]
     assert clear == [True, False]
+    # How much of the ground agrees was measured by the search.
+    monkeypatch.setattr("skymosaic.registration.confidence.measure_agreement", lambda *_: pytest.fail("measured"))
+    assert pair.confidence is not None
+    assert pair.confidence.ground is pair.ground
     monkeypatch.setattr("skymosaic.registration.pair.assess", lambda *_: pytest.fail("assessed"))
     assert register(left, view_at(100, seed=3)).accepted
