@@ -38,12 +38,13 @@ MIN_CONTRAST, LOW_CONTRAST = 1.0, 0.3
 """Gray levels (standard deviation) of a block that can vote. In the warped picture it may be blurred, and in the
 coarsest ones there is no noise: there, the second is enough."""
 MIN_BLOCKS = 12
-"""Fewer tell nothing."""
+"""Fewer tell nothing, but that nothing of the ground is seen to agree where the camera stood still."""
 STILL_SHARE, SHARE_PER_SIDE = 0.7, 3.0
 """Share of the blocks that must agree where the camera stood still, and how much less for each longer side that it
 moved."""
 STILL, FAR = 0.01, STILL_SHARE / SHARE_PER_SIDE
-"""Below the first motion a sensor's pattern may be what agrees; from the second on, nothing must agree."""
+"""Below the first motion the camera stood still, or a sensor's pattern is what agrees; from the second on, nothing must
+agree."""
 DOUBT, DECISIVE_DOUBT = 0.2, 0.15
 """What lacks more of the share is refused, in the first pictures or in those that decide; what lacks less is in doubt.
 Displays reach 62 and 49 % where a camera stands still, a shore with 45 % of water 56 and 57 %."""
@@ -106,11 +107,18 @@ class GroundAgreement:
     decisive: GroundAgreement | None = None
 
     @property
+    def tells(self) -> bool:
+        """Whether enough blocks vote."""
+        return self.blocks >= MIN_BLOCKS
+
+    @property
     def share(self) -> float:
-        """Share of the blocks that agree; 1 where too few can tell."""
+        """Share of the blocks that agree; where too few can tell, 1, or 0 if the camera stood still."""
         if self.decisive is not None:
             return self.decisive.share
-        return float(np.count_nonzero(self.agreeing)) / self.blocks if self.blocks >= MIN_BLOCKS else 1.0
+        if not self.tells:
+            return float(self.motion >= STILL)
+        return float(np.count_nonzero(self.agreeing)) / self.blocks
 
     @property
     def required(self) -> float:
@@ -125,7 +133,7 @@ class GroundAgreement:
     @property
     def wins(self) -> bool:
         """Whether enough agrees that it is taken instead of a homography that was rejected."""
-        return self.blocks >= MIN_BLOCKS and self.share >= RIVAL_SHARE
+        return self.tells and self.share >= RIVAL_SHARE
 
     @property
     def is_good(self) -> bool:
@@ -139,7 +147,8 @@ class GroundAgreement:
 
     def explain(self) -> str:
         """What agrees, how much of the ground it covers, how much it should, and what may be the cause."""
-        covers = f"what agrees covers {100 * self.share:.0f} % of the ground"
+        tells = (self.decisive or self).tells
+        covers = f"what agrees covers {100 * self.share:.0f} % of the ground" if tells else "too little ground is seen"
         if self.suffices:
             return covers
         moved = f"a camera that moved by {100 * self.motion:.0f} % of the picture needs {100 * self.required:.0f} %"
@@ -152,11 +161,11 @@ def measure_agreement(left: Sight, right: Sight, homography: Matrix, explained: 
     Blocks (rows, columns) that are ``explained`` otherwise do not vote.
     """
     coarse = _count(COARSE_SIDE_PX, left, right, homography, explained)
-    if explained is not None or coarse.is_refused:
+    if explained is not None or (coarse.tells and coarse.is_refused):
         return coarse
-    sides = [COARSEST_SIDE_PX] * (coarse.motion < STILL) + [FINE_SIDE_PX] * (not coarse.suffices)
+    sides = [COARSEST_SIDE_PX] * (coarse.motion < STILL) + [FINE_SIDE_PX] * (coarse.tells and not coarse.suffices)
     others = [_count(side, left, right, homography) for side in sides]
-    decisive = min(others, key=lambda other: other.share, default=coarse)
+    decisive = min((other for other in others if other.tells), key=lambda other: other.share, default=coarse)
     return coarse if coarse.suffices and decisive.suffices else replace(coarse, decisive=decisive)
 
 

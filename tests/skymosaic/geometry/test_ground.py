@@ -119,20 +119,24 @@ def test_a_sensors_pattern_is_subtracted_from_a_pair() -> None:
     assert plain.homography is not None
     assert dark.homography is not None
     grid = np.stack(np.meshgrid((200, 400, 600), (100, 300, 450)), axis=-1).reshape(-1, 2).astype(float)
-    assert apply(dark.homography, grid) == pytest.approx(apply(plain.homography, grid), abs=3)
-    # The matches are in the photographs' pixels, as the homography is.
+    assert apply(dark.homography, grid) == pytest.approx(apply(plain.homography, grid), abs=1)
+    # The matches are in the photographs' pixels, as the homography is; an inlier is 2 px of the half size off, at most.
     points = dark.points()
-    assert np.median(np.linalg.norm(apply(plain.homography, points.left) - points.right, axis=1)) < 2
+    assert np.percentile(np.linalg.norm(apply(plain.homography, points.left) - points.right, axis=1), 90) < 4
     assert dark.confidence is not None
     assert dark.confidence.ground.share > 0.8
     assert "moves with the camera" in dark.right.notes[-1]
 
 
-@pytest.mark.parametrize("contrast", [0.25, 0.12])
-def test_a_sensors_pattern_joins_no_different_places(sites: list[NDArray[np.uint8]], contrast: float) -> None:
+@pytest.mark.parametrize(
+    ("contrast", "reason"), [(0.25, "of the ground"), (0.12, "of the ground"), (0.02, "too little ground is seen")]
+)
+def test_a_sensors_pattern_joins_no_different_places(
+    sites: list[NDArray[np.uint8]], contrast: float, reason: str
+) -> None:
     pair = register(at_night(sites[0], 0, contrast), at_night(sites[1], 1, contrast))
     assert not pair.accepted
-    assert "of the ground" in pair.reason
+    assert reason in pair.reason
 
 
 def test_a_sensors_pattern_is_subtracted_from_a_flight_and_a_live_mosaic() -> None:
