@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from golden_model.geometry.scoring import ENTRY, quantise
-from golden_model.painting.pose import POSE
+from golden_model.painting.pose import POSE, UNIT_LOG2
 
 
 def homography(
@@ -21,3 +21,9 @@ def homography(
 def pose(H: NDArray[np.float64]) -> NDArray[np.int64]:
     """As a host sets it."""
     return quantise(H[np.newaxis])[0] << POSE.bits - ENTRY.bits
+
+
+def in_pixels(each: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The homography that a pose's integers stand for."""
+    unit = np.array([1 << UNIT_LOG2, 1 << UNIT_LOG2, 1.0])
+    return each * unit[:, None] / unit

@@ -4,17 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.painting.corners import CELL_PX, CORNER, SIDE, project
-from golden_model.painting.pose import UNIT_LOG2
 from golden_model.painting.tiles import MAX_TILES, TILE_PX, touched
-from tests.golden_model.painting.poses import homography, pose
+from tests.golden_model.painting.poses import homography, in_pixels, pose
 
 SIZE = (1920, 1080)
-
-
-def in_pixels(each: NDArray[np.int64]) -> NDArray[np.float64]:
-    """The homography that a pose's integers stand for."""
-    unit = np.array([1 << UNIT_LOG2, 1 << UNIT_LOG2, 1.0])
-    return each * unit[:, None] / unit
 
 
 def see(H: NDArray[np.float64], points: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
