@@ -9,6 +9,7 @@ from pathlib import Path
 from amaranth import Cat, ClockSignal, Const, Instance, Module, Shape, Signal, Value
 
 from hdl.lib.line_memory import LineMemory
+from hdl.lib.technology import Loads
 
 MODELS = Path(__file__).with_name("ecp5_models.v")
 """A model of the multiplier, for simulation."""
@@ -35,8 +36,8 @@ class Ecp5:
 
     factor_bits = FACTOR_BITS
 
-    def multiplier(self, m: Module, *, a: Value, b: Value, loads: tuple[Value, Value, Value], product: Signal) -> None:
-        """Add a MULT18X18D with its input, pipeline and output registers.
+    def multiplier(self, m: Module, *, a: Value, b: Value, loads: Loads, product: Signal) -> None:
+        """Add a MULT18X18D with its input, pipeline and output registers, or some of them.
 
         Raises
         ------
@@ -48,15 +49,16 @@ class Ecp5:
             raise ValueError(f"a factor has {factor_bits} bits; a MULT18X18D takes {FACTOR_BITS}")
         product_bits = Signal(2 * FACTOR_BITS)
         # Each register and its clock enable; the primitive has four of these.
-        registers = {"INPUTA": 0, "INPUTB": 0, "PIPELINE": 1, "OUTPUT": 2}
+        enables = {"INPUTA": 0, "INPUTB": 0, "PIPELINE": 1, "OUTPUT": 2}
+        registers = [name for name, load in enables.items() if loads[load] is not None]
         ports: dict[str, object] = {
             **{f"p_REG_{name}_CLK": "CLK0" for name in registers},
-            **{f"p_REG_{name}_CE": f"CE{load}" for name, load in registers.items()},
+            **{f"p_REG_{name}_CE": f"CE{enables[name]}" for name in registers},
             "i_SIGNEDA": Const(a.shape().signed, 1),
             "i_SIGNEDB": Const(b.shape().signed, 1),
             "i_CLK0": ClockSignal(),
             **_bits("i_CLK", Const(0, 4), first=1),
-            **_bits("i_CE", Cat(*loads, Const(1, 1))),
+            **_bits("i_CE", Cat(*(Const(1) if load is None else load for load in loads), Const(1))),
             **_bits("i_RST", Const(0, 4)),
             **_bits("i_A", _extend(m, a)),
             **_bits("i_B", _extend(m, b)),

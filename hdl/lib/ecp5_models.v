@@ -1,6 +1,6 @@
 // A model of the multiplier of Lattice's ECP5 for simulation: one clock, no resets.
 
-// 18 x 18 bits, with input, pipeline and output registers or without any; each register is named with its clock enable.
+// 18 x 18 bits, with any of its input, pipeline and output registers; each is named with its clock enable.
 module MULT18X18D (
     input A0, A1, A2, A3, A4, A5, A6, A7, A8, A9, A10, A11, A12, A13, A14, A15, A16, A17,
     input B0, B1, B2, B3, B4, B5, B6, B7, B8, B9, B10, B11, B12, B13, B14, B15, B16, B17,
@@ -29,24 +29,27 @@ module MULT18X18D (
     wire [17:0] factor_b = {B17, B16, B15, B14, B13, B12, B11, B10, B9, B8, B7, B6, B5, B4, B3, B2, B1, B0};
     wire signed [18:0] factor_b_signed = {SIGNEDB & factor_b[17], factor_b};
     wire signed [18:0] factor_a_signed = {SIGNEDA & factor_a[17], factor_a};
-    wire signed [35:0] combinational = factor_a_signed * factor_b_signed;
-    wire [3:0] clocks = {
+    localparam [3:0] HAS = {
         REG_INPUTA_CLK == "CLK0", REG_INPUTB_CLK == "CLK0", REG_PIPELINE_CLK == "CLK0", REG_OUTPUT_CLK == "CLK0"};
+    localparam [3:0] LACKS = {
+        REG_INPUTA_CLK == "NONE", REG_INPUTB_CLK == "NONE", REG_PIPELINE_CLK == "NONE", REG_OUTPUT_CLK == "NONE"};
     reg signed [18:0] a, b;
     reg signed [35:0] multiplied, product;
+    wire signed [35:0] to_pipeline = (HAS[3] ? a : factor_a_signed) * (HAS[2] ? b : factor_b_signed);
+    wire signed [35:0] to_output = HAS[1] ? multiplied : to_pipeline;
     assign {P35, P34, P33, P32, P31, P30, P29, P28, P27, P26, P25, P24, P23, P22, P21, P20, P19, P18, P17, P16, P15,
-    P14, P13, P12, P11, P10, P9, P8, P7, P6, P5, P4, P3, P2, P1, P0} = &clocks ? product : combinational;
+    P14, P13, P12, P11, P10, P9, P8, P7, P6, P5, P4, P3, P2, P1, P0} = HAS[0] ? product : to_output;
 
     initial
-        if (&clocks != |clocks) begin
-            $display("MULT18X18D: the model has all its registers, on CLK0, or none");
+        if ((HAS | LACKS) != 4'b1111) begin
+            $display("MULT18X18D: the model has its registers on CLK0");
             $finish;
         end
 
     always @(posedge CLK0) begin
         if (enabled(REG_INPUTA_CE)) a <= factor_a_signed;
         if (enabled(REG_INPUTB_CE)) b <= factor_b_signed;
-        if (enabled(REG_PIPELINE_CE)) multiplied <= a * b;
-        if (enabled(REG_OUTPUT_CE)) product <= multiplied;
+        if (enabled(REG_PIPELINE_CE)) multiplied <= to_pipeline;
+        if (enabled(REG_OUTPUT_CE)) product <= to_output;
     end
 endmodule

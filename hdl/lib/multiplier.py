@@ -1,6 +1,6 @@
 """A multiplier with the registers that a DSP slice has."""
 
-from amaranth import Module, Shape, Signal, Value
+from amaranth import Const, Module, Shape, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
@@ -65,15 +65,26 @@ def multiply(m: Module, name: str, a: Value, b: Value, *, valid: Value | int = 1
 def multiply_wide(m: Module, platform: object, wide: Value, narrow: Value) -> Value:
     """Return ``wide`` × ``narrow``, two clocks later; a product per clock, no resets. The factors come from registers.
 
-    A factor of 25 bits fits a DSP48 of xc7. For a `Technology` with narrower multipliers it is cut in two: a register
-    follows each product, and one their sum, since an adder right behind a multiplier limits the clock there.
+    A factor of 25 bits fits a DSP48 of xc7. For a `Technology` with narrower multipliers it is cut in two: the
+    multipliers' own registers follow their products, and one the sum, since an adder right behind a multiplier limits
+    the clock there.
     """
     if isinstance(platform, Technology) and len(wide) > platform.factor_bits:
         low_bits = platform.factor_bits - 1
-        low = delayed(m, wide[:low_bits] * narrow, 1)
-        high = delayed(m, (wide >> low_bits) * narrow, 1)
+        low, high = (
+            _multiply_at_once(m, platform, each, narrow) for each in (wide[:low_bits], wide[low_bits:].as_signed())
+        )
         # The sum has a bit more than the product needs.
         product = delayed(m, (low + (high << low_bits))[: len(wide) + len(narrow)].as_signed(), 1)
     else:
         product = delayed(m, wide * narrow, 2)
+    return product
+
+
+def _multiply_at_once(m: Module, technology: Technology, a: Value, b: Value) -> Signal:
+    """Add a multiplier with a product register alone."""
+    product = Signal((a * b).shape())
+    part = Module()
+    technology.multiplier(part, a=a, b=b, loads=(None, None, Const(1)), product=product)
+    m.submodules += part
     return product

@@ -10,6 +10,10 @@ if TYPE_CHECKING:
     from hdl.lib.line_memory import LineMemory
 
 
+Loads = tuple[Value | None, Value | None, Value]
+"""Enables of a multiplier's operand, multiplier and product registers; None: it has no such register."""
+
+
 @runtime_checkable
 class Technology(Protocol):
     """The platform of an elaboration for one family of FPGAs: ``to_verilog(component, platform=Ecp5())``.
@@ -20,8 +24,8 @@ class Technology(Protocol):
     factor_bits: int
     """Widest factor of its multiplier, with the sign."""
 
-    def multiplier(self, m: Module, *, a: Value, b: Value, loads: tuple[Value, Value, Value], product: Signal) -> None:
-        """Add ``product`` = ``a`` × ``b``; ``loads`` enable the operand, multiplier and product registers."""
+    def multiplier(self, m: Module, *, a: Value, b: Value, loads: Loads, product: Signal) -> None:
+        """Add ``product`` = ``a`` × ``b`` with its registers."""
 
     def memory(self, m: Module, memory: LineMemory, *, registers: Value) -> None:
         """Add a memory between the ports of ``memory``, read in every clock; one that stalls, with ``registers``.

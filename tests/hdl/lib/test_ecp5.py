@@ -6,18 +6,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from amaranth.hdl import Module, Signal
+from amaranth.hdl import Module, Signal, signed
+from amaranth.lib import data, wiring
+from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import TENSOR_TRACE
 from golden_model.pixel import harris
 from hdl.blocks import catalogue
 from hdl.blocks.export import find_block, write_block
 from hdl.blocks.flat import FlatBlock
-from hdl.blocks.vectors import Block, answer_rows, pixel_rows
+from hdl.blocks.vectors import Block, answer_rows, pixel_rows, rows
+from hdl.lib.delay import delayed
 from hdl.lib.ecp5 import Ecp5
 from hdl.lib.line_memory import LineMemory
+from hdl.lib.multiplier import multiply_wide
 from hdl.netlist import to_verilog
 from hdl.pixel.harris import RawResponse
+from tests.hdl.lib.test_multiplier import FACTORS
 from tests.hdl.netlists import models, run_bench
 
 
@@ -39,6 +44,26 @@ def raw_response() -> Block:
     )
 
 
+class WideProduct(wiring.Component):
+    """A product that is cut in two, with its valid bit."""
+
+    i: In(data.StructLayout({"valid": 1, "wide": signed(25), "narrow": 16}))
+    o: Out(data.StructLayout({"valid": 1, "product": signed(41)}))
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        product = multiply_wide(m, platform, self.i.wide, self.i.narrow)
+        valid = delayed(m, self.i.valid, 2, reset_less=False)
+        m.d.comb += [self.o.product.eq(product), self.o.valid.eq(valid)]
+        return m
+
+
+def wide_product() -> Block:
+    factors = [{"wide": wide, "narrow": narrow} for wide, narrow in FACTORS]
+    products = [{"product": wide * narrow} for wide, narrow in FACTORS]
+    return Block(WideProduct(), "A wide product.", {"i": rows("i", factors)}, {"o": rows("o", products)})
+
+
 @pytest.mark.needs("icarus")
 @pytest.mark.parametrize(
     ("name", "width_px", "cells"),
@@ -48,6 +73,7 @@ def raw_response() -> Block:
         pytest.param("nms", 4096, ["DP16KD"] * 23, marks=pytest.mark.slow),
         ("raw_response", 1920, ["MULT18X18D"] * 3),
         ("fuzzy", 1920, ["MULT18X18D"] * 2),
+        ("wide_product", 1920, ["MULT18X18D"] * 2),
         # Lines of gray, smoothed gray and gradients; products of five lines, and three of the response.
         pytest.param("harris", 1920, ["DP16KD"] * 14 + ["MULT18X18D"] * (15 + 3), marks=pytest.mark.slow),
     ],
@@ -57,6 +83,7 @@ def test_a_block_of_instances_equals_the_golden_model(
 ) -> None:
     monkeypatch.setattr(catalogue, "WIDTH_PX", width_px)
     monkeypatch.setitem(catalogue.CATALOGUE, "raw_response", raw_response)
+    monkeypatch.setitem(catalogue.CATALOGUE, "wide_product", wide_product)
     write_block(tmp_path, *find_block(name))
     netlist = to_verilog(FlatBlock(catalogue.CATALOGUE[name]().component), name=name, platform=Ecp5())
     assert sorted(re.findall(r"^  (DP16KD|MULT18X18D) ", netlist, re.MULTILINE)) == cells
