@@ -158,6 +158,9 @@ class CornerProjector(wiring.Component):
     o: Out(stream.Signature(PROJECTED))
     """One for each tile."""
 
+    tile_cycles = SIDE**2 * SerialQuotient.latency_cycles + 2
+    """For a tile that begins where the one before ends."""
+
     def elaborate(self, platform: object) -> Module:
         """Go to nine corners, and divide x and y by w at each."""
         m = Module()

@@ -125,7 +125,7 @@ class TileWalker(wiring.Component):
         return ends_row, leftwards
 
     def _coefficients(self, m: Module) -> list[Value]:
-        """Of a column: what `golden_model.painting.tiles.edges` computes."""
+        """Compute what `golden_model.painting.tiles.edges` does, for a column."""
         x, y, w = (self.i.payload[name] >> ELEMENT.bits - TESTED.bits for name in "xyw")
         sides = [
             multiply(m, name, w, Cat(side, Const(0, 1)).as_signed()) >> UNIT_LOG2

@@ -22,7 +22,7 @@ def pixel_row(pixel: Any) -> list[int]:
     return [*(pixel.colour[n] for n in range(3)), pixel.weight]
 
 
-async def put_pose(ctx: Any, bench: Any, port: Any, pose: NDArray[np.int64]) -> None:
-    """A pose's columns: what is constant, then the factors of X and Y."""
-    for column in elements(pose)[:, [2, 0, 1]].T.tolist():
+async def put_pose(ctx: Any, bench: Any, port: Any, pose: NDArray[np.int64], columns: int = 3) -> None:
+    """Send a pose's columns, or the first of them: what is constant, then the factors of X and Y."""
+    for column in elements(pose)[:, [2, 0, 1]].T.tolist()[:columns]:
         await bench.stream_put(ctx, port, dict(zip("xyw", column, strict=True)))

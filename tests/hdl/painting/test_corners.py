@@ -52,3 +52,31 @@ def test_corners_are_those_of_the_golden_model(pauses: Pauses) -> None:
     found = [(tile, behind, np.zeros((9, 2), int).tolist() if behind else corners) for tile, behind, corners in found]
     assert found == wanted
     assert [behind for _, behind, _ in found][5:10] == [0, 1, 1, 1, 0]
+
+
+def test_a_reset_forgets_pose_and_tile() -> None:
+    """On the way to a tile, in a division, and in a pose; then a tile takes 9 times 25 clocks and its way."""
+    dut = CornerProjector()
+
+    async def run(ctx: Any) -> None:
+        for clocks in (20, 160):
+            await put_pose(ctx, bench, dut.i_pose, TILTED)
+            await bench.stream_put(ctx, dut.i, {"column": 30, "row": 40})
+            await ctx.tick().repeat(clocks)
+            await bench.pulse(ctx, bench.reset)
+            assert not ctx.get(dut.i.ready)
+        await put_pose(ctx, bench, dut.i_pose, TILTED, columns=2)
+        await bench.pulse(ctx, bench.reset)
+        await put_pose(ctx, bench, dut.i_pose, LEVEL)
+        await bench.stream_put(ctx, dut.i, {"column": 3, "row": 0})
+        clocks = 0
+        while not ctx.get(dut.o.valid):
+            await ctx.tick()
+            clocks += 1
+        got = ctx.get(dut.o.payload)
+        corners, _ = project(LEVEL, np.array([(3, 0)]))
+        assert [[corner.x, corner.y] for corner in got.corners] == corners.reshape(-1, 2).tolist()
+        assert clocks == dut.tile_cycles + 2 * 3
+
+    bench = BlockBench(dut, cycle_limit=3000)
+    bench.run(run)

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from golden_model.painting.tiles import touched
-from hdl.painting.tiles import TileWalker
+from golden_model.painting.tiles import UNIT_TILES, touched
+from hdl.painting.tiles import COEFFICIENT_CYCLES, TileWalker
 from sim.simulators.recording import NO_PAUSES, Pauses
 from tests.golden_model.painting.poses import homography, pose
 from tests.hdl.block_bench import BlockBench
@@ -15,6 +15,7 @@ from tests.hdl.painting.payloads import put_pose
 
 SIZE = (90, 70)
 TILES = (7, 9)
+SETTINGS = {"i_width_px": SIZE[0], "i_height_px": SIZE[1], "i_columns": TILES[0], "i_rows": TILES[1]}
 
 
 def poses() -> list[np.ndarray]:
@@ -53,7 +54,57 @@ def test_the_tiles_are_those_of_the_golden_model(pauses: Pauses) -> None:
             tile = await bench.stream_get(ctx, dut.o)
             found.append([tile.column, tile.row])
 
-    settings = {"i_width_px": SIZE[0], "i_height_px": SIZE[1], "i_columns": TILES[0], "i_rows": TILES[1]}
-    bench = BlockBench(dut, settings=settings, pauses=pauses, cycle_limit=4000)
+    bench = BlockBench(dut, settings=SETTINGS, pauses=pauses, cycle_limit=4000)
     bench.run(send, receive)
     assert found == wanted
+
+
+def test_a_reset_forgets_the_pose_and_the_way() -> None:
+    """In the middle of the way, in a row that leads to the left, and between the columns of a pose."""
+    first, last = poses()[0], poses()[-1]
+    dut = TileWalker()
+    found: list[list[int]] = []
+
+    async def run(ctx: Any) -> None:
+        ctx.set(dut.o.ready, 1)
+        await put_pose(ctx, bench, dut.i, first)
+        await ctx.tick().repeat(25)
+        assert not ctx.get(dut.o_idle)
+        await bench.pulse(ctx, bench.reset)
+        await put_pose(ctx, bench, dut.i, first, columns=2)
+        await bench.pulse(ctx, bench.reset)
+        assert ctx.get(dut.o_idle)
+        ctx.set(dut.o.ready, 0)
+        await put_pose(ctx, bench, dut.i, last)
+        while not ctx.get(dut.o_idle):
+            if ctx.get(dut.o.valid):
+                tile = await bench.stream_get(ctx, dut.o)
+                found.append([tile.column, tile.row])
+            else:
+                await ctx.tick()
+
+    bench = BlockBench(dut, settings=SETTINGS, cycle_limit=1200)
+    bench.run(run)
+    assert found == touched(last, SIZE, TILES).tolist()
+
+
+def test_every_tile_is_offered_where_the_canvas_is_replaced() -> None:
+    dut = TileWalker()
+    found: list[list[int]] = []
+    cycles = 0
+
+    async def run(ctx: Any) -> None:
+        nonlocal cycles
+        await put_pose(ctx, bench, dut.i, poses()[3])
+        ctx.set(dut.o.ready, 1)
+        while not ctx.get(dut.o_idle):
+            *_, valid, tile = await ctx.tick().sample(dut.o.valid, dut.o.payload)
+            if valid:
+                found.append([tile.column, tile.row])
+            cycles += 1
+
+    bench = BlockBench(dut, settings={**SETTINGS, "i_replace": 1}, cycle_limit=1000)
+    bench.run(run)
+    assert found == touched(poses()[3], SIZE, TILES, all_tiles=True).tolist()
+    # The last column settles, and the best corner is favoured; then a tile in each clock.
+    assert cycles == dut.setup_cycles - UNIT_TILES - 2 * (COEFFICIENT_CYCLES + 1) - 1 + len(found)
