@@ -102,6 +102,16 @@ def fork(m: Module, source: stream.Interface, *sinks: stream.Interface) -> None:
         m.d.comb += [sink.valid.eq(source.valid & all_ready), sink.payload.eq(source.payload)]
 
 
+def join(m: Module, sink: stream.Interface, **sources: stream.Interface) -> None:
+    """Send a payload of each source at once, as the field of the sink's payload that has its name.
+
+    Each ready depends on every source's valid and on the sink's ready, so none of these may depend on the other.
+    """
+    m.d.comb += sink.valid.eq(Cat(source.valid for source in sources.values()).all())
+    for name, source in sources.items():
+        m.d.comb += [source.ready.eq(sink.valid & sink.ready), sink.payload[name].eq(source.payload)]
+
+
 def pixel_payload(pixels_per_clock: int = 1) -> data.StructLayout:
     """Payload at the input of frame admission.
 

@@ -37,7 +37,7 @@ class CanvasPort(wiring.Component):
     i_page: In(52)
     """Where the canvas begins, in pages of 4 KiB; a tile is a page, rows of tiles follow each other."""
     i_columns: In(range(MAX_TILES + 1))
-    """Of the canvas, in tiles."""
+    """Columns of the canvas, in tiles."""
     reads: Out(AXI_READ)
     writes: Out(AXI_WRITE)
     o: Out(stream.Signature(PIXEL))

@@ -30,6 +30,8 @@ class Ports:
     """Prefixes of debugging outputs, which have only ``_tdata`` and ``_tvalid``."""
     writers: tuple[str, ...] = ()
     """Prefixes of AXI4 ports with 64 bits that write into memory."""
+    readers: tuple[str, ...] = ()
+    """Prefixes of AXI4 ports with 64 bits that read from memory."""
     video: str = "s_axis_video"
     """Prefix of the input: up to 48 bits of ``_tdata``, ``_tuser`` at the start of a frame, ``_tlast`` at the end of a
     line, ``_tvalid`` and ``_tready``."""

@@ -9,7 +9,7 @@ from golden_model.arrays import Matrix
 from golden_model.geometry.scoring import quantise
 from golden_model.painting.blending import FADE
 from golden_model.painting.painter import Painter
-from golden_model.painting.pose import POSE
+from golden_model.painting.pose import Placement, Poses
 from golden_model.painting.tiles import TILE_PX
 from tests.golden_model.painting import tilted
 
@@ -19,8 +19,9 @@ SIDE_PX = TILES * TILE_PX
 
 def integers(H: Matrix) -> NDArray[np.int64]:
     """A pose, from the integers that a host sends."""
-    shift = POSE.bits - 1 - 24
-    return np.asarray(quantise(H[np.newaxis])[0].astype(np.int64) << shift)
+    pose, causes = Poses().place(Placement(1, 0, quantise(H[np.newaxis])[0], composed=False))
+    assert pose is not None, causes
+    return pose
 
 
 def photograph(seed: int = 0) -> NDArray[np.uint8]:

@@ -1,0 +1,168 @@
+"""The painter: a camera's frames and their poses in, a canvas in memory."""
+
+from amaranth import Module, Mux, ResetInserter, Signal
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.painting.pose import MAX_LINKS
+from golden_model.painting.tiles import MAX_TILES
+from hdl.axi.axi_read import AXI_READ
+from hdl.axi.axi_write import AXI_WRITE
+from hdl.lib.views import view_signal
+from hdl.painting.frame_writer import FRAME_NUMBER, STORED, VIDEO, FrameWriter
+from hdl.painting.pose import CAUSES, PLACEMENT, Poses
+from hdl.painting.sampling import SIDE
+from hdl.painting.tile_painter import COUNTS, TilePainter
+
+REPORT = data.StructLayout({"frame": FRAME_NUMBER, "counts": COUNTS})
+"""A frame that has been painted: its number, and what became of its tiles."""
+SETTINGS = {
+    *("i_enable", "i_replace", "i_width_px", "i_height_px"),
+    *("i_buffer_pages", "i_canvas_page", "i_columns", "i_rows", "i_max_links"),
+}
+"""They reach every block that has them."""
+POSE_COLUMNS = 3
+
+
+class Painter(wiring.Component):
+    """Paints each frame of a camera that has a pose; equal to `golden_model.painting.painter.Painter`.
+
+    A frame and a pose meet by their number, counted from 1 at ``i``. Whichever is older is given up: a pose whose frame
+    was lost, a frame whose pose was refused or never came. While a frame is painted, the next waits in memory and its
+    pose is composed; further ones are skipped. The camera never waits.
+
+    All settings but ``i_enable`` may change only while ``o_idle`` and not ``i_enable``. There are four ports to memory:
+    the camera's frames go in, their windows come out, tiles of the canvas come out and go in. A frame that is being
+    painted is finished before the painter is idle; then nothing is open on any port, as a reset needs it. Software
+    clears the canvas in memory: tiles that are not painted stay as they are.
+    """
+
+    i: In(VIDEO)
+    """The camera."""
+    i_poses: In(stream.Signature(PLACEMENT))
+    """In the order of the frames."""
+    i_enable: In(1)
+    """Take the frames that start."""
+    i_replace: In(1)
+    """For stabilised video: every frame makes a new canvas."""
+    i_clear: In(1)
+    """Forget the canvas and the poses, while ``o_idle``."""
+    i_width_px: In(SIDE)
+    """Size of the frames."""
+    i_height_px: In(SIDE)
+    i_frames_page: In(52)
+    """Where three buffers for frames begin, in pages of 4 KiB."""
+    i_buffer_pages: In(20)
+    """From one buffer to the next (`hdl.painting.frame_writer.frame_pages`)."""
+    i_canvas_page: In(52)
+    """Where the canvas begins, a page for each tile."""
+    i_columns: In(range(MAX_TILES + 1))
+    """Size of the canvas, in tiles."""
+    i_rows: In(range(MAX_TILES + 1))
+    i_max_links: In(range(MAX_LINKS + 1))
+    """Homographies that may be composed after a host's pose."""
+    frames: Out(AXI_WRITE)
+    windows: Out(AXI_READ)
+    old_tiles: Out(AXI_READ)
+    new_tiles: Out(AXI_WRITE)
+    o: Out(stream.Signature(REPORT))
+    """Every painted frame, when it is in memory. The next one is painted when this has been taken."""
+    o_refused: Out(1)
+    """A pose has been refused."""
+    o_causes: Out(CAUSES)
+    """With ``o_refused``, why."""
+    o_unmatched: Out(1)
+    """A pose has been given up: its frame is not in memory."""
+    o_unplaced: Out(1)
+    """A frame has been given up: its pose has not come."""
+    o_cut: Out(1)
+    """A frame was not as large as set, or too fast for the memory."""
+    o_lost: Out(1)
+    """A frame has been given up: the memory answered with an error."""
+    o_skipped: Out(1)
+    """A frame has been given up: another waits to be painted."""
+    o_idle: Out(1)
+    """Nothing is under way."""
+
+    def elaborate(self, platform: object) -> Module:
+        """Frames are stored and poses composed until both meet; then the frame's tiles are painted."""
+        m = Module()
+        m.submodules.writer = writer = FrameWriter()
+        poses, painter = Poses(), TilePainter()
+        m.submodules.poses = ResetInserter(self.i_clear)(poses)
+        m.submodules.tiles = painter
+        for inner, outer in (
+            (writer.bus, self.frames),
+            (painter.windows, self.windows),
+            (painter.old_tiles, self.old_tiles),
+            (painter.new_tiles, self.new_tiles),
+        ):
+            wiring.connect(m, inner, wiring.flipped(outer))
+        wiring.connect(m, wiring.flipped(self.i_poses), poses.i)
+        for block in (writer, poses, painter):
+            settings = {name for name, member in block.signature.members.items() if member.flow == In}
+            m.d.comb += [getattr(block, name).eq(getattr(self, name)) for name in sorted(settings & SETTINGS)]
+        m.d.comb += [
+            writer.i.eq(self.i),
+            writer.i_page.eq(self.i_frames_page),
+            painter.i_clear.eq(self.i_clear),
+            self.o_refused.eq(poses.o_refused),
+            self.o_causes.eq(poses.o_causes),
+            self.o_cut.eq(writer.o_cut),
+            self.o_lost.eq(writer.o_failed),
+            self.o_skipped.eq(writer.o_skipped),
+        ]
+        self._meet(m, writer, poses, painter)
+        return m
+
+    def _meet(self, m: Module, writer: FrameWriter, poses: Poses, painter: TilePainter) -> None:
+        """Hold the frame that waits against the pose that waits; paint those of one number."""
+        frame, column = view_signal(STORED, name="frame"), Signal(range(POSE_COLUMNS))
+        waiting, pose = writer.o.payload, poses.o
+        # Numbers wrap: the half of them is before a number, the other half behind it.
+        ahead = (self.i_poses.payload.frame - waiting.number)[:FRAME_NUMBER]
+        swallows, forwards = Signal(), Signal()
+        passes = pose.valid & pose.ready
+        m.d.comb += [
+            pose.ready.eq(swallows | (forwards & painter.i.ready)),
+            painter.i.valid.eq(forwards & pose.valid),
+            painter.i.payload.eq(pose.payload),
+            painter.i_page.eq(frame.page),
+            self.o.payload.frame.eq(frame.number),
+            self.o.payload.counts.eq(painter.o_counts),
+        ]
+        ends_pose = passes & (column == POSE_COLUMNS - 1)
+        with m.If(passes):
+            m.d.sync += column.eq(Mux(ends_pose, 0, column + 1))
+        with m.FSM():
+            with m.State("MEET"):
+                meets = pose.valid & writer.o.valid
+                m.d.comb += self.o_idle.eq(writer.o_idle & ~painter.o_clearing & ~meets)
+                m.d.sync += frame.eq(waiting)
+                with m.If(meets):
+                    with m.If(ahead[-1]):
+                        m.d.comb += self.o_unmatched.eq(1)
+                        m.next = "SWALLOW"
+                    with m.Else():
+                        m.d.comb += [writer.o.ready.eq(1), self.o_unplaced.eq(ahead.any()), painter.i_begin.eq(1)]
+                        m.next = "PAINT"
+                        with m.If(ahead.any()):
+                            m.next = "RELEASE"
+            with m.State("RELEASE"):
+                m.d.comb += writer.i_release.eq(1)
+                m.next = "MEET"
+            with m.State("SWALLOW"):
+                m.d.comb += swallows.eq(1)
+                with m.If(ends_pose):
+                    m.next = "MEET"
+            with m.State("PAINT"):
+                m.d.comb += forwards.eq(1)
+                with m.If(ends_pose):
+                    m.next = "TILES"
+            with m.State("TILES"), m.If(painter.o_idle):
+                m.d.comb += writer.i_release.eq(1)
+                m.next = "REPORT"
+            with m.State("REPORT"):
+                m.d.comb += self.o.valid.eq(1)
+                with m.If(self.o.ready):
+                    m.next = "MEET"

@@ -1,0 +1,200 @@
+"""The painter in a simulation: a camera, a memory that waits and fails, and a host that sends poses."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+
+import numpy as np
+from amaranth.hdl import Module, Signal
+from amaranth.lib.wiring import In
+from numpy.typing import NDArray
+
+from golden_model.arrays import Pixels
+from golden_model.painting.tiles import TILE_PX
+from hdl.axi.flat_ports import FlatTop
+from hdl.blocks.flat import CLOCK, RESET, FlatBlock
+from hdl.painting.frame_writer import BUFFERS, frame_pages
+from hdl.painting.painter import Painter
+from hdl.settings import PAGE_BYTES
+from sim.backends.interface import Progress, silent
+from sim.benches.camera import MemoryRules
+from sim.simulators import verilator
+from sim.simulators.compiled import COMMON_FUNCTIONS, Model
+from sim.simulators.design import Design, Ports
+
+BASE = 0x8_4000_0000
+"""Address of the memory: beyond what 32 bits reach."""
+SETTINGS = (
+    *("enable", "replace", "clear", "width_px", "height_px", "frames_page", "buffer_pages", "canvas_page"),
+    *("columns", "rows", "max_links"),
+)
+PORTS = Ports(
+    outputs=(),
+    settings={f"i_{name}": 64 for name in SETTINGS},
+    writers=("frames", "new_tiles"),
+    readers=("windows", "old_tiles"),
+)
+HARNESS = verilator.HARNESS / "painter.cpp"
+
+
+@dataclass(frozen=True)
+class Report:
+    """A frame that has been painted; see `hdl.painting.painter.REPORT`."""
+
+    cycle: int
+    frame: int
+    offered: int
+    behind: int
+    too_large: int
+    cannot_win: int
+    painted: int
+    failed: int
+    has_errors: int
+
+
+class PainterTop(FlatTop):
+    """The painter with flat ports; clock and reset have the names that harnesses know."""
+
+    def __init__(self) -> None:
+        self._block = block = FlatBlock(Painter())
+        self._reset_n = Signal(name="reset_n")
+        pins = {name: (member, getattr(block, name)) for name, member in block.signature.members.items()}
+        clock = pins.pop(CLOCK)
+        del pins[RESET]
+        super().__init__({"aclk": clock, "aresetn": (In(1), self._reset_n), **pins})
+
+    def elaborate(self, platform: object) -> Module:
+        """Connect ports by name."""
+        m = Module()
+        m.submodules.block = self._block
+        m.d.comb += getattr(self._block, RESET).eq(~self._reset_n)
+        self.connect_pins(m)
+        return m
+
+
+class PainterBench(Model):
+    """A running simulation.
+
+    Parameters
+    ----------
+    width_px, height_px : int
+        Size of the frames.
+    columns, rows : int
+        Size of the canvas, in tiles.
+    replace : bool
+        A frame makes a new canvas.
+    rules
+        How the memory behaves.
+    progress : callable
+        Receives lines of text about a first build.
+
+    Attributes
+    ----------
+    canvas : uint8 ndarray, shape (rows, columns, 32, 32, 4)
+        The tiles in memory, at first without a meaning.
+    """
+
+    def __init__(
+        self,
+        *,
+        width_px: int,
+        height_px: int,
+        columns: int,
+        rows: int,
+        replace: bool = False,
+        rules: MemoryRules,
+        progress: Progress = silent,
+    ) -> None:
+        design = Design("the painter", PORTS, PainterTop, "")
+        super().__init__(verilator.build_library(design, progress=progress, harness=HARNESS), "painter", _FUNCTIONS)
+        pages = frame_pages(width_px, height_px)
+        canvas_start = BUFFERS * pages * PAGE_BYTES
+        self.memory = np.random.default_rng(rules.seed).integers(
+            0, 256, canvas_start + columns * rows * PAGE_BYTES, dtype=np.uint8
+        )
+        self.canvas = self.memory[canvas_start:].reshape(rows, columns, TILE_PX, TILE_PX, 4)
+        self.reports: list[Report] = []
+        self._frames: list[Pixels] = []
+        self.call("memory", self.memory.ctypes.data, BASE, self.memory.size)
+        self.follow(rules)
+        self.set(
+            width_px=width_px, height_px=height_px, frames_page=BASE // PAGE_BYTES, buffer_pages=pages,
+            canvas_page=(BASE + canvas_start) // PAGE_BYTES, columns=columns, rows=rows, replace=replace, enable=1,
+        )  # fmt: skip
+
+    def follow(self, rules: MemoryRules) -> None:
+        """Change how the memory behaves."""
+        self.call("rules", rules.waits, rules.latency_clocks, rules.failures, rules.seed)
+
+    def reset(self) -> None:
+        """Reset the design, and forget what waits for it."""
+        super().reset()
+        self.reports.clear()
+
+    def set(self, **settings: int) -> None:
+        """Change settings, by their names without ``i_``."""
+        for name, value in settings.items():
+            self.call("set", SETTINGS.index(name), value)
+
+    def show(self, frame: Pixels, *, pause_clocks: int = 0) -> None:
+        """Queue a frame (H, W, 3) for the camera, which then pauses."""
+        self._frames.append(np.ascontiguousarray(frame, np.uint8))
+        self.call("frame", self._frames[-1].ctypes.data, frame.shape[1], frame.shape[0], pause_clocks)
+
+    def place(self, elements: NDArray[np.integer], frame: int, *, reference: int | None = None) -> None:
+        """Queue the pose (3, 3) of a frame; with ``reference`` it is composed with that of this frame."""
+        values = np.ascontiguousarray(elements, np.int32)
+        self.call("pose", values.ctypes.data, frame, reference or 0, reference is not None)
+
+    def run(self, clocks: int, *, reports: int = 1 << 30) -> list[Report]:
+        """Run until so many frames have been painted since the start, or for so many clocks; returns the new ones."""
+        values = ctypes.POINTER(ctypes.c_uint64)()
+        fields = len(Report.__dataclass_fields__)
+        count = self.call("run", clocks, reports * fields, ctypes.byref(values)) // fields
+        known = len(self.reports)
+        for n in range(known, count):
+            self.reports.append(Report(*(int(values[n * fields + k]) for k in range(fields))))
+        return self.reports[known:]
+
+    @property
+    def events(self) -> dict[str, int]:
+        """How often a frame or a pose was given up, by the reason."""
+        values = ctypes.POINTER(ctypes.c_uint64)()
+        self.call("events", ctypes.byref(values))
+        names = ("refused", "unmatched", "unplaced", "cut", "lost", "skipped")
+        return {name: int(values[n]) for n, name in enumerate(names) if values[n]}
+
+    @property
+    def is_idle(self) -> bool:
+        """Nothing is under way: the painter says so, no burst is open, and the camera has no frame left."""
+        return bool(self.call("idle"))
+
+    @property
+    def violations(self) -> int:
+        """How often the design broke AXI's rules."""
+        return int(self.call("violations"))
+
+    @property
+    def errors(self) -> int:
+        """Number of bursts answered by SLVERR."""
+        return int(self.call("errors"))
+
+
+_ADDRESS, _WORD, _WIDE = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
+_WORDS = ctypes.POINTER(ctypes.POINTER(_WIDE))
+_FUNCTIONS = {
+    **{name: COMMON_FUNCTIONS[name] for name in ("close", "reset", "cycle")},
+    "open": (_ADDRESS,),
+    "memory": (None, _ADDRESS, _WIDE, _WIDE),
+    "rules": (None, _WORD, _WORD, _WORD, _WIDE),
+    "set": (None, ctypes.c_int, _WIDE),
+    "frame": (None, _ADDRESS, _WORD, _WORD, _WORD),
+    "pose": (None, _ADDRESS, _WORD, _WORD, _WORD),
+    "run": (_WIDE, _WIDE, _WIDE, _WORDS),
+    "events": (_WIDE, _WORDS),
+    "idle": (ctypes.c_int,),
+    "violations": (_WIDE,),
+    "errors": (_WIDE,),
+}
+"""The functions of painter.cpp."""

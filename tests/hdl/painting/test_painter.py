@@ -1,0 +1,204 @@
+"""The whole painter, with a camera and a memory that waits, is late and fails: every byte is the model's."""
+
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from golden_model.geometry.scoring import quantise
+from golden_model.painting import painter as golden
+from golden_model.painting.pose import Placement, Poses
+from sim.benches.camera import MemoryRules
+from sim.benches.painter import PainterBench, Report
+from tests.golden_model.painting import tilted
+from tests.golden_model.painting.test_painter import integers
+
+SIZE, COLUMNS, ROWS = (75, 58), 5, 4
+SLOW = MemoryRules(waits=43, latency_clocks=119, seed=1)
+FRAME_CLOCKS = 200_000
+"""Limit."""
+
+
+def frame(seed: int) -> NDArray[np.uint8]:
+    return np.random.default_rng(seed).integers(0, 256, (SIZE[1], SIZE[0], 3)).astype(np.uint8)
+
+
+def homographies(count: int, seed: int) -> list[NDArray[np.float64]]:
+    """Any heading, zooms from 0.5 to 2, tilts up to a horizon in the frame, places on, across and off the canvas."""
+    rng = np.random.default_rng(seed)
+    result = []
+    for n in range(count):
+        zoom, tilt = 2 ** rng.uniform(-1, 1), rng.uniform(-1, 1) * rng.choice([0, 1e-4, 1.4e-2])
+        H = tilted.pose(SIZE, zoom=zoom, turn=rng.uniform(0, 6.3), tilt=tilt, tiles=0)
+        move = np.eye(3)
+        move[:2, 2] = -rng.uniform(-40, (COLUMNS * 32 + 40, ROWS * 32 + 40)) - 5000 * (n % 9 == 8)
+        result.append(H @ move)
+    return result
+
+
+def start(*, replaces: bool = False, rules: MemoryRules = SLOW) -> tuple[PainterBench, golden.Painter]:
+    """A bench whose canvas is clear, and a model."""
+    bench = PainterBench(width_px=SIZE[0], height_px=SIZE[1], columns=COLUMNS, rows=ROWS, replace=replaces, rules=rules)
+    bench.canvas[:] = 0
+    return bench, golden.Painter(COLUMNS, ROWS, replace=replaces)
+
+
+def counted(report: Report) -> dict[str, int]:
+    counts = asdict(report)
+    del counts["cycle"], counts["frame"]
+    return counts
+
+
+def model_counts(counts: golden.Counts) -> dict[str, int]:
+    return asdict(counts) | {"failed": 0, "has_errors": 0}
+
+
+@pytest.mark.parametrize("replaces", [False, True], ids=["canvas", "stabilised"])
+def test_every_byte_is_the_models(replaces: bool) -> None:
+    bench, model = start(replaces=replaces)
+    seen = dict.fromkeys(asdict(golden.Counts(0, 0, 0, 0, 0)), 0)
+    for number, H in enumerate(homographies(20 if replaces else 60, seed=5), 1):
+        picture = frame(number)
+        bench.show(picture)
+        bench.place(quantise(H[np.newaxis])[0], number)
+        (report,) = bench.run(FRAME_CLOCKS, reports=number)
+        expected = model.paint(picture, integers(H))
+        assert (report.frame, counted(report)) == (number, model_counts(expected))
+        np.testing.assert_array_equal(bench.canvas, model.memory, f"frame {number}")
+        seen = {name: count + seen[name] for name, count in asdict(expected).items()}
+    # Every branch was taken.
+    assert all(count > 0 for name, count in seen.items() if name != "cannot_win" or not replaces), seen
+    assert (bench.violations, bench.errors, bench.events) == (0, 0, {})
+    assert bench.is_idle
+
+
+def test_frames_and_poses_meet_by_their_numbers() -> None:
+    bench, model = start()
+    places = homographies(9, seed=6)
+    elements = [quantise(H[np.newaxis])[0] for H in places]
+    # A pose whose frame has passed, one for each of two frames, none for the third, one for the fourth.
+    bench.place(elements[0], 0)
+    for number in (1, 2, 4):
+        bench.place(elements[number], number)
+    for number in (1, 2, 3, 4):
+        bench.show(frame(number))
+        bench.run(30_000)
+    assert [report.frame for report in bench.reports] == [1, 2, 4]
+    for number in (1, 2, 4):
+        model.paint(frame(number), integers(places[number]))
+    np.testing.assert_array_equal(bench.canvas, model.memory)
+    assert bench.events == {"unmatched": 1, "unplaced": 1}
+    # Frames of another size and frames for which no pose comes: the camera is never made to wait.
+    bench.show(frame(5)[:-3])
+    for number in (6, 7, 8):
+        bench.show(frame(number))
+    bench.run(40_000)
+    assert bench.events == {"unmatched": 1, "unplaced": 1, "cut": 2, "skipped": 1}
+    assert bench.is_idle
+
+
+def test_poses_are_composed_and_refused() -> None:
+    bench, model = start()
+    poses, small = Poses(max_links=2), np.eye(3)
+    small[:2] = [[1.01, 0.02, 1.5], [-0.02, 1.01, -2.5]]
+    step, singular = quantise(small[np.newaxis])[0], np.ones((3, 3), np.int32)
+    anchor = quantise(tilted.pose(SIZE, zoom=1, turn=0.5, tiles=4)[np.newaxis])[0]
+    bench.set(max_links=2)
+    # One link, a pose that is none, a link behind it, one too many; and the host's again.
+    sent = [(anchor, None), (step, 1), (singular, None), (step, 2), (step, 4), (anchor, None)]
+    for number, (elements, reference) in enumerate(sent, 1):
+        picture = frame(number)
+        bench.show(picture)
+        bench.place(elements, number, reference=reference)
+        bench.run(40_000)
+        pose, _ = poses.place(Placement(number, reference or 0, elements, composed=reference is not None))
+        if pose is not None:
+            model.paint(picture, pose)
+    assert [report.frame for report in bench.reports] == [1, 2, 4, 6]
+    assert bench.events == {"refused": 2, "unplaced": 2}
+    np.testing.assert_array_equal(bench.canvas, model.memory)
+
+
+def test_a_clear_forgets_the_canvas_and_the_poses() -> None:
+    bench, _ = start()
+    bench.set(max_links=9)
+    places = homographies(3, seed=7)
+    for number, H in enumerate(places, 1):
+        if number == 3:
+            bench.set(clear=1)
+            bench.run(1)
+            bench.set(clear=0)
+            # What lies in memory does not matter any more.
+            bench.canvas[:] = 77
+            bench.place(np.eye(3, dtype=np.int32) << 23, number, reference=2)
+        bench.show(frame(number))
+        bench.place(quantise(H[np.newaxis])[0], number)
+        bench.run(FRAME_CLOCKS, reports=number)
+    fresh = golden.Painter(COLUMNS, ROWS)
+    fresh.paint(frame(3), integers(places[2]))
+    changed = (bench.canvas != 77).any(axis=(2, 3, 4))
+    assert changed.any()
+    np.testing.assert_array_equal(bench.canvas[changed], fresh.memory[changed])
+    assert bench.events == {"refused": 1}
+
+
+def test_a_switch_lets_no_frame_in() -> None:
+    bench, _ = start()
+    bench.set(enable=0)
+    bench.show(frame(1))
+    bench.run(20_000)
+    assert bench.is_idle
+    assert bench.events == {}
+    assert not bench.reports
+
+
+def test_a_memory_that_fails_spoils_no_pixel() -> None:
+    """What was not read or not written stays as it was; afterwards all is well."""
+    bench, _ = start()
+    fails = replace(SLOW, failures=12, seed=2)
+    # One colour: whatever is painted of it, and however often, is that colour.
+    level, place = np.full((SIZE[1], SIZE[0], 3), 90, np.uint8), homographies(1, seed=8)[0]
+    elements = quantise(place[np.newaxis])[0]
+    for number in range(1, 8):
+        bench.show(level)
+        bench.run(20_000)
+        bench.follow(fails)
+        bench.place(elements, number)
+        bench.run(60_000)
+        bench.follow(SLOW)
+    assert len(bench.reports) == 7
+    assert any(report.failed for report in bench.reports)
+    assert all(report.has_errors for report in bench.reports)
+    painted = bench.canvas[..., 3] > 0
+    assert painted.any()
+    assert (bench.canvas[painted][:, :3] == 90).all()
+    # A frame that could not be written is lost.
+    bench.follow(fails)
+    bench.show(level)
+    bench.run(20_000)
+    bench.follow(SLOW)
+    assert bench.events == {"lost": 1}
+    bench.show(level)
+    bench.place(elements, 9)
+    (report,) = bench.run(FRAME_CLOCKS, reports=8)
+    model = golden.Painter(COLUMNS, ROWS)
+    counts = model.paint(level, integers(place))
+    assert (report.frame, report.offered, report.failed, report.has_errors) == (9, counts.offered, 0, 0)
+    assert bench.violations == 0
+
+
+def test_a_reset_in_a_frame_leaves_nothing_behind() -> None:
+    bench, model = start()
+    first, second = homographies(2, seed=9)
+    for clocks in (3_000, 18_500, 21_000):
+        bench.show(frame(1))
+        bench.place(quantise(first[np.newaxis])[0], 1)
+        bench.run(clocks)
+        bench.reset()
+    bench.canvas[:] = 0
+    bench.show(frame(2))
+    bench.place(quantise(second[np.newaxis])[0], 1)
+    assert [report.frame for report in bench.run(FRAME_CLOCKS, reports=1)] == [1]
+    model.paint(frame(2), integers(second))
+    np.testing.assert_array_equal(bench.canvas, model.memory)
