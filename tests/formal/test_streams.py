@@ -7,6 +7,8 @@ from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.axi.axi_lite import AxiLiteSubordinate
+from hdl.lib.delay import delayed
+from hdl.lib.result_queue import ResultQueue
 from hdl.lib.skid_buffer import SkidBuffer
 from tests.formal.proofs import StreamContract, happened, held, in_flight, prove
 
@@ -15,6 +17,30 @@ PAYLOAD = unsigned(2)
 
 def test_the_skid_buffer_keeps_the_contract(tmp_path: Path) -> None:
     prove(StreamContract(SkidBuffer(shape=PAYLOAD), depth=2), tmp_path)
+
+
+class _Pipeline(wiring.Component):
+    """Two registers that do not wait, and the queue behind them."""
+
+    def __init__(self) -> None:
+        self.queue = ResultQueue(shape=PAYLOAD, pipeline_cycles=2)
+        super().__init__({"i": In(stream.Signature(PAYLOAD)), "o": Out(stream.Signature(PAYLOAD))})
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        m.submodules.queue = queue = self.queue
+        wiring.connect(m, queue.o, wiring.flipped(self.o))
+        m.d.comb += [
+            self.i.ready.eq(queue.o_ready),
+            queue.i_start.eq(self.i.valid & queue.o_ready),
+            queue.i_result.eq(delayed(m, self.i.payload, queue.pipeline_cycles)),
+        ]
+        return m
+
+
+def test_a_pipeline_and_its_queue_keep_the_contract(tmp_path: Path) -> None:
+    # Those on their way, those in the queue, and one whose place is just known to be free.
+    prove(StreamContract(_Pipeline(), depth=5), tmp_path)
 
 
 class _Forgetful(wiring.Component):
