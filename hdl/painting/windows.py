@@ -4,7 +4,7 @@ from amaranth import Array, Cat, Module, Mux, Signal, Value, signed
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.config import MAX_FRAME_PX, check_range
+from golden_model.config import check_range
 from golden_model.painting.blending import FADE
 from golden_model.painting.corners import CORNER
 from golden_model.painting.positions import POSITION
@@ -15,14 +15,14 @@ from hdl.lib.line_memory import LineMemory
 from hdl.painting.corners import CORNERS, PROJECTED
 from hdl.painting.sampling import SIDE, WEIGHING_CYCLES, smaller, weigh, weight_shift
 from hdl.painting.tiles import TILE
+from hdl.streams import COORDINATE
 
-BOX_SIDE = range(MAX_FRAME_PX)
 BOX = ("left", "top", "right", "bottom")
 PLAN = data.StructLayout(
     {
         "tile": TILE,
         "corners": CORNERS,
-        **dict.fromkeys(BOX, BOX_SIDE),
+        **dict.fromkeys(BOX, COORDINATE),
         "painted": 1,
         "blank": 1,
     }
@@ -197,14 +197,16 @@ class WindowPlanner(wiring.Component):
     def _cut(self, m: Module, step: Signal, least: Value, most: Value, last: Value) -> Value:
         """Cut the box to the frame and give it to the plan; return whether it is too large."""
         plan = self.o.payload
-        left, top, right, bottom = (Signal(BOX_SIDE, name=name, reset_less=True) for name in BOX)
+        left, top, right, bottom = (Signal(COORDINATE, name=name, reset_less=True) for name in BOX)
         large = Signal(2, reset_less=True)
+        span_px = delayed(m, most - least, 1)
+        # What is taken along x moves on when that along y comes.
         with m.If((step == BOX_STEP) | (step == BOX_STEP + 1)):
-            # What is taken along x moves on when that along y comes.
             m.d.sync += [
                 Cat(left, top).eq(Cat(top, Mux(least < 0, 0, least)[: len(top)])),
                 Cat(right, bottom).eq(Cat(bottom, Mux(most > last, last, most)[: len(bottom)])),
-                large.eq(Cat(large[1], most - least >= WINDOW_PX)),
             ]
+        with m.If((step == BOX_STEP + 1) | (step == BOX_STEP + 2)):
+            m.d.sync += large.eq(Cat(large[1], span_px >= WINDOW_PX))
         m.d.comb += [plan[name].eq(side) for name, side in zip(BOX, (left, top, right, bottom), strict=True)]
         return large.any()
