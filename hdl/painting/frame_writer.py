@@ -8,6 +8,7 @@ from golden_model.config import MAX_FRAME_PX
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_write import AXI_WRITE, BURST_BYTES, BURST_WORDS, BurstWriter
 from hdl.lib.views import view_signal
+from hdl.painting.tiles import FRAME_SIDE
 from hdl.settings import PAGE_BYTES
 
 BUFFERS = 3
@@ -17,8 +18,6 @@ PIXEL_BYTES = 4
 BURST_PX = BURST_BYTES // PIXEL_BYTES
 """Rows begin at multiples of this many pixels."""
 FRAME_NUMBER = 16
-SIDE = range(MAX_FRAME_PX + 1)
-"""A frame's width or height."""
 PAGE_BURSTS_LOG2 = (PAGE_BYTES // BURST_BYTES).bit_length() - 1
 
 VIDEO = data.StructLayout({"valid": 1, "data": 24, "first": 1, "last": 1})
@@ -49,9 +48,9 @@ class FrameWriter(wiring.Component):
     i: In(VIDEO)
     i_enable: In(1)
     """Take the frames that start."""
-    i_width_px: In(SIDE)
+    i_width_px: In(FRAME_SIDE)
     """Size of the frames; may change only while ``o_idle`` and not ``i_enable``, as the next three."""
-    i_height_px: In(SIDE)
+    i_height_px: In(FRAME_SIDE)
     i_page: In(52)
     """Where the buffers begin, in pages of 4 KiB."""
     i_buffer_pages: In(20)
@@ -89,7 +88,7 @@ class FrameWriter(wiring.Component):
     def _accept(self, m: Module, waiting: fifo.SyncFIFOBuffered, is_cut: Signal, gives_up: Value) -> None:
         """Queue the words of frames that are as large as set, and a mark where one is cut off."""
         beat = self.i
-        x, y, number = Signal(SIDE), Signal(SIDE), Signal(FRAME_NUMBER)
+        x, y, number = Signal(FRAME_SIDE), Signal(FRAME_SIDE), Signal(FRAME_NUMBER)
         left = Signal(8 * PIXEL_BYTES, reset_less=True)
         green, blue, red = (beat.data[low : low + 8] for low in (0, 8, 16))
         pixel = Cat(blue, green, red, Const(0, 8))
@@ -130,7 +129,7 @@ class FrameWriter(wiring.Component):
         self, m: Module, waiting: fifo.SyncFIFOBuffered, bursts: BurstWriter, is_cut: Value, gives_up: Signal
     ) -> None:
         """Write frame after frame; a burst starts when all its words have arrived, or the rest will never come."""
-        row, burst = Signal(SIDE), Signal(PAGE_BURSTS_LOG2 + self.i_buffer_pages.shape().width)
+        row, burst = Signal(FRAME_SIDE), Signal(PAGE_BURSTS_LOG2 + self.i_buffer_pages.shape().width)
         left_words, needed_words = Signal(range(MAX_FRAME_PX // 2 + 1)), Signal(range(BURST_WORDS + 1))
         broken, failed = Signal(), Signal()
         frame = view_signal(STORED, name="frame")

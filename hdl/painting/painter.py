@@ -11,8 +11,8 @@ from hdl.axi.axi_write import AXI_WRITE
 from hdl.lib.views import view_signal
 from hdl.painting.frame_writer import FRAME_NUMBER, STORED, VIDEO, FrameWriter
 from hdl.painting.pose import CAUSES, PLACEMENT, Poses
-from hdl.painting.sampling import SIDE
 from hdl.painting.tile_painter import COUNTS, TilePainter
+from hdl.painting.tiles import FRAME_SIDE
 
 REPORT = data.StructLayout({"frame": FRAME_NUMBER, "counts": COUNTS})
 """A frame that has been painted: its number, and what became of its tiles."""
@@ -47,9 +47,9 @@ class Painter(wiring.Component):
     """For stabilised video: every frame makes a new canvas."""
     i_clear: In(1)
     """Forget the canvas and the poses, while ``o_idle``."""
-    i_width_px: In(SIDE)
+    i_width_px: In(FRAME_SIDE)
     """Size of the frames."""
-    i_height_px: In(SIDE)
+    i_height_px: In(FRAME_SIDE)
     i_frames_page: In(52)
     """Where three buffers for frames begin, in pages of 4 KiB."""
     i_buffer_pages: In(20)

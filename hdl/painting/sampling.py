@@ -4,7 +4,6 @@ from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.config import MAX_FRAME_PX
 from golden_model.painting.positions import POSITION
 from golden_model.painting.sampling import WEIGHT_BITS
 from golden_model.painting.windows import WINDOW_PX
@@ -13,8 +12,8 @@ from hdl.lib.line_memory import LineMemory
 from hdl.lib.multiplier import Multiplier, multiply
 from hdl.lib.result_queue import ResultQueue
 from hdl.painting.positions import POSITION_PAYLOAD
+from hdl.painting.tiles import FRAME_SIDE
 
-SIDE = range(MAX_FRAME_PX + 1)
 CHANNELS = 3
 COLOUR = data.ArrayLayout(8, CHANNELS)
 """Blue, green, red."""
@@ -50,9 +49,9 @@ class Sampling(wiring.Component):
     a window may begin anywhere. The throughput is one pixel per clock. Nine multipliers.
     """
 
-    i_width_px: In(SIDE)
+    i_width_px: In(FRAME_SIDE)
     """Size of the frame; constant while it is painted."""
-    i_height_px: In(SIDE)
+    i_height_px: In(FRAME_SIDE)
     i_write: In(WINDOW_WRITE)
     """Not into a window that is read."""
     i: In(stream.Signature(POSITION_PAYLOAD))

@@ -12,8 +12,8 @@ from hdl.painting.canvas_port import CanvasPort
 from hdl.painting.corners import CornerProjector
 from hdl.painting.pose import COLUMN
 from hdl.painting.positions import Positions
-from hdl.painting.sampling import SIDE, Sampling
-from hdl.painting.tiles import TileWalker
+from hdl.painting.sampling import Sampling
+from hdl.painting.tiles import FRAME_SIDE, TileWalker
 from hdl.painting.window_reader import WindowReader
 from hdl.painting.windows import WindowPlanner
 from hdl.streams import fork, join
@@ -39,8 +39,8 @@ class TilePainter(wiring.Component):
     """Begin to count; before the first column."""
     i_page: In(52)
     """Where the frame begins, in pages of 4 KiB (`hdl.painting.frame_writer.FrameWriter`)."""
-    i_width_px: In(SIDE)
-    i_height_px: In(SIDE)
+    i_width_px: In(FRAME_SIDE)
+    i_height_px: In(FRAME_SIDE)
     i_replace: In(1)
     """Forget the canvas."""
     i_canvas_page: In(52)

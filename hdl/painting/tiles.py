@@ -13,6 +13,8 @@ from hdl.lib.multiplier import Multiplier, multiply
 from hdl.lib.views import view_signal
 from hdl.painting.pose import COLUMN
 
+FRAME_SIDE = range(MAX_FRAME_PX + 1)
+"""Width or height of a frame, px."""
 TILE = data.StructLayout({"column": range(MAX_TILES), "row": range(MAX_TILES)})
 COEFFICIENT = signed(TESTED.bits + 1)
 """Of an edge: a difference of two elements."""
@@ -34,8 +36,8 @@ class TileWalker(wiring.Component):
 
     i: In(stream.Signature(COLUMN))
     """Poses. The next one is taken when all tiles of the last one have been."""
-    i_width_px: In(range(MAX_FRAME_PX + 1))
-    i_height_px: In(range(MAX_FRAME_PX + 1))
+    i_width_px: In(FRAME_SIDE)
+    i_height_px: In(FRAME_SIDE)
     """Size of the frame; this and what follows stays while a pose is in work."""
     i_columns: In(range(MAX_TILES + 1))
     i_rows: In(range(MAX_TILES + 1))

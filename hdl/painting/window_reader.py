@@ -8,9 +8,10 @@ from golden_model.config import MAX_FRAME_PX
 from hdl.axi.axi_read import AXI_READ, BURST_PART, BurstReader
 from hdl.axi.axi_write import BURST_WORDS
 from hdl.lib.views import view_signal
-from hdl.painting.frame_writer import BURST_PX, PAGE_BURSTS_LOG2, PIXEL_BYTES, SIDE
+from hdl.painting.frame_writer import BURST_PX, PAGE_BURSTS_LOG2, PIXEL_BYTES
 from hdl.painting.positions import LOADED_TILE
 from hdl.painting.sampling import WINDOW_WRITE
+from hdl.painting.tiles import FRAME_SIDE
 from hdl.painting.windows import PLAN
 
 WORD_LOG2 = (BURST_WORDS - 1).bit_length()
@@ -25,7 +26,7 @@ class WindowReader(wiring.Component):
     """
 
     i: In(stream.Signature(PLAN))
-    i_width_px: In(SIDE)
+    i_width_px: In(FRAME_SIDE)
     """Width of the frame; constant while it is painted, as the next."""
     i_page: In(52)
     """Where the frame begins, in pages of 4 KiB; in rows as `hdl.painting.frame_writer.FrameWriter` pads them."""

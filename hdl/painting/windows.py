@@ -13,8 +13,8 @@ from golden_model.painting.windows import WINDOW_PX
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
 from hdl.painting.corners import CORNERS, PROJECTED
-from hdl.painting.sampling import SIDE, WEIGHING_CYCLES, smaller, weigh, weight_shift
-from hdl.painting.tiles import TILE
+from hdl.painting.sampling import WEIGHING_CYCLES, smaller, weigh, weight_shift
+from hdl.painting.tiles import FRAME_SIDE, TILE
 from hdl.streams import COORDINATE
 
 BOX = ("left", "top", "right", "bottom")
@@ -98,8 +98,8 @@ class WindowPlanner(wiring.Component):
             {
                 "i": In(stream.Signature(PROJECTED)),
                 "i_painted": In(PAINTED_TILE),
-                "i_width_px": In(SIDE),
-                "i_height_px": In(SIDE),
+                "i_width_px": In(FRAME_SIDE),
+                "i_height_px": In(FRAME_SIDE),
                 "i_replace": In(1),
                 "i_clear": In(1),
                 "o": Out(stream.Signature(PLAN)),

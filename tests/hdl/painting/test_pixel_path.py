@@ -14,7 +14,8 @@ from golden_model.painting.positions import positions
 from golden_model.painting.sampling import sample
 from hdl.painting.blending import Blending
 from hdl.painting.positions import LOADED_TILE, Positions
-from hdl.painting.sampling import PIXEL, SIDE, WINDOW_WRITE, Sampling
+from hdl.painting.sampling import PIXEL, WINDOW_WRITE, Sampling
+from hdl.painting.tiles import FRAME_SIDE
 from sim.simulators.recording import NO_PAUSES, Pauses
 from tests.golden_model.painting import tilted
 from tests.hdl.block_bench import BlockBench
@@ -29,8 +30,8 @@ class PixelPath(wiring.Component):
     """The three blocks, and old pixels that are there when they are needed."""
 
     i_write: In(WINDOW_WRITE)
-    i_width_px: In(SIDE)
-    i_height_px: In(SIDE)
+    i_width_px: In(FRAME_SIDE)
+    i_height_px: In(FRAME_SIDE)
     i_replace: In(1)
     i: In(stream.Signature(LOADED_TILE))
     i_old: In(stream.Signature(PIXEL))
