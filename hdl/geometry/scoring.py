@@ -26,8 +26,7 @@ SENT_MATCH = data.StructLayout({"match": WEIGHED_PAIR, "ends": 1, "frame": FRAME
 _NOTE = data.StructLayout({"causes": len(ScoreCause), "number": 16, "last": 1, "frame": FRAME_BITS})
 """What waits for a hypothesis's score, apart from its sums."""
 READ_CYCLES = 2
-"""Clocks from an address to its match: the memory, and a register beside the multipliers. From that of a block RAM, as
-`LineMemory` has it, the way to them held an ECP5 at 144 MHz (measured)."""
+"""Clocks from an address to its match: the memory, and a register after it."""
 
 
 class _Marks(NamedTuple):
