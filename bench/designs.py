@@ -18,6 +18,7 @@ from hdl.level import Level
 from hdl.matching.correlation import WindowCorrelation
 from hdl.matching.fuzzy_correlation import FuzzyCorrelation
 from hdl.matching.matcher import Matcher
+from hdl.painting.painter import Painter
 from hdl.pixel.corners import Corners
 from hdl.pixel.fast import Fast
 from hdl.pixel.gradients import GradientColumns
@@ -117,6 +118,7 @@ def designs() -> dict[str, Design]:
         "camera crossing": block(CameraCrossing, video_bits=24, depth=4096),
         "camera gate": block(CameraGate),
         "ring writer": block(RingWriter, record_words=6, max_words=6 * (config.max_features + 2)),
+        "painter": block(Painter),
         "accelerator": accelerator(AERIAL),
         "accelerator, homography": accelerator(replace(AERIAL, estimator=EstimatorConfig())),
     }

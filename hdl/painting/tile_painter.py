@@ -54,7 +54,7 @@ class TilePainter(wiring.Component):
     old_tiles: Out(AXI_READ)
     new_tiles: Out(AXI_WRITE)
     o_counts: Out(COUNTS)
-    """Of the last frame, while ``o_idle``."""
+    """The last frame's, while ``o_idle``."""
     o_clearing: Out(1)
     """Tiles wait until the canvas is forgotten."""
     o_idle: Out(1)

@@ -1,6 +1,9 @@
 """The whole painter, with a camera and a memory that waits, is late and fails: every byte is the model's."""
 
+import re
+import subprocess
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +12,7 @@ from numpy.typing import NDArray
 from golden_model.geometry.scoring import quantise
 from golden_model.painting import painter as golden
 from golden_model.painting.pose import Placement, Poses
+from hdl.blocks.export import find_block, write_block
 from sim.benches.camera import MemoryRules
 from sim.benches.painter import PainterBench, Report
 from tests.golden_model.painting import tilted
@@ -202,3 +206,14 @@ def test_a_reset_in_a_frame_leaves_nothing_behind() -> None:
     assert [report.frame for report in bench.run(FRAME_CLOCKS, reports=1)] == [1]
     model.paint(frame(2), integers(second))
     np.testing.assert_array_equal(bench.canvas, model.memory)
+
+
+@pytest.mark.needs("icarus")
+def test_the_exported_block_is_verilog_with_four_buses(tmp_path: Path) -> None:
+    write_block(tmp_path, *find_block("hdl.painting.painter:Painter"))
+    verilog = tmp_path / "painter.v"
+    subprocess.run(["iverilog", "-g2012", "-s", "painter", "-o", tmp_path / "painter", verilog], check=True)
+    ports = set(re.findall(r"\w+", verilog.read_text().split("module painter(")[1].split(");")[0]))
+    # Frames in, windows out, tiles of the canvas both ways; and the streams around them.
+    assert {"frames_wdata", "windows_rdata", "old_tiles_rdata", "new_tiles_wdata"} <= ports
+    assert {"clk", "rst", "i_data", "i_poses_elements_8", "o_counts_painted"} <= ports
