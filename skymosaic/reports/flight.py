@@ -24,7 +24,6 @@ from skymosaic.reports.pair import write_pair_report
 from skymosaic.reports.summary import (
     describe_mosaic,
     ground_error_m,
-    list_disagreeing,
     list_files,
     on_white,
     summarise,
@@ -156,7 +155,7 @@ def _map_numbers(delivery: Delivery) -> dict[str, Any]:
         "scale_error_95": None if np.isnan(on_map.scale_error) else round(on_map.scale_error, 6),
         "offsets_m": offsets,
         "check_points_m": {name: round(m, 3) for name, m in place.checked_m.items()},
-        "left_out": [name for name, _ in list_disagreeing(delivery)],
+        "left_out": [name for name, _ in delivery.composition.place.disagreeing],
         "median_error_m": round(ground_error_m(delivery), 4),
         "height_m": place.height_m,
         "recorded_height_m": place.recorded_height_m,

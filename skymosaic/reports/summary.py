@@ -118,9 +118,8 @@ def _describe_map(delivery: Delivery) -> str:
         parts.append(f"flown at {place.height_m:.0f} m (recorded: {place.recorded_height_m:.0f} m)")
     if place.turned_deg is not None:
         parts.append(f"turned by {place.turned_deg:.0f} degrees from the recorded yaw")
-    if disagreeing := list_disagreeing(delivery):
-        names = ", ".join(f"{name} ({offset:.0f} m off)" for name, offset in disagreeing)
-        parts.append(f"without the {place.by} of {names}")
+    if without := place.describe_disagreeing():
+        parts.append(f"without {without}")
     return "; ".join(parts)
 
 
@@ -137,15 +136,6 @@ def _describe_bands(composition: Composition) -> str:
     registering = next(name for name in composition.band_names if name not in composition.aligned_px)
     others = ", ".join(f"{name} {error:.2f} px" for name, error in composition.aligned_px.items())
     return f"{', '.join(composition.band_names)}; registered by {registering}, median error of the others: {others}"
-
-
-def list_disagreeing(delivery: Delivery) -> list[tuple[str, float]]:
-    """Photographs or control points that disagree with the others, and by how many metres, the worst first."""
-    on_map, names = delivery.georeference, delivery.composition.place.fitted_to
-    if on_map is None:
-        return []
-    offsets = [(names[index], on_map.offsets_m[index]) for index in on_map.disagreeing]
-    return sorted(offsets, key=lambda item: -item[1])
 
 
 def ground_error_m(delivery: Delivery) -> float:

@@ -47,6 +47,19 @@ class MapPlace:
     """Two sources of the place that contradict each other, a line each."""
 
     @property
+    def disagreeing(self) -> list[tuple[str, float]]:
+        """Photographs or control points that disagree with the others, and by how many metres, the worst first."""
+        if (on_map := self.georeference) is None:
+            return []
+        offsets = [(self.fitted_to[index], on_map.offsets_m[index]) for index in on_map.disagreeing]
+        return sorted(offsets, key=lambda item: -item[1])
+
+    def describe_disagreeing(self) -> str:
+        """Name the positions that the map is made without, as "the GPS of A (6 m off)"; empty if there are none."""
+        names = ", ".join(f"{name} ({offset:.0f} m off)" for name, offset in self.disagreeing)
+        return names and f"the {self.by} of {names}"
+
+    @property
     def checked_rms_m(self) -> float:
         """Root mean square of the distances of the check points."""
         return float(np.sqrt(np.mean(np.square(list(self.checked_m.values())))))
@@ -91,7 +104,10 @@ def _hold_against(place: MapPlace, by: str, other: MapPlace, by_other: str, came
 
 
 def list_contradictions(flight: Flight, control: ControlPoints | None = None) -> list[str]:
-    """How the sources of a flight's place contradict each other or the layouts, also where a mosaic is refused."""
+    """How the sources of a flight's place contradict each other or the layouts, also where a mosaic is refused.
+
+    Single positions that disagree with the others are named, too.
+    """
     found: list[str] = []
     for layout in flight.layouts:
         with noting(found):
@@ -99,6 +115,8 @@ def list_contradictions(flight: Flight, control: ControlPoints | None = None) ->
             known = sum(flight.views[member].gps is not None for member in layout.members)
             refused = place.georeference is None and known >= MIN_POSITIONS
             found += [f"no place on the map: {place.note}"] if refused else place.contradictions
+            if without := place.describe_disagreeing():
+                found.append(f"a map is made without {without}")
     return found
 
 

@@ -108,6 +108,14 @@ def test_positions_that_do_not_fit_the_layout_are_a_contradiction() -> None:
     assert place_on_map(flight, layout).note
 
 
+def test_single_positions_that_disagree_are_named_the_worst_first() -> None:
+    flight, layout = flown()
+    for number, step_px in ((2, 60), (7, 90)):
+        flight.views[number].taken = taken_above(*(STEPS[number] + (np.array(SIZE) - 1) / 2 + [step_px, 0]))
+    assert place_on_map(flight, layout).georeference is not None
+    assert list_contradictions(flight) == ["a map is made without the GPS of 7.jpg (9 m off), 2.jpg (6 m off)"]
+
+
 def test_two_gps_positions_say_little_of_the_scale() -> None:
     """Each may be 5 m off, and they fit exactly."""
     flight, layout = with_positions(lambda at: MIDDLE + 1.25 * (at - MIDDLE))
