@@ -121,7 +121,7 @@ class SerialQuotient(wiring.Component):
     o: Out(signed(CORNER_FORMAT.bits))
     """`latency_cycles` after ``i_start``, in this clock only."""
     o_fits: Out(1)
-    """Whether it is the quotient. It is not for a divisor of 0; for a negative one this means nothing."""
+    """Whether it is the quotient. It never is for a divisor of 0 or less, of which the two first bits are equal."""
 
     latency_cycles = 1 + QUOTIENT_BITS
 
@@ -180,7 +180,7 @@ class CornerProjector(wiring.Component):
         with m.If(self.i.ready):
             m.d.sync += behind.eq(0)
         with m.If(starts):
-            m.d.sync += [divisor.eq(w), behind.eq(behind | (w < 0))]
+            m.d.sync += divisor.eq(w)
         with m.If(divided):
             m.d.sync += corners.eq(Cat(corners, *found)[len(Cat(found)) :])
             with m.If(~Cat(quotient.o_fits for quotient in quotients).all()):

@@ -80,3 +80,28 @@ def test_a_reset_forgets_pose_and_tile() -> None:
 
     bench = BlockBench(dut, cycle_limit=3000)
     bench.run(run)
+
+
+def test_a_tile_goes_before_a_pose_that_comes_with_it() -> None:
+    dut = CornerProjector()
+    found: list[list[list[int]]] = []
+
+    async def send_poses(ctx: Any) -> None:
+        await put_pose(ctx, bench, dut.i_pose, LEVEL)
+        # Both are offered while the first tile is projected.
+        await ctx.tick().repeat(3)
+        await put_pose(ctx, bench, dut.i_pose, TILTED)
+
+    async def send_tiles(ctx: Any) -> None:
+        for column in (3, 4):
+            await bench.stream_put(ctx, dut.i, {"column": column, "row": 0})
+
+    async def receive(ctx: Any) -> None:
+        for _ in range(2):
+            got = await bench.stream_get(ctx, dut.o)
+            found.append([[corner.x, corner.y] for corner in got.corners])
+
+    bench = BlockBench(dut, cycle_limit=2000)
+    bench.run(send_poses, send_tiles, receive)
+    corners, _ = project(LEVEL, np.array([(3, 0), (4, 0)]))
+    assert found == corners.reshape(2, -1, 2).tolist()
