@@ -28,16 +28,9 @@ def follow_relief(flight: Flight, warp: str) -> Flight:
     meshes, layouts = dict[int, Mesh](), list[Layout]()
     for layout in flight.layouts:
         frames = {m: Frame(flight.views[m].working_size, layout.transforms[m]) for m in layout.members}
-        ties = [
-            Ties(
-                link.left,
-                link.right,
-                np.concatenate((link.left_points, link.left_relief)),
-                np.concatenate((link.right_points, link.right_relief)),
-            )
-            for link in layout.links
-        ]
-        found, shares = fit_meshes(frames, ties, layout.members, always=warp == "mesh")
+        found, shares = fit_meshes(
+            frames, [_ties(link) for link in layout.links], layout.members, always=warp == "mesh"
+        )
         meshes |= found
         layouts.append(replace(layout, bent=shares) if found else layout)
     if not meshes:
@@ -49,6 +42,11 @@ def follow_relief(flight: Flight, warp: str) -> Flight:
         links=_move(flight.links, moves),
         layouts=tuple(_move_links(layout, moves) for layout in layouts),
     )
+
+
+def _ties(link: Link) -> Ties:
+    left, right = (link.left_points, link.left_relief), (link.right_points, link.right_relief)
+    return Ties(link.left, link.right, np.concatenate(left), np.concatenate(right))
 
 
 def _stay(points: Points) -> Points:

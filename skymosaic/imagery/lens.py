@@ -65,20 +65,16 @@ class Lens:
         Pixels of another camera, see `fits`, are returned as they are; so are points by `straighten_points`.
         """
         size = (pixels.shape[1], pixels.shape[0])
-        camera = self.camera_at(size)
-        if camera is None:
+        if (camera := self.camera_at(size)) is None:
             return pixels
-        matrix, distortion = camera
-        maps = cv2.initUndistortRectifyMap(matrix, distortion, None, matrix, size, cv2.CV_16SC2)
+        maps = cv2.initUndistortRectifyMap(*camera, None, camera[0], size, cv2.CV_16SC2)
         return np.asarray(cv2.remap(pixels, *maps, interpolation), dtype=pixels.dtype)
 
     def straighten_points(self, points: Points, size: tuple[int, int]) -> Points:
         """Move points (N, 2), px, to where the straightened photograph of ``size`` (width, height) shows them."""
-        camera = self.camera_at(size)
-        if camera is None:
+        if (camera := self.camera_at(size)) is None:
             return points
-        matrix, distortion = camera
-        straight = cv2.undistortPoints(points.reshape(-1, 1, 2), matrix, distortion, P=matrix)
+        straight = cv2.undistortPoints(points.reshape(-1, 1, 2), *camera, P=camera[0])
         return np.asarray(straight, dtype=np.float64).reshape(-1, 2)
 
     def visible_mask(self, size: tuple[int, int], own: Pixels | None = None) -> Pixels | None:
