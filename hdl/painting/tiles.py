@@ -128,7 +128,8 @@ class TileWalker(wiring.Component):
 
     def _coefficients(self, m: Module) -> list[Value]:
         """Compute what `golden_model.painting.tiles.edges` does, for a column."""
-        x, y, w = (self.i.payload[name] >> ELEMENT.bits - TESTED.bits for name in "xyw")
+        # Cut, and not shifted, so that w fits the multiplier of any technology.
+        x, y, w = (self.i.payload[name][ELEMENT.bits - TESTED.bits :].as_signed() for name in "xyw")
         sides = [
             multiply(m, name, w, Cat(side, Const(0, 1)).as_signed()) >> UNIT_LOG2
             for name, side in (("width", self.i_width_px), ("height", self.i_height_px))

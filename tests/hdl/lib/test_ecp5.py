@@ -2,10 +2,12 @@
 """Blocks with the ECP5's own multipliers and block RAMs, simulated with models of them against the golden model."""
 
 import re
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
+from amaranth.back import rtlil
 from amaranth.hdl import Module, Signal, signed
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
@@ -21,6 +23,7 @@ from hdl.lib.ecp5 import Ecp5
 from hdl.lib.line_memory import LineMemory
 from hdl.lib.multiplier import multiply_wide
 from hdl.netlist import to_verilog
+from hdl.painting.painter import Painter
 from hdl.pixel.harris import RawResponse
 from tests.hdl.lib.test_multiplier import FACTORS
 from tests.hdl.netlists import models, run_bench
@@ -90,6 +93,13 @@ def test_a_block_of_instances_equals_the_golden_model(
     (tmp_path / f"{name}.v").write_text(netlist)
     printed = run_bench(tmp_path, name, [tmp_path / f"{name}.v", *models(tmp_path, "ecp5")])
     assert printed.startswith("PASS"), printed
+
+
+def test_the_whole_painter_is_made_of_the_cells() -> None:
+    """Wherever it multiplies, the factors fit."""
+    cells = Counter(re.findall(r"cell \\(DP16KD|MULT18X18D) ", rtlil.convert(Painter(), platform=Ecp5())))
+    # Multipliers: interpolation, blending, the frame's edges. Memories: windows, weights of tiles, poses.
+    assert cells == {"MULT18X18D": 9 + 3 + 2, "DP16KD": 12 + 9 + 3}
 
 
 def test_what_does_not_fit_is_refused_and_what_just_fits_is_not() -> None:
