@@ -11,17 +11,15 @@ A FLIGHT is a folder of photographs, or the name of a public flight below SKYMOS
 """
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
 
 from bench.independent_ties import errors
 from bench.mosaic_quality import quality
 from bench.nuisances import nuisances
 from bench.pair_sets import public_folder
 from bench.rendered_flights import rendered
-from bench.report import JsonFile, Row, program, report
+from bench.report import Flights, JsonFile, Row, program, report
 from bench.stitcher_runs import peers
 from golden_model.arrays import Points
 from skymosaic.flight.mapping.cameras import cameras_of
@@ -36,10 +34,7 @@ for command in (peers, rendered, quality, errors, nuisances):
 
 
 @app.command()
-def maps(
-    flights: Annotated[list[str], typer.Argument(help="Folders of photographs with GPS.")],
-    json_file: JsonFile = None,
-) -> None:
+def maps(flights: Flights, json_file: JsonFile = None) -> None:
     """How well flights fit their GPS: at the middle of the photographs, and at the positions of the cameras.
 
     Median and root mean square distance of all positions, so that both fits are judged alike.

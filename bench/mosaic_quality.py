@@ -10,15 +10,14 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import cv2
 import numpy as np
 import rasterio
-import typer
 
 from bench.pair_sets import public_folder
-from bench.report import JsonFile, Row, report
+from bench.report import Flights, JsonFile, Row, report
 from golden_model.arrays import Array, Matrix, Pixels
 from skymosaic.compositing.warp import magnification
 from skymosaic.imagery.lens import Lens, lens_of
@@ -30,10 +29,7 @@ SHARPNESS_SIDE_PX = 384
 HIGH_PASS_PX = 6.0
 
 
-def quality(
-    flights: Annotated[list[str], typer.Argument(help="Folders of photographs.")],
-    json_file: JsonFile = None,
-) -> None:
+def quality(flights: Flights, json_file: JsonFile = None) -> None:
     """Quality of mosaics without ground truth, and their cost.
 
     Error: median of the tie points at 1600 px wide. CPU: from the files to the mosaic and the report. Brightness kept:

@@ -14,14 +14,13 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import cv2
 import numpy as np
-import typer
 from PIL import Image as PillowImage
 
-from bench.report import JsonFile, Row, program, report
+from bench.report import JsonFile, PartsOfNames, Row, program, report
 from skymosaic.common.errors import InputError
 from skymosaic.imagery import images
 from skymosaic.imagery.exif import read_metadata
@@ -124,10 +123,7 @@ def in_process(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 @app.command()
-def main(
-    names: Annotated[list[str] | None, typer.Argument(help="Parts of names; all by default.")] = None,
-    json_file: JsonFile = None,
-) -> None:
+def main(names: PartsOfNames = None, json_file: JsonFile = None) -> None:
     """Print a row for each file; exit status 1 if one takes more than 20 s of processor time or 2048 MB."""
     rows: list[Row] = []
     exceeded = []

@@ -31,7 +31,7 @@ from bench import flight_pairs
 from bench.methods import ON_CHIP, REFERENCE, Method, chosen_methods, estimate_on_chip, read_gray
 from bench.pair_sets import public_folder, write_set
 from bench.rendered_pairs import HEIGHTS_PX, OVERLAPS, STEPS, ReliefPair, flat_pairs, relief_pairs
-from bench.report import JsonFile, Row, program, report
+from bench.report import Flights, JsonFile, Row, program, report
 from golden_model.arrays import Matrix
 from skymosaic import extract, register
 from skymosaic.evaluation.known_pairs import KnownPair, read_pairs
@@ -135,7 +135,7 @@ def group_rows(results: dict[str, list[Outcome]]) -> list[Row]:
 def shares(outcomes: list[Outcome]) -> str:
     """Percent of pairs under each limit: mean over the seeds, and the range where they differ."""
     errors = np.array([outcome.error_px for outcome in outcomes])
-    by_seed = [100 * np.mean(errors < limit, axis=0) for limit in LIMITS_PX]
+    by_seed = (100 * np.mean(errors < limit, axis=0) for limit in LIMITS_PX)
     return " / ".join(
         f"{share.mean():.0f}" + (f" ({share.min():.0f}-{share.max():.0f})" if np.ptp(share) > 0 else "")
         for share in by_seed
@@ -189,7 +189,7 @@ def relief_row(heading: str, method: Method, pairs: list[ReliefPair], seeds: int
 
 @app.command()
 def unrelated(
-    flights: Annotated[list[str], typer.Argument(help="Folders of photographs, one for each flight.")],
+    flights: Flights,
     pairs: Annotated[int, typer.Option(min=1, help="Pairs to try.")] = 1000,
     effort: Annotated[list[str] | None, typer.Option(help="Only these; by default all.")] = None,
     on_chip: Annotated[bool, typer.Option("--on-chip", help="The estimator of the hardware instead.")] = False,
@@ -203,33 +203,28 @@ def unrelated(
     every = [(one, other) for a, b in combinations(photographs, 2) for one in a for other in b]
     tried = random.Random(0).sample(every, min(pairs, len(every)))
     features = {path: extract(reduce_to_width(load(path).pixels, WIDTH_PX)[0]) for path in set(chain(*tried))}
-    levels: dict[str, Effort | None] = {level: level for level in EFFORTS if level in (effort or EFFORTS)}
-    if on_chip:
-        levels = {ON_CHIP: None}
-    inliers: dict[str, list[int]] = {name: [] for name in levels}
-    accepted = dict.fromkeys(inliers, 0)
+    levels: list[Effort | None] = [None] if on_chip else [level for level in EFFORTS if level in (effort or EFFORTS)]
+    rows: list[Row] = [
+        {"effort": level or ON_CHIP, "pairs": len(tried), "accepted": 0, "most inliers": 0} for level in levels
+    ]
     for left, right in track(tried, description="unrelated pairs", console=progress):
-        for name, level in levels.items():
+        for level, row in zip(levels, rows, strict=True):
             if level is None:
                 (result,) = estimate_on_chip(features[left].photograph.pixels, features[right].photograph.pixels)
                 count, is_accepted = result.inliers, result.causes == 0
             else:
                 pair = register(features[left], features[right], effort=level)
                 count, is_accepted = len(pair.inliers), pair.accepted
-            inliers[name].append(count)
-            accepted[name] += is_accepted
+            row["accepted"] = int(row["accepted"]) + is_accepted
+            row["most inliers"] = max(int(row["most inliers"]), count)
             if is_accepted:
-                progress.print(f"accepted, {name}: {left}, {right}, {count} inliers")
-    rows: list[Row] = [
-        {"effort": name, "pairs": len(counts), "accepted": accepted[name], "most inliers": max(counts)}
-        for name, counts in inliers.items()
-    ]
+                progress.print(f"accepted, {row['effort']}: {left}, {right}, {count} inliers")
     report("photographs of different flights", rows)
 
 
 @app.command()
 def decorated(
-    flights: Annotated[list[str], typer.Argument(help="Folders of photographs, one for each flight.")],
+    flights: Flights,
     photographs: Annotated[int, typer.Option(min=2, help="Of each flight, the first ones.")] = 8,
     seeds: Seeds = 5,
     json_file: JsonFile = None,

@@ -9,15 +9,14 @@ import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import cv2
 import numpy as np
-import typer
 from rich.console import Console
 from rich.progress import track
 
-from bench.report import JsonFile, Row, report
+from bench.report import JsonFile, PartsOfNames, Row, report
 from bench.stitcher_runs import run_stitcher
 from golden_model.arrays import Array, Pixels
 from sim.scene import Flight, make_lawnmower
@@ -66,10 +65,7 @@ CASES = {
 """Photographs, and what is special; the last four are means of four flights."""
 
 
-def rendered(
-    names: Annotated[list[str] | None, typer.Argument(help="Parts of names; all by default.")] = None,
-    json_file: JsonFile = None,
-) -> None:
+def rendered(names: PartsOfNames = None, json_file: JsonFile = None) -> None:
     """Position errors of rendered flights; those measured replace their rows in the file."""
     chosen = {name: case for name, case in CASES.items() if not names or any(part in name for part in names)}
     rows = [measure(name, case) for name, case in chosen.items()]

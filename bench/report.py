@@ -14,6 +14,8 @@ MEASURED = Path(__file__).parents[1] / "docs" / "measured"
 """Folder of the files that the documentation is made from."""
 Row = dict[str, str | int | float]
 """Heading and figure, in the order of the columns; the first column names the row."""
+Flights = Annotated[list[str], typer.Argument(help="Folders of photographs, or public flights; one flight each.")]
+PartsOfNames = Annotated[list[str] | None, typer.Argument(help="Parts of names; all by default.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write command and rows here; docs/measured has them.")]
 
 

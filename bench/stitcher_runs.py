@@ -11,15 +11,14 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import cv2
 import numpy as np
-import typer
 from rich.progress import track
 
 from bench.pair_sets import public_folder
-from bench.report import JsonFile, Row, report
+from bench.report import Flights, JsonFile, Row, report
 from golden_model.arrays import Matrix, Points
 from golden_model.config import preset_config
 from golden_model.user_cache import cache_folder
@@ -48,10 +47,7 @@ Matches = tuple[str, str, Points, Points]
 """Names of two photographs, and their matches in original pixels."""
 
 
-def peers(
-    flights: Annotated[list[str], typer.Argument(help="Folders of photographs, one flight each.")],
-    json_file: JsonFile = None,
-) -> None:
+def peers(flights: Flights, json_file: JsonFile = None) -> None:
     """Photographs placed, error, processor time and memory, beside other stitchers."""
     rows = [row for flight in flights for row in compare(public_folder(flight))]
     report("flights beside other stitchers", rows, json_file)

@@ -115,8 +115,7 @@ def _iou(first: Array, second: Array) -> float:
 
 @app.command()
 def main(
-    seeds: Annotated[int, typer.Option(min=1, help="Videos of each kind.")] = 3,
-    json_file: JsonFile = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Videos of each kind.")] = 3, json_file: JsonFile = None
 ) -> None:
     """Print a row for each kind of video, and the frames per second of processor time."""
     rows: list[Row] = []
