@@ -111,11 +111,7 @@ def trace(image: Pixels, config: FrontEndConfig) -> FrontEndTrace:
 
 
 def _extract(
-    image: Pixels,
-    config: FrontEndConfig,
-    frame: int,
-    keep: Callable[[int, str, NDArray[Any], int], None],
-    band_px: int,
+    image: Pixels, config: FrontEndConfig, frame: int, keep: Callable[[int, str, NDArray[Any], int], None], band_px: int
 ) -> FrameFeatures:
     full = to_gray(image)
     size_px = full.shape[1], full.shape[0]

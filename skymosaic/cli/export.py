@@ -70,15 +70,13 @@ FolderOption = Annotated[Path, output_option("Folder to write."), Writes(OWN_NAM
 def board(
     *,
     name: Annotated[
-        str,
-        typer.Argument(help="The kit.", metavar="|".join(ALL_BOARDS), autocompletion=lambda: list(ALL_BOARDS)),
+        str, typer.Argument(help="The kit.", metavar="|".join(ALL_BOARDS), autocompletion=lambda: list(ALL_BOARDS))
     ],
     output: FolderOption,
     overwrite: OverwriteOption = False,
     options: BuildOptions,
     bitstream: Annotated[
-        bool,
-        typer.Option("--build", rich_help_panel=OUTPUT, help=f"For the {SERIAL_BOARD}: make the bitstream, too."),
+        bool, typer.Option("--build", rich_help_panel=OUTPUT, help=f"For the {SERIAL_BOARD}: make the bitstream, too.")
     ] = False,
 ) -> None:
     """Write Verilog, register map, driver and what the tools need, for a kit."""

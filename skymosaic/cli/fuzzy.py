@@ -17,13 +17,7 @@ from skymosaic.cli.options import OutputVariableOption, OverwriteOption, import_
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.common.errors import InputError
-from skymosaic.fuzzy.golden import (
-    ENTRIES,
-    MIN_FIRING_STRENGTH,
-    ErrorBounds,
-    measure_errors,
-    quantise,
-)
+from skymosaic.fuzzy.golden import ENTRIES, MIN_FIRING_STRENGTH, ErrorBounds, measure_errors, quantise
 from skymosaic.fuzzy.plotted_systems import PLOTTED_SYSTEMS, PlottedSystem, plan_plot
 from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
 

@@ -8,14 +8,7 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.options import (
-    PICTURES,
-    OverwriteOption,
-    RequireMapOption,
-    StrictOption,
-    output_option,
-    with_options,
-)
+from skymosaic.cli.options import PICTURES, OverwriteOption, RequireMapOption, StrictOption, output_option, with_options
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError, RegistrationError, noting
@@ -45,8 +38,7 @@ def live(
         str, typer.Argument(help="A folder being filled, a video file or address, or a camera number."), PICTURES
     ],
     idle_seconds: Annotated[
-        float | None,
-        typer.Option(min=0, rich_help_panel=INPUT, help="End when no new file has come for this long."),
+        float | None, typer.Option(min=0, rich_help_panel=INPUT, help="End when no new file has come for this long.")
     ] = None,
     output: Annotated[
         Path,

@@ -53,9 +53,7 @@ def mosaic(
         Path, output_option("The mosaic: .png, .tif ...; -: PNG on stdout."), Writes(list_outputs=_list_groups)
     ],
     report: Annotated[
-        Path | None,
-        typer.Option(rich_help_panel=OUTPUT, help="Folder for pictures and numbers."),
-        Writes(REPORT_NAMES),
+        Path | None, typer.Option(rich_help_panel=OUTPUT, help="Folder for pictures and numbers."), Writes(REPORT_NAMES)
     ] = None,
     save_camera: Annotated[
         Path | None,

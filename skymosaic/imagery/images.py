@@ -170,11 +170,7 @@ def reduce_for_front_end(original: Pixels, width_px: int, name: str) -> tuple[Pi
 
 
 def check_output(
-    path: Path,
-    inputs: Sequence[Path] = (),
-    suffixes: tuple[str, ...] = PICTURE_SUFFIXES,
-    *,
-    overwrite: bool = False,
+    path: Path, inputs: Sequence[Path] = (), suffixes: tuple[str, ...] = PICTURE_SUFFIXES, *, overwrite: bool = False
 ) -> None:
     """Check that an output file can be written, before the work starts.
 

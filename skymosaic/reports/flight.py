@@ -21,14 +21,7 @@ from skymosaic.imagery.photographs import short_names
 from skymosaic.reports import pages
 from skymosaic.reports.footprints import outline_photographs, write_fly_again, write_footprints
 from skymosaic.reports.pair import write_pair_report
-from skymosaic.reports.summary import (
-    describe_mosaic,
-    ground_error_m,
-    list_files,
-    on_white,
-    summarise,
-    summary_rows,
-)
+from skymosaic.reports.summary import describe_mosaic, ground_error_m, list_files, on_white, summarise, summary_rows
 
 MAX_FLAT_RELIEF = 0.05
 """Ground counts as flat if less than this share of the matches lies off the plane."""

@@ -47,11 +47,7 @@ class Cluster:
     """
 
     def __init__(
-        self,
-        address: str,
-        tell: Callable[[str], None],
-        sources: Sequence[Source] = (),
-        memory_bytes: int = 0,
+        self, address: str, tell: Callable[[str], None], sources: Sequence[Source] = (), memory_bytes: int = 0
     ) -> None:
         self._name, self._tell = address, tell
         self._client = _connect(address)

@@ -21,18 +21,10 @@ FUZZY_RANSAC = {
 }
 """Table IV-4: features of image 1 and of image 2, matched, bidirectional, RANSAC, inliers."""
 
-RMSE_PX = {
-    "literature": (1.9, 1.8),
-    "scenes": (1.2, 1.4, 1.5),
-    "tests": (0.39, 0.80),
-}
+RMSE_PX = {"literature": (1.9, 1.8), "scenes": (1.2, 1.4, 1.5), "tests": (0.39, 0.80)}
 """Table IV-5: RMSE of the inliers."""
 
-RECALL = {
-    "literature": (0.62, 0.71, 0.27, 0.60),
-    "scenes": (0.76, 0.75, 0.72),
-    "tests": (0.77, 0.74),
-}
+RECALL = {"literature": (0.62, 0.71, 0.27, 0.60), "scenes": (0.76, 0.75, 0.72), "tests": (0.77, 0.74)}
 """Table IV-6; for scenes and tests, these are inliers divided by matched of Table IV-4."""
 
 MOSAIC_SECONDS = {

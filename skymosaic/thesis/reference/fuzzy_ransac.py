@@ -11,13 +11,7 @@ SETS = 2000
 
 
 def decide_in_sets_of_four(
-    H: Array,
-    left: ArrayLike,
-    right: ArrayLike,
-    verified: ArrayLike,
-    *,
-    rng: np.random.Generator,
-    sets: int = SETS,
+    H: Array, left: ArrayLike, right: ArrayLike, verified: ArrayLike, *, rng: np.random.Generator, sets: int = SETS
 ) -> Mask:
     """Decide sets of four random matches: if all are verified and all errors are at most tau, all four are inliers.
 

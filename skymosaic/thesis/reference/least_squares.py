@@ -4,14 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from golden_model.arrays import Array
-from skymosaic.geometry.homography import (
-    apply,
-    check_pairs,
-    design_matrix,
-    normalisation,
-    rescale,
-    solve_least_squares,
-)
+from skymosaic.geometry.homography import apply, check_pairs, design_matrix, normalisation, rescale, solve_least_squares
 
 
 def estimate_inhomogeneous(left: ArrayLike, right: ArrayLike) -> Array:
