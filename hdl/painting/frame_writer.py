@@ -36,8 +36,9 @@ class FrameWriter(wiring.Component):
     """Writes whole frames, four bytes a pixel, rows padded to 128 bytes; what lies behind a row's end stays as it was.
 
     The camera never waits. A frame that is shorter than set, that has a line of another length, or of which a pixel
-    finds the queue full, is cut off and counted; so is one that starts before this is over. Lines behind the last are
-    ignored. A frame that is complete waits at ``o`` until it is taken; while it waits, every other is skipped.
+    finds the queue full, is cut off and counted; so is one that starts before this is over. Of a frame with too many
+    lines the upper ones are kept, and it is counted as well. A frame that is complete waits at ``o`` until it is taken;
+    while it waits, every other is skipped.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ class FrameWriter(wiring.Component):
     o: Out(stream.Signature(STORED))
     """Complete frames."""
     o_cut: Out(1)
-    """A frame has been cut off."""
+    """A frame has been cut off, or has too many lines."""
     o_failed: Out(1)
     """A frame has been given up, since the memory answered with an error."""
     o_skipped: Out(1)
@@ -94,24 +95,30 @@ class FrameWriter(wiring.Component):
         pixel = Cat(blue, green, red, Const(0, 8))
         starts = beat.valid & beat.first
         ends_line = x == self.i_width_px - 1
+        # All lines of a frame have been queued, and nothing has come since.
+        is_full = Signal()
         with m.If(starts):
             m.d.sync += [number.eq(number + 1), x.eq(1), y.eq(0), left.eq(pixel)]
         with m.Elif(beat.valid):
             m.d.sync += [x.eq(Mux(ends_line, 0, x + 1)), y.eq(y + ends_line), left.eq(pixel)]
+        with m.If(beat.valid):
+            m.d.sync += is_full.eq(0)
         with m.FSM(name="camera"):
             with m.State("OUTSIDE"):
                 m.d.comb += [waiting.w_data.eq(number + 1), waiting.w_en.eq(starts & self.i_enable)]
-                with m.If(waiting.w_en):
-                    m.d.comb += self.o_cut.eq(~waiting.w_rdy)
-                    with m.If(waiting.w_rdy):
-                        m.next = "INSIDE"
+                m.d.comb += self.o_cut.eq((waiting.w_en & ~waiting.w_rdy) | (is_full & beat.valid & ~beat.first))
+                with m.If(waiting.w_en & waiting.w_rdy):
+                    m.next = "INSIDE"
             with m.State("INSIDE"):
                 # The first pixel of a frame begins a line, which has at least two.
-                pushes = beat.valid & ~beat.first & (x[0] | ends_line)
+                continues = beat.valid & ~beat.first & (beat.last == ends_line)
+                # A pixel that does not belong here is not pushed: behind the frame's last word comes no mark.
+                pushes = continues & (x[0] | ends_line)
                 m.d.comb += [waiting.w_data.eq(Cat(Mux(x[0], left, pixel), pixel)), waiting.w_en.eq(pushes)]
                 with m.If(pushes & ends_line & (y == self.i_height_px - 1)):
+                    m.d.sync += is_full.eq(1)
                     m.next = "OUTSIDE"
-                with m.If(starts | (beat.valid & ~beat.first & (beat.last != ends_line)) | (pushes & ~waiting.w_rdy)):
+                with m.If((beat.valid & ~continues) | (pushes & ~waiting.w_rdy)):
                     m.d.comb += self.o_cut.eq(starts & self.i_enable)
                     m.next = "MARK"
             # What is cut off counts when the memory's side gives it up, what starts meanwhile at once.
