@@ -27,7 +27,9 @@ class CanvasPort(wiring.Component):
     """Gives the old pixels of tiles, and writes the new ones in the same order, 1,024 for each tile.
 
     A tile is read while others are painted; one that was never painted is not read, its old pixels are 0. Words that
-    could not be read are not written either, so that nothing is painted over them, and the tile's smallest weight is 0.
+    could not be read are not written either, so that nothing is painted over them. Where a word could not be read, or a
+    burst not written, the tile's smallest weight is 0, so that it may be painted again; and a tile of which the first
+    painting failed counts as never painted.
     """
 
     i: In(stream.Signature(PLAN))
@@ -65,14 +67,14 @@ class CanvasPort(wiring.Component):
             for name, entry in (
                 ("to_read", Cat(is_read, number)),
                 ("to_give", is_read),
-                ("to_write", Cat(visited.tile, number)),
+                ("to_write", Cat(visited.tile, visited.painted, number)),
             )
         )
         m.d.comb += [
             # The others are never longer than this one.
             self.i.ready.eq(to_write.w_rdy),
             self.o_error.eq(reader.o_error | bursts.o_error),
-            self.o_idle.eq(~to_write.r_rdy & bursts.o_all_answered),
+            self.o_idle.eq(~to_write.r_rdy),
         ]
         self._give(m, to_give, failures, self._read(m, reader, to_read))
         self._write(m, bursts, to_write, *self._collect(m, failures))
@@ -145,21 +147,25 @@ class CanvasPort(wiring.Component):
     def _write(
         self, m: Module, bursts: BurstWriter, tiles: fifo.SyncFIFO, new: fifo.SyncFIFOBuffered, least: Signal
     ) -> None:
-        """Write a burst when its words are there."""
-        burst, sends = Signal(range(TILE_BURSTS)), Signal()
+        """Write a burst when its words are there; a tile is painted when the memory has answered all of it."""
+        burst, sends, has_failed = Signal(range(TILE_BURSTS)), Signal(), Signal()
         tile_bits = len(Value.cast(self.o_painted.tile))
+        tile, was_painted, number = tiles.r_data[:tile_bits], tiles.r_data[tile_bits], tiles.r_data[tile_bits + 1 :]
         m.d.comb += [
-            bursts.i_burst.eq(Cat(burst, self.i_page + tiles.r_data[tile_bits:])),
+            bursts.i_burst.eq(Cat(burst, self.i_page + number)),
             bursts.i_start.eq(~sends & bursts.o_ready & (new.r_level >= BURST_WORDS)),
             bursts.i.valid.eq(new.r_rdy),
             bursts.i.payload.eq(new.r_data),
             new.r_en.eq(bursts.i.ready),
-            self.o_painted.tile.eq(tiles.r_data[:tile_bits]),
-            # The next tile ends much later than the words that wait.
-            self.o_painted.least.eq(least),
+            self.o_painted.tile.eq(tile),
+            self.o_painted.painted.eq(was_painted | ~has_failed),
+            # The next tile ends much later: only so many of its words wait.
+            self.o_painted.least.eq(Mux(has_failed, 0, least)),
+            tiles.r_en.eq(self.o_painted.valid),
         ]
+        m.d.sync += has_failed.eq((has_failed | bursts.o_error) & ~self.o_painted.valid)
         with m.If(bursts.i_start):
             m.d.sync += sends.eq(1)
-        with m.Elif(sends & bursts.o_sent):
-            m.d.comb += [self.o_painted.valid.eq(burst.all()), tiles.r_en.eq(burst.all())]
+        with m.Elif(sends & Mux(burst.all(), bursts.o_all_answered, bursts.o_sent)):
+            m.d.comb += self.o_painted.valid.eq(burst.all())
             m.d.sync += [sends.eq(0), burst.eq(burst + 1)]

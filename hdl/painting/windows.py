@@ -32,8 +32,8 @@ PLAN = data.StructLayout(
 ``painted``: the tile was painted before, so that its memory has a meaning. ``blank``: nothing of the frame is to be
 shown; corners and box mean nothing.
 """
-PAINTED_TILE = data.StructLayout({"valid": 1, "tile": TILE, "least": WEIGHT_BITS})
-"""A tile that has been painted, and the smallest weight in it."""
+PAINTED_TILE = data.StructLayout({"valid": 1, "tile": TILE, "least": WEIGHT_BITS, "painted": 1})
+"""A tile that has been painted, and the smallest weight in it. Not ``painted``: what is in memory means nothing yet."""
 _KEPT = data.StructLayout({"least": WEIGHT_BITS, "painted": 1})
 PLACE_BITS = TILE["column"].width
 WHOLE = signed(CORNER.integer_bits + 1)
@@ -167,7 +167,7 @@ class WindowPlanner(wiring.Component):
             tiles.i_read_address.eq(self._address(self.i.payload.tile)),
             tiles.i_write.eq(painted.valid | clears),
             tiles.i_write_address.eq(Mux(clears, cleared, self._address(painted.tile))),
-            word.painted.eq(~clears),
+            word.painted.eq(~clears & painted.painted),
             word.least.eq(Mux(clears, 0, painted.least)),
         ]
         m.d.sync += [cleared.eq(cleared + clears), clears.eq(self.i_clear | (clears & ~cleared.all()))]

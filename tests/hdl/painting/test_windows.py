@@ -55,8 +55,11 @@ class Canvas:
         kept = np.flatnonzero(~dropped).tolist()
         return [Plan(n, bool(self.painted[n]), bool(blank[n]), [] if blank[n] else cut[n].tolist()) for n in kept]
 
-    def paint(self, tile: int, least: int) -> None:
-        self.least[tile], self.painted[tile] = least, True
+    def paint(self, tile: int, least: int) -> bool:
+        """Returns whether it is painted: as if the memory failed at each first painting with a least weight of 0."""
+        self.least[tile] = least
+        self.painted[tile] |= least > 0
+        return bool(self.painted[tile])
 
 
 def place(tile: NDArray[np.int64]) -> dict[str, int]:
@@ -102,8 +105,8 @@ def run(
             # The tiles are painted in another order.
             for n in [plan.tile for plan in reversed(due)]:
                 least = int(rng.choice([0, 1, 20, 40, 50, 255]))
-                canvas.paint(n, least)
-                ctx.set(dut.i_painted, {"valid": 1, "tile": place(TILES[n]), "least": least})
+                painted = canvas.paint(n, least)
+                ctx.set(dut.i_painted, {"valid": 1, "tile": place(TILES[n]), "least": least, "painted": painted})
                 await ctx.tick()
             ctx.set(dut.i_painted.valid, 0)
 
@@ -166,7 +169,8 @@ def test_a_tile_takes_28_clocks_and_a_reset_in_any_phase_clears_the_canvas() -> 
             ctx.set(dut.i.payload, first)
             ctx.set(dut.i.valid, 1)
             await ctx.tick().repeat(clocks_before)
-            ctx.set(dut.i_painted, {"valid": clocks_before > len(TILES), "tile": place(TILES[6]), "least": 200})
+            painted = {"valid": clocks_before > len(TILES), "tile": place(TILES[6]), "least": 200, "painted": 1}
+            ctx.set(dut.i_painted, painted)
             await ctx.tick()
             ctx.set(dut.i_painted.valid, 0)
             await bench.pulse(ctx, bench.reset)
