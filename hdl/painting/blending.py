@@ -13,7 +13,9 @@ from hdl.painting.sampling import CHANNELS, PIXEL
 PIXELS = data.StructLayout({"old": PIXEL, "new": PIXEL})
 """A pixel of the canvas, and the frame's pixel in its place."""
 SHARE_CYCLES = 2
-PIPELINE_CYCLES = SHARE_CYCLES + Multiplier.latency_cycles + 1
+MIXING_CYCLES = SHARE_CYCLES + Multiplier.latency_cycles + 1
+INPUT_CYCLES = 1
+PIPELINE_CYCLES = INPUT_CYCLES + MIXING_CYCLES
 
 
 class Blending(wiring.Component):
@@ -36,10 +38,11 @@ class Blending(wiring.Component):
         m.submodules.queue = queue = ResultQueue(shape=PIXEL, pipeline_cycles=PIPELINE_CYCLES)
         wiring.connect(m, queue.o, wiring.flipped(self.o))
         m.d.comb += [self.i.ready.eq(queue.o_ready), queue.i_start.eq(self.i.valid & queue.o_ready)]
-        new = self.i.payload.new
-        old = data.View(PIXEL, Mux(self.i_replace, 0, self.i.payload.old.as_value()))
+        # Old pixels come out of a block RAM, which is slow.
+        new = data.View(PIXEL, delayed(m, self.i.payload.new.as_value(), INPUT_CYCLES))
+        old = data.View(PIXEL, Mux(self.i_replace, 0, delayed(m, self.i.payload.old.as_value(), INPUT_CYCLES)))
         share = self._share(m, old.weight, new.weight)
-        weight = delayed(m, Mux(new.weight > old.weight, new.weight, old.weight), PIPELINE_CYCLES)
+        weight = delayed(m, Mux(new.weight > old.weight, new.weight, old.weight), MIXING_CYCLES)
         result = data.View(PIXEL, queue.i_result)
         m.d.comb += result.weight.eq(weight)
         for n in range(CHANNELS):
