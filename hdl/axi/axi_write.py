@@ -6,11 +6,13 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_lite import Response
+from hdl.settings import PAGE_BYTES
 
 BURST_WORDS = 16
 """Not longer, because the memory ports of a Zynq-7000 are AXI3, whose bursts end at 16 words."""
 BURST_BYTES = BURST_WORDS * WORD_BYTES
 BURST_LOG2 = (BURST_BYTES - 1).bit_length()
+PAGE_BURSTS_LOG2 = (PAGE_BYTES // BURST_BYTES).bit_length() - 1
 MAX_OUTSTANDING = 15
 INCREMENTING = 1
 """AWBURST of a burst whose addresses rise."""

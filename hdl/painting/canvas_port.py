@@ -7,9 +7,8 @@ from amaranth.lib.wiring import In, Out
 from golden_model.painting.tiles import MAX_TILES, TILE_PX
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_read import AXI_READ, BurstReader
-from hdl.axi.axi_write import AXI_WRITE, BURST_WORDS, BurstWriter
+from hdl.axi.axi_write import AXI_WRITE, BURST_WORDS, PAGE_BURSTS_LOG2, BurstWriter
 from hdl.lib.views import view_signal
-from hdl.painting.frame_writer import PAGE_BURSTS_LOG2
 from hdl.painting.sampling import PIXEL
 from hdl.painting.windows import PAINTED_TILE, PLAN
 

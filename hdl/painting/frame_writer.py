@@ -6,7 +6,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import MAX_FRAME_PX
 from golden_model.records import WORD_BYTES
-from hdl.axi.axi_write import AXI_WRITE, BURST_BYTES, BURST_WORDS, BurstWriter
+from hdl.axi.axi_write import AXI_WRITE, BURST_BYTES, BURST_WORDS, PAGE_BURSTS_LOG2, BurstWriter
 from hdl.lib.views import view_signal
 from hdl.painting.tiles import FRAME_SIDE
 from hdl.settings import PAGE_BYTES
@@ -18,7 +18,6 @@ PIXEL_BYTES = 4
 BURST_PX = BURST_BYTES // PIXEL_BYTES
 """Rows begin at multiples of this many pixels."""
 FRAME_NUMBER = 16
-PAGE_BURSTS_LOG2 = (PAGE_BYTES // BURST_BYTES).bit_length() - 1
 
 VIDEO = data.StructLayout({"valid": 1, "data": 24, "first": 1, "last": 1})
 """A pixel: green in the lowest byte, then blue, red (UG934); whether it starts a frame, whether it ends a line."""

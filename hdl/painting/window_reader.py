@@ -6,9 +6,9 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import MAX_FRAME_PX
 from hdl.axi.axi_read import AXI_READ, BURST_PART, BurstReader
-from hdl.axi.axi_write import BURST_WORDS
+from hdl.axi.axi_write import BURST_WORDS, PAGE_BURSTS_LOG2
 from hdl.lib.views import view_signal
-from hdl.painting.frame_writer import BURST_PX, PAGE_BURSTS_LOG2, PIXEL_BYTES
+from hdl.painting.frame_writer import BURST_PX, PIXEL_BYTES
 from hdl.painting.positions import LOADED_TILE
 from hdl.painting.sampling import WINDOW_WRITE
 from hdl.painting.tiles import FRAME_SIDE

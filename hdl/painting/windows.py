@@ -65,27 +65,25 @@ class WindowPlanner(wiring.Component):
         The canvas has up to 2^n columns and rows of tiles, n from 1 to 7.
     """
 
-    i: stream.Interface
-    """Stream of `hdl.painting.corners.PROJECTED`. Taken together with its plan: corners are not stored. A tile may come
-    again when it has been painted."""
-    i_painted: data.View
-    """`PAINTED_TILE`; not while the memory is cleared."""
-    i_width_px: Signal
+    i: In(stream.Signature(PROJECTED))
+    """Taken together with its plan: corners are not stored. A tile may come again when it has been painted."""
+    i_painted: In(PAINTED_TILE)
+    """Not while the memory is cleared."""
+    i_width_px: In(FRAME_SIDE)
     """Size of the frame; constant while it is painted."""
-    i_height_px: Signal
-    i_replace: Signal
+    i_height_px: In(FRAME_SIDE)
+    i_replace: In(1)
     """Nothing on the canvas stays; constant while a frame is painted."""
-    i_clear: Signal
+    i_clear: In(1)
     """Forget what was painted; while no tile is inside."""
-    o: stream.Interface
-    """Stream of `PLAN`."""
-    o_behind: Signal
+    o: Out(stream.Signature(PLAN))
+    o_behind: Out(1)
     """A tile is dropped, or with ``i_replace`` blank, because it is not wholly in front of the camera."""
-    o_too_large: Signal
+    o_too_large: Out(1)
     """A tile is dropped, or with ``i_replace`` blank, because its window would be too large."""
-    o_cannot_win: Signal
+    o_cannot_win: Out(1)
     """A tile is dropped because it would not change the canvas."""
-    o_clearing: Signal
+    o_clearing: Out(1)
     """The memory is being cleared."""
 
     latency_cycles = JUDGE_STEP
@@ -94,21 +92,7 @@ class WindowPlanner(wiring.Component):
     def __init__(self, *, place_bits: int = PLACE_BITS) -> None:
         check_range("place_bits", place_bits, 1, PLACE_BITS)
         self.place_bits = place_bits
-        super().__init__(
-            {
-                "i": In(stream.Signature(PROJECTED)),
-                "i_painted": In(PAINTED_TILE),
-                "i_width_px": In(FRAME_SIDE),
-                "i_height_px": In(FRAME_SIDE),
-                "i_replace": In(1),
-                "i_clear": In(1),
-                "o": Out(stream.Signature(PLAN)),
-                "o_behind": Out(1),
-                "o_too_large": Out(1),
-                "o_cannot_win": Out(1),
-                "o_clearing": Out(1),
-            }
-        )
+        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
         """Take a coordinate of a corner per clock, x and y in turns; then judge the box around them."""

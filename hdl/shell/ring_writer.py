@@ -5,15 +5,13 @@ from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.records import WORD_BYTES
-from hdl.axi.axi_write import AXI_WRITE, BURST_BYTES, BURST_WORDS, BurstWriter
+from hdl.axi.axi_write import AXI_WRITE, BURST_BYTES, BURST_WORDS, PAGE_BURSTS_LOG2, BurstWriter
 from hdl.lib.views import view_signal
-from hdl.settings import PAGE_BYTES
 from hdl.shell.slot import HEADER, HEADER_BYTES, slot_pages
 from hdl.streams import WordPayload
 
 FRAME_INFO = data.StructLayout({"number": 32, "time": 64})
 """A frame's number at the camera, and the clock in which it started."""
-PAGE_BURSTS_LOG2 = (PAGE_BYTES // BURST_BYTES).bit_length() - 1
 
 
 class _Packet:
