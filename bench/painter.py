@@ -1,4 +1,4 @@
-"""The painter in a simulation: a mosaic and stabilised video of a shaking camera, and how many frames a second.
+"""The painter in a simulation: a mosaic and stabilised video of a shaking camera, and how many frames per second.
 
     python -m bench.painter [--pictures FOLDER]
 
@@ -29,7 +29,7 @@ RULES = MemoryRules(waits=43, latency_clocks=119, seed=1)
 CLOCK_MHZ = 150
 MAX_CLOCKS = 10_000_000
 SPEED_PX = np.array([30.0, 18.0])
-"""Of the camera over the ground, per frame."""
+"""How far the camera flies over the ground between two frames."""
 
 
 def fly(size: tuple[int, int], frames: int, shake: float) -> Flight:
