@@ -10,9 +10,6 @@ other passes it, so each byte counts twice.
 
 import contextlib
 import hashlib
-import os
-import subprocess
-import sys
 import tempfile
 import time
 from collections import Counter
@@ -24,6 +21,7 @@ import distributed
 import typer
 from tornado.iostream import IOStream
 
+from bench.mosaic_quality import wait_for
 from bench.pair_sets import public_folder
 from bench.rendered_flights import Case, write_images
 from bench.report import JsonFile, Row, report
@@ -72,15 +70,6 @@ def measure(name: str, photographs: Sequence[str], workers: int) -> Row:
             "through the scheduler, MB per photograph": f"{moved['bytes'] / len(photographs) / 1e6:.2f}",
             "peak, MB": round(peak_mb),
         }
-
-
-def wait_for(*arguments: str) -> tuple[float, float]:
-    """Run Python in a process of its own: the processor seconds and the memory, MB, that it took."""
-    process = subprocess.Popen([sys.executable, *arguments], stdout=subprocess.DEVNULL)
-    _, status, usage = os.wait4(process.pid, 0)
-    if status:
-        raise SystemExit(f"failed: {' '.join(arguments)}")
-    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
 
 
 def count_bytes(method: Callable[[Any, Any], int | None]) -> Callable[[Any, Any], int | None]:

@@ -55,30 +55,16 @@ class Nuisance:
     """Whether the strength is the quality of a JPEG file; otherwise files are lossless."""
 
 
-def _light(**changes: Callable[[int, float], float]) -> Render:
-    """A flight whose photographs have other settings of `sim.scene.Photometry`, by number and strength."""
+def _change(what: str, **changes: Callable[[float, int, float], float]) -> Render:
+    """A flight with other ``poses`` or ``photometries``: a value, the number and the strength, to the new value."""
 
     def render(strength: float) -> Flight:
         flight = make_lawnmower(SEED, IMAGES, SIZE_PX)
-        settings: list[dict[str, Any]] = [
-            {name: of(number, strength) for name, of in changes.items()} for number in range(IMAGES)
+        changed: list[Any] = [
+            replace(each, **{name: of(getattr(each, name), number, strength) for name, of in changes.items()})
+            for number, each in enumerate(getattr(flight, what))
         ]
-        changed = (replace(light, **one) for light, one in zip(flight.photometries, settings, strict=True))
-        return replace(flight, photometries=tuple(changed))
-
-    return render
-
-
-def _poses(**changes: Callable[[float, int, float], float]) -> Render:
-    """A flight whose poses are changed: the value of a pose, the number and the strength, to the new value."""
-
-    def render(strength: float) -> Flight:
-        flight = make_lawnmower(SEED, IMAGES, SIZE_PX)
-        poses = [
-            replace(pose, **{name: of(getattr(pose, name), number, strength) for name, of in changes.items()})
-            for number, pose in enumerate(flight.poses)
-        ]
-        return replace(flight, poses=tuple(poses))
+        return replace(flight, **{what: tuple(changed)})
 
     return render
 
@@ -125,11 +111,13 @@ def water(picture: Picture, number: int, share: float) -> Picture:
 
 NUISANCES = {
     "dark, with noise": Nuisance(
-        (0.3, 0.15, 0.07), "gain", _light(gain=lambda _, gain: gain, noise_sigma=lambda _n, _g: 4.0)
+        (0.3, 0.15, 0.07), "gain", _change("photometries", gain=lambda *given: given[-1], noise_sigma=lambda *_: 4.0)
     ),
     "haze": Nuisance((0.5, 0.25, 0.1), "contrast left", change=haze),
     "every third blurred": Nuisance(
-        (1.5, 3, 5), "sigma, px", _light(blur_sigma_px=lambda number, sigma: sigma if number % 3 == 1 else 0.5)
+        (1.5, 3, 5),
+        "sigma, px",
+        _change("photometries", blur_sigma_px=lambda _old, number, sigma: sigma if number % 3 == 1 else 0.5),
     ),
     "JPEG": Nuisance((30, 15, 5), "quality", jpeg=True),
     "thermal, 16 bits": Nuisance((300, 100, 30), "contrast, counts", change=thermal),
@@ -139,9 +127,11 @@ NUISANCES = {
         lambda overlap: make_lawnmower(SEED, IMAGES, SIZE_PX, forward_overlap=overlap, side_overlap=overlap),
     ),
     "two heights": Nuisance(
-        (1.5, 3, 5), "ratio", _poses(altitude_px=lambda old, number, ratio: old * (ratio if number % 2 else 1))
+        (1.5, 3, 5),
+        "ratio",
+        _change("poses", altitude_px=lambda old, number, ratio: old * (ratio if number % 2 else 1)),
     ),
-    "camera leans forward": Nuisance((15, 25, 35), "degrees", _poses(pitch_deg=lambda _old, _number, pitch: pitch)),
+    "camera leans forward": Nuisance((15, 25, 35), "degrees", _change("poses", pitch_deg=lambda *given: given[-1])),
     "lens": Nuisance((-0.1, -0.25, -0.35), "k1", lambda k1: make_lawnmower(SEED, IMAGES + 4, SIZE_PX, k1=k1)),
     "rolling shutter": Nuisance((2, 6, 12), "shear, px", change=rolling_shutter),
     "text burned in": Nuisance((2, 6, 12), "lines", change=display),

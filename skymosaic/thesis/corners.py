@@ -66,17 +66,9 @@ def measure_adaptive_threshold(pair: DatasetPair) -> Iterator[Line]:
     rounds = raise_threshold(pair.grays)
     for setting, shown in (("lowest threshold", rounds[0]), ("threshold reached", rounds[-1])):
         left, right = map(feature_points, shown.features)
-        yield (
-            "adaptive",
-            setting,
-            {
-                "threshold": shown.threshold,
-                "left": len(left),
-                "right": len(right),
-                "quality": shown.quality,
-                "repeatability": repeatability(left, right, pair.truth, pair.sizes[1]),
-            },
-        )
+        counts = {"threshold": shown.threshold, "left": len(left), "right": len(right), "quality": shown.quality}
+        again = repeatability(left, right, pair.truth, pair.sizes[1])
+        yield "adaptive", setting, {**counts, "repeatability": again}
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,18 +71,15 @@ def measure_stage(stage: str, pair: DatasetPair, points: tuple[Points, Points], 
     Tells also whether RANSAC registers the pair with all matches and with the kept ones.
     """
     counts = confusion(kept, correct_matches(*points, pair.truth))
-    return (
-        "stages",
-        stage,
-        {
-            "TP": counts.true_positives,
-            "FP": counts.false_positives,
-            "TN": counts.true_negatives,
-            "FN": counts.false_negatives,
-            "registered before": is_registered(ransac(*points), pair),
-            "registered after": is_registered(ransac(points[0][kept], points[1][kept]), pair),
-        },
-    )
+    values = {
+        "TP": counts.true_positives,
+        "FP": counts.false_positives,
+        "TN": counts.true_negatives,
+        "FN": counts.false_negatives,
+        "registered before": is_registered(ransac(*points), pair),
+        "registered after": is_registered(ransac(points[0][kept], points[1][kept]), pair),
+    }
+    return "stages", stage, values
 
 
 def is_registered(H: Array | None, pair: DatasetPair) -> bool:

@@ -39,18 +39,15 @@ def measure_fuzzy_ransac(pair: DatasetPair) -> Iterator[Line]:
         H, decision = estimators.fuzzy(*points, verified)
         rule = np.full(len(verified), -1) if decision is None else decision.rule
         inliers = np.isin(rule, fuzzy_ransac.INLIER_RULES)
-        yield (
-            "IV-4",
-            setting,
-            {
-                "features 1": len(left.features),
-                "features 2": len(right.features),
-                "matched": len(verified),
-                "bidirectional": int(verified.sum()),
-                "RANSAC": int(np.isin(rule, fuzzy_ransac.NEAR_RULES).sum()),
-                "inliers": int(inliers.sum()),
-            },
-        )
+        counts = {
+            "features 1": len(left.features),
+            "features 2": len(right.features),
+            "matched": len(verified),
+            "bidirectional": int(verified.sum()),
+            "RANSAC": int(np.isin(rule, fuzzy_ransac.NEAR_RULES).sum()),
+            "inliers": int(inliers.sum()),
+        }
+        yield "IV-4", setting, counts
         yield measure_stage(STAGES[setting], pair, points, inliers)
         yield _measure_error(setting, pair, H, (points[0][inliers], points[1][inliers]))
 

@@ -65,13 +65,8 @@ def prepare_workers(folder: Path | None = None) -> None:
     """
     if not IS_POSIX:
         return
-    _processes.set_forkserver_preload(
-        [
-            "skymosaic.panel.tasks.mosaic_tasks",
-            "skymosaic.panel.tasks.tracking_tasks",
-            "skymosaic.panel.tasks.upload_tasks",
-        ]
-    )
+    tasks = ("mosaic_tasks", "tracking_tasks", "upload_tasks")
+    _processes.set_forkserver_preload([f"skymosaic.panel.tasks.{name}" for name in tasks])
     if folder is not None and len(os.fsencode(folder)) <= MAX_SOCKET_FOLDER:
         # There is no public way. A folder that multiprocessing makes itself it also removes, after ours has gone.
         multiprocessing.current_process()._config["tempdir"] = str(folder)  # type: ignore[attr-defined]

@@ -153,12 +153,7 @@ def _whiten(by_point: Array, columns: Array) -> Array:
 
 
 def _function(error: str) -> Residuals:
-    functions: dict[str, Residuals] = {
-        "transfer": transfer,
-        "symmetric": symmetric,
-        "reprojection": reprojection,
-        "sampson": sampson,
-    }
+    functions = {each.__name__: each for each in (transfer, symmetric, reprojection, sampson)}
     if error not in functions:
         raise ValueError(f"error is {error!r}; valid: {', '.join(functions)}")
     return functions[error]
