@@ -60,11 +60,12 @@ def _change(what: str, **changes: Callable[[float, int, float], float]) -> Rende
 
     def render(strength: float) -> Flight:
         flight = make_lawnmower(SEED, IMAGES, SIZE_PX)
-        changed: list[Any] = [
+        changed = tuple(
             replace(each, **{name: of(getattr(each, name), number, strength) for name, of in changes.items()})
             for number, each in enumerate(getattr(flight, what))
-        ]
-        return replace(flight, **{what: tuple(changed)})
+        )
+        fields: dict[str, Any] = {what: changed}
+        return replace(flight, **fields)
 
     return render
 

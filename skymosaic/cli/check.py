@@ -17,13 +17,12 @@ from skymosaic.flight.check import FlightCheck, check_flight
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.fly_again import plan_again
 from skymosaic.flight.mapping.place import list_contradictions
-from skymosaic.flight.survey import survey
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.images import check_output
 from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.maps.features import SUFFIXES, write_places
 from skymosaic.mosaicking.options import SurveyOptions
-from skymosaic.running.cache import open_cache
+from skymosaic.mosaicking.plan import lay_out
 from skymosaic.running.workers import Workers
 
 
@@ -50,17 +49,7 @@ def check(
     ):
         captures = group_band_sets(sources, tell=session.note)
         captures = [source.with_damaged(keep=options.keeps_damaged) for source in captures]
-        cache, settings = open_cache(options.cache, session.note), options.flight_settings()
-        flight = survey(
-            captures,
-            settings,
-            options.seed,
-            workers,
-            cache,
-            positions=options.positions,
-            control=options.control_points,
-            keep_all=options.keep_all,
-        )
+        flight = lay_out(captures, options, workers, session.note)
     report = check_flight(flight)
     contradictions = list_contradictions(flight, options.control_points)
     report = dataclasses.replace(report, problems=(*report.problems, *contradictions))

@@ -23,7 +23,7 @@ from skymosaic.flight.survey import survey
 from skymosaic.flight.two_photographs import register_two
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
-from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.mosaicking.options import MosaicOptions, SurveyOptions
 from skymosaic.mosaicking.outputs import check_outputs, refuse_without_place, room_of
 from skymosaic.mosaicking.result import Mosaic
 from skymosaic.running.cache import open_cache
@@ -144,19 +144,10 @@ class MosaicPlan:
             return register_two(
                 self.sources, options, lens, warp=options.warp, memory_bytes=options.memory_bytes, progress=progress
             )
-        cache = open_cache(options.cache, self._tell)
         if options.repeat is not None:
+            cache = open_cache(options.cache, self._tell)
             return repeat_flight(options.repeat.flight, self.sources, options.seed, self._workers, cache)
-        flight = survey(
-            self.sources,
-            options.flight_settings(),
-            options.seed,
-            self._workers,
-            cache,
-            positions=options.positions,
-            control=options.control_points,
-            keep_all=options.keep_all,
-        )
+        flight = lay_out(self.sources, options, self._workers, self._tell)
         if options.warp == "mesh" and (flight.lens.mask is not None or self.sources[0].bands):
             self._tell("note: `warp`: a mask or other bands would not be bent as well, so photographs keep their shape")
         return follow_relief(flight, options.warp)
@@ -222,3 +213,17 @@ class MosaicPlan:
         # A pair counts its blending among its own stages; the time of a flight's is in its delivery.
         if self.flight.pair is not None:
             self.flight.pair.seconds["warping and blending"] = clock.lap("blending")
+
+
+def lay_out(sources: Sequence[Source], options: SurveyOptions, workers: Workers, tell: Callable[[str], None]) -> Flight:
+    """The photographs linked and laid out; ``tell`` receives a line if the cache cannot be written."""
+    return survey(
+        sources,
+        options.flight_settings(),
+        options.seed,
+        workers,
+        open_cache(options.cache, tell),
+        positions=options.positions,
+        control=options.control_points,
+        keep_all=options.keep_all,
+    )

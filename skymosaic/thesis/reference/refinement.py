@@ -43,26 +43,8 @@ def squared_errors(H: Array, left: ArrayLike, right: ArrayLike, *, error: str = 
 def refine(H: Array, left: ArrayLike, right: ArrayLike, *, error: str = "symmetric") -> Array:
     """Minimise the sum of one error by Levenberg-Marquardt with analytic Jacobians.
 
-    Parameters
-    ----------
-    H : (3, 3) array_like
-        Start, for instance from `skymosaic.geometry.homography.dlt`.
-    left, right : (N, 2) array_like
-        Corresponding points without outliers, N >= 4, px.
-    error : {"transfer", "symmetric", "reprojection", "sampson"}
-        See the module's table.
-
-    Returns
-    -------
-    (3, 3) float64 ndarray
-        The refined homography, H[2, 2] = 1.
-
-    Raises
-    ------
-    ValueError
-        For arrays of wrong shape or an unknown error.
-    skymosaic.geometry.homography.DegenerateError
-        For fewer than 4 pairs or coincident points.
+    Points, result and errors as in `skymosaic.geometry.refinement.refine_robustly`, but without outliers; ``error`` is
+    a name of the module's table, and a ValueError if it is unknown.
     """
     function = _function(error)
     x, y = check_pairs(left, right, minimum=4)
