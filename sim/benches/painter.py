@@ -17,14 +17,12 @@ from hdl.blocks.flat import CLOCK, RESET, FlatBlock
 from hdl.painting.frame_writer import BUFFERS, frame_pages
 from hdl.painting.painter import Painter
 from hdl.settings import PAGE_BYTES
-from sim.backends.interface import Progress, silent
-from sim.benches.camera import MemoryRules
+from sim.backends.interface import silent
+from sim.benches.camera import BASE, MemoryRules
 from sim.simulators import verilator
 from sim.simulators.compiled import COMMON_FUNCTIONS, Model
 from sim.simulators.design import Design, Ports
 
-BASE = 0x8_4000_0000
-"""Address of the memory: beyond what 32 bits reach."""
 SETTINGS = (
     *("enable", "replace", "clear", "width_px", "height_px", "frames_page", "buffer_pages", "canvas_page"),
     *("columns", "rows", "max_links"),
@@ -86,8 +84,6 @@ class PainterBench(Model):
         A frame makes a new canvas.
     rules
         How the memory behaves.
-    progress : callable
-        Receives lines of text about a first build.
 
     Attributes
     ----------
@@ -104,10 +100,9 @@ class PainterBench(Model):
         rows: int,
         replace: bool = False,
         rules: MemoryRules,
-        progress: Progress = silent,
     ) -> None:
         design = Design("the painter", PORTS, PainterTop, "")
-        super().__init__(verilator.build_library(design, progress=progress, harness=HARNESS), "painter", _FUNCTIONS)
+        super().__init__(verilator.build_library(design, progress=silent, harness=HARNESS), "painter", _FUNCTIONS)
         pages = frame_pages(width_px, height_px)
         canvas_start = BUFFERS * pages * PAGE_BYTES
         self.memory = np.random.default_rng(rules.seed).integers(
@@ -137,10 +132,10 @@ class PainterBench(Model):
         for name, value in settings.items():
             self.call("set", SETTINGS.index(name), value)
 
-    def show(self, frame: Pixels, *, pause_clocks: int = 0) -> None:
-        """Queue a frame (H, W, 3) for the camera, which then pauses."""
+    def show(self, frame: Pixels) -> None:
+        """Queue a frame (H, W, 3) for the camera."""
         self._frames.append(np.ascontiguousarray(frame, np.uint8))
-        self.call("frame", self._frames[-1].ctypes.data, frame.shape[1], frame.shape[0], pause_clocks)
+        self.call("frame", self._frames[-1].ctypes.data, frame.shape[1], frame.shape[0])
 
     def place(self, elements: NDArray[np.integer], frame: int, *, reference: int | None = None) -> None:
         """Queue the pose (3, 3) of a frame; with ``reference`` it is composed with that of this frame."""
@@ -189,7 +184,7 @@ _FUNCTIONS = {
     "memory": (None, _ADDRESS, _WIDE, _WIDE),
     "rules": (None, _WORD, _WORD, _WORD, _WIDE),
     "set": (None, ctypes.c_int, _WIDE),
-    "frame": (None, _ADDRESS, _WORD, _WORD, _WORD),
+    "frame": (None, _ADDRESS, _WORD, _WORD),
     "pose": (None, _ADDRESS, _WORD, _WORD, _WORD),
     "run": (_WIDE, _WIDE, _WIDE, _WORDS),
     "events": (_WIDE, _WORDS),

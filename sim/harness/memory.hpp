@@ -106,7 +106,6 @@ struct ReadPort {
     };
     Offer address;
     std::deque<Word> words;
-    uint64_t bursts = 0, most_bursts = 0;
     bool arready = false, given = false;
 
     void drive(Memory &memory) {
@@ -116,7 +115,6 @@ struct ReadPort {
     }
     Word offered() const { return given ? words.front() : Word{}; }
     void take() {
-        bursts -= words.front().last;
         words.pop_front();
         given = false;
     }
@@ -130,7 +128,6 @@ struct ReadPort {
                 data |= static_cast<uint64_t>(memory.bytes[offset + byte]) << 8 * byte;
             words.push_back({due, data, fails, i == count - 1});
         }
-        if (++bursts > most_bursts) most_bursts = bursts;
     }
     uint64_t open() const { return words.size(); }
 };

@@ -14,7 +14,7 @@ constexpr int ELEMENTS = 9;
 
 struct Frame {
     const uint8_t *pixels;  // blue, green, red
-    uint32_t width, height, pause;
+    uint32_t width, height;
 };
 
 struct Placement {
@@ -40,7 +40,7 @@ struct Bench {
     std::deque<Placement> poses;
     std::vector<uint64_t> reports;  // of each: the cycle in which it came, and its fields
     uint64_t events[0 EVENTS(COUNT_ONE)] = {};
-    uint64_t x = 0, y = 0, pause = 0;
+    uint64_t x = 0, y = 0;
     bool ready = false;
 
     Bench() { reset(); }
@@ -52,7 +52,7 @@ struct Bench {
         frames.clear();
         poses.clear();
         reports.clear();
-        x = y = pause = 0;
+        x = y = 0;
         model.reset(true);
         for (int i = 0; i < RESET_CYCLES; i++) {
             model.settle();
@@ -80,12 +80,10 @@ struct Bench {
         model.settle();
     }
 
-    // The camera's pixel in this clock, or a pause.
+    // The camera's pixel in this clock.
     void show() {
-        const bool valid = !pause && !frames.empty();
-        SET(i_valid, valid);
-        if (pause) pause--;
-        if (!valid) return;
+        SET(i_valid, !frames.empty());
+        if (frames.empty()) return;
         const Frame frame = frames.front();
         const uint8_t *pixel = frame.pixels + 3 * (y * frame.width + x);
         SET(i_data, pixel[1] | pixel[0] << 8 | pixel[2] << 16);
@@ -95,7 +93,6 @@ struct Bench {
         x = 0;
         if (++y < frame.height) return;
         y = 0;
-        pause = frame.pause;
         frames.pop_front();
     }
 
@@ -143,8 +140,8 @@ void painter_set(Bench *bench, int index, uint64_t value) {
 #define SET_ONE(number, name) if (index == number) SET(name, value);
     SETTINGS(SET_ONE)
 }
-void painter_frame(Bench *bench, const uint8_t *pixels, uint32_t width, uint32_t height, uint32_t pause) {
-    bench->frames.push_back({pixels, width, height, pause});
+void painter_frame(Bench *bench, const uint8_t *pixels, uint32_t width, uint32_t height) {
+    bench->frames.push_back({pixels, width, height});
 }
 void painter_pose(Bench *bench, const int32_t *elements, uint32_t frame, uint32_t reference, uint32_t composed) {
     Placement pose = {{}, frame, reference, composed};
