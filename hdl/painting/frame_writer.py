@@ -155,14 +155,15 @@ class FrameWriter(wiring.Component):
             with m.State("PLACE"):
                 offset = Mux(frame.buffer[1], self.i_buffer_pages << 1, Mux(frame.buffer[0], self.i_buffer_pages, 0))
                 m.d.sync += frame.page.eq(self.i_page + offset)
+                m.next = "NEED"
+            with m.State("NEED"):
+                # A state of its own: the comparison that starts a burst follows a register.
+                m.d.sync += needed_words.eq(Mux(left_words < BURST_WORDS, left_words, BURST_WORDS))
                 m.next = "WAIT"
-            with m.State("WAIT"):
-                needs = Mux(left_words < BURST_WORDS, left_words, BURST_WORDS)
-                m.d.sync += needed_words.eq(needs)
-                with m.If(bursts.o_ready & ((waiting.r_level >= needs) | is_cut)):
-                    m.d.comb += bursts.i_start.eq(1)
-                    m.d.sync += left_words.eq(left_words - needs)
-                    m.next = "WORDS"
+            with m.State("WAIT"), m.If(bursts.o_ready & ((waiting.r_level >= needed_words) | is_cut)):
+                m.d.comb += bursts.i_start.eq(1)
+                m.d.sync += left_words.eq(left_words - needed_words)
+                m.next = "WORDS"
             with m.State("WORDS"):
                 m.d.comb += [
                     bursts.i.valid.eq(waiting.r_rdy | broken | ~needed_words.any()),
@@ -175,7 +176,7 @@ class FrameWriter(wiring.Component):
                     m.d.sync += [needed_words.eq(needed_words - 1), broken.eq(marks)]
                 with m.If(bursts.o_sent):
                     m.d.sync += burst.eq(burst + 1)
-                    m.next = "WAIT"
+                    m.next = "NEED"
                     with m.If(~left_words.any()):
                         m.d.sync += [row.eq(row + 1), left_words.eq(row_words)]
                     with m.If(broken | (~left_words.any() & (row == self.i_height_px - 1))):
