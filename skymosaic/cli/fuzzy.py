@@ -1,6 +1,7 @@
 """The command for fuzzy systems: rules as text, curves and surfaces as pictures, the integer model and its errors."""
 
 import dataclasses
+import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ from rich.text import Text
 from golden_model.fuzzy.fll import load_system
 from golden_model.fuzzy.rules import SHIPPED
 from golden_model.text import one_line
-from skymosaic.cli.options import OutputVariableOption, OverwriteOption, import_plots, output_option, read_file
+from skymosaic.cli.options import OutputVariableOption, OverwriteOption, output_option, read_file
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.common.errors import InputError
@@ -163,7 +164,8 @@ def _write(names: list[str], path: Path, *, overwrite: bool) -> None:
 
 
 def _draw(systems: list[_Description], folder: Path) -> None:
-    draw_system = import_plots("skymosaic.fuzzy.plots").draw_system
+    # Matplotlib is an extra, and takes a second to import.
+    draw_system = importlib.import_module("skymosaic.fuzzy.plots").draw_system
     folder.mkdir(parents=True, exist_ok=True)
     for each in systems:
         path = folder / f"{each.name}.png"

@@ -2,19 +2,17 @@
 
 import dataclasses
 import functools
-import importlib
 import inspect
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from types import ModuleType
 from typing import Annotated, Any, TypeVar, get_args
 
 import typer
 from rich.table import Table
 from rich.text import Text
 
-from golden_model.text import how_to_install, one_line
+from golden_model.text import one_line
 from skymosaic.cli.outputs import Reads
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError
@@ -149,20 +147,6 @@ def read_file(read: Callable[..., Content], *given: Any) -> Content:
         return read(*given)
     except ValueError as error:
         raise InputError(str(error)) from None
-
-
-def import_plots(name: str) -> ModuleType:
-    """Import a module that needs matplotlib, which is an extra and takes a second to import.
-
-    Raises
-    ------
-    InputError
-        If matplotlib is not installed.
-    """
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        raise InputError(f"pictures need matplotlib; {how_to_install('plots')}") from None
 
 
 def print_pair(pair: Pair) -> None:

@@ -10,12 +10,7 @@ from typing import Annotated
 import typer
 from platformdirs import user_data_path
 
-from golden_model.text import how_to_install
 from skymosaic.cli.session import session
-from skymosaic.common.errors import InputError
-
-PACKAGES = ("nicegui", "fastapi", "starlette", "uvicorn", "anyio")
-"""Packages of the extra that only this command needs."""
 
 
 def panel(
@@ -30,14 +25,8 @@ def panel(
     browser: Annotated[bool, typer.Option(help="Open the page in a browser, when started on a terminal.")] = True,
 ) -> None:
     """Serve the front panel, a web page for this machine only: choose, run, and see why."""
-    try:
-        # NiceGUI is an extra, and takes a second to import: only this command needs it.
-        server = importlib.import_module("skymosaic.panel.server")
-    except ModuleNotFoundError as error:
-        # Any other missing module is a fault of the installation, whose traceback is worth seeing.
-        if error.name not in PACKAGES:
-            raise
-        raise InputError(f"the panel needs {error.name}; {how_to_install('panel')}") from None
+    # NiceGUI is an extra, and takes a second to import: only this command needs it.
+    server = importlib.import_module("skymosaic.panel.server")
 
     def announce(address: str, note: str) -> None:
         if note:

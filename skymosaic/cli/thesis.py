@@ -1,13 +1,14 @@
 """The command that repeats the thesis's experiments."""
 
 import dataclasses
+import importlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from skymosaic.cli.options import OverwriteOption, import_plots, output_option
+from skymosaic.cli.options import OverwriteOption, output_option
 from skymosaic.cli.outputs import Reads, Writes
 from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import session
@@ -33,7 +34,8 @@ def thesis(
     overwrite: OverwriteOption = False,
 ) -> None:
     """Repeat the thesis's experiments, tables IV-1 to IV-7 and figure IV-6, beside the published figures."""
-    page = import_plots("skymosaic.thesis.page")
+    # Matplotlib is an extra, and takes a second to import.
+    page = importlib.import_module("skymosaic.thesis.page")
     sources = dataset.list_sources(data)
     check_output_folder(output, overwrite=overwrite)
     output.mkdir(parents=True, exist_ok=True)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from skymosaic.common.temporary import PAGE
 from skymosaic.flight.check import FlightCheck, check_flight, layout_errors
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
@@ -48,18 +47,8 @@ def write_report(folder: Path, flight: Flight, deliveries: Sequence[Delivery]) -
         record_output(path, [file for source in flight.sources for file in source.files])
 
 
-def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: FlightCheck) -> Path:
-    """Write previews, places, ``report.json`` and ``index.html`` into ``folder``; returns the page's path.
-
-    Parameters
-    ----------
-    folder : Path
-        Created if it is missing.
-    deliveries : sequence of Delivery
-        The mosaics of one flight, the largest first.
-    check : FlightCheck
-        The check of that flight.
-    """
+def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: FlightCheck) -> None:
+    """Write previews, places, ``report.json`` and ``index.html`` of a checked flight; ``deliveries`` is not empty."""
     numbers = flight_numbers(deliveries, check)
     with pages.staged_report(folder) as staged:
         for number, delivery in enumerate(deliveries, start=1):
@@ -71,7 +60,6 @@ def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: Fli
             save(staged / "mask.png", mask)
         files = list_files(deliveries, folder, staged)
         pages.write_report_files(staged, numbers, _render_page(deliveries, check, numbers, files))
-    return folder / PAGE
 
 
 def flight_numbers(deliveries: Sequence[Delivery], check: FlightCheck) -> dict[str, Any]:
