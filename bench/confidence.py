@@ -10,8 +10,7 @@ right one; without either kind it is not a number.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
@@ -28,7 +27,7 @@ from skymosaic import register
 from skymosaic.evaluation.known_pairs import read_pairs
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.geometry.homography import transfer_error
-from skymosaic.registration.confidence import COEFFICIENTS, GOOD_PX, INTERCEPT, POOR_PX, measure_inputs
+from skymosaic.registration.confidence import COEFFICIENTS, GOOD_PX, INTERCEPT, POOR_PX, Confidence, measure_inputs
 from skymosaic.registration.pair import Pair
 
 app = program(__doc__)
@@ -40,22 +39,19 @@ RELIEF_WEIGHT = 3.0
 VERDICTS = ("good", "check", "poor")
 
 
-@dataclass(frozen=True)
-class Prediction:
-    """An accepted pair: its true error, what the prediction is made of, the prediction, and the verdict."""
+class Prediction(NamedTuple):
+    """An accepted pair: its true error, what the prediction is made of as `COEFFICIENTS`, and what was said of it."""
 
     error_px: float
-    measures: dict[str, float]
-    predicted_px: float
-    verdict: str
+    measures: list[float]
+    said: Confidence
 
 
 def prediction(pair: Pair, error_px: float) -> Prediction:
     """What the confidence says of an accepted pair."""
-    confidence = pair.confidence
-    assert confidence is not None
-    values = measure_inputs(confidence.quality, confidence.correlation)
-    return Prediction(error_px, values, confidence.predicted_px, confidence.verdict)
+    assert pair.confidence is not None
+    values = measure_inputs(pair.confidence.quality, pair.confidence.correlation)
+    return Prediction(error_px, [values[name] for name in COEFFICIENTS], pair.confidence)
 
 
 def predict_relief(each: int) -> Iterator[Prediction]:
@@ -78,7 +74,7 @@ def predict_sets(names: list[str]) -> Iterator[Prediction]:
 def fit_coefficients(relief: list[Prediction], others: list[Prediction]) -> tuple[Array, float]:
     """Coefficients and intercept of the logarithm of the error; no coefficient may have the wrong sign."""
     pairs = relief + others
-    columns = [[pair.measures[name] for name in COEFFICIENTS] + [1.0] for pair in pairs]
+    columns = [[*pair.measures, 1.0] for pair in pairs]
     target = np.log([max(pair.error_px, MIN_ERROR_PX) for pair in pairs])
     root = np.sqrt([RELIEF_WEIGHT] * len(relief) + [1.0] * len(others))
     falls = np.array([name == "correlation" for name in COEFFICIENTS] + [False])
@@ -100,7 +96,7 @@ def verdict_rows(pairs: list[Prediction]) -> list[Row]:
     """How many pairs of each verdict have which error."""
     rows: list[Row] = []
     for verdict in VERDICTS:
-        errors = np.array([pair.error_px for pair in pairs if pair.verdict == verdict])
+        errors = np.array([pair.error_px for pair in pairs if pair.said.verdict == verdict])
         rows.append(
             {
                 "verdict": verdict,
@@ -130,11 +126,13 @@ def main(
     for title, pairs in (("relief, fitted to", rendered), ("fitted to", flat)):
         report(f"{title}: {len(pairs)} accepted pairs", verdict_rows(pairs))
     report(f"test: {len(unseen)} accepted pairs", verdict_rows(unseen), json_file)
-    values = np.array([[pair.measures[name] for name in COEFFICIENTS] for pair in unseen])
-    area = area_under_curve(unseen, np.exp(values @ coefficients + intercept))
-    print(f"AUC on the test pairs, coefficients fitted now: {area:.3f}")
-    area = area_under_curve(unseen, np.array([pair.predicted_px for pair in unseen]))
-    print(f"AUC on the test pairs, coefficients in use: {area:.3f}")
+    values = np.array([pair.measures for pair in unseen])
+    predictions = {
+        "fitted now": np.exp(values @ coefficients + intercept),
+        "in use": np.array([pair.said.predicted_px for pair in unseen]),
+    }
+    for name, predicted_px in predictions.items():
+        print(f"AUC on the test pairs, coefficients {name}: {area_under_curve(unseen, predicted_px):.3f}")
 
 
 if __name__ == "__main__":

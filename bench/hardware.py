@@ -21,7 +21,7 @@ from bench.pair_sets import public_folder
 from bench.report import JsonFile, Row, program, report
 from golden_model.arrays import Records
 from golden_model.config import PRESETS, Config, EstimatorConfig
-from golden_model.feature.ilbp import PATTERNS, DescriptorPattern
+from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.feature.orientation import SECTORS
 from golden_model.geometry.estimator import CYCLES, MAX_CYCLES, FrameMatches, estimate
 from golden_model.geometry.scoring import finish_cycles
@@ -74,40 +74,32 @@ def matching_cycles(count: int, config: Config, lanes: int) -> int:
 @app.command()
 def matcher(json_file: JsonFile = None) -> None:
     """Clocks of the matcher for frames whose features nearly all match, beside F * F / lanes."""
+    fronts = [dataclasses.replace(AERIAL.front_end, descriptor=name) for name in ("ilbp-128", "ilbp-256")]
     builds = {
-        f"{lanes} lanes, {PATTERNS[name].bits} bits": (
-            dataclasses.replace(AERIAL, front_end=dataclasses.replace(AERIAL.front_end, descriptor=name)),
-            lanes,
-        )
+        f"{lanes} lanes, {front_end.pattern.bits} bits": (dataclasses.replace(AERIAL, front_end=front_end), lanes)
         for lanes in LANES
-        for name in ("ilbp-128", "ilbp-256")
+        for front_end in fronts
     }
-    rows: list[Row] = [
-        {
-            "F": count,
-            **{name: matching_cycles(count, *build) for name, build in builds.items()},
-            "F² / 16": count**2 // 16,
-        }
-        for count in FEATURES
-    ]
+    rows: list[Row] = []
+    for count in FEATURES:
+        cycles = {name: matching_cycles(count, *build) for name, build in builds.items()}
+        rows.append({"F": count, **cycles, "F² / 16": count**2 // 16})
     report("clocks from a frame's last word of features to its last match", rows, json_file)
 
 
 @app.command()
 def scoring(json_file: JsonFile = None) -> None:
     """Clocks in which the scoring block answers, by the number of matches."""
-    rows: list[Row] = []
-    for count in MATCHES:
-        cycles = finish_cycles(count, HYPOTHESES)
-        rows.append(
-            {
-                "matches": count,
-                "clocks of the first score": int(cycles[0]),
-                f"of {HYPOTHESES}": int(cycles[-1]),
-                f"{HYPOTHESES} at {CLOCK_MHZ} MHz, ms": round(int(cycles[-1]) / CLOCK_MHZ / 1000, 2),
-                "hypotheses per second": int(HYPOTHESES * CLOCK_MHZ * 1e6 / cycles[-1]),
-            }
-        )
+    rows: list[Row] = [
+        {
+            "matches": count,
+            "clocks of the first score": int(cycles[0]),
+            f"of {HYPOTHESES}": int(cycles[-1]),
+            f"{HYPOTHESES} at {CLOCK_MHZ} MHz, ms": round(int(cycles[-1]) / CLOCK_MHZ / 1000, 2),
+            "hypotheses per second": int(HYPOTHESES * CLOCK_MHZ * 1e6 / cycles[-1]),
+        }
+        for count, cycles in ((count, finish_cycles(count, HYPOTHESES)) for count in MATCHES)
+    ]
     report("homography scoring", rows, json_file)
 
 
