@@ -21,6 +21,7 @@ from sim.scene import make_pair
 from skymosaic import Pair, mosaic, register
 from skymosaic.fuzzy.plots import draw_system
 from skymosaic.fuzzy.plotted_systems import PLOTTED_SYSTEMS
+from skymosaic.geometry.homography import apply
 from skymosaic.reports import figures
 
 app = program(__doc__)
@@ -72,14 +73,12 @@ def draw_rings() -> Pixels:
 
 def draw_outline(pair: Pair, image: Pixels) -> Pixels:
     """The mosaic with the outline of the left photograph, whose place the homography gives."""
-    result = image.copy()
     assert pair.homography is not None
     width, height = pair.left.size
-    frame = np.array([[(0, 0), (width, 0), (width, height), (0, height)]], dtype=np.float64)
-    placed = cv2.perspectiveTransform(frame, pair.homography)
+    placed = apply(pair.homography, np.array([(0, 0), (width, 0), (width, height), (0, height)]))
     # The canvas starts where the left photograph's corners reach farthest to the left and up.
-    placed -= np.minimum(placed.min(axis=1), 0)
-    cv2.polylines(result, [np.round(placed).astype(np.int32)], True, (255, 255, 255), 2, cv2.LINE_AA)
+    placed -= np.minimum(placed.min(axis=0), 0)
+    cv2.polylines(result := image.copy(), [np.rint(placed).astype(np.int32)], True, (255, 255, 255), 2, cv2.LINE_AA)
     return result
 
 

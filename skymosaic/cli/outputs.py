@@ -2,6 +2,7 @@
 
 import contextlib
 import inspect
+import itertools
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,10 +67,8 @@ def check_typed_outputs(command: inspect.Signature, typed: Typed) -> None:
                 inputs += _list_files(each, _mark(parameter, Reads))
     for output in outputs:
         refuse_inputs(output.path, inputs, output.own)
-    for output in outputs:
-        for other in outputs:
-            if other is not output:
-                _refuse_clash(output, other)
+    for output, other in itertools.permutations(outputs, 2):
+        _refuse_clash(output, other)
 
 
 def _mark(parameter: inspect.Parameter, kind: type[Mark]) -> Mark | None:

@@ -47,8 +47,7 @@ class FileRoutes:
     async def picture(self, request: Request, folder: str, name: str) -> Response:
         """Send a picture that the session's page shows."""
         session = self._session(request)
-        path = session.files.find_picture(folder, name) if session else None
-        return _send(path)
+        return _send(session.files.find_picture(folder, name) if session else None)
 
     async def file(self, request: Request, kind: str, path: str) -> Response:
         """Send one file of a result; what lies in its folders belongs to pages, which are shown."""
