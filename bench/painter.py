@@ -14,6 +14,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from bench.pictures import save
 from bench.report import JsonFile, Row, report
 from golden_model.arrays import Matrix, Pixels
 from golden_model.geometry.scoring import quantise
@@ -160,9 +161,9 @@ def main(
     report("The painter in a simulation", rows, json_file)
     if pictures:
         pictures.mkdir(parents=True, exist_ok=True)
-        cv2.imwrite(str(pictures / "mosaic.png"), canvases[-1])
-        for number, (shaken, picture) in enumerate(zip(images, video, strict=True)):
-            cv2.imwrite(str(pictures / f"video{number:02}.png"), np.hstack([shaken, picture[: size[1], : size[0]]]))
+        first = np.vstack([np.hstack(images[:4]), np.hstack([picture[: size[1], : size[0]] for picture in video[:4]])])
+        save(pictures / "painter-mosaic.webp", canvases[-1])
+        save(pictures / "painter-video.webp", first)
 
 
 if __name__ == "__main__":
