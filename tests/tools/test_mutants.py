@@ -49,7 +49,7 @@ def test_each_mutant_is_one_other_program() -> None:
             "tests/skymosaic/flight/test_check.py",
         ),
         ("skymosaic/common/replaced.py", "tests/skymosaic/common/test_replaced.py", "tests/skymosaic/imagery"),
-        ("skymosaic/cli/track.py", "tests/skymosaic/cli/test_check.py", "tests/system/test_full_disk.py"),
+        ("skymosaic/cli/track.py", "tests/skymosaic/cli/", "tests/system/test_full_disk.py"),
         ("skymosaic/panel/pages/sidebar.py", "tests/skymosaic/panel/pages/", "tests/skymosaic/panel/pages/test_mosaic"),
     ],
 )

@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""Positions, sampling and blending together paint whole tiles as the golden model does, a pixel per clock."""
+"""The path of a pixel: positions, sampling and blending paint tiles as the golden model does, one pixel per clock."""
 
 from typing import Any
 
