@@ -10,7 +10,8 @@ INSTALL := $(BIN)/python -m pip install --quiet --no-compile
 export PYTHONDONTWRITEBYTECODE :=
 # With REQUIRE=all a test that would be skipped, for want of a tool or of data, fails.
 REQUIRE ?=
-PYTEST := $(BIN)/pytest -n 2 --dist loadgroup --no-loadscope-reorder $(if $(REQUIRE),--require $(REQUIRE))
+# Three on two processors, since some tests wait for tools and browsers.
+PYTEST := $(BIN)/pytest -n 3 --dist loadgroup --no-loadscope-reorder $(if $(REQUIRE),--require $(REQUIRE))
 
 .PHONY: demo test test-slow test-fuzz test-soak test-mutants dist docs tools lint clean
 
