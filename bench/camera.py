@@ -29,8 +29,9 @@ from golden_model.timing import FrameWork, steady_pace
 from hdl.build import BUILDS, Build
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends.golden import add_matches
-from sim.benches.camera import CameraBench, CameraTiming, MemoryRules
+from sim.benches.camera import CameraBench, CameraTiming
 from sim.benches.exported import host_programs
+from sim.benches.memory import MemoryRules
 from sim.scene import make_lawnmower
 
 app = program(__doc__)
@@ -79,7 +80,7 @@ def fly(frames: list[Pixels], size_px: tuple[int, int], seed: int) -> dict[str, 
         requested = {name: settings[name] for name in (*REQUESTED, "gray_input")}
         rings = load("skymosaic_rings").RingReader(bench, requested, slots=SLOTS)
         scorer = load("skymosaic_scores").Scorer(bench)
-    bench.show(frames)
+    bench.show(*frames)
     rng = np.random.default_rng(seed)
     frame_clocks = (width_px + camera.line_blank) * height_px + frame_blank
     # Until the slowest homography is there, in the time of the bench's `wait`.

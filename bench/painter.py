@@ -22,7 +22,7 @@ from golden_model.painting import painter as golden
 from golden_model.painting.blending import FADE
 from golden_model.painting.pose import Placement, Poses
 from golden_model.painting.tiles import TILE_PX
-from sim.benches.camera import MemoryRules
+from sim.benches.memory import MemoryRules
 from sim.benches.painter import PainterBench
 from sim.scene import Camera, CameraPose, Flight, Photometry
 

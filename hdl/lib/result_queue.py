@@ -64,3 +64,11 @@ class ResultQueue(wiring.Component):
         # 0 after reset: what a stream takes in the clock of the reset would be lost.
         m.d.sync += [owed.eq(following), self.o_ready.eq(following != places)]
         return m
+
+
+def queue_results(m: Module, i: stream.Interface, o: stream.Interface, *, pipeline_cycles: int) -> ResultQueue:
+    """Add the queue that makes a stage of a stream of the pipeline from ``i`` to ``i_result``."""
+    m.submodules.queue = queue = ResultQueue(shape=o.payload.shape(), pipeline_cycles=pipeline_cycles)
+    wiring.connect(m, queue.o, wiring.flipped(o))
+    m.d.comb += [i.ready.eq(queue.o_ready), queue.i_start.eq(i.valid & queue.o_ready)]
+    return queue

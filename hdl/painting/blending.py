@@ -7,7 +7,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.painting.blending import FADE, FADE_LOG2
 from hdl.lib.delay import delayed
 from hdl.lib.multiplier import Multiplier, multiply
-from hdl.lib.result_queue import ResultQueue
+from hdl.lib.result_queue import ResultQueue, queue_results
 from hdl.painting.sampling import CHANNELS, PIXEL
 
 PIXELS = data.StructLayout({"old": PIXEL, "new": PIXEL})
@@ -35,9 +35,7 @@ class Blending(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Find the new pixel's share, then mix the colours."""
         m = Module()
-        m.submodules.queue = queue = ResultQueue(shape=PIXEL, pipeline_cycles=PIPELINE_CYCLES)
-        wiring.connect(m, queue.o, wiring.flipped(self.o))
-        m.d.comb += [self.i.ready.eq(queue.o_ready), queue.i_start.eq(self.i.valid & queue.o_ready)]
+        queue = queue_results(m, self.i, self.o, pipeline_cycles=PIPELINE_CYCLES)
         # Old pixels come out of a block RAM, which is slow.
         new = data.View(PIXEL, delayed(m, self.i.payload.new.as_value(), INPUT_CYCLES))
         old = data.View(PIXEL, Mux(self.i_replace, 0, delayed(m, self.i.payload.old.as_value(), INPUT_CYCLES)))

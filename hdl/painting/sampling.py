@@ -10,7 +10,7 @@ from golden_model.painting.windows import WINDOW_PX
 from hdl.lib.delay import delayed, wait_cycles
 from hdl.lib.line_memory import LineMemory
 from hdl.lib.multiplier import Multiplier, multiply
-from hdl.lib.result_queue import ResultQueue
+from hdl.lib.result_queue import ResultQueue, queue_results
 from hdl.painting.positions import POSITION_PAYLOAD
 from hdl.painting.tiles import FRAME_SIDE
 
@@ -64,9 +64,7 @@ class Sampling(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Interpolate along x, then along y; find the weight meanwhile."""
         m = Module()
-        m.submodules.queue = queue = ResultQueue(shape=PIXEL, pipeline_cycles=PIPELINE_CYCLES)
-        wiring.connect(m, queue.o, wiring.flipped(self.o))
-        m.d.comb += [self.i.ready.eq(queue.o_ready), queue.i_start.eq(self.i.valid & queue.o_ready)]
+        queue = queue_results(m, self.i, self.o, pipeline_cycles=PIPELINE_CYCLES)
         position = self.i.payload
         banks = self._read(m)
         across = delayed(m, _share_of_odd(position.x), READ_CYCLES)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,12 +11,11 @@ from numpy.typing import NDArray
 from hdl.build import Build
 from hdl.settings import PAGE_BYTES
 from sim.backends.interface import Progress, silent
+from sim.benches.memory import ADDRESS, BASE, WIDE, WORD, WORDS, MemoryBench, MemoryRules
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
-from sim.simulators.compiled import COMMON_FUNCTIONS, Model
+from sim.simulators.compiled import COMMON_FUNCTIONS
 
-BASE = 0x8_4000_0000
-"""Address of the memory: beyond what 32 bits reach."""
 WAIT_CLOCKS = 20_000
 POLL_CLOCKS = 500
 MAX_SCORING_CLOCKS = 5_000_000
@@ -38,20 +36,7 @@ class CameraTiming:
     period: int = 2
 
 
-@dataclass(frozen=True)
-class MemoryRules:
-    """How the memory behaves, at random."""
-
-    waits: int = 0
-    """0..255: probability per clock, in 1/256, that address or data are not accepted."""
-    latency_clocks: int = 0
-    """Upper bound, exclusive, of a response's delay."""
-    failures: int = 0
-    """0..255: probability, in 1/256, that a burst is answered by SLVERR."""
-    seed: int = 0
-
-
-class CameraBench(Model):
+class CameraBench(MemoryBench):
     """A running simulation, and the bus of `constraints/camera/skymosaic_rings.py`.
 
     Parameters
@@ -69,20 +54,10 @@ class CameraBench(Model):
     def __init__(
         self, build: Build, *, length_bytes: int, camera: CameraTiming, rules: MemoryRules, progress: Progress = silent
     ) -> None:
-        self.memory = np.zeros(length_bytes, np.uint8)
         library = verilator.build_library(design_accelerator(build), progress=progress, harness=HARNESS)
-        super().__init__(library, "camera", _FUNCTIONS)
+        super().__init__(library, "camera", _FUNCTIONS, np.zeros(length_bytes, np.uint8), rules)
         self._used = 0
-        self._frames: list[NDArray[np.uint8]] = []
-        self.call("memory", self.memory.ctypes.data, BASE, length_bytes)
-        self.call("rules", rules.waits, rules.latency_clocks, rules.failures, rules.seed)
         self.call("timing", camera.line_blank, camera.frame_blank, camera.jitter, camera.steps, camera.period)
-
-    def show(self, frames: Sequence[NDArray[np.uint8]]) -> None:
-        """Queue gray frames of any size for the camera."""
-        for frame in frames:
-            self._frames.append(np.ascontiguousarray(frame, np.uint8))
-            self.call("frame", self._frames[-1].ctypes.data, frame.shape[1], frame.shape[0])
 
     def run(self, clocks: int) -> None:
         """Run for a number of clocks."""
@@ -92,16 +67,6 @@ class CameraBench(Model):
     def open_bursts(self) -> int:
         """Number of addresses, words and responses of bursts that have begun and not ended."""
         return int(self.call("open_bursts"))
-
-    @property
-    def violations(self) -> int:
-        """How often the design broke AXI's rules: withdrew or changed an offer, or sent an invalid burst."""
-        return int(self.call("violations"))
-
-    @property
-    def errors(self) -> int:
-        """Number of bursts answered by SLVERR."""
-        return int(self.call("errors"))
 
     @property
     def last_pixels(self) -> list[int]:
@@ -154,21 +119,13 @@ class CameraBench(Model):
         self.run(WAIT_CLOCKS)
 
 
-_ADDRESS, _WORD, _WIDE = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
-_WORDS = ctypes.POINTER(ctypes.POINTER(_WIDE))
 _FUNCTIONS = {
     **COMMON_FUNCTIONS,
-    "open": (_ADDRESS,),
-    "memory": (None, _ADDRESS, _WIDE, _WIDE),
-    "rules": (None, _WORD, _WORD, _WORD, _WIDE),
-    "timing": (None, *[_WORD] * 5),
-    "frame": (None, _ADDRESS, _WORD, _WORD),
-    "run": (None, _WIDE),
-    "hypotheses": (None, _ADDRESS, _WIDE, ctypes.c_int),
-    "scores": (_WIDE, _WORDS),
-    "last_pixels": (_WIDE, _WORDS),
-    "open_bursts": (_WIDE,),
-    "violations": (_WIDE,),
-    "errors": (_WIDE,),
+    "timing": (None, *[WORD] * 5),
+    "run": (None, WIDE),
+    "hypotheses": (None, ADDRESS, WIDE, ctypes.c_int),
+    "scores": (WIDE, WORDS),
+    "last_pixels": (WIDE, WORDS),
+    "open_bursts": (WIDE,),
 }
-"""The functions of camera.cpp."""
+"""The functions that only camera.cpp has."""

@@ -10,7 +10,6 @@ from amaranth.hdl import Module, Signal
 from amaranth.lib.wiring import In
 from numpy.typing import NDArray
 
-from golden_model.arrays import Pixels
 from golden_model.painting.tiles import TILE_PX
 from hdl.axi.flat_ports import FlatTop
 from hdl.blocks.flat import CLOCK, RESET, FlatBlock
@@ -18,9 +17,8 @@ from hdl.painting.frame_writer import BUFFERS, frame_pages
 from hdl.painting.painter import Painter
 from hdl.settings import PAGE_BYTES
 from sim.backends.interface import silent
-from sim.benches.camera import BASE, MemoryRules
+from sim.benches.memory import ADDRESS, BASE, WIDE, WORD, WORDS, MemoryBench, MemoryRules
 from sim.simulators import verilator
-from sim.simulators.compiled import COMMON_FUNCTIONS, Model
 from sim.simulators.design import Design, Ports
 
 SETTINGS = (
@@ -71,7 +69,7 @@ class PainterTop(FlatTop):
         return m
 
 
-class PainterBench(Model):
+class PainterBench(MemoryBench):
     """A running simulation.
 
     Parameters
@@ -102,25 +100,18 @@ class PainterBench(Model):
         rules: MemoryRules,
     ) -> None:
         design = Design("the painter", PORTS, PainterTop, "")
-        super().__init__(verilator.build_library(design, progress=silent, harness=HARNESS), "painter", _FUNCTIONS)
         pages = frame_pages(width_px, height_px)
         canvas_start = BUFFERS * pages * PAGE_BYTES
-        self.memory = np.random.default_rng(rules.seed).integers(
-            0, 256, canvas_start + columns * rows * PAGE_BYTES, dtype=np.uint8
-        )
+        length_bytes = canvas_start + columns * rows * PAGE_BYTES
+        memory = np.random.default_rng(rules.seed).integers(0, 256, length_bytes, dtype=np.uint8)
+        library = verilator.build_library(design, progress=silent, harness=HARNESS)
+        super().__init__(library, "painter", _FUNCTIONS, memory, rules)
         self.canvas = self.memory[canvas_start:].reshape(rows, columns, TILE_PX, TILE_PX, 4)
         self.reports: list[Report] = []
-        self._frames: list[Pixels] = []
-        self.call("memory", self.memory.ctypes.data, BASE, self.memory.size)
-        self.follow(rules)
         self.set(
             width_px=width_px, height_px=height_px, frames_page=BASE // PAGE_BYTES, buffer_pages=pages,
             canvas_page=(BASE + canvas_start) // PAGE_BYTES, columns=columns, rows=rows, replace=replace, enable=1,
         )  # fmt: skip
-
-    def follow(self, rules: MemoryRules) -> None:
-        """Change how the memory behaves."""
-        self.call("rules", rules.waits, rules.latency_clocks, rules.failures, rules.seed)
 
     def reset(self) -> None:
         """Reset the design, and forget what waits for it."""
@@ -131,11 +122,6 @@ class PainterBench(Model):
         """Change settings, by their names without ``i_``."""
         for name, value in settings.items():
             self.call("set", SETTINGS.index(name), value)
-
-    def show(self, frame: Pixels) -> None:
-        """Queue a frame (H, W, 3) for the camera."""
-        self._frames.append(np.ascontiguousarray(frame, np.uint8))
-        self.call("frame", self._frames[-1].ctypes.data, frame.shape[1], frame.shape[0])
 
     def place(self, elements: NDArray[np.integer], frame: int, *, reference: int | None = None) -> None:
         """Queue the pose (3, 3) of a frame; with ``reference`` it is composed with that of this frame."""
@@ -165,31 +151,12 @@ class PainterBench(Model):
         """Nothing is under way: the painter says so, no burst is open, and the camera has no frame left."""
         return bool(self.call("idle"))
 
-    @property
-    def violations(self) -> int:
-        """How often the design broke AXI's rules."""
-        return int(self.call("violations"))
 
-    @property
-    def errors(self) -> int:
-        """Number of bursts answered by SLVERR."""
-        return int(self.call("errors"))
-
-
-_ADDRESS, _WORD, _WIDE = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
-_WORDS = ctypes.POINTER(ctypes.POINTER(_WIDE))
 _FUNCTIONS = {
-    **{name: COMMON_FUNCTIONS[name] for name in ("close", "reset", "cycle")},
-    "open": (_ADDRESS,),
-    "memory": (None, _ADDRESS, _WIDE, _WIDE),
-    "rules": (None, _WORD, _WORD, _WORD, _WIDE),
-    "set": (None, ctypes.c_int, _WIDE),
-    "frame": (None, _ADDRESS, _WORD, _WORD),
-    "pose": (None, _ADDRESS, _WORD, _WORD, _WORD),
-    "run": (_WIDE, _WIDE, _WIDE, _WORDS),
-    "events": (_WIDE, _WORDS),
+    "set": (None, ctypes.c_int, WIDE),
+    "pose": (None, ADDRESS, WORD, WORD, WORD),
+    "run": (WIDE, WIDE, WIDE, WORDS),
+    "events": (WIDE, WORDS),
     "idle": (ctypes.c_int,),
-    "violations": (_WIDE,),
-    "errors": (_WIDE,),
 }
-"""The functions of painter.cpp."""
+"""The functions that only painter.cpp has."""

@@ -14,8 +14,9 @@ from golden_model.geometry.scoring import ScoreCause, answers, quantise
 from hdl.build import BUILDS
 from hdl.settings import REQUESTED, RINGS, matched_frame_settings
 from sim.backends.golden import add_matches
-from sim.benches.camera import CameraBench, CameraTiming, MemoryRules
+from sim.benches.camera import CameraBench, CameraTiming
 from sim.benches.exported import host_programs
+from sim.benches.memory import MemoryRules
 from sim.scene import make_pair
 
 SIZE_PX = (160, 120)
@@ -71,7 +72,7 @@ def check(
 def test_a_host_that_pauses_loses_frames_that_are_reported(reader: Any) -> None:
     bench, rings = opened(reader, waits=60, latency_clocks=60, seed=4)
     frames, delivered = views(12), []
-    bench.show(frames)
+    bench.show(*frames)
     for number in range(12):
         if number == 2:
             bench.run(200_000)
@@ -96,7 +97,7 @@ def test_hypotheses_are_scored_by_the_newest_frame_while_the_camera_runs(reader:
     """Those that are out of range are answered with their cause, and counted."""
     bench, rings = opened(reader, waits=60, latency_clocks=60, seed=5)
     scorer, rng = sys.modules["skymosaic_scores"].Scorer(bench), np.random.default_rng(1)
-    bench.show(views(5))
+    bench.show(*views(5))
     matches, scored = {}, []
     while (frame := rings.next_frame(0.05)) is not None:
         matches[int(frame.match_status["frame"])] = frame.matches.copy()
@@ -126,14 +127,14 @@ def test_hypotheses_are_scored_by_the_newest_frame_while_the_camera_runs(reader:
 def test_errors_of_the_memory_cost_packets_and_a_restart_mends_everything(reader: Any) -> None:
     bench, rings = opened(reader, failures=12, seed=3)
     frames = views(6)
-    bench.show(frames)
+    bench.show(*frames)
     seen = [frame.good for frame in iter(lambda: _taken(rings), None)]
     counts = rings.counts()
     assert sum(counts[f"{ring}_errors"] for ring in RINGS) == bench.errors > 0
     assert rings.damaged > 0
     assert len(seen) + rings.damaged + counts["dropped"] == len(frames)
     rings.restart()
-    bench.show(views(1))
+    bench.show(*views(1))
     bench.run(60_000)
     assert bench.violations == 0
     assert rings.counts()["camera_frames"] == len(frames) + 1
@@ -144,7 +145,7 @@ def test_a_camera_that_breaks_frames_off_and_changes_size(reader: Any) -> None:
     """The frame behind a broken one is whole: closing the broken one does not cost another."""
     bench, rings = opened(reader, seed=1)
     whole = views(5)
-    bench.show([whole[0], whole[1][:50], whole[2], whole[3][:, :100], whole[4]])
+    bench.show(whole[0], whole[1][:50], whole[2], whole[3][:, :100], whole[4])
     frames = [(frame.number, frame.good, len(frame.features)) for frame in iter(lambda: _taken(rings), None)]
     assert [(number, good) for number, good, _ in frames] == [(1, True), (2, False), (3, True), (4, False), (5, True)]
     assert all(count > 50 for _, good, count in frames if good)
@@ -159,7 +160,7 @@ def test_no_burst_is_open_when_a_clear_is_complete(reader: Any) -> None:
     bench, rings = opened(reader, waits=150, latency_clocks=300, seed=2)
     rng, frames, open_before = np.random.default_rng(3), views(3), 0
     for number in range(40):
-        bench.show(frames[:2])
+        bench.show(*frames[:2])
         bench.run(int(rng.integers(50_000)))
         # Every other time within a burst.
         for _ in range(100_000 * (number % 2)):
@@ -175,7 +176,7 @@ def test_no_burst_is_open_when_a_clear_is_complete(reader: Any) -> None:
         assert bench.violations == 0
         rings.restart()
     assert open_before > 10
-    bench.show(frames)
+    bench.show(*frames)
     found = [frame for frame in iter(lambda: _taken(rings), None) if frame.good][-1]
     expected = extract(frames[-1], CONFIG.front_end.for_size(*SIZE_PX), frame=int(found.status["frame"]))
     np.testing.assert_array_equal(found.features, expected.features)
@@ -185,7 +186,7 @@ def test_no_burst_is_open_when_a_clear_is_complete(reader: Any) -> None:
 def test_a_reset_without_a_clear_leaves_bursts_open(reader: Any) -> None:
     """What the test before relies on."""
     bench, _ = opened(reader, waits=150, latency_clocks=300, seed=2)
-    bench.show(views(2))
+    bench.show(*views(2))
     while not bench.open_bursts:
         bench.run(1)
     bench.reset()

@@ -13,7 +13,7 @@ from golden_model.geometry.scoring import quantise
 from golden_model.painting import painter as golden
 from golden_model.painting.pose import Placement, Poses
 from hdl.blocks.export import find_block, write_block
-from sim.benches.camera import MemoryRules
+from sim.benches.memory import MemoryRules
 from sim.benches.painter import PainterBench, Report
 from tests.golden_model.painting import tilted
 from tests.golden_model.painting.test_painter import integers

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from hdl.build import BUILDS, Build
 from hdl.export.ip_xact import VLNV
 from hdl.settings import PAGE_BYTES
-from sim.benches.camera import BASE, CameraBench
+from sim.benches.camera import CameraBench
+from sim.benches.memory import BASE
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
 from sim.simulators.compiled import Bench

@@ -11,8 +11,9 @@ import pytest
 from golden_model.config import PRESETS
 from golden_model.geometry.scoring import answers, quantise
 from hdl.settings import REQUESTED
-from sim.benches.camera import CameraBench, CameraTiming, MemoryRules
+from sim.benches.camera import CameraBench, CameraTiming
 from sim.benches.exported import host_programs
+from sim.benches.memory import MemoryRules
 from tests.system import test_camera_build
 from tests.system.board.pynq_board import ACCELERATOR_ADDRESS, CameraSystem
 from tests.system.board.pynq_package import NEWEST, OLDER, import_pynq, remove_pynq
@@ -56,7 +57,7 @@ def check_scores(board: Any, matches: np.ndarray, frame: int) -> None:
 def test_frames_and_scores_pass_pynqs_own_classes(board: Any) -> None:
     """Errors of the scores' DMA are named, and the next packet is scored."""
     frames, delivered = views(4), []
-    board.system.bench.show(frames)
+    board.system.bench.show(*frames)
     while (frame := board.rings.next_frame(0.2)) is not None:
         assert frame.good
         delivered.append((frame.number, frame.features.copy(), frame.matches.copy(), frame.homography))
