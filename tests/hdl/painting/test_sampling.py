@@ -21,6 +21,8 @@ BOXES = {
     "a whole frame of odd size": ((45, 37), (0, 0, 44, 36)),
     "the largest window, at odd places": ((640, 480), (301, 177, 364, 240)),
     "the last corner of the largest frame": ((4096, 4096), (4063, 4070, 4095, 4095)),
+    "the largest weights of 720 lines": ((1280, 720), (630, 350, 650, 370)),
+    "the largest weights of 1080 lines": ((1920, 1080), (950, 530, 970, 550)),
     "a column at the right border": ((1031, 1100), (1029, 600, 1030, 640)),
 }
 
