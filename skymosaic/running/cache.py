@@ -5,9 +5,9 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
-import io
+import json
+import math
 import os
-import zipfile
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -94,10 +94,8 @@ class ResultCache:
             checksum, data = entry[:CHECKSUM_BYTES], entry[CHECKSUM_BYTES:]
             if checksum != _checksum(key, data):
                 return None
-            # Pickles would run code from the folder, which may be shared.
-            with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
-                loaded = dict(arrays)
-        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
+            loaded = _unpack(data)
+        except (OSError, ValueError, TypeError, AttributeError, OverflowError, RecursionError):
             return None
         # In a folder of somebody else, its owner sees to what is old.
         with contextlib.suppress(OSError):
@@ -108,9 +106,7 @@ class ResultCache:
         """Keep ``arrays`` under ``key``, whole or not at all."""
         if self._folder is None or not self._writable:
             return
-        buffer = io.BytesIO()
-        np.savez(buffer, allow_pickle=False, **arrays)
-        data = buffer.getvalue()
+        data = _pack(arrays)
         try:
             save_bytes(self._folder / f"{key}.entry", _checksum(key, data) + data)
         except InputError as error:
@@ -145,6 +141,32 @@ def _remove_oldest(folder: Path, limit_bytes: int) -> None:
             total += status.st_size
             if total > limit_bytes:
                 path.unlink()
+
+
+def _pack(arrays: Arrays) -> bytes:
+    """A line of JSON with the types and shapes, then the values.
+
+    NumPy's own files have a Python literal for this, and CPython 3.11 cannot read literals in several threads at once
+    (`SystemError`: "AST constructor recursion depth mismatch").
+    """
+    header = {
+        name: (array.dtype.str if array.dtype.names is None else array.dtype.descr, array.shape)
+        for name, array in arrays.items()
+    }
+    return b"\n".join([json.dumps(header).encode(), b"".join(array.tobytes() for array in arrays.values())])
+
+
+def _unpack(data: bytes) -> Arrays:
+    """What `_pack` packed; arrays of objects, which would run code from a shared folder, are refused."""
+    header, _, values = data.partition(b"\n")
+    arrays, start = {}, 0
+    for name, (kind, shape) in json.loads(header).items():
+        dtype = np.dtype(
+            kind if isinstance(kind, str) else [(field, of, *map(tuple, size)) for field, of, *size in kind]
+        )
+        arrays[name] = np.frombuffer(values, dtype, math.prod(shape), start).reshape(shape).copy()
+        start += arrays[name].nbytes
+    return arrays
 
 
 def _checksum(key: str, data: bytes) -> bytes:

@@ -1,5 +1,4 @@
 import ast
-import io
 import os
 import stat
 import subprocess
@@ -33,11 +32,77 @@ def test_a_damaged_cache_file_counts_as_missing(tmp_path: Path) -> None:
     np.testing.assert_array_equal(loaded["values"], np.arange(1000))
 
 
-def test_a_cache_file_that_holds_code_runs_none_of_it(tmp_path: Path) -> None:
-    buffer = io.BytesIO()
-    np.savez(buffer, values=np.array([Path()], dtype=object))
-    (tmp_path / "key.entry").write_bytes(_checksum("key", buffer.getvalue()) + buffer.getvalue())
+FEATURES = np.dtype([("index", "<u2"), ("response", "<f4"), ("descriptor", "u1", (16,))])
+
+
+def test_arrays_come_back_with_their_types_and_shapes(tmp_path: Path) -> None:
+    saved = {
+        "features": np.frombuffer(bytes(range(110)), FEATURES),
+        "none": np.zeros((0, 2)),
+        "strided": np.arange(12, dtype=np.int16).reshape(3, 4)[:, ::2],
+        "one": np.array(True),
+    }
+    cache = ResultCache(tmp_path)
+    cache.save("key", saved)
+    loaded = cache.load("key")
+    assert loaded is not None
+    assert list(loaded) == list(saved)
+    for name, array in saved.items():
+        assert (loaded[name].dtype, loaded[name].shape) == (array.dtype, array.shape)
+        np.testing.assert_array_equal(loaded[name], array)
+        assert loaded[name].flags.writeable
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"[]\n",
+        b"\x80\n",
+        b"[" * 100_000,
+        b'{"a": 3}\n',
+        b'{"a": ["(", [1]]}\n1',
+        b'{"a": [[["x"]], [2]]}\n',
+        b'{"a": ["|O", [1]]}\n12345678',
+        b'{"a": ["<f8", [2]]}\n12345678',
+        b'{"a": ["<f8", [99999999999999999999]]}\n',
+    ],
+)
+def test_an_entry_that_somebody_made_up_counts_as_missing(data: bytes, tmp_path: Path) -> None:
+    (tmp_path / "key.entry").write_bytes(_checksum("key", data) + data)
     assert ResultCache(tmp_path).load("key") is None
+
+
+THREADS = """
+import gc
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+import numpy as np
+from skymosaic.running.cache import ResultCache
+
+class Garbage:
+    def __init__(self):
+        self.me = self
+
+    def __del__(self):
+        sum(range(100))  # enough for another thread to take over
+
+def load(_turn):
+    _garbage = [Garbage() for _ in range(20)]
+    return cache.load("key") is not None
+
+cache = ResultCache(Path(sys.argv[1]))
+cache.save("key", {"values": np.zeros(5, [(f"field{index}", "u1") for index in range(40)])})
+sys.setswitchinterval(1e-6)
+gc.set_threshold(50)
+with ThreadPoolExecutor(8) as threads:
+    assert all(threads.map(load, range(2000)))
+"""
+
+
+def test_threads_load_at_the_same_time(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, "-c", THREADS, str(tmp_path)], check=True)
 
 
 def test_a_cache_that_cannot_be_written_keeps_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
