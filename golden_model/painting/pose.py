@@ -55,6 +55,14 @@ class Placement:
     """Whether the elements are the homography from the reference, and not the pose itself."""
 
 
+def placement_of(record: np.void) -> Placement | None:
+    """What a Homography record (`golden_model.records.HOMOGRAPHY`) says of its frame; nothing where it has causes."""
+    if record["causes"]:
+        return None
+    elements = np.array([record[f"h{row}{column}"] for row, column in np.ndindex(3, 3)]).astype(np.int32)
+    return Placement(int(record["frame"]) & 0xFFFF, int(record["reference"]), elements.reshape(3, 3), composed=True)
+
+
 @dataclass(frozen=True, eq=False)
 class Kept:
     """A pose that others can be composed with."""
