@@ -150,7 +150,7 @@ def fit_to_map(
     spread = _spread(targets[agreeing])
     if spread < MIN_SPREAD_M:
         return None, f"the positions spread over {spread:.2g} m, too little for a map; check their unit"
-    if residual > MAX_RESIDUAL * spread or agreeing.mean() < 1 - MAX_DISAGREEING:
+    if residual > MAX_RESIDUAL * spread or (~agreeing).mean() > MAX_DISAGREEING:
         farthest = known[np.argsort(-offsets)][:WORST_NAMED].tolist()
         worst = ", ".join(str(index) if names is None else names[index] for index in farthest)
         return None, (
@@ -193,6 +193,9 @@ def _fit_agreeing(points: Points, targets: Points) -> tuple[NDArray[np.bool_], A
     DegenerateError
         If no two positions determine a similarity.
     """
+    if len(points) <= MIN_POSITIONS:
+        # Any two agree exactly, so that noise would make an outlier of the third.
+        return np.ones(len(points), dtype=bool), estimate(points, targets, model="similarity")
     # On complex numbers, w = a + b z is a similarity.
     z, w = points @ [1, 1j], targets @ [1, 1j]
     pairs = _pairs(len(points))

@@ -67,6 +67,29 @@ def test_positions_that_are_far_off_are_named_and_do_not_count(count: int) -> No
     assert 0 < place.scale_error < 0.02
 
 
+def test_noise_makes_no_outlier_of_one_of_three_positions() -> None:
+    """Of three, any two agree exactly."""
+    places, metres = scattered(3, 2.0)
+    place, reason = fit_to_map(places, metres, "EPSG:32615")
+    assert reason == ""
+    assert (place.disagreeing, place.residual_m > 0.5) == ((), True)
+    assert place.metres_per_pixel == pytest.approx(0.05, rel=0.03)
+    metres[0] += 150
+    place, reason = fit_to_map(places, metres, "EPSG:32615")
+    assert place is None
+    assert "too much for a spread of" in reason
+
+
+@pytest.mark.parametrize("wrong", [2, 3])
+def test_a_third_of_the_positions_may_disagree(wrong: int) -> None:
+    places, metres = scattered(6, 0.5)
+    metres[:wrong] += np.arange(wrong)[:, np.newaxis] * (70, 150) + (400, -300)
+    place, _ = fit_to_map(places, metres, "EPSG:32615")
+    assert (place is not None) == (wrong == 2)
+    if place is not None:
+        assert place.disagreeing == (0, 1)
+
+
 @pytest.mark.parametrize("count", [2, 5, 32, 33, 200])
 def test_pairs_that_are_tried_are_of_two_positions(count: int) -> None:
     first, second = _pairs(count).T
