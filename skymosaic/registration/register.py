@@ -115,8 +115,9 @@ def register_photographs(
         if features is None
         else [(each.working.image, each.to_original) for each in features]
     )
-    first = _match_first(front_end, (left, right), config, options, features=features, masked=lens is not None)
     masks = _mask(lens, left, photographs[0].visible), _mask(lens, right, photographs[1].visible)
+    masked = any(mask is not None for mask in masks)
+    first = _match_first(front_end, (left, right), config, options, features=features, masked=masked)
     clock.lap("features and matches")
     shared = None if features is None else (features[0].working, features[1].working)
     state, agreement, left_out = _search(
@@ -222,7 +223,7 @@ def _match_first(
         config = dataclasses.replace(config, front_end=features[0].config.front_end)
         records = features[0].records, features[1].records
         return _FirstPass(records, match(*records, config.front_end.pattern, config.matcher), config)
-    # The hardware does not know what a lens masks.
+    # The hardware does not know what is masked.
     if options.estimator == FABRIC and not masked:
         config = dataclasses.replace(config, estimator=draw_config(np.random.default_rng(options.seed)))
     # The left frame is held as the reference, so the matches come with the right one.
