@@ -16,7 +16,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,8 +65,6 @@ class Latencies:
     """How long a match occupies the histogram of orientations."""
     weigh: int
     """How long a match occupies the weigher."""
-    result: int
-    """From the end of a match's record to the clock in which the next match may follow."""
     peak: int
     """Search for the peak of the histogram, and clearing it; 0 without orientations."""
 
@@ -75,7 +72,6 @@ class Latencies:
     def compute(cls, config: Config, *, lanes: int) -> Latencies:
         """Compute the latencies of a build."""
         pattern, words = config.front_end.pattern, MATCH.record_bytes // WORD_BYTES
-        result = int(config.matcher.rules is not None)
         return cls(
             record_words=pattern.record.record_bytes // WORD_BYTES,
             match_words=words,
@@ -83,9 +79,8 @@ class Latencies:
             shortest_pass=lanes + 4,
             # Weight, its square, sum.
             count=sugeno_cycles(rule_bases.aerial_orientation(pattern.bits)) + 4 + 1,
-            # Features read, weight, comparison with the limit, record.
-            weigh=_READ_CYCLES + weight_cycles(pattern, config.matcher) + 1 + words + result,
-            result=result,
+            # Features read, weight, comparison with the limit, record; with rules, a clock until the next match.
+            weigh=_READ_CYCLES + weight_cycles(pattern, config.matcher) + 1 + words + bool(config.matcher.rules),
             # Up and down the 16 bins, and 5 clocks of latency between.
             peak=16 + 5 + 16 if pattern.oriented else 0,
         )
@@ -153,8 +148,6 @@ class Timeline:
     """The common orientation is known."""
     weighed: int
     """The last match has its weight."""
-    matches: tuple[int, ...]
-    """First word of each Match record at the output."""
     matches_end: int
     """Last word of the matches' packet."""
     homography_end: int | None = None
@@ -162,13 +155,11 @@ class Timeline:
 
     def steps(self) -> Iterator[tuple[str, int]]:
         """Return name and clock of each step of the frame, in their order."""
-        clocks = {name: clock for name, clock in vars(self).items() if name != "matches"}
-        return ((name, clock) for name, clock in clocks.items() if clock is not None)
+        return ((name, clock) for name, clock in vars(self).items() if clock is not None)
 
     def delay(self, cycles: int) -> Timeline:
         """Return the same timeline, ``cycles`` clocks later."""
-        clocks: dict[str, Any] = {name: clock + cycles for name, clock in self.steps()}
-        return Timeline(**clocks, matches=tuple(clock + cycles for clock in self.matches))
+        return Timeline(**{name: clock + cycles for name, clock in self.steps()})
 
     @property
     def status_cycles(self) -> int:
@@ -217,11 +208,11 @@ def _timelines(
         # The same words go to the output's buffer and to the one before the matcher.
         arrived = last_word + 2 * latencies.skid_buffer
         accepted = max(arrived + 1, idle) + latencies.acceptance - 1
-        searched, counted, weighed, taken = _match_clocks(work, latencies, accepted)
-        # The words of a record pass the output's buffer; the gate takes a clock to open for the first one of a packet.
-        firsts = [clock - latencies.result - latencies.match_words + 2 + latencies.skid_buffer for clock in taken]
-        # Without matches, the gate opens for the status instead.
-        matches_end = weighed + 1 + latencies.match_words + latencies.skid_buffer + (not taken)
+        searched, counted, weighed = _match_clocks(work, latencies, accepted)
+        # The words of a record pass the output's buffer. The gate takes a clock to open for the first one of a packet:
+        # for the status, if there are no matches.
+        has_matches = work.good and len(work.rows) > 0
+        matches_end = weighed + 1 + latencies.match_words + latencies.skid_buffer + (not has_matches)
         idle, homography_end = weighed + 1 + latencies.match_words, None
         if work.estimate_cycles is not None:
             # The matches' gate delays its words, not those for the estimator.
@@ -235,7 +226,6 @@ def _timelines(
             searched=searched,
             counted=counted,
             weighed=weighed,
-            matches=tuple(clock + (n == 0) for n, clock in enumerate(firsts)),
             matches_end=matches_end,
             homography_end=homography_end,
         )
@@ -267,16 +257,16 @@ def _leaves_in_time(work: FrameWork, front_end: FrontEndConfig, pixels_per_clock
     return min(lines) * -(-work.width_px // pixels_per_clock) >= leaving_cycles
 
 
-def _match_clocks(work: FrameWork, latencies: Latencies, accepted: int) -> tuple[int, int, int, list[int]]:
-    """Clocks in which a frame is searched, counted and weighed, and in which each match is taken from the queue."""
+def _match_clocks(work: FrameWork, latencies: Latencies, accepted: int) -> tuple[int, int, int]:
+    """Clocks in which a frame is searched, counted and weighed."""
     if not work.good:
-        return accepted, accepted, accepted, []
+        return accepted, accepted, accepted
     searched = accepted + latencies.search_start + _search_cycles(work, latencies)
     begins, counted = searched + 1, searched
     if latencies.peak:
-        counted, _ = _walk_clocks(work, latencies.walk, latencies.count, begins)
+        counted = _walk_ends(work, latencies.walk, latencies.count, begins)
         begins = counted + latencies.peak + 2
-    return searched, counted, *_walk_clocks(work, latencies.walk, latencies.weigh, begins)
+    return searched, counted, _walk_ends(work, latencies.walk, latencies.weigh, begins)
 
 
 def _search_cycles(work: FrameWork, latencies: Latencies) -> int:
@@ -287,22 +277,20 @@ def _search_cycles(work: FrameWork, latencies: Latencies) -> int:
     return -(-work.left // lanes) * max(work.right, latencies.shortest_pass) + latencies.drain
 
 
-def _walk_clocks(work: FrameWork, walk_cycles: int, service_cycles: int, begins: int) -> tuple[int, list[int]]:
-    """Clock in which a walk over all rows ends, and those in which each match is taken.
+def _walk_ends(work: FrameWork, walk_cycles: int, service_cycles: int, begins: int) -> int:
+    """Clock in which a walk over all rows ends.
 
     One row is read per clock. Its match waits in a skid buffer: one at the output, one aside; while one is aside, no
     row is read.
     """
     rows = work.left if work.right else 0
     if not rows:
-        return begins, []
-    taken: list[int] = []
-    # Clock and row of the last match that entered the buffer, and until when no row was read after it.
-    entered, row, resumed = begins + walk_cycles, 0, begins + walk_cycles
+        return begins
+    # Clock and row of the last match that entered the buffer, until when no row was read after it, and when it was
+    # taken from the queue.
+    entered, row, resumed, taken = begins + walk_cycles, 0, begins + walk_cycles, 0
     for index in work.rows.tolist():
         entered, row = resumed + index - row, index
-        before = taken[-1] if taken else entered
-        resumed = max(entered, before)
-        taken.append(max(entered, before) + service_cycles)
-    emptied = resumed + rows - 1 - row
-    return max(emptied, taken[-1] + 1 if taken else emptied), taken
+        resumed = max(entered, taken)
+        taken = resumed + service_cycles
+    return max(resumed + rows - 1 - row, taken + 1)

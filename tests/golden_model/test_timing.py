@@ -59,7 +59,7 @@ def test_two_pixels_a_clock_take_half_the_clocks() -> None:
     one, two = (timelines(frames, CONFIG, lanes=16, pixels_per_clock=each) for each in (1, 2))
     assert [line.status_cycles for line in (*one, *two)] == [641 * 480] * 2 + [321 * 480] * 2
     for slow, fast in zip(one, two, strict=True):
-        assert slow.delay(-slow.last_pixel).matches == fast.delay(-fast.last_pixel).matches
+        assert slow.matches_end - slow.last_pixel == fast.matches_end - fast.last_pixel
 
 
 def test_frames_of_720p_never_wait_for_the_homography_before() -> None:
