@@ -21,12 +21,6 @@ def test_fields_follow_each_other_within_whole_words(record: Record) -> None:
     assert record.dtype.itemsize == record.record_bytes
 
 
-def test_lengths() -> None:
-    assert feature_record(16).record_bytes == 32
-    assert feature_record(32).record_bytes == 48
-    assert feature_record(4, 9).record_bytes == 32
-
-
 def test_bytes_are_little_endian_behind_the_tag() -> None:
     feature = np.zeros(1, feature_record(16).dtype)
     feature["tag"], feature["x"], feature["descriptor"] = Tag.FEATURE, 0x1234, np.arange(16)

@@ -52,7 +52,7 @@ def test_the_refit_is_that_in_double_precision(count: int, side_px: int) -> None
     right = np.rint(16 * (apply(TRUTH, left / 16) + rng.normal(0, 0.3, left.shape))).astype(np.int64)
     weight = rng.integers(1, 256, count)
     H, determinant = fitted(left, right, weight)
-    assert determinant > 0
+    assert determinant == pytest.approx(np.linalg.det(H), rel=1e-6)
     # Between the two, at the matches: a hundredth of the positions' own step of 1/16 px.
     assert transfer_error(H, left / 16, apply(in_double(left, right, weight), left / 16)).max() < 16**-1 / 100
 
