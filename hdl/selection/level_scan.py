@@ -39,7 +39,7 @@ class LevelScan(wiring.Component):
     i: data.View
     """Beats of ``pixel``; only the scan position matters."""
     i_width_px: Signal
-    """Width of the level, at least 32 px. Stable from one clock before a frame's first beat."""
+    """Width of the level, at least 32 px per pixel of a beat. Stable from one clock before a frame's first beat."""
     i_height_px: Signal
     """Height of the level, likewise."""
     i_cell_log2: Signal

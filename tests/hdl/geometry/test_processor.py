@@ -23,7 +23,7 @@ from golden_model.geometry.programs import (
 from golden_model.geometry.refit import factors, solve_sums
 from golden_model.geometry.solving import areas, solve
 from hdl.geometry.match_gain import PAIR
-from hdl.geometry.processor import Processor
+from hdl.geometry.processor import INSTRUCTION, Processor
 from tests.hdl.block_bench import BlockBench
 
 SIZE = (640, 480)
@@ -118,6 +118,11 @@ def test_programs_leave_what_the_golden_model_computes() -> None:
     passed, cycles = results[3]
     assert passed == estimator.passes(determinant)[0]
     assert cycles == [each.cycles + dut.start_cycles - 1 for each in (AREAS, SOLVE, CLEAR, ADD, ADD, FIT)]
+
+
+def test_the_programs_fill_block_rams_of_36_bits() -> None:
+    """As many words as the documentation says: one bit more, and a block RAM holds half as many."""
+    assert (sum(len(each.instructions) for each in PROGRAMS), INSTRUCTION.size) == (621, 36)
 
 
 def test_the_schedule_uses_no_result_too_early() -> None:

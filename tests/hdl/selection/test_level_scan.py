@@ -5,26 +5,52 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from amaranth import Module
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
 
-from hdl.selection.level_scan import LevelScan
+from hdl.selection.level_scan import WARNING_BEATS, LevelScan
+from hdl.streams import beat
 from sim.benches.drivers import Beats, run_beats
 from sim.simulators.recording import Pauses
 
 LAG_PX, BORDER_PX, CELL_LOG2 = 4, 7, 5
 
 
-@pytest.mark.parametrize("shape", [(75, 33)])
+class ScanWithWarning(wiring.Component):
+    """A scan whose warning is another mark of its beats."""
+
+    def __init__(self, *, cells: bool, pixels_per_clock: int) -> None:
+        self.scan = LevelScan(lag_px=LAG_PX, border_px=BORDER_PX, cells=cells, pixels_per_clock=pixels_per_clock)
+        self.pixels_per_clock = pixels_per_clock
+        marks = beat(inside=pixels_per_clock, ends_row=1, ends_level=1, row_closes=1)
+        super().__init__(
+            {
+                **{name: In(each.shape) for name, each in self.scan.signature.members.items() if name[0] == "i"},
+                "o": Out(marks),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        m.submodules.scan = scan = self.scan
+        m.d.comb += [getattr(scan, name).eq(getattr(self, name)) for name in self.signature.members if name != "o"]
+        m.d.comb += [getattr(self.o, name).eq(getattr(scan.o, name)) for name in scan.o.shape().members]
+        m.d.comb += self.o.row_closes.eq(scan.o_row_closes)
+        return m
+
+
 @pytest.mark.parametrize("cells", [True, False])
-@pytest.mark.parametrize("pixels_per_clock", [1, 2])
+@pytest.mark.parametrize(("pixels_per_clock", "shape"), [(1, (69, 33)), (2, (43, 65))])
 def test_marks_belong_to_the_lagging_pixel(
     pauses: Pauses, shape: tuple[int, int], cells: bool, pixels_per_clock: int
 ) -> None:
     height_px, width_px = shape
-    dut = LevelScan(lag_px=LAG_PX, border_px=BORDER_PX, cells=cells, pixels_per_clock=pixels_per_clock)
+    dut = ScanWithWarning(cells=cells, pixels_per_clock=pixels_per_clock)
     settings = {"i_width_px": width_px, "i_height_px": height_px, "i_cell_log2": CELL_LOG2}
     frames = [{"pixel": np.zeros(shape, int)}] * 3
     sent, received = run_beats(dut, frames, settings=settings, pauses=pauses, received_per_clock=1)
-    np.testing.assert_array_equal(received.cycles - sent.cycles[::pixels_per_clock], dut.latency_cycles)
+    np.testing.assert_array_equal(received.cycles - sent.cycles[::pixels_per_clock], dut.scan.latency_cycles)
     # During the first frame the sizes are still new.
     _, *parts = received.split()
 
@@ -32,12 +58,15 @@ def test_marks_belong_to_the_lagging_pixel(
     inside = (x >= BORDER_PX) & (x < width_px - BORDER_PX) & (y >= BORDER_PX) & (y < height_px - BORDER_PX)
     line_ends, lowest = x == width_px - 1 - LAG_PX, height_px - 1 - BORDER_PX
     cell_ends = cells & (y >= 0) & (y % (1 << CELL_LOG2) == (1 << CELL_LOG2) - 1) & (y < lowest)
+    closes = cell_ends | (y == lowest)
+    beats_left = (width_px - 1) // pixels_per_clock - (x + LAG_PX) // pixels_per_clock
     # Of two pixels of a beat the left one has the lower bit; the marks are at its position.
     padded = np.pad(inside, ((0, 0), (0, width_px % pixels_per_clock)))
     expected = {
         "inside": sum(padded[:, n::pixels_per_clock] << n for n in range(pixels_per_clock)),
-        "ends_row": (line_ends & (cell_ends | (y == lowest)))[:, ::pixels_per_clock],
+        "ends_row": (line_ends & closes)[:, ::pixels_per_clock],
         "ends_level": (line_ends & (y == lowest))[:, ::pixels_per_clock],
+        "row_closes": (closes & (beats_left > 0) & (beats_left <= WARNING_BEATS))[:, ::pixels_per_clock],
     }
     for part in parts:
         for name, plane in expected.items():

@@ -2,18 +2,39 @@
 """The top at its pins: commands in, answers and light-emitting diodes out, and the button."""
 
 import dataclasses
+from collections.abc import Callable, Coroutine
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from amaranth import Module, Signal
+from amaranth.lib import stream, wiring
+from amaranth.lib.wiring import In, Out
 from amaranth.sim import Simulator
 
-from hdl.build import BUILDS
+from hdl.axi.axi_lite import AXI_LITE
+from hdl.axi.video_input import VideoPayload
+from hdl.build import BUILDS, Build
 from hdl.registers.register_map import IDENTITY, register_writes
 from hdl.serial import ulx3s
 from hdl.serial.link import Command, Message
+from hdl.streams import WordPayload
 
 BUILD = dataclasses.replace(BUILDS["tiny"], shell="serial", video_bits=8)
 CLOCKS_PER_BIT = 4
+
+
+def simulate(dut: ulx3s.Ulx3s, run: Callable[[Any], Coroutine[Any, Any, None]]) -> None:
+    async def oscillator(ctx: Any) -> None:
+        while True:
+            for level in (1, 0):
+                ctx.set(dut.clk_25mhz, level)
+                await ctx.delay(0.5 / ulx3s.CLOCK_HZ)
+
+    simulator = Simulator(dut)
+    simulator.add_testbench(run)
+    simulator.add_testbench(oscillator, background=True)
+    simulator.run()
 
 
 def test_registers_answer_and_the_button_resets_them(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,13 +79,43 @@ def test_registers_answer_and_the_button_resets_them(monkeypatch: pytest.MonkeyP
         await wait(ctx, 8)
         assert ctx.get(dut.led) == 0
 
-    async def oscillator(ctx: Any) -> None:
-        while True:
-            for level in (1, 0):
-                ctx.set(dut.clk_25mhz, level)
-                await ctx.delay(0.5 / ulx3s.CLOCK_HZ)
+    simulate(dut, run)
 
-    simulator = Simulator(dut)
-    simulator.add_testbench(run)
-    simulator.add_testbench(oscillator, background=True)
-    simulator.run()
+
+class IdleAccelerator(wiring.Component):
+    """The ports of an accelerator, and nothing that drives its outputs."""
+
+    i_reset: In(1)
+    control: In(AXI_LITE)
+    i_video: In(stream.Signature(VideoPayload))
+    o_features: Out(stream.Signature(WordPayload))
+    o_matches: Out(stream.Signature(WordPayload))
+
+    def __init__(self, build: Build) -> None:
+        self.build = build
+        self.registers = SimpleNamespace(o_enable=Signal())
+        super().__init__()
+
+    def elaborate(self, platform: object) -> Module:
+        return Module()
+
+
+def test_each_light_has_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ulx3s, "Accelerator", IdleAccelerator)
+    dut = ulx3s.Ulx3s(BUILD)
+    idle = dut.accelerator
+
+    async def run(ctx: Any) -> None:
+        ctx.set(dut.ftdi_txd, 1)
+        for n, signal in ((0, idle.registers.o_enable), (2, idle.o_features.valid), (3, idle.o_matches.valid)):
+            ctx.set(signal, 1)
+            await ctx.posedge(dut.clk_25mhz)
+            assert ctx.get(dut.led) == 1 << n
+            ctx.set(signal, 0)
+        # A byte that does not end.
+        ctx.set(dut.ftdi_txd, 0)
+        for _ in range(ulx3s.RESET_CLOCKS + 11 * ulx3s.CLOCKS_PER_BIT):
+            await ctx.posedge(dut.clk_25mhz)
+        assert ctx.get(dut.led) == 1 << 1
+
+    simulate(dut, run)
