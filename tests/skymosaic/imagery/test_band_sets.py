@@ -116,11 +116,13 @@ def test_a_band_that_most_captures_lack_is_refused(tmp_path: Path) -> None:
         group_band_sets(sources_of(tmp_path, *names, "IMG_0010_3.tif"))
 
 
-def test_one_capture_of_several_that_has_another_size_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("band", [2, 3])
+def test_one_capture_of_several_that_has_another_size_is_refused(tmp_path: Path, band: int) -> None:
     names = three("1.tif", "2.tif", "3.tif")
     sources = sources_of(tmp_path, *names)
-    cv2.imwrite(sources[-1].name, np.zeros((70, 90), np.uint16))
-    with pytest.raises(InputError, match=r"IMG_0012_3\.tif: 90x70 pixels, but band 1 has 80x70; all bands need one"):
+    cv2.imwrite(str(tmp_path / f"IMG_0012_{band}.tif"), np.zeros((70, 90), np.uint16))
+    message = rf"IMG_0012_{band}\.tif: 90x70 pixels, but band 1 has 80x70; all bands need one"
+    with pytest.raises(InputError, match=message):
         grouped(sources)
     Path(sources[-1].name).write_bytes(b"no picture")
     with pytest.raises(InputError, match=r"IMG_0012_3\.tif: .*, or remove all files of this capture"):

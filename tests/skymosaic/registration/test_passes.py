@@ -181,3 +181,18 @@ def test_further_passes_do_not_replace_what_predicts_held_out_matches_better(
     assert np.count_nonzero(chosen.inliers) == len(pair.inliers)
     assert search.choose(wrong, right) is right
     assert search.choose(replace(right, homography=None), wrong) is wrong
+
+
+def test_the_zoom_is_that_in_the_middle_of_the_left_photograph(
+    near: tuple[CameraPose, NDArray[np.uint8]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The right one is smaller."""
+    images, sizes = (near[1], near[1][:200, :300]), list[tuple[int, int]]()
+    pair = register(near[1], near[1], effort="fast")
+    weak = SearchState(Evidence(pair.features, pair.matches), np.eye(3), pair.matches["verdict"] == 1, 20, passes=1)
+    passes = "skymosaic.registration.passes"
+    monkeypatch.setattr(f"{passes}.Search._search_together", lambda _, state, __: state)
+    monkeypatch.setattr(f"{passes}.choose_run_between_octaves", lambda _, size: sizes.append(size))
+    search = Search(GoldenBackend(), images, pair.config, np.random.default_rng(0), lambda matches: matches)
+    assert search.run("normal", weak) is weak
+    assert sizes == [SIZE]

@@ -180,3 +180,15 @@ def test_why_an_object_is_lost_is_said(place: Any, sees_surroundings: bool, says
     for _ in range(2):
         track.follow(FRAME)
     assert says in track.explain(FRAME)
+
+
+@pytest.mark.parametrize("has_twin", [False, True])
+def test_what_is_half_of_its_side_away_may_be_a_twin(has_twin: bool) -> None:
+    seen = Seen([])
+    track = begun(seen, moved(100, 100))
+    vars(track)["_has_twin"] = has_twin
+    side_px = np.sqrt(100 * 80)
+    for share in (0.45, 0.55):
+        homography = moved(100, 100 - share * side_px)
+        found = TemplatePose(homography, "similarity", 9, seen.followed, seen.left_out, VIEW)
+        assert track._is_twin(found) == (has_twin and share > 0.5)
