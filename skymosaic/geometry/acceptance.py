@@ -22,7 +22,9 @@ SHIFT_BITS = 4
 
 def count_places(left: Points, right: Points) -> int:
     """Count matches at different places: the occupied cells, in the image with fewer of them."""
-    return min(len(np.unique(np.floor(points / CELL_PX), axis=0)) for points in (left, right))
+    cells = (np.floor(points.T / CELL_PX) for points in (left, right))
+    # NumPy sorts complex numbers in a fraction of the time that it takes for rows.
+    return min(len(np.unique(x + 1j * y)) for x, y in cells)
 
 
 def overlap(homography: Matrix, left_size: Size, right_size: Size) -> Points:

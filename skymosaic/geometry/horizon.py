@@ -34,8 +34,8 @@ def clip_polygon(polygon: Points, inside: Array) -> Points:
     It has no corner (0, 2) where nothing is left.
     """
     kept = []
-    edges = zip(np.roll(polygon, 1, axis=0), polygon, np.roll(inside, 1), inside, strict=True)
-    for start, end, first, last in edges:
+    for i, (end, last) in enumerate(zip(polygon, inside, strict=True)):
+        start, first = polygon[i - 1], inside[i - 1]
         if (first < 0) != (last < 0):
             kept.append(start + (end - start) * first / (first - last))
         if last >= 0:

@@ -13,6 +13,9 @@ def test_matches_at_one_place_count_once() -> None:
     assert acceptance.count_places(points, points) == 2
     assert acceptance.count_places(points, np.full((4, 2), 50.0)) == 1
     assert acceptance.count_places(points[:0], points[:0]) == 0
+    # A column, and a row: neither coordinate alone tells places apart.
+    line = np.column_stack([np.full(5, 8.0), np.arange(5) * 4.0])
+    assert acceptance.count_places(line, line) == acceptance.count_places(line[:, ::-1], line) == 5
 
 
 def test_the_overlap_of_a_shift_is_the_common_half() -> None:
