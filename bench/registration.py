@@ -33,6 +33,7 @@ from bench.pair_sets import public_folder, write_set
 from bench.rendered_pairs import HEIGHTS_PX, OVERLAPS, STEPS, ReliefPair, flat_pairs, relief_pairs
 from bench.report import Flights, JsonFile, Row, program, report
 from golden_model.arrays import Matrix
+from golden_model.config import MIN_FRAME_PX
 from skymosaic import extract, register
 from skymosaic.evaluation.known_pairs import KnownPair, read_pairs
 from skymosaic.evaluation.metrics import MISSING_ERROR_PX, grid_error
@@ -47,7 +48,6 @@ progress = Console(stderr=True)
 
 LIMITS_PX = (1, 3, 5)
 WRONG_PX = 20.0
-WIDTH_PX = 640
 Sets = Annotated[list[str], typer.Argument(help="Folders of pairs; several are joined.", metavar="SET...")]
 Seeds = Annotated[int, typer.Option(min=1, help="Seeds of our estimator; OpenCV's are fixed.")]
 Methods = Annotated[list[str] | None, typer.Option(help="Only these: normal, thorough, sift, ...")]
@@ -79,33 +79,35 @@ def methods(
     """
     cv2.setNumThreads(1)
     pairs = [pair for name in sets for pair in read_pairs(public_folder(name))]
-    results = {heading: list(measure(run, pairs, seeds, heading)) for heading, run in chosen_methods(method).items()}
+    chosen = chosen_methods(method)
+    results: dict[str, list[Outcome]] = {heading: [] for heading in chosen}
+    for pair in track(pairs, description="pairs", console=progress, transient=True):
+        # Side by side, so that a busy machine slows all methods alike.
+        for heading, run in chosen.items():
+            results[heading].append(measure(run, pair, seeds))
     rows = group_rows(results) if by_group else [method_row(results, heading) for heading in results]
     report(f"{len(pairs)} pairs, {seeds} seeds; under {'/'.join(map(str, LIMITS_PX))} px in %", rows, json_file)
 
 
-def measure(method: Method, pairs: list[KnownPair], seeds: int, heading: str) -> Iterator[Outcome]:
-    """Run a method on every pair."""
-    for pair in track(pairs, description=heading, console=progress, transient=True):
-        sizes = [read_gray(path).shape[::-1] for path in (pair.left, pair.right)]
-        errors: list[float] = []
-        seconds = 0.0
-        start = time.process_time()
-        for homography in method(pair, seeds):
-            if not errors:
-                seconds = time.process_time() - start
-            error = min(grid_error(homography, pair.truth, *sizes), MISSING_ERROR_PX - 1)
-            errors.append(error if homography is not None else MISSING_ERROR_PX)
-        yield Outcome(pair.group, tuple(errors), seconds)
+def measure(method: Method, pair: KnownPair, seeds: int) -> Outcome:
+    """Run a method on a pair."""
+    sizes = [read_gray(path).shape[::-1] for path in (pair.left, pair.right)]
+    errors: list[float] = []
+    seconds = 0.0
+    start = time.process_time()
+    for homography in method(pair, seeds):
+        if not errors:
+            seconds = time.process_time() - start
+        error = min(grid_error(homography, pair.truth, *sizes), MISSING_ERROR_PX - 1)
+        errors.append(error if homography is not None else MISSING_ERROR_PX)
+    return Outcome(pair.group, tuple(errors), seconds)
 
 
 def method_row(results: dict[str, list[Outcome]], heading: str) -> Row:
     """A method's shares by group and over all pairs, what it refused or had wrong, and its time."""
     outcomes = results[heading]
     errors = np.array([outcome.error_px for outcome in outcomes])
-    seconds = np.array([outcome.seconds for outcome in outcomes])
     refused = float((errors == MISSING_ERROR_PX).sum(axis=0).mean())
-    sift = [outcome.seconds for outcome in results.get(REFERENCE, [])]
     return {
         "method": heading,
         **{group: shares([o for o in outcomes if o.group == group]) for group in sorted({o.group for o in outcomes})},
@@ -113,13 +115,13 @@ def method_row(results: dict[str, list[Outcome]], heading: str) -> Row:
         "mAA": round(100 * float(np.mean([np.mean(errors < limit) for limit in range(1, 11)])), 1),
         "median": f"{np.median(errors):.2f} px" if refused < len(outcomes) / 2 else "most refused",
         "refused": round(refused, 1),
-        "wrong": int(((errors > WRONG_PX) & (errors < MISSING_ERROR_PX)).any(axis=1).sum()),
-        "time": f"{np.median(seconds / sift):.2f}" if sift else f"{1000 * np.median(seconds):.0f} ms",
+        "wrong": count_wrong(outcomes),
+        "time": median_time(outcomes, results.get(REFERENCE)),
     }
 
 
 def group_rows(results: dict[str, list[Outcome]]) -> list[Row]:
-    """A row for each group of pairs: shares and median error of each method."""
+    """A row for each group of pairs: shares and median error of each method; what the first had wrong, and its time."""
     rows: list[Row] = []
     for group in sorted({outcome.group for outcomes in results.values() for outcome in outcomes}):
         chosen = {heading: [o for o in outcomes if o.group == group] for heading, outcomes in results.items()}
@@ -128,8 +130,23 @@ def group_rows(results: dict[str, list[Outcome]]) -> list[Row]:
             heading: f"{shares(chosen[heading])}, {median:.2f} px" if median < MISSING_ERROR_PX else "refused"
             for heading, median in medians.items()
         }
-        rows.append({"pairs": group.replace("_", " "), **cells})
+        first = next(iter(chosen.values()))
+        figures: Row = {"wrong": count_wrong(first), "time": median_time(first, chosen.get(REFERENCE))}
+        rows.append({"pairs": group.replace("_", " "), **cells, **figures})
     return rows
+
+
+def count_wrong(outcomes: list[Outcome]) -> int:
+    """Pairs that are accepted and more than 20 px off, at any seed."""
+    return sum(any(WRONG_PX < error < MISSING_ERROR_PX for error in outcome.error_px) for outcome in outcomes)
+
+
+def median_time(outcomes: list[Outcome], reference: list[Outcome] | None) -> str:
+    """A method's processor time for a pair: as a ratio to the reference's where that was measured too."""
+    seconds = np.array([outcome.seconds for outcome in outcomes])
+    if reference is None:
+        return f"{1000 * np.median(seconds):.0f} ms"
+    return f"{np.median(seconds / [outcome.seconds for outcome in reference]):.2f}"
 
 
 def shares(outcomes: list[Outcome]) -> str:
@@ -191,6 +208,7 @@ def relief_row(heading: str, method: Method, pairs: list[ReliefPair], seeds: int
 def unrelated(
     flights: Flights,
     pairs: Annotated[int, typer.Option(min=1, help="Pairs to try.")] = 1000,
+    width_px: Annotated[int, typer.Option("--width", min=MIN_FRAME_PX, help="Photographs are reduced to it.")] = 640,
     effort: Annotated[list[str] | None, typer.Option(help="Only these; by default all.")] = None,
     on_chip: Annotated[bool, typer.Option("--on-chip", help="The estimator of the hardware instead.")] = False,
 ) -> None:
@@ -202,7 +220,7 @@ def unrelated(
     photographs = [[source.content for source in list_sources([public_folder(flight)])] for flight in flights]
     every = [(one, other) for a, b in combinations(photographs, 2) for one in a for other in b]
     tried = random.Random(0).sample(every, min(pairs, len(every)))
-    features = {path: extract(reduce_to_width(load(path).pixels, WIDTH_PX)[0]) for path in set(chain(*tried))}
+    features = {path: extract(reduce_to_width(load(path).pixels, width_px)[0]) for path in set(chain(*tried))}
     levels: list[Effort | None] = [None] if on_chip else [level for level in EFFORTS if level in (effort or EFFORTS)]
     rows: list[Row] = [
         {"effort": level or ON_CHIP, "pairs": len(tried), "accepted": 0, "most inliers": 0} for level in levels
