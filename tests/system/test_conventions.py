@@ -101,12 +101,29 @@ def test_results_go_to_stdout_and_progress_to_stderr(run: Run) -> None:
     assert "inliers" not in errors
 
 
-def test_only_a_failure_is_an_error(run: Run) -> None:
-    for words in (("mosaic", "left.png", "right.png", "left.png", "-o", "m.png"), ("check", "left.png", "right.png")):
-        status, out, errors = run(*words)
-        assert status == 0
-        assert b"accuracy: median" in out
-        assert "error: " not in errors + out.decode()
+@pytest.mark.parametrize(
+    ("words", "lines"),
+    [
+        (
+            ("mosaic", "left.png", "right.png", "left.png", "-o", "m.png", "--report", "shown"),
+            (r"mosaic m\.png \(\d+x\d+\), \d photographs of 3", "accuracy: median .*", "report shown.index.html"),
+        ),
+        (
+            ("check", "left.png", "right.png"),
+            ("accuracy: median .*", "complete: the photographs make one mosaic"),
+        ),
+        (("live", "film.mkv", "-o", "m.png"), (r"mosaic m\.png \(\d+x\d+\): 2 frames, 0 left out",)),
+    ],
+    ids=["mosaic", "check", "live"],
+)
+def test_results_are_said_and_only_a_failure_is_an_error(
+    run: Run, words: tuple[str, ...], lines: tuple[str, ...]
+) -> None:
+    status, out, errors = run(*words)
+    assert status == 0
+    for line in lines:
+        assert re.search(rf"^{line}$", out.decode(), re.MULTILINE), out.decode()
+    assert "error: " not in errors + out.decode()
 
 
 def test_quiet_prints_results_only(run: Run) -> None:
