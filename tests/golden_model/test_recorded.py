@@ -17,6 +17,7 @@ from golden_model.geometry.scoring import quantise
 from golden_model.matching.matcher import match
 from golden_model.painting.painter import Painter
 from golden_model.painting.pose import Placement, Poses
+from golden_model.pixel.threshold import next_code
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, Cause, Record, Tag, feature_record
 
 WIDTH_PX, HEIGHT_PX = 180, 132
@@ -84,6 +85,12 @@ def test_features_and_matches_are_the_recorded_ones(config: Config, features: st
     found = match(left, right, config.front_end.pattern, config.matcher)
     assert min(len(left), len(found), np.ptp(found["weight"])) > 20
     assert (digest(left, right), digest(found)) == (features, matches)
+
+
+def test_thresholds_follow_the_counts_as_recorded() -> None:
+    counts = range(0, 4001, 250)
+    codes = [next_code(code, n, 1500, name) for code in (1, 40, 9000) for n in counts for name in ("harris", "fast")]
+    assert digest(codes) == "55ad55db0d1e"
 
 
 def test_an_estimate_is_the_recorded_one() -> None:

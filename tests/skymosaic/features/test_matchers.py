@@ -92,6 +92,7 @@ def test_window_matches_are_the_golden_models(size_px: int) -> None:
     scores = correlation.fuzzy_inputs(left[mutual], right[forward[mutual]])
     weight, _ = rule_bases.correlation().evaluate(*scores)
     np.testing.assert_array_equal(matches["weight"], weight)
+    np.testing.assert_array_equal(matches["distance"], scores[0])
     np.testing.assert_array_equal(matches["verdict"], weight > GOOD_MATCH_ABOVE)
 
 

@@ -1,3 +1,4 @@
+import tomllib
 from pathlib import Path
 
 import cv2
@@ -12,9 +13,9 @@ from skymosaic.mosaicking.options import MosaicOptions
 CAMERA = """width_px = 640
 height_px = 480
 focal_x_px = 500
-focal_y_px = 500
+focal_y_px = 495
 centre_x_px = 319.5
-centre_y_px = 239.5
+centre_y_px = 236
 k1 = -0.2
 """
 
@@ -24,7 +25,7 @@ def test_a_camera_takes_the_distortion_out(tmp_path: Path) -> None:
     lens = load_lens(tmp_path / "camera.toml", None)
     # Points of a straight line, distorted as the camera would, end on a line again.
     line = np.column_stack([np.linspace(60, 580, 14), np.full(14, 90.0)])
-    rays = np.column_stack([(line - [319.5, 239.5]) / 500, np.ones(14)])
+    rays = np.column_stack([(line - [319.5, 236]) / [500, 495], np.ones(14)])
     distorted, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), lens.matrix, lens.distortion)
     picture = np.zeros((480, 640), np.uint8)
     for x, y in distorted[:, 0]:
@@ -83,6 +84,7 @@ def test_an_upright_photograph_has_the_same_lens(tmp_path: Path, size: tuple[int
 def test_photographs_of_another_shape_are_of_another_camera(tmp_path: Path) -> None:
     (tmp_path / "camera.toml").write_text(CAMERA)
     lens = load_lens(tmp_path / "camera.toml", None)
+    assert lens.numbers == tomllib.loads(CAMERA)
     picture = np.random.default_rng(1).integers(0, 256, (360, 640), dtype=np.uint8)
     np.testing.assert_array_equal(lens.straighten(picture), picture)
     cv2.imwrite(str(tmp_path / "wide.png"), picture)

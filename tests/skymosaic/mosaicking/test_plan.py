@@ -3,15 +3,18 @@
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
 from sim.scene import Flight
-from skymosaic.common.errors import RegistrationError
+from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.mosaicking.plan import MosaicPlan
 
 
 def swap(one: Path, other: Path) -> None:
@@ -85,3 +88,15 @@ def test_where_all_photographs_change_there_is_no_mosaic(folder: Path, tmp_path:
         with pytest.raises(RegistrationError, match=r"no two photographs make a mosaic; .*0.png: was removed after it"):
             plan.write(tmp_path / "m.tif")
         assert not any(tmp_path.iterdir())
+
+
+def test_control_points_must_reach_the_largest_group_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    def place(*_: Any) -> None:
+        raise InputError("too few control points")
+
+    monkeypatch.setattr("skymosaic.mosaicking.plan.place_on_map", place)
+    first, second = object(), object()
+    plan: Any = SimpleNamespace(layouts=[first, second], flight=None, options=MosaicOptions())
+    with pytest.raises(InputError, match="too few"):
+        MosaicPlan._place(plan, first)  # type: ignore[arg-type]
+    assert MosaicPlan._place(plan, second).note == "too few control points"  # type: ignore[arg-type]

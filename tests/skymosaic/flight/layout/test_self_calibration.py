@@ -6,7 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from skymosaic.flight.layout.layout import lay_out
-from skymosaic.flight.layout.linked_group import normalisation
+from skymosaic.flight.layout.linked_group import LinkedGroup, normalisation
 from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS, straighten
 from skymosaic.flight.layout.self_calibration import Calibration, calibrate, straighten_links
 from skymosaic.flight.linking.links import Link
@@ -87,9 +87,23 @@ def test_what_remains_is_a_second_distortion_on_top_of_the_first() -> None:
     assert np.abs(straighten(points, first) - twice).max() > 3e-3
 
 
-def test_a_straight_lens_is_left_alone() -> None:
+def test_a_straight_lens_is_left_alone_and_errors_are_those_of_ties_that_no_fit_has_seen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     views, links = lawnmower(0.0)
+    every, taken, build = set(range(40)), list[set[int]](), LinkedGroup.network
+
+    def network(group: LinkedGroup, chosen: slice, *more: Any) -> Any:
+        taken.append(set(range(40)[chosen]))
+        return build(group, chosen, *more)
+
+    monkeypatch.setattr(LinkedGroup, "network", network)
     assert calibrate(views, range(len(views)), links) is None
+    lay_out(views, list(range(len(views))), links)
+    parts = [each for each in taken if each != every]
+    assert len(parts) == 6
+    for fitted, judging in zip(parts[::2], parts[1::2], strict=True):
+        assert (fitted & judging, fitted | judging) == (set(), every)
 
 
 def test_straightened_links_fit_as_well_as_those_of_a_straight_lens() -> None:
