@@ -211,6 +211,15 @@ def _motion(to_right: Matrix, size: Size) -> float:
     return float(np.linalg.norm(apply(to_right, corners) - corners, axis=1).mean() / max(width, height))
 
 
+def _motion_of_most(left: Sight, right: Sight, left_points: Points, right_points: Points) -> float:
+    """Median motion of matches (N, 2), working px, as a share of the left picture's longer side."""
+    start, end = (
+        apply(np.asarray(np.linalg.inv(sight.to_working)), points)
+        for sight, points in ((left, left_points), (right, right_points))
+    )
+    return float(np.median(np.linalg.norm(end - start, axis=1)) / max(left.size))
+
+
 def _band_pass(gray: NDArray[np.number]) -> Float32:
     values = gray.astype(np.float32)
     return np.asarray(cv2.GaussianBlur(values, (0, 0), NOISE_PX) - cv2.GaussianBlur(values, (0, 0), LIGHT_PX))
@@ -273,9 +282,13 @@ def find_ground(
         if homography is None:
             break
         sights = see(fit)
-        if first is None and _motion(_between(*sights, homography), sights[0].size) >= FAR:
+        motion = _motion(_between(*sights, homography), sights[0].size)
+        # Text that stands still, with one match beside it, fits a homography that moves all else far.
+        if (stood := _motion_of_most(*sights, *inliers)) < STILL:
+            motion = stood
+        if first is None and motion >= FAR:
             return fit, None, left_out
-        agreement = measure_agreement(*sights, homography, explained)
+        agreement = replace(measure_agreement(*sights, homography, explained), motion=motion)
         if agreement.suffices and (first is None or agreement.wins):
             return fit, agreement, left_out
         first = first or (fit, agreement)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skymosaic import mosaics, register
 from skymosaic.common.errors import RegistrationError
-from skymosaic.geometry.ground import Sight, measure_agreement
+from skymosaic.geometry.ground import Sight, find_ground, measure_agreement
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.key_frames import select_key_frames
 from skymosaic.mosaicking.live.mosaic import LiveMosaic
@@ -227,6 +227,22 @@ def test_the_farther_a_camera_moves_the_less_must_agree(sites: list[NDArray[np.u
     assert [each.required for each in moved] == pytest.approx([0.7, 0.4, -0.05])
     assert [each.suffices for each in moved] == [True, False, True]
     assert measure_agreement(sight, Sight(~sites[0]), np.eye(3)).share == 0
+
+
+def test_a_homography_that_moves_all_but_its_matches_joins_no_ground(sites: list[NDArray[np.uint8]]) -> None:
+    text = np.stack([np.linspace(30, 600, 12), np.linspace(440, 446, 12)], axis=1)
+    # A line of text stands still, and one match above it has moved.
+    left, right = np.vstack([text, [(320, 60)]]), np.vstack([text, [(320, 200)]])
+    homography = np.asarray(cv2.findHomography(left, right)[0])
+    corner = apply(homography, np.array([0.0, 0.0]))
+    assert np.linalg.norm(corner) > 0.2 * SIZE[0]
+    _, agreement, left_out = find_ground(
+        lambda left_out: ("fit", None if left_out.rejected else homography, (left, right)),
+        lambda _fit: (Sight(sites[0]), Sight(sites[1])),
+    )
+    assert agreement is not None
+    assert agreement.is_refused
+    assert len(left_out.rejected) == 1
 
 
 def test_a_flight_behind_a_display_is_whole() -> None:
