@@ -11,7 +11,8 @@ from skymosaic.flight.layout.extent import outline, overlap
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.layout.linked_group import groups
 from skymosaic.flight.linking.links import Link
-from skymosaic.geometry.ground import MOVES_WITH_CAMERA
+from skymosaic.geometry.ground import MOVES_WITH_CAMERA, STILL
+from skymosaic.geometry.homography import apply
 from skymosaic.imagery.photographs import short_names
 
 MIN_BEST_OVERLAP = 0.3
@@ -187,12 +188,25 @@ def _problems_of_all(flight: Flight) -> Iterator[str]:
 
 
 def describe_moving(flight: Flight) -> str:
-    """What moves with the camera, and what was done about it; empty where nothing does."""
+    """What moves with the camera and what was done about it, or that the camera did not move; else empty."""
     if flight.found_mask is not None:
         share = float(np.mean(flight.found_mask == 0))
         return f"{MOVES_WITH_CAMERA}: {share:.0%} of each photograph is masked; a report has the mask, for --mask"
-    moving = sum(link.moves_with_camera for link in flight.links)
-    return f"{moving} pairs: {MOVES_WITH_CAMERA}; --mask hides it" if moving else ""
+    if moving := sum(link.moves_with_camera for link in flight.links):
+        return (
+            f"{MOVES_WITH_CAMERA}, in {moving} of {len(flight.links)} pairs: --mask hides a display or a border; below "
+            "a camera that hovers, it may be water or cars that move"
+        )
+    if any(_stood_still(flight, layout) for layout in flight.layouts):
+        return "all photographs of a group show one place: the camera hovered, or they show nothing but a display"
+    return ""
+
+
+def _stood_still(flight: Flight, layout: Layout) -> bool:
+    """Whether the middles of all photographs lie within a hundredth of a photograph's side."""
+    sizes = np.array([flight.views[member].working_size for member in layout.members])
+    middles = [apply(layout.transforms[member], size / 2) for member, size in zip(layout.members, sizes, strict=True)]
+    return bool(np.ptp(middles, axis=0).max() < STILL * sizes.max())
 
 
 def doubts(flight: Flight, layout: Layout) -> Iterator[str]:

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -6,7 +7,15 @@ import numpy as np
 
 from golden_model.config import preset_config
 from sim.scene.flight import Flight
-from skymosaic.flight.check import CLIPPED, MIN_BEST_OVERLAP, _problems, check_flight, doubts, layout_errors
+from skymosaic.flight.check import (
+    CLIPPED,
+    MIN_BEST_OVERLAP,
+    _problems,
+    check_flight,
+    describe_moving,
+    doubts,
+    layout_errors,
+)
 from skymosaic.flight.flight import BLURRED
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
@@ -41,7 +50,7 @@ def test_what_many_photographs_lack_is_counted() -> None:
     facts = {"working_size": (400, 300), "clipped": 0.0, "sharpness": 1.0}
     views = [SimpleNamespace(name=f"{view}.jpg", gps=(46, 8) if view < 3 else None, **facts) for view in range(5)]
     links = tuple(Link(*pair, *(np.zeros((90, 2)),) * 2, 90, 90) for pair in ((0, 1), (1, 2), (3, 4)))
-    places = [dict.fromkeys(members, np.eye(3)) for members in ((0, 1, 2), (3, 4))]
+    places = [{view: np.diag([1.0, 1 + 0.1 * view, 1]) for view in members} for members in ((0, 1, 2), (3, 4))]
     flight: Any = SimpleNamespace(
         names=[*"012345"],
         views=views,
@@ -58,6 +67,25 @@ def test_what_many_photographs_lack_is_counted() -> None:
     assert unusable == "1 of 6 photographs cannot be used or repeat another"
     assert groups.startswith("2 groups that no link joins for sure (3, 2 photographs): fly again between them")
     assert gps == "2 of 5 photographs have no GPS"
+
+
+def test_what_moves_with_the_camera_or_does_not_move_is_said() -> None:
+    views = [SimpleNamespace(working_size=(400, 300)) for _ in range(3)]
+    nothing, some = np.zeros((0, 2)), np.ones((5, 2))
+
+    def describe(offset_px: float, moving: int, mask: Any = None) -> str:
+        links = [Link(*pair, some, some, 5, 5, *(nothing,) * 2) for pair in ((0, 1), (0, 2), (1, 2))]
+        links = [replace(link, left_moving=some) if number < moving else link for number, link in enumerate(links)]
+        places = {view: np.array([[1.0, 0, view * offset_px], [0, 1, 0], [0, 0, 1]]) for view in range(3)}
+        layout = Layout((0, 1, 2), 0, places, tuple(links))
+        flight: Any = SimpleNamespace(views=views, links=links, layouts=[layout], found_mask=mask)
+        return describe_moving(flight)
+
+    assert describe(10.0, 0) == ""
+    assert describe(1.9, 0).startswith("all photographs of a group show one place")
+    assert describe(2.1, 0) == ""
+    assert "in 2 of 3 pairs: --mask hides" in describe(1.9, 2)
+    assert "50% of each photograph is masked" in describe(10.0, 2, np.array([[0, 255]]))
 
 
 def test_a_layout_with_many_contradicting_links_is_doubted_by_name() -> None:
