@@ -180,8 +180,8 @@ def _mask_own(
 ) -> tuple[Surveyor, tuple[View, ...], dict[Candidate, Link]] | None:
     """Views and links again without what moves with the camera, as a mask from a file would give them.
 
-    Where a mask leaves too few features to link what was linked, it is for the picture alone. None where a lens is
-    given, or nothing moves with the camera.
+    Where its groups would be smaller, the mask is for the picture alone. None where a lens is given, or nothing moves
+    with the camera.
     """
     lens, moving = surveyor.settings.lens, _moving_links(views, links)
     if lens.mask is not None or lens.matrix is not None or not moving:
@@ -193,10 +193,10 @@ def _mask_own(
     described = surveyor.describe_all(sources)
     again = tuple(replace(view, taken=known.taken) for view, known in zip(described, views, strict=True))
     found = _link(surveyor, sources, again)
-    before, after = (len(groups(len(views), valid_links(each))[0]) for each in (links, found))
-    if after >= max(before, 2):
+    before, after = ([len(part) for part in groups(len(views), valid_links(each))] for each in (links, found))
+    if after >= before and after[0] > 1:
         return surveyor, again, found
-    return (surveyor, tuple(views), links) if before >= len(views) / 2 else None
+    return (surveyor, tuple(views), links) if before[0] >= len(views) / 2 else None
 
 
 def _moving_links(views: Sequence[View], links: Mapping[Candidate, Link]) -> list[Link]:

@@ -8,13 +8,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from golden_model.config import preset_config
 from skymosaic.flight.check import check_flight
 from skymosaic.flight.linking.links import Link
+from skymosaic.flight.linking.surveyor import Surveyor
+from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.own_mask import find_mask
+from skymosaic.flight.survey import _mask_own
 from skymosaic.imagery.lens import load_lens
+from skymosaic.imagery.photographs import list_sources
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.reports.flight import write_report
+from skymosaic.running.cache import NO_CACHE
+from skymosaic.running.workers import Workers
 from tests.skymosaic.geometry.test_ground import at_night, ground, seen
 
 
@@ -87,3 +94,28 @@ def test_what_is_drawn_is_masked_where_no_match_is_rejected(flight: list[NDArray
     assert mask is not None
     assert not mask[:, :40].any()
     assert (mask[:, 60:] == 255).mean() > 0.9
+
+
+@pytest.mark.parametrize(
+    ("found", "is_for_links"), [(((0, 1), (2, 3)), True), (((0, 1), (1, 2)), True), (((0, 1),), False)]
+)
+def test_a_mask_by_which_groups_are_smaller_is_for_the_picture_alone(
+    monkeypatch: pytest.MonkeyPatch, found: tuple[tuple[int, int], ...], is_for_links: bool
+) -> None:
+    def link(*pairs: tuple[int, int]) -> dict[tuple[int, int], Link]:
+        points = np.ones((20, 2))
+        return {pair: Link(*pair, points, points, 20, 20) for pair in pairs}
+
+    photographs = [ground(seed)[:480, :640] for seed in range(4)]
+    before = link((0, 1), (2, 3))
+    with Workers() as workers:
+        surveyor = Surveyor(Settings(preset_config("aerial")), 0, workers, NO_CACHE)
+        sources = list_sources(photographs)
+        views = surveyor.describe_all(sources)
+        monkeypatch.setattr("skymosaic.flight.survey._moving_links", lambda *_: list(before.values()))
+        monkeypatch.setattr("skymosaic.flight.survey.find_mask", lambda *_: np.full((240, 320), 255, np.uint8))
+        monkeypatch.setattr("skymosaic.flight.survey._link", lambda *_: link(*found))
+        masked = _mask_own(surveyor, sources, views, before)
+    assert masked is not None
+    assert masked[0].settings.lens.mask is not None
+    assert (masked[2] is not before) == is_for_links
