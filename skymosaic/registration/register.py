@@ -290,8 +290,8 @@ def _look_behind_display(pair: Pair, matches: Records) -> Pair:
         return pair
     left, right = match_points(matches[matches["verdict"] == 1])
     still = np.linalg.norm(left - right, axis=1) <= STILL_PX
-    still &= transfer_error(homography, left, right) > MOVED * max(sights[0].size)
-    if np.count_nonzero(still) < STILL_MATCHES:
+    away_px = transfer_error(homography, left[still], right[still])
+    if np.count_nonzero(away_px > MOVED * max(sights[0].size)) < STILL_MATCHES:
         return pair
     moving = find_shared(*pair.working)
     masks = [np.where(moving, np.uint8(0), np.uint8(255) if mask is None else mask) for mask in pair.visible]
