@@ -54,6 +54,25 @@ def test_bursts_arrive_where_they_belong(rules: dict[str, Any]) -> None:
     assert np.count_nonzero(~is_written) == memory.error_count
 
 
+@pytest.mark.parametrize("waits", ["awready", "wready"])
+def test_neither_address_nor_words_alone_are_a_burst(waits: str) -> None:
+    dut = BurstWriter()
+    bench = BlockBench(dut, cycle_limit=100)
+
+    async def run(ctx: Any) -> None:
+        for port in (dut.bus.awready, dut.bus.wready, dut.i.valid):
+            ctx.set(port, 1)
+        ctx.set(getattr(dut.bus, waits), 0)
+        await bench.pulse(ctx, dut.i_start)
+        await ctx.tick().repeat(BURST_WORDS + 1)
+        assert (ctx.get(dut.o_sent), ctx.get(dut.o_ready)) == (0, 0)
+        ctx.set(getattr(dut.bus, waits), 1)
+        await ctx.tick().repeat(BURST_WORDS)
+        assert (ctx.get(dut.o_sent), ctx.get(dut.o_ready), ctx.get(dut.o_all_answered)) == (1, 1, 0)
+
+    bench.run(run)
+
+
 def test_no_burst_starts_while_too_many_have_no_answer() -> None:
     dut = BurstWriter()
     bench = BlockBench(dut, cycle_limit=1000)

@@ -1,5 +1,7 @@
+import os
 import socket
 import threading
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -86,3 +88,17 @@ def test_blas_keeps_to_one_thread_while_any_workers_are_in_use() -> None:
         assert threads() == {1}
         second.__exit__(None, None, None)
         assert threads() == {2}
+
+
+@pytest.mark.parametrize(
+    ("share", "cores"),
+    [("max 100000", 6), ("150000 100000", 2), ("400000 100000", 4), ("900000 100000", 6), ("unknown", 6), (None, 6)],
+)
+def test_a_container_has_no_more_processors_than_its_share(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, share: str | None, cores: int
+) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(6), raising=False)
+    monkeypatch.setattr(flight_workers, "CPU_SHARE", tmp_path / "cpu.max")
+    if share is not None:
+        (tmp_path / "cpu.max").write_text(share)
+    assert flight_workers._cores() == cores
