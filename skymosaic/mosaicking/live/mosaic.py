@@ -17,17 +17,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self, Unpack
 
-import numpy as np
-
 from golden_model.arrays import Array, Pixels, Records
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.common.options import choose_options, list_options
 from skymosaic.common.replaced import refuse_inputs
 from skymosaic.compositing.warp import Canvas, CanvasError
 from skymosaic.features.contrast import even_contrast, find_pattern
-from skymosaic.flight.candidates import MIN_VOTES, MOST_SIMILAR
 from skymosaic.flight.linking.links import Link, link_views
-from skymosaic.flight.linking.resemblance import count_votes
 from skymosaic.flight.linking.view import THUMBNAIL_WIDTH_PX
 from skymosaic.flight.mapping.cameras import Camera
 from skymosaic.flight.mapping.place import MapPlace, place_cameras
@@ -44,15 +40,13 @@ from skymosaic.mosaicking.live.composing import flight_of_frames
 from skymosaic.mosaicking.live.kept_frames import FullError, KeptFrames
 from skymosaic.mosaicking.live.preview import paint_preview
 from skymosaic.mosaicking.live.record_chain import RecordChain
-from skymosaic.mosaicking.live.submap import Frame, Placement, Submap
+from skymosaic.mosaicking.live.submap import Frame, Placement, Submap, likely_neighbours
 from skymosaic.mosaicking.live.update import LiveUpdate
 from skymosaic.mosaicking.options import LiveKeywords, LiveOptions, MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.running.workers import Workers
 
-LATEST = 3
-"""A new frame is first matched with this many of the latest frames; if these fail, with the most similar older ones."""
 MIN_FEATURES = 50
 """A frame with fewer features does not start a submap."""
 
@@ -315,22 +309,12 @@ class LiveMosaic:
 
     def _register(self, frame: Frame, submaps: list[Submap]) -> tuple[Submap, Placement] | tuple[None, None]:
         """Find a submap that the frame overlaps, and place the frame in it."""
-        for submap, other in self._candidates(frame, submaps):
-            if (placement := submap.register(frame, other)) is not None:
-                return submap, placement
+        home = {number: submap for submap in submaps for number in submap.frames}
+        placed = [other for submap in submaps for other in submap.frames.values()]
+        for other in likely_neighbours(frame, placed):
+            if (placement := home[other.number].register(frame, other)) is not None:
+                return home[other.number], placement
         return None, None
-
-    def _candidates(self, frame: Frame, submaps: list[Submap]) -> Iterator[tuple[Submap, Frame]]:
-        """Registered frames to match with a new one, likeliest first: the latest, then those that resemble it."""
-        placed = [(submap, other) for submap in submaps for other in submap.frames.values()]
-        placed.sort(key=lambda pair: -pair[1].number)
-        yield from placed[:LATEST]
-        # Votes are only counted when the latest frames have failed, because they take longer than a match.
-        older = placed[LATEST:]
-        votes = np.array(count_votes(frame.compact, [other.compact for _, other in older]), dtype=np.intp)
-        for index in np.argsort(-votes, kind="stable")[:MOST_SIMILAR]:
-            if votes[index] >= MIN_VOTES:
-                yield older[index]
 
     def _join(self, submap: Submap, frame: Frame) -> Submap:
         """Merge a submap with another one that its newest frame also overlaps; raises CanvasError as `Submap.add`.

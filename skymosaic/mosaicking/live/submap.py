@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -14,16 +14,19 @@ import numpy as np
 
 from golden_model.arrays import Array, Float32, Pixels, Records
 from skymosaic.compositing.warp import Canvas, CanvasError, footprint
+from skymosaic.flight.candidates import MIN_VOTES, MOST_SIMILAR
 from skymosaic.flight.layout.adjustment import MODELS, Network, Ties
 from skymosaic.flight.layout.linked_group import LinkedGroup, normalisation
 from skymosaic.flight.layout.motions import shapes
 from skymosaic.flight.linking.links import TIE_PX, Link
-from skymosaic.flight.linking.resemblance import compact
+from skymosaic.flight.linking.resemblance import compact, count_votes
 from skymosaic.geometry.ground import Sight
 from skymosaic.geometry.homography import apply, estimate, rescale
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.exif import Metadata
 
+LATEST = 3
+"""A new frame is first matched with this many of the latest frames; if these fail, with the most similar older ones."""
 MAX_NEIGHBOURS = 4
 """A new frame is registered against at most this many frames."""
 MIN_USE = 0.1
@@ -106,15 +109,16 @@ class Submap:
     """Frames in a common reference frame, that of the first without its tilt.
 
     Each time the number of frames has doubled, their layout is recomputed. ``link_frames`` links two frames, the
-    earlier first.
+    earlier first; ``levelling`` is described at `LEVELLING`.
     """
 
-    def __init__(self, link_frames: Callable[[Frame, Frame], Link]) -> None:
+    def __init__(self, link_frames: Callable[[Frame, Frame], Link], *, levelling: Sequence[float] = LEVELLING) -> None:
         self.frames: dict[int, Frame] = {}
         """Frames by their numbers, in order of time."""
         self.links: list[Link] = []
         """Those that placed the frames."""
         self._link_frames = link_frames
+        self._levelling = levelling
         # So the first layout is computed at four frames.
         self._laid_out = 2
 
@@ -129,7 +133,9 @@ class Submap:
         # If the neighbours contradict each other, too few ties agree; then only the first neighbour is used.
         for group in (links, links[:1]):
             ground = np.concatenate([self._ground_points(link) for link in group])
-            transform, error_px = _fit(guess, ground, np.concatenate([link.right_points for link in group]))
+            transform, error_px = _fit(
+                guess, ground, np.concatenate([link.right_points for link in group]), self._levelling
+            )
             ties = int(np.count_nonzero(error_px <= TIE_PX))
             if ties >= MIN_INLIERS:
                 self.links += group
@@ -196,6 +202,18 @@ class Submap:
         return chosen[1:]
 
 
+def likely_neighbours(frame: Frame, placed: Iterable[Frame]) -> Iterator[Frame]:
+    """Placed frames to match with a new one, likeliest first: the latest, then those that resemble it."""
+    newest_first = sorted(placed, key=lambda other: -other.number)
+    yield from newest_first[:LATEST]
+    # Votes are only counted when the latest frames have failed, because they take longer than a match.
+    older = newest_first[LATEST:]
+    votes = np.array(count_votes(frame.compact, [other.compact for other in older]), dtype=np.intp)
+    for index in np.argsort(-votes, kind="stable")[:MOST_SIMILAR]:
+        if votes[index] >= MIN_VOTES:
+            yield older[index]
+
+
 def _check(frames: Iterable[Frame]) -> None:
     """Raise CanvasError if a corner of a frame would lie behind the camera."""
     for frame in frames:
@@ -208,7 +226,7 @@ def _nearest_similarity(transform: Array) -> Array:
     return estimate(corners, apply(transform, corners), model="similarity")
 
 
-def _fit(guess: Frame, ground: Array, points: Array) -> tuple[Array, Array]:
+def _fit(guess: Frame, ground: Array, points: Array, levelling: Sequence[float]) -> tuple[Array, Array]:
     """Fit a frame's transformation to its ties: a homography that loses some of its stretch and tilt.
 
     ``guess`` is the frame about where it lies; its ties (N, 2) are ``ground`` in the reference frame and ``points`` in
@@ -225,7 +243,7 @@ def _fit(guess: Frame, ground: Array, points: Array) -> tuple[Array, Array]:
     max_px = float(np.median(errors_px)) + LEVELLING_COST_PX
     fitted = rescale(np.linalg.inv(views[0]) @ views[1])
     shape = shapes(rescale(unit_to_reference @ fitted)[None])[0]
-    for share in LEVELLING:
+    for share in levelling:
         level = network.adjust(np.stack([np.eye(3), fitted @ _deformation(-share * shape)]), "similarity")
         level_errors_px = network.errors_px(level)[0]
         if np.median(level_errors_px) <= max_px:
