@@ -37,7 +37,8 @@ class FrameWriter(wiring.Component):
     The camera never waits. A frame that is shorter than set, that has a line of another length, or of which a pixel
     finds the queue full, is cut off and counted; so is one that starts before this is over. Of a frame with too many
     lines the upper ones are kept, and it is counted as well. A frame that is complete waits at ``o`` until it is taken;
-    while it waits, every other is skipped.
+    while it waits, every other is skipped. Switched off, the writer cuts off the frame under way, and withdraws the one
+    that waits: it is idle within a few bursts, also when the camera has stopped in a frame.
 
     Parameters
     ----------
@@ -47,7 +48,7 @@ class FrameWriter(wiring.Component):
 
     i: In(VIDEO)
     i_enable: In(1)
-    """Take the frames that start."""
+    """Take frames."""
     i_width_px: In(FRAME_SIDE)
     """Size of the frames; may change only while ``o_idle`` and not ``i_enable``, as the next three."""
     i_height_px: In(FRAME_SIDE)
@@ -55,8 +56,6 @@ class FrameWriter(wiring.Component):
     """Where the buffers begin, in pages of 4 KiB."""
     i_buffer_pages: In(20)
     """From one buffer to the next, at least `frame_pages`."""
-    i_release: In(1)
-    """The frame taken last has been painted."""
     bus: Out(AXI_WRITE)
     o: Out(stream.Signature(STORED))
     """Complete frames."""
@@ -81,12 +80,13 @@ class FrameWriter(wiring.Component):
         m.submodules.bursts = bursts = BurstWriter()
         wiring.connect(m, bursts.bus, wiring.flipped(self.bus))
         is_cut, gives_up = Signal(), Signal()
-        self._accept(m, waiting, is_cut, gives_up)
-        self._store(m, waiting, bursts, is_cut, gives_up)
+        is_outside = self._accept(m, waiting, is_cut, gives_up)
+        has_stored = self._store(m, waiting, bursts, is_cut, gives_up)
+        m.d.comb += self.o_idle.eq(is_outside & has_stored)
         return m
 
-    def _accept(self, m: Module, waiting: fifo.SyncFIFOBuffered, is_cut: Signal, gives_up: Value) -> None:
-        """Queue the words of frames that are as large as set, and a mark where one is cut off."""
+    def _accept(self, m: Module, waiting: fifo.SyncFIFOBuffered, is_cut: Signal, gives_up: Value) -> Value:
+        """Queue the words of frames that are as large as set, and a mark where one is cut off; whether none comes."""
         beat = self.i
         x, y, number = Signal(FRAME_SIDE), Signal(FRAME_SIDE), Signal(FRAME_NUMBER)
         left = Signal(8 * PIXEL_BYTES, reset_less=True)
@@ -102,7 +102,7 @@ class FrameWriter(wiring.Component):
             m.d.sync += [x.eq(Mux(ends_line, 0, x + 1)), y.eq(y + ends_line), left.eq(pixel)]
         with m.If(beat.valid):
             m.d.sync += is_full.eq(0)
-        with m.FSM(name="camera"):
+        with m.FSM(name="camera") as camera:
             with m.State("OUTSIDE"):
                 m.d.comb += [waiting.w_data.eq(number + 1), waiting.w_en.eq(starts & self.i_enable)]
                 m.d.comb += self.o_cut.eq((waiting.w_en & ~waiting.w_rdy) | (is_full & beat.valid & ~beat.first))
@@ -114,10 +114,12 @@ class FrameWriter(wiring.Component):
                 # A pixel that does not belong here is not pushed: behind the frame's last word comes no mark.
                 pushes = continues & (x[0] | ends_line)
                 m.d.comb += [waiting.w_data.eq(Cat(Mux(x[0], left, pixel), pixel)), waiting.w_en.eq(pushes)]
-                with m.If(pushes & ends_line & (y == self.i_height_px - 1)):
+                completes = pushes & ends_line & (y == self.i_height_px - 1)
+                with m.If(completes):
                     m.d.sync += is_full.eq(1)
                     m.next = "OUTSIDE"
-                with m.If((beat.valid & ~continues) | (pushes & ~waiting.w_rdy)):
+                stops = ~self.i_enable & ~completes
+                with m.If((beat.valid & ~continues) | (pushes & ~waiting.w_rdy) | stops):
                     m.d.comb += self.o_cut.eq(starts & self.i_enable)
                     m.next = "MARK"
             # What is cut off counts when the memory's side gives it up, what starts meanwhile at once.
@@ -130,11 +132,15 @@ class FrameWriter(wiring.Component):
                 m.d.comb += [is_cut.eq(1), self.o_cut.eq((starts & self.i_enable) | gives_up)]
                 with m.If(gives_up):
                     m.next = "OUTSIDE"
+        return camera.ongoing("OUTSIDE")
 
     def _store(
         self, m: Module, waiting: fifo.SyncFIFOBuffered, bursts: BurstWriter, is_cut: Value, gives_up: Signal
-    ) -> None:
-        """Write frame after frame; a burst starts when all its words have arrived, or the rest will never come."""
+    ) -> Value:
+        """Write frame after frame; a burst starts when all its words have arrived, or the rest will never come.
+
+        Returns whether nothing is left to write.
+        """
         row, burst = Signal(FRAME_SIDE), Signal(PAGE_BURSTS_LOG2 + self.i_buffer_pages.shape().width)
         left_words, needed_words = Signal(range(MAX_FRAME_PX // 2 + 1)), Signal(range(BURST_WORDS + 1))
         broken, failed = Signal(), Signal()
@@ -145,9 +151,9 @@ class FrameWriter(wiring.Component):
         m.d.comb += bursts.i_burst.eq(Cat(Const(0, PAGE_BURSTS_LOG2), frame.page) + burst)
         with m.If(bursts.o_error):
             m.d.sync += failed.eq(1)
-        with m.FSM(name="memory"):
+        with m.FSM(name="memory") as memory:
             with m.State("IDLE"):
-                m.d.comb += [self.o_idle.eq(~waiting.r_rdy), waiting.r_en.eq(1)]
+                m.d.comb += waiting.r_en.eq(1)
                 m.d.sync += [each.eq(0) for each in (row, burst, broken, failed)]
                 m.d.sync += [frame.number.eq(waiting.r_data), left_words.eq(row_words), frame.buffer.eq(free)]
                 with m.If(waiting.r_rdy):
@@ -183,17 +189,16 @@ class FrameWriter(wiring.Component):
                         m.next = "ANSWERS"
             with m.State("ANSWERS"), m.If(bursts.o_all_answered):
                 self._end(m, frame, broken, failed, gives_up)
+        return memory.ongoing("IDLE") & ~waiting.r_rdy
 
     def _free(self, m: Module) -> Value:
-        """A buffer that neither is painted nor waits; keeps which is painted."""
-        painted, is_painted = Signal(range(BUFFERS)), Signal()
-        with m.If(self.i_release):
-            m.d.sync += is_painted.eq(0)
+        """A buffer that neither is painted nor waits; the one that was painted last counts until the next is taken."""
+        painted = Signal(range(BUFFERS), init=BUFFERS - 1)
         with m.If(self.o.valid & self.o.ready):
-            m.d.sync += [painted.eq(self.o.payload.buffer), is_painted.eq(1), self.o.valid.eq(0)]
-        used = [
-            (is_painted & (painted == n)) | (self.o.valid & (self.o.payload.buffer == n)) for n in range(BUFFERS - 1)
-        ]
+            m.d.sync += painted.eq(self.o.payload.buffer)
+        with m.If(self.o.ready | ~self.i_enable):
+            m.d.sync += self.o.valid.eq(0)
+        used = [(painted == n) | (self.o.valid & (self.o.payload.buffer == n)) for n in range(BUFFERS - 1)]
         return Mux(~used[0], 0, Mux(~used[1], 1, 2))
 
     def _end(self, m: Module, frame: data.View, broken: Value, failed: Value, gives_up: Signal) -> None:

@@ -32,8 +32,9 @@ class Painter(wiring.Component):
     pose is composed; further ones are skipped. The camera never waits.
 
     All settings but ``i_enable`` may change only while ``o_idle`` and not ``i_enable``. There are four ports to memory:
-    the camera's frames go in, their windows come out, tiles of the canvas come out and go in. A frame that is being
-    painted is finished before the painter is idle; then nothing is open on any port, as a reset needs it. Software
+    the camera's frames go in, their windows come out, tiles of the canvas come out and go in. Switched off, the painter
+    gives up frames and poses, but for the frame that is being painted: that is finished before the painter is idle;
+    then nothing is open on any port, as a reset needs it. Poses can be composed with each other meanwhile. Software
     clears the canvas in memory: tiles that are not painted stay as they are.
     """
 
@@ -42,7 +43,7 @@ class Painter(wiring.Component):
     i_poses: In(stream.Signature(PLACEMENT))
     """In the order of the frames."""
     i_enable: In(1)
-    """Take the frames that start."""
+    """Take frames."""
     i_replace: In(1)
     """For stabilised video: every frame makes a new canvas."""
     i_clear: In(1)
@@ -72,7 +73,7 @@ class Painter(wiring.Component):
     o_causes: Out(CAUSES)
     """With ``o_refused``, why."""
     o_unmatched: Out(1)
-    """A pose has been given up: its frame is not in memory."""
+    """A pose has been given up: its frame is not in memory, or the painter is off."""
     o_unplaced: Out(1)
     """A frame has been given up: its pose has not come."""
     o_cut: Out(1)
@@ -136,21 +137,17 @@ class Painter(wiring.Component):
             m.d.sync += column.eq(Mux(ends_pose, 0, column + 1))
         with m.FSM():
             with m.State("MEET"):
-                meets = pose.valid & writer.o.valid
+                meets = pose.valid & (writer.o.valid | ~self.i_enable)
                 m.d.comb += self.o_idle.eq(writer.o_idle & ~painter.o_clearing & ~meets)
                 m.d.sync += frame.eq(waiting)
                 with m.If(meets):
-                    with m.If(ahead[-1]):
+                    with m.If(ahead[-1] | ~self.i_enable):
                         m.d.comb += self.o_unmatched.eq(1)
                         m.next = "SWALLOW"
                     with m.Else():
                         m.d.comb += [writer.o.ready.eq(1), self.o_unplaced.eq(ahead.any()), painter.i_begin.eq(1)]
-                        m.next = "PAINT"
-                        with m.If(ahead.any()):
-                            m.next = "RELEASE"
-            with m.State("RELEASE"):
-                m.d.comb += writer.i_release.eq(1)
-                m.next = "MEET"
+                        with m.If(~ahead.any()):
+                            m.next = "PAINT"
             with m.State("SWALLOW"):
                 m.d.comb += swallows.eq(1)
                 with m.If(ends_pose):
@@ -160,7 +157,6 @@ class Painter(wiring.Component):
                 with m.If(ends_pose):
                     m.next = "TILES"
             with m.State("TILES"), m.If(painter.o_idle):
-                m.d.comb += writer.i_release.eq(1)
                 m.next = "REPORT"
             with m.State("REPORT"):
                 m.d.comb += self.o.valid.eq(1)

@@ -19,7 +19,7 @@ UNTOUCHED = 0xA5
 
 
 class WriterBench:
-    """A writer with a memory; a painter that takes frames and releases each after ``paints_clocks``.
+    """A writer with a memory; a painter that takes a frame and then none for ``paints_clocks``.
 
     With ``paints_clocks`` -1 it never takes one.
     """
@@ -83,7 +83,6 @@ class WriterBench:
             after = self.picture(frame.buffer)
             assert (after == before).all(), "overwritten while it was painted"
             self.painted.append((frame.number, after))
-            await self.bench.pulse(ctx, dut.i_release)
             self.paints = bool(ctx.get(dut.o.valid))
 
     async def _count(self, ctx: Any) -> None:
@@ -187,11 +186,31 @@ def test_a_switch_takes_whole_frames() -> None:
     frames = [frame(number) for number in range(3)]
 
     async def switch(ctx: Any) -> None:
-        # Within the first frame, and within the second.
+        # Within the first frame, which is cut off, and within the second.
         await ctx.tick().repeat(300)
         ctx.set(bench.dut.i_enable, 0)
         await ctx.tick().repeat(WIDTH_PX * HEIGHT_PX)
         ctx.set(bench.dut.i_enable, 1)
 
     bench.run(frames, others=[switch])
-    check(bench, {1: frames[0], 3: frames[2]})
+    check(bench, {3: frames[2]}, o_cut=1)
+
+
+@pytest.mark.parametrize("lines", [1, HEIGHT_PX - 1], ids="after {} lines".format)
+def test_a_switch_ends_the_frame_of_a_camera_that_has_stopped(lines: int) -> None:
+    """Whatever has arrived of it; the one before is withdrawn, which a new size could not be painted with."""
+    bench = WriterBench(paints_clocks=-1)
+    waits: list[int] = []
+
+    async def switch(ctx: Any) -> None:
+        await ctx.tick().repeat(WIDTH_PX * HEIGHT_PX + 300 + lines * WIDTH_PX)
+        for _ in range(2):
+            assert not ctx.get(bench.dut.o_idle)
+            waits.append(ctx.get(bench.dut.o.valid))
+            ctx.set(bench.dut.i_enable, 0)
+            await ctx.tick()
+
+    # The bench waits until the writer is idle.
+    bench.run([frame(0), frame(1)[:lines]], others=[switch])
+    assert waits == [1, 0]
+    assert bench.counts == {"o_cut": 1, "o_failed": 0, "o_skipped": 0}

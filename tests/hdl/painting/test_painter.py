@@ -157,6 +157,36 @@ def test_a_switch_lets_no_frame_in() -> None:
     assert not bench.reports
 
 
+def test_switched_off_nothing_waits_and_poses_are_still_composed() -> None:
+    bench, model = start()
+    anchor = quantise(tilted.pose(SIZE, zoom=1, turn=0.5, tiles=4)[np.newaxis])[0]
+    bench.set(max_links=2)
+    # The first frame waits for its pose, and the camera stops in the second.
+    bench.show(frame(1), frame(2)[:30])
+    bench.run(20_000)
+    was_idle = bench.is_idle
+    bench.set(enable=0)
+    bench.run(500)
+    assert (was_idle, bench.is_idle) == (False, True)
+    bench.place(anchor, 1)
+    bench.place(np.eye(3, dtype=np.int32) << 23, 2, reference=1)
+    bench.run(20_000)
+    assert bench.events == {"cut": 1, "unmatched": 2}
+    assert bench.is_idle
+    bench.set(enable=1)
+    bench.show(frame(3))
+    bench.place(np.eye(3, dtype=np.int32) << 23, 3, reference=2)
+    (report,) = bench.run(FRAME_CLOCKS, reports=1)
+    poses = Poses()
+    poses.place(Placement(1, 0, anchor, composed=False))
+    for number in (2, 3):
+        pose, _ = poses.place(Placement(number, number - 1, np.eye(3, dtype=np.int64) << 23, composed=True))
+    assert pose is not None
+    model.paint(frame(3), pose)
+    assert report.frame == 3
+    np.testing.assert_array_equal(bench.canvas, model.memory)
+
+
 def test_a_memory_that_fails_spoils_no_pixel() -> None:
     """What was not read or not written stays as it was; afterwards all is well."""
     bench, _ = start()
