@@ -51,6 +51,8 @@ class Build:
     shell: Shell = "streams"
     """What surrounds the accelerator: nothing, so that its ports are AXI4-Streams for DMAs; a camera's clock and rings
     in memory (`hdl.shell`); or a serial port (`hdl.serial`)."""
+    painter: bool = False
+    """Whether a camera's frames are painted onto a canvas in memory (`hdl.painting`), where homographies say."""
 
     def __post_init__(self) -> None:
         self.validate()
@@ -63,6 +65,8 @@ class Build:
         check_rule_base(self.config.front_end.pattern, self.config.matcher)
         check_choice("shell", self.shell, tuple(VIDEO_BITS))
         check_choice(f"video_bits with shell {self.shell!r}", self.video_bits, VIDEO_BITS[self.shell])
+        if self.painter and (self.shell != "camera" or self.config.estimator is None):
+            raise ValueError("painter needs the shell 'camera' and an estimator")
 
     @property
     def pixels_per_clock(self) -> int:

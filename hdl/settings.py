@@ -21,6 +21,8 @@ from golden_model.config import (
 )
 from golden_model.formats import RESPONSE_CODE, WEIGHT, encode_response
 from golden_model.geometry.acceptance import CELLS
+from golden_model.painting.pose import MAX_LINKS
+from golden_model.painting.tiles import MAX_TILES
 
 FLAG = range(2)
 _CELL_LOG2 = range(CELL_SIZES_PX[0].bit_length() - 1, CELL_SIZES_PX[-1].bit_length())
@@ -126,10 +128,34 @@ def _ring_settings(ring: str) -> tuple[Setting, ...]:
     )
 
 
+POSE_ELEMENTS = tuple(f"pose_h{row}{column}" for row, column in np.ndindex(3, 3))
+_PAINTER = (
+    Setting("painter_enable", FLAG, 0, "Frames are painted onto the canvas."),
+    Setting("painter_replace", FLAG, 0, "Every frame makes a new canvas, as stabilised video needs it."),
+    Setting(
+        "painter_max_links", range(MAX_LINKS + 1), MAX_LINKS, "Homographies that may be composed after a host's pose."
+    ),
+    Setting("canvas_base_low", WORD_VALUES, 0, f"Address of the canvas, low word: a multiple of {PAGE_BYTES}."),
+    Setting("canvas_base_high", WORD_VALUES, 0, "Address of the canvas, high word."),
+    Setting("canvas_columns", range(MAX_TILES + 1), 0, f"Width in tiles of 32 px, 1 to {MAX_TILES}; a page each."),
+    Setting("canvas_rows", range(MAX_TILES + 1), 0, f"Height in tiles, 1 to {MAX_TILES}."),
+    Setting("frames_base_low", WORD_VALUES, 0, f"Address of the first, low word: a multiple of {PAGE_BYTES}."),
+    Setting("frames_base_high", WORD_VALUES, 0, "Address of the first, high word."),
+    Setting(
+        "frames_buffer_pages",
+        range(1 << 20),
+        0,
+        f"From one to the next, in units of {PAGE_BYTES} bytes; enough for rows padded to 128 bytes, four a pixel.",
+    ),
+    Setting("pose_frame", range(1 << 16), 0, "The number of the frame."),
+    *(Setting(name, WORD_VALUES, 0, "As in a Hypothesis record.") for name in POSE_ELEMENTS),
+)
+
 SHELL = {
     setting.name: setting
     for setting in (
         *(setting for ring in RINGS for setting in _ring_settings(ring)),
+        *_PAINTER,
         # 0.1 s at 150 MHz.
         Setting("camera_timeout", _TICKS, 15_000, f"Pause that counts as a stopped camera, {_IN_TICKS}; 0: never."),
         Setting("coalesce_count", range(256), 1, "Frames after which frames_ready is set."),

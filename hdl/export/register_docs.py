@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from golden_model.version import VERSION
 from hdl.axi.axi_lite import ADDRESS_BITS
+from hdl.registers.painter_register_map import PAINTER_OFFSET
 from hdl.registers.register_map import ESTIMATOR_OFFSET, REGISTER_BITS, REGISTERS, Access, Register
 from hdl.registers.shell_register_map import ALL_REGISTERS, HOMOGRAPHY_RING_OFFSET, SHELL_OFFSET
 from hdl.templates import render
@@ -27,6 +28,7 @@ def markdown(registers: Sequence[Register] = ALL_REGISTERS) -> str:
         "estimator_offset": ESTIMATOR_OFFSET,
         "shell_offset": SHELL_OFFSET,
         "homography_ring_offset": HOMOGRAPHY_RING_OFFSET,
+        "painter_offset": PAINTER_OFFSET,
     }
     return render("register_map.md", registers=registers, **_COMMON, **offsets)
 

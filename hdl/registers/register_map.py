@@ -3,7 +3,7 @@
 The hardware (`hdl.registers.register_file`), the Markdown, SVD and C descriptions (`hdl.export.register_docs`) and the
 exported driver's constants (`hdl.export.host.driver_map`) come from `REGISTERS`; the settings in it come from
 `hdl.settings`. A build that estimates homographies has `ESTIMATOR_REGISTERS` behind them, a camera build those of its
-shell (`hdl.registers.shell_register_map`).
+shell (`hdl.registers.shell_register_map`) and of its painter (`hdl.registers.painter_register_map`).
 """
 
 import enum
@@ -118,6 +118,7 @@ REGISTERS = (
     Register(
         "BUILD_OPTIONS", 0x18, "What else was built.",
         Field("built_homographies", 0, 1, _CONSTANT, "Whether an estimator and the registers from 0x80 on exist."),
+        Field("built_painter", 1, 1, _CONSTANT, "Whether a painter and the registers from 0x1A0 on exist."),
     ),
     Register(
         "CONTROL", 0x20,
@@ -250,6 +251,7 @@ def built_constants(build: Build) -> dict[str, int]:
         "built_selection": int(front_end.selection),
         "built_shell": int(build.shell == "camera"),
         "built_homographies": int(build.config.estimator is not None),
+        "built_painter": int(build.painter),
         "built_descriptor_bytes": pattern.descriptor_bytes,
         "built_lanes": build.lanes,
         "built_video_bits": build.video_bits,

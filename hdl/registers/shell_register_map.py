@@ -3,6 +3,7 @@
 import enum
 
 from hdl.build import Build
+from hdl.registers.painter_register_map import PAINTER_REGISTERS
 from hdl.registers.register_map import (
     ESTIMATOR_REGISTERS,
     REGISTERS,
@@ -139,7 +140,7 @@ HOMOGRAPHY_RING = (
 )  # fmt: skip
 """The registers of a shell behind an estimator, after `SHELL_REGISTERS`."""
 
-ALL_REGISTERS = (*REGISTERS, *ESTIMATOR_REGISTERS, *SHELL_REGISTERS, *HOMOGRAPHY_RING)
+ALL_REGISTERS = (*REGISTERS, *ESTIMATOR_REGISTERS, *SHELL_REGISTERS, *HOMOGRAPHY_RING, *PAINTER_REGISTERS)
 """Every register that a build can have."""
 
 
@@ -151,4 +152,5 @@ def list_registers(build: Build) -> tuple[Register, ...]:
         *(ESTIMATOR_REGISTERS if estimates else ()),
         *(SHELL_REGISTERS if has_shell else ()),
         *(HOMOGRAPHY_RING if has_shell and estimates else ()),
+        *(PAINTER_REGISTERS if build.painter else ()),
     )

@@ -8,12 +8,14 @@ from amaranth.lib.wiring import In, Out
 from golden_model.geometry.scoring import MAX_MATCHES
 from hdl.accelerator import Accelerator, longest_packets
 from hdl.axi.axi_lite import AXI_LITE
+from hdl.axi.axi_read import AXI_READ
 from hdl.axi.axi_write import AXI_WRITE
 from hdl.axi.flat_ports import FlatTop, bus_pins, packet_pins, stream_pins
 from hdl.axi.video_input import VideoPayload
 from hdl.build import Build
 from hdl.geometry.records import RecordScoring
 from hdl.shell.camera import RESERVE_PX
+from hdl.shell.painting import PORTS, Painting
 from hdl.shell.shell import Shell
 from hdl.streams import WordPayload
 
@@ -38,6 +40,14 @@ class CameraAccelerator(wiring.Component):
     """The ring of matches in memory."""
     homographies: Out(AXI_WRITE)
     """The ring of homographies in memory, a record for every frame; unused without an estimator."""
+    frames: Out(AXI_WRITE)
+    """The painter's frames on their way into memory; unused without a painter, as the next three."""
+    windows: Out(AXI_READ)
+    """Parts of these frames."""
+    old_tiles: Out(AXI_READ)
+    """Tiles of the canvas before a frame."""
+    new_tiles: Out(AXI_WRITE)
+    """And behind it."""
     i_hypotheses: In(stream.Signature(WordPayload))
     """Packets of Hypothesis records, see `RecordScoring`."""
     o_scores: Out(stream.Signature(WordPayload))
@@ -49,6 +59,8 @@ class CameraAccelerator(wiring.Component):
     def __init__(self, build: Build) -> None:
         self.accelerator = accelerator = Accelerator(build)
         self.rings = build.outputs
+        self._painting = Painting(registers=accelerator.registers) if build.painter else None
+        self.ports = (*self.rings, *(PORTS if build.painter else ()))
         # While a frame that was cut off is closed, the queue holds the next one's pixels; otherwise that one would be
         # cut off, too, and so on for ever. The second reserve is for the clocks that pixels take from the queue on.
         held_px = build.max_width_px + accelerator.closing_clocks + 2 * RESERVE_PX
@@ -60,6 +72,7 @@ class CameraAccelerator(wiring.Component):
             # A power of two, as the Gray counters of the queue need it.
             camera_depth=1 << (held_px - 1).bit_length(),
             fifo_words=FIFO_WORDS,
+            painting=self._painting,
         )
         self._scoring = RecordScoring(max_matches=min(build.config.front_end.max_features, MAX_MATCHES))
         super().__init__()
@@ -78,6 +91,9 @@ class CameraAccelerator(wiring.Component):
         for ring in self.rings:
             wiring.connect(m, getattr(inner, f"o_{ring}"), getattr(shell, f"i_{ring}"))
             wiring.connect(m, getattr(shell, ring), wiring.flipped(getattr(self, ring)))
+        if self._painting is not None:
+            for port in PORTS:
+                wiring.connect(m, getattr(self._painting, port), wiring.flipped(getattr(self, port)))
         self._score(m, reset)
         m.d.comb += [
             inner.i_reset.eq(self.i_reset),
@@ -115,6 +131,10 @@ class CameraTop(FlatTop):
         Its TREADY is always 1.
     m_axi_features_*, m_axi_matches_*, m_axi_homographies_* : AXI4, writes only
         The last one only where the accelerator estimates homographies.
+    m_axi_frames_*, m_axi_new_tiles_* : AXI4, writes only
+        Only with a painter.
+    m_axi_windows_*, m_axi_old_tiles_* : AXI4, reads only
+        Only with a painter.
     s_axis_hypotheses_*, m_axis_scores_* : AXI4-Stream
         64 bits wide, for a DMA.
     s_axi_ctrl_* : AXI4-Lite
@@ -141,8 +161,8 @@ class CameraTop(FlatTop):
                 **bus_pins("s_axi_ctrl", core.control),
                 **{
                     name: pin
-                    for ring in core.rings
-                    for name, pin in bus_pins(f"m_axi_{ring}", getattr(core, ring)).items()
+                    for port in core.ports
+                    for name, pin in bus_pins(f"m_axi_{port}", getattr(core, port)).items()
                 },
                 "interrupt": (Out(1), core.o_interrupt),
             }

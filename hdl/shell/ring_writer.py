@@ -117,7 +117,7 @@ class RingWriter(wiring.Component):
             bursts.i.payload.data.eq(Mux(packet.finished, 0, word)),
         ]
         with m.If(bursts.o_error):
-            m.d.sync += [packet.failed.eq(1), self.o_errors.eq(_count_up(self.o_errors))]
+            m.d.sync += [packet.failed.eq(1), self.o_errors.eq(count_up(self.o_errors))]
         self._count(m, packet, takes, word)
         # Only `_idle` and `_discard` say otherwise.
         m.d.comb += self.o_active.eq(1)
@@ -176,7 +176,7 @@ class RingWriter(wiring.Component):
             with m.If(packet.is_on & ~self.i_full):
                 m.next = "WAIT"
             with m.Elif(packet.is_on):
-                m.d.sync += self.o_lost.eq(_count_up(self.o_lost))
+                m.d.sync += self.o_lost.eq(count_up(self.o_lost))
 
     def _wait(self, m: Module, packet: _Packet, bursts: BurstWriter, has_words: Value) -> None:
         """Start the next burst as soon as its words have arrived."""
@@ -245,7 +245,7 @@ class RingWriter(wiring.Component):
             m.d.sync += [packet.slot.eq(0), packet.page.eq(self.i_base_page)]
 
 
-def _count_up(count: Signal) -> Value:
+def count_up(count: Signal) -> Value:
     """One more than the count, or its largest value."""
     return Mux(count.all(), count, count + 1)
 

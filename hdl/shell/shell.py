@@ -9,6 +9,7 @@ from hdl.axi.video_input import VideoPayload
 from hdl.registers.register_file import RegisterFile
 from hdl.settings import MIN_SLOTS, PAGE_BYTES, TICK_CLOCKS
 from hdl.shell.camera import CameraCrossing, CameraGate
+from hdl.shell.painting import Painting
 from hdl.shell.ring_writer import FRAME_INFO, RingWriter
 from hdl.streams import WordPayload, fork
 
@@ -34,6 +35,9 @@ class Shell(wiring.Component):
     camera_depth, fifo_words : int
         Lengths of the queues before and behind the accelerator, in pixels and words. A ring's queue is shorter where
         it then holds all packets in flight: its sender, the estimator, never waits, and so drops no record.
+    painting : Painting, optional
+        It sees the frames that the accelerator sees and the records of the ring of homographies; the owner connects its
+        ports to memory.
     """
 
     i_camera_valid: In(1)
@@ -66,8 +70,10 @@ class Shell(wiring.Component):
         video_bits: int,
         camera_depth: int,
         fifo_words: int,
+        painting: Painting | None = None,
     ) -> None:
         self._registers = registers
+        self._painting = painting
         self._crossing = CameraCrossing(video_bits=video_bits, depth=camera_depth)
         self._gate = CameraGate()
         self.rings = {
@@ -91,6 +97,8 @@ class Shell(wiring.Component):
         time = Signal(64)
         m.d.sync += time.eq(time + 1)
         clearing, forgets = self._clear(m)
+        if self._painting is not None:
+            self._paint(m, self._painting, clearing, forgets)
         has_room, faults = {}, {}
         for ring in self.rings:
             has_room[ring], faults[ring] = self._ring(m, ring, time, forgets)
@@ -126,12 +134,13 @@ class Shell(wiring.Component):
     def _clear(self, m: Module) -> tuple[Value, Value]:
         """Whether frames wait for a clear to end, and the clock in which the frames in flight are forgotten.
 
-        A clear ends when the packets that the accelerator still offered are in memory.
+        A clear ends when the packets that the accelerator still offered are in memory, and nothing is being painted.
         """
         clearing = Signal()
         clocks = Signal(range(CLEARING_CLOCKS))
         offered = Cat(getattr(self, f"i_{ring}").valid for ring in self.rings).any()
-        quiet = Cat(ring.o_idle for ring in self.rings.values()).all() & ~offered
+        writers = (*self.rings.values(), *((self._painting,) if self._painting is not None else ()))
+        quiet = Cat(writer.o_idle for writer in writers).all() & ~offered
         forgets = clearing & (clocks == CLEARING_CLOCKS - 1) & quiet
         with m.If(self._registers.o_clear):
             m.d.sync += [clearing.eq(1), clocks.eq(0)]
@@ -141,6 +150,15 @@ class Shell(wiring.Component):
             m.d.sync += clocks.eq(clocks + 1)
         return clearing | self._registers.o_clear, forgets
 
+    def _paint(self, m: Module, painting: Painting, clearing: Value, forgets: Value) -> None:
+        """Show the painter each pixel that the accelerator takes; a clear begins anew."""
+        m.submodules.painting = ResetInserter(forgets)(painting)
+        m.d.comb += [
+            painting.i_valid.eq(self.o_video.valid & self.o_video.ready),
+            painting.i.eq(self.o_video.payload),
+            painting.i_stop.eq(clearing),
+        ]
+
     def _ring(self, m: Module, ring: str, time: Value, forgets: Value) -> tuple[Value, Value]:
         """Add a ring; returns whether it has room for another frame, and the faults of its settings (`Refusal`)."""
         writer, gate = self.rings[ring], self._gate
@@ -148,8 +166,10 @@ class Shell(wiring.Component):
         m.submodules[f"{ring}_infos"] = infos = ResetInserter(forgets)(
             fifo.SyncFIFO(width=FRAME_INFO.size, depth=MAX_IN_FLIGHT)
         )
-        # The matches also go to the scoring.
+        # The matches also go to the scoring, and the homographies to the painter.
         taps = (self.o_matches,) if ring == "matches" else ()
+        if ring == "homographies" and self._painting is not None:
+            taps = (self._painting.i_homographies,)
         fork(m, getattr(self, f"i_{ring}"), writer.i, *taps)
         wiring.connect(m, writer.bus, wiring.flipped(getattr(self, ring)))
         enable = getattr(self._registers, f"o_{ring}_enable")

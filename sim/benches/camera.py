@@ -42,7 +42,7 @@ class CameraBench(MemoryBench):
     Parameters
     ----------
     build : Build
-        With the shell ``camera`` and gray frames.
+        With the shell ``camera``; its frames are gray (H, W), or (H, W, 3) blue, green, red, by its ``video_bits``.
     length_bytes : int
         Size of the memory.
     camera, rules

@@ -1,8 +1,9 @@
 // Runs the camera build between a camera with its own clock, a memory that waits and fails at random, and a host.
 //
 // The host is in Python: it reads memory, registers and scores, and sends hypotheses, between calls of camera_run().
-// ports.hpp, generated for each design, names the ports that write into memory: WRITERS(X).
+// ports.hpp, generated for each design, names the ports to memory: WRITERS(X) and READERS(X).
 
+#include <array>
 #include <vector>
 
 #include "verilator.hpp"
@@ -24,7 +25,7 @@ struct Scoring {
 };
 
 struct Frame {
-    const uint8_t *pixels;
+    const uint8_t *pixels;  // gray, or blue, green, red
     uint32_t width, height;
 };
 
@@ -42,7 +43,8 @@ struct Camera {
 struct Bench {
     Model model{""};
     Memory memory;
-    WritePort writers[0 WRITERS(ONE)];
+    std::array<WritePort, 0 WRITERS(ONE)> writers;
+    std::array<ReadPort, 0 READERS(ONE)> readers;
     Scoring scoring;
     Camera camera;
 
@@ -62,6 +64,7 @@ struct Bench {
 
     void settle() {
         WRITERS(DRIVE_WRITER)
+        READERS(DRIVE_READER)
         // What is offered stays until it is taken.
         scoring.valid = !scoring.hypotheses.empty() && (scoring.valid || memory.accepts());
         scoring.ready = memory.accepts();
@@ -75,6 +78,7 @@ struct Bench {
 
     void edge() {
         WRITERS(TAKE_WRITER)
+        READERS(TAKE_READER)
         exchange();
         model.edge();
         memory.cycle++;
@@ -106,8 +110,10 @@ struct Bench {
     // Addresses, words and responses of bursts that have begun and not ended.
     uint64_t open_bursts() {
         uint64_t open = 0;
-#define COUNT(index, port) open += writers[index].open() + GET(port(awvalid)) + GET(port(wvalid));
-        WRITERS(COUNT)
+#define COUNT_WRITER(index, port) open += writers[index].open() + GET(port(awvalid)) + GET(port(wvalid));
+#define COUNT_READER(index, port) open += readers[index].open() + GET(port(arvalid));
+        WRITERS(COUNT_WRITER)
+        READERS(COUNT_READER)
         return open;
     }
 
@@ -119,7 +125,11 @@ struct Bench {
         if (c.pause) c.pause--;
         if (!valid) return;
         const Frame frame = c.frames.front();
-        SET(VIDEO(tdata), frame.pixels[c.y * frame.width + c.x]);
+        const uint64_t place = c.y * frame.width + c.x;
+        if (sizeof GET(VIDEO(tdata)) == 1)
+            SET(VIDEO(tdata), frame.pixels[place]);
+        else  // green in the lowest byte, then blue, red
+            SET(VIDEO(tdata), frame.pixels[3 * place + 1] | frame.pixels[3 * place] << 8 | frame.pixels[3 * place + 2] << 16);
         SET(VIDEO(tuser), c.x == 0 && c.y == 0);
         SET(VIDEO(tlast), c.x == frame.width - 1);
         if (++c.x < frame.width) return;

@@ -12,9 +12,12 @@ from numpy.typing import NDArray
 
 from golden_model.config import MAX_FRAME_PX, Config, EstimatorConfig
 from hdl.accelerator import AcceleratorTop
+from hdl.axi.axi_read import AXI_READ
+from hdl.axi.axi_write import AXI_WRITE
 from hdl.build import Build, Shell
 from hdl.serial.ulx3s import Ulx3s
 from hdl.shell.camera_top import CameraTop
+from hdl.shell.painting import PORTS
 from sim.simulators.design import Design, Ports
 from sim.simulators.front_end_top import SETTINGS, FrontEndTop, Tap
 
@@ -43,10 +46,19 @@ def design_accelerator(build: Build) -> Design:
     build = strip_settings(build)
     ports = {
         "streams": Ports(outputs=tuple(f"m_axis_{output}" for output in build.outputs), control=CONTROL),
-        "camera": Ports(outputs=(), control=CONTROL, writers=tuple(f"m_axi_{ring}" for ring in build.outputs)),
+        "camera": camera_ports(build),
         "serial": Ports(outputs=(), video="ftdi"),
     }[build.shell]
     return Design(f"the accelerator with {build.shell}", ports, lambda: TOPS[build.shell](build), str(build))
+
+
+def camera_ports(build: Build) -> Ports:
+    """The ports of a camera build: registers, and memory that is written and read."""
+    buses = dict.fromkeys(build.outputs, AXI_WRITE) | (PORTS if build.painter else {})
+    writers, readers = (
+        tuple(f"m_axi_{name}" for name, bus in buses.items() if bus is kind) for kind in (AXI_WRITE, AXI_READ)
+    )
+    return Ports(outputs=(), control=CONTROL, writers=writers, readers=readers)
 
 
 def design_front_end(build: Build, *, taps: tuple[Tap, ...] = ()) -> Design:

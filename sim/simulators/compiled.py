@@ -40,8 +40,7 @@ def format_ports(ports: Ports) -> str:
             f"#define VIDEO(member) {ports.video}_##member",
             *prefix_macros("OUTPUT", ports.outputs),
             *prefix_macros("TAP", ports.taps),
-            *(prefix_macros("WRITER", ports.writers) if ports.writers else []),
-            *(prefix_macros("READER", ports.readers) if ports.readers else []),
+            *(prefix_macros("WRITER", ports.writers) + prefix_macros("READER", ports.readers) if ports.writers else []),
             *([f"#define CONTROL(member) {ports.control}_##member"] if ports.control else []),
             f"#define SETTINGS(X) {' '.join(f'X({i}, {name})' for i, name in enumerate(ports.settings))}\n",
         ]

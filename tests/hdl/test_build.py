@@ -27,6 +27,8 @@ WITH_ESTIMATOR = Config(estimator=EstimatorConfig())
         ({"shell": "camera"}, "video_bits with shell 'camera' is 32; valid: 24, 8"),
         ({"shell": "serial"}, "video_bits with shell 'serial' is 32; valid: 8"),
         ({"shell": "shell"}, "shell is 'shell'; valid: streams, camera, serial"),
+        ({"painter": True, "config": WITH_ESTIMATOR}, "painter needs the shell 'camera' and an estimator"),
+        ({"painter": True, "shell": "camera", "video_bits": 8}, "painter needs the shell 'camera' and an estimator"),
         ({"config": replace(PRESETS["aerial"], matcher=PRESETS["thesis"].matcher)}, "needs the gray window"),
     ],
 )  # fmt: skip

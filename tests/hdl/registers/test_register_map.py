@@ -25,7 +25,8 @@ def test_a_field_that_does_not_exist_is_named() -> None:
 
 def test_the_constants_say_what_was_built_and_fit_their_fields() -> None:
     thesis = dataclasses.replace(PRESETS["thesis"], estimator=EstimatorConfig())
-    for build in (*BUILDS.values(), Build(config=thesis, lanes=2, max_width_px=160, max_height_px=120)):
+    paints = dataclasses.replace(BUILDS["camera"], config=thesis, painter=True)
+    for build in (*BUILDS.values(), paints, Build(config=thesis, lanes=2, max_width_px=160, max_height_px=120)):
         constants = built_constants(build)
         masks = {field.name: field.mask >> field.low for field in fields(Access.CONSTANT)}
         assert constants.keys() == masks.keys()
@@ -40,6 +41,7 @@ def test_the_constants_say_what_was_built_and_fit_their_fields() -> None:
         assert constants["built_feature_bytes"] == pattern.record.dtype.itemsize
         assert constants["built_shell"] == (build.shell == "camera")
         assert constants["built_homographies"] == (build.config.estimator is not None)
+        assert constants["built_painter"] == build.painter
 
 
 def test_fields_are_found_by_their_access_in_the_order_of_the_map() -> None:

@@ -6,8 +6,10 @@ import pytest
 from golden_model.config import EstimatorConfig
 from golden_model.geometry.estimator import EstimateCause
 from golden_model.geometry.scoring import ScoreCause
+from golden_model.painting.pose import PoseCause
 from golden_model.records import Cause
 from hdl.build import BUILDS, Build
+from hdl.registers.painter_register_map import PAINTER_REGISTERS, PainterFault
 from hdl.registers.register_map import ESTIMATOR_REGISTERS, REGISTERS
 from hdl.registers.shell_register_map import (
     ALL_REGISTERS,
@@ -30,7 +32,9 @@ def test_names_and_offsets_are_unique_and_fields_do_not_overlap() -> None:
         assert all(field.low + field.bits <= 32 for field in register.fields)
 
 
-@pytest.mark.parametrize("flags", [Cause, EstimateCause, HeaderFlag, Refusal, RingFault, ScoreCause])
+@pytest.mark.parametrize(
+    "flags", [Cause, EstimateCause, HeaderFlag, PainterFault, PoseCause, Refusal, RingFault, ScoreCause]
+)
 def test_each_fault_has_a_bit_of_its_own_from_the_lowest_on(flags: type[enum.IntFlag]) -> None:
     """What model and hardware share is no check of either: hosts of earlier boards read these."""
     assert [fault.value for fault in flags.__members__.values()] == [1 << bit for bit in range(len(flags.__members__))]
@@ -41,12 +45,16 @@ def test_each_fault_has_a_bit_of_its_own_from_the_lowest_on(flags: type[enum.Int
 def test_a_build_has_the_registers_of_its_parts(shell: str, estimates: bool) -> None:
     usual = {"streams": Build(), "serial": BUILDS["ulx3s"], "camera": BUILDS["camera"]}[shell]
     config = dataclasses.replace(usual.config, estimator=EstimatorConfig() if estimates else None)
-    found = list_registers(dataclasses.replace(usual, config=config))
+    build = dataclasses.replace(usual, config=config)
+    found = list_registers(build)
     expected = [*REGISTERS]
     expected += ESTIMATOR_REGISTERS if estimates else ()
     expected += SHELL_REGISTERS if shell == "camera" else ()
     expected += HOMOGRAPHY_RING if shell == "camera" and estimates else ()
     assert list(found) == expected
+    if shell == "camera" and estimates:
+        expected += PAINTER_REGISTERS
+        assert list(list_registers(dataclasses.replace(build, painter=True))) == expected
     assert {*expected} <= {*ALL_REGISTERS}
 
 

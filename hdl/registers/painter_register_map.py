@@ -1,0 +1,115 @@
+"""The registers of the painter, which follow those of the shell in a camera build that paints."""
+
+import enum
+
+from golden_model.painting.pose import PoseCause
+from hdl.registers.register_map import Access, Field, Register, list_values, setting_field, status_word
+from hdl.settings import POSE_ELEMENTS
+
+PAINTER_OFFSET = 0x1A0
+_POSE_OFFSET = 0x200
+_STATUS = Access.STATUS
+
+
+class PainterFault(enum.IntFlag):
+    """Faults of the settings, for which the painter stays off; the accelerator and the rings do not mind."""
+
+    CANVAS_MISALIGNED = 1
+    CANVAS_SIZE = 2
+    FRAMES_MISALIGNED = 4
+    FRAMES_TOO_SMALL = 8
+    FRAME_SIZE = 16
+
+
+def _counts(name: str, offset: int, description: str, **meanings: str) -> Register:
+    """A register with counts of 16 bits."""
+    counted = (
+        Field(field, 16 * n, 16, _STATUS, f"{meaning} Since clear; stays at the largest value.")
+        for n, (field, meaning) in enumerate(meanings.items())
+    )
+    return Register(name, offset, description, *counted)
+
+
+PAINTER_REGISTERS = (
+    Register(
+        "PAINTER", PAINTER_OFFSET,
+        "The painter. When it is switched on, it takes the settings of this register, of the next ones and SIZE, and "
+        "keeps them until it is off and idle. Switched off, it finishes the frame that is being painted, and gives up "
+        "all others; the canvas and what is known of poses stay. The numbers of frames in its registers are the lower "
+        "half of those in the records: from 0 on since clear.",
+        setting_field("painter_enable", 0),
+        setting_field("painter_replace", 1),
+        Field(
+            "painter_clear", 2, 1, Access.REQUEST,
+            "Forget the canvas and all poses; obeyed when nothing is being painted. The host clears the memory.",
+        ),
+        setting_field("painter_max_links", 8),
+    ),
+    Register("CANVAS_BASE_LOW", 0x1A4, "Position of the canvas.", setting_field("canvas_base_low", 0)),
+    Register("CANVAS_BASE_HIGH", 0x1A8, "Position of the canvas.", setting_field("canvas_base_high", 0)),
+    Register(
+        "CANVAS_SIZE", 0x1AC, "Size of the canvas.",
+        setting_field("canvas_columns", 0),
+        setting_field("canvas_rows", 16),
+    ),
+    Register("FRAMES_BASE_LOW", 0x1B0, "Position of three buffers.", setting_field("frames_base_low", 0)),
+    Register("FRAMES_BASE_HIGH", 0x1B4, "Position of three buffers.", setting_field("frames_base_high", 0)),
+    Register("FRAMES_SHAPE", 0x1B8, "Shape of the buffers.", setting_field("frames_buffer_pages", 0)),
+    Register(
+        "PAINTER_STATUS", 0x1BC, "The state of the painter.",
+        Field("painter_refused", 0, 8, _STATUS, f"It stays off because of: {list_values(PainterFault)}."),
+        Field("painter_idle", 8, 1, _STATUS, "Nothing is being written or painted."),
+        Field("painter_errors", 9, 1, _STATUS, "Memory has answered the painter with an error since clear."),
+    ),
+    status_word("FRAMES_PAINTED", 0x1C0, "Progress of the painter.", "Frames painted since clear."),
+    Register(
+        "FRAMES_LAST", 0x1C4, "The frame painted last.", Field("frames_last", 0, 16, _STATUS, "Its number.")
+    ),
+    _counts(
+        "FRAMES_CUT", 0x1C8, "Frames that did not come whole into memory.",
+        frames_cut="Not as large as set, too fast for the memory, or under way when the painter was switched off.",
+        frames_lost="Memory answered with an error.",
+    ),
+    _counts(
+        "FRAMES_SKIPPED", 0x1CC, "Frames in memory that were not painted.",
+        frames_skipped="Another one waited to be painted.",
+        frames_unplaced="A pose of a later frame came.",
+    ),
+    Register(
+        "POSES_REFUSED", 0x1D0, "Poses that are none.",
+        Field("pose_refused", 0, 16, _STATUS, "Their number since clear; stays at the largest value."),
+        Field("pose_causes", 16, 4, _STATUS, f"Of the one refused last: {list_values(PoseCause)}."),
+    ),
+    _counts(
+        "POSES_UNMATCHED", 0x1D4, "Poses without a frame.",
+        pose_unmatched="Its frame was not in memory; it may have been painted before, as it is where a host's is late.",
+        pose_lost="A record that came while eight waited; later frames need a host's pose.",
+    ),
+    status_word("TILES_BEHIND", 0x1D8, "Tiles left out of painted frames.", "Not wholly in front of the camera."),
+    status_word("TILES_TOO_LARGE", 0x1DC, "Tiles left out of painted frames.", "More than 64 px of the frame in them."),
+    status_word("TILES_FAILED", 0x1E0, "Tiles left out of painted frames.", "Memory answered with an error."),
+    Register(
+        "POSE_SET", 0x1E4, "Sets the pose of a frame; write both fields at once.",
+        setting_field("pose_frame", 0),
+        Field(
+            "pose_set", 31, 1, Access.COMMAND,
+            "Take the elements from POSE_H00 on. While `pose_waiting`, this is ignored and counted.",
+        ),
+    ),
+    Register(
+        "POSE_STATUS", 0x1E8, "What became of the pose that was set last.",
+        Field("pose_waiting", 0, 1, _STATUS, "It has not been taken yet."),
+        Field("pose_answer", 4, 4, _STATUS, "Of the one taken last, the causes, as `pose_causes`; 0: it is kept."),
+        Field("pose_ignored", 8, 8, _STATUS, "Poses ignored since clear; stays at the largest value."),
+        Field(
+            "pose_newest", 16, 16, _STATUS,
+            "When that one was taken, the number of the frame whose record had been taken last. If that is later than "
+            "`pose_frame`, it was composed without the host's pose: set that of a newer frame.",
+        ),
+    ),
+    *(
+        Register(name.upper(), _POSE_OFFSET + 4 * n, "An element, in two's complement.", setting_field(name, 0))
+        for n, name in enumerate(POSE_ELEMENTS)
+    ),
+)  # fmt: skip
+"""The registers of a shell with a painter, after `hdl.registers.shell_register_map.HOMOGRAPHY_RING`."""

@@ -1,0 +1,269 @@
+"""The camera build with its painter: what the chip's homographies and a host's poses paint is the golden model's."""
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from golden_model.arrays import Pixels
+from golden_model.config import EstimatorConfig
+from golden_model.geometry.scoring import quantise
+from golden_model.painting import painter as golden
+from golden_model.painting.pose import Placement, Poses, placement_of
+from golden_model.painting.tiles import TILE_PX
+from hdl.build import BUILDS
+from hdl.painting.frame_writer import BUFFERS, frame_pages
+from hdl.settings import PAGE_BYTES, REQUESTED, matched_frame_settings
+from sim.benches.camera import CameraBench, CameraTiming
+from sim.benches.exported import host_programs
+from sim.benches.memory import MemoryRules
+from sim.scene import make_pair
+
+SIZE_PX, COLUMNS, ROWS, SLOTS = (128, 96), 8, 6, 4
+CONFIG = dataclasses.replace(BUILDS["tiny"].config, estimator=EstimatorConfig(passes=4, min_cells=2, min_inliers=8))
+BUILD = dataclasses.replace(BUILDS["tiny"], config=CONFIG, shell="camera", video_bits=8, painter=True)
+THRESHOLD = 7000
+"""As many corners as there is room for."""
+PACE = CameraTiming(line_blank=20, frame_blank=30_000, jitter=9, steps=3, period=4)
+"""Time enough to paint each frame before the next one."""
+SLOW = MemoryRules(waits=43, latency_clocks=119, seed=4)
+COUNTS = (
+    *("frames_painted", "frames_last", "frames_cut", "frames_lost", "frames_skipped", "frames_unplaced"),
+    *("pose_refused", "pose_unmatched", "pose_lost", "pose_ignored", "tiles_behind", "tiles_too_large", "tiles_failed"),
+)
+START = np.array([[1, 0.02, -40], [-0.02, 1, -30], [0, 0, 1]])
+"""From the canvas to the first frame."""
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def programs() -> Iterator[Any]:
+    """The exported reader, with the map of this build."""
+    with host_programs(BUILD) as load:
+        yield load("skymosaic_rings")
+
+
+def views(count: int) -> list[Pixels]:
+    """Views of a scene that move."""
+    scene = np.ascontiguousarray(make_pair(seed=9, size=(240, 140)).images[0][..., 1])
+    return [scene[2 * n : 2 * n + SIZE_PX[1], 5 * n : 5 * n + SIZE_PX[0]].copy() for n in range(count)]
+
+
+class Host:
+    """A host that sets the painter up, reads the rings, and has the golden model paint beside it."""
+
+    def __init__(
+        self, programs: Any, rules: MemoryRules, *, camera: CameraTiming = PACE, replace: bool = False
+    ) -> None:
+        self.bench = CameraBench(BUILD, length_bytes=1 << 21, camera=camera, rules=rules)
+        settings = matched_frame_settings(CONFIG, *SIZE_PX, gray_input=True) | {"threshold_code": THRESHOLD}
+        settings = {name: settings[name] for name in (*REQUESTED, "gray_input")} | vars(CONFIG.estimator)
+        self.rings = programs.RingReader(self.bench, settings, slots=SLOTS)
+        self.registers, self.replace = self.rings.registers, replace
+        self._canvas = self.bench.allocate(COLUMNS * ROWS * PAGE_BYTES)
+        self._frames = self.bench.allocate(BUFFERS * frame_pages(*SIZE_PX) * PAGE_BYTES)
+        self.canvas = self._canvas.reshape(ROWS, COLUMNS, TILE_PX, TILE_PX, 4)
+        self.set_up()
+        self.begin()
+
+    def set_up(self) -> None:
+        for name, buffer in (("canvas", self._canvas), ("frames", self._frames)):
+            address = self.bench.address(buffer)
+            self.registers.write(**{f"{name}_base_low": address & 0xFFFF_FFFF, f"{name}_base_high": address >> 32})
+        pages = frame_pages(*SIZE_PX)
+        self.registers.write(
+            canvas_columns=COLUMNS, canvas_rows=ROWS, frames_buffer_pages=pages, painter_replace=int(self.replace)
+        )
+
+    def begin(self) -> None:
+        """With an empty canvas, and the pose of the first frame."""
+        self.canvas[:] = 0
+        self.model, self.poses = golden.Painter(COLUMNS, ROWS, replace=self.replace), Poses()
+        self.frames: list[Pixels] = []
+        self.registers.write(painter_enable=1)
+        self.wait_for("painter_idle", 1)
+        self.set_pose(0, START)
+
+    def wait_for(self, field: str, value: int) -> None:
+        for _ in range(100):
+            if self.registers.read(field) == value:
+                return
+            self.bench.run(500)
+        raise AssertionError(f"{field} does not become {value}")
+
+    def set_pose(self, frame: int, H: Any) -> None:
+        """Set the pose of a frame, in the model as well."""
+        (elements,) = quantise(H[np.newaxis])
+        named = zip(np.ndindex(3, 3), elements.ravel().tolist(), strict=True)
+        self.registers.write(**{f"pose_h{row}{column}": value & 0xFFFF_FFFF for (row, column), value in named})
+        self.registers.write(pose_frame=frame, pose_set=1)
+        pose, _ = self.poses.place(Placement(frame, frame, elements, composed=False))
+        if frame == 0:
+            self.first_pose = pose
+
+    def show(self, *frames: Pixels) -> None:
+        self.frames += frames
+        self.bench.show(*frames)
+
+    def next_record(self) -> Any:
+        frame = self.rings.next_frame(0.05)
+        if frame is None:
+            return None
+        record = frame.homography.copy()
+        self.rings.release()
+        return record
+
+    def paint(self, frame: int, pose: Any) -> None:
+        self.model.paint(np.repeat(self.frames[frame][..., np.newaxis], 3, axis=2), pose)
+
+    def fly(self, anchors: dict[int, Any]) -> int:
+        """Read all records, and set poses where the host has some; returns the frames that the model has painted."""
+        self.paint(0, self.first_pose)
+        count = 1
+        while (record := self.next_record()) is not None:
+            placement = placement_of(record)
+            pose = self.poses.place(placement)[0] if placement is not None else None
+            if pose is not None:
+                self.paint(int(record["frame"]), pose)
+                count += 1
+            if int(record["frame"]) in anchors:
+                self.set_pose(int(record["frame"]), anchors[int(record["frame"])])
+                self.wait_for("pose_waiting", 0)
+                assert self.registers.read("pose_newest") == record["frame"]
+        self.bench.run(60_000)
+        return count
+
+    def counts(self) -> dict[str, int]:
+        """All counts that are not 0."""
+        found = {name: self.registers.read(name) for name in COUNTS}
+        return {name: value for name, value in found.items() if value}
+
+
+@pytest.mark.parametrize("replace", [False, True], ids=["canvas", "stabilised"])
+def test_frames_are_painted_where_homographies_and_anchors_say(programs: Any, replace: bool) -> None:
+    host = Host(programs, SLOW, replace=replace)
+    host.show(*views(9))
+    # An anchor that moves the canvas, which all later frames follow.
+    moved = START @ np.array([[1, 0, 9.0], [0, 1, -4], [0, 0, 1]])
+    assert host.fly({4: np.array([[1, 0, 20.0], [0, 1, 8], [0, 0, 1]]) @ moved}) == 9
+    np.testing.assert_array_equal(host.canvas, host.model.memory)
+    # The anchor's frame had been painted.
+    assert host.counts() == {"frames_painted": 9, "frames_last": 8, "pose_unmatched": 1}
+    assert (host.model.memory[..., 3] > 0).mean() > 0.2
+    assert (host.bench.violations, host.registers.read("painter_errors")) == (0, 0)
+    host.rings.close()
+    assert host.bench.open_bursts == 0
+    host.bench.close()
+
+
+def test_no_burst_is_open_when_a_clear_is_complete(programs: Any) -> None:
+    """Reads neither, whenever it is asked for; and afterwards all begins anew."""
+    host = Host(programs, MemoryRules(waits=150, latency_clocks=300, seed=2))
+    bench, rng, reads, shown = host.bench, np.random.default_rng(3), 0, 0
+    for number in range(16):
+        if len(bench.last_pixels) + 2 > shown:
+            bench.show(*views(3))
+            shown += 3
+        # Every other time while the canvas is read or written.
+        bench.run(int(rng.integers(60_000)))
+        for _ in range(200 * (number % 2)):
+            if host.registers.read("frames_painted"):
+                break
+            bench.run(200)
+        reads += not host.registers.read("painter_idle")
+        host.rings.close()
+        assert bench.open_bursts == 0
+        assert host.counts() == {}
+        bench.run(int(rng.integers(3000)))
+        bench.reset()
+        assert (bench.open_bursts, bench.violations) == (0, 0)
+        # A reset forgets the registers, too.
+        host.set_up()
+        host.rings.restart()
+        host.begin()
+    assert reads > 4
+    while len(bench.last_pixels) < shown:
+        bench.run(10_000)
+    bench.follow(SLOW)
+    host.rings.restart()
+    host.begin()
+    host.show(*views(4))
+    assert host.fly({}) == 4
+    np.testing.assert_array_equal(host.canvas, host.model.memory)
+    bench.close()
+
+
+def test_a_camera_that_is_unplugged_in_a_frame_holds_nothing_up(programs: Any) -> None:
+    """The painter can be switched off and cleared, and a clear of everything ends, too."""
+    host = Host(programs, MemoryRules())
+    whole = views(3)
+    host.show(whole[0])
+    host.bench.show(whole[1][:40])
+    host.bench.run(200_000)
+    assert host.registers.read("painter_idle") == 0
+    host.registers.write(painter_enable=0)
+    host.wait_for("painter_idle", 1)
+    assert host.counts() == {"frames_painted": 1, "frames_cut": 1}
+    host.registers.write(painter_clear=1)
+    host.wait_for("painter_clear", 0)
+    host.registers.write(painter_enable=1)
+    host.wait_for("painter_idle", 1)
+    host.bench.show(whole[1][:40])
+    host.bench.run(100_000)
+    assert host.registers.read("painter_idle") == 0
+    host.rings.close()
+    assert host.bench.open_bursts == 0
+    host.rings.restart()
+    host.begin()
+    # The camera's next frame cuts the last one off.
+    host.show(*whole)
+    assert host.fly({}) == 3
+    np.testing.assert_array_equal(host.canvas, host.model.memory)
+    assert host.bench.violations == 0
+    host.bench.close()
+
+
+def test_errors_of_the_memory_paint_nothing_wrong(programs: Any) -> None:
+    """A host sees that there were some; one colour, so that whatever is painted is that colour."""
+    host = Host(programs, dataclasses.replace(SLOW, failures=1))
+    host.bench.show(*[np.full(SIZE_PX[::-1], 90, np.uint8)] * 12)
+    for frame in range(12):
+        host.bench.run(60_000)
+        host.set_pose(frame + 1, START)
+    assert host.bench.errors > 0
+    assert host.registers.read("painter_errors") == 1
+    painted = host.canvas[..., 3] > 0
+    assert painted.any()
+    assert (host.canvas[painted][:, :3] == 90).all()
+    assert host.bench.violations == 0
+    host.bench.close()
+
+
+def test_a_camera_too_fast_for_the_painter_loses_frames_that_are_counted(programs: Any) -> None:
+    """Each frame is painted, skipped, given up or still waits; and what is painted is where it belongs."""
+    host = Host(programs, SLOW, camera=dataclasses.replace(PACE, frame_blank=100))
+    host.show(*views(12))
+    painted: list[int] = []
+    poses = {0: host.first_pose}
+    while len(host.bench.last_pixels) < 12 or host.registers.read("homographies_written") > len(poses):
+        host.bench.run(300)
+        if host.registers.read("frames_painted") > len(painted):
+            painted.append(host.registers.read("frames_last"))
+        if host.registers.read("homographies_written") >= len(poses) and (record := host.next_record()) is not None:
+            placement = placement_of(record)
+            if placement is not None:
+                poses[placement.frame], _ = host.poses.place(placement)
+    for frame in painted:
+        host.paint(frame, poses[frame])
+    np.testing.assert_array_equal(host.canvas, host.model.memory)
+    counts = host.counts()
+    lost = sum(counts.get(f"frames_{name}", 0) for name in ("cut", "skipped", "unplaced"))
+    admitted = host.registers.read("camera_frames") - host.registers.read("dropped")
+    assert lost > 0
+    assert counts["frames_painted"] == len(painted) > 2
+    assert admitted - lost - len(painted) in {0, 1}
+    assert host.bench.violations == 0
+    host.bench.close()
