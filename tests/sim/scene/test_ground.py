@@ -1,5 +1,6 @@
 """The landscape: reproducible, seamless, like a photograph, and painted fast."""
 
+import hashlib
 import time
 from itertools import pairwise
 
@@ -8,7 +9,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.scene import ground, make_lawnmower, make_pair, make_pursuit, render_ground, render_heights
+from sim.scene import (
+    ground,
+    layout,
+    make_lawnmower,
+    make_pair,
+    make_pursuit,
+    objects,
+    render_ground,
+    render_heights,
+    surface,
+    target,
+)
 from sim.scene.terrain import TERRAINS, render_terrain
 from tests.sim.scene.caches import clear_caches
 
@@ -96,6 +108,13 @@ def test_scenes_are_those_on_which_recorded_figures_were_measured() -> None:
     for name, picture in draw_scenes().items():
         parts = cv2.resize(picture.astype(np.float32), (6, 4), interpolation=cv2.INTER_AREA)
         np.testing.assert_allclose(parts.ravel(), RECORDED[name], rtol=0, atol=0.03, err_msg=name)
+
+
+def test_roofs_cars_and_fields_that_none_of_them_shows_are_recorded_too() -> None:
+    colours = (*objects._TILE_ROOFS, *objects._SHEET_ROOFS, *objects._CARS)
+    shares = layout.FIELD_SHARES, layout.VILLAGE_SHARES, layout.MAIN_ROAD_SHARES, layout.DRIVE_SHARES
+    tables = [each.tolist() for each in colours], surface.COVERS, surface.PAVINGS, shares, target._BODIES
+    assert hashlib.sha256(repr(tables).encode()).hexdigest()[:12] == "115c7ca24585"
 
 
 @pytest.mark.parametrize("seed", [2, 9])
