@@ -20,6 +20,8 @@ GOOD_ENOUGH = 1.05
 """A simpler model is taken if its error is at most this many times that of the best model."""
 FALSE_LINK_PX = 10.0
 """A link whose median error stays above this contradicts the others."""
+SURER = 2
+"""A link is not put in doubt by one that it has so many times the inliers of: a dozen agree by chance."""
 TILTED_SCALE_PX = 25.0
 """Scale from which homographies are annealed: the simpler models leave so much of a tilt."""
 
@@ -183,7 +185,7 @@ def _contradicting(group: LinkedGroup, errors_px: Sequence[Array]) -> list[Link]
     middle_px = {link: float(np.median(error)) for link, error in zip(group.links, errors_px, strict=True)}
     row = {member: index for index, member in enumerate(group.members)}
     kept = [link for link in group.links if middle_px[link] <= FALSE_LINK_PX]
-    _, part = connected_components(_joined(group.members, kept), directed=False)
+    _, part = connected_components(_joined(group.members, kept, [1] * len(kept)), directed=False)
     false = []
     # Where parts would fall apart, the least wrong links between them stay.
     for link in sorted(group.links, key=middle_px.__getitem__)[len(kept) :]:
@@ -195,10 +197,13 @@ def _contradicting(group: LinkedGroup, errors_px: Sequence[Array]) -> list[Link]
 
 
 def _doubtful_part(layout: Layout) -> set[int]:
-    """The smaller one of two parts of a layout that a single link joins and another contradicts; empty without such."""
+    """The smaller one of two parts of a layout that a single link joins and another contradicts; empty without such.
+
+    A link that is far surer than the one that contradicts it joins them as well as two do.
+    """
     row = {member: index for index, member in enumerate(layout.members)}
-    joined = _joined(layout.members, layout.links)
     for link in layout.contradicting:
+        joined = _joined(layout.members, layout.links, [1 + (e.inliers >= SURER * link.inliers) for e in layout.links])
         flow = maximum_flow(joined, row[link.left], row[link.right])
         if flow.flow_value > 1:
             continue
@@ -213,9 +218,9 @@ def _doubtful_part(layout: Layout) -> set[int]:
     return set()
 
 
-def _joined(members: Sequence[int], links: Sequence[Link]) -> csr_array:
-    """Which members of a group some of its links join, as a symmetric matrix of 0 and 1."""
+def _joined(members: Sequence[int], links: Sequence[Link], strengths: Sequence[int]) -> csr_array:
+    """How strongly some of its links join the members of a group, as a symmetric matrix; 0 where none does."""
     row = {member: index for index, member in enumerate(members)}
     pairs = np.array([(row[link.left], row[link.right]) for link in links], dtype=np.intp).reshape(-1, 2)
-    joined = csr_array((np.ones(len(pairs), dtype=np.int32), pairs.T), shape=(len(row),) * 2)
+    joined = csr_array((np.array(strengths, dtype=np.int32), pairs.T), shape=(len(row),) * 2)
     return csr_array(joined + joined.T)

@@ -106,10 +106,10 @@ def test_each_photograph_whose_single_link_is_contradicted_is_left_out() -> None
     rng = np.random.default_rng(0)
     places_px = np.array([(0, 0), (100, 0), (0, 100), (100, 100), (200, 0), (200, 100), (-100, 0), (300, 0)])
 
-    def tie(left: int, right: int, off_px: float = 0) -> Link:
-        points = rng.uniform(0, 300, (40, 2))
-        moved = points + places_px[left] - places_px[right] + off_px + rng.normal(0, 0.3, (40, 2))
-        return Link(left, right, points, moved, 40, 40)
+    def tie(left: int, right: int, off_px: float = 0, inliers: int = 40) -> Link:
+        points = rng.uniform(0, 300, (inliers, 2))
+        moved = points + places_px[left] - places_px[right] + off_px + rng.normal(0, 0.3, points.shape)
+        return Link(left, right, points, moved, inliers, inliers)
 
     square = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (1, 4), (1, 5), (2, 3), (3, 4), (3, 5), (4, 5)]
     links = [*(tie(*pair) for pair in square), tie(0, 6), tie(2, 6, 60), tie(4, 7), tie(5, 7, 60)]
@@ -120,6 +120,11 @@ def test_each_photograph_whose_single_link_is_contradicted_is_left_out() -> None
     # Among those that stay, a link that contradicts others is still named.
     false = tie(2, 4, 60)
     assert lay_out(views, range(len(views)), [*links, false]).contradicting == (false,)
+    # A link that a dozen matches made by chance puts none in doubt that has many more.
+    weak, surer = tie(2, 6, 60, inliers=20), [*(tie(*pair) for pair in square), tie(0, 6)]
+    layout = lay_out(views[:7], range(7), [*surer, weak])
+    assert (layout.members, layout.contradicting) == (tuple(range(7)), (weak,))
+    assert lay_out(views[:7], range(7), [*surer, tie(2, 6, 60, inliers=21)]).members == tuple(range(6))
 
 
 @pytest.mark.parametrize(
