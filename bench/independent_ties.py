@@ -68,7 +68,6 @@ def errors(
         with photographs_of(name) as folder:
             with open_plan([folder], MosaicOptions(warp=warp)) as plan:
                 flight, layout = plan.flight, plan.layouts[0]
-            # Photographs are read as they are warped, so their ties are those of the mosaic.
             meshes = ", with meshes" if layout.bent else ""
             rows.append(error_row(folder.name + meshes, flight, layout, find_ties(flight, layout)))
     report("errors by independent ties", rows, json_file, keep_others=True)
@@ -117,16 +116,25 @@ def error_row(name: str, flight: Flight, layout: Layout, pairs: Sequence[PairOfT
 
 def find_ties(flight: Flight, layout: Layout) -> list[PairOfTies]:
     """The ties of all pairs that show the same ground by SIFT."""
-    words = {}
+    words, to_original = {}, dict[int, Matrix]()
     for member in track(layout.members, "SIFT", console=Console(stderr=True), transient=True):
         photograph = flight.sources[member].read_photograph(flight.lens)
-        words[member] = sift_words(reduce_to_width(to_gray(photograph.pixels), WIDTH_PX)[0], FEATURES)
+        reduced, to_original[member] = reduce_to_width(to_gray(photograph.pixels), WIDTH_PX)
+        words[member] = sift_words(reduced, FEATURES)
+
+    def bend(member: int, points: Points) -> Points:
+        """Where the mosaic's photograph, which a mesh may warp, shows points."""
+        if member not in layout.meshes:
+            return points
+        to_working = np.asarray(np.linalg.inv(flight.views[member].to_original) @ to_original[member])
+        return apply(np.asarray(np.linalg.inv(to_working)), layout.meshes[member].find(apply(to_working, points)))
+
     pairs = []
     for left, right in track(likely_pairs(flight, layout), "ties", console=Console(stderr=True), transient=True):
         left_points, right_points = match_words(words[left], words[right])
         kept = on_epipolar_lines(left_points, right_points)
         if np.count_nonzero(kept) >= MIN_TIES:
-            pairs.append(PairOfTies(left, right, left_points[kept], right_points[kept]))
+            pairs.append(PairOfTies(left, right, bend(left, left_points[kept]), bend(right, right_points[kept])))
     return pairs
 
 

@@ -11,8 +11,16 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Float32, Intensities, Mask, Pixels
+from skymosaic.compositing.mesh import Mesh
 from skymosaic.compositing.tone import NEUTRAL, Tone
-from skymosaic.compositing.warp import Canvas, footprint, nearest_corner, source_window, warp_backward, warp_tile
+from skymosaic.compositing.warp import (
+    Canvas,
+    footprint,
+    nearest_corner,
+    source_window,
+    warp_backward,
+    warp_tile,
+)
 from skymosaic.geometry.homography import apply, resize_matrix
 from skymosaic.imagery.parcel import Parcel
 
@@ -78,6 +86,8 @@ class Layer:
     """The pixels that seams assign to it; None: each pixel belongs to the photograph with the largest `claim`."""
     least_nearness: float = 0.0
     """What is farther from the camera is not shown, see `skymosaic.compositing.warp.nearness`; 0 shows all."""
+    mesh: Mesh | None = None
+    """Warps the image, its mask and its border before ``transform``; None where it keeps its shape."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -100,9 +110,7 @@ class Layer:
 
     def pixels(self, part: Canvas, interpolation: int = cv2.INTER_LANCZOS4) -> Intensities:
         """The warped and toned intensities; the image's border pixels are repeated beyond it."""
-        return self._toned(
-            part, warp_backward(self.image, self.transform, part, border=BEYOND, interpolation=interpolation)
-        )
+        return self._toned(part, self._warp(part, interpolation, self._places(part)))
 
     def pixels_around(self, part: Canvas, shown: Mask) -> Intensities:
         """As `pixels`, but with fine detail only near ``shown`` pixels; a blend needs low frequencies elsewhere.
@@ -111,15 +119,26 @@ class Layer:
         ten times as long as bilinear interpolation.
         """
         near = cv2.dilate(shown.astype(np.uint8), np.ones((2 * FINE_REACH_PX + 1,) * 2, np.uint8))
-        warped = warp_backward(self.image, self.transform, part, border=BEYOND)
+        places = self._places(part)
+        warped = self._warp(part, cv2.INTER_LINEAR, places)
         blocks = (block for block in part.tiles(FINE_BLOCK_PX) if near[block.within(part)].any())
         # Neighbouring blocks are warped together, because each call has a fixed cost.
         for _, row in groupby(blocks, key=lambda block: block.y_px):
             run = list(row)
             whole = replace(run[0], width_px=run[-1].x_px + run[-1].width_px - run[0].x_px)
-            fine = warp_backward(self.image, self.transform, whole, border=BEYOND, interpolation=cv2.INTER_LANCZOS4)
-            warped[whole.within(part)] = fine
+            where = whole.within(part)
+            warped[where] = self._warp(whole, cv2.INTER_LANCZOS4, None if places is None else places[where])
         return self._toned(part, warped)
+
+    def _places(self, part: Canvas) -> Float32 | None:
+        """Where the image of a layer with a mesh shows the pixels of a part, (h, w, 2)."""
+        return None if self.mesh is None else self.mesh.places(self.size, self.transform, part)
+
+    def _warp(self, part: Canvas, interpolation: int, places: Float32 | None) -> Intensities:
+        if places is None:
+            return warp_backward(self.image, self.transform, part, border=BEYOND, interpolation=interpolation)
+        warped = cv2.remap(self.image, places, None, interpolation, borderMode=BEYOND)
+        return np.asarray(warped, dtype=self.image.dtype)
 
     def _toned(self, part: Canvas, warped: Intensities) -> Intensities:
         if not self.tone.varies:
@@ -129,8 +148,7 @@ class Layer:
     def border_distance(self, part: Canvas) -> Float32:
         """Distance of each pixel from the border of the image's visible part, in image pixels; 0 outside."""
         # Warping interpolates. With 1 added to the distance, values below 1 are mixtures with the outside.
-        source = source_window(self.size, self.transform, part)
-        plus_one = warp_tile(self._plus_one(source), self.transform, source, part, border=cv2.BORDER_CONSTANT)
+        plus_one = self._warp_window(self._plus_one, part)
         inside = (plus_one > 1 - MIN_WEIGHT) & self._is_near(part)
         return np.where(inside, np.maximum(plus_one - 1, MIN_WEIGHT), 0).astype(np.float32)
 
@@ -147,13 +165,22 @@ class Layer:
         return np.where(self._covers(part), share, 0).astype(np.float32)
 
     def _covers(self, part: Canvas) -> Mask:
-        source = source_window(self.size, self.transform, part)
+        return np.asarray(self._warp_window(self._visible_part, part) == 255) & self._is_near(part)
+
+    def _warp_window(self, cut: Callable[[Canvas], Pixels | Float32], part: Canvas) -> Pixels | Float32:
+        """Warp what ``cut`` has in the window of the image that a part needs; 0 outside the image."""
+        places = self._places(part)
+        if self.mesh is None or places is None:
+            source = source_window(self.size, self.transform, part)
+            return warp_tile(cut(source), self.transform, source, part, border=cv2.BORDER_CONSTANT)
+        source = self.mesh.window(self.size, self.transform, part)
+        places = cv2.subtract(places, (source.x_px, source.y_px, 0, 0), dst=places)
+        return np.asarray(cv2.remap(cut(source), places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT))
+
+    def _visible_part(self, source: Canvas) -> Pixels:
         if self.visible is None:
-            window = np.full((source.height_px, source.width_px), 255, np.uint8)
-        else:
-            window = self.visible[source.within(Canvas(0, 0, *self.size))]
-        warped = warp_tile(window, self.transform, source, part, border=cv2.BORDER_CONSTANT)
-        return np.asarray(warped == 255) & self._is_near(part)
+            return np.full((source.height_px, source.width_px), 255, np.uint8)
+        return self.visible[source.within(Canvas(0, 0, *self.size))]
 
     def _is_near(self, part: Canvas) -> Mask:
         """Where the ground is near enough to be shown."""

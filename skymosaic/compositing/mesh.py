@@ -2,7 +2,7 @@
 
 No homography fits two views of ground that is not flat. Where there is relief, matches deviate from the homographies
 by a few pixels. Their residuals, spread over coarse grids and smoothed, warp the photographs so that the homographies
-fit them better; to all later stages, a warped photograph is an ordinary one. (Zaragoza and others,
+fit them better. (Zaragoza and others,
 As-projective-as-possible image stitching, 2013, move the homography instead. A grid of residuals is smaller, and falls
 back to the homography where there are no matches.)
 """
@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from golden_model.arrays import Array, Intensities, Mask, Matrix, Points
+from golden_model.arrays import Array, Float32, Mask, Matrix, Points
 from skymosaic.compositing.grid import interpolation, roughness, solve
-from skymosaic.compositing.warp import magnification
+from skymosaic.compositing.warp import Canvas, magnification, source_window
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import INLIER_PX
 
@@ -40,6 +40,8 @@ CHECK_CELLS = 10
 """Held-out matches lie in alternate fields of a chessboard on the ground, with so many along a side of an image."""
 MIN_GAIN = 0.03
 """Rise of the share of held-out matches within 2 px from which warping photographs is worthwhile."""
+PLACED_PX = 512
+"""Side of the tiles in which positions are computed."""
 FINDING_STEPS = 3
 """A displacement changes by at most a tenth of itself over its own length, so each step leaves a tenth of the error."""
 
@@ -87,36 +89,51 @@ class Mesh:
             warped = points - self.displacement(warped)
         return warped
 
-    def apply(self, image: Intensities) -> Intensities:
-        """Warp an image of any size; the grid is stretched over it."""
-        height, width = image.shape[:2]
+    def places(self, size: tuple[int, int], transform: Array, part: Canvas) -> Float32:
+        """Where an image shows the pixels of a part of the reference frame, (height, width, 2) px.
+
+        The image may have any ``size``, over which the grid is stretched. ``transform`` is from pixels of the warped
+        image to reference pixels. Interpolated there, the image is warped and transformed at once.
+        """
+        places = np.empty((part.height_px, part.width_px, 2), np.float32)
+        # All that a tile needs stays in the processor's cache.
+        for tile in part.tiles(PLACED_PX):
+            places[tile.within(part)] = self._places_in_tile(size, transform, tile)
+        return places
+
+    def _places_in_tile(self, size: tuple[int, int], transform: Array, tile: Canvas) -> Float32:
+        source = source_window(size, transform, tile)
+        matrix = tile.translation @ transform @ np.linalg.inv(source.translation)
+        # Of a camera without distortion; in doubles, and faster than NumPy.
+        tile_size = tile.width_px, tile.height_px
+        places, _ = cv2.initUndistortRectifyMap(np.eye(3), None, None, matrix, tile_size, cv2.CV_32FC2)
+        field = self._field(size, source)
+        # OpenCV interpolates at 32nds of a pixel, by which a displacement hardly changes.
+        moved = cv2.remap(field, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        cv2.add(places, moved, dst=places)
+        return np.asarray(cv2.add(places, (source.x_px, source.y_px, 0, 0), dst=places))
+
+    def window(self, size: tuple[int, int], transform: Array, part: Canvas) -> Canvas:
+        """The rectangle of image pixels that `places` needs, as `source_window`."""
+        reach_px = math.ceil(float(np.abs(self.nodes_px * (np.array(size) / self.size)).max()))
+        window = source_window(size, transform, part).grown(reach_px).intersection(Canvas(0, 0, *size))
+        assert window is not None
+        return window
+
+    def _field(self, size: tuple[int, int], window: Canvas) -> Float32:
+        """Displacements (height, width, 2), px, in a window of the warped image."""
         rows, columns = self.nodes_px.shape[:2]
         # Bilinear interpolation is separable: a product of matrices on either side.
-        down, across = (_interpolate(*axis).astype(np.float32) for axis in ((height, rows), (width, columns)))
-        x, y = (self.nodes_px * (np.array([width, height]) / self.size)).astype(np.float32).transpose(2, 0, 1)
-        source_x = down @ x @ across.T + np.arange(width, dtype=np.float32)
-        source_y = down @ y @ across.T + np.arange(height, dtype=np.float32)[:, None]
-        # Bicubic interpolation would lose twice as much fine detail.
-        warped = cv2.remap(image, source_x, source_y, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE)
-        return np.asarray(warped, dtype=image.dtype)
-
-    def __eq__(self, other: object) -> bool:
-        """Whether the other mesh moves all pixels alike."""
-        return isinstance(other, Mesh) and self._content == other._content
-
-    def __hash__(self) -> int:
-        """Hash of the displacements."""
-        return hash(self._content)
-
-    @property
-    def _content(self) -> tuple[tuple[int, int], bytes]:
-        return self.size, self.nodes_px.tobytes()
+        down = _interpolate(window.y_px, window.height_px, size[1], rows)
+        across = _interpolate(window.x_px, window.width_px, size[0], columns)
+        x, y = (self.nodes_px * (np.array(size) / self.size)).astype(np.float32).transpose(2, 0, 1)
+        return np.asarray(cv2.merge([down @ x @ across.T, down @ y @ across.T]))
 
 
-def _interpolate(pixels: int, nodes: int) -> Array:
-    """Weights (pixels, nodes) of the nodes along a side, the outermost ones at its first and last pixel."""
-    places = np.linspace(0, nodes - 1, pixels)
-    return np.asarray(np.maximum(1 - np.abs(places[:, None] - np.arange(nodes)), 0))
+def _interpolate(first: int, count: int, pixels: int, nodes: int) -> Float32:
+    """Weights (count, nodes) of the nodes at some pixels of a side, with the outermost nodes at its ends."""
+    places = np.arange(first, first + count) * ((nodes - 1) / max(pixels - 1, 1))
+    return np.asarray(np.maximum(1 - np.abs(places[:, None] - np.arange(nodes)), 0), dtype=np.float32)
 
 
 def fit_meshes(

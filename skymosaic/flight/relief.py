@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from golden_model.arrays import Points
-from skymosaic.compositing.mesh import Frame, Mesh, Ties, fit_meshes
+from skymosaic.compositing.mesh import Frame, Ties, fit_meshes
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
 from skymosaic.geometry.homography import transfer_error
 
 Moves = Mapping[int, Callable[[Points], Points]]
-"""By view, how the points of a photograph move."""
+"""By view, how the points of a photograph move; others stay."""
 
 
 def follow_relief(flight: Flight, warp: str) -> Flight:
@@ -25,23 +25,18 @@ def follow_relief(flight: Flight, warp: str) -> Flight:
     """
     if warp == "homography" or flight.lens.mask is not None or flight.sources[0].bands:
         return flight
-    meshes, layouts = dict[int, Mesh](), list[Layout]()
+    layouts = list[Layout]()
     for layout in flight.layouts:
         frames = {m: Frame(flight.views[m].working_size, layout.transforms[m]) for m in layout.members}
-        found, shares = fit_meshes(
+        meshes, shares = fit_meshes(
             frames, [_ties(link) for link in layout.links], layout.members, always=warp == "mesh"
         )
-        meshes |= found
-        layouts.append(replace(layout, bent=shares) if found else layout)
-    if not meshes:
+        layouts.append(replace(layout, bent=shares, meshes=meshes) if meshes else layout)
+    moves = {view: mesh.find for layout in layouts for view, mesh in layout.meshes.items()}
+    if not moves:
         return flight
-    moves = {view: meshes[view].find if view in meshes else _stay for view in range(len(flight.views))}
-    return replace(
-        flight,
-        sources=tuple(source.warped_by(meshes.get(view)) for view, source in enumerate(flight.sources)),
-        links=_move(flight.links, moves),
-        layouts=tuple(_move_links(layout, moves) for layout in layouts),
-    )
+    links, bent = _move(flight.links, moves), tuple(_move_links(layout, moves) for layout in layouts)
+    return replace(flight, links=links, layouts=bent)
 
 
 def _ties(link: Link) -> Ties:
@@ -54,7 +49,7 @@ def _stay(points: Points) -> Points:
 
 
 def _move(links: Iterable[Link], moves: Moves) -> tuple[Link, ...]:
-    return tuple(link.move(moves[link.left], moves[link.right]) for link in links)
+    return tuple(link.move(moves.get(link.left, _stay), moves.get(link.right, _stay)) for link in links)
 
 
 def _move_links(layout: Layout, moves: Moves) -> Layout:
@@ -80,11 +75,10 @@ def bending_numbers(flight: Flight, layout: Layout) -> dict[str, Any] | None:
     """The same in numbers, with the meshes: displacements in px of a picture of ``size``, see `Mesh`."""
     if layout.bent is None:
         return None
-    meshes = {flight.sources[member].name: flight.sources[member].warp for member in layout.members}
-    bent = {name: mesh for name, mesh in meshes.items() if isinstance(mesh, Mesh)}
     return {
         "held_out_within_2_px": layout.bent,
         "meshes": {
-            name: {"size": mesh.size, "nodes_px": mesh.nodes_px.round(2).tolist()} for name, mesh in bent.items()
+            flight.sources[member].name: {"size": mesh.size, "nodes_px": mesh.nodes_px.round(2).tolist()}
+            for member, mesh in layout.meshes.items()
         },
     }

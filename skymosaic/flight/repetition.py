@@ -42,8 +42,7 @@ def repeat_flight(known: Flight, sources: Sequence[Source], seed: int, workers: 
     return replace(
         known,
         names=tuple(source.name for source in sources),
-        # The mesh belongs to the layout: it makes the homography fit.
-        sources=tuple(source.warped_by(before.warp) for source, before in zip(used, known.sources, strict=True)),
+        sources=used,
         views=tuple(views),
         left_out={index: f"{sources[index].name}: left out of the known layout" for index in known.left_out},
         seconds={},

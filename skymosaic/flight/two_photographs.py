@@ -43,27 +43,23 @@ def register_two(
     pair = register_photographs(
         (left, right), options, lens=lens, seconds=clock.seconds, progress=lambda line: progress(line, 0, 0)
     )
-    mesh = choose_mesh(pair, warp)
-    if mesh is not None:
-        # Blending decodes the left photograph again where memory is short, and warps it again.
-        sources = [sources[0].warped_by(mesh), sources[1]]
-        left = replace(left, pixels=np.asarray(mesh.apply(left.pixels), dtype=np.uint8))
     for source, photograph in zip(sources, (left, right), strict=True):
         decoded_photographs(memory_bytes).keep(source, lens, (photograph.pixels, photograph.visible))
-    return flight_of_pair(pair, sources, lens)
+    flight = flight_of_pair(pair, sources, lens)
+    return replace(flight, layouts=tuple(replace(layout, meshes=choose_mesh(pair, warp)) for layout in flight.layouts))
 
 
-def choose_mesh(pair: Pair, warp: str) -> Mesh | None:
-    """Fit the mesh that warps the left photograph of a pair to follow the relief; None where it keeps its shape.
+def choose_mesh(pair: Pair, warp: str) -> dict[int, Mesh]:
+    """Fit the mesh that warps the left photograph of a pair, 0, to follow the relief; none where it keeps its shape.
 
     ``warp`` is "homography", "mesh", or "auto": a mesh, if held-out matches gain by it.
     """
     if warp == "homography" or pair.working_homography is None:
-        return None
+        return {}
     sizes = [(image.shape[1], image.shape[0]) for image in pair.working]
     frames = {0: Frame(sizes[0], pair.working_homography), 1: Frame(sizes[1], np.eye(3))}
     ties = [Ties(0, 1, *match_points(pair.kept))]
-    return fit_meshes(frames, ties, (0,), always=warp == "mesh")[0].get(0)
+    return fit_meshes(frames, ties, (0,), always=warp == "mesh")[0]
 
 
 def flight_of_pair(pair: Pair, sources: Sequence[Source], lens: Lens) -> Flight:

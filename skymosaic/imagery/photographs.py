@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 from threading import Lock
-from typing import Protocol
 
 import numpy as np
 
@@ -33,13 +32,6 @@ Shown = tuple[Intensities, Pixels | None]
 """Pixels of a photograph, and 255 where they show something, 0 elsewhere; None: 255 everywhere."""
 
 
-class Warp(Protocol):
-    """Moves the pixels of a photograph, for instance `skymosaic.compositing.mesh.Mesh`; equal if it does the same."""
-
-    def apply(self, image: Intensities) -> Intensities:
-        """The warped image, of the same shape."""
-
-
 @dataclass(frozen=True, eq=False)
 class Source:
     """A photograph of a flight: a file, or an array of pixels."""
@@ -52,8 +44,6 @@ class Source:
     """A file, or pixels: gray (H, W) or BGR (H, W, 3)."""
     keep_damaged: bool = False
     """Use a damaged file as far as it can be decoded."""
-    warp: Warp | None = None
-    """Applied to the straightened pixels."""
     bands: Mapping[str, Source] = field(default_factory=dict)
     """All bands of a multi-band set, in the order of the output; empty for a photograph."""
 
@@ -67,12 +57,6 @@ class Source:
         """The same source, which uses damaged files as far as they can be decoded, or refuses them."""
         bands = {band: source.with_damaged(keep=keep) for band, source in self.bands.items()}
         return dataclasses.replace(self, keep_damaged=keep, bands=bands)
-
-    def warped_by(self, warp: Warp | None) -> Source:
-        """The same photograph, warped; what it was when it was read is not forgotten."""
-        warped = dataclasses.replace(self, warp=warp)
-        vars(warped).update({name: known for name, known in vars(self).items() if name in ("digest", "_first_read")})
-        return warped
 
     @cached_property
     def digest(self) -> str:
@@ -122,24 +106,21 @@ class Source:
             As in `skymosaic.imagery.images.load`.
         """
         decoded = load(self.content, self.name, keep_damaged=self.keep_damaged)
-        pixels = np.asarray(self._straighten(decoded.pixels, lens), dtype=np.uint8)
-        visible = self._straighten_mask(decoded.visible, lens)
+        pixels = np.asarray(lens.straighten(decoded.pixels), dtype=np.uint8)
+        visible = _straighten_mask(decoded.visible, lens)
         return dataclasses.replace(decoded, name=self.name, pixels=pixels, visible=visible)
 
     def read_intensities(self, lens: Lens, values: ValueRange | None) -> Shown:
         """Read the straightened pixels as a mosaic shows them, see `skymosaic.imagery.images.load_intensities`."""
         decoded, visible = load_intensities(self.content, self.name, values, keep_damaged=self.keep_damaged)
-        return self._straighten(decoded, lens), self._straighten_mask(visible, lens)
+        return lens.straighten(decoded), _straighten_mask(visible, lens)
 
-    def _straighten_mask(self, visible: Pixels | None, lens: Lens) -> Pixels | None:
-        if visible is None:
-            return None
-        # A pixel that interpolates across the edge does not count.
-        return np.where(self._straighten(visible, lens) == 255, np.uint8(255), np.uint8(0))
 
-    def _straighten(self, pixels: Intensities, lens: Lens) -> Intensities:
-        straight = lens.straighten(pixels)
-        return straight if self.warp is None else self.warp.apply(straight)
+def _straighten_mask(visible: Pixels | None, lens: Lens) -> Pixels | None:
+    if visible is None:
+        return None
+    # A pixel that interpolates across the edge does not count.
+    return np.where(lens.straighten(visible) == 255, np.uint8(255), np.uint8(0))
 
 
 def _state_of(status: os.stat_result) -> tuple[int, ...]:
@@ -231,11 +212,11 @@ def index_names(photographs: Sequence[str]) -> Callable[[str], list[int]]:
     return find
 
 
-_Key = tuple[str, str, bool, Warp | None, ValueRange | None]
+_Key = tuple[str, str, bool, ValueRange | None]
 
 
 def _key(source: Source, lens: Lens, values: ValueRange | None) -> _Key:
-    return source.digest, lens.key, source.keep_damaged, source.warp, values
+    return source.digest, lens.key, source.keep_damaged, values
 
 
 class DecodedPhotographs:

@@ -50,7 +50,7 @@ class Mosaic:
         """For each photograph in the mosaic, (3, 3), its original pixels to canvas pixels.
 
         For a photograph taken with a known camera, its pixels without the lens's distortion; for one that a mesh warps
-        over relief (``flight.sources[index].warp``), its pixels after that.
+        over relief (``layout.meshes``), its pixels after that.
         """
         indices = [placement.source.index for placement in self.composition.placements]
         return dict(zip(indices, self.composition.transforms, strict=True))

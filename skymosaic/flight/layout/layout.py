@@ -9,6 +9,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow
 
 from golden_model.arrays import Array
+from skymosaic.compositing.mesh import Mesh
 from skymosaic.flight.layout.accuracy import Accuracy, measure_accuracy
 from skymosaic.flight.layout.adjustment import MODELS, WIDEST_SCALE_PX, Network
 from skymosaic.flight.layout.extent import find_misplaced
@@ -50,7 +51,9 @@ class Layout:
     misplaced: dict[int, str] = field(default_factory=dict)
     """Views of the group that cannot lie where a layout puts them, with the reason."""
     bent: tuple[float, float] | None = None
-    """Where each photograph is warped by a mesh: the share of held-out matches within 2 px without and with meshes."""
+    """Where photographs are warped by meshes: the share of held-out matches within 2 px without and with them."""
+    meshes: dict[int, Mesh] = field(default_factory=dict)
+    """By member, what warps its photograph before ``transforms`` apply; none where it keeps its shape."""
 
     def without(self, absent: Collection[int]) -> "Layout":
         """The same places without some of the views."""
@@ -61,6 +64,7 @@ class Layout:
             members=members,
             reference=self.reference if self.reference in members else next(iter(members), self.reference),
             transforms={member: self.transforms[member] for member in members},
+            meshes={member: mesh for member, mesh in self.meshes.items() if member in members},
             links=tuple(self.links[row] for row in rows),
             contradicting=tuple(link for link in self.contradicting if {link.left, link.right}.isdisjoint(absent)),
             errors_px=tuple(self.errors_px[row] for row in rows),

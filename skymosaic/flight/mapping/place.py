@@ -8,7 +8,6 @@ import numpy as np
 
 from golden_model.arrays import Points
 from skymosaic.common.errors import InputError, noting
-from skymosaic.compositing.mesh import Mesh
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.cameras import Camera, cameras_of, measure_turn
@@ -190,11 +189,11 @@ def sightings_of(control: ControlPoints, flight: Flight, layout: Layout) -> Iter
         if len(members) > 1:
             raise InputError(f"{control.name}: {sighting.photograph} is {len(members)} photographs; add their folders")
         for member in members:
-            view, warp = flight.views[member], flight.sources[member].warp
+            view, mesh = flight.views[member], layout.meshes.get(member)
             pixel = flight.lens.straighten_points(np.array([[sighting.x_px, sighting.y_px]]), view.size)
-            if isinstance(warp, Mesh):
+            if mesh is not None:
                 to_working = np.asarray(np.linalg.inv(view.to_original))
-                pixel = apply(view.to_original, warp.find(apply(to_working, pixel)))
+                pixel = apply(view.to_original, mesh.find(apply(to_working, pixel)))
             yield member, sighting.point, pixel[0]
 
 

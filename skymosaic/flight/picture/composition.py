@@ -16,6 +16,7 @@ from golden_model.arrays import Array, Intensities, Mask, Pixels
 from skymosaic.common.memory import release_free_memory
 from skymosaic.compositing.blend import blend_layers
 from skymosaic.compositing.layer import Layer, SeamMask
+from skymosaic.compositing.mesh import Mesh
 from skymosaic.compositing.tone import NEUTRAL, Tone
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, TILE_PX, Canvas, footprint, outline, shrink
 from skymosaic.flight.mapping.place import NOWHERE, MapPlace
@@ -70,6 +71,8 @@ class Placement:
     """Part that it may fill."""
     least_nearness: float = 0.0
     """Ground farther from the camera is not shown, see `skymosaic.compositing.warp.nearness`; 0 shows all."""
+    mesh: Mesh | None = None
+    """Warps it before ``transform``; None where it keeps its shape."""
 
     @cached_property
     def footprint(self) -> Canvas:
@@ -160,7 +163,8 @@ class Composition:
             if self.coloured and image.ndim == 2:
                 image = np.dstack([image] * 3)
             visible = self.lens.visible_mask((image.shape[1], image.shape[0]), own)
-            layers.append(Layer(image, transform, each.tone, visible, each.favour, each.seam, each.least_nearness))
+            shown = each.tone, visible, each.favour, each.seam, each.least_nearness, each.mesh
+            layers.append(Layer(image, transform, *shown))
         return blend_layers(layers, tile, method=self.blending)
 
     def in_8_bit(self, pixels: Intensities) -> Pixels:

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from golden_model.arrays import Array
-from skymosaic.compositing.layer import Layer
-from skymosaic.compositing.warp import CanvasError, footprint, nearness, outline
+from skymosaic.compositing.layer import Layer, SeamMask
+from skymosaic.compositing.mesh import Mesh
+from skymosaic.compositing.warp import Canvas, CanvasError, footprint, nearness, outline
 from skymosaic.geometry.homography import apply
 
 IMAGE = np.full((300, 400), 90, np.uint8)
@@ -31,6 +32,23 @@ def test_a_mask_that_hides_nothing_changes_no_distance() -> None:
     distance = whole.border_distance(whole.footprint)
     np.testing.assert_array_equal(distance, masked.border_distance(whole.footprint))
     np.testing.assert_array_equal(distance, distance[::-1, ::-1])
+
+
+@pytest.mark.parametrize("with_seam", [False, True])
+def test_a_mask_and_the_border_bend_with_the_photograph(with_seam: bool) -> None:
+    image = np.tile(np.arange(200, dtype=np.uint8), (150, 1))
+    visible = np.where(image < 120, np.uint8(255), np.uint8(0))
+    # Each pixel is read 7 px to the right, so all that is seen moves to the left.
+    mesh = Mesh((200, 150), np.broadcast_to([7.0, 0.0], (3, 4, 2)).copy())
+    part = Canvas(0, 0, 200, 150)
+    seam = SeamMask(np.full((150, 200), 255, np.uint8), part, 1.0) if with_seam else None
+    masked, whole = (Layer(image, np.eye(3), visible=mask, seam=seam, mesh=mesh) for mask in (visible, None))
+    assert (masked.pixels(part)[:, :190] == image[:, :190] + 7).all()
+    assert np.flatnonzero(masked.claim(part)[75]).tolist() == list(range(113))
+    # Beyond the border, the photograph has nothing to show.
+    assert np.flatnonzero(whole.claim(part)[75]).tolist() == list(range(193))
+    inside = Canvas(60, 40, 30, 30)
+    np.testing.assert_array_equal(whole.claim(inside), whole.claim(part)[inside.within(part)])
 
 
 def test_detail_falls_towards_the_horizon() -> None:

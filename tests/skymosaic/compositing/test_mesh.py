@@ -3,7 +3,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.mesh import CHECK_CELLS, Frame, Mesh, Ties, fit_meshes
+from skymosaic.compositing.warp import Canvas
 from skymosaic.geometry.homography import apply
 
 SIZE = (640, 480)
@@ -80,11 +82,14 @@ def test_bending_undoes_the_relief_at_any_size() -> None:
     mesh = fit(left, right)
     noise = np.random.default_rng(1).integers(0, 256, (SIZE[1], SIZE[0]), dtype=np.uint8)
     texture = cv2.GaussianBlur(noise, (0, 0), 3)
-    assert mesh.apply(texture).shape == texture.shape
+    bent = Layer(texture, np.eye(3), mesh=mesh).pixels(Canvas(0, 0, *SIZE))
     large = cv2.resize(texture, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-    small_again = cv2.resize(mesh.apply(large), SIZE, interpolation=cv2.INTER_AREA)
+    large_bent = Layer(large, np.eye(3), mesh=mesh).pixels(Canvas(0, 0, 2 * SIZE[0], 2 * SIZE[1]))
+    small_again = cv2.resize(large_bent, SIZE, interpolation=cv2.INTER_AREA)
     inner = (slice(20, -20), slice(20, -20))
-    assert np.abs(small_again[inner].astype(int) - mesh.apply(texture)[inner]).mean() < 2
+    assert np.abs(small_again[inner].astype(int) - bent[inner]).mean() < 2
+    # On top of the hill, six pixels.
+    assert int(bent[240, 400]) == pytest.approx(int(texture[240, 394]), abs=3)
 
 
 def test_a_point_is_found_where_the_warped_image_shows_it() -> None:
@@ -104,3 +109,41 @@ def test_both_of_two_images_share_what_brings_them_together() -> None:
     assert np.percentile(off[correct], 95) < 1.2
     most = [np.linalg.norm(mesh.nodes_px, axis=2).max() for mesh in meshes.values()]
     assert min(most) > 0.6 * max(most)
+
+
+def waves(size: tuple[int, int] = SIZE) -> Mesh:
+    """A mesh whose displacements of up to 8 px change from node to node."""
+    return Mesh(size, np.random.default_rng(3).uniform(-8, 8, (4, 5, 2)))
+
+
+def test_mesh_and_homography_read_each_pixel_once() -> None:
+    """A second interpolation would lose fine detail."""
+    mesh, transform = waves(), np.array([[1.9, 0.2, -30], [-0.1, 2.1, 15], [1e-4, -5e-5, 1]])
+    noise = np.random.default_rng(2).normal(0, 1, SIZE[::-1])
+    image = np.clip(128 + 40 * cv2.GaussianBlur(noise, (0, 0), 0.6) / 0.45, 0, 255).astype(np.uint8)
+    canvas = Canvas(-60, -20, 1200, 900)
+    shown = Layer(image, transform, mesh=mesh).pixels(canvas)
+    rows, columns = np.mgrid[5:900:7, 5:1200:7]
+    points = apply(np.linalg.inv(transform), np.stack([columns.ravel() - 60.0, rows.ravel() - 20.0], axis=1))
+    within = ((points > 0) & (points < np.array(SIZE) - 1)).all(axis=1)
+    assert within.sum() > 10_000
+    places = (points + mesh.displacement(np.clip(points, 0, np.array(SIZE) - 1)))[within].astype(np.float32)
+    expected = cv2.remap(image, places[:, None], None, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE)
+    off = np.abs(shown[rows.ravel(), columns.ravel()][within].astype(int) - expected.ravel())
+    assert np.percentile(off, 99) <= 3
+    bent = Layer(image, np.eye(3), mesh=mesh).pixels(Canvas(0, 0, *SIZE))
+    twice = Layer(bent, transform).pixels(canvas)
+    energy = [float(np.var(cv2.Laplacian(each[100:-100, 100:-100], cv2.CV_64F))) for each in (shown, twice)]
+    assert energy[1] < 0.97 * energy[0]
+
+
+def test_a_part_has_the_places_of_the_whole() -> None:
+    mesh, large = waves(), (1280, 960)
+    transform = np.array([[0.7, 0.05, 10], [-0.02, 0.8, 0], [0, 0, 1]])
+    whole, part = Canvas(0, 0, 900, 700), Canvas(300, 200, 50, 40)
+    places = mesh.places(large, transform, whole)
+    np.testing.assert_allclose(mesh.places(large, transform, part), places[part.within(whole)], atol=0.05)
+    # At twice the size, displacements are twice as large.
+    points = apply(np.linalg.inv(transform), np.array([[100.0, 100], [500, 300], [700, 600]]))
+    expected = points + 2 * mesh.displacement(points / (np.array(large) - 1) * (np.array(SIZE) - 1))
+    np.testing.assert_allclose(places[[100, 300, 600], [100, 500, 700]], expected, atol=0.05)

@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import re
-import shutil
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,8 +13,9 @@ import pytest
 
 from sim.scene import make_lawnmower
 from skymosaic.common.errors import InputError
+from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.mesh import Mesh
-from skymosaic.compositing.warp import Canvas, warp_backward
+from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.place import sightings_of
@@ -26,6 +26,7 @@ from skymosaic.mosaicking.api import mosaic, open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 
 SIZE_PX = (480, 360)
+PART = Canvas(0, 0, *SIZE_PX)
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +52,7 @@ def test_meshes_halve_the_errors_of_matches_that_had_no_part_in_them(flight: Fli
     assert after.accuracy.whole.matches == before.accuracy.whole.matches
     assert after.median_error_px < before.median_error_px / 2
     assert after.transforms is before.transforms
-    assert all(isinstance(source.warp, Mesh) for source in bent.sources)
+    assert set(after.meshes) == set(after.members)
 
 
 def test_what_lies_off_the_plane_takes_part(flight: Flight) -> None:
@@ -70,25 +71,18 @@ def test_what_lies_off_the_plane_takes_part(flight: Flight) -> None:
 def test_photographs_agree_better_where_they_show_the_same_ground(flight: Flight) -> None:
     def disagreement(flight: Flight) -> float:
         """Mean difference of the first two photographs on the ground that both show."""
-        shown = []
+        shown, inside = [], []
         for view in (0, 1):
             pixels = flight.sources[view].read_photograph(flight.lens).pixels
             place = flight.layouts[0].to_reference(flight.views)[view]
-            shown.append(warp_backward(pixels, place, Canvas(0, 0, *SIZE_PX)).astype(float))
-        both = (shown[0] > 0).all(axis=2) & (shown[1] > 0).all(axis=2)
+            layer = Layer(pixels, place, mesh=flight.layouts[0].meshes.get(view))
+            shown.append(layer.pixels(PART).astype(float))
+            inside.append(layer.border_distance(PART) > 0)
+        both = inside[0] & inside[1]
         assert both.mean() > 0.3
         return float(np.abs(shown[0] - shown[1])[both].mean())
 
     assert disagreement(follow_relief(flight, "mesh")) < 0.8 * disagreement(flight)
-
-
-def test_a_photograph_that_changes_after_it_was_read_is_noticed_though_warped(folder: Path, tmp_path: Path) -> None:
-    copies = [Path(shutil.copy(path, tmp_path)) for path in sorted(folder.iterdir())]
-    with open_plan(copies, MosaicOptions(cache=tmp_path / "cache")) as plan:
-        flight = plan.flight
-    cv2.imwrite(str(copies[1]), np.zeros((90, 120, 3), np.uint8))
-    changes = [bool(source.change) for source in follow_relief(flight, "mesh").sources]
-    assert changes == [False, True, False, False]
 
 
 def test_flat_ground_keeps_its_shape(tmp_path: Path) -> None:
@@ -97,7 +91,7 @@ def test_flat_ground_keeps_its_shape(tmp_path: Path) -> None:
     with open_plan([tmp_path], MosaicOptions(cache=tmp_path / "cache", warp="auto")) as plan:
         assert follow_relief(plan.flight, "auto") is plan.flight
         assert [layout.bent for layout in plan.flight.layouts] == [None]
-        assert {source.warp for source in plan.flight.sources} == {None}
+        assert plan.flight.layouts[0].meshes == {}
 
 
 def test_a_mask_keeps_photographs_in_shape(flight: Flight, folder: Path) -> None:
@@ -118,7 +112,7 @@ def test_the_report_has_the_meshes_and_what_they_gained(flight: Flight) -> None:
     mesh = numbers["meshes"][bent.sources[2].name]
     read = Mesh(tuple(mesh["size"]), np.array(mesh["nodes_px"]))
     points = np.array([[100.0, 50], [300, 200]])
-    assert read.find(points) == pytest.approx(bent.sources[2].warp.find(points), abs=0.02)
+    assert read.find(points) == pytest.approx(layout.meshes[2].find(points), abs=0.02)
     assert describe_bending(flight.layouts[0]) == ""
     assert bending_numbers(flight, flight.layouts[0]) is None
 
@@ -130,5 +124,5 @@ def test_a_control_point_is_sought_where_the_mesh_shows_it(flight: Flight) -> No
     (_, _, plain), (view, _, moved) = (next(sightings_of(control, each, each.layouts[0])) for each in (flight, bent))
     assert plain == pytest.approx([200, 150])
     # Photographs of this size are their own working images.
-    assert moved == pytest.approx(bent.sources[view].warp.find(np.array([[200.0, 150]]))[0], abs=1e-6)
+    assert moved == pytest.approx(bent.layouts[0].meshes[view].find(np.array([[200.0, 150]]))[0], abs=1e-6)
     assert np.abs(moved - plain).max() > 0.1

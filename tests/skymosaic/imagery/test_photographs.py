@@ -1,4 +1,3 @@
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -6,7 +5,6 @@ import numpy as np
 import pytest
 
 from skymosaic.common.errors import InputError
-from skymosaic.compositing.mesh import Mesh
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import DecodedPhotographs, Source, index_names, list_sources
 
@@ -64,19 +62,6 @@ def test_an_unreadable_folder_is_one_line(tmp_path: Path, monkeypatch: pytest.Mo
 )
 def test_a_name_finds_the_photographs_whose_paths_end_in_it(name: str, indices: list[int]) -> None:
     assert index_names(["/flight/a/IMG_1.JPG", "/flight/b/IMG_1.jpg", "/flight/b/IMG_2.jpg"])(name) == indices
-
-
-def test_a_warped_photograph_is_another_one_in_the_cache() -> None:
-    """A worker that has rendered a pair with a mesh may render it without, and the other way round."""
-    pixels = np.tile(np.arange(64, dtype=np.uint8), (64, 1))
-    plain = Source(0, "image 0", pixels)
-    nodes_px = np.zeros((2, 2, 2))
-    nodes_px[..., 0] = 3.0
-    photographs = DecodedPhotographs(1 << 20)
-    warped = [replace(plain, warp=Mesh((64, 64), nodes_px.copy())) for _ in range(2)]
-    assert photographs.pixels(plain, Lens())[0][10, 10] == 10
-    assert photographs.pixels(warped[0], Lens())[0][10, 10] == 13
-    assert photographs.pixels(warped[1], Lens()) is photographs.pixels(warped[0], Lens())
 
 
 def test_one_string_and_a_pattern_stand_for_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,10 +12,9 @@ from skymosaic.imagery.lens import Lens
 def lay_out(views: Sequence[Any], steps: Sequence[tuple[float, float]]) -> tuple[Any, Any]:
     """The flight and the layout of views that lie ``steps`` (x, y) px from the first one's corner."""
     shifts = {view: np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]]) for view, (x, y) in enumerate(steps)}
-    layout = SimpleNamespace(members=tuple(shifts), to_reference=lambda _views: shifts)
+    layout = SimpleNamespace(members=tuple(shifts), to_reference=lambda _views: shifts, meshes={})
     return SimpleNamespace(
         views=views,
-        sources=[SimpleNamespace(warp=None)] * len(views),
         lens=Lens(),
         settings=SimpleNamespace(lens=Lens()),
         layouts=(layout,),
