@@ -19,6 +19,7 @@ from hdl.export.accelerator_bench import (
 )  # fmt: skip
 from hdl.export.bus_interfaces import CLOCK, RESET
 from hdl.settings import MIN_SLOTS, PAGE_BYTES
+from hdl.shell.painting import PORTS
 from hdl.shell.slot import HEADER, HEADER_BYTES
 
 RING_ADDRESSES = {"features": 0x1000_0000, "matches": 0x2000_0000, "homographies": 0x3000_0000}
@@ -29,7 +30,8 @@ _HYPOTHESES = "s_axis_hypotheses_t"
 def make_camera_bench(module: str, ports: dict[str, Port], build: Build) -> VerilogBench:
     """Make a bench for `hdl.shell.camera_top.CameraTop`: both frames come from a camera with a clock of its own.
 
-    It compares every burst that is written into the rings, answers them, and has two homographies scored.
+    It compares every burst that is written into the rings, answers them, and has two homographies scored. A painter
+    stays off.
     """
     frames = SampleFrames(build.config)
     rings = {
@@ -57,7 +59,12 @@ def make_camera_bench(module: str, ports: dict[str, Port], build: Build) -> Veri
             **{f"{prefix}w": words for prefix, (_, words) in bursts.items()},
             "m_axis_scores_t": fill_stream("m_axis_scores_t", packet(scores)),
         },
-        settings={},
+        settings={
+            name: 0
+            for painters in PORTS
+            for name, port in ports.items()
+            if port.is_input and name.startswith(f"m_axi_{painters}_")
+        },
         clocks={VIDEO_STREAM: "video_aclk"},
         conditions={
             # A camera does not wait until the accelerator is switched on.

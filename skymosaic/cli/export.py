@@ -59,6 +59,19 @@ class BuildOptions(ConfigOptions):
             raise InputError(str(error)) from None
 
 
+@dataclass(frozen=True, kw_only=True)
+class CameraOptions(BuildOptions):
+    """What is built otherwise than usual behind a camera."""
+
+    painter: bool = option(False, "With --homography: the chip paints frames onto a canvas in memory.", HARDWARE)
+
+    def build(self, usual: Build) -> Build:
+        """The ``usual`` build with what is asked for instead."""
+        if self.painter and not self.homography:
+            raise InputError("--painter paints frames where their homographies say; add --homography")
+        return replace(super().build(usual), painter=self.painter)
+
+
 OWN_NAMES = (
     r"README\.md|config\.toml|[\w.-]+\.(core|hex|lpf|v|xml)|build|constraints|host|litex|pynq|registers|rtl|sim|vivado"
 )
@@ -97,7 +110,7 @@ def board(
 
 
 @with_options
-def camera(*, output: FolderOption, overwrite: OverwriteOption = False, options: BuildOptions) -> None:
+def camera(*, output: FolderOption, overwrite: OverwriteOption = False, options: CameraOptions) -> None:
     """Write Verilog, register map and reader for a camera: packets of every frame go to memory, without software."""
     build = options.build(BUILDS["camera"])
     _export(output, lambda folder: _import_hdl("export.accelerator").export_camera(folder, build), overwrite=overwrite)

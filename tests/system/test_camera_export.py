@@ -82,13 +82,14 @@ def test_the_bench_compares_every_burst_and_score(folder: Path, tmp_path: Path, 
 
 @pytest.mark.slow
 @pytest.mark.needs("icarus")
-@pytest.mark.parametrize("fault", ["", "m_axi_homographies_w"])
+@pytest.mark.parametrize(("fault", "painter"), [("", True), ("m_axi_homographies_w", False)])
 def test_a_build_with_an_estimator_writes_homographies(
-    tmp_path_factory: pytest.TempPathFactory, tmp_path: Path, fault: str
+    tmp_path_factory: pytest.TempPathFactory, tmp_path: Path, fault: str, painter: bool
 ) -> None:
+    """With a painter, which stays off, as without."""
     folder = tmp_path_factory.mktemp("estimator")
     config = dataclasses.replace(TINY.config, estimator=EstimatorConfig())
-    export.export_camera(folder, dataclasses.replace(TINY, config=config))
+    export.export_camera(folder, dataclasses.replace(TINY, config=config, painter=painter))
     told = run_bench(folder, tmp_path, fault)
     assert told.startswith(f"FAIL: {fault} answer" if fault else "PASS"), told
 

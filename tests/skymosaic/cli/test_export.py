@@ -8,7 +8,7 @@ import pytest
 
 from golden_model.config import PRESETS, EstimatorConfig
 from hdl.build import BUILDS, Build
-from skymosaic.cli.export import BuildOptions
+from skymosaic.cli.export import BuildOptions, CameraOptions
 from tests.conftest import Run
 from tests.system.command_line import only_error
 
@@ -33,6 +33,8 @@ def test_options_replace_what_they_name() -> None:
     changed = BuildOptions(homography=True, lanes=4, max_width_px=640, max_height_px=480, video_bits=8).build(camera)
     config = replace(camera.config, estimator=EstimatorConfig())
     assert changed == replace(camera, config=config, lanes=4, max_width_px=640, max_height_px=480, video_bits=8)
+    assert CameraOptions(homography=True).build(camera) == replace(camera, config=config)
+    assert CameraOptions(homography=True, painter=True).build(camera) == replace(camera, config=config, painter=True)
 
 
 @pytest.mark.parametrize(
@@ -42,6 +44,7 @@ def test_options_replace_what_they_name() -> None:
         (("board", "pynq_z2", "--build"), "--build makes the bitstream of the ulx3s"),
         (("block", "prewitt"), "unknown block 'prewitt'; valid: gray, "),
         (("camera", "--video-bits", "32"), "video_bits with shell 'camera' is 32; valid: 24, 8"),
+        (("camera", "--painter"), "--painter paints frames where their homographies say; add --homography"),
     ],
 )
 def test_what_cannot_be_built_is_refused_before_anything_is_written(
