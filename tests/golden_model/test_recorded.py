@@ -109,7 +109,7 @@ def test_a_painted_canvas_is_the_recorded_one() -> None:
     painter, poses = Painter(6, 5), Poses()
     colours = np.stack([picture(seed) for seed in range(3)], axis=-1)
     for frame, move_px in enumerate((0, 37)):
-        # Integers are exact in floating point, and so is a shift by 1/8.
+        # All of these are exact in floating point.
         H = np.array([[0.875, 0.125, 5 + move_px], [-0.125, 1.0, 9], [2**-13, -(2**-14), 1]])
         pose, causes = poses.place(Placement(frame, 0, quantise(H[np.newaxis])[0], composed=False))
         assert pose is not None, causes
