@@ -99,6 +99,7 @@ def draw_watermarks(image: Pixels, _camera: np.random.Generator, _other: np.rand
 DRAWN: dict[str, Draw] = {
     "display": draw_display,
     "display, jittering": partial(draw_display, jitter_px=2),
+    "display, other values": lambda image, _camera, photograph: draw_display(image, photograph, photograph),
     "scanned film": draw_film,
     "night, sensor's pattern": draw_night,
     "dirt": draw_dirt,
