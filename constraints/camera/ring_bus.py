@@ -41,6 +41,10 @@ class RingBus(OverlayBus):
         """Invalidate the memory's lines in the processor's cache."""
         buffer.invalidate()
 
+    def flush(self, buffer):
+        """Write the memory's lines in the processor's cache back, so that the accelerator sees them."""
+        buffer.flush()
+
     def exchange(self, sent, length_bytes, received):
         """Send ``length_bytes`` of hypotheses as a packet, and receive their scores; returns the scores' length.
 

@@ -87,6 +87,8 @@ class CameraBench(MemoryBench):
     def invalidate(self, buffer: NDArray[np.uint8]) -> None:
         """Do nothing: the simulated memory has no cache."""
 
+    flush = invalidate
+
     def exchange(self, sent: NDArray[np.uint8], length_bytes: int, received: NDArray[np.uint8]) -> int:
         """Send ``length_bytes`` of hypotheses as a packet, and receive their scores; returns the length of the scores.
 

@@ -52,6 +52,8 @@ class Anchors:
             shows the same as another, because a display or dirt on the lens would agree as well.
         """
         own, name = np.eye(3), f"frame {number}"
+        # What a ring gives is overwritten later.
+        features = features.copy()
         frame = Frame(number, self._size_px, features, own, own, name, Metadata(), self._black, own)
         placed = self._register(frame) if self._submap.frames else frame
         if placed is None:

@@ -1,0 +1,60 @@
+"""The exported driver of the painter over the whole simulated build: past frames are anchors of later ones."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from golden_model.geometry.scoring import quantise
+from golden_model.painting import painter as golden
+from golden_model.painting.pose import Placement, Poses, placement_of
+from hdl.settings import REQUESTED, matched_frame_settings
+from sim.benches.camera import CameraBench
+from sim.benches.exported import host_programs
+from tests.system.test_camera_painter import BUILD, COLUMNS, CONFIG, PACE, ROWS, SIZE_PX, SLOTS, SLOW, THRESHOLD, views
+
+FRAMES = 9
+ANCHORS, LATE = {1, 4}, 2
+"""The host learns where these frames lie when it has the record of a frame that comes so much later."""
+
+pytestmark = pytest.mark.slow
+
+
+def pose_of(number: int) -> NDArray[np.float64]:
+    """Where a view lies on a canvas that shows the scene turned a little."""
+    return np.array([[1, 0.02, -20 - 5 * number], [-0.02, 1, 6 - 2 * number], [0, 0, 1]])
+
+
+def test_the_canvas_is_that_of_the_anchors() -> None:
+    images = views(FRAMES)
+    bench = CameraBench(BUILD, length_bytes=1 << 21, camera=PACE, rules=SLOW)
+    settings = matched_frame_settings(CONFIG, *SIZE_PX, gray_input=True) | {"threshold_code": THRESHOLD}
+    with host_programs(BUILD) as load:
+        requested = {name: settings[name] for name in (*REQUESTED, "gray_input")} | vars(CONFIG.estimator)
+        rings = load("skymosaic_rings").RingReader(bench, requested, slots=SLOTS)
+        painter = load("skymosaic_painter").Painter(rings.registers, COLUMNS, ROWS)
+    painter.start()
+    bench.show(*images)
+    poses, model, counted = Poses(), golden.Painter(COLUMNS, ROWS), []
+    while (frame := rings.next_frame(0.05)) is not None:
+        painter.follow(frame)
+        number, placement = int(frame.homography["frame"]), placement_of(frame.homography)
+        pose = None if placement is None else poses.place(placement)[0]
+        if pose is not None:
+            model.paint(np.repeat(images[number][..., np.newaxis], 3, axis=2), pose)
+        rings.release()
+        if number - LATE in ANCHORS:
+            counted.append(painter.anchor(number - LATE, pose_of(number - LATE)))
+            words = [rings.registers.read(f"pose_h{row}{column}") for row, column in np.ndindex(3, 3)]
+            elements = np.array(words, np.uint32).view(np.int32).reshape(3, 3)
+            # Links of the chip have carried it on: they are exact to a fraction of a pixel.
+            assert np.abs(elements - quantise(pose_of(number)[np.newaxis])[0]).max() < 100
+            poses.place(Placement(number, number, elements, composed=False))
+    assert counted == [True, True]
+    # From the frame on that follows the first anchor.
+    assert painter.counts()["frames_painted"] == FRAMES - (min(ANCHORS) + LATE + 1)
+    np.testing.assert_array_equal(painter.tiles, model.memory)
+    assert (painter.picture()[..., 3] > 0).mean() > 0.2
+    painter.close()
+    rings.close()
+    assert (bench.violations, bench.open_bursts) == (0, 0)
+    bench.close()
