@@ -16,8 +16,10 @@ from golden_model.records import WORD_BYTES, Tag
 from hdl.registers.register_map import Access, fields
 from hdl.registers.shell_register_map import ALL_REGISTERS
 from hdl.settings import PAGE_BYTES, RINGS
+from hdl.shell.painting import Painting
 from hdl.shell.shell import Shell
 from hdl.shell.slot import HEADER, HEADER_BYTES
+from tests.hdl.block_bench import Testbench
 from tests.hdl.shell.axi_memory import AxiMemory
 
 WIDTH_PX, HEIGHT_PX = 8, 4
@@ -112,6 +114,8 @@ class ShellBench:
         0..255: how often, in 1/256, the stub takes no pixel.
     reads : bool
         Whether the host reads what is delivered.
+    painting : Painting, optional
+        Beside the accelerator.
     **changes : int
         Values of register fields.
     """
@@ -125,6 +129,7 @@ class ShellBench:
         busy: int = 0,
         reads: bool = True,
         camera_depth: int = 64,
+        painting: Painting | None = None,
         **changes: int,
     ) -> None:
         self.registers = registers(**settings(**changes))
@@ -138,13 +143,14 @@ class ShellBench:
             video_bits=8,
             camera_depth=camera_depth,
             fifo_words=64,
+            painting=painting,
         )
         self.run = Run()
         self.values: dict[str, int] = {}
         self._packets: dict[str, deque[list[int]]] = {ring: deque() for ring in RINGS}
 
-    def simulate(self, beats: Sequence[Beat], *, clocks_after: int) -> Run:
-        """Send beats, and run on for a while."""
+    def simulate(self, beats: Sequence[Beat], *, clocks_after: int, others: Sequence[Testbench] = ()) -> Run:
+        """Send beats, and run on for a while, with other testbenches beside."""
         simulator = Simulator(_Top(self.shell))
         simulator.add_clock(SYNC_S, domain="sync")
         simulator.add_clock(self.camera_s, phase=0.37 * self.camera_s, domain="camera")
@@ -172,6 +178,8 @@ class ShellBench:
             self.values = {name: ctx.get(getattr(self.registers, f"i_{name}")) for name in names}
 
         simulator.add_testbench(camera)
+        for other in others:
+            simulator.add_testbench(other, background=True)
         for ring in RINGS:
             simulator.add_testbench(self.memory.port(getattr(self.shell, ring)), background=True)
             simulator.add_testbench(self._sender(ring), background=True)

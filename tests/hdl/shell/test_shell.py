@@ -1,11 +1,15 @@
+# amaranth: UnusedElaboratable=no
 """Whole frames or none from a camera into memory: what is not delivered is reported, and nothing is ever wrong."""
 
 from typing import Any
 
 import pytest
+from amaranth import Module
+from amaranth.lib import wiring
 
 from hdl.registers.shell_register_map import Reason, Refusal, RingFault
 from hdl.settings import PAGE_BYTES, RINGS
+from hdl.shell.painting import Painting
 from hdl.shell.slot import HeaderFlag
 from tests.hdl.shell.axi_memory import AxiMemory
 from tests.hdl.shell.bench import BASES, HEIGHT_PX, SLOTS, WIDTH_PX, Run, ShellBench, flight, frame, settings
@@ -169,6 +173,63 @@ def test_pixels_lost_in_the_crossing_cost_their_frames() -> None:
     check(bench, run)
     assert bench.values["dropped"] + bench.values["cut"] > 3
     assert int(run.delivered["matches"][-1].header["number"]) == 13
+
+
+class PaintingStandIn(wiring.Component):
+    """The ports of the painter in its shell; it takes every record."""
+
+    def __init__(self) -> None:
+        super().__init__(Painting(registers=None).signature)
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        m.d.comb += self.i_homographies.ready.eq(1)
+        return m
+
+
+def test_the_painter_sees_what_the_accelerator_and_the_ring_take() -> None:
+    painting: Any = PaintingStandIn()
+    frames: list[list[int]] = []
+    words: list[int] = []
+
+    async def watch(ctx: Any) -> None:
+        record, beat = painting.i_homographies, painting.i
+        async for *_, valid, pixel, taken, word in ctx.tick().sample(
+            painting.i_valid, beat, record.valid, record.payload.data
+        ):
+            if valid and pixel.first:
+                frames.append([])
+            if valid:
+                frames[-1].append(pixel.data)
+            if taken:
+                words.append(word)
+
+    bench = ShellBench(seed=3, memory=memory(waits=90, latency_clocks=25, seed=3), busy=40, painting=painting)
+    run = bench.simulate(list(flight(5, seed=4)), clocks_after=500, others=[watch])
+    check(bench, run)
+    packets = run.delivered["homographies"]
+    assert len(packets) > 2
+    assert frames == [run.sent[int(packet.header["number"])] for packet in packets]
+    assert words == [word for packet in run.emitted["homographies"] for word in packet]
+
+
+def test_a_clear_waits_for_the_painter() -> None:
+    painting: Any = PaintingStandIn()
+    clearing = []
+
+    async def paint(ctx: Any) -> None:
+        """Become idle long after the rings."""
+        while not ctx.get(painting.i_stop):
+            await ctx.tick()
+        await ctx.tick().repeat(300)
+        clearing.append(ctx.get(bench.registers.i_clearing))
+        ctx.set(painting.o_idle, 1)
+        await ctx.tick().repeat(3)
+        clearing.append(ctx.get(bench.registers.i_clearing))
+
+    bench = ShellBench(painting=painting)
+    bench.simulate([*frame(0), *PAUSE, {"clear": 1}, None, {"clear": 0}], clocks_after=400, others=[paint])
+    assert clearing == [1, 0]
 
 
 def test_the_memory_notices_a_broken_rule() -> None:
