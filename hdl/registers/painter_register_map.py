@@ -41,7 +41,8 @@ PAINTER_REGISTERS = (
         setting_field("painter_replace", 1),
         Field(
             "painter_clear", 2, 1, Access.REQUEST,
-            "Forget the canvas and all poses; obeyed when nothing is being painted. The host clears the memory.",
+            "Forget the canvas and all poses; obeyed when nothing is being painted. The host clears the memory, and "
+            "waits for `painter_idle`: forgetting takes 16,384 clocks, in which no frame is taken.",
         ),
         setting_field("painter_max_links", 8),
     ),

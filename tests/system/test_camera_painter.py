@@ -23,7 +23,7 @@ from sim.scene import make_pair
 
 SIZE_PX, COLUMNS, ROWS, SLOTS = (128, 96), 8, 6, 4
 CONFIG = dataclasses.replace(BUILDS["tiny"].config, estimator=EstimatorConfig(passes=4, min_cells=2, min_inliers=8))
-BUILD = dataclasses.replace(BUILDS["tiny"], config=CONFIG, shell="camera", video_bits=8, painter=True)
+BUILD = dataclasses.replace(BUILDS["tiny"], config=CONFIG, shell="camera", video_bits=24, painter=True)
 THRESHOLD = 7000
 """As many corners as there is room for."""
 PACE = CameraTiming(line_blank=20, frame_blank=30_000, jitter=9, steps=3, period=4)
@@ -47,8 +47,8 @@ def programs() -> Iterator[Any]:
 
 
 def views(count: int) -> list[Pixels]:
-    """Views of a scene that move."""
-    scene = np.ascontiguousarray(make_pair(seed=9, size=(240, 140)).images[0][..., 1])
+    """Views of a scene that move, in colour."""
+    scene = make_pair(seed=9, size=(240, 140)).images[0]
     return [scene[2 * n : 2 * n + SIZE_PX[1], 5 * n : 5 * n + SIZE_PX[0]].copy() for n in range(count)]
 
 
@@ -59,7 +59,7 @@ class Host:
         self, programs: Any, rules: MemoryRules, *, camera: CameraTiming = PACE, replace: bool = False
     ) -> None:
         self.bench = CameraBench(BUILD, length_bytes=1 << 21, camera=camera, rules=rules)
-        settings = matched_frame_settings(CONFIG, *SIZE_PX, gray_input=True) | {"threshold_code": THRESHOLD}
+        settings = matched_frame_settings(CONFIG, *SIZE_PX, gray_input=False) | {"threshold_code": THRESHOLD}
         settings = {name: settings[name] for name in (*REQUESTED, "gray_input")} | vars(CONFIG.estimator)
         self.rings = programs.RingReader(self.bench, settings, slots=SLOTS)
         self.registers, self.replace = self.rings.registers, replace
@@ -117,7 +117,7 @@ class Host:
         return record
 
     def paint(self, frame: int, pose: Any) -> None:
-        self.model.paint(np.repeat(self.frames[frame][..., np.newaxis], 3, axis=2), pose)
+        self.model.paint(self.frames[frame], pose)
 
     def fly(self, anchors: dict[int, Any]) -> int:
         """Read all records, and set poses where the host has some; returns the frames that the model has painted."""
@@ -229,7 +229,7 @@ def test_a_camera_that_is_unplugged_in_a_frame_holds_nothing_up(programs: Any) -
 def test_errors_of_the_memory_paint_nothing_wrong(programs: Any) -> None:
     """A host sees that there were some; one colour, so that whatever is painted is that colour."""
     host = Host(programs, dataclasses.replace(SLOW, failures=1))
-    host.bench.show(*[np.full(SIZE_PX[::-1], 90, np.uint8)] * 12)
+    host.bench.show(*[np.full((*SIZE_PX[::-1], 3), 90, np.uint8)] * 12)
     for frame in range(12):
         host.bench.run(60_000)
         host.set_pose(frame + 1, START)
