@@ -13,9 +13,7 @@ from hdl.painting.sampling import CHANNELS, PIXEL
 PIXELS = data.StructLayout({"old": PIXEL, "new": PIXEL})
 """A pixel of the canvas, and the frame's pixel in its place."""
 SHARE_CYCLES = 2
-MIXING_CYCLES = SHARE_CYCLES + Multiplier.latency_cycles + 1
-INPUT_CYCLES = 1
-PIPELINE_CYCLES = INPUT_CYCLES + MIXING_CYCLES
+PIPELINE_CYCLES = SHARE_CYCLES + Multiplier.latency_cycles + 1
 
 
 class Blending(wiring.Component):
@@ -24,9 +22,8 @@ class Blending(wiring.Component):
     The throughput is one pixel per clock. Three multipliers.
     """
 
-    i_replace: In(1)
-    """Forget the old pixels; constant while a frame is painted."""
     i: In(stream.Signature(PIXELS))
+    """Old pixels that do not matter are 0."""
     o: Out(stream.Signature(PIXEL))
 
     latency_cycles = PIPELINE_CYCLES + ResultQueue.latency_cycles
@@ -36,11 +33,9 @@ class Blending(wiring.Component):
         """Find the new pixel's share, then mix the colours."""
         m = Module()
         queue = queue_results(m, self.i, self.o, pipeline_cycles=PIPELINE_CYCLES)
-        # Old pixels come out of a block RAM, which is slow.
-        new = data.View(PIXEL, delayed(m, self.i.payload.new.as_value(), INPUT_CYCLES))
-        old = data.View(PIXEL, Mux(self.i_replace, 0, delayed(m, self.i.payload.old.as_value(), INPUT_CYCLES)))
+        new, old = self.i.payload.new, self.i.payload.old
         share = self._share(m, old.weight, new.weight)
-        weight = delayed(m, Mux(new.weight > old.weight, new.weight, old.weight), MIXING_CYCLES)
+        weight = delayed(m, Mux(new.weight > old.weight, new.weight, old.weight), PIPELINE_CYCLES)
         result = data.View(PIXEL, queue.i_result)
         m.d.comb += result.weight.eq(weight)
         for n in range(CHANNELS):

@@ -8,8 +8,10 @@ from golden_model.painting.tiles import MAX_TILES, TILE_PX
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_read import AXI_READ, BurstReader
 from hdl.axi.axi_write import AXI_WRITE, BURST_WORDS, PAGE_BURSTS_LOG2, BurstWriter
+from hdl.lib.delay import delayed
+from hdl.lib.multiplier import Multiplier, multiply
 from hdl.lib.views import view_signal
-from hdl.painting.sampling import PIXEL
+from hdl.painting.sampling import PIXEL, smaller
 from hdl.painting.windows import PAINTED_TILE, PLAN
 
 TILES = 4
@@ -18,6 +20,7 @@ TILE_BURSTS = 1 << PAGE_BURSTS_LOG2
 """A tile is a page: a burst is a row of it."""
 OLD_WORDS, NEW_WORDS = 512, 64
 """A whole tile waits to be painted; what is painted waits for the memory a little."""
+NUMBER_CYCLES = Multiplier.latency_cycles + 1
 PIPELINE_WORDS = 32
 """Pairs of pixels between the old and the new ones, at most."""
 
@@ -58,30 +61,40 @@ class CanvasPort(wiring.Component):
         wiring.connect(m, reader.bus, wiring.flipped(self.reads))
         wiring.connect(m, bursts.bus, wiring.flipped(self.writes))
         m.submodules.failures = failures = fifo.SyncFIFO(width=1, depth=PIPELINE_WORDS)
-        visited = self.i.payload
-        number = (visited.tile.row * self.i_columns + visited.tile.column)[: len(Value.cast(visited.tile))]
-        is_read = visited.painted & ~self.i_replace
+        tile, was_painted, number = self._number(m)
+        is_read = was_painted & ~self.i_replace
+        entering = Signal(NUMBER_CYCLES)
+        m.d.sync += entering.eq(Cat(self.i.valid & self.i.ready, entering))
         to_read, to_give, to_write = (
-            self._queue(m, name, entry)
+            self._queue(m, name, entry, entering[-1])
             for name, entry in (
                 ("to_read", Cat(is_read, number)),
                 ("to_give", is_read),
-                ("to_write", Cat(visited.tile, visited.painted, number)),
+                ("to_write", Cat(tile, was_painted, number)),
             )
         )
         m.d.comb += [
             # The others are never longer than this one.
-            self.i.ready.eq(to_write.w_rdy),
+            self.i.ready.eq(to_write.w_rdy & ~entering.any()),
             self.o_error.eq(reader.o_error | bursts.o_error),
-            self.o_idle.eq(~to_write.r_rdy),
+            self.o_idle.eq(~to_write.r_rdy & ~entering.any()),
         ]
         self._give(m, to_give, failures, self._read(m, reader, to_read))
         self._write(m, bursts, to_write, *self._collect(m, failures))
         return m
 
-    def _queue(self, m: Module, name: str, entry: Value) -> fifo.SyncFIFO:
+    def _number(self, m: Module) -> tuple[Value, Value, Value]:
+        """The tile at the input, whether it was painted, and its place in the canvas; `NUMBER_CYCLES` later."""
+        visited = self.i.payload
+        above = multiply(m, "above", visited.tile.row, self.i_columns)
+        column = delayed(m, visited.tile.column, Multiplier.latency_cycles)
+        tile, was_painted = (delayed(m, Value.cast(each), NUMBER_CYCLES) for each in (visited.tile, visited.painted))
+        return tile, was_painted, delayed(m, (above + column)[: len(tile)], 1)
+
+    @staticmethod
+    def _queue(m: Module, name: str, entry: Value, arrives: Value) -> fifo.SyncFIFO:
         m.submodules[name] = queue = fifo.SyncFIFO(width=len(entry), depth=TILES)
-        m.d.comb += [queue.w_data.eq(entry), queue.w_en.eq(self.i.valid & self.i.ready)]
+        m.d.comb += [queue.w_data.eq(entry), queue.w_en.eq(arrives)]
         return queue
 
     def _read(self, m: Module, reader: BurstReader, tiles: fifo.SyncFIFO) -> fifo.SyncFIFOBuffered:
@@ -107,18 +120,26 @@ class CanvasPort(wiring.Component):
 
     def _give(self, m: Module, tiles: fifo.SyncFIFO, failures: fifo.SyncFIFO, old: fifo.SyncFIFOBuffered) -> None:
         """Give pixels of the words, or zeros, and remember of each word whether it could be read."""
-        pixel, is_read = Signal(range(TILE_PX * TILE_PX)), tiles.r_data
-        word, has_failed = old.r_data[:-1], old.r_data[-1]
-        ends_word = self.o.valid & self.o.ready & pixel[0]
+        # A register between, since the words of a block RAM come late in a clock.
+        held, is_held = Signal(len(old.r_data), reset_less=True), Signal()
+        word, pixel, is_read = Signal(range(TILE_PX * TILE_PX // 2)), Signal(), tiles.r_data
+        ends_word = self.o.valid & self.o.ready & pixel
+        loads = (~is_held | ends_word) & tiles.r_rdy & (~is_read | old.r_rdy)
         m.d.comb += [
-            self.o.valid.eq(tiles.r_rdy & failures.w_rdy & (~is_read | old.r_rdy)),
-            self.o.payload.eq(Mux(is_read, word.word_select(pixel[0], PIXEL.size), 0)),
-            old.r_en.eq(ends_word & is_read),
+            self.o.valid.eq(is_held & failures.w_rdy),
+            self.o.payload.eq(held[:-1].word_select(pixel, PIXEL.size)),
+            old.r_en.eq(loads & is_read),
             failures.w_en.eq(ends_word),
-            failures.w_data.eq(is_read & has_failed),
-            tiles.r_en.eq(ends_word & pixel.all()),
+            failures.w_data.eq(held[-1]),
+            tiles.r_en.eq(loads & word.all()),
         ]
-        m.d.sync += pixel.eq(pixel + (self.o.valid & self.o.ready))
+        m.d.sync += [
+            pixel.eq(pixel ^ (self.o.valid & self.o.ready)),
+            word.eq(word + loads),
+            is_held.eq(loads | (is_held & ~ends_word)),
+        ]
+        with m.If(loads):
+            m.d.sync += held.eq(Mux(is_read, old.r_data, 0))
 
     def _collect(self, m: Module, failures: fifo.SyncFIFO) -> tuple[fifo.SyncFIFOBuffered, Signal]:
         """Join two new pixels in a word; returns the words, and the smallest weight of the tile that ended last."""
@@ -127,8 +148,6 @@ class CanvasPort(wiring.Component):
         least, tile_least = Signal.like(left.weight), Signal.like(left.weight, reset_less=True)
         right, has_failed = self.i_new.payload, failures.r_data[0]
         ends_word = self.i_new.valid & self.i_new.ready & pixel[0]
-        pair = Mux(left.weight < right.weight, left.weight, right.weight)
-        smallest = Mux(has_failed, 0, Mux((pixel[1:] != 0) & (least < pair), least, pair))
         m.d.comb += [
             self.i_new.ready.eq(~pixel[0] | (new.w_rdy & failures.r_rdy)),
             new.w_en.eq(ends_word),
@@ -137,9 +156,13 @@ class CanvasPort(wiring.Component):
         ]
         with m.If(self.i_new.valid & self.i_new.ready):
             m.d.sync += [pixel.eq(pixel + 1), left.eq(right)]
-        with m.If(ends_word):
+        # A clock later, since these are two comparisons.
+        pair, pair_failed = smaller(m, left.weight, right.weight), delayed(m, has_failed, 1)
+        begins, ends = delayed(m, pixel[1:] == 0, 1), delayed(m, pixel.all(), 1)
+        smallest = Mux(pair_failed, 0, Mux(~begins & (least < pair), least, pair))
+        with m.If(delayed(m, ends_word, 1, reset_less=False)):
             m.d.sync += least.eq(smallest)
-            with m.If(pixel.all()):
+            with m.If(ends):
                 m.d.sync += tile_least.eq(smallest)
         return new, tile_least
 

@@ -7,6 +7,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.config import MAX_FRAME_PX
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_write import AXI_WRITE, BURST_BYTES, BURST_WORDS, PAGE_BURSTS_LOG2, BurstWriter
+from hdl.lib.delay import delayed
 from hdl.lib.views import view_signal
 from hdl.painting.tiles import FRAME_SIDE
 from hdl.settings import PAGE_BYTES
@@ -93,7 +94,8 @@ class FrameWriter(wiring.Component):
         green, blue, red = (beat.data[low : low + 8] for low in (0, 8, 16))
         pixel = Cat(blue, green, red, Const(0, 8))
         starts = beat.valid & beat.first
-        ends_line = x == self.i_width_px - 1
+        last_x, last_y = delayed(m, self.i_width_px - 1, 1), delayed(m, self.i_height_px - 1, 1)
+        ends_line = x == last_x
         # All lines of a frame have been queued, and nothing has come since.
         is_full = Signal()
         with m.If(starts):
@@ -114,7 +116,7 @@ class FrameWriter(wiring.Component):
                 # A pixel that does not belong here is not pushed: behind the frame's last word comes no mark.
                 pushes = continues & (x[0] | ends_line)
                 m.d.comb += [waiting.w_data.eq(Cat(Mux(x[0], left, pixel), pixel)), waiting.w_en.eq(pushes)]
-                completes = pushes & ends_line & (y == self.i_height_px - 1)
+                completes = pushes & ends_line & (y == last_y)
                 with m.If(completes):
                     m.d.sync += is_full.eq(1)
                     m.next = "OUTSIDE"
@@ -146,6 +148,9 @@ class FrameWriter(wiring.Component):
         broken, failed = Signal(), Signal()
         frame = view_signal(STORED, name="frame")
         row_words = (self.i_width_px + 1) >> 1
+        needed = Mux(left_words < BURST_WORDS, left_words, BURST_WORDS)
+        # In registers, since much follows the start of a burst; while one is needed, words only come.
+        is_enough = delayed(m, waiting.r_level >= needed, 1)
         free = self._free(m)
         marks, is_there = waiting.r_data[-1], waiting.r_rdy & ~broken & needed_words.any()
         m.d.comb += bursts.i_burst.eq(Cat(Const(0, PAGE_BURSTS_LOG2), frame.page) + burst)
@@ -163,10 +168,9 @@ class FrameWriter(wiring.Component):
                 m.d.sync += frame.page.eq(self.i_page + offset)
                 m.next = "NEED"
             with m.State("NEED"):
-                # A state of its own: the comparison that starts a burst follows a register.
-                m.d.sync += needed_words.eq(Mux(left_words < BURST_WORDS, left_words, BURST_WORDS))
+                m.d.sync += needed_words.eq(needed)
                 m.next = "WAIT"
-            with m.State("WAIT"), m.If(bursts.o_ready & ((waiting.r_level >= needed_words) | is_cut)):
+            with m.State("WAIT"), m.If(bursts.o_ready & (is_enough | is_cut)):
                 m.d.comb += bursts.i_start.eq(1)
                 m.d.sync += left_words.eq(left_words - needed_words)
                 m.next = "WORDS"

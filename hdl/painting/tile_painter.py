@@ -7,6 +7,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.painting.tiles import MAX_TILES
 from hdl.axi.axi_read import AXI_READ
 from hdl.axi.axi_write import AXI_WRITE
+from hdl.lib.delay import delayed
 from hdl.painting.blending import Blending
 from hdl.painting.canvas_port import CanvasPort
 from hdl.painting.corners import CornerProjector
@@ -71,7 +72,7 @@ class TilePainter(wiring.Component):
         m.submodules.sampling = sampling = Sampling()
         m.submodules.blending = blending = Blending()
         m.submodules.canvas = canvas = CanvasPort()
-        for block in (tiles, planner, reader, sampling, blending):
+        for block in (tiles, planner, reader, sampling):
             for name in ("i_width_px", "i_height_px", "i_columns", "i_rows", "i_replace"):
                 if name in block.signature.members:
                     m.d.comb += getattr(block, name).eq(getattr(self, name))
@@ -112,7 +113,7 @@ class TilePainter(wiring.Component):
             "failed": reader.o_failed,
         }
         for name, happens in events.items():
-            m.d.sync += counts[name].eq(Mux(self.i_begin, 0, counts[name] + happens))
+            m.d.sync += counts[name].eq(Mux(self.i_begin, 0, counts[name] + delayed(m, happens, 1)))
         m.d.sync += counts.has_errors.eq(~self.i_begin & (counts.has_errors | reader.o_error | canvas.o_error))
         # A tile is dropped for one reason only; with `i_replace` it is painted nevertheless.
         dropped = planner.o_behind | planner.o_too_large | planner.o_cannot_win

@@ -4,9 +4,10 @@ from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.config import MAX_FRAME_PX
 from hdl.axi.axi_read import AXI_READ, BURST_PART, BurstReader
 from hdl.axi.axi_write import BURST_WORDS, PAGE_BURSTS_LOG2
+from hdl.lib.delay import delayed
+from hdl.lib.multiplier import Multiplier, multiply
 from hdl.lib.views import view_signal
 from hdl.painting.frame_writer import BURST_PX, PIXEL_BYTES
 from hdl.painting.positions import LOADED_TILE
@@ -15,6 +16,8 @@ from hdl.painting.tiles import FRAME_SIDE
 from hdl.painting.windows import PLAN
 
 WORD_LOG2 = (BURST_WORDS - 1).bit_length()
+PLACE_CYCLES = Multiplier.latency_cycles + 2
+"""From a plan to where its window begins in memory."""
 
 
 class WindowReader(wiring.Component):
@@ -45,8 +48,10 @@ class WindowReader(wiring.Component):
         m.submodules.reader = reader = BurstReader()
         wiring.connect(m, reader.bus, wiring.flipped(self.bus))
         plan = view_signal(PLAN, name="plan", reset_less=True)
-        window, failed, begins = Signal(), Signal(), Signal()
+        window, failed = Signal(), Signal()
         m.d.comb += self.o_error.eq(reader.o_error)
+        takes = self.i.valid & self.i.ready & ~self.i.payload.blank
+        begins = delayed(m, takes, PLACE_CYCLES, reset_less=False)
         self._ask(m, reader.i, plan, begins)
         is_read = self._receive(m, reader.o, plan, begins, window)
         with m.If(reader.o_error):
@@ -58,15 +63,9 @@ class WindowReader(wiring.Component):
                 m.d.comb += self.i.ready.eq(1)
                 m.d.sync += [plan.eq(self.i.payload), failed.eq(0)]
                 with m.If(self.i.valid):
-                    m.next = "PLACE"
+                    m.next = "READ"
                     with m.If(self.i.payload.blank):
                         m.next = "PASS"
-            # Where the window begins in memory takes two clocks.
-            with m.State("PLACE"):
-                m.next = "BEGIN"
-            with m.State("BEGIN"):
-                m.d.comb += begins.eq(1)
-                m.next = "READ"
             with m.State("READ"), m.If(is_read):
                 m.next = "PASS"
             with m.State("PASS"), m.If(~self.o.valid | self.o.ready):
@@ -87,17 +86,18 @@ class WindowReader(wiring.Component):
         y, column = Signal.like(plan.top), Signal(len(left) - WORD_LOG2)
         row = Signal(BURST_PART["burst"].shape, reset_less=True)
         row_bursts = (self.i_width_px + BURST_PX - 1) >> (BURST_PX - 1).bit_length()
-        above = Signal(range(MAX_FRAME_PX * MAX_FRAME_PX // BURST_PX), reset_less=True)
-        m.d.sync += above.eq(plan.top * row_bursts)
+        above = multiply(m, "above", self.i.payload.top, row_bursts)
+        # The row's first burst, two clocks after the product.
         page = Cat(Const(0, PAGE_BURSTS_LOG2), self.i_page)
-        ends_row = column == right[WORD_LOG2:] - left[WORD_LOG2:]
+        first = delayed(m, page + delayed(m, above + left[WORD_LOG2:], 1), 1)
+        ends_row = column == delayed(m, right[WORD_LOG2:] - left[WORD_LOG2:], 1)
         m.d.comb += [
             bursts.payload.burst.eq(row + column),
             bursts.payload.first.eq(Mux(column == 0, left[:WORD_LOG2], 0)),
             bursts.payload.last.eq(Mux(ends_row, right[:WORD_LOG2], BURST_WORDS - 1)),
         ]
         with m.If(begins):
-            m.d.sync += [bursts.valid.eq(1), y.eq(plan.top), column.eq(0), row.eq(page + above + left[WORD_LOG2:])]
+            m.d.sync += [bursts.valid.eq(1), y.eq(plan.top), column.eq(0), row.eq(first)]
         with m.Elif(bursts.valid & bursts.ready):
             m.d.sync += column.eq(column + 1)
             with m.If(ends_row):

@@ -169,11 +169,12 @@ class WindowPlanner(wiring.Component):
         is_coordinate = delayed(m, step < COORDINATES, 2)
         sides = []
         for name in ("least", "most"):
-            # That of this coordinate's axis; the other one's is in `waiting`.
+            # That of this coordinate's axis; the other one's is in `waiting`, before it is chosen.
             side = Signal(WHOLE, name=name, reset_less=True)
-            waiting = Signal(WHOLE, name=f"{name}_waiting", reset_less=True)
+            waiting = delayed(m, side, 1)
             exceeds, pixel = (nearest < side, nearest) if name == "least" else (nearest >= side, nearest + 1)
-            m.d.sync += [side.eq(waiting), waiting.eq(Mux(is_coordinate & (is_first | exceeds), pixel, side))]
+            moves, moved = delayed(m, is_coordinate & (is_first | exceeds), 1), delayed(m, pixel, 1)
+            m.d.sync += side.eq(Mux(moves, moved, waiting))
             sides.append(side)
         least, most = sides
         return least, most

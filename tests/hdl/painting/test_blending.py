@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""Blended pixels equal the golden model, with every share and both modes."""
+"""Blended pixels equal the golden model, with every share."""
 
 from typing import Any
 
@@ -34,17 +34,16 @@ def payloads(old: NDArray[np.uint8], colours: NDArray[np.int64], weights: NDArra
     return [{"old": pixel_payload(under, before), "new": pixel_payload(over, now)} for under, before, over, now in rows]
 
 
-@pytest.mark.parametrize("replace", [False, True])
 @pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=90, stalls=150, seed=5)], ids=["free", "pauses"])
-def test_blended_pixels_equal_the_golden_model(pauses: Pauses, replace: bool) -> None:
+def test_blended_pixels_equal_the_golden_model(pauses: Pauses) -> None:
     given = pixels()
     shares = np.clip(given[2].astype(int) - given[0][:, 3] + FADE // 2, 0, FADE)[given[0][:, 3] > 0]
     assert set(shares) == set(range(FADE + 1))
     # Without pauses, a clock until it is ready, one per pixel, the latency, and one in which the bench stops.
     limit = COUNT + Blending.latency_cycles + 2 if pauses == NO_PAUSES else 5 * COUNT
-    inputs, settings = {"i": payloads(*given)}, {"i_replace": replace}
-    results = run_streams(Blending(), inputs, {"o": COUNT}, settings=settings, pauses=pauses, cycle_limit=limit)["o"]
-    np.testing.assert_array_equal([pixel_row(each) for each in results], blend(*given, replace=replace))
+    inputs = {"i": payloads(*given)}
+    results = run_streams(Blending(), inputs, {"o": COUNT}, pauses=pauses, cycle_limit=limit)["o"]
+    np.testing.assert_array_equal([pixel_row(each) for each in results], blend(*given))
 
 
 def test_a_reset_leaves_nothing_behind() -> None:

@@ -32,7 +32,6 @@ class PixelPath(wiring.Component):
     i_write: In(WINDOW_WRITE)
     i_width_px: In(FRAME_SIDE)
     i_height_px: In(FRAME_SIDE)
-    i_replace: In(1)
     i: In(stream.Signature(LOADED_TILE))
     i_old: In(stream.Signature(PIXEL))
     o: Out(stream.Signature(PIXEL))
@@ -50,7 +49,6 @@ class PixelPath(wiring.Component):
             samples.i_write.eq(self.i_write),
             samples.i_width_px.eq(self.i_width_px),
             samples.i_height_px.eq(self.i_height_px),
-            blends.i_replace.eq(self.i_replace),
             blends.i.valid.eq(both),
             blends.i.payload.old.eq(self.i_old.payload),
             blends.i.payload.new.eq(samples.o.payload),
@@ -61,11 +59,11 @@ class PixelPath(wiring.Component):
 
 
 @pytest.mark.parametrize(
-    ("pauses", "replace"),
-    [(NO_PAUSES, False), (Pauses(gaps=30, stalls=60, seed=2), True)],
-    ids=["canvas", "replace, with pauses"],
+    "pauses",
+    [NO_PAUSES, Pauses(gaps=30, stalls=60, seed=2)],
+    ids=["free", "pauses"],
 )
-def test_tiles_half_outside_the_frame_follow_each_other(pauses: Pauses, replace: bool) -> None:
+def test_tiles_half_outside_the_frame_follow_each_other(pauses: Pauses) -> None:
     rng = np.random.default_rng(3)
     frame = rng.integers(0, 256, (SIZE[1], SIZE[0], 3), dtype=np.uint8)
     H = tilted.pose(SIZE, zoom=0.9, turn=0.6, tilt=2e-4, tiles=2)
@@ -74,7 +72,7 @@ def test_tiles_half_outside_the_frame_follow_each_other(pauses: Pauses, replace:
     old[..., 3] = rng.choice([0, 5, 12, 30], old.shape[:3])
     colours, weights = sample(frame, positions(corners))
     assert 0.2 < (weights > 0).mean() < 0.8
-    settings = {"i_width_px": SIZE[0], "i_height_px": SIZE[1], "i_replace": replace}
+    settings = {"i_width_px": SIZE[0], "i_height_px": SIZE[1]}
     dut = PixelPath()
     bench = BlockBench(dut, settings=settings, pauses=pauses, cycle_limit=6000)
     results: list[list[int]] = []
@@ -102,7 +100,7 @@ def test_tiles_half_outside_the_frame_follow_each_other(pauses: Pauses, replace:
             clocks.append(bool(offered) + 2 * bool(taken))
 
     bench.run(send, send_old, receive, background=[count])
-    np.testing.assert_array_equal(np.array(results).reshape(old.shape), blend(old, colours, weights, replace=replace))
+    np.testing.assert_array_equal(np.array(results).reshape(old.shape), blend(old, colours, weights))
     if pauses == NO_PAUSES:
         offered, taken = (np.flatnonzero(np.array(clocks) & bit) for bit in (1, 2))
         latency = Positions.latency_cycles + Sampling.latency_cycles + Blending.latency_cycles
