@@ -22,6 +22,7 @@ from golden_model.painting import painter as golden
 from golden_model.painting.blending import FADE
 from golden_model.painting.pose import Placement, Poses
 from golden_model.painting.tiles import TILE_PX
+from golden_model.painting.timing import painting_cycles
 from sim.benches.memory import MemoryRules
 from sim.benches.painter import PainterBench
 from sim.scene import Camera, CameraPose, Flight, Photometry
@@ -64,7 +65,8 @@ def paint(
         width_px=width_px, height_px=height_px, columns=tiles[0], rows=tiles[1], replace=replace, rules=RULES
     )
     bench.canvas[:] = 0
-    model, pictures, differing, clocks, painted = golden.Painter(*tiles, replace=replace), [], 0, [], []
+    model, pictures, differing = golden.Painter(*tiles, replace=replace), [], 0
+    clocks, predicted, painted = [], [], []
     for number, (image, H) in enumerate(zip(images, poses, strict=True), 1):
         elements = quantise(H[np.newaxis])[0]
         pose, _ = Poses().place(Placement(number, 0, elements, composed=False))
@@ -77,6 +79,7 @@ def paint(
         start = bench.cycle
         (painting,) = bench.run(MAX_CLOCKS, reports=number)
         clocks.append(painting.cycle - start)
+        predicted.append(painting_cycles(model.plan((width_px, height_px), pose), *tiles))
         painted.append(model.paint(image, pose).painted)
         differing += int(np.count_nonzero(bench.canvas != model.memory))
         pictures.append(golden.join_tiles(bench.canvas)[..., :3].copy())
@@ -84,6 +87,7 @@ def paint(
         "painting": name,
         "frames": len(images),
         "tiles per frame": round(float(np.mean(painted))),
+        "clocks of computing": round(float(np.mean(predicted))),
         "clocks per frame": round(float(np.mean(clocks))),
         f"frames per second at {CLOCK_MHZ} MHz": round(float(CLOCK_MHZ * 1e6 / np.mean(clocks))),
         "bytes unlike the model's": differing,

@@ -32,6 +32,23 @@ class Counts:
     painted: int
 
 
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What becomes of each of N tiles that a frame may touch, in the order in which they are painted."""
+
+    tiles: NDArray[np.int64]
+    """(N, 2), columns and rows."""
+    corners: NDArray[np.int64]
+    """(N, 3, 3, 2), `golden_model.painting.corners.project`."""
+    boxes: NDArray[np.int64]
+    """(N, 4), the part of the frame that each needs (`golden_model.painting.windows.cut_to_frame`)."""
+    shown: NDArray[np.bool_]
+    """(N,), those that may show something of the frame; their boxes have a meaning."""
+    painted: NDArray[np.bool_]
+    """(N,); those of them that are not shown are painted with zeros."""
+    counts: Counts
+
+
 class Painter:
     """A canvas, and the painting of frames onto it.
 
@@ -73,24 +90,33 @@ class Painter:
         Counts
         """
         height_px, width_px = frame.shape[:2]
+        plan = self.plan((width_px, height_px), pose)
+        for n in np.flatnonzero(plan.painted):
+            column, row = plan.tiles[n]
+            self._paint_tile(frame, plan.corners[n], (row, column), shown=bool(plan.shown[n]))
+        return plan.counts
+
+    def plan(self, size: tuple[int, int], pose: NDArray[np.int64]) -> Plan:
+        """Say what painting a frame of ``size`` (width, height), px, would do with each tile."""
         rows, columns = self.memory.shape[:2]
-        tiles = touched(pose, (width_px, height_px), (columns, rows), all_tiles=self.replace)
+        tiles = touched(pose, size, (columns, rows), all_tiles=self.replace)
         corners, behind = project(pose, tiles)
         boxes = windows.bounding_boxes(corners)
         too_large = windows.are_too_large(boxes) & ~behind
+        fits = ~behind & ~too_large
         column, row = tiles.T
-        wins = windows.can_win(boxes, width_px, height_px, self._least[row, column])
-        shown = ~behind & ~too_large
-        painted = np.ones_like(shown) if self.replace else shown & wins
-        for n in np.flatnonzero(painted):
-            self._paint_tile(frame, corners[n], (row[n], column[n]), shown=bool(shown[n]))
-        return Counts(
+        wins, shows = (
+            windows.can_win(boxes, *size, least) for least in (self._least[row, column], np.zeros(len(tiles), np.int64))
+        )
+        painted = np.ones_like(fits) if self.replace else fits & wins
+        counts = Counts(
             offered=len(tiles),
             behind=int(np.count_nonzero(behind)),
             too_large=int(np.count_nonzero(too_large)),
-            cannot_win=0 if self.replace else int(np.count_nonzero(shown & ~wins)),
+            cannot_win=0 if self.replace else int(np.count_nonzero(fits & ~wins)),
             painted=int(np.count_nonzero(painted)),
         )
+        return Plan(tiles, corners, windows.cut_to_frame(boxes, *size), fits & shows, painted, counts)
 
     def _paint_tile(self, frame: Pixels, corners: NDArray[np.int64], place: tuple[int, int], *, shown: bool) -> None:
         colours, weights = sample(frame, positions(corners[np.newaxis])[0])

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from golden_model.geometry.scoring import quantise
 from golden_model.painting import painter as golden
 from golden_model.painting.pose import Placement, Poses
+from golden_model.painting.timing import painting_cycles
 from hdl.blocks.export import find_block, write_block
 from sim.benches.memory import MemoryRules
 from sim.benches.painter import PainterBench, Report
@@ -58,11 +59,11 @@ def model_counts(counts: golden.Counts) -> dict[str, int]:
     return asdict(counts) | {"failed": 0, "has_errors": 0}
 
 
-@pytest.mark.parametrize("replaces", [False, True], ids=["canvas", "stabilised"])
-def test_every_byte_is_the_models(replaces: bool) -> None:
+@pytest.mark.parametrize(("replaces", "count"), [(False, 60), (True, 20)], ids=["canvas", "stabilised"])
+def test_every_byte_is_the_models(replaces: bool, count: int) -> None:
     bench, model = start(replaces=replaces)
     seen = dict.fromkeys(asdict(golden.Counts(0, 0, 0, 0, 0)), 0)
-    for number, H in enumerate(homographies(20 if replaces else 60, seed=5), 1):
+    for number, H in enumerate(homographies(count, seed=5), 1):
         picture = frame(number)
         bench.show(picture)
         bench.place(quantise(H[np.newaxis])[0], number)
@@ -75,6 +76,24 @@ def test_every_byte_is_the_models(replaces: bool) -> None:
     assert all(count > 0 for name, count in seen.items() if name != "cannot_win" or not replaces), seen
     assert (bench.violations, bench.errors, bench.events) == (0, 0, {})
     assert bench.is_idle
+
+
+def test_clocks_are_as_predicted_where_memory_never_waits() -> None:
+    """And more where it does, but never less."""
+    poses = homographies(30, seed=5)
+    for replaces, rules in ((False, MemoryRules()), (True, MemoryRules()), (False, SLOW)):
+        bench, model = start(replaces=replaces, rules=rules)
+        for number, H in enumerate(poses, 1):
+            bench.show(frame(number))
+            while not bench.is_idle:
+                bench.run(500)
+            began = bench.cycle
+            bench.place(quantise(H[np.newaxis])[0], number)
+            (report,) = bench.run(FRAME_CLOCKS, reports=number)
+            predicted = painting_cycles(model.plan(SIZE, integers(H)), COLUMNS, ROWS)
+            model.paint(frame(number), integers(H))
+            assert report.cycle - began >= predicted
+            assert rules == SLOW or report.cycle - began == predicted
 
 
 def test_frames_and_poses_meet_by_their_numbers() -> None:
