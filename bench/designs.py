@@ -4,7 +4,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from amaranth import Cat, Module, Signal, Value
 from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
 
 from bench.rules import largest_rules
 from golden_model.config import PRESETS, Config, EstimatorConfig, FrontEndConfig, MatcherConfig
@@ -15,6 +17,7 @@ from hdl.feature.ring_window import RingWindow
 from hdl.front_end import FrontEnd
 from hdl.geometry.records import RecordEstimator, RecordScoring
 from hdl.level import Level
+from hdl.lib.delay import delayed
 from hdl.matching.correlation import WindowCorrelation
 from hdl.matching.fuzzy_correlation import FuzzyCorrelation
 from hdl.matching.matcher import Matcher
@@ -41,6 +44,30 @@ class Design(NamedTuple):
 
     build: Callable[[], wiring.Component]
     memory_bits: int = 0
+
+
+class FewPins(wiring.Component):
+    """A component with more ports than a package has pins: inputs are shifted in, and of outputs the parity is seen."""
+
+    i: Signal
+    o: Signal
+
+    def __init__(self, component: wiring.Component) -> None:
+        self._component = component
+        super().__init__({"i": In(1), "o": Out(1)})
+
+    def elaborate(self, platform: object) -> Module:
+        """Registers on all sides, so that only paths inside the component count."""
+        m = Module()
+        m.submodules.component = component = self._component
+        ports = [(member.flow, Value.cast(port)) for _, member, port in component.signature.flatten(component)]
+        inputs, outputs = (Cat(port for flow, port in ports if flow == side) for side in (In, Out))
+        m.d.sync += inputs.eq(Cat(self.i, inputs))
+        seen: Value = delayed(m, outputs, 1)
+        while len(seen) > 1:
+            seen = delayed(m, Cat(seen[n : n + 4].xor() for n in range(0, len(seen), 4)), 1)
+        m.d.comb += self.o.eq(seen)
+        return m
 
 
 def front_end(config: FrontEndConfig, width_px: int, levels: int, video_bits: int = Build.video_bits) -> Design:

