@@ -23,8 +23,12 @@ from hdl.build import Build
 from hdl.export.accelerator_bench import make_accelerator_bench
 from hdl.lib.ecp5 import Ecp5
 from hdl.netlist import to_verilog
+from sim.benches.painter import PainterTop
+from sim.simulators import verilator
+from sim.simulators.design import Design
 from tests.hdl.lib.test_ecp5 import raw_response
 from tests.hdl.netlists import SYNTHESIS, models, run_bench, run_compiled_bench, synthesise
+from tests.hdl.painting import test_painter
 
 Recorder = Callable[[str, object], None]
 
@@ -80,6 +84,10 @@ def processor_s() -> float:
     return sum(os.times()[:4])
 
 
+def count_cells(netlist: Path) -> int:
+    return len(re.findall(r"^  [A-Z]\w+ ", netlist.read_text(), re.MULTILINE))
+
+
 def assert_equal(folder: Path, name: str, family: str, record_property: Recorder, title: str) -> None:
     """Synthesise and simulate; `python -m bench.synthesis netlists` makes its table of what is recorded."""
     record_property("netlist", f"{title}, {family}")
@@ -95,7 +103,7 @@ def assert_equal(folder: Path, name: str, family: str, record_property: Recorder
             block = FlatBlock(catalogue.CATALOGUE[name]().component)
             source.write_text(to_verilog(block, name=name, platform=platform))
     netlist = synthesise(folder, name, family, source)
-    record_property("cells", len(re.findall(r"^  [A-Z]\w+ ", netlist.read_text(), re.MULTILINE)))
+    record_property("cells", count_cells(netlist))
     simulate = run_compiled_bench if name in COMPILED else run_bench
     printed = simulate(folder, name, [netlist, *models(folder, family)])
     record_property("processor_s", round(processor_s() - start_s))
@@ -135,3 +143,27 @@ def test_why_the_trace_has_a_register_before_the_multiplier(tmp_path: Path) -> N
     netlist = synthesise(tmp_path, "square", "xc7", source)
     assert run_bench(tmp_path, "square", [source]) == "49\n"
     assert run_bench(tmp_path, "square", [netlist, *models(tmp_path, "xc7")]) == "0\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", SYNTHESIS)
+def test_the_netlist_of_the_painter_equals_the_golden_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, record_property: Recorder, family: str
+) -> None:
+    """With a memory that waits and fails, and poses of all kinds, as the painter itself is tested."""
+    record_property("netlist", f"painter, {family}")
+    record_property("simulator", "Verilator")
+    start_s = processor_s()
+    source = tmp_path / "top.v"
+    source.write_text(to_verilog(PainterTop(), platform=Ecp5() if family == "ecp5" else None))
+    netlist = synthesise(tmp_path, "top", family, source)
+    record_property("cells", count_cells(netlist))
+    verilog = "\n".join(path.read_text() for path in (netlist, *models(tmp_path, family)))
+    flags = (*verilator.VERILATOR_FLAGS, "--top-module", "top", "-DNO_INCLUDES")
+    monkeypatch.setattr(Design, "verilog", lambda *_, **__: verilog)
+    monkeypatch.setattr(verilator, "VERILATOR_FLAGS", flags)
+    test_painter.test_every_byte_is_the_models(replaces=False, count=30)
+    test_painter.test_every_byte_is_the_models(replaces=True, count=20)
+    test_painter.test_poses_are_composed_and_refused()
+    test_painter.test_a_memory_that_fails_spoils_no_pixel()
+    record_property("processor_s", round(processor_s() - start_s))
