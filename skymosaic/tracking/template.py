@@ -2,12 +2,12 @@
 
 A small object has few corners at its own size, and none within the border that descriptors need. So the front end
 processes a *view*: the object enlarged, with its surroundings. A frame is warped into the same view by the expected
-pose of the object; matching with a reference, the first view or a recent one, then measures the error of this pose.
-The surroundings show how the ground moves.
+pose of the object; matching features with the first view, or blocks with the first or a recent one, then measures the
+error of this pose. The surroundings show how the ground moves.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import cv2
@@ -20,8 +20,9 @@ from sim.backends.interface import Backend
 from skymosaic.compositing.warp import Canvas, magnification, shrink, warp_backward
 from skymosaic.features.positions import feature_points, match_points
 from skymosaic.geometry.homography import apply, rescale, resize_matrix, transfer_error
-from skymosaic.geometry.model_selection import TOLERANCE_PX, fit_similarity
-from skymosaic.tracking.motion import Matches, fit_object, fit_surroundings
+from skymosaic.geometry.model_selection import TOLERANCE_PX, fit, fit_similarity
+from skymosaic.tracking.blocks import BLOCK_PX, BORDER_PX, STEP_PX, match_blocks
+from skymosaic.tracking.motion import Find, Matches, fit_object, fit_surroundings
 
 MIN_ROI_PX = 16
 """Smallest side of a template."""
@@ -29,8 +30,6 @@ MIN_VIEW_SIDE_PX, MAX_VIEW_SIDE_PX = 128, 256
 """Limits of the object's side in the view, measured as the square root of its area; the object is resized to them."""
 MARGIN_PX = 64
 """Surroundings in the view: the front end's border at half size (40 px) and the possible error of the expected pose."""
-NEAR_PX = 12.0
-"""Distance from features that followed the object, in a recent view, within which others are taken for its own."""
 
 
 class Roi(NamedTuple):
@@ -46,14 +45,12 @@ class View(NamedTuple):
     """A picture in which the object was seen.
 
     ``from_frame`` (3, 3) maps pixels of the frame to those of ``picture``, and ``in_frame`` (3, 3) template pixels to
-    those of the frame. ``points`` (N, 2), pixels of the picture, are the features that followed the object in a recent
-    view; None in the first one.
+    those of the frame.
     """
 
     picture: Pixels
     from_frame: Array
     in_frame: Array
-    points: Array | None = None
 
 
 class TemplatePose(NamedTuple):
@@ -62,7 +59,8 @@ class TemplatePose(NamedTuple):
     ``homography`` (3, 3) maps template pixels to frame pixels; ``model`` is the estimated model, "similarity" or
     "projective"; ``inliers`` counts the trusted matches that agree within 3 view pixels. ``followed`` and ``left_out``
     are indices of the template's features: those that agree, and those that moved like the surroundings or stood still
-    while the object did not; both are empty where a recent view was the reference. ``view`` is what was seen.
+    while the object did not; both are empty where blocks were matched. ``moves`` says that matches were left out for
+    that. ``view`` is what was seen.
     """
 
     homography: Array
@@ -70,6 +68,7 @@ class TemplatePose(NamedTuple):
     inliers: int
     followed: NDArray[np.intp]
     left_out: NDArray[np.intp]
+    moves: bool
     view: View
 
 
@@ -116,15 +115,14 @@ class Template:
         A rectangle drawn around an object contains more of the ground towards its edges.
         """
         features = self.front_end.run([self.first_view.picture], self.config)[0].features
-        points = feature_points(features)
-        return np.where(self._is_inside(points), np.exp(-(self._from_middle(points) ** 2).sum(axis=1)), 0)
+        return self._weight_at(feature_points(features))
 
     def look_near(
         self,
         frame: Pixels,
         expected: Array,
-        reference: View,
         weight: Array,
+        reference: View | None = None,
         *,
         moves: bool,
         min_inliers: int,
@@ -132,35 +130,37 @@ class Template:
     ) -> Look:
         """Look for the template within about a quarter of its size from the expected pose, template to frame pixels.
 
-        The reference is `first_view`, or the view of a recent pose. ``weight`` (F,) is that of the first view's
-        features, 0 for those that are not trusted. ``moves`` says that the object is known to move otherwise than its
-        surroundings.
+        The features of the first view are sought, with a ``weight`` (F,) that is 0 for those that are not trusted; or
+        blocks of a ``reference``, the first view or a recent one. ``moves`` says that the object is known to move
+        otherwise than its surroundings.
         """
         view = self._view(frame, expected)
-        index, before, now = self._match(reference.picture, view.picture)
+        find: Find = fit_similarity
+        if reference is None:
+            index, left, now = self._match(self.first_view.picture, view.picture)
+            trust, find = weight[index], partial(fit, rng=rng)
+        else:
+            index, left, now = self._match_blocks(reference, view, frame.shape)
+            trust = self._weight_at(left)
         # The frame at the scale of the enlarged template: so a similarity of the two has no shear.
         scaled = resize_matrix(self.zoom / magnification(self.roi[2:], expected))
-        left = apply(self._to_view @ np.linalg.inv(reference.from_frame @ reference.in_frame), before)
         right = apply(scaled @ np.linalg.inv(view.from_frame), now)
         inside = self._is_inside(left)
-        if reference.points is None:
-            trust = weight[index]
-        else:
-            trust = np.where(inside & _are_near(before, reference.points), 1.0, 0)
         matches = Matches(left, right, trust, ~inside)
         around = fit_surroundings(matches)
-        still, ahead = (scaled @ pose @ np.linalg.inv(self._to_view) for pose in (reference.in_frame, expected))
-        foreign = [still, around.matrix] if around else [still]
-        best, left_out = fit_object(matches, foreign, ahead if moves else None, fewest=min_inliers, rng=rng)
+        before = (reference or self.first_view).in_frame
+        still, ahead = (scaled @ pose @ np.linalg.inv(self._to_view) for pose in (before, expected))
+        best, left_out = fit_object(
+            matches, still, around and around.matrix, ahead if moves else None, find, fewest=min_inliers
+        )
         if best is None:
             return Look(None, around is not None)
         agreeing = inside & (transfer_error(best.matrix, left, right) <= TOLERANCE_PX)
         homography = rescale(np.linalg.inv(scaled) @ best.matrix @ self._to_view)
-        # Features of a recent view have numbers of their own.
-        told = np.full(len(index), reference.points is None)
-        followed, others = index[agreeing & told], index[left_out & ~agreeing & told]
-        seen = view._replace(in_frame=homography, points=now[agreeing])
-        return Look(TemplatePose(homography, best.model, best.inliers, followed, others, seen), around is not None)
+        followed, others = (index[each & (index >= 0)] for each in (agreeing, left_out & ~agreeing))
+        seen = view._replace(in_frame=homography)
+        pose = TemplatePose(homography, best.model, best.inliers, followed, others, bool(left_out.any()), seen)
+        return Look(pose, around is not None)
 
     def guess_within(
         self, frame: Pixels, part: Canvas, zoom: float, weight: Array, *, min_inliers: int
@@ -184,17 +184,29 @@ class Template:
         return np.array([[1.0, 0, MARGIN_PX], [0, 1, MARGIN_PX], [0, 0, 1]]) @ resize_matrix(self.zoom)
 
     @cached_property
+    def _blocks(self) -> Array:
+        """Middles (N, 2) of blocks of the view: all of the object, and one in four of its surroundings."""
+        height, width = self.first_view.picture.shape[:2]
+        columns, rows = (np.arange(BORDER_PX, side - BORDER_PX, 2.0 * STEP_PX) for side in (width, height))
+        dense = np.stack(np.meshgrid(columns, rows), axis=-1)
+        sparse = dense[::2, ::2]
+        return np.concatenate([dense[self._is_inside(dense)], sparse[~self._is_inside(sparse)]])
+
+    @cached_property
     def first_view(self) -> View:
         """The picture that the template was cut from."""
         return self._view(self.picture, self.in_picture)
 
     def _from_middle(self, points: Array) -> Array:
-        """Points (N, 2) of the enlarged template, from -1 to 1 across it."""
+        """Points (..., 2) of the enlarged template, from -1 to 1 across it."""
         first, last = apply(self._to_view, self.corners)[[0, 2]]
         return np.asarray((2 * points - first - last) / (last - first))
 
+    def _weight_at(self, points: Array) -> Array:
+        return np.where(self._is_inside(points), np.exp(-(self._from_middle(points) ** 2).sum(axis=1)), 0)
+
     def _is_inside(self, points: Array) -> Mask:
-        return np.asarray((np.abs(self._from_middle(points)) <= 1).all(axis=1))
+        return np.asarray((np.abs(self._from_middle(points)) <= 1).all(axis=-1))
 
     def _view(self, frame: Pixels, pose: Array) -> View:
         """The view of a frame, for a template in ``pose`` (template to frame pixels, (3, 3))."""
@@ -211,11 +223,22 @@ class Template:
         matches = self.front_end.run([reference, picture], self.config, reference="held")[1].matches
         return matches["left_index"].astype(np.intp), *match_points(matches)
 
+    def _match_blocks(
+        self, reference: View, view: View, frame_shape: tuple[int, ...]
+    ) -> tuple[NDArray[np.intp], Array, Array]:
+        """Match blocks of a reference with a view as `_match` does; they have no index, -1.
 
-def _are_near(points: Array, others: Array) -> Mask:
-    """Whether each of some points (N, 2) has another one within `NEAR_PX`, (N,)."""
-    distance = np.linalg.norm(points[:, None] - others, axis=2)
-    return np.asarray((distance <= NEAR_PX).any(axis=1))
+        What lies near the frame's border is left out: beyond, the border pixels are repeated.
+        """
+        to_middle = self._to_view @ np.linalg.inv(reference.from_frame @ reference.in_frame)
+        height, width = view.picture.shape[:2]
+        before, now = match_blocks(
+            _warp(reference.picture, to_middle, Canvas(0, 0, width, height)), view.picture, self._blocks
+        )
+        corners = now[:, None] + np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]]) * float(BLOCK_PX)
+        in_frame = apply(view.in_frame @ np.linalg.inv(self._to_view), corners)
+        seen = ((in_frame >= 0) & (in_frame < frame_shape[1::-1])).all(axis=(1, 2))
+        return np.full(seen.sum(), -1), before[seen], now[seen]
 
 
 def _warp(frame: Pixels, transform: Array, canvas: Canvas) -> Pixels:

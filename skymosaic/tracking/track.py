@@ -17,6 +17,8 @@ MIN_FEATURES = 12
 """A template with fewer features cannot be distinguished from chance."""
 MIN_TO_STAY = 6
 """Inliers that continue a track. If the object is hidden or elsewhere, at most 3 matches agree by chance."""
+MIN_BLOCKS = 10
+"""Blocks that continue a track where the features do not."""
 MIN_TO_BEGIN = 8
 """Inliers that start or resume a track."""
 MIN_TO_GUESS = 4
@@ -50,6 +52,7 @@ class Track:
         self._is_steady = False
         self._lost_frames = 0
         self._followed, self._left_out = np.zeros((2, len(template.weight)))
+        self._moves = False
         self._recent: View | None = None
         self._sees_surroundings = True
         self._saw_twin = False
@@ -111,15 +114,18 @@ class Track:
         self.corners = apply(step, self.corners)
         expected = dlt(self.template.corners, self.corners)
         pose = self._verify(frame, expected, MIN_TO_STAY)
-        if pose is None and self._recent is not None:
-            pose = self._verify(frame, expected, MIN_TO_STAY, self._recent)
-        if pose is not None and not self._is_twin(pose):
+        for reference in (self.template.first_view, self._recent):
+            if pose is None and reference is not None:
+                pose = self._verify(frame, expected, MIN_BLOCKS, reference)
+        if pose is not None:
+            self._moves |= pose.moves
             error = apply(pose.homography, self.template.corners) - self.corners
             # A new track takes its first step as its velocity.
             position_gain, velocity_gain = (POSITION_GAIN, VELOCITY_GAIN) if self._is_steady else (1.0, 1.0)
             self.corners = self.corners + position_gain * error
             self._velocity = self._velocity + velocity_gain * error
             self._is_steady = True
+            self._saw_twin = False
             # Where all features move alike, they tell nothing.
             if len(pose.left_out):
                 self._followed[pose.followed] += 1
@@ -130,28 +136,28 @@ class Track:
     def _verify(
         self, frame: Pixels, expected: Array, min_inliers: int, reference: View | None = None
     ) -> TemplatePose | None:
-        """Measure the pose near an expected one; None if its corners are not convex or its area changed too much."""
+        """Measure the pose near an expected one; None if it is no convex outline of about that size and place."""
         try:
             pose, sees_surroundings = self.template.look_near(
                 frame,
                 expected,
-                reference or self.template.first_view,
                 self._weight,
-                moves=bool(self._left_out.any()),
+                reference,
+                moves=self._moves,
                 min_inliers=min_inliers,
                 rng=self._rng,
             )
         except DegenerateError:
             return None
         # A cut shows in the first frame without the object; later, the last view is old.
-        if reference is not None and not self._lost_frames:
+        if reference is not None and reference is self._recent and not self._lost_frames:
             self._sees_surroundings = sees_surroundings
         if pose is None:
             return None
         corners, before = (apply(homography, self.template.corners) for homography in (pose.homography, expected))
         change = _area(corners) / _area(before)
         plausible = cv2.isContourConvex(corners.astype(np.float32)) and 1 / MAX_CHANGE < change < MAX_CHANGE
-        return pose if plausible else None
+        return pose if plausible and not _is_elsewhere(corners, before) else None
 
     def _search(self, frame: Pixels) -> TemplatePose | None:
         """Search one part of the frame for the object at one size; successive frames try other parts and sizes."""
@@ -169,9 +175,8 @@ class Track:
         """Whether a pose is not where the object is expected, and may be that of another object that looks like it."""
         if self.corners is None:
             return False
-        away = apply(pose.homography, self.template.corners).mean(axis=0) - self.corners.mean(axis=0)
-        is_elsewhere = bool(np.linalg.norm(away) > math.sqrt(_area(self.corners)) / 2)
-        self._saw_twin = is_elsewhere and self._has_twin
+        found = apply(pose.homography, self.template.corners)
+        self._saw_twin = _is_elsewhere(found, self.corners) and self._has_twin
         return self._saw_twin
 
     @cached_property
@@ -210,6 +215,12 @@ def _parts(size: tuple[int, int], zoom: float, middle: Array) -> list[Canvas]:
         spans.append([(round(start), length) for start in np.linspace(0, whole - length, count)])
     parts = [Canvas(x, y, width, height) for y, height in spans[1] for x, width in spans[0]]
     return sorted(parts, key=lambda part: float(np.linalg.norm(part.corners.mean(axis=0) - zoom * middle)))
+
+
+def _is_elsewhere(found: Array, expected: Array) -> bool:
+    """Whether an outline (4, 2) is farther than half its size from where it was expected."""
+    away_px = np.linalg.norm(found.mean(axis=0) - expected.mean(axis=0))
+    return bool(away_px > math.sqrt(_area(expected)) / 2)
 
 
 def _area(corners: Array) -> float:

@@ -1,8 +1,9 @@
 """Tracks an object through a video: its four corners in every frame (thesis, section IV.6.3).
 
 The template's features remain the reference in all frames, so that errors do not accumulate. Each frame is searched at
-the expected pose (constant velocity), enlarged; with the last view of the object as the reference where the template
-fails. While the object is lost, one other part of each frame is searched, the nearest parts first.
+the expected pose (constant velocity), enlarged; where too few features are found, for blocks of the template, and then
+of the last view of the object. While the object is lost, one other part of each frame is searched, the nearest parts
+first.
 """
 
 from __future__ import annotations

@@ -1,11 +1,13 @@
 """Which matches move with an object, on matches whose motions are chosen."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from golden_model.arrays import Array
 from skymosaic.geometry.homography import apply
+from skymosaic.geometry.model_selection import fit
 from skymosaic.tracking.motion import Matches, fit_object, fit_surroundings
 
 STILL = np.eye(3)
@@ -25,8 +27,8 @@ def make_matches(*motions: Array, each: int = 20, outside: int = 0) -> Matches:
 
 def fitted(matches: Matches, expected: Array | None = None) -> tuple[Any, int]:
     around = fit_surroundings(matches)
-    foreign = [STILL, around.matrix] if around else [STILL]
-    best, left_out = fit_object(matches, foreign, expected, fewest=6, rng=np.random.default_rng(0))
+    find = partial(fit, rng=np.random.default_rng(0))
+    best, left_out = fit_object(matches, STILL, around and around.matrix, expected, find, fewest=6)
     return (None if best is None else best.matrix), int(left_out.sum())
 
 
@@ -62,3 +64,14 @@ def test_an_object_that_moves_is_found_while_it_stands_still_in_the_frame() -> N
     motion, left_out = fitted(make_matches(STILL, GROUND, outside=15), STILL)
     np.testing.assert_allclose(motion, STILL, atol=1e-6)
     assert left_out == 5
+
+
+def test_what_stands_still_or_is_ground_is_the_object_only_if_most_agree() -> None:
+    ground, still = make_matches(GROUND, outside=20), make_matches(STILL, each=10)
+    moves_alone = np.random.default_rng(5).uniform(0, 200, (2, 12, 2))
+    wrong = Matches(moves_alone[0], moves_alone[1], np.ones(12), np.zeros(12, np.bool_))
+    most, few = (
+        Matches(*map(np.concatenate, zip(*parts, strict=True))) for parts in ((ground, still), (ground, still, wrong))
+    )
+    np.testing.assert_allclose(fitted(most)[0], STILL, atol=1e-6)
+    assert fitted(few)[0] is None

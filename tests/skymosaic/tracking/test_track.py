@@ -27,26 +27,29 @@ class Seen:
         self._poses = iter(poses)
         self.left_out = np.array(left_out, np.intp)
         self.followed = np.setdiff1d(range(20), left_out)
-        self.recent: list[View] = []
+        self.by_blocks: list[View] = []
+        self.moves: list[bool] = []
         self.expected: list[NDArray[np.float64]] = []
         self.searched: list[tuple[float, Any]] = []
         self.weights: list[NDArray[np.float64]] = []
 
     def look_near(
-        self, _frame: Any, expected: Any, reference: Any, weight: Any, *, moves: bool, min_inliers: int, rng: Any
+        self, _frame: Any, expected: Any, weight: Any, reference: Any = None, *, moves: bool, min_inliers: int, rng: Any
     ) -> Look:
         assert rng is not None
-        if reference is not self.first_view:
-            self.recent.append(reference)
+        if reference is not None:
+            assert min_inliers > 6
+            self.by_blocks.append(reference)
             return Look(None, self.sees_surroundings)
-        assert moves == (len(self.left_out) > 0 and len(self.weights) > 0)
+        self.moves.append(moves)
         self.expected.append(apply(expected, self.corners))
         self.weights.append(weight)
         found = next(self._poses)
         if found is None:
             return Look(None, self.sees_surroundings)
-        view = VIEW._replace(in_frame=found)
-        return Look(TemplatePose(found, "similarity", min_inliers, self.followed, self.left_out, view), True)
+        view, others = VIEW._replace(in_frame=found), self.left_out
+        pose = TemplatePose(found, "similarity", min_inliers, self.followed, others, len(others) > 0, view)
+        return Look(pose, True)
 
     def guess_within(self, _frame: Any, part: Any, zoom: float, weight: Any, *, min_inliers: int) -> None:
         assert min_inliers < 6
@@ -122,10 +125,10 @@ def assert_parts_by_distance(searched: list[tuple[float, Canvas]], zooms: list[f
 
 @pytest.mark.parametrize(
     "pose",
-    [moved(0, 0, 1.45), moved(0, 0, 0.68), np.array([[1.0, 0, 0], [0, 1, 0], [-0.02, 0.01, 1]])],
-    ids=["grown", "shrunk", "folded"],
+    [moved(0, 0, 1.45), moved(0, 0, 0.68), np.array([[1.0, 0, 0], [0, 1, 0], [-0.02, 0.01, 1]]), moved(0, 46)],
+    ids=["grown", "shrunk", "folded", "elsewhere"],
 )
-def test_a_pose_of_another_size_or_shape_is_none(pose: NDArray[np.float64]) -> None:
+def test_a_pose_of_another_size_shape_or_place_is_none(pose: NDArray[np.float64]) -> None:
     track = begun(Seen([pose, moved(0, 0, 1.35)]), moved(0, 0))
     assert track.follow(FRAME) is None
     assert track.follow(FRAME) is not None
@@ -134,21 +137,26 @@ def test_a_pose_of_another_size_or_shape_is_none(pose: NDArray[np.float64]) -> N
 def test_features_that_move_otherwise_lose_their_weight_and_the_others_keep_theirs() -> None:
     seen = Seen([moved(n, 0) for n in range(6)], left_out=(3, 4))
     track = begun(seen, moved(0, 0))
-    for _ in range(6):
+    for _ in range(4):
         track.follow(FRAME)
+    # Once the object is known to move otherwise, that stays so.
+    seen.left_out = seen.left_out[:0]
+    for _ in range(2):
+        track.follow(FRAME)
+    assert seen.moves == [False] + [True] * 5
     # After two frames they are believed to be ground.
     assert [sorted(np.flatnonzero(weight == 0)) for weight in seen.weights] == [[]] * 2 + [[3, 4]] * 4
     assert all(weight[0] == 1 for weight in seen.weights)
 
 
-def test_a_recent_view_is_tried_where_the_first_fails() -> None:
+def test_blocks_of_the_first_view_and_then_of_the_last_are_tried_where_features_fail() -> None:
     seen = Seen([moved(1, 0), moved(2, 0), None])
     track = begun(seen, moved(0, 0))
     for _ in range(2):
         track.follow(FRAME)
-    assert seen.recent == []
+    assert seen.by_blocks == []
     track.follow(FRAME)
-    assert [view.in_frame[0, 2] for view in seen.recent] == [2]
+    assert [view.in_frame[0, 2] for view in seen.by_blocks] == [0, 2]
 
 
 def test_an_object_is_expected_in_its_shape_whatever_its_corners_did() -> None:
@@ -190,5 +198,5 @@ def test_what_is_half_of_its_side_away_may_be_a_twin(has_twin: bool) -> None:
     side_px = np.sqrt(100 * 80)
     for share in (0.45, 0.55):
         homography = moved(100, 100 - share * side_px)
-        found = TemplatePose(homography, "similarity", 9, seen.followed, seen.left_out, VIEW)
+        found = TemplatePose(homography, "similarity", 9, seen.followed, seen.left_out, False, VIEW)
         assert track._is_twin(found) == (has_twin and share > 0.5)

@@ -40,6 +40,22 @@ def test_a_car_is_tracked_and_found_again_after_a_bridge_hides_it(
     assert (film.visible[hidden[-1] :] >= 1).any()
 
 
+def test_a_car_below_text_in_the_first_frame_is_followed_and_the_text_is_not(
+    film: Pursuit, film_frames: list[NDArray[np.uint8]], roi: Roi
+) -> None:
+    truth = true_corners(film, roi)[:10]
+    place = (roi.x_px - 30, roi.y_px + roi.height_px // 2 + 5)
+    frames = [
+        cv2.putText(
+            frame.copy(), "ALT 120.0 m SPD 12", place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255,) * 3, 1, cv2.LINE_AA
+        )
+        for frame in film_frames[:10]
+    ]
+    tracked = list(map(Tracker(roi).follow, frames))
+    assert all(each.corners is not None for each in tracked)
+    assert np.linalg.norm([each.corners for each in tracked] - truth, axis=-1).max() < 3
+
+
 def test_a_template_of_larger_scale_is_found(
     film: Pursuit, film_frames: list[NDArray[np.uint8]], roi: Roi, tmp_path: Path
 ) -> None:
