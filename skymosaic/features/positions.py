@@ -1,7 +1,5 @@
 """Positions of feature and match records in pixels and back, and which of them count under a lens mask."""
 
-from collections.abc import Sequence
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -46,10 +44,3 @@ def are_on_ground(points: Points, visible: Pixels | None) -> Mask:
     inside = cv2.erode(visible, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=255)
     x, y = np.rint(points).astype(np.intp).clip(0, np.subtract(visible.shape[::-1], 1)).T
     return np.asarray(inside[y, x] == 255)
-
-
-def select_ground_matches(matches: Records, visible: Sequence[Pixels | None]) -> Records:
-    """The match records that count in both images; ``visible`` as in `are_on_ground`, left and right."""
-    left, right = (are_on_ground(points, mask) for points, mask in zip(match_points(matches), visible, strict=True))
-    chosen: Records = matches[left & right]
-    return chosen

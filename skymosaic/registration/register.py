@@ -16,7 +16,7 @@ from skymosaic.common.options import choose_options, list_options
 from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.features.contrast import even_contrast, find_pattern, find_shared, share_pattern
 from skymosaic.features.frames import DescribedImage
-from skymosaic.features.positions import are_on_ground, match_points, select_ground_matches
+from skymosaic.features.positions import are_on_ground, match_points
 from skymosaic.geometry.estimators import FABRIC, estimate
 from skymosaic.geometry.fabric import draw_config
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA, GroundAgreement, LeftOut, Sight, find_ground, measure_agreement
@@ -247,9 +247,8 @@ def _search(
 
     def search(left_out: LeftOut) -> tuple[SearchState, Matrix | None, tuple[Points, Points]]:
         def remove(matches: Records) -> Records:
-            shown = select_ground_matches(matches, masks)
-            apart: Records = shown[left_out.are_apart(*match_points(shown))]
-            return apart
+            shown: Records = matches[_show_ground(*match_points(matches), masks=masks, left_out=left_out)]
+            return shown
 
         passes = Search(front_end, images, first.config, rng, remove, shared=shared)
         evidence = Evidence(first.features, remove(first.matches))
