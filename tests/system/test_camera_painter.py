@@ -1,7 +1,7 @@
 """The camera build with its painter: what the chip's homographies and a host's poses paint is the golden model's."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -119,14 +119,17 @@ class Host:
     def paint(self, frame: int, pose: Any) -> None:
         self.model.paint(self.frames[frame], pose)
 
-    def fly(self, anchors: dict[int, Any]) -> int:
-        """Read all records, and set poses where the host has some; returns the frames that the model has painted."""
+    def fly(self, anchors: dict[int, Any], *, lost: Sequence[int] = ()) -> int:
+        """Read all records, and set poses where the host has some; returns the frames that the model has painted.
+
+        Those that are ``lost`` have a pose, and are not painted.
+        """
         self.paint(0, self.first_pose)
         count = 1
         while (record := self.next_record()) is not None:
             placement = placement_of(record)
             pose = self.poses.place(placement)[0] if placement is not None else None
-            if pose is not None:
+            if pose is not None and record["frame"] not in lost:
                 self.paint(int(record["frame"]), pose)
                 count += 1
             if int(record["frame"]) in anchors:
@@ -223,6 +226,19 @@ def test_a_camera_that_is_unplugged_in_a_frame_holds_nothing_up(programs: Any) -
     assert host.fly({}) == 3
     np.testing.assert_array_equal(host.canvas, host.model.memory)
     assert host.bench.violations == 0
+    host.bench.close()
+
+
+def test_frames_that_break_off_are_counted_by_painter_and_accelerator_alike(programs: Any) -> None:
+    """What follows is painted where its own homography says; the painter loses the frame behind a broken one, too."""
+    host = Host(programs, SLOW)
+    frames = views(7)
+    frames[1], frames[4] = frames[1][:50], np.ascontiguousarray(frames[4][:, :100])
+    host.show(*frames)
+    assert host.fly({}, lost=[2, 5]) == 3
+    np.testing.assert_array_equal(host.canvas, host.model.memory)
+    assert host.counts() == {"frames_painted": 3, "frames_last": 6, "frames_cut": 4, "pose_unmatched": 2}
+    assert host.registers.read("cut") == 2
     host.bench.close()
 
 
