@@ -11,7 +11,7 @@ from skymosaic.geometry.model_selection import TOLERANCE_PX, Fit, fit_similarity
 
 MIN_OTHERS = 8
 """Matches that have to agree on another motion than that of the surroundings before it is known that there is one."""
-MAX_SURROUNDINGS = 24
+MAX_SURROUNDINGS = 48
 """Matches of the surroundings that determine their motion; more take longer."""
 Find = Callable[..., Fit | None]
 """How a motion is fitted: as `fit` does, or `fit_similarity`."""
@@ -52,6 +52,8 @@ def fit_object(
     """
     left, right, weight, _ = matches
     trusted = weight > 0
+    if not trusted.any():
+        return None, trusted
     foreign = [still] if around is None else [still, around]
     if expected is not None:
         # Where both motions lead to the same place, they cannot be told apart.

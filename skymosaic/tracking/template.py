@@ -185,11 +185,11 @@ class Template:
 
     @cached_property
     def _blocks(self) -> Array:
-        """Middles (N, 2) of blocks of the view: all of the object, and one in four of its surroundings."""
+        """Middles (N, 2) of blocks of the view: all of the object, and every other one of its surroundings."""
         height, width = self.first_view.picture.shape[:2]
         columns, rows = (np.arange(BORDER_PX, side - BORDER_PX, 2.0 * STEP_PX) for side in (width, height))
         dense = np.stack(np.meshgrid(columns, rows), axis=-1)
-        sparse = dense[::2, ::2]
+        sparse = dense[:, ::2]
         return np.concatenate([dense[self._is_inside(dense)], sparse[~self._is_inside(sparse)]])
 
     @cached_property

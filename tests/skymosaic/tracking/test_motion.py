@@ -4,6 +4,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import pytest
 
 from golden_model.arrays import Array
 from skymosaic.geometry.homography import apply
@@ -75,3 +76,16 @@ def test_what_stands_still_or_is_ground_is_the_object_only_if_most_agree() -> No
     )
     np.testing.assert_allclose(fitted(most)[0], STILL, atol=1e-6)
     assert fitted(few)[0] is None
+
+
+@pytest.mark.filterwarnings("error")
+def test_without_matches_there_is_no_motion() -> None:
+    assert fitted(make_matches(OBJECT, each=0), OBJECT) == (None, 0)
+
+
+def test_ground_is_known_by_a_quarter_of_the_matches_around() -> None:
+    ground, wrong = make_matches(GROUND, each=24, outside=24), np.random.default_rng(5).uniform(0, 200, (2, 72, 2))
+    others = Matches(wrong[0], wrong[1], np.zeros(72), np.ones(72, np.bool_))
+    around = fit_surroundings(Matches(*(np.concatenate(both) for both in zip(ground, others, strict=True))))
+    assert around is not None
+    np.testing.assert_allclose(around.matrix, GROUND, atol=1)
