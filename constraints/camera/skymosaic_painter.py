@@ -104,8 +104,8 @@ class Painter:
         if record["causes"]:
             return
         number = int(record["frame"])
-        # The record has the lower half of its reference's number.
-        reference = number - (number - int(record["reference"]) & 0xFFFF)
+        # The record has the lower half of its reference's number, which is before its own.
+        reference = number - 1 - (number - 1 - int(record["reference"]) & 0xFFFF)
         units = np.array([register_map.UNIT_PX, register_map.UNIT_PX, 1.0])
         elements = np.array([record[f"h{row}{column}"] for row, column in np.ndindex(3, 3)]).astype(np.int32)
         self._links[number] = reference, elements.reshape(3, 3) * units[:, np.newaxis] / units

@@ -26,7 +26,7 @@ class PainterMemory(Memory):
     def __init__(self, maps: Any) -> None:
         super().__init__(maps)
         self.poses: list[tuple[int, NDArray[np.int64]]] = []
-        self.flushed = list[int]()
+        self.flushed, self.invalidated = list[int](), list[int]()
         self.answers = True
         self.set("width_px", WIDTH_PX)
         self.set("height_px", HEIGHT_PX)
@@ -41,6 +41,9 @@ class PainterMemory(Memory):
             words = [self.get(f"pose_h{row}{column}") for row, column in np.ndindex(3, 3)]
             elements = np.array(words, np.uint32).astype(np.int32).reshape(3, 3)
             self.poses.append((self.get("pose_frame"), elements.astype(np.int64)))
+
+    def invalidate(self, buffer: NDArray[np.uint8]) -> None:
+        self.invalidated.append(self.address(buffer))
 
     def flush(self, buffer: NDArray[np.uint8]) -> None:
         assert not buffer.any()
@@ -101,6 +104,7 @@ def test_a_past_frame_is_an_anchor_of_the_newest(host: Any) -> None:
     painter.follow(frame(start + 2, turn))
     painter.follow(frame(start + 3, shift(500, 500), causes=1))
     painter.follow(frame(start + 4, shift(4, 0), reference=start + 2))
+    painter.follow(frame(start + 5, shift(500, 500), causes=8))
     pose = np.array([[0.9, 0.2, -400], [-0.2, 0.9, -300], [0, 0, 1.0]])
     assert painter.anchor(start, pose)
     ((number, elements),) = host.memory.poses
@@ -116,6 +120,13 @@ def test_an_anchor_of_the_newest_frame_is_its_pose(host: Any) -> None:
     assert painter.anchor(5, shift(-7.25, 3))
     assert [number for number, _ in host.memory.poses] == [5]
     assert (host.memory.poses[0][1] == quantise(shift(-7.25, 3)[np.newaxis])[0]).all()
+
+
+def test_a_reference_may_be_held_until_its_number_comes_again(host: Any) -> None:
+    painter = host.make()
+    painter.follow(frame(65536, shift(3, 0), reference=0))
+    assert painter.anchor(0, shift(4, 0))
+    assert (host.memory.poses[0][1] == quantise(shift(7, 0)[np.newaxis])[0]).all()
 
 
 def test_an_anchor_without_a_way_to_the_newest_frame_is_not_set(host: Any) -> None:
@@ -145,6 +156,7 @@ def test_tiles_become_a_picture(host: Any) -> None:
     assert painter.picture()[32 + 5, 64 + 9].tolist() == [1, 2, 3, 4]
     assert np.count_nonzero(painter.picture()) == 4
     assert host.memory.buffers[0].any(), "the tiles are a copy"
+    assert host.memory.invalidated == 4 * [host.memory.address(host.memory.buffers[0])]
 
 
 def test_a_fault_of_the_settings_is_said(host: Any) -> None:
@@ -159,6 +171,12 @@ def test_a_painter_that_does_not_end_is_an_error(host: Any) -> None:
     host.memory.answers = False
     with pytest.raises(host.error, match="does not answer"):
         painter.close()
+
+
+def test_memory_beside_a_page_is_refused(host: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(host.memory, "address", lambda _buffer: 0x1_0000_0080)
+    with pytest.raises(host.error, match="0x100000080"):
+        host.make()
 
 
 @pytest.mark.parametrize("columns", [0, 129])
