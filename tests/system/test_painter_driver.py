@@ -27,7 +27,7 @@ def pose_of(number: int) -> NDArray[np.float64]:
 def test_the_canvas_is_that_of_the_anchors() -> None:
     images = views(FRAMES)
     bench = CameraBench(BUILD, length_bytes=1 << 21, camera=PACE, rules=SLOW)
-    settings = matched_frame_settings(CONFIG, *SIZE_PX, gray_input=True) | {"threshold_code": THRESHOLD}
+    settings = matched_frame_settings(CONFIG, *SIZE_PX, gray_input=False) | {"threshold_code": THRESHOLD}
     with host_programs(BUILD) as load:
         requested = {name: settings[name] for name in (*REQUESTED, "gray_input")} | vars(CONFIG.estimator)
         rings = load("skymosaic_rings").RingReader(bench, requested, slots=SLOTS)
@@ -40,7 +40,7 @@ def test_the_canvas_is_that_of_the_anchors() -> None:
         number, placement = int(frame.homography["frame"]), placement_of(frame.homography)
         pose = None if placement is None else poses.place(placement)[0]
         if pose is not None:
-            model.paint(np.repeat(images[number][..., np.newaxis], 3, axis=2), pose)
+            model.paint(images[number], pose)
         rings.release()
         if number - LATE in ANCHORS:
             counted.append(painter.anchor(number - LATE, pose_of(number - LATE)))
