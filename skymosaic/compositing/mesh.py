@@ -27,8 +27,11 @@ from skymosaic.geometry.prosac import INLIER_PX
 
 CELLS = 16
 """Cells of a grid along the longer side of the image."""
-NEAR_PX = 12.0
-"""Matches this close to the homographies shape the grids; others are considered wrong, or show what stands upright."""
+REACHES_PX = (24.0, 12.0)
+"""Matches this close to the homographies shape the grids; others are considered wrong, or show what stands upright. The
+second reach is tried where the first gains nothing: on steep ground, where much that is farther off is wrong."""
+JUDGED_PX = 12.0
+"""Held-out matches this close to the homographies tell whether grids gain; of farther ones, more are wrong."""
 STIFFNESS = 0.3
 """Weight of the difference between neighbouring nodes, against a match's weight of 1."""
 RETURN = 0.01
@@ -142,15 +145,19 @@ def fit_meshes(
     """Fit the grids that bring some of the images, ``bent``, closer to the others under their homographies.
 
     There are none where held-out matches do not gain by them, unless ``always``, or with fewer than 30 matches within
-    12 px of the homographies. Returns also which share of the held-out matches within 12 px lies within 2 px: under
+    reach of the homographies. Returns also which share of the held-out matches within 12 px lies within 2 px: under
     homographies alone, and with grids.
     """
-    matches = _gather(frames, ties, bent)
     width, height = frames[bent[0]].size
     columns, rows = (max(round(CELLS * side / max(width, height)), 1) + 1 for side in (width, height))
     shape = len(bent), rows, columns
-    shares = _held_out_shares(matches, shape)
-    if len(matches.ground) < MIN_MATCHES or not (always or shares[1] >= shares[0] + MIN_GAIN):
+    for reach_px in REACHES_PX:
+        matches = _gather(frames, ties, bent, reach_px)
+        shares = _held_out_shares(matches, shape)
+        gains = shares[1] >= shares[0] + MIN_GAIN
+        if gains:
+            break
+    if len(matches.ground) < MIN_MATCHES or not (always or gains):
         return {}, shares
     grids = _fit(matches, shape).reshape(*shape, 2)
     return {image: Mesh(frames[image].size, grid) for image, grid in zip(bent, grids, strict=True)}, shares
@@ -198,8 +205,8 @@ class _Matches:
         return np.asarray(np.linalg.norm(self.points[0] - moved[0] - self.carry(moved[1])[0], axis=1))
 
 
-def _gather(frames: Mapping[int, Frame], ties: Sequence[Ties], bent: Sequence[int]) -> _Matches:
-    """All matches near the homographies."""
+def _gather(frames: Mapping[int, Frame], ties: Sequence[Ties], bent: Sequence[int], reach_px: float) -> _Matches:
+    """All matches in reach of the homographies."""
     place = {image: number for number, image in enumerate(bent)}
     side_px = float(np.median([magnification(*frame) * max(frame.size) for frame in frames.values()])) / CHECK_CELLS
     counts, ends = [len(each.left_points) for each in ties], [(each.left, each.right) for each in ties]
@@ -213,7 +220,7 @@ def _gather(frames: Mapping[int, Frame], ties: Sequence[Ties], bent: Sequence[in
         np.concatenate([apply(frames[each.left].to_ground, each.left_points) for each in ties]) / side_px,
     )
     errors_px = np.linalg.norm(matches.points[0] - matches.carry(np.zeros_like(matches.ground))[0], axis=1)
-    return matches.of(errors_px <= NEAR_PX)
+    return matches.of(errors_px <= reach_px)
 
 
 def _held_out_shares(matches: _Matches, shape: Shape) -> tuple[float, float]:
@@ -227,10 +234,10 @@ def _held_out_shares(matches: _Matches, shape: Shape) -> tuple[float, float]:
     within = list[Mask]()
     for held_out in (field, ~field):
         nodes_px = _fit(matches.of(~held_out), shape)
-        errors_px = [matches.of(held_out).errors_px(nodes, shape) for nodes in (0 * nodes_px, nodes_px)]
-        within.append(np.array(errors_px) <= INLIER_PX)
-    plain, warped = np.concatenate(within, axis=1).mean(axis=1).tolist()
-    return plain, warped
+        errors_px = np.array([matches.of(held_out).errors_px(nodes, shape) for nodes in (0 * nodes_px, nodes_px)])
+        within.append(errors_px[:, errors_px[0] <= JUDGED_PX] <= INLIER_PX)
+    plain, warped = np.concatenate(within, axis=1)
+    return float(plain.sum() / max(len(plain), 1)), float(warped.sum() / max(len(warped), 1))
 
 
 def _fit(matches: _Matches, shape: Shape) -> Array:

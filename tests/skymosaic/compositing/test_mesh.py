@@ -60,6 +60,19 @@ def test_held_out_matches_decide() -> None:
     assert fit(flat_left, flat_right, always=False) is None
 
 
+def test_relief_of_twenty_pixels_is_followed_and_what_is_near_the_plane_judges_it() -> None:
+    left, right, _ = matches(bulge_px=20.0, wrong=0.0)
+    mesh = fit(left, right, always=False)
+    assert mesh is not None
+    on_ground = apply(np.linalg.inv(HOMOGRAPHY), right)
+    off = np.linalg.norm(mesh.find(left) - on_ground, axis=1)
+    near = np.linalg.norm(left - on_ground, axis=1)
+    assert (near > 14).sum() > 15
+    assert np.median(off[near > 14]) < 2
+    # None of those that judge it is so high.
+    assert shares(left, right)[0] == pytest.approx((near[near <= 12] <= 2).mean(), abs=0.01)
+
+
 def test_few_matches_give_no_grid() -> None:
     left, right, _ = matches(count=20)
     assert fit(left, right) is None
