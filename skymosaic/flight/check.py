@@ -245,7 +245,8 @@ def _weakly_linked(flight: Flight, layout: Layout) -> Iterator[str]:
         left, right = names[best.left], names[best.right]
         shared = f"{best.ties} matches and {share:.0%} overlap"
         several = f"{links} weak links, the best between " if links > 1 else ""
-        yield f"{photographs} photographs are joined only by {several}{left} and {right} with {shared}: fly again there"
+        are = "photograph is" if photographs == 1 else "photographs are"
+        yield f"{photographs} {are} joined only by {several}{left} and {right} with {shared}: fly again there"
 
 
 def _weak_parts(flight: Flight, layout: Layout) -> Iterator[tuple[int, int, Link, float]]:

@@ -134,8 +134,8 @@ def test_a_scene_that_is_no_plane_is_called_one_with_its_figures() -> None:
 
 
 def test_halves_that_only_weak_links_join_are_named_with_their_number() -> None:
-    def weak_line(across: tuple[tuple[int, int, int], ...]) -> str:
-        ties = {(0, 1): 90, (0, 2): 90, (1, 2): 90, (3, 4): 80} | {(left, right): few for left, right, few in across}
+    def weak_line(across: tuple[tuple[int, int, int], ...], last: int = 80) -> str:
+        ties = {(0, 1): 90, (0, 2): 90, (1, 2): 90, (3, 4): last} | {(left, right): few for left, right, few in across}
         links = tuple(Link(*pair, *(np.zeros((many, 2)),) * 2, many, many) for pair, many in ties.items())
         facts = {"working_size": (400, 300), "clipped": 0.0, "gps": None, "sharpness": 1.0}
         views = [SimpleNamespace(name=f"folder/{view}.jpg", **facts) for view in range(5)]
@@ -155,3 +155,4 @@ def test_halves_that_only_weak_links_join_are_named_with_their_number() -> None:
     assert weak_line(((2, 3, 30),)) == f"2 photographs are joined only by {between}"
     several = ((2, 3, 30), (1, 3, 20), (0, 4, 15))
     assert weak_line(several) == f"2 photographs are joined only by 3 weak links, the best between {between}"
+    assert weak_line(((2, 3, 90),), last=20).startswith("1 photograph is joined only by 3.jpg and 4.jpg with 20 ")
