@@ -1,7 +1,5 @@
 """The painter in its shell: behind registers, and fed by the camera's gate and the estimator."""
 
-from typing import Any
-
 from amaranth import Cat, Module, Mux, ResetInserter, Signal, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
@@ -14,6 +12,7 @@ from hdl.axi.video_input import VideoPayload
 from hdl.painting.frame_writer import BURST_PX, PIXEL_BYTES
 from hdl.painting.painter import Painter
 from hdl.painting.pose import ELEMENTS
+from hdl.registers.register_file import RegisterFile
 from hdl.settings import PAGE_BYTES, POSE_ELEMENTS
 from hdl.shell.placements import Placements
 from hdl.shell.ring_writer import count_up
@@ -53,7 +52,7 @@ class Painting(wiring.Component):
     o_idle: Out(1)
     """Nothing is open on any port, and nothing begins while ``i_stop``."""
 
-    def __init__(self, *, registers: Any) -> None:
+    def __init__(self, *, registers: RegisterFile) -> None:
         self._registers = registers
         super().__init__()
 

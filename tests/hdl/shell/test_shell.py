@@ -12,7 +12,7 @@ from hdl.settings import PAGE_BYTES, RINGS
 from hdl.shell.painting import Painting
 from hdl.shell.slot import HeaderFlag
 from tests.hdl.shell.axi_memory import AxiMemory
-from tests.hdl.shell.bench import BASES, HEIGHT_PX, SLOTS, WIDTH_PX, Run, ShellBench, flight, frame, settings
+from tests.hdl.shell.bench import BASES, HEIGHT_PX, SLOTS, WIDTH_PX, Run, ShellBench, flight, frame, registers, settings
 
 FRAMES = 6
 PAUSE = [None] * 60
@@ -179,7 +179,7 @@ class PaintingStandIn(wiring.Component):
     """The ports of the painter in its shell; it takes every record."""
 
     def __init__(self) -> None:
-        super().__init__(Painting(registers=None).signature)
+        super().__init__(Painting(registers=registers()).signature)
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
