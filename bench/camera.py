@@ -155,7 +155,9 @@ def count_equal(frames: list[Pixels], delivered: list[tuple[int, Records, Record
     golden = (extract(frames[number - 1], front_end, frame=n) for n, (number, *_) in enumerate(delivered))
     expected = add_matches(((g.features, g.status, None) for g in golden), CONFIG, "previous")
     return sum(
-        np.array_equal(features, one.features) and np.array_equal(matches, one.matches) and homography == one.homography
+        np.array_equal(features, one.features)
+        and np.array_equal(matches, one.matches)
+        and bool(homography == one.homography)
         for (_, features, matches, homography), one in zip(delivered, expected, strict=True)
     )
 

@@ -1,5 +1,7 @@
 """A short flight through the whole camera build, by way of the bench: every record of every frame equals the model."""
 
+import json
+
 import cv2
 import pytest
 
@@ -24,3 +26,4 @@ def test_a_flight_and_a_host_that_pauses(monkeypatch: pytest.MonkeyPatch) -> Non
     answered = figures["homographies answered"]
     assert figures["of these answers, equal to the golden model"] == answered > 10 * delivered
     assert (figures["the chip's homographies, lost"], figures["AXI rules broken"]) == (0, 0)
+    assert json.loads(json.dumps(figures)) == figures, "they are written to a file"
