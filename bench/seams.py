@@ -22,11 +22,11 @@ from golden_model.arrays import Matrix
 from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.front_end import extract
 from golden_model.geometry.scoring import quantise
-from golden_model.painting.pose import Placement, Poses
+from golden_model.painting.pose import Placement, Poses, placement_of
 from sim.backends.golden import add_matches
 from sim.backends.interface import FrameResult
 from sim.scene import Camera, make_lawnmower
-from skymosaic.geometry.fabric import homography_in_pixels, in_pixels
+from skymosaic.geometry.fabric import in_pixels
 from skymosaic.geometry.homography import apply
 from skymosaic.mosaicking.live.anchors import Anchors
 
@@ -108,14 +108,10 @@ def place_frames(frames: Sequence[FrameResult], anchors: Mapping[int, Matrix]) -
     """The pose (canvas to frame, px) by which the chip paints each frame, if a host has such anchors."""
     chip, painted, links = Poses(), dict[int, Matrix](), dict[int, Matrix]()
     for number, frame in enumerate(frames):
-        record = frame.homography
-        assert record is not None
-        link = homography_in_pixels(record)
-        if link is not None:
-            links[number] = link
-            elements = np.array([record[f"h{row}{column}"] for row, column in np.ndindex(3, 3)], np.uint32)
-            reference = int(record["reference"])
-            placement = Placement(number, reference, elements.view(np.int32).reshape(3, 3), composed=True)
+        assert frame.homography is not None
+        placement = placement_of(frame.homography)
+        if placement is not None:
+            links[number] = in_pixels(placement.elements)
             pose, _ = chip.place(placement)
             if pose is not None:
                 painted[number] = in_pixels(pose)

@@ -165,6 +165,12 @@ def hypothesis_records(hypotheses: NDArray[np.integer]) -> Records:
     return records
 
 
+def homography_elements(record: np.void) -> NDArray[np.int64]:
+    """The elements (3, 3) of a record of one homography, with their signs."""
+    stored = np.array([record[f"h{row}{column}"] for row, column in np.ndindex(3, 3)], np.uint32)
+    return stored.view(np.int32).astype(np.int64).reshape(3, 3)
+
+
 def score_records(scores: Scores, frame: int = 0) -> Records:
     """Make the records (`golden_model.records.SCORE`) that answer `hypothesis_records`, by the matches of a frame."""
     records = np.zeros(len(scores.score), SCORE.dtype)

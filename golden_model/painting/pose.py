@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.formats import SQ
-from golden_model.geometry.scoring import ENTRY
+from golden_model.geometry.scoring import ENTRY, homography_elements
 
 UNIT_LOG2 = 12
 """Coordinates of canvas and frame have the unit 2^12 px, as those of `golden_model.geometry.scoring.quantise`."""
@@ -59,8 +59,8 @@ def placement_of(record: np.void) -> Placement | None:
     """What a Homography record (`golden_model.records.HOMOGRAPHY`) says of its frame; nothing where it has causes."""
     if record["causes"]:
         return None
-    elements = np.array([record[f"h{row}{column}"] for row, column in np.ndindex(3, 3)]).astype(np.int32)
-    return Placement(int(record["frame"]) & 0xFFFF, int(record["reference"]), elements.reshape(3, 3), composed=True)
+    elements = homography_elements(record)
+    return Placement(int(record["frame"]) & 0xFFFF, int(record["reference"]), elements, composed=True)
 
 
 @dataclass(frozen=True, eq=False)

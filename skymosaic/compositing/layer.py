@@ -13,14 +13,7 @@ import numpy as np
 from golden_model.arrays import Array, Float32, Intensities, Mask, Pixels
 from skymosaic.compositing.mesh import Mesh
 from skymosaic.compositing.tone import NEUTRAL, Tone
-from skymosaic.compositing.warp import (
-    Canvas,
-    footprint,
-    nearest_corner,
-    source_window,
-    warp_backward,
-    warp_tile,
-)
+from skymosaic.compositing.warp import Canvas, footprint, nearest_corner, source_window, warp_backward, warp_tile
 from skymosaic.geometry.homography import apply, resize_matrix
 from skymosaic.imagery.parcel import Parcel
 

@@ -8,6 +8,7 @@ from golden_model.config import EstimatorConfig
 from golden_model.formats import POSITION
 from golden_model.geometry.estimator import FrameMatches
 from golden_model.geometry.estimator import estimate as estimate_in_integers
+from golden_model.geometry.scoring import homography_elements
 
 UNITS_PX = np.array([1 << POSITION.integer_bits, 1 << POSITION.integer_bits, 1])
 """Units of left and right homogeneous coordinates in the elements of the hardware, px."""
@@ -37,11 +38,10 @@ def draw_config(rng: np.random.Generator) -> EstimatorConfig:
 
 def homography_in_pixels(record: np.void) -> Matrix | None:
     """Convert a Homography record to a homography of pixels; None where it is not accepted."""
-    elements = np.array([record[f"h{row}{column}"] for row, column in np.ndindex(3, 3)], np.uint32)
-    return None if record["causes"] else in_pixels(elements.view(np.int32).astype(np.int64).reshape(3, 3))
+    return None if record["causes"] else in_pixels(homography_elements(record))
 
 
-def in_pixels(homography: NDArray[np.int64]) -> Matrix:
+def in_pixels(homography: NDArray[np.integer]) -> Matrix:
     """Convert a homography (3, 3) in the integers of the hardware to one of pixels, with 1 as its last element."""
     scaled: Matrix = homography * UNITS_PX[:, np.newaxis] / UNITS_PX
     scaled /= scaled[2, 2]
