@@ -49,7 +49,7 @@ class Anchors:
         -------
         ndarray of float64, shape (3, 3), or None
             Its pixels to the canvas. None before the first layout, for a frame that overlaps no other, and for one that
-            shows the same as another, because a display or dirt on the lens would agree as well.
+            only agrees where it shows the same as others, because a display or dirt on the lens would, too.
         """
         own, name = np.eye(3), f"frame {number}"
         # What a ring gives is overwritten later.

@@ -139,6 +139,20 @@ def test_an_anchor_without_a_way_to_the_newest_frame_is_not_set(host: Any) -> No
     assert painter.anchor(2, shift(0, 0))
 
 
+def test_the_way_through_the_last_frames_is_remembered_until_a_start(host: Any) -> None:
+    painter, followed = host.make(), host.driver.FOLLOWED
+    for number in range(1, followed + 3):
+        painter.follow(frame(number, shift(0.5, 0)))
+    assert not painter.anchor(1, np.eye(3))
+    assert painter.anchor(2, np.eye(3))
+    ((number, elements),) = host.memory.poses
+    assert number == followed + 2
+    assert elements[0, 2] / elements[0, 0] * 4096 == pytest.approx(followed / 2, abs=0.01)
+    painter.start()
+    painter.follow(frame(followed + 3, shift(0.5, 0)))
+    assert not painter.anchor(followed + 1, np.eye(3))
+
+
 @pytest.mark.parametrize(
     ("newest", "causes", "counts"), [(7, 0, True), (6, 0, True), (8, 0, False), (65535, 0, True), (7, 2, False)]
 )

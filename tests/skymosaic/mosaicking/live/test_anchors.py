@@ -55,3 +55,16 @@ def test_a_frame_of_other_ground_is_not_placed(features: list[Records]) -> None:
     elsewhere["descriptor"] = np.random.default_rng(1).integers(0, 256, elsewhere["descriptor"].shape)
     assert anchors.add(MIN_FRAMES, elsewhere) is None
     assert anchors.add(MIN_FRAMES + 1, features[MIN_FRAMES]) is not None
+
+
+def test_what_never_changes_is_no_ground(features: list[Records]) -> None:
+    """A display, or dirt on the lens: as good as no motion."""
+    anchors = Anchors(SIZE, CONFIG)
+    for number in range(2 * MIN_FRAMES):
+        assert anchors.add(number, features[0]) is None
+        anchors.lay_out()
+    # A frame that stands still is placed by those before it.
+    for number, each in enumerate(features[: MIN_FRAMES + 1], 2 * MIN_FRAMES):
+        anchors.add(number, each)
+    anchors.lay_out()
+    assert anchors.add(3 * MIN_FRAMES + 1, features[MIN_FRAMES]) is not None
