@@ -65,7 +65,8 @@ def test_a_template_of_larger_scale_is_found(
     tracked = list(map(Tracker(tmp_path / "car.png").follow, film_frames[3:15]))
     errors = [np.linalg.norm(each.corners - truth[each.number], axis=1).mean() for each in tracked if each.pose]
     assert len(errors) >= 6
-    assert np.mean(errors) < 2.0
+    # Half of one of its own pixels is 0.25 px here.
+    assert np.mean(errors) < 0.3
 
 
 def test_a_flat_template_is_refused(film_frames: list[NDArray[np.uint8]]) -> None:
