@@ -110,26 +110,6 @@ def test_sizes_may_differ(flight: Flight) -> None:
     assert position_errors_px(result.transforms | {5: magnified}, flight).mean() < 1.0
 
 
-@pytest.mark.slow
-def test_two_flights_make_two_groups(folder: Path, tmp_path: Path) -> None:
-    for path in folder.iterdir():
-        (tmp_path / f"a{path.name}").write_bytes(path.read_bytes())
-    for index, image in enumerate(elsewhere(4)):
-        cv2.imwrite(str(tmp_path / f"b{index}.png"), image)
-    largest = skymosaic("mosaic", tmp_path, "-o", "one.png", "--cache", "cache", cwd=tmp_path)
-    assert largest.returncode == 0, largest.stderr
-    assert largest.stderr.count("in another group of 4") == 4
-    assert not (tmp_path / "one_2.png").exists()
-    (tmp_path / "one.png").unlink()
-    both = skymosaic(
-        "mosaic", *tmp_path.glob("?[0-9].png"), "-o", "all.png", "--all-groups", "--cache", "cache", cwd=tmp_path
-    )
-    assert both.returncode == 0, both.stderr
-    assert (tmp_path / "all.png").exists()
-    assert (tmp_path / "all_2.png").exists()
-    assert "left out" not in both.stderr
-
-
 def test_photographs_without_links_are_one_line(flight: Flight, tmp_path: Path) -> None:
     for index, image in enumerate((flight.images[0], *elsewhere(1), flight.images[IMAGES - 1])):
         cv2.imwrite(str(tmp_path / f"{index}.png"), image)

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -88,6 +89,21 @@ def test_where_all_photographs_change_there_is_no_mosaic(folder: Path, tmp_path:
         with pytest.raises(RegistrationError, match=r"no two photographs make a mosaic; .*0.png: was removed after it"):
             plan.write(tmp_path / "m.tif")
         assert not any(tmp_path.iterdir())
+
+
+def test_all_groups_are_written_where_that_is_wanted(flight: Flight, tmp_path: Path) -> None:
+    # Nothing links mirrored ground to the other photographs.
+    small = [cv2.resize(image[:, ::-1], (320, 240), interpolation=cv2.INTER_AREA) for image in flight.images[:3]]
+    told: list[dict[int, str]] = []
+    with open_plan([*small, *flight.images[:3]], MosaicOptions()) as plan:
+        one = plan.write(tmp_path / "one.png", on_absent=lambda absent: told.append(dict(absent)))
+        plan.options = replace(plan.options, all_groups=True)
+        both = plan.write(tmp_path / "all.png", on_absent=lambda absent: told.append(dict(absent)))
+    written = [[each.path.name for each in made] for made in (one, both)]
+    assert written == [["one.png"], ["all.png", "all_2.png"]]
+    assert {path.name for path in tmp_path.iterdir()} == {"one.png", "all.png", "all_2.png"}
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "all.png").read_bytes()
+    assert [list(absent) for absent in told] == [[0, 1, 2], []]
 
 
 def test_control_points_must_reach_the_largest_group_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
