@@ -214,7 +214,7 @@ def _spell_type(annotation: Any) -> str:
 def list_options(function: Function) -> Function:
     """Give a function with a parameter ``options``, and single ones as ``**changes``, a signature that has them all.
 
-    ``help`` and the completion of notebooks read it. Type checkers read the annotation of ``changes`` instead.
+    ``help`` and the completion of notebooks read it. Type checkers read the class, which ``options`` is an object of.
     """
     signature = inspect.signature(function, eval_str=True)
     cls = get_args(signature.parameters["options"].annotation)[0]

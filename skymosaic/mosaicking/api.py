@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Unpack
+from typing import Any
 
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import choose_options, list_options
@@ -11,7 +11,7 @@ from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Images, Source, forget_decoded
-from skymosaic.mosaicking.options import MosaicKeywords, MosaicOptions
+from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.mosaicking.result import Mosaic
 from skymosaic.registration.pair import Pair
@@ -24,7 +24,7 @@ def mosaic(
     options: MosaicOptions | None = None,
     *,
     progress: Progress = silent,
-    **changes: Unpack[MosaicKeywords],
+    **changes: Any,
 ) -> Mosaic:
     """Make a mosaic of overlapping photographs; of several groups, the largest.
 
@@ -68,7 +68,7 @@ def mosaics(
     options: MosaicOptions | None = None,
     *,
     progress: Progress = silent,
-    **changes: Unpack[MosaicKeywords],
+    **changes: Any,
 ) -> Iterator[Mosaic]:
     """Make a mosaic of each group of photographs that overlap, the largest first; arguments as `mosaic`."""
     options = choose_options(MosaicOptions, options, changes)
@@ -77,7 +77,7 @@ def mosaics(
 
 
 @list_options
-def mosaic_of_pair(pair: Pair, options: MosaicOptions | None = None, **changes: Unpack[MosaicKeywords]) -> Mosaic:
+def mosaic_of_pair(pair: Pair, options: MosaicOptions | None = None, **changes: Any) -> Mosaic:
     """Blend a registered pair; the time it takes is added to ``pair.seconds``.
 
     Parameters

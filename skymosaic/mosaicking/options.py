@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, TypedDict
+from typing import Literal
 
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import INPUT, MACHINE, MAP, PICTURE, Checked, document_options, option, options_of
@@ -14,12 +14,9 @@ from skymosaic.maps.control_points import ControlPoints, load_control_points
 from skymosaic.maps.positions import Positions, load_positions
 from skymosaic.mosaicking.result import Mosaic
 from skymosaic.registration.options import (
-    PhotographKeywords,
     PhotographOptions,
-    RegistrationKeywords,
     RegistrationOptions,
     Seeded,
-    SeedKeywords,
 )
 
 MEGABYTE = 1 << 20
@@ -186,35 +183,3 @@ class MosaicOptions(CanvasOptions, SurveyOptions, RegistrationOptions):
         """As `SurveyOptions.flight_settings`, for the method."""
         _, config = self.choose_method()
         return replace(super().flight_settings(), config=config)
-
-
-class CanvasKeywords(TypedDict, total=False):
-    """The fields of `CanvasOptions` as keyword arguments."""
-
-    recursive: bool
-    band: str | None
-    scale: float
-    canvas_limit_px: int | None
-
-
-class LiveKeywords(CanvasKeywords, SeedKeywords, PhotographKeywords, total=False):
-    """The fields of `LiveOptions` as keyword arguments."""
-
-    estimator: LiveEstimator
-
-
-class MosaicKeywords(CanvasKeywords, RegistrationKeywords, total=False):
-    """The fields of `MosaicOptions` as keyword arguments."""
-
-    lens: Lens | None
-    control_points: ControlPoints | None
-    positions: Positions | None
-    keep_all: bool
-    scheduler: str | None
-    cache: Path | None
-    blending: Blending | None
-    warp: Warp
-    all_groups: bool
-    gsd_m: float | None
-    memory_bytes: int
-    repeat: Mosaic | None

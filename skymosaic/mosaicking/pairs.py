@@ -4,14 +4,14 @@ import dataclasses
 import itertools
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Unpack
+from typing import Any
 
 from golden_model.arrays import Pixels
 from skymosaic.common.options import choose_options, list_options
 from skymosaic.common.tables import Table, tabulate
 from skymosaic.imagery.photographs import Images, Source, list_sources
 from skymosaic.registration.extraction import Features, extract
-from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
+from skymosaic.registration.options import RegistrationOptions
 from skymosaic.registration.pair import NO_PIXELS, Pair
 from skymosaic.registration.register import register
 from skymosaic.running.workers import Progress, Workers, silent
@@ -24,7 +24,7 @@ def register_pairs(
     options: RegistrationOptions | None = None,
     *,
     progress: Progress = silent,
-    **changes: Unpack[RegistrationKeywords],
+    **changes: Any,
 ) -> list[Pair]:
     """Register many pairs on all cores, as `register` does each.
 

@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Unpack
+from typing import Any
 
 import cv2
 import numpy as np
@@ -26,7 +26,7 @@ from skymosaic.features.positions import feature_points
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end
 from skymosaic.imagery.notebook import describe_in_html
-from skymosaic.registration.options import FeatureKeywords, FeatureOptions
+from skymosaic.registration.options import FeatureOptions
 
 MARK_COLOR = (0, 200, 0)
 
@@ -93,7 +93,7 @@ def extract(
     options: FeatureOptions | None = None,
     *,
     progress: Progress = silent,
-    **changes: Unpack[FeatureKeywords],
+    **changes: Any,
 ) -> Features:
     """Find and describe the features of one photograph.
 

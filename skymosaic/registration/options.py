@@ -6,7 +6,7 @@ here and from `skymosaic.mosaicking.options`.
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, TypedDict, get_args
+from typing import Literal, get_args
 
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, RULE_BASES, Config, Preset, RuleBase, preset_config
 from golden_model.config_file import load_config
@@ -242,42 +242,3 @@ class RegistrationOptions(Seeded, FeatureOptions):
                 f"not {method.descriptor} and {self.estimator}; leave it out or choose fast"
             )
         return self.effort or ("normal" if has_passes else "fast")
-
-
-# The same as keyword arguments. Type checkers cannot derive a TypedDict from a dataclass; a test holds them together.
-class SeedKeywords(TypedDict, total=False):
-    """The fields of `Seeded`."""
-
-    seed: int
-
-
-class FrontEndKeywords(TypedDict, total=False):
-    """The fields of `FrontEndOptions`."""
-
-    preset: Preset
-    config: Config | None
-    rules: RuleBase | MatchRules | None
-    backend: BackendName | Backend
-    address: str | None
-
-
-class PhotographKeywords(FrontEndKeywords, total=False):
-    """The fields of `PhotographOptions`."""
-
-    working_width_px: int
-    damaged: Damaged
-
-
-class FeatureKeywords(PhotographKeywords, total=False):
-    """The fields of `FeatureOptions`."""
-
-    detector: Detector | None
-    descriptor: Descriptor | None
-
-
-class RegistrationKeywords(FeatureKeywords, SeedKeywords, total=False):
-    """The fields of `RegistrationOptions`."""
-
-    estimator: Estimator
-    effort: Effort | None
-    accept_poor: bool

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple, Unpack
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from skymosaic.imagery.lens import Lens
 from skymosaic.registration.confidence import fits_throughout
 from skymosaic.registration.dense import refit_pair
 from skymosaic.registration.extraction import Features, extract_within_capacity, share_features
-from skymosaic.registration.options import RegistrationKeywords, RegistrationOptions
+from skymosaic.registration.options import RegistrationOptions
 from skymosaic.registration.pair import Pair, map_to_originals
 from skymosaic.registration.passes import Evidence, Search, SearchState, explain_refusal
 
@@ -43,7 +43,7 @@ def register(
     options: RegistrationOptions | None = None,
     *,
     progress: Progress = silent,
-    **changes: Unpack[RegistrationKeywords],
+    **changes: Any,
 ) -> Pair:
     """Find the homography between two photographs.
 

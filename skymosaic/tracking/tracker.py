@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Self, Unpack
+from typing import Any, Self
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from skymosaic.common.errors import InputError
 from skymosaic.common.options import choose_options, document_options, list_options
 from skymosaic.imagery.images import load
 from skymosaic.registration.extraction import extract_within_capacity
-from skymosaic.registration.options import FrontEndKeywords, FrontEndOptions, Seeded, SeedKeywords
+from skymosaic.registration.options import FrontEndOptions, Seeded
 from skymosaic.tracking.template import MIN_ROI_PX, Roi, Template, TemplatePose
 from skymosaic.tracking.track import Track
 
@@ -31,10 +31,6 @@ from skymosaic.tracking.track import Track
 @dataclass(frozen=True, kw_only=True)
 class TrackerOptions(Seeded, FrontEndOptions):
     """How an object is followed."""
-
-
-class TrackerKeywords(FrontEndKeywords, SeedKeywords, total=False):
-    """The fields of `TrackerOptions` as keyword arguments."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +92,7 @@ class Tracker:
         options: TrackerOptions | None = None,
         *,
         on_frame: Callable[[TrackedFrame], object] = lambda _frame: None,
-        **changes: Unpack[TrackerKeywords],
+        **changes: Any,
     ) -> None:
         options = choose_options(TrackerOptions, options, changes)
         options.check()

@@ -123,7 +123,7 @@ def test_scale_sets_the_size_of_the_mosaic() -> None:
 def test_unknown_presets_and_one_image_are_refused() -> None:
     images = list(make_pair(seed=1).images)
     with pytest.raises(InputError, match="aerial, thesis"):
-        register(images[0], images[1], preset="martian")  # type: ignore[arg-type]
+        register(images[0], images[1], preset="martian")
     with pytest.raises(InputError):
         mosaic(images[:1])
 
@@ -158,7 +158,7 @@ def test_warp_bends_the_left_of_two_photographs_only_where_asked() -> None:
     assert np.abs(plain.astype(int) - bent).max() > 0
     assert np.array_equal(plain, chosen)  # flat ground
     with pytest.raises(InputError, match="homography, mesh, auto"):
-        mosaic(images, warp="rubber")  # type: ignore[arg-type]
+        mosaic(images, warp="rubber")
     with pytest.raises(InputError, match="more than two"):
         mosaic([*images, images[0]], effort="thorough")
 

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Self, Unpack
+from typing import Any, Self
 
 from golden_model.arrays import Array, Pixels, Records
 from skymosaic.common.errors import InputError, RegistrationError
@@ -42,7 +42,7 @@ from skymosaic.mosaicking.live.preview import paint_preview
 from skymosaic.mosaicking.live.record_chain import RecordChain
 from skymosaic.mosaicking.live.submap import Frame, Placement, Submap, likely_neighbours
 from skymosaic.mosaicking.live.update import LiveUpdate
-from skymosaic.mosaicking.options import LiveKeywords, LiveOptions, MosaicOptions
+from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.running.workers import Workers
@@ -96,7 +96,7 @@ class LiveMosaic:
         options: LiveOptions | None = None,
         *,
         on_frame: Callable[[LiveUpdate], object] = lambda _update: None,
-        **changes: Unpack[LiveKeywords],
+        **changes: Any,
     ) -> None:
         self._options = options = choose_options(LiveOptions, options, changes)
         options.check()

@@ -23,32 +23,26 @@ from skymosaic.features.detectors import FRONT_END_DETECTORS
 from skymosaic.geometry.estimators import FABRIC, FUZZY_RANSAC, PROSAC
 from skymosaic.maps.positions import Positions
 from skymosaic.mosaicking.api import mosaic_of_pair
-from skymosaic.mosaicking.options import LiveKeywords, LiveOptions, MosaicKeywords, MosaicOptions
-from skymosaic.registration.options import FeatureKeywords, FeatureOptions, RegistrationKeywords, RegistrationOptions
-from skymosaic.tracking.tracker import TrackerKeywords, TrackerOptions
+from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
+from skymosaic.registration.options import FeatureOptions, RegistrationOptions
+from skymosaic.tracking.tracker import TrackerOptions
 
-TAKERS: dict[Callable[..., object], tuple[type, type]] = {
-    extract: (FeatureOptions, FeatureKeywords),
-    register: (RegistrationOptions, RegistrationKeywords),
-    register_pairs: (RegistrationOptions, RegistrationKeywords),
-    mosaic: (MosaicOptions, MosaicKeywords),
-    mosaics: (MosaicOptions, MosaicKeywords),
-    mosaic_of_pair: (MosaicOptions, MosaicKeywords),
-    LiveMosaic: (LiveOptions, LiveKeywords),
-    Tracker: (TrackerOptions, TrackerKeywords),
+TAKERS: dict[Callable[..., object], type] = {
+    extract: FeatureOptions,
+    register: RegistrationOptions,
+    register_pairs: RegistrationOptions,
+    mosaic: MosaicOptions,
+    mosaics: MosaicOptions,
+    mosaic_of_pair: MosaicOptions,
+    LiveMosaic: LiveOptions,
+    Tracker: TrackerOptions,
 }
-"""What takes options, with the classes of the object and of the keyword arguments."""
+"""What takes options, with the class of the object."""
 
 
-@pytest.mark.parametrize(("function", "classes"), TAKERS.items())
-def test_keyword_arguments_have_the_names_and_types_of_the_fields(
-    function: Callable[..., object], classes: tuple[type, type]
-) -> None:
-    options, keywords = classes
+@pytest.mark.parametrize(("function", "options"), TAKERS.items())
+def test_signature_lists_the_options(function: Callable[..., object], options: type[Any]) -> None:
     fields, types = dataclasses.fields(options), get_type_hints(options)
-    # Type checkers read these,
-    assert get_type_hints(keywords) == {field.name: types[field.name] for field in fields}
-    # and `help` these.
     shown = inspect.signature(function).parameters
     assert {name: (each.default, each.annotation) for name, each in shown.items() if name in types} == {
         field.name: (field.default, types[field.name]) for field in fields
@@ -64,23 +58,22 @@ def test_ipython_completes_options() -> None:
             assert [each.text for each in completer.completions(begun, len(begun))] == [whole]
 
 
-def test_a_misspelt_name_is_an_error_for_type_checkers_and_when_it_runs() -> None:
+def test_a_misspelt_name_and_another_type_are_errors() -> None:
     picture = np.zeros((100, 100), np.uint8)
-    # mypy, which refuses a comment that ignores nothing, makes sure that each of these lines is wrong.
     with pytest.raises(InputError, match="`effort` is 'fastt'; valid: fast, normal, thorough"):
-        register(picture, picture, effort="fastt")  # type: ignore[arg-type]
+        register(picture, picture, effort="fastt")
     with pytest.raises(InputError, match="`blending` is 'multiban'"):
         mosaic([picture, picture], MosaicOptions(blending="multiban"))  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"options is 'fast'; give RegistrationOptions\(\.\.\.\), or single options"):
         register(picture, picture, "fast")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="`scale` is '2'; it must be more than 0"):
-        mosaic([picture, picture], scale="2")  # type: ignore[arg-type]
+        mosaic([picture, picture], scale="2")
     with pytest.raises(InputError, match="`accept_poor` is 'no'; it must be bool"):
-        register(picture, picture, accept_poor="no")  # type: ignore[arg-type]
+        register(picture, picture, accept_poor="no")
     with pytest.raises(InputError, match=r"`lens` is 'camera\.toml'; it must be Lens or None"):
-        mosaic([picture, picture], lens="camera.toml")  # type: ignore[arg-type]
+        mosaic([picture, picture], lens="camera.toml")
     with pytest.raises(TypeError, match="efforts"):
-        register(picture, picture, efforts="fast")  # type: ignore[call-arg]
+        register(picture, picture, efforts="fast")
 
 
 def test_names_are_those_of_the_code_behind_them() -> None:
