@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from skymosaic.geometry.homography import apply, dlt
-from skymosaic.geometry.refinement import refine_robustly
+from skymosaic.geometry.refinement import matrix_of, refine_robustly, transfer
 from skymosaic.thesis.reference.refinement import refine, squared_errors
 
 TRUTH = np.array([[0.9, 0.2, 30.0], [-0.15, 1.1, -20.0], [1e-4, -5e-5, 1.0]])
@@ -17,6 +17,17 @@ def noisy_pairs(count: int, sigma_px: float, seed: int) -> tuple[NDArray[np.floa
     left = rng.uniform(0, 640, (count, 2))
     right = apply(TRUTH, left) + rng.normal(0, sigma_px, left.shape)
     return left + rng.normal(0, sigma_px, left.shape), right
+
+
+def test_jacobian_against_finite_differences() -> None:
+    # A strongly projective case in coordinates around 1, far from a minimum.
+    rng = np.random.default_rng(1)
+    x = rng.uniform(-1, 1, (30, 2))
+    h = np.array([0.9, 0.2, 0.1, -0.15, 1.1, -0.2, 0.2, -0.1])
+    y = apply(matrix_of(h), x) + rng.normal(0, 0.05, x.shape)
+    steps = 1e-6 * np.eye(8)
+    numeric = np.stack([(transfer(h + d, x, y)[0] - transfer(h - d, x, y)[0]) / 2e-6 for d in steps], axis=-1)
+    np.testing.assert_allclose(transfer(h, x, y)[1], numeric, atol=1e-8)
 
 
 def test_robust_refinement_ignores_outliers() -> None:

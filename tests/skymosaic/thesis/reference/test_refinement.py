@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -7,7 +6,6 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize
 
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
-from skymosaic.thesis.reference import refinement
 from skymosaic.thesis.reference.refinement import refine, squared_errors
 
 ERRORS = ["transfer", "symmetric", "reprojection", "sampson"]
@@ -22,37 +20,6 @@ def noisy_pairs(
     left = rng.uniform(0, 640, (count, 2))
     right = apply(truth, left) + rng.normal(0, sigma_px, left.shape)
     return left + rng.normal(0, sigma_px, left.shape), right
-
-
-def unit_pairs() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """A strongly projective case in coordinates around 1, far from a minimum."""
-    rng = np.random.default_rng(1)
-    x = rng.uniform(-1, 1, (30, 2))
-    h = np.array([0.9, 0.2, 0.1, -0.15, 1.1, -0.2, 0.2, -0.1])
-    return h, x, apply(np.append(h, 1).reshape(3, 3), x) + rng.normal(0, 0.05, x.shape)
-
-
-def central_differences(
-    function: Callable[..., Any], h: NDArray[np.float64], step: float = 1e-6
-) -> NDArray[np.float64]:
-    return np.stack([(function(h + d) - function(h - d)) / (2 * step) for d in step * np.eye(8)], axis=-1)
-
-
-@pytest.mark.parametrize("error", ["transfer", "symmetric", "sampson"])
-def test_jacobian_against_finite_differences(error: str) -> None:
-    h, x, y = unit_pairs()
-    function = getattr(refinement, error)
-    numeric = central_differences(lambda h: function(h, x, y)[0], h)
-    np.testing.assert_allclose(function(h, x, y)[1], numeric, atol=1e-8)
-
-
-@pytest.mark.parametrize("error", ERRORS)
-def test_gradient_against_finite_differences(error: str) -> None:
-    h, x, y = unit_pairs()
-    function = getattr(refinement, error)
-    residuals, jacobian = function(h, x, y)
-    numeric = central_differences(lambda h: (function(h, x, y)[0] ** 2).sum() / 2, h)
-    np.testing.assert_allclose(np.einsum("nk,nki->i", residuals, jacobian), numeric, atol=1e-9)
 
 
 def test_errors_of_a_shift_by_hand() -> None:
