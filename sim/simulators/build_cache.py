@@ -100,7 +100,9 @@ def _is_full(folder: Path) -> bool:
 
 
 def _build_in_place(folder: Path, build: Callable[[Path], None], what: str, progress: Progress) -> None:
-    _remove_left_overs(folder)
+    # Of killed builds: ours alone holds the lock.
+    for left_over in folder.parent.glob(f"{folder.name}.*.part"):
+        shutil.rmtree(left_over, ignore_errors=True)
     # Each attempt has its own folder, so that a compiler that outlives a killed build cannot write into the next one.
     part = Path(tempfile.mkdtemp(prefix=f"{folder.name}.", suffix=".part", dir=folder.parent))
     where = "once; later runs find it" if folder.parent == cache_folder() else "for this run only,"
@@ -117,20 +119,6 @@ def _build_in_place(folder: Path, build: Callable[[Path], None], what: str, prog
         shutil.rmtree(part, ignore_errors=True)
         shutil.rmtree(part.with_name(f"{part.name}.damaged.part"), ignore_errors=True)
     progress(f"built {what} in {time.monotonic() - started:.0f} s")
-
-
-def _remove_left_overs(folder: Path) -> None:
-    """Remove the remains of killed builds, except those of folders that other processes are building."""
-    for left_over in folder.parent.glob("*.part"):
-        built = folder.with_name(left_over.name.partition(".")[0])
-        if built == folder:  # whose lock we hold
-            shutil.rmtree(left_over, ignore_errors=True)
-            continue
-        try:
-            with FileLock(_lock_path(built), timeout=0):
-                shutil.rmtree(left_over, ignore_errors=True)
-        except Timeout:
-            continue
 
 
 def _is_intact(folder: Path) -> bool:

@@ -130,17 +130,6 @@ def test_missing_file_is_built_again() -> None:
     assert (build_once("thing", write_result, what="the thing", progress=silent) / "result").exists()
 
 
-def test_left_overs_of_other_builds_are_removed_unless_they_run(tmp_path: Path) -> None:
-    (cache_folder() / "old.abc.part").mkdir(parents=True)
-    process = start_slow_build(tmp_path / "log")
-    assert first_line(process).startswith("building")
-    build_once("thing", write_result, what="the thing", progress=silent)
-    names = [path.name.split(".")[0] for path in cache_folder().glob("*.part")]
-    assert names == ["slow"]
-    process.kill()
-    process.communicate(timeout=30)
-
-
 @pytest.mark.parametrize("reason", ["no folder", "full"])
 def test_unwritable_cache_costs_the_cache_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reason: str) -> None:
     if reason == "no folder":
