@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from sim.simulators.recording import NO_PAUSES, Pauses
 
 CLOCK_S = 1e-8
+DRAIN_CYCLES = 64
+"""Clocks after the last beat."""
 
 
 class Garbage:
@@ -67,7 +69,6 @@ def run_beats(
     *,
     settings: Mapping[str, Any] | None = None,
     pauses: Pauses = NO_PAUSES,
-    drain_cycles: int = 64,
     received_per_clock: int | None = None,
 ) -> tuple[Beats, Beats]:
     """Send frames as beats to the port ``i`` of a component and record those at its port ``o``.
@@ -83,8 +84,6 @@ def run_beats(
         Other input ports, set once.
     pauses : Pauses
         Gaps of the input.
-    drain_cycles : int
-        Clocks to run after the last beat.
     received_per_clock : int, optional
         Pixels of a beat at ``o``, if their number differs from that at ``i``.
 
@@ -108,7 +107,7 @@ def run_beats(
         garbage = Garbage(pauses.seed)
         waiting = iter(beats)
         left, cycle = len(beats), 0
-        while left or cycle <= sent[-1][0] + drain_cycles:
+        while left or cycle <= sent[-1][0] + DRAIN_CYCLES:
             garbage.put(ctx, i)
             ctx.set(i.valid, 0)
             if left and not pauses.gap(cycle):

@@ -111,12 +111,12 @@ class Mosaic:
         """
         path = self._check(path, PICTURE_SUFFIXES, overwrite=overwrite)
         if path.suffix.lower() in GEOTIFF_SUFFIXES:
-            self._render(path, None)
+            self._render(path)
         else:
             save(path, self.composition.in_8_bit(self.image))
             record_output(path, self._files)
 
-    def to_geotiff(self, path: str | Path, *, overwrite: bool = False, scheduler: str | None = None) -> Georeference:
+    def to_geotiff(self, path: str | Path, *, overwrite: bool = False) -> Georeference:
         """Render the mosaic again, and write it as a GeoTIFF.
 
         Photographs given as files are read again, so they must still be there; key frames of a video are not.
@@ -127,8 +127,6 @@ class Mosaic:
             ``.tif`` or ``.tiff``.
         overwrite : bool
             Whether an existing file may be replaced.
-        scheduler : str or None
-            As in `MosaicOptions`.
 
         Returns
         -------
@@ -144,7 +142,7 @@ class Mosaic:
         place = self.composition.place
         if place.georeference is None:
             raise InputError(f"{path}: the mosaic's place on the map is unknown ({place.note}); save its image instead")
-        self._render(path, scheduler)
+        self._render(path)
         return place.georeference
 
     @property
@@ -157,9 +155,9 @@ class Mosaic:
         PLAIN.check(Path(path), len(self.composition.band_names))
         return Path(path)
 
-    def _render(self, path: Path, scheduler: str | None) -> None:
+    def _render(self, path: Path) -> None:
         try:
-            with Workers(scheduler) as workers:
+            with Workers() as workers:
                 made = deliver(path, self.flight, self.layout, self.composition, self.composition.bands(workers))
         finally:
             forget_decoded()
