@@ -2,8 +2,8 @@
 
 The kept matches are ordered by weight. Samples of four are drawn in PROSAC's order, solved, and scored by all matches;
 the best homography is kept. After each step of the search that found a better one, four rounds of weighted least
-squares over its inliers, in ever narrower bands, refine it: each is scored, the better one stays. It is accepted if
-enough matches agree closely, in enough places of the frame.
+squares over its inliers, in ever narrower bands, refine it: each is scored, and stays unless its score is clearly
+lower. It is accepted if enough matches agree closely, in enough places of the frame.
 
 A pass computes the areas of two samples and solves them, unless both are dropped; meanwhile the two before are scored.
 It takes as long as the longer of these. Each of the 16 steps ends after a number of passes or at its share of
@@ -37,6 +37,10 @@ SEARCH_CYCLES = 164_800
 MAX_CYCLES = 300_000
 MAX_REFITTED_OFTEN = 256
 """With more matches, only the last step's best homography is refitted: there would be no time for more."""
+REFIT_MARGIN_LOG2 = 8
+"""A refit stays even if the homography before it has a score that is higher by this share, 1/256. The gain tells no
+errors below 0.75 px apart, so the best of many samples often has a slightly higher score than the least squares of all
+its inliers, which are several times closer to the truth (measured: 0.08 instead of 0.42 px, 90th percentile)."""
 
 
 class EstimateCause(enum.IntFlag):
@@ -287,7 +291,7 @@ def quantise(rows: list[list[Floats]]) -> Integers:
 
 
 def _refit(matches: _Matches, best: Integers, score: int) -> tuple[Integers, int, int]:
-    """The better of a homography and its refits, its score, and the clocks."""
+    """Refit a homography: the one that stays, its score, and the clocks."""
     newest = best
     sweep_cycles = len(matches.weight) + CYCLES.sweep
     cycles = sweep_cycles + CYCLES.look
@@ -298,7 +302,7 @@ def _refit(matches: _Matches, best: Integers, score: int) -> tuple[Integers, int
         cycles += programs.CLEAR.cycles + groups * (programs.ADD.cycles + CYCLES.gather) + programs.FIT.cycles
         cycles += CYCLES.round + sweep_cycles
         newest_score = matches.score(newest)
-        if valid and newest_score > score:
+        if valid and newest_score + (newest_score >> REFIT_MARGIN_LOG2) > score:
             best, score = newest, newest_score
     return best, score, cycles
 

@@ -6,7 +6,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import check_range
 from golden_model.geometry.acceptance import CELLS
-from golden_model.geometry.estimator import EstimateCause
+from golden_model.geometry.estimator import REFIT_MARGIN_LOG2, EstimateCause
 from golden_model.geometry.program import LANES, SLOTS
 from golden_model.geometry.programs import GROUP
 from golden_model.geometry.refit import BANDS, MAX_INLIERS
@@ -158,6 +158,7 @@ class HomographyEstimator(wiring.Component):
         hypothesis = view_signal(HYPOTHESIS, reset_less=True)
         chosen = Signal(LANES + 1)
         running = Signal()
+        margin = Mux(frame.round.any(), sweep.o_score >> REFIT_MARGIN_LOG2, 0)
         m.d.comb += [sweep.i_hypothesis.eq(hypothesis), sweep.i_band.eq(_band(frame.round))]
         with m.If(~running & frame.due.any()):
             m.d.sync += [running.eq(1), sweep.i_start.eq(1)]
@@ -169,7 +170,7 @@ class HomographyEstimator(wiring.Component):
             m.d.sync += sweep.i_start.eq(0)
         with m.Elif(running & ~sweep.o_busy):
             m.d.sync += [running.eq(0), frame.due.eq(frame.due & ~chosen)]
-            with m.If((chosen[:LANES] & frame.valid).any() & (sweep.o_score > frame.best_score)):
+            with m.If((chosen[:LANES] & frame.valid).any() & (sweep.o_score + margin > frame.best_score)):
                 m.d.sync += [frame.best.eq(hypothesis), frame.best_score.eq(sweep.o_score)]
 
     def _send(self, m: Module, frame: FrameInWork) -> None:

@@ -89,7 +89,7 @@ class FrameInWork:
         self.is_last = Signal()
         """No step follows."""
         self.round = Signal(range(len(BANDS) + 1))
-        """Rounds of the refit that have ended."""
+        """Rounds of the refit that have been fitted; 0: there is no refit under way."""
         self.group = Signal(range(MAX_INLIERS // GROUP + 1))
         """Groups of the list that have been added."""
         self.gather = Signal()
@@ -254,7 +254,7 @@ def _list_inliers(m: Module, parts: Parts, frame: FrameInWork) -> None:
     with m.State("List"), m.If(~frame.due.any()):
         m.d.sync += frame.group.eq(0)
         with m.If(frame.round == len(BANDS)):
-            m.d.sync += [frame.refitted_score.eq(frame.best_score), frame.valid.eq(0)]
+            m.d.sync += [frame.refitted_score.eq(frame.best_score), frame.valid.eq(0), frame.round.eq(0)]
             m.next = "Draw"
             with m.If(frame.is_last):
                 m.d.sync += frame.due.eq(BEST)
