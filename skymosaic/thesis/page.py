@@ -35,7 +35,11 @@ SHEETS = {
 }
 CHARTS = {
     "corners": charts.plot_corners,
+    "windows": charts.plot_windows,
+    "rings": charts.plot_rings,
+    "fuzzy_ransac": charts.plot_fuzzy_ransac,
     "errors": charts.plot_errors,
+    "stages": charts.plot_stages,
     "scales": charts.plot_scales,
 }
 """Tables and diagrams by their names in the template, which asks the questions and remarks on the results."""
