@@ -1,7 +1,8 @@
 """How many clocks the hardware needs to paint a frame, where memory gives and takes a word in every clock.
 
 Blocks work on different tiles at the same time: one is projected and judged, the window of another is read, a third is
-painted. Each takes its next tile when it has passed the last one on. A memory that waits makes it more, never less.
+painted. Each takes its next tile when it has passed the last one on. Only a wide window is read, and painted, while
+there is no other. A memory that waits makes it more, never less.
 """
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from golden_model.painting.corners import SIDE
 from golden_model.painting.painter import Plan
 from golden_model.painting.tiles import TILE_PX
+from golden_model.painting.windows import are_wide
 
 POSE_CYCLES = 622
 """From a host's pose to the first tile of the canvas that is tried, where no other frame is under way."""
@@ -34,10 +36,12 @@ def painting_cycles(plan: Plan, columns: int, rows: int) -> int:
     left, top, right, bottom = plan.boxes.T
     # A word of memory is two pixels, the left one of which has an even x.
     words = np.where(plan.shown, ((right >> 1) - (left >> 1) + 1) * (bottom - top + 1), 0)
+    wide = plan.shown & are_wide(plan.boxes)
     tried, corner, place = POSE_CYCLES - 1, np.zeros(2, np.int64), -1
     # When each block is free for its next tile.
     judge = reader = painter = end = 0
-    for tile, count, painted in zip(plan.tiles, words.tolist(), plan.painted.tolist(), strict=True):
+    follows_wide = False
+    for tile, count, is_wide, painted in zip(plan.tiles, words.tolist(), wide.tolist(), plan.painted, strict=True):
         column, row = tile.tolist()
         before, place = place, row * columns + (columns - 1 - column if row % 2 else column)
         tried = max(tried + place - before, judge)
@@ -47,6 +51,9 @@ def painting_cycles(plan: Plan, columns: int, rows: int) -> int:
         planned = tried + JUDGING_CYCLES + way + (way > 0)
         if painted:
             planned = max(planned, reader)
+            if is_wide or (follows_wide and count):
+                planned = max(planned, painter + 1)
+            follows_wide = is_wide
             passed = max(planned + (READING_CYCLES + count if count else 1), painter)
             reader, painter = passed + 1, max(passed, painter) + PAINTING_CYCLES
             end = painter + ENDING_CYCLES

@@ -11,9 +11,11 @@ from golden_model.painting.corners import CORNER
 from golden_model.painting.positions import POSITION
 from golden_model.painting.sampling import weigh
 
-WINDOW_PX = 64
-"""Side of the largest part of a frame that is held for a tile: at any heading enough for 1.3 px of the frame per pixel
-of the canvas, at headings along the axes for 1.9."""
+WINDOW_PX = 128
+"""Side of the largest part of a frame that is held for a tile: at any heading enough for 2.7 px of the frame per pixel
+of the canvas, at headings along the axes for 3.9."""
+NARROW_PX = WINDOW_PX // 2
+"""Of parts up to this width two are held at once: while one is painted, the next is read."""
 
 
 def bounding_boxes(corners: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -42,6 +44,11 @@ def are_too_large(boxes: NDArray[np.int64]) -> NDArray[np.bool_]:
     """
     sides = boxes[:, 2:] - boxes[:, :2] + 1
     return np.asarray(sides.max(axis=1) > WINDOW_PX)
+
+
+def are_wide(boxes: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether boxes (N, 4), cut to the frame, are wider than `NARROW_PX`, (N,)."""
+    return np.asarray(boxes[:, 2] - boxes[:, 0] >= NARROW_PX)
 
 
 def can_win(boxes: NDArray[np.int64], width_px: int, height_px: int, least: NDArray[np.int64]) -> NDArray[np.bool_]:

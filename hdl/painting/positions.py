@@ -13,11 +13,12 @@ from golden_model.painting.windows import WINDOW_PX
 from hdl.lib.add_subtract import add_or_subtract
 from hdl.painting.corners import CORNERS
 
-POSITION_PAYLOAD = data.StructLayout({"x": signed(POSITION.bits), "y": signed(POSITION.bits), "window": 1, "blank": 1})
-"""A position in the frame, and the window that holds its surroundings. Where ``blank``, it is outside the frame,
-whatever x and y are."""
-LOADED_TILE = data.StructLayout({"corners": CORNERS, "window": 1, "blank": 1})
-"""A tile whose part of the frame is in ``window``; or a ``blank`` one, which shows nothing of the frame."""
+SOURCE = {"window": 1, "wide": 1, "blank": 1}
+"""The window that holds a part of the frame: one of two, or a ``wide`` one. Where ``blank``, nothing of it is shown."""
+POSITION_PAYLOAD = data.StructLayout({"x": signed(POSITION.bits), "y": signed(POSITION.bits)} | SOURCE)
+"""A position in the frame, and where its surroundings are; a ``blank`` one is outside, whatever x and y are."""
+LOADED_TILE = data.StructLayout({"corners": CORNERS} | SOURCE)
+"""A tile, and where its part of the frame is."""
 ROUNDING = 1 << EDGE_BITS - POSITION.fraction_bits - 1
 """Half a step of a position, on an edge; edges carry it to all positions between them."""
 SPAN_BITS = WINDOW_PX.bit_length()
@@ -54,7 +55,7 @@ class Positions(wiring.Component):
     """
 
     i: In(stream.Signature(LOADED_TILE))
-    """Its corners are less than 64 px apart, unless it is blank. Taken together with its last position."""
+    """Its corners are less than 128 px apart, unless it is blank. Taken together with its last position."""
     o: Out(stream.Signature(POSITION_PAYLOAD))
     """Positions of 32 x 32 pixels, row by row."""
 
@@ -92,7 +93,7 @@ class Positions(wiring.Component):
                     m.d.sync += self.o.valid.eq(0)
                     m.next = "Load"
         tile, position = self.i.payload, self.o.payload
-        m.d.comb += [position.window.eq(tile.window), position.blank.eq(tile.blank)]
+        m.d.comb += [position[name].eq(tile[name]) for name in SOURCE]
         for axis in ("x", "y"):
             m.d.comb += position[axis].eq(self._walk(m, axis, moves, self._follow_edges(m, axis, moves)))
         return m

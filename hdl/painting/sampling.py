@@ -19,21 +19,19 @@ COLOUR = data.ArrayLayout(8, CHANNELS)
 """Blue, green, red."""
 PIXEL = data.StructLayout({"colour": COLOUR, "weight": WEIGHT_BITS})
 """A pixel of a frame with its weight, or of the canvas; in memory four bytes, blue first."""
-WINDOWS = 2
 BANK_WORDS = (WINDOW_PX // 2) ** 2
 WINDOW_LOG2 = WINDOW_PX.bit_length() - 1
 WINDOW_WRITE = data.StructLayout(
     {
         "valid": 1,
-        "window": range(WINDOWS),
         "y": WINDOW_LOG2,
         "x": WINDOW_LOG2 - 1,
         "pixels": data.ArrayLayout(COLOUR, 2),
         "kept": data.ArrayLayout(1, 2),
     }
 )
-"""Two pixels of the frame side by side: the lower bits of their y, and of half the x of the left one, which is even.
-Those that are not ``kept`` are not written."""
+"""Two pixels of the frame side by side: the lower bits of their y, and the `window_column` of half the x of the left
+one, which is even. Those that are not ``kept`` are not written."""
 ADDRESS_CYCLES = 1
 INTERPOLATION_CYCLES = Multiplier.latency_cycles + 1
 READ_CYCLES = ADDRESS_CYCLES + LineMemory.latency_cycles
@@ -44,9 +42,9 @@ WEIGHING_CYCLES = 2
 class Sampling(wiring.Component):
     """Colours and weights of a frame at positions; equal to `golden_model.painting.sampling.sample`.
 
-    Two windows of up to 64 x 64 pixels wait in four memories, by the parity of x and y: the four pixels around any
-    position are read in the same clock. Their place is given by the lower 6 bits of their coordinates in the frame, so
-    a window may begin anywhere. The throughput is one pixel per clock. Nine multipliers.
+    Two windows of up to 64 x 128 pixels, or a wide one of 128 x 128, wait in four memories, by the parity of x and y:
+    the four pixels around any position are read in the same clock. Their place is given by the lower bits of their
+    coordinates in the frame, so a window may begin anywhere. The throughput is one pixel per clock. Nine multipliers.
     """
 
     i_width_px: In(FRAME_SIDE)
@@ -88,22 +86,22 @@ class Sampling(wiring.Component):
     def _read(self, m: Module) -> list[list[data.View]]:
         """Write windows, and read the four pixels around a position; by the parity of their y, then of their x."""
         position, written = self.i.payload, self.i_write
-        window = delayed(m, position.window, ADDRESS_CYCLES)
         # The even one of two neighbours is the left one or the upper one, or follows it.
         x, y = (
-            [delayed(m, (half + parity)[: len(half)], ADDRESS_CYCLES), delayed(m, half, ADDRESS_CYCLES)]
-            for half, parity in map(_half_and_parity, (position.x, position.y))
+            [(half + parity)[: len(half)], half] for half, parity in map(_half_and_parity, (position.x, position.y))
         )
+        x = [window_column(each, position.wide, position.window) for each in x]
+        x, y = ([delayed(m, each, ADDRESS_CYCLES) for each in halves] for halves in (x, y))
         banks: list[list[data.View]] = [[], []]
         for n in range(4):
             bottom, right = divmod(n, 2)
-            m.submodules[f"bank{bottom}{right}"] = bank = LineMemory(shape=COLOUR, depth=WINDOWS * BANK_WORDS)
+            m.submodules[f"bank{bottom}{right}"] = bank = LineMemory(shape=COLOUR, depth=BANK_WORDS)
             m.d.comb += [
                 bank.i_write.eq(written.valid & written.kept[right] & (written.y[0] == bottom)),
-                bank.i_write_address.eq(Cat(written.x, written.y[1:], written.window)),
+                bank.i_write_address.eq(Cat(written.x, written.y[1:])),
                 bank.i_word.eq(written.pixels[right]),
                 bank.i_read.eq(1),
-                bank.i_read_address.eq(Cat(x[right], y[bottom], window)),
+                bank.i_read_address.eq(Cat(x[right], y[bottom])),
             ]
             banks[bottom].append(data.View(COLOUR, bank.o_word))
         return banks
@@ -118,6 +116,12 @@ class Sampling(wiring.Component):
         left, right, top, bottom = (delayed(m, each, 1) for each in distances)
         nearest = smaller(m, smaller(m, left, right), smaller(m, top, bottom))
         return weigh(m, nearest, weight_shift(m, self.i_width_px, self.i_height_px)), 3 + WEIGHING_CYCLES
+
+
+def window_column(half: Value, wide: Value, window: Value) -> Value:
+    """Where half the x of a pixel is in the memories: the highest bit is that of x in a wide window, or says which."""
+    low = half[: WINDOW_LOG2 - 2]
+    return Cat(low, Mux(wide, half[len(low)], window))
 
 
 def weight_shift(m: Module, width_px: Value, height_px: Value) -> Signal:

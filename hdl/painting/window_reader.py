@@ -1,4 +1,4 @@
-"""The part of a frame that a tile needs, from memory into one of two windows."""
+"""The part of a frame that a tile needs, from memory into a window."""
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
@@ -11,7 +11,7 @@ from hdl.lib.multiplier import Multiplier, multiply
 from hdl.lib.views import view_signal
 from hdl.painting.frame_writer import BURST_PX, PIXEL_BYTES
 from hdl.painting.positions import LOADED_TILE
-from hdl.painting.sampling import WINDOW_WRITE
+from hdl.painting.sampling import WINDOW_WRITE, window_column
 from hdl.painting.tiles import FRAME_SIDE
 from hdl.painting.windows import PLAN
 
@@ -24,8 +24,9 @@ class WindowReader(wiring.Component):
     """Reads the window of each plan, row by row, and passes the tile on when all of it is there.
 
     While the tile at ``o`` is painted, the window of the next is read; so ``o`` is taken when the window has been read
-    for the last time, or two clocks before. Of a plan that is ``blank`` nothing is read; one of which a word came with
-    an error becomes blank, so that no wrong pixel is painted.
+    for the last time, or two clocks before. A ``wide`` window takes the place of both: it is read when no tile is at
+    ``o``, and while its own tile is there no other is. Of a plan that is ``blank`` nothing is read; one of which a word
+    came with an error becomes blank, so that no wrong pixel is painted.
     """
 
     i: In(stream.Signature(PLAN))
@@ -60,9 +61,10 @@ class WindowReader(wiring.Component):
             m.d.sync += self.o.valid.eq(0)
         with m.FSM():
             with m.State("IDLE"):
-                m.d.comb += self.i.ready.eq(1)
+                shares = self.i.payload.blank | ~(self.i.payload.wide | self.o.payload.wide)
+                m.d.comb += self.i.ready.eq(shares | ~self.o.valid)
                 m.d.sync += [plan.eq(self.i.payload), failed.eq(0)]
-                with m.If(self.i.valid):
+                with m.If(self.i.valid & self.i.ready):
                     m.next = "READ"
                     with m.If(self.i.payload.blank):
                         m.next = "PASS"
@@ -74,6 +76,7 @@ class WindowReader(wiring.Component):
                     self.o.valid.eq(1),
                     self.o.payload.corners.eq(plan.corners),
                     self.o.payload.window.eq(window),
+                    self.o.payload.wide.eq(plan.wide),
                     self.o.payload.blank.eq(plan.blank | failed),
                     window.eq(~window),
                 ]
@@ -112,11 +115,10 @@ class WindowReader(wiring.Component):
         m.d.comb += [
             words.ready.eq(1),
             write.valid.eq(words.valid),
-            write.window.eq(window),
-            write.x.eq(x),
+            write.x.eq(window_column(x, plan.wide, window)),
             write.y.eq(y),
             # A window of 64 px that begins at an odd x has 33 words, of which the last has the address of the first. So
-            # its right half is left out; the left half of the first is overwritten.
+            # its right half is left out; the left half of the first is overwritten. A wide one of 128 px likewise.
             write.kept.eq(Mux(ends_row & ~plan.right[0], 0b01, 0b11)),
             *(write.pixels[n].eq(words.payload.data.word_select(n, pixel_bits)) for n in range(2)),
         ]

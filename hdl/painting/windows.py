@@ -9,7 +9,7 @@ from golden_model.painting.blending import FADE
 from golden_model.painting.corners import CORNER
 from golden_model.painting.positions import POSITION
 from golden_model.painting.sampling import WEIGHT_BITS
-from golden_model.painting.windows import WINDOW_PX
+from golden_model.painting.windows import NARROW_PX, WINDOW_PX
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
 from hdl.painting.corners import CORNERS, PROJECTED
@@ -23,12 +23,14 @@ PLAN = data.StructLayout(
         "tile": TILE,
         "corners": CORNERS,
         **dict.fromkeys(BOX, COORDINATE),
+        "wide": 1,
         "painted": 1,
         "blank": 1,
     }
 )
-"""A tile to paint, and the part of the frame that it needs: inclusive, inside the frame, at most 64 x 64 px.
+"""A tile to paint, and the part of the frame that it needs: inclusive, inside the frame, at most 128 x 128 px.
 
+``wide``: it is wider than 64 px, so that its window has no other beside it.
 ``painted``: the tile was painted before, so that its memory has a meaning. ``blank``: nothing of the frame is to be
 shown; corners and box mean nothing.
 """
@@ -184,6 +186,7 @@ class WindowPlanner(wiring.Component):
         plan = self.o.payload
         left, top, right, bottom = (Signal(COORDINATE, name=name, reset_less=True) for name in BOX)
         large = Signal(2, reset_less=True)
+        wide = delayed(m, right - left >= NARROW_PX, 1)
         span_px = delayed(m, most - least, 1)
         # What is taken along x moves on when that along y comes.
         with m.If((step == BOX_STEP) | (step == BOX_STEP + 1)):
@@ -194,4 +197,5 @@ class WindowPlanner(wiring.Component):
         with m.If((step == BOX_STEP + 1) | (step == BOX_STEP + 2)):
             m.d.sync += large.eq(Cat(large[1], span_px >= WINDOW_PX))
         m.d.comb += [plan[name].eq(side) for name, side in zip(BOX, (left, top, right, bottom), strict=True)]
+        m.d.comb += plan.wide.eq(wide & ~plan.blank)
         return large.any()

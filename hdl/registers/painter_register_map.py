@@ -87,7 +87,7 @@ PAINTER_REGISTERS = (
         pose_lost="A record that came while eight waited; later frames need a host's pose.",
     ),
     status_word("TILES_BEHIND", 0x1D8, "Tiles left out of painted frames.", "Not wholly in front of the camera."),
-    status_word("TILES_TOO_LARGE", 0x1DC, "Tiles left out of painted frames.", "More than 64 px of the frame in them."),
+    status_word("TILES_TOO_LARGE", 0x1DC, "Tiles left out of painted frames.", "They need more than 128 px of it."),
     status_word("TILES_FAILED", 0x1E0, "Tiles left out of painted frames.", "Memory answered with an error."),
     Register(
         "POSE_SET", 0x1E4, "Sets the pose of a frame; write both fields at once.",

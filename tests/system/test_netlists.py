@@ -165,5 +165,5 @@ def test_the_netlist_of_the_painter_equals_the_golden_model(
     test_painter.test_every_byte_is_the_models(replaces=False, count=30)
     test_painter.test_every_byte_is_the_models(replaces=True, count=20)
     test_painter.test_poses_are_composed_and_refused()
-    test_painter.test_a_memory_that_fails_spoils_no_pixel()
+    test_painter.test_a_memory_that_fails_spoils_no_pixel(wide=True)
     record_property("processor_s", round(processor_s() - start_s))

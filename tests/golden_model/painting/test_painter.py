@@ -46,14 +46,14 @@ def warp(frame: NDArray[np.uint8], H: Matrix) -> tuple[NDArray[np.float64], NDAr
 
 
 @pytest.mark.parametrize("replace", [False, True], ids=["canvas", "stabilised"])
-@pytest.mark.parametrize(("zoom", "turn", "tilt"), [(0.5, 0.4, 0), (1, 2.2, 1e-4), (1.3, -1, -2e-4)])
+@pytest.mark.parametrize(("zoom", "turn", "tilt"), [(0.5, 0.4, 0), (1, 2.2, 1e-4), (2, -0.8, -2e-4)])
 def test_a_frame_is_where_double_precision_puts_it(zoom: float, turn: float, tilt: float, replace: bool) -> None:
     H, frame = tilted.pose(SIZE, zoom=zoom, turn=turn, tilt=tilt, tiles=TILES), photograph()
     painter = Painter(TILES, TILES, replace=replace)
     counts = painter.paint(frame, integers(H))
     expected, inside = warp(frame, H)
     picture = painter.picture.astype(float)
-    assert inside.sum() > 5000
+    assert inside.sum() > 4000
     assert counts.painted == (TILES**2 if replace else np.count_nonzero(painter.memory[..., 3].any(axis=(2, 3))))
     errors = (picture[..., :3] - expected)[inside]
     assert 10 * np.log10(255**2 / (errors**2).mean()) > 53
@@ -93,7 +93,7 @@ def test_a_new_frame_forgets_the_last_one_in_stabilised_video() -> None:
     away = H.copy()
     away[0, 2] += 5000
     # Off the canvas, and too large for windows.
-    for nothing in (away, tilted.pose(SIZE, zoom=3, turn=0.3, tiles=TILES)):
+    for nothing in (away, tilted.pose(SIZE, zoom=5, turn=0.3, tiles=TILES)):
         painter.paint(photograph(1), integers(H))
         assert painter.memory.any()
         assert painter.paint(photograph(2), integers(nothing)).painted == TILES**2
@@ -102,8 +102,8 @@ def test_a_new_frame_forgets_the_last_one_in_stabilised_video() -> None:
 
 def test_what_cannot_be_painted_is_counted() -> None:
     painter = Painter(TILES, TILES)
-    far = painter.paint(photograph(), integers(tilted.pose(SIZE, zoom=3, turn=0.5, tiles=TILES)))
-    # 3 px of the frame for each of the canvas: no tile fits into a window.
+    far = painter.paint(photograph(), integers(tilted.pose(SIZE, zoom=5, turn=0.5, tiles=TILES)))
+    # 5 px of the frame for each of the canvas: no tile fits into a window.
     assert far.too_large == far.offered > 0 == far.painted
     # The horizon crosses the canvas: nothing behind it, and no tile across it.
     tilted_up = painter.paint(photograph(), integers(tilted.pose(SIZE, zoom=0.5, turn=0, tilt=-0.012, tiles=TILES)))

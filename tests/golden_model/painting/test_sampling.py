@@ -16,7 +16,7 @@ from golden_model.painting.sampling import sample, weigh
 from tests.golden_model.painting import tilted
 
 NEEDED_DB = 57
-ZOOMS, TURNS = (0.5, 0.77, 1.0, 1.36), (0.0, 0.3, 2.2, 4.6)
+ZOOMS, TURNS = (0.5, 1.0, 1.5, 2.0), (0.0, 0.3, 2.2, 3.9)
 
 
 def bilinear(frame: Pixels, points: Array) -> Array:
@@ -40,7 +40,7 @@ def check_warps(frame: Pixels) -> None:
         H = tilted.pose(size, zoom=zoom, turn=turn)
         colours, weights = sample(frame, positions(tilted.corners(H, tile)))
         inside = weights > 0
-        assert inside.sum() > 40_000
+        assert inside.sum() > 25_000
         assert psnr(colours[inside] - bilinear(frame, tilted.pixels(H, tile)[inside])) > NEEDED_DB
 
 

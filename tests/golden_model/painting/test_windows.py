@@ -9,7 +9,14 @@ from golden_model.painting.blending import blend
 from golden_model.painting.corners import CORNER
 from golden_model.painting.positions import POSITION, positions
 from golden_model.painting.sampling import sample
-from golden_model.painting.windows import WINDOW_PX, are_too_large, bounding_boxes, can_win, cut_to_frame
+from golden_model.painting.windows import (
+    WINDOW_PX,
+    are_too_large,
+    are_wide,
+    bounding_boxes,
+    can_win,
+    cut_to_frame,
+)
 from tests.golden_model.painting import tilted
 
 SIZES = ((64, 48), (153, 101), (640, 480), (1100, 1031))
@@ -51,15 +58,21 @@ def test_boxes_reach_the_pixel_to_which_a_position_is_rounded() -> None:
     assert bounding_boxes(corners).tolist() == [[0, 0, 10, 11]]
 
 
-def test_a_window_has_at_most_64_pixels_a_side() -> None:
-    for large, right, bottom in ((False, 163, 263), (True, 164, 263), (True, 163, 264)):
+def test_a_window_has_at_most_128_pixels_a_side() -> None:
+    for large, right, bottom in ((False, 227, 327), (True, 228, 327), (True, 227, 328)):
         boxes = box(100, 200, right, bottom)
         assert boxes.tolist() == [[100, 200, right, bottom]]
         assert are_too_large(boxes) == [large]
-    assert WINDOW_PX == 64
+    assert WINDOW_PX == 128
 
 
-@pytest.mark.parametrize(("turn", "zoom"), [(0, 1.93), (np.pi / 4, 1.36)])
+def test_a_part_of_the_frame_is_wide_by_what_is_inside() -> None:
+    for wide, left, right in ((False, 80, 143), (True, 80, 144), (False, -40, 63), (True, -40, 64), (False, 90, 200)):
+        boxes = cut_to_frame(box(left, 0, right, 100), 150, 100)
+        assert are_wide(boxes) == [wide]
+
+
+@pytest.mark.parametrize(("turn", "zoom"), [(0, 3.93), (np.pi / 4, 2.77)])
 def test_windows_suffice_up_to_the_zoom_that_is_documented(turn: float, zoom: float) -> None:
     for factor, some in ((1, False), (1.05, True)):
         H = tilted.pose((640, 480), zoom=zoom * factor, turn=turn)

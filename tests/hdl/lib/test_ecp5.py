@@ -100,7 +100,7 @@ def test_the_whole_painter_is_made_of_the_cells() -> None:
     cells = Counter(re.findall(r"cell \\(DP16KD|MULT18X18D) ", rtlil.convert(Painter(), platform=Ecp5())))
     # Multipliers: interpolation, blending, the frame's edges, rows of a window and of the canvas. Memories: windows,
     # weights of tiles, poses.
-    assert cells == {"MULT18X18D": 9 + 3 + 2 + 2, "DP16KD": 12 + 9 + 3}
+    assert cells == {"MULT18X18D": 9 + 3 + 2 + 2, "DP16KD": 24 + 9 + 3}
 
 
 def test_what_does_not_fit_is_refused_and_what_just_fits_is_not() -> None:

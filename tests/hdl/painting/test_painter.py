@@ -1,5 +1,6 @@
 """The whole painter, with a camera and a memory that waits, is late and fails: every byte is the model's."""
 
+import itertools
 import re
 import subprocess
 from dataclasses import asdict, replace
@@ -20,13 +21,15 @@ from tests.golden_model.painting import tilted
 from tests.golden_model.painting.test_painter import integers
 
 SIZE, COLUMNS, ROWS = (75, 58), 5, 4
+LARGE = (170, 150)
+"""It holds more than one wide window."""
 SLOW = MemoryRules(waits=43, latency_clocks=119, seed=1)
 FRAME_CLOCKS = 200_000
 """Limit."""
 
 
-def frame(seed: int) -> NDArray[np.uint8]:
-    return np.random.default_rng(seed).integers(0, 256, (SIZE[1], SIZE[0], 3)).astype(np.uint8)
+def frame(seed: int, size: tuple[int, int] = SIZE) -> NDArray[np.uint8]:
+    return np.random.default_rng(seed).integers(0, 256, (size[1], size[0], 3)).astype(np.uint8)
 
 
 def homographies(count: int, seed: int) -> list[NDArray[np.float64]]:
@@ -42,9 +45,17 @@ def homographies(count: int, seed: int) -> list[NDArray[np.float64]]:
     return result
 
 
-def start(*, replaces: bool = False, rules: MemoryRules = SLOW) -> tuple[PainterBench, golden.Painter]:
+def wide_looks() -> list[NDArray[np.float64]]:
+    """`LARGE` frames in the middle of the canvas: tiles need up to 93 px of them."""
+    looks = itertools.product((1.3, 1.7, 2.0), np.radians([0, 20, 45, 90]))
+    return [tilted.pose(LARGE, zoom=zoom, turn=turn, tiles=4) for zoom, turn in looks]
+
+
+def start(
+    size: tuple[int, int] = SIZE, *, replaces: bool = False, rules: MemoryRules = SLOW
+) -> tuple[PainterBench, golden.Painter]:
     """A bench whose canvas is clear, and a model."""
-    bench = PainterBench(width_px=SIZE[0], height_px=SIZE[1], columns=COLUMNS, rows=ROWS, replace=replaces, rules=rules)
+    bench = PainterBench(width_px=size[0], height_px=size[1], columns=COLUMNS, rows=ROWS, replace=replaces, rules=rules)
     bench.canvas[:] = 0
     return bench, golden.Painter(COLUMNS, ROWS, replace=replaces)
 
@@ -81,19 +92,41 @@ def test_every_byte_is_the_models(replaces: bool, count: int) -> None:
 def test_clocks_are_as_predicted_where_memory_never_waits() -> None:
     """And more where it does, but never less."""
     poses = homographies(30, seed=5)
-    for replaces, rules in ((False, MemoryRules()), (True, MemoryRules()), (False, SLOW)):
-        bench, model = start(replaces=replaces, rules=rules)
-        for number, H in enumerate(poses, 1):
-            bench.show(frame(number))
+    for size, looks, replaces, rules in (
+        *((SIZE, poses, replaces, MemoryRules()) for replaces in (False, True)),
+        *((LARGE, wide_looks(), replaces, MemoryRules()) for replaces in (False, True)),
+        (SIZE, poses, False, SLOW),
+    ):
+        bench, model = start(size, replaces=replaces, rules=rules)
+        for number, H in enumerate(looks, 1):
+            bench.show(frame(number, size))
             while not bench.is_idle:
                 bench.run(500)
             began = bench.cycle
             bench.place(quantise(H[np.newaxis])[0], number)
             (report,) = bench.run(FRAME_CLOCKS, reports=number)
-            predicted = painting_cycles(model.plan(SIZE, integers(H)), COLUMNS, ROWS)
-            model.paint(frame(number), integers(H))
+            predicted = painting_cycles(model.plan(size, integers(H)), COLUMNS, ROWS)
+            model.paint(frame(number, size), integers(H))
             assert report.cycle - began >= predicted
             assert rules == SLOW or report.cycle - began == predicted
+
+
+@pytest.mark.parametrize("replaces", [False, True], ids=["canvas", "stabilised"])
+def test_at_zooms_up_to_2_and_any_heading_no_tile_is_left_out(replaces: bool) -> None:
+    """Wide windows and others in turns; the second of two frames comes while the first is painted."""
+    bench, model = start(LARGE, replaces=replaces)
+    poses = wide_looks()
+    for number in range(1, len(poses), 2):
+        pair = {n: poses[n - 1] for n in (number, number + 1)}
+        for n, H in pair.items():
+            bench.show(frame(n, LARGE))
+            bench.place(quantise(H[np.newaxis])[0], n)
+        for report, (n, H) in zip(bench.run(FRAME_CLOCKS, reports=number + 1), pair.items(), strict=True):
+            expected = model.paint(frame(n, LARGE), integers(H))
+            assert (report.frame, counted(report)) == (n, model_counts(expected))
+            assert report.too_large == 0 < report.painted
+        np.testing.assert_array_equal(bench.canvas, model.memory, f"frame {number + 1}")
+    assert (bench.violations, bench.errors, bench.events) == (0, 0, {})
 
 
 def test_frames_and_poses_meet_by_their_numbers() -> None:
@@ -206,19 +239,21 @@ def test_switched_off_nothing_waits_and_poses_are_still_composed() -> None:
     np.testing.assert_array_equal(bench.canvas, model.memory)
 
 
-def test_a_memory_that_fails_spoils_no_pixel() -> None:
+@pytest.mark.parametrize("wide", [False, True], ids=["narrow", "wide"])
+def test_a_memory_that_fails_spoils_no_pixel(wide: bool) -> None:
     """What was not read or not written stays as it was; afterwards all is well."""
-    bench, _ = start()
+    size, place = (LARGE, wide_looks()[6]) if wide else (SIZE, homographies(1, seed=8)[0])
+    bench, _ = start(size)
     fails = replace(SLOW, failures=12, seed=2)
     # One colour: whatever is painted of it, and however often, is that colour.
-    level, place = np.full((SIZE[1], SIZE[0], 3), 90, np.uint8), homographies(1, seed=8)[0]
+    level = np.full((size[1], size[0], 3), 90, np.uint8)
     elements = quantise(place[np.newaxis])[0]
     for number in range(1, 8):
         bench.show(level)
-        bench.run(20_000)
+        bench.run(40_000)
         bench.follow(fails)
         bench.place(elements, number)
-        bench.run(60_000)
+        bench.run(80_000, reports=number)
         bench.follow(SLOW)
     assert len(bench.reports) == 7
     assert any(report.failed for report in bench.reports)
@@ -229,7 +264,7 @@ def test_a_memory_that_fails_spoils_no_pixel() -> None:
     # A frame that could not be written is lost.
     bench.follow(fails)
     bench.show(level)
-    bench.run(20_000)
+    bench.run(40_000)
     bench.follow(SLOW)
     assert bench.events == {"lost": 1}
     bench.show(level)
@@ -241,19 +276,26 @@ def test_a_memory_that_fails_spoils_no_pixel() -> None:
     assert bench.violations == 0
 
 
-def test_a_reset_in_a_frame_leaves_nothing_behind() -> None:
-    bench, model = start()
-    first, second = homographies(2, seed=9)
-    for clocks in (3_000, 18_500, 21_000):
-        bench.show(frame(1))
+@pytest.mark.parametrize(
+    ("size", "first", "stops"),
+    [(SIZE, homographies(1, seed=9)[0], (3_000, 18_500, 21_000)), (LARGE, wide_looks()[6], (36_000, 41_000, 46_500))],
+    ids=["narrow", "wide"],
+)
+def test_a_reset_in_a_frame_leaves_nothing_behind(
+    size: tuple[int, int], first: NDArray[np.float64], stops: tuple[int, ...]
+) -> None:
+    bench, model = start(size)
+    second = homographies(2, seed=9)[1]
+    for clocks in stops:
+        bench.show(frame(1, size))
         bench.place(quantise(first[np.newaxis])[0], 1)
         bench.run(clocks)
         bench.reset()
     bench.canvas[:] = 0
-    bench.show(frame(2))
+    bench.show(frame(2, size))
     bench.place(quantise(second[np.newaxis])[0], 1)
     assert [report.frame for report in bench.run(FRAME_CLOCKS, reports=1)] == [1]
-    model.paint(frame(2), integers(second))
+    model.paint(frame(2, size), integers(second))
     np.testing.assert_array_equal(bench.canvas, model.memory)
 
 

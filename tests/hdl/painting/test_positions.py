@@ -27,12 +27,15 @@ def tiles() -> NDArray[np.int64]:
     ]
     rng = np.random.default_rng(1)
     # Whatever the corners, the adders follow: beyond the borders of the largest frame.
-    extremes = [rng.integers(0, 63 * CORNER.one, (1, 3, 3, 2)) + first * CORNER.one for first in (-60, 4090)]
+    extremes = [rng.integers(0, 127 * CORNER.one, (1, 3, 3, 2)) + first * CORNER.one for first in (-60, 4090)]
     return np.concatenate([*seen, *extremes])
 
 
 def payloads(corners: NDArray[np.int64], *, blank: int = 0) -> list[dict[str, Any]]:
-    return [{"corners": corner_payload(each), "window": n % 2, "blank": blank} for n, each in enumerate(corners)]
+    return [
+        {"corners": corner_payload(each), "window": n % 2, "wide": n // 2 % 2, "blank": blank}
+        for n, each in enumerate(corners)
+    ]
 
 
 def rows(results: list[Any]) -> NDArray[np.int64]:
@@ -49,7 +52,7 @@ def test_positions_equal_the_golden_model(pauses: Pauses) -> None:
         Positions(), {"i": payloads(corners)}, {"o": count * PIXELS}, pauses=pauses, cycle_limit=limit
     )["o"]
     np.testing.assert_array_equal(rows(results), positions(corners).reshape(-1, 2))
-    assert [each.window for each in results] == [n % 2 for n in range(count) for _ in range(PIXELS)]
+    assert [each.window + 2 * each.wide for each in results] == [n % 4 for n in range(count) for _ in range(PIXELS)]
     assert not any(each.blank for each in results)
 
 

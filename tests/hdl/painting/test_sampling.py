@@ -19,7 +19,8 @@ COUNT = 300
 BOXES = {
     # Size of the frame; left, top, right, bottom of the window.
     "a whole frame of odd size": ((45, 37), (0, 0, 44, 36)),
-    "the largest window, at odd places": ((640, 480), (301, 177, 364, 240)),
+    "the largest of two windows, at odd places": ((640, 480), (301, 177, 364, 304)),
+    "a wide window at the right border": ((639, 480), (511, 187, 638, 217)),
     "the last corner of the largest frame": ((4096, 4096), (4063, 4070, 4095, 4095)),
     "the largest weights of 720 lines": ((1280, 720), (630, 350, 650, 370)),
     "the largest weights of 1080 lines": ((1920, 1080), (950, 530, 970, 550)),
@@ -58,9 +59,14 @@ def expected(size: tuple[int, int], box: tuple[int, int, int, int], colours: Pix
     return np.where(weights[:, None] > 0, inside, 0), weights
 
 
+def is_wide(box: tuple[int, int, int, int]) -> bool:
+    return box[2] - box[0] >= 64
+
+
 async def write(ctx: Any, port: Any, window: int, box: tuple[int, int, int, int], colours: Pixels) -> None:
     """Write a box in words of two pixels, as they come from memory."""
     left, top, right, bottom = box
+    wide = is_wide(box)
     ctx.set(port.valid, 1)
     for y in range(top, bottom + 1):
         for x in range(left & ~1, right + 1, 2):
@@ -68,14 +74,17 @@ async def write(ctx: Any, port: Any, window: int, box: tuple[int, int, int, int]
             pair = [
                 colours[y - top, each - left].tolist() if left <= each <= right else [170] * 3 for each in (x, x + 1)
             ]
-            ctx.set(port, {"valid": 1, "window": window, "y": y % 64, "x": x // 2 % 32, "pixels": pair, "kept": kept})
+            column = x // 2 % 64 if wide else x // 2 % 32 + 32 * window
+            ctx.set(port, {"valid": 1, "y": y % 128, "x": column, "pixels": pair, "kept": kept})
             await ctx.tick()
     ctx.set(port.valid, 0)
 
 
-async def put(ctx: Any, bench: BlockBench, window: int, at: NDArray[np.int64], *, blank: int = 0) -> None:
+async def put(
+    ctx: Any, bench: BlockBench, window: int, at: NDArray[np.int64], *, wide: bool = False, blank: bool = False
+) -> None:
     for x, y in at.tolist():
-        await bench.stream_put(ctx, bench.dut.i, {"x": x, "y": y, "window": window, "blank": blank})
+        await bench.stream_put(ctx, bench.dut.i, {"x": x, "y": y, "window": window, "wide": wide, "blank": blank})
 
 
 async def get(ctx: Any, bench: BlockBench, results: list[list[int]], count: int) -> None:
@@ -97,12 +106,12 @@ def test_pixels_equal_the_golden_model(name: str, pauses: Pauses) -> None:
     size, box = BOXES[name]
     colours, at = draw(size, box, seed=len(name))
     dut = Sampling()
-    bench = BlockBench(dut, settings=settings_of(size), pauses=pauses, cycle_limit=5000)
+    bench = BlockBench(dut, settings=settings_of(size), pauses=pauses, cycle_limit=10_000)
     results: list[list[int]] = []
 
     async def send(ctx: Any) -> None:
         await write(ctx, dut.i_write, 1, box, colours)
-        await put(ctx, bench, 1, at)
+        await put(ctx, bench, 1, at, wide=is_wide(box))
 
     async def receive(ctx: Any) -> None:
         await get(ctx, bench, results, COUNT)
@@ -162,7 +171,7 @@ def test_blank_positions_weigh_nothing_and_a_reset_forgets_what_is_under_way() -
 
     async def run(ctx: Any) -> None:
         await write(ctx, dut.i_write, 0, box, colours)
-        await put(ctx, bench, 0, at[:10], blank=1)
+        await put(ctx, bench, 0, at[:10], blank=True)
         await get(ctx, bench, blank, 10)
         for count in (1, 6, 14):
             await put(ctx, bench, 0, at[:count])

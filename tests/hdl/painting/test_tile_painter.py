@@ -81,7 +81,7 @@ def test_tiles_half_outside_the_frame_follow_each_other(pauses: Pauses) -> None:
     async def send(ctx: Any) -> None:
         for y, x in np.ndindex(SIZE[1], SIZE[0] // 2 + 1):
             pair = np.pad(frame[y], ((0, 1), (0, 0)))[2 * x : 2 * x + 2].tolist()
-            ctx.set(dut.i_write, {"valid": 1, "window": 1, "y": y, "x": x, "pixels": pair, "kept": [1, 1]})
+            ctx.set(dut.i_write, {"valid": 1, "y": y, "x": 32 + x, "pixels": pair, "kept": [1, 1]})
             await ctx.tick()
         ctx.set(dut.i_write.valid, 0)
         for each in corners:

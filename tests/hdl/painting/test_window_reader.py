@@ -14,8 +14,9 @@ from sim.simulators.recording import NO_PAUSES, Pauses
 from tests.hdl.block_bench import BlockBench
 from tests.hdl.shell.axi_memory import AxiMemory
 
-BASE, WIDTH_PX, HEIGHT_PX, WINDOW_PX = 0x12_3456_7000, 301, 200, 64
+BASE, WIDTH_PX, HEIGHT_PX, WINDOW_PX = 0x12_3456_7000, 301, 200, 128
 STRIDE_PX = -(-WIDTH_PX // BURST_PX) * BURST_PX
+NARROW_PX = WINDOW_PX // 2
 Box = tuple[int, int, int, int]
 BLANK = (0, 0, 0, 0)
 
@@ -31,7 +32,7 @@ class ReaderBench:
         settings = {"i_width_px": WIDTH_PX, "i_page": BASE // PAGE_BYTES}
         self.bench = BlockBench(self.dut, settings=settings, pauses=pauses, cycle_limit=30_000)
         self.paints_clocks = paints_clocks
-        self.windows = np.zeros((2, WINDOW_PX, WINDOW_PX, 3), np.int64)
+        self.windows = np.zeros((WINDOW_PX, WINDOW_PX, 3), np.int64)
         self.blanks: list[int] = []
         self.failed = self.clocks = 0
 
@@ -40,7 +41,7 @@ class ReaderBench:
             for number, box in enumerate(boxes):
                 corners = [{"x": 1000 * number + n, "y": -n} for n in range(9)]
                 sides = dict(zip(("left", "top", "right", "bottom"), box, strict=True))
-                plan = {"tile": {"column": 1, "row": 2}, "corners": corners, **sides}
+                plan = {"tile": {"column": 1, "row": 2}, "corners": corners, **sides, "wide": is_wide(box)}
                 await self.bench.stream_put(ctx, self.dut.i, plan | {"painted": 1, "blank": box == BLANK})
 
         async def paint(ctx: Any) -> None:
@@ -50,6 +51,7 @@ class ReaderBench:
                 tile = ctx.get(self.dut.o.payload)
                 assert (tile.corners[8].x, tile.corners[8].y) == (1000 * number + 8, -8)
                 self.blanks.append(tile.blank)
+                assert tile.wide == is_wide(box)
                 before = self.look(tile.window, box)
                 await ctx.tick().repeat(self.paints_clocks)
                 if not tile.blank:
@@ -67,7 +69,7 @@ class ReaderBench:
         """What is in the window at the place of a box."""
         left, top, right, bottom = box
         y, x = np.mgrid[top : bottom + 1, left : right + 1] % WINDOW_PX
-        return self.windows[window, y, x]
+        return self.windows[y, x if is_wide(box) else x % NARROW_PX + NARROW_PX * window]
 
     async def _write(self, ctx: Any) -> None:
         """The windows' memory."""
@@ -76,7 +78,11 @@ class ReaderBench:
             self.clocks += 1
             for n in range(2):
                 if write.valid and write.kept[n]:
-                    self.windows[write.window, write.y, 2 * write.x + n] = list(write.pixels[n])
+                    self.windows[write.y, 2 * write.x + n] = list(write.pixels[n])
+
+
+def is_wide(box: Box) -> bool:
+    return box[2] - box[0] >= NARROW_PX
 
 
 def boxes(count: int, seed: int) -> list[Box]:
@@ -90,14 +96,19 @@ def boxes(count: int, seed: int) -> list[Box]:
 
 
 EXTREMES = [
-    # 64 px that begin at an odd and at an even x, one pixel, one at each end, and the largest.
+    # 64 and 128 px that begin at an odd and at an even x, one pixel, one at each end, and 128 rows.
     (31, 0, 94, 1),
+    (31, 2, 158, 3),
     (32, 5, 95, 6),
+    (32, 3, 159, 4),
+    (40, 3, 104, 4),
     (33, 7, 33, 7),
     (0, 0, 0, 0 + HEIGHT_PX - 1 - 190),
     (300, 199, 300, 199),
     BLANK,
-    (237, 136, 300, 199),
+    (299, 72, 300, 199),
+    BLANK,
+    (173, 190, 300, 199),
 ]
 
 

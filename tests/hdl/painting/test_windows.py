@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from golden_model.painting.corners import CORNER
-from golden_model.painting.windows import are_too_large, bounding_boxes, can_win, cut_to_frame
+from golden_model.painting.windows import are_too_large, are_wide, bounding_boxes, can_win, cut_to_frame
 from hdl.painting.windows import WindowPlanner
 from sim.simulators.recording import NO_PAUSES, Pauses
 from tests.golden_model.painting import tilted
@@ -29,6 +29,7 @@ class Plan(NamedTuple):
     tile: int
     painted: bool
     blank: bool
+    wide: bool
     box: list[int]
 
 
@@ -52,8 +53,11 @@ class Canvas:
         dropped = (behind | large | ~wins) & (not replace)
         causes = (behind, large, dropped & ~behind & ~large)
         self.counts.update({name: int(each.sum()) for name, each in zip(CAUSES, causes, strict=True)})
-        kept = np.flatnonzero(~dropped).tolist()
-        return [Plan(n, bool(self.painted[n]), bool(blank[n]), [] if blank[n] else cut[n].tolist()) for n in kept]
+        wide = are_wide(cut) & ~blank
+        return [
+            Plan(n, bool(self.painted[n]), bool(blank[n]), bool(wide[n]), [] if blank[n] else cut[n].tolist())
+            for n in np.flatnonzero(~dropped).tolist()
+        ]
 
     def paint(self, tile: int, least: int) -> bool:
         """Returns whether it is painted: as if the memory failed at each first painting with a least weight of 0."""
@@ -71,7 +75,7 @@ def poses(size: tuple[int, int]) -> list[NDArray[np.int64]]:
     """Corners of all tiles at some zooms and headings, one of them too large, and at the limits of the format."""
     seen = [
         tilted.corners(tilted.pose(size, zoom=zoom, turn=turn, tilt=tilt, tiles=1 << PLACE_BITS), TILES)
-        for zoom, turn, tilt in ((1.2, 0.3, 0), (2.2, 0.0, 0), (1.36, 2.2, 4e-4), (0.7, 4.0, -8e-4), (1.2, 0.35, 0))
+        for zoom, turn, tilt in ((1.2, 0.3, 0), (4.2, 0.0, 0), (2, 2.2, 4e-4), (0.7, 4.0, -8e-4), (1.2, 0.35, 0))
     ]
     seen[2][3, 1, 1, 0], seen[3][5, 2, 0, 1] = CORNER.max_raw, CORNER.min_raw
     seen[3][6:8] = np.array([CORNER.max_raw, CORNER.min_raw])[:, None, None, None]
@@ -116,7 +120,7 @@ def run(
             tile = plan.tile.row << PLACE_BITS | plan.tile.column
             assert [{"x": each.x, "y": each.y} for each in plan.corners] == offered[tile]
             box = [] if plan.blank else [getattr(plan, side) for side in BOX]
-            plans.append(Plan(tile, bool(plan.painted), bool(plan.blank), box))
+            plans.append(Plan(tile, bool(plan.painted), bool(plan.blank), bool(plan.wide), box))
 
     async def count(ctx: Any) -> None:
         async for _, _, *pulses in ctx.tick().sample(*(getattr(dut, name) for name in CAUSES)):
@@ -134,7 +138,7 @@ def test_plans_equal_the_golden_model_frame_after_frame(size: tuple[int, int], r
     assert counts == canvas.counts
     assert min(counts["o_behind"], counts["o_too_large"]) > 0
     assert bool(counts["o_cannot_win"]) != replace
-    assert {True, False} == {plan.painted for plan in plans}
+    assert {True, False} == {plan.painted for plan in plans} == {plan.wide for plan in plans}
     # Stabilised video has a plan for every tile of every frame.
     assert {True, False} == {plan.blank for plan in plans} if replace else not any(plan.blank for plan in plans)
     assert len(plans) == 5 * len(TILES) or not replace
@@ -162,7 +166,8 @@ def test_a_tile_takes_28_clocks_and_a_reset_in_any_phase_clears_the_canvas() -> 
             await ctx.tick()
             clocks[-1] += 1
         plan = await bench.stream_get(ctx, dut.o)
-        plans.append(Plan(plan.tile.row << PLACE_BITS | plan.tile.column, bool(plan.painted), bool(plan.blank), []))
+        tile = plan.tile.row << PLACE_BITS | plan.tile.column
+        plans.append(Plan(tile, bool(plan.painted), bool(plan.blank), bool(plan.wide), []))
 
     async def run(ctx: Any) -> None:
         for clocks_before in (1, 4, 20, 40):
@@ -180,5 +185,5 @@ def test_a_tile_takes_28_clocks_and_a_reset_in_any_phase_clears_the_canvas() -> 
                 await take(ctx)
 
     bench.run(run)
-    assert plans == [Plan(n, painted=False, blank=False, box=[]) for n in (5, 6)] * 4
+    assert plans == [Plan(n, painted=False, blank=False, wide=False, box=[]) for n in (5, 6)] * 4
     assert clocks == [dut.latency_cycles] * 8 == [27] * 8
