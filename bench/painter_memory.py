@@ -15,11 +15,10 @@ import numpy as np
 import typer
 
 from bench.painter import fit_canvas, fly
+from bench.painter_zooms import pose_of
 from bench.report import JsonFile, Row, report
-from golden_model.geometry.scoring import quantise
 from golden_model.painting import windows
 from golden_model.painting.corners import project
-from golden_model.painting.pose import Placement, Poses
 from golden_model.painting.tiles import touched
 from hdl.painting.frame_writer import BUFFERS, frame_pages
 from hdl.settings import PAGE_BYTES
@@ -55,9 +54,7 @@ def count_bytes(size: tuple[int, int]) -> int:
     """Bytes that cross the memory's bus for a frame."""
     flight = fly(size, 1, shake=1)
     move, tiles = fit_canvas(flight)
-    elements = quantise((flight.homographies[0] @ move)[np.newaxis])[0]
-    pose, _ = Poses().place(Placement(1, 1, elements, composed=False))
-    assert pose is not None
+    pose = pose_of(flight.homographies[0] @ move)
     corners, _ = project(pose, touched(pose, size, tiles))
     boxes = windows.bounding_boxes(corners)
     boxes = boxes[windows.can_win(boxes, *size, np.zeros(len(boxes), np.int64))]
