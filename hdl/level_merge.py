@@ -184,15 +184,20 @@ class LevelMerge(wiring.Component):
         with m.If(sent):
             m.d.sync += [self.o_pending.eq(0), frame.eq(frame + 1)]
 
+        # Registers, to keep the path short: a frame has ended a clock before the first word of its status is selected.
+        causes = Signal(CAUSES, reset_less=True)
+        good = Signal(reset_less=True)
+        found = end.causes | Mux(overflow, Cause.TOO_MANY_FEATURES, 0)
+        m.d.sync += [causes.eq(found), good.eq(~found.any())]
         status = view_signal(record_layout(FRAME_STATUS, self.record.record_bytes))
         m.d.comb += [
             status.tag.eq(Tag.FRAME_STATUS),
-            status.causes.eq(end.causes | Mux(overflow, Cause.TOO_MANY_FEATURES, 0)),
-            status.good.eq(~status.causes.any()),
+            status.causes.eq(causes),
+            status.good.eq(good),
             status.frame.eq(frame),
             status.width.eq(self.i_settings.width_px),
             status.height.eq(self.i_settings.height_px),
-            status.features.eq(Mux(status.good, index, 0)),
+            status.features.eq(Mux(good, index, 0)),
             status.threshold.eq(end.threshold_code),
             status.cycles.eq(cycles),
         ]

@@ -111,7 +111,8 @@ CASES = {
     "two_levels": [frame([1, 2, 0, 1], [2, 1]), frame([0, 0, 3], [0, 0]), frame([3, 3, 2], [1, 3])],
     "level_1_shorter": [frame([1, 1, 1, 1, 1], [2]), frame([1], [1])],
     "one_level": [frame([3]), frame([0]), frame([5])],
-    "too_many": [frame([5, 5], [4]), frame([5, 5], [2]), frame([5, 5, 5, 5], [4])],
+    # Of the first frame, the very last feature is the one too many.
+    "too_many": [frame([5, 5], [3]), frame([5, 5], [2]), frame([5, 5, 5, 5], [4])],
 }
 
 
