@@ -6,7 +6,8 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.extractor import feature_layout, feature_or_end
-from hdl.lib.delay import port_register
+from hdl.lib.line_memory import LineMemory
+from hdl.lib.views import view_signal
 from hdl.selection.cell_ranking import MAX_PER_CELL, ORDER
 
 
@@ -70,25 +71,25 @@ class CellRows(wiring.Component):
         # Few words of many bits: LUT memory.
         attributes = {"ram_style": "distributed"}
         orders: memory.Memory
-        features: memory.Memory
         m.submodules.orders = orders = memory.Memory(shape=ORDER, depth=depth, init=[], attrs=attributes)
-        m.submodules.features = features = memory.Memory(shape=self._feature, depth=depth * MAX_PER_CELL, init=[])
+        m.submodules.features = features = LineMemory(shape=self._feature, depth=depth * MAX_PER_CELL, stalls=True)
         filling = Signal()
         with m.If(self.i_close):
             m.d.sync += filling.eq(~filling)
         order_write = orders.write_port()
-        feature_write = features.write_port()
-        for port, address, value in (
-            (order_write, self.i_cell, self.i_order),
-            (feature_write, Cat(self.i_slot, self.i_cell), self.i_feature),
-        ):
-            m.d.comb += [port.en.eq(self.i_write), port.addr.eq(Cat(address, filling)), port.data.eq(value)]
+        m.d.comb += [
+            order_write.en.eq(self.i_write),
+            order_write.addr.eq(Cat(self.i_cell, filling)),
+            order_write.data.eq(self.i_order),
+            features.i_write.eq(self.i_write),
+            features.i_write_address.eq(Cat(self.i_slot, self.i_cell, filling)),
+            features.i_word.eq(self.i_feature),
+        ]
 
         requests = stream.Signature(self._request).create()
         order_read = orders.read_port()
-        feature_read = features.read_port()
         self._walk(m, order_read, ~filling, requests)
-        self._fetch(m, feature_read, ~filling, requests)
+        self._fetch(m, features, ~filling, requests)
         m.d.comb += self.o_drained.eq(requests.valid & requests.ready & requests.p.ends_row)
         return m
 
@@ -139,30 +140,37 @@ class CellRows(wiring.Component):
                 with m.If(requests.ready):
                     m.next = "Fill"
 
-    def _fetch(self, m: Module, feature: memory.ReadPort, bank: Value, requests: stream.Interface) -> None:
-        """Read what is requested. The memory's output is the first stage, the register of the output the second.
+    def _fetch(self, m: Module, features: LineMemory, bank: Value, requests: stream.Interface) -> None:
+        """Read what is requested, in two stages: the memory, and its output register.
 
         A stage takes the next feature only once it is empty, not in the clock in which it becomes empty. That costs no
         throughput, because a feature has several words, and keeps ``ready`` out of long combinational paths.
         """
         fetched = Signal()
-        mark = Signal.like(requests.p, reset_less=True)
-        payload = port_register(m, self.o.p)
-        advance = fetched & ~self.o.valid
+        fetching = view_signal(self._request, reset_less=True)
+        ends_row = Signal(reset_less=True)
+        ends_level = Signal(reset_less=True)
+        # At each read, the output register takes the word of the read before. So a feature is read twice, once for each
+        # stage, and the next one's first read leaves it in the register. The end of a row reads nothing.
+        request = data.View(self._request, Mux(fetched, fetching.as_value(), requests.p.as_value()))
+        moves = Mux(fetched, ~self.o.valid, requests.valid)
         m.d.comb += [
             requests.ready.eq(~fetched),
-            feature.addr.eq(Cat(requests.p.slot, requests.p.cell, bank)),
-            feature.en.eq(requests.valid & requests.ready),
+            features.i_read.eq(moves & ~request.ends_row),
+            features.i_read_address.eq(Cat(request.slot, request.cell, bank)),
+            self.o.p.feature.eq(features.o_word),
+            self.o.p.ends_row.eq(ends_row),
+            self.o.p.ends_level.eq(ends_level),
         ]
-        with m.If(feature.en):
-            m.d.sync += [fetched.eq(1), mark.eq(requests.p)]
-        with m.If(advance):
+        with m.If(~fetched):
+            m.d.sync += fetching.eq(requests.p)
+        with m.If(moves):
+            m.d.sync += fetched.eq(~fetched)
+        with m.If(fetched & ~self.o.valid):
             m.d.sync += [
-                fetched.eq(0),
                 self.o.valid.eq(1),
-                payload.feature.eq(feature.data),
-                payload.ends_row.eq(mark.ends_row),
-                payload.ends_level.eq(mark.ends_row & mark.ends_level),
+                ends_row.eq(fetching.ends_row),
+                ends_level.eq(fetching.ends_row & fetching.ends_level),
             ]
         with m.Elif(self.o.ready):
             m.d.sync += self.o.valid.eq(0)

@@ -11,7 +11,8 @@ from sim.simulators.recording import NO_PAUSES, Pauses
 from tests.hdl.block_bench import BlockBench
 
 PATTERN = PATTERNS["thesis-ilbp-1"]
-CELLS = 5
+CELLS = 4
+"""A power of two: at the end of a row, the number of the next cell is again that of one with features."""
 ROWS = 4
 
 
