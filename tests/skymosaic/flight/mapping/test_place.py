@@ -11,7 +11,7 @@ import rasterio
 from sim.scene import make_lawnmower
 from sim.scene.flight import Flight
 from skymosaic.common.errors import InputError, RegistrationError
-from skymosaic.flight.mapping.cameras import Camera, cameras_of
+from skymosaic.flight.mapping.cameras import Camera, cameras_of, measure_turn
 from skymosaic.flight.mapping.place import place_cameras, place_on_map
 from skymosaic.flight.picture.canvas import scale_for
 from skymosaic.flight.picture.output import OutputForm
@@ -178,6 +178,19 @@ def test_a_compass_that_is_wrong_by_half_a_turn_is_said_so() -> None:
     ]
     place = place_cameras(cameras)
     assert "compass, which differs by 180 degrees" in place.note
+
+
+def test_a_turn_is_measured_whatever_it_is() -> None:
+    """A poor compass's directions lie on both sides of each that could be where degrees begin anew."""
+    to_map, noise_deg = np.array([[1.0, 0, 500_000], [0, -1, 5_000_000], [0, 0, 1]]), np.array([-30.0, 1, 30])
+    for turned_deg in range(-180, 180, 5):
+        cameras = [
+            Camera("a.jpg", SIZE, np.eye(3), Metadata(yaw_deg=float((180 - turned_deg - noise) % 360 - 180)))
+            for noise in noise_deg
+        ]
+        found_deg = measure_turn(cameras, to_map, to_map[:2, 2], "EPSG:32615")
+        assert found_deg is not None
+        assert abs((found_deg - turned_deg + 180) % 360 - 180) == pytest.approx(1, abs=0.01)
 
 
 def test_the_compass_shows_true_north_and_not_that_of_the_map() -> None:

@@ -1,11 +1,17 @@
 """Previews are compared with the ground that their frames show."""
 
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from skymosaic.imagery.exif import Metadata
+from skymosaic.imagery.live_frames import LiveFrame
+from skymosaic.mosaicking.live import run
 from skymosaic.mosaicking.live.preview import paint_preview
 from skymosaic.mosaicking.live.submap import Frame
 
@@ -50,3 +56,34 @@ def test_a_preview_is_limited_and_may_be_empty(ground: NDArray[np.uint8]) -> Non
     small = paint_preview([frame(0, ground, shift(7, 9) @ np.diag([3.0, 3, 1]))], width_px=100)
     assert small.shape[1] in (99, 100)
     np.testing.assert_allclose(small, cv2.resize(ground, small.shape[1::-1], interpolation=cv2.INTER_AREA), atol=12)
+
+
+@pytest.mark.parametrize(("preview_s", "least_s", "most_s"), [(0.0625, 1.0, 1.5), (0.5, 5.0, 5.5)])
+def test_previews_take_a_tenth_of_the_time_and_come_at_most_once_a_second(
+    monkeypatch: pytest.MonkeyPatch, preview_s: float, least_s: float, most_s: float
+) -> None:
+    """A frame that is left out changes nothing, and shows nothing."""
+    now_s, begun, ended, numbers = [0.0], list[float](), list[float](), list[int]()
+
+    def add(*_: Any, name: str, **_named: Any) -> Any:
+        numbers.append(int(name))
+        now_s[0] += 0.25
+        return SimpleNamespace(reason="" if numbers[-1] % 2 else "blurred")
+
+    def write_preview(*_: Any) -> None:
+        begun.append(now_s[0])
+        assert numbers[-1] % 2 or numbers[-1] == 98
+        now_s[0] += preview_s
+        ended.append(now_s[0])
+
+    monkeypatch.setattr(run, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    monkeypatch.setattr(run, "_write_preview", write_preview)
+    growing: Any = SimpleNamespace(add=add, transforms=[0])
+    pixels = np.zeros((4, 4), np.uint8)
+    run.grow(growing, (LiveFrame(str(number), pixels) for number in range(99)), Path("p.jpg"), print)
+    # The last one shows all.
+    pauses_s = np.subtract(begun[1:-1], ended[:-2])
+    assert numbers[-1] == 98
+    assert len(pauses_s) > 3
+    assert least_s <= pauses_s.min()
+    assert pauses_s.max() <= most_s
