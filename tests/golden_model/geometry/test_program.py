@@ -6,6 +6,7 @@ import pytest
 from golden_model.geometry.floating import Floats
 from golden_model.geometry.program import (
     LATENCY_CYCLES,
+    ZERO,
     Coordinate,
     constants,
     held,
@@ -37,6 +38,8 @@ def test_registers_are_used_again_and_never_too_early() -> None:
     program = schedule([(2, total)], first=80)
     assert executed(program, {2: number(0.5), 3: number(0.25)}, {})[2].to_real() == expected
     assert program.cycles >= 40 * LATENCY_CYCLES
+    # The others belong to those who run it.
+    assert min({each.result for each in program.instructions} - {2, ZERO}) == 80
 
 
 def test_too_few_registers_are_refused() -> None:

@@ -5,6 +5,7 @@ import errno
 import zipfile
 from collections.abc import AsyncIterator, Callable
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -96,8 +97,12 @@ def test_no_second_job_starts_while_one_runs(sessions: Sessions, run_in_loop: Ca
     async def scenario() -> None:
         session.load_built_in(2)
         await idle(session)
+        shown: list[Any] = []
+        session.changed.subscribe(lambda: shown.append(session.job))
         session.make_mosaic()
         running, (run,) = session.job, session.files.folder("runs").iterdir()
+        # A page says what runs, until it has ended.
+        assert shown == [running]
         session.make_mosaic()
         session.load_built_in(9)
         session.load_built_in_film()
@@ -106,6 +111,7 @@ def test_no_second_job_starts_while_one_runs(sessions: Sessions, run_in_loop: Ca
         await idle(session)
         assert session.fault == ""
         assert session.mosaic_result.folder == run
+        assert shown[-1] is None
 
     run_in_loop(scenario)
 
