@@ -115,9 +115,11 @@ def check(whole: dict[str, bytes], found: dict[str, bytes], named: list[str]) ->
     assert all(any(Path(each) in (Path(name), *Path(name).parents) for each in named) for name in found), named
 
 
-@pytest.mark.parametrize("words", ["mosaic pair/left.png pair/right.png -o out/m.tif", COMMANDS["track"]])
+@pytest.mark.parametrize(
+    "words", [*(f"mosaic pair/left.png pair/right.png -o out/m.{name}" for name in ("tif", "png")), COMMANDS["track"]]
+)
 def test_a_file_that_grows_beyond_its_room_is_not_there(run: Run, words: str) -> None:
-    """As GDAL and FFmpeg meet it, which write by themselves; the table of a film that is not there is."""
+    """As GDAL and FFmpeg meet it, which write by themselves, too; the table of a film that is not there is."""
     whole, (output, *others), _ = attempt(run, words, Disk())
     size = Path(output).stat().st_size
     hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]

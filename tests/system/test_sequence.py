@@ -1,6 +1,5 @@
 import json
 import re
-import resource
 import signal
 import subprocess
 import sys
@@ -117,19 +116,6 @@ def test_photographs_without_links_are_one_line(flight: Flight, tmp_path: Path) 
     assert result.returncode == 3
     assert "12 are needed" in only_error(result.stderr)
     assert not (tmp_path / "m.png").exists()
-
-
-@pytest.mark.usefixtures("whole")
-def test_a_full_disk_is_one_line_and_leaves_no_mosaic(folder: Path, surveyed: Path, tmp_path: Path) -> None:
-    hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
-    try:
-        result = skymosaic("mosaic", folder, "-o", "m.png", "--cache", surveyed, cwd=tmp_path)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
-    assert result.returncode == 2
-    assert "m.png: cannot be written (File too large)" in only_error(result.stderr)
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_flight_of_16_bits_keeps_its_numbers(flight: Flight, tmp_path: Path) -> None:
