@@ -34,7 +34,7 @@ def draw_system(plotted: PlottedSystem) -> bytes:
     system = plotted.system()
     columns = max(len(system.inputs), len(plotted.sections))
     figure = Figure(figsize=(4.6 * columns, 7.6), layout="constrained")
-    figure.suptitle(f"{plotted.title}: {len(system.rules)} rules, AND is the {system.conjunction}", fontsize=15)
+    figure.suptitle(f"{plotted.title}: {len(system.rules)} rules, AND is the {system.conjunction}", size=15, wrap=True)
     curves, surfaces = figure.subfigures(2, 1, height_ratios=(4, 5), squeeze=False)[:, 0]
     for plot, variable, axis in zip(curves.subplots(1, columns), system.inputs, plotted.axes, strict=True):
         _plot_membership(plot, variable, axis)

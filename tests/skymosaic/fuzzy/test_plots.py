@@ -47,6 +47,9 @@ def test_curves_and_surfaces_are_those_of_the_rules(name: str, monkeypatch: pyte
     decoded: Any = cv2.imdecode(np.frombuffer(draw_system(plotted), np.uint8), cv2.IMREAD_COLOR_RGB)
     picture = np.asarray(decoded, np.uint8)
     axes = made[0].axes
+    title = picture[: len(picture) // 20]
+    assert title.min() < 50
+    assert title[:, [0, -1]].min() == 255, "the title is cut off"
     for plot, variable in zip(axes, truth.inputs, strict=False):
         last = plot.lines[0].get_xdata().max()
         whole = plot.lines[0].get_marker() == "o"
