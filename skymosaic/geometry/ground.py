@@ -16,6 +16,7 @@ from typing import NamedTuple, TypeVar
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 from scipy.spatial import KDTree
 
 from golden_model.arrays import Array, Float32, Mask, Matrix, Pixels, Points
@@ -29,9 +30,9 @@ COARSEST_SIDE_PX, COARSE_SIDE_PX, FINE_SIDE_PX = 80, 160, 480
 sensor's pattern; they are compared, too, where it may be what agrees. In the finest ones, what lies between the lines
 of a display has blocks of its own; they are compared where the others leave a doubt."""
 BLOCK_PX = 12
-SEARCH_PX, NEAR_PX = 4, 1
+SEARCH_PX, NEAR_PX, SHIFTS = 4, 1, 9
 """A block agrees if its best place within the first distance, along both axes, is within the second: by chance, one in
-nine does."""
+nine does. The last is the number of places along an axis."""
 NOISE_PX, LIGHT_PX = 1.0, 5.0
 """Sigmas of the band-pass: what is finer than the first is noise, what is coarser than the second light."""
 MIN_CONTRAST, LOW_CONTRAST = 1.0, 0.3
@@ -41,7 +42,8 @@ MIN_BLOCKS = 12
 """Fewer tell nothing, but that nothing of the ground is seen to agree where the camera stood still."""
 STILL_SHARE, SHARE_PER_SIDE = 0.7, 3.0
 """Share of the blocks that must agree where the camera stood still, and how much less for each longer side that it
-moved."""
+moved. Where it stood still, a pair is good only if it shows something in as much of the picture, too: a display over
+nothing looks like lamps at night."""
 STILL, FAR = 0.01, STILL_SHARE / SHARE_PER_SIDE
 """Below the first motion the camera stood still, or a sensor's pattern is what agrees; from the second on, nothing must
 agree."""
@@ -99,12 +101,15 @@ class GroundAgreement:
         Mean motion of the picture's corners, as a share of its longer side.
     decisive : GroundAgreement or None
         That of coarser or finer pictures, which decides where these leave a doubt.
+    seen : float
+        Share of the overlap that has any contrast, where the camera stood still; 1 where it moved.
     """
 
     agreeing: Mask
     blocks: int
     motion: float
     decisive: GroundAgreement | None = None
+    seen: float = 1.0
 
     @property
     def tells(self) -> bool:
@@ -138,7 +143,7 @@ class GroundAgreement:
     @property
     def is_good(self) -> bool:
         """Whether a pair may be good."""
-        return self.share >= max(GOOD_SHARE, self.required)
+        return self.share >= max(GOOD_SHARE, self.required) and self.seen >= STILL_SHARE
 
     @property
     def is_refused(self) -> bool:
@@ -149,6 +154,9 @@ class GroundAgreement:
         """What agrees, how much of the ground it covers, how much it should, and what may be the cause."""
         tells = (self.decisive or self).tells
         covers = f"what agrees covers {100 * self.share:.0f} % of the ground" if tells else "too little ground is seen"
+        if self.suffices and self.seen < STILL_SHARE:
+            shown = f"what agrees covers {100 * self.share * self.seen:.0f} % of the picture, and the rest is empty"
+            return f"{shown}: if the camera stood still, it may be a display over nothing"
         if self.suffices:
             return covers
         moved = f"a camera that moved by {100 * self.motion:.0f} % of the picture needs {100 * self.required:.0f} %"
@@ -163,6 +171,8 @@ def measure_agreement(left: Sight, right: Sight, homography: Matrix, explained: 
     coarse = _count(COARSE_SIDE_PX, left, right, homography, explained)
     if explained is not None or (coarse.tells and coarse.is_refused):
         return coarse
+    if coarse.motion < STILL:
+        coarse = replace(coarse, seen=_share_seen(left, right, homography))
     sides = [COARSEST_SIDE_PX] * (coarse.motion < STILL) + [FINE_SIDE_PX] * (coarse.tells and not coarse.suffices)
     others = [_count(side, left, right, homography) for side in sides]
     decisive = min((other for other in others if other.tells), key=lambda other: other.share, default=coarse)
@@ -177,16 +187,23 @@ def _count(
     to_right = _between(left, right, homography)
     warped = warp_reflected(right.pixels, to_right, left.size)
     own, other = _band_pass(left.pixels), _band_pass(warped)
-    votes = _blocks(mask_common(left, right, to_right)).mean(axis=(1, 3)) > 0.98 * 255
-    votes &= _blocks(own).std(axis=(1, 3)) > (MIN_CONTRAST if side_px > COARSEST_SIDE_PX else LOW_CONTRAST)
-    votes &= _blocks(other).std(axis=(1, 3)) > LOW_CONTRAST
+    blocks = tuple(slice(0, side // BLOCK_PX * BLOCK_PX, BLOCK_PX) for side in own.shape)
+    votes = cv2.blur(mask_common(left, right, to_right), (BLOCK_PX, BLOCK_PX), anchor=(0, 0))[blocks] > 250
+    votes &= _block_variances(own)[blocks] > (MIN_CONTRAST if side_px > COARSEST_SIDE_PX else LOW_CONTRAST) ** 2
+    votes &= _block_variances(other)[blocks] > LOW_CONTRAST**2
     if explained is not None:
         votes &= ~explained
-    agreeing = np.zeros_like(votes)
-    around = np.pad(other, SEARCH_PX)
-    for row, column in np.argwhere(votes).tolist():
-        agreeing[row, column] = _fits_best_here(own, around, BLOCK_PX * row, BLOCK_PX * column)
+    agreeing = votes.copy()
+    agreeing[votes] = _fit_best_here(own, other, votes)
     return GroundAgreement(agreeing, int(np.count_nonzero(votes)), _motion(to_right, left.size))
+
+
+def _share_seen(left: Sight, right: Sight, homography: Matrix) -> float:
+    """Share of the overlap in whose blocks there is contrast, in pictures as fine as the lines of a display."""
+    left, right = left.reduced(FINE_SIDE_PX), right.reduced(FINE_SIDE_PX)
+    common = mask_common(left, right, _between(left, right, homography)) == 255
+    contrast = _block_variances(_band_pass(left.pixels))[common] > MIN_CONTRAST**2
+    return float(np.mean(contrast)) if contrast.size else 0.0
 
 
 def mask_common(left: Sight, right: Sight, to_right: Matrix) -> Pixels:
@@ -211,13 +228,17 @@ def _motion(to_right: Matrix, size: Size) -> float:
     return float(np.linalg.norm(apply(to_right, corners) - corners, axis=1).mean() / max(width, height))
 
 
-def _motion_of_most(left: Sight, right: Sight, left_points: Points, right_points: Points) -> float:
-    """Median motion of matches (N, 2), working px, as a share of the left picture's longer side."""
-    start, end = (
-        apply(np.asarray(np.linalg.inv(sight.to_working)), points)
-        for sight, points in ((left, left_points), (right, right_points))
-    )
-    return float(np.median(np.linalg.norm(end - start, axis=1)) / max(left.size))
+def _motion_of_most(left: Sight, right: Sight, homography: Matrix, inliers: tuple[Points, Points]) -> float:
+    """Motion of the corners by a homography, or the median one of its inliers, working px, where they stand still.
+
+    Text that stands still, with one match beside it, fits a homography that moves all else far.
+    """
+    from_working = [np.asarray(np.linalg.inv(sight.to_working)) for sight in (left, right)]
+    start, end = (apply(to_picture, points) for to_picture, points in zip(from_working, inliers, strict=True))
+    moved = np.linalg.norm(end - start, axis=1) / max(left.size)
+    if 2 * np.count_nonzero(moved < STILL) >= len(moved) and (stood := float(np.median(moved))) < STILL:
+        return stood
+    return _motion(from_working[1] @ homography @ left.to_working, left.size)
 
 
 def _band_pass(gray: NDArray[np.number]) -> Float32:
@@ -225,18 +246,31 @@ def _band_pass(gray: NDArray[np.number]) -> Float32:
     return np.asarray(cv2.GaussianBlur(values, (0, 0), NOISE_PX) - cv2.GaussianBlur(values, (0, 0), LIGHT_PX))
 
 
-def _blocks(values: NDArray[np.number]) -> NDArray[np.number]:
-    """The whole blocks of a picture, (rows, height, columns, width)."""
-    rows, columns = (side // BLOCK_PX for side in values.shape)
-    return values[: rows * BLOCK_PX, : columns * BLOCK_PX].reshape(rows, BLOCK_PX, columns, BLOCK_PX)
+def _block_variances(values: Float32) -> Float32:
+    """Variance of the block that begins at each pixel, (H, W)."""
+    mean, square = (cv2.blur(each, (BLOCK_PX, BLOCK_PX), anchor=(0, 0)) for each in (values, values * values))
+    return np.asarray(square - mean * mean)
 
 
-def _fits_best_here(own: Float32, around: Float32, y: int, x: int) -> bool:
-    """Whether a block of a picture fits best where it is in the other one, which has a border of `SEARCH_PX`."""
-    window = around[y : y + BLOCK_PX + 2 * SEARCH_PX, x : x + BLOCK_PX + 2 * SEARCH_PX]
-    likeness = cv2.matchTemplate(window, own[y : y + BLOCK_PX, x : x + BLOCK_PX], cv2.TM_CCOEFF_NORMED)
-    best_x, best_y = cv2.minMaxLoc(likeness)[3]
-    return bool(max(abs(best_x - SEARCH_PX), abs(best_y - SEARCH_PX)) <= NEAR_PX)
+def _windows(values: Float32, votes: Mask, side_px: int) -> Float32:
+    """The square that begins where each block that votes does, (N, side_px, side_px)."""
+    strides = BLOCK_PX * values.strides[0], BLOCK_PX * values.strides[1], *values.strides
+    # A tenth of the time of `sliding_window_view`, which a pair would notice.
+    squares: Float32 = np.ndarray((*votes.shape, side_px, side_px), values.dtype, values, strides=strides)
+    return squares[votes]
+
+
+def _fit_best_here(own: Float32, other: Float32, votes: Mask) -> Mask:
+    """Which blocks that vote fit best, by `cv2.TM_CCOEFF_NORMED`, where they are in the other picture, (N,)."""
+    around = np.asarray(cv2.copyMakeBorder(other, SEARCH_PX, SEARCH_PX, SEARCH_PX, SEARCH_PX, cv2.BORDER_CONSTANT))
+    templates, windows = _windows(own, votes, BLOCK_PX), _windows(around, votes, BLOCK_PX + 2 * SEARCH_PX)
+    templates -= templates.mean(axis=(1, 2), keepdims=True)
+    side = windows.shape[1:]
+    alike = fft.irfft2(fft.rfft2(windows) * np.conj(fft.rfft2(templates, side)), side)[:, :SHIFTS, :SHIFTS]
+    # Where nothing varies, only rounding fits.
+    spread = np.sqrt(np.maximum(_windows(_block_variances(around), votes, SHIFTS), 1e-4))
+    best = np.array(np.divmod((alike / spread).reshape(-1, SHIFTS**2).argmax(axis=1), SHIFTS))
+    return np.asarray((np.abs(best - SEARCH_PX) <= NEAR_PX).all(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,10 +316,7 @@ def find_ground(
         if homography is None:
             break
         sights = see(fit)
-        motion = _motion(_between(*sights, homography), sights[0].size)
-        # Text that stands still, with one match beside it, fits a homography that moves all else far.
-        if (stood := _motion_of_most(*sights, *inliers)) < STILL:
-            motion = stood
+        motion = _motion_of_most(*sights, homography, inliers)
         if first is None and motion >= FAR:
             return fit, None, left_out
         agreement = replace(measure_agreement(*sights, homography, explained), motion=motion)

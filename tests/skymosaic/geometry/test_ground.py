@@ -163,8 +163,23 @@ def test_a_camera_that_hovers_sees_the_ground(sites: list[NDArray[np.uint8]]) ->
     rng = np.random.default_rng(1)
     left, right = (np.clip(sites[0] + rng.normal(0, 4, sites[0].shape), 0, 255).astype(np.uint8) for _ in range(2))
     pair = register(left, right)
-    assert pair.accepted
+    assert pair.confidence is not None
+    assert pair.confidence.verdict == "good"
+    assert pair.confidence.ground.seen > 0.95
     assert not pair.right.notes
+
+
+@pytest.mark.parametrize("noise", [0, 3])
+def test_a_display_over_nothing_is_not_good_and_says_how_much_it_covers(noise: int) -> None:
+    rng, nothing = np.random.default_rng(1), np.full((480, 640, 3), 20, np.uint8)
+    left, right = (
+        np.clip(with_lines(nothing) + rng.normal(0, noise, nothing.shape), 0, 255).astype(np.uint8) for _ in range(2)
+    )
+    pair = register(left, right)
+    assert pair.confidence is not None
+    assert pair.confidence.verdict == "check"
+    assert re.match(r"what agrees covers [2-6]\d % of the picture, .* may be a display over", pair.confidence.reason)
+    assert pair.confidence.summary()["ground_seen"] == pytest.approx(pair.confidence.ground.seen, abs=1e-4)
 
 
 def test_water_below_a_camera_that_hovers_is_refused_with_the_shares_and_delivered_on_request(
