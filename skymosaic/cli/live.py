@@ -13,6 +13,7 @@ from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.options import INPUT
+from skymosaic.flight.check import describe_moving
 from skymosaic.flight.mapping.place import explain_absence
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm, numbered, room_for
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA
@@ -133,8 +134,8 @@ def _write(
 
 
 def _show(delivery: Delivery, absent: Mapping[int, str], mosaic: LiveMosaic, pace: Pace) -> None:
-    if mosaic.left_out_moving:
-        session.warn(MOVES_WITH_CAMERA)
+    if moves := MOVES_WITH_CAMERA if mosaic.left_out_moving else describe_moving(delivery.flight):
+        session.warn(moves)
     composition, output = delivery.composition, delivery.path
     for line in filter(None, (composition.reduced, composition.uneven)):
         session.warn(f"{output}: {line}")

@@ -175,6 +175,23 @@ def test_a_strict_mosaic_that_lacks_a_frame_leaves_no_preview(run: Run, frames: 
     assert [path.name for path in Path().iterdir()] == ["film.mkv"]
 
 
+def test_a_display_over_nothing_and_a_frame_alone_are_named(run: Run, frames: list[np.ndarray]) -> None:
+    display = np.zeros((480, 640, 3), np.uint8)
+    with write_video(Path("display.mkv"), Fraction(25)) as write:
+        for number in range(3):
+            for line in range(8):
+                text = f"ALT 1{line}7 M SPD {line}.4 GPS 12 BAT 14.{line}V"
+                cv2.putText(display, text, (5, 25 + 60 * line), 0, 0.8, (255 - number,) * 3, 2)
+            write(display)
+    status, _, errors = run("live", "display.mkv", "-o", "m.png")
+    assert (status, errors.count("hovered, or they show nothing but a display")) == (0, 1), errors
+    with write_video(Path("alone.mkv"), Fraction(25)) as write:
+        write(np.ascontiguousarray(frames[0]))
+    status, _, errors = run("live", "alone.mkv", "-o", "m2.png")
+    assert status == 3
+    assert "nothing links it to the others" in errors
+
+
 def test_a_folder_that_cannot_be_read_is_refused_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def denied(_folder: Path) -> Iterator[Path]:
         raise PermissionError(13, "Permission denied")

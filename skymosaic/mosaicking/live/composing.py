@@ -51,7 +51,8 @@ def flight_of_frames(
     layouts, alone = lay_out_all(views, groups(len(views), valid_links(between)), between, lambda _layout: {})
     numbers = list(row)
     for index, reason in alone.items():
-        left_out[numbers[index]] = f"{views[index].name}: {reason or 'what linked it was left out'}"
+        unlinked = "what linked it was left out" if between else "nothing links it to the others"
+        left_out[numbers[index]] = f"{views[index].name}: {reason or unlinked}"
     flight = Flight(
         names=tuple(frame.name for frame in frames),
         sources=tuple(sources[number] for number in numbers),
