@@ -41,7 +41,12 @@ def test_a_homography_on_the_chip_is_part_of_its_pace(estimator: str, least: int
     features = np.zeros(8, config.front_end.pattern.record.dtype)
     for number in range(2):
         pace.add(LiveUpdate(number, "", 0.0, None, None, "", 1, (320, 240), features))
-    assert least < pace.numbers["accelerator"]["clocks_per_frame"] <= most
+    accelerator = pace.numbers["accelerator"]
+    assert least < accelerator["clocks_per_frame"] <= most
+    assert str(pace).endswith(
+        f"; the accelerator at 150 MHz: {round(150e6 / accelerator['clocks_per_frame'], 1):g} per second, last pixel "
+        f"to last match {accelerator['latency_ms']:g} ms"
+    )
 
 
 def test_no_frame_has_no_rate() -> None:
