@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 
@@ -80,3 +82,18 @@ def test_nothing_is_shown_that_is_too_far_from_the_camera() -> None:
     expected = (seen[..., 1] > corners[:, 1].min()) & (seen[..., 1] <= 299) & (np.abs(seen[..., 0] - 199.5) <= 199.5)
     shown = layer.claim(around) > 0
     assert (shown != expected).mean() < 0.01
+
+
+def test_a_seam_touches_the_parts_in_which_it_shows_and_none_far_from_them() -> None:
+    mask = np.zeros((30, 40), np.uint8)
+    mask[10:14, 20:25] = 255
+    seam = SeamMask(mask, Canvas(-10, 5, 40, 30), 0.1)
+    shown, found = Canvas(100, 150, 50, 40), set()
+    for x, y in itertools.product(range(-60, 300, 7), range(0, 350, 7)):
+        part = Canvas(x, y, 90, 70)
+        if part.intersection(shown.grown(5)):
+            assert seam.touches(part), part
+        elif part.intersection(shown.grown(30)) is None:
+            assert not seam.touches(part), part
+        found.add(seam.touches(part))
+    assert found == {True, False}
