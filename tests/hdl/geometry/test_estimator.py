@@ -14,9 +14,14 @@ from sim.scene import make_pair
 from tests.hdl.geometry.estimator_bench import MAX_MATCHES, assert_equal, frame, simulate_estimates
 
 
-def test_estimates_equal_the_golden_model() -> None:
-    """Accepted and not, in sequence; matches of the next frame arrive while those before are in use."""
-    frames = [frame(MAX_MATCHES, 1), frame(5, 2)]
+def test_estimates_equal_the_golden_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Accepted and not, in sequence; matches of the next frame arrive while those before are in use.
+
+    The second is to have more passes than there is time for, so that some steps end with fewer.
+    """
+    for module in ("golden_model.geometry.estimator", "hdl.geometry.estimator_states"):
+        monkeypatch.setattr(f"{module}.SEARCH_CYCLES", 12_000)
+    frames = [frame(MAX_MATCHES, 1), (frame(5, 2)[0], EstimatorConfig(passes=3, seed=2))]
     results = simulate_estimates(frames, max_matches=MAX_MATCHES, cycle_limit=40_000)
     assert_equal(results, frames)
     assert [result.causes for result in results] == [0, EstimateCause.TOO_FEW_INLIERS | EstimateCause.TOO_FEW_CELLS]
