@@ -8,7 +8,7 @@ from amaranth import Module
 from amaranth.lib import wiring
 
 from hdl.registers.shell_register_map import Reason, Refusal, RingFault
-from hdl.settings import PAGE_BYTES, RINGS
+from hdl.settings import PAGE_BYTES, RINGS, TICK_CLOCKS
 from hdl.shell.painting import Painting
 from hdl.shell.slot import HeaderFlag
 from tests.hdl.shell.axi_memory import AxiMemory
@@ -131,13 +131,15 @@ def test_error_responses_are_counted_and_no_damaged_packet_passes_for_whole() ->
 
 def test_a_camera_that_stops_and_resumes_makes_one_bad_frame() -> None:
     whole, half = frame(1), frame(2)[: WIDTH_PX * 2 + 3]
-    bench = ShellBench(camera_timeout=1, coalesce_count=255, coalesce_timeout=1, camera_s=2e-8)
-    run = bench.simulate([*frame(0), *PAUSE, *half, *[None] * 1030, *whole, *PAUSE, *half, *whole], clocks_after=200)
+    bench = ShellBench(camera_timeout=2, coalesce_count=255, coalesce_timeout=1, camera_s=2e-8)
+    # In the first pause two ticks pass, in the second one.
+    tick = [None] * (TICK_CLOCKS // 2 + 3)
+    run = bench.simulate([*frame(0), *PAUSE, *half, *tick, *tick, *whole, *tick, *half, *whole], clocks_after=200)
     check(bench, run, whole=5)
     assert bench.values["cut"] == 2
     assert run.events["camera_stops"] == 1
-    # The first frame was told of during the pause, by its time limit.
-    assert run.events["frames_ready"] == 1
+    # Frames were told of during the pauses, by their time limit.
+    assert run.events["frames_ready"] == 2
     good = [int(packet.header["status"]) >> 8 & 1 for packet in run.delivered["matches"]]
     assert good == [1, 0, 1, 0, 1]
 
