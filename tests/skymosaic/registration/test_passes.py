@@ -14,7 +14,8 @@ from sim.scene import CameraPose
 from skymosaic import register
 from skymosaic.common.errors import InputError
 from skymosaic.evaluation.metrics import grid_error
-from skymosaic.registration.passes import Evidence, Search, SearchState
+from skymosaic.registration.front_end_runs import TILTED
+from skymosaic.registration.passes import MAX_PROMISING, Evidence, Search, SearchState
 from tests.skymosaic.registration.rendering import CAMERA, view
 
 SIZE = (CAMERA.width_px, CAMERA.height_px)
@@ -126,6 +127,8 @@ def test_a_tilt_of_65_degrees_is_found_from_either_side(monkeypatch: pytest.Monk
         assert pair.accepted, pair.reason
         assert grid_error(pair.homography, matrix, (640, 480), (640, 480)) < 1
         assert len(pair.inliers) > 100
+        # The usual pass, six for zooms, small ones with either photograph tilted, and the promising ones at full size.
+        assert pair.passes == 1 + 6 + 2 * len(TILTED) + MAX_PROMISING
     monkeypatch.setattr("skymosaic.registration.passes.PROMISING_PLACES", 1000)
     assert not register(left, right).accepted
 
