@@ -45,8 +45,10 @@ LINKS_AT_ONCE = 64
 """Links whose ties are in arrays together: derivatives of all links would take a megabyte per view."""
 MAX_STEPS = 15
 CONVERGED_PX = 0.01
-DAMPING, FIRMER, MAX_DAMPING = 1e-2, 10.0, 1e6
-"""Damping of a step that failed, its factor from one trial to the next, and where the layout stays as it is."""
+DAMPING, FIRMER, MAX_DAMPING = 1e-6, 10.0, 1e6
+"""Damping of a step that failed, its factor from one trial to the next, and where the layout stays as it is. The first
+is weak: ties leave the tilt of the whole to the prior, so that a stronger one would hold it where it is, however wrong.
+"""
 MAX_RISE = 1e-3
 """Rise of the cost, as a share of it, that is no failure: one of a flight that converges is below 1e-5."""
 MIN_DEPTH = 0.02

@@ -28,23 +28,25 @@ MIN_AREA = 1e-6
 
 
 class Prior(NamedTuple):
-    """Expected stretch and tilt of views, (V, k), as many as a model leaves free, and one over their variances."""
+    """How exactly stretch and tilt of views are expected, as many of them as a model leaves free."""
 
-    shape: Array
     weights: Array
+    """(V, k): one over their variances."""
 
     @classmethod
     def of(cls, transforms: Array, count: int) -> Prior:
         """The prior of the first ``count`` of stretch and tilt, at transformations (V, 3, 3)."""
-        measured, expected = shapes(transforms), np.zeros((len(transforms), 4))
-        expected[:, :2] = stretch_of_tilt(measured[:, 2:])
+        measured = shapes(transforms)
+        explained = np.linalg.norm(stretch_of_tilt(measured[:, 2:]), axis=1)
         sigma = np.maximum(TILT_SIGMA, np.abs(measured))
-        sigma[:, :2] = np.hypot(STRETCH_SIGMA, STRETCH_ERROR * np.linalg.norm(expected[:, :2], axis=1))[:, None]
-        return cls(expected[:, :count], 1 / sigma[:, :count] ** 2)
+        sigma[:, :2] = np.hypot(STRETCH_SIGMA, STRETCH_ERROR * explained)[:, None]
+        return cls(1 / sigma[:, :count] ** 2)
 
     def differences(self, transforms: Array) -> Array:
-        """Stretch and tilt beside the expected ones, (V, k)."""
-        return np.asarray(shapes(transforms)[:, : self.shape.shape[1]] - self.shape)
+        """Stretch beside what the tilt explains, and tilt, (V, k)."""
+        measured = shapes(transforms)
+        measured[:, :2] -= stretch_of_tilt(measured[:, 2:])
+        return np.asarray(measured[:, : self.weights.shape[1]])
 
 
 def are_possible(transforms: Array) -> NDArray[np.bool_]:
