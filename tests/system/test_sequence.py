@@ -206,12 +206,6 @@ def test_a_cluster_of_processes_gives_the_same(folder: Path, whole: Mosaic) -> N
         np.testing.assert_array_equal(spread.transforms[index], whole.transforms[index])
 
 
-def test_an_absent_scheduler_is_one_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("skymosaic.running.cluster.CONNECT_TIMEOUT_S", 1)
-    with pytest.raises(InputError, match="no Dask scheduler answers"):
-        mosaic([folder], scheduler="tcp://127.0.0.1:9")
-
-
 @pytest.mark.usefixtures("whole")
 def test_a_canvas_beyond_the_limit_is_reduced_to_it_and_says_so(folder: Path, surveyed: Path) -> None:
     result = mosaic([folder], canvas_limit_px=100_000, cache=surveyed)
