@@ -10,6 +10,7 @@ from sim.scene import make_pair
 from skymosaic.features.frames import (
     Change,
     ChangedImage,
+    _line_blur,
     change_image,
     map_matches_to_images,
     map_to_image,
@@ -71,6 +72,16 @@ def test_a_tilt_compresses_along_its_direction(image: NDArray[np.uint8]) -> None
     frame = change_image(image, Change(1.0, 2.0, 0.0))
     assert frame.pixels.shape == (SIZE[1], SIZE[0] // 2 + 1)
     np.testing.assert_allclose(frame.to_image[:2, :2], [[2, 0], [0, 1]], atol=1e-12)
+
+
+@pytest.mark.parametrize("tilt", [2**0.5, 2.0, 3.0])
+def test_the_blur_before_it_is_that_of_asift(tilt: float) -> None:
+    """A Gaussian of 0.8 sqrt(tilt^2 - 1) px along the direction, and nothing across it."""
+    kernel = _line_blur(tilt, 0.6, 0.8)
+    y, x = np.indices(kernel.shape) - len(kernel) // 2
+    along, across = (np.sqrt((kernel * each**2).sum()) for each in (0.6 * x + 0.8 * y, 0.8 * x - 0.6 * y))
+    assert along == pytest.approx(0.8 * np.sqrt(tilt**2 - 1), rel=0.1)
+    assert across < 0.5
 
 
 def test_swapping_twice_changes_nothing(image: NDArray[np.uint8]) -> None:
