@@ -69,6 +69,18 @@ def test_a_template_of_larger_scale_is_found(
     assert np.mean(errors) < 0.3
 
 
+@pytest.mark.parametrize("has_twin", [False, True])
+def test_the_first_picture_tells_whether_something_else_looks_like_the_object(has_twin: bool) -> None:
+    grain = np.random.default_rng(4).integers(0, 256, (300, 480, 3), dtype=np.uint8)
+    picture, roi = cv2.GaussianBlur(grain, (0, 0), 2), Roi(60, 100, 100, 80)
+    if has_twin:
+        picture[110:190, 300:400] = picture[100:180, 60:160]
+    tracker = Tracker(roi)
+    tracker.follow(picture)
+    assert tracker._track is not None
+    assert tracker._track._has_twin is has_twin
+
+
 def test_a_flat_template_is_refused(film_frames: list[NDArray[np.uint8]]) -> None:
     with pytest.raises(RegistrationError, match="features, 12 needed"):
         list(map(Tracker(np.full((80, 80, 3), 120, np.uint8)).follow, film_frames[:1]))
