@@ -116,11 +116,6 @@ def test_unrelated_photographs_say_why_and_write_no_mosaic(photographs: tuple[Pa
     assert (tmp_path / "r" / "matches.png").exists()
 
 
-def test_identical_images_give_the_identity(photographs: tuple[Path, Path], tmp_path: Path) -> None:
-    result = skymosaic("register", photographs[0], photographs[0], "--json", cwd=tmp_path)
-    assert np.allclose(json.loads(result.stdout)["homography"], np.eye(3), atol=1e-3)
-
-
 @pytest.mark.parametrize(
     ("options", "says"),
     [
@@ -131,6 +126,8 @@ def test_identical_images_give_the_identity(photographs: tuple[Path, Path], tmp_
         (("-o", "nowhere/m.png"), "folder does not exist"),
         (("-o", "m.docx"), ".png"),
         (("--scale", "0"), "--scale is 0.0; it must be more than 0"),
+        (("--address", "192.0.2.7"), "--backend board"),
+        (("--detector", "sift", "--backend", "rtl"), "leave out --backend"),
         (("--config", "absent.toml"), "absent.toml"),
         (("--config", "unknown.toml"), "thresold"),
         (("--config", "impossible.toml"), "levels"),
@@ -144,29 +141,6 @@ def test_bad_options_are_one_line(
     output = () if "-o" in options else ("-o", "m.png")
     assert says in refusal(run, "mosaic", *photographs, *output, *options)
     assert not (tmp_path / "m.png").exists()
-
-
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        (("--all-groups",), "two photographs make one mosaic"),
-        (("--cache", "kept"), "two photographs are registered anew"),
-        (("--address", "192.0.2.7"), "--backend board"),
-        (("--detector", "sift", "--backend", "rtl"), "leave out --backend"),
-    ],
-)
-def test_options_that_cannot_apply_to_two_photographs_are_one_line(
-    run: Run, photographs: tuple[Path, Path], tmp_path: Path, options: tuple[str, ...], says: str
-) -> None:
-    assert says in refusal(run, "mosaic", *photographs, "-o", "m.png", *options)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_the_canvas_limit_applies_to_two_photographs(photographs: tuple[Path, Path], tmp_path: Path) -> None:
-    large = cv2.resize(cv2.imread(str(photographs[0])), None, fx=2, fy=2)
-    cv2.imwrite(str(tmp_path / "large.png"), large)
-    result = skymosaic("mosaic", "large.png", "large.png", "-o", "m.png", "--canvas-limit", "1", cwd=tmp_path)
-    assert "the limit is 1" in one_line_error(result, 3)
 
 
 def test_every_command_exists_and_is_listed_in_the_help(capsys: pytest.CaptureFixture[str]) -> None:
