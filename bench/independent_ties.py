@@ -10,7 +10,7 @@ layout's cameras do not say where the baseline is: from a kite, a few degrees of
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +26,7 @@ from bench.rendered_flights import write_images
 from bench.report import JsonFile, Row, report
 from golden_model.arrays import Array, Matrix, Points
 from golden_model.pixel.gray import to_gray
+from sim.scene import Flight as RenderedFlight
 from sim.scene import make_lawnmower
 from sim.scene.terrain import TERRAINS
 from skymosaic.flight.flight import Flight
@@ -43,6 +44,7 @@ MIN_TIES = 30
 PARTNERS = 3
 """Each photograph is matched with so many that overlap it most, and with the next two wherever they are."""
 WORST = 3
+RENDERED = ("flat", *TERRAINS)
 SEED, IMAGES, SIZE_PX = 7, 16, (800, 600)
 """Of rendered flights."""
 
@@ -58,32 +60,39 @@ class PairOfTies:
 
 
 def errors(
-    flights: Annotated[list[str], typer.Argument(help=f"Folders of photographs, or of: {', '.join(TERRAINS)}.")],
+    flights: Annotated[list[str], typer.Argument(help=f"Folders of photographs, or of: {', '.join(RENDERED)}.")],
     warp: Annotated[Warp, typer.Option(help="As of `skymosaic mosaic`.")] = "homography",
     json_file: JsonFile = None,
 ) -> None:
-    """Errors as the report says them, and as independent ties show them, px at 1600 px wide."""
+    """Errors as the report says them, and as independent ties show them, px at 1600 px wide.
+
+    Of a rendered flight also those of the true poses: across the baseline, that is what the ties themselves are off.
+    """
     rows = []
     for name in flights:
-        with photographs_of(name) as folder:
+        with photographs_of(name) as (folder, truth):
             with open_plan([folder], MosaicOptions(warp=warp)) as plan:
                 flight, layout = plan.flight, plan.layouts[0]
-            meshes = ", with meshes" if layout.bent else ""
-            rows.append(error_row(folder.name + meshes, flight, layout, find_ties(flight, layout)))
+            meshes, pairs = ", with meshes" if layout.bent else "", find_ties(flight, layout)
+            rows.append(error_row(folder.name + meshes, flight, layout, pairs))
+        if truth is not None and not layout.bent:
+            true = {m: np.linalg.inv(truth.homographies[m]) @ flight.views[m].to_original for m in layout.members}
+            rows.append(error_row(f"{folder.name}, true poses", flight, replace(layout, transforms=true), pairs))
     report("errors by independent ties", rows, json_file, keep_others=True)
 
 
 @contextmanager
-def photographs_of(flight: str) -> Iterator[Path]:
-    """The folder of a flight; one over a terrain of `sim.scene` is rendered."""
-    if flight not in TERRAINS:
-        yield public_folder(flight)
+def photographs_of(flight: str) -> Iterator[tuple[Path, RenderedFlight | None]]:
+    """The folder of a flight; one of `RENDERED` is rendered, and comes with its poses."""
+    if flight not in RENDERED:
+        yield public_folder(flight), None
         return
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary) / f"rendered {flight}"
         folder.mkdir()
-        write_images(folder, make_lawnmower(SEED, IMAGES, SIZE_PX, terrain=flight).images)
-        yield folder
+        rendered = make_lawnmower(SEED, IMAGES, SIZE_PX, terrain=flight.removeprefix("flat"))
+        write_images(folder, rendered.images)
+        yield folder, rendered
 
 
 def error_row(name: str, flight: Flight, layout: Layout, pairs: Sequence[PairOfTies]) -> Row:
