@@ -116,6 +116,20 @@ def test_no_second_job_starts_while_one_runs(sessions: Sessions, run_in_loop: Ca
     run_in_loop(scenario)
 
 
+def test_other_photographs_end_the_reading_of_a_folder(
+    sessions: Sessions, run_in_loop: Callable[[Scenario], None]
+) -> None:
+    session, ended = sessions.get("one"), list[str]()
+    reading: Any = SimpleNamespace(cancel=lambda: ended.append("reading"))
+
+    async def scenario() -> None:
+        session.reading, session.unread = reading, "1 of 9 photographs could not be read"
+        session.set_photographs(())
+        assert (ended, session.reading, session.unread) == (["reading"], None, "")
+
+    run_in_loop(scenario)
+
+
 def test_the_next_run_removes_the_files_of_runs_without_a_result(
     sessions: Sessions, run_in_loop: Callable[[Scenario], None]
 ) -> None:
