@@ -42,8 +42,8 @@ MIN_BLOCKS = 12
 """Fewer tell nothing, but that nothing of the ground is seen to agree where the camera stood still."""
 STILL_SHARE, SHARE_PER_SIDE = 0.7, 3.0
 """Share of the blocks that must agree where the camera stood still, and how much less for each longer side that it
-moved. Where it stood still, a pair is good only if it shows something in as much of the picture, too: a display over
-nothing looks like lamps at night."""
+moved. Where it stood still, a pair is good only if they are as much of the picture: a display over nothing looks like
+lamps at night."""
 STILL, FAR = 0.01, STILL_SHARE / SHARE_PER_SIDE
 """Below the first motion the camera stood still, or a sensor's pattern is what agrees; from the second on, nothing must
 agree."""
@@ -101,15 +101,15 @@ class GroundAgreement:
         Mean motion of the picture's corners, as a share of its longer side.
     decisive : GroundAgreement or None
         That of coarser or finer pictures, which decides where these leave a doubt.
-    seen : float
-        Share of the overlap that has any contrast, where the camera stood still; 1 where it moved.
+    covered : float
+        Share of the overlap whose blocks vote and agree; where the camera stood still, in the finest pictures.
     """
 
     agreeing: Mask
     blocks: int
     motion: float
+    covered: float
     decisive: GroundAgreement | None = None
-    seen: float = 1.0
 
     @property
     def tells(self) -> bool:
@@ -143,7 +143,12 @@ class GroundAgreement:
     @property
     def is_good(self) -> bool:
         """Whether a pair may be good."""
-        return self.share >= max(GOOD_SHARE, self.required) and self.seen >= STILL_SHARE
+        return self.share >= max(GOOD_SHARE, self.required) and not self.may_be_display
+
+    @property
+    def may_be_display(self) -> bool:
+        """Whether the camera stood still, but most of the picture does not show it."""
+        return self.motion < STILL and self.covered < STILL_SHARE
 
     @property
     def is_refused(self) -> bool:
@@ -154,9 +159,9 @@ class GroundAgreement:
         """What agrees, how much of the ground it covers, how much it should, and what may be the cause."""
         tells = (self.decisive or self).tells
         covers = f"what agrees covers {100 * self.share:.0f} % of the ground" if tells else "too little ground is seen"
-        if self.suffices and self.seen < STILL_SHARE:
-            shown = f"what agrees covers {100 * self.share * self.seen:.0f} % of the picture, and the rest is empty"
-            return f"{shown}: if the camera stood still, it may be a display over nothing"
+        if self.suffices and self.may_be_display:
+            shown = f"what agrees covers {100 * self.covered:.0f} % of the picture, which may be a display"
+            return f"{shown}: most must agree to show that the camera stood still"
         if self.suffices:
             return covers
         moved = f"a camera that moved by {100 * self.motion:.0f} % of the picture needs {100 * self.required:.0f} %"
@@ -172,7 +177,7 @@ def measure_agreement(left: Sight, right: Sight, homography: Matrix, explained: 
     if explained is not None or (coarse.tells and coarse.is_refused):
         return coarse
     if coarse.motion < STILL:
-        coarse = replace(coarse, seen=_share_seen(left, right, homography))
+        coarse = replace(coarse, covered=_count(FINE_SIDE_PX, left, right, homography).covered)
     sides = [COARSEST_SIDE_PX] * (coarse.motion < STILL) + [FINE_SIDE_PX] * (coarse.tells and not coarse.suffices)
     others = [_count(side, left, right, homography) for side in sides]
     decisive = min((other for other in others if other.tells), key=lambda other: other.share, default=coarse)
@@ -188,22 +193,16 @@ def _count(
     warped = warp_reflected(right.pixels, to_right, left.size)
     own, other = _band_pass(left.pixels), _band_pass(warped)
     blocks = tuple(slice(0, side // BLOCK_PX * BLOCK_PX, BLOCK_PX) for side in own.shape)
-    votes = cv2.blur(mask_common(left, right, to_right), (BLOCK_PX, BLOCK_PX), anchor=(0, 0))[blocks] > 250
-    votes &= _block_variances(own)[blocks] > (MIN_CONTRAST if side_px > COARSEST_SIDE_PX else LOW_CONTRAST) ** 2
+    common = cv2.blur(mask_common(left, right, to_right), (BLOCK_PX, BLOCK_PX), anchor=(0, 0))[blocks] > 250
+    contrast = MIN_CONTRAST if side_px > COARSEST_SIDE_PX else LOW_CONTRAST
+    votes = common & (_block_variances(own)[blocks] > contrast**2)
     votes &= _block_variances(other)[blocks] > LOW_CONTRAST**2
     if explained is not None:
         votes &= ~explained
     agreeing = votes.copy()
     agreeing[votes] = _fit_best_here(own, other, votes)
-    return GroundAgreement(agreeing, int(np.count_nonzero(votes)), _motion(to_right, left.size))
-
-
-def _share_seen(left: Sight, right: Sight, homography: Matrix) -> float:
-    """Share of the overlap in whose blocks there is contrast, in pictures as fine as the lines of a display."""
-    left, right = left.reduced(FINE_SIDE_PX), right.reduced(FINE_SIDE_PX)
-    common = mask_common(left, right, _between(left, right, homography)) == 255
-    contrast = _block_variances(_band_pass(left.pixels))[common] > MIN_CONTRAST**2
-    return float(np.mean(contrast)) if contrast.size else 0.0
+    covered = float(np.count_nonzero(agreeing)) / max(int(np.count_nonzero(common)), 1)
+    return GroundAgreement(agreeing, int(np.count_nonzero(votes)), _motion(to_right, left.size), covered)
 
 
 def mask_common(left: Sight, right: Sight, to_right: Matrix) -> Pixels:

@@ -95,7 +95,7 @@ class Confidence:
         """All numbers by name, ready for JSON."""
         values = {"predicted_px": self.predicted_px, "correlation": self.correlation, **asdict(self.quality)}
         values |= {"ground_share": self.ground.share, "ground_required": max(self.ground.required, 0.0)}
-        values["ground_seen"] = self.ground.seen
+        values["ground_covered"] = self.ground.covered
         return {"verdict": self.verdict, "reason": self.reason} | {key: round(v, 4) for key, v in values.items()}
 
 

@@ -119,7 +119,7 @@ def test_flat_ground_needs_less_of_the_overlap(
     verdict: str, hull_share: float, held_out_share: float, extrapolates: bool
 ) -> None:
     quality = FitQuality(1.0, held_out_share, 3.0, hull_share, 20)
-    ground = GroundAgreement(np.ones((4, 4), np.bool_), 16, 0.5)
+    ground = GroundAgreement(np.ones((4, 4), np.bool_), 16, 0.5, 1.0)
     assert Confidence(verdict, "", 6.0, 0.3, quality, ground).extrapolates is extrapolates
 
 
