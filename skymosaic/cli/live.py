@@ -83,6 +83,8 @@ def live(
     # The frames so far are written.
     except (KeyboardInterrupt, SystemExit):
         session.tell("stopped; writing the mosaic")
+    if mosaic.left_out_moving:
+        session.warn(MOVES_WITH_CAMERA)
     target = output if replaces else _find_unused(output)
     try:
         delivery, absent = _write(mosaic, target, form, overwrite=overwrite, strict=strict)
@@ -134,8 +136,8 @@ def _write(
 
 
 def _show(delivery: Delivery, absent: Mapping[int, str], mosaic: LiveMosaic, pace: Pace) -> None:
-    if moves := MOVES_WITH_CAMERA if mosaic.left_out_moving else describe_moving(delivery.flight):
-        session.warn(moves)
+    if not mosaic.left_out_moving and (still := describe_moving(delivery.flight)):
+        session.warn(still)
     composition, output = delivery.composition, delivery.path
     for line in filter(None, (composition.reduced, composition.uneven)):
         session.warn(f"{output}: {line}")

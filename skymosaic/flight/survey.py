@@ -335,7 +335,7 @@ def _why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:
     """Why no link joins a view to the others, with its best match."""
     features = len(views[view].strongest)
     if features < MIN_INLIERS:
-        return f"too few features ({features}; flat or blurred image?)"
+        return f"too few features ({features}; flat, blurred or masked image?)"
     tried = [link for link in links if view in (link.left, link.right)]
     if not tried:
         return "no other photograph can be used"
@@ -343,7 +343,7 @@ def _why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:
         return f"{held} links contradict each other or the layout, so its place is unknown"
     best = max(tried, key=lambda link: link.inliers)
     if best.moves_with_camera or (not best.inliers and any(link.moves_with_camera for link in tried)):
-        return f"nothing links it to the others; {MOVES_WITH_CAMERA}"
+        return f"nothing links it to the others; {MOVES_WITH_CAMERA}; `mask` it, or water below a camera that hovers"
     other = views[best.left + best.right - view].name
     best_match = f"at best {best.inliers} matches agree, with {other}; {MIN_INLIERS} are needed"
     return f"nothing links it to the others ({best_match})"

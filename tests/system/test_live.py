@@ -175,7 +175,7 @@ def test_a_strict_mosaic_that_lacks_a_frame_leaves_no_preview(run: Run, frames: 
     assert [path.name for path in Path().iterdir()] == ["film.mkv"]
 
 
-def test_a_display_over_nothing_and_a_frame_alone_are_named(run: Run, frames: list[np.ndarray]) -> None:
+def test_a_display_over_nothing_and_over_different_places_is_named(run: Run) -> None:
     display = np.zeros((480, 640, 3), np.uint8)
     with write_video(Path("display.mkv"), Fraction(25)) as write:
         for number in range(3):
@@ -185,10 +185,12 @@ def test_a_display_over_nothing_and_a_frame_alone_are_named(run: Run, frames: li
             write(display)
     status, _, errors = run("live", "display.mkv", "-o", "m.png")
     assert (status, errors.count("hovered, or they show nothing but a display")) == (0, 1), errors
-    with write_video(Path("alone.mkv"), Fraction(25)) as write:
-        write(np.ascontiguousarray(frames[0]))
-    status, _, errors = run("live", "alone.mkv", "-o", "m2.png")
+    with write_video(Path("places.mkv"), Fraction(25)) as write:
+        for place in np.random.default_rng(3).normal(0, 40, (2, 30, 40, 3)):
+            write(np.maximum(display, cv2.resize(np.clip(90 + place, 0, 255).astype(np.uint8), (640, 480))))
+    status, _, errors = run("live", "places.mkv", "-o", "m2.png")
     assert status == 3
+    assert "warning: what moves with the camera (a display, " in errors
     assert "nothing links it to the others" in errors
 
 
