@@ -13,15 +13,12 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import typer
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from bench.painter import CLOCK_MHZ, fit_canvas, fly
+from bench.painter import CLOCK_MHZ, fit_canvas, fly, pose_of
 from bench.report import JsonFile, Row, report
 from golden_model.arrays import Matrix, Pixels
-from golden_model.geometry.scoring import quantise
 from golden_model.painting.painter import Painter
-from golden_model.painting.pose import Placement, Poses
 from golden_model.painting.tiles import MAX_TILES, TILE_PX
 from golden_model.painting.timing import painting_cycles
 from sim.scene import CameraPose
@@ -42,13 +39,6 @@ def look_down(size: tuple[int, int], zoom: float, heading_deg: float) -> tuple[M
     flight = replace(flight, poses=(pose,))
     move, (columns, rows) = fit_canvas(flight)
     return flight.homographies[0] @ move, (min(columns, MAX_TILES), min(rows, MAX_TILES))
-
-
-def pose_of(H: Matrix) -> NDArray[np.int64]:
-    """As a host sets it."""
-    pose, causes = Poses().place(Placement(1, 0, quantise(H[np.newaxis])[0], composed=False))
-    assert pose is not None, causes
-    return pose
 
 
 def decibels(image: Pixels, H: Matrix, tiles: tuple[int, int]) -> float:
