@@ -70,7 +70,7 @@ class Ecp5:
         m.submodules.multiplier = Instance("MULT18X18D", **ports)
         m.d.comb += product.eq(product_bits[: len(product)])
 
-    def memory(self, m: Module, memory: LineMemory, *, registers: Value) -> None:
+    def memory(self, m: Module, memory: LineMemory, *, load: Value) -> None:
         """Add DP16KDs side by side for the width of a word, with output registers; port A writes and port B reads.
 
         Raises
@@ -101,11 +101,12 @@ class Ecp5:
                 i_WEA=memory.i_write,
                 i_WEB=Const(0, 1),
                 i_CEA=Const(1, 1),
-                # Only what the output register takes counts, and an enable would be one more long wire. Whether that
-                # register needs the port's enable besides its own makes no difference either: it is on, or the same.
-                i_CEB=registers if memory.stalls else Const(1, 1),
+                # Only what the output register takes counts, and an enable would be one more long wire. Where a word
+                # waits, the port is read when it leaves, too: whether the register needs the port's enable besides its
+                # own then makes no difference.
+                i_CEB=memory.i_read | load if memory.loads else Const(1, 1),
                 i_OCEA=Const(1, 1),
-                i_OCEB=registers,
+                i_OCEB=load,
                 i_RSTA=Const(0, 1),
                 i_RSTB=Const(0, 1),
                 **_bits("i_CSA", Const(0, 3)),

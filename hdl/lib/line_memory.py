@@ -1,6 +1,6 @@
 """A memory with an output register, for lines of pixels and for features."""
 
-from amaranth import Module, ShapeLike, Signal, Value
+from amaranth import Module, ShapeLike, Signal
 from amaranth.lib import memory, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -20,12 +20,14 @@ class LineMemory(wiring.Component):
         Shape of a word.
     depth : int
         Number of words.
-    stalls : bool
-        Without ``i_read`` the output register waits, too: a word comes with the ``i_read`` after its own.
+    loads : bool
+        A word waits in the memory until ``i_load`` moves it into the output register, once for each ``i_read``.
     """
 
     i_read: Signal
     i_read_address: Signal
+    i_load: Signal
+    """Only with ``loads``: the output register takes the word of the last ``i_read`` before this clock."""
     o_word: Signal
     """The word read last."""
     i_write: Signal
@@ -33,16 +35,17 @@ class LineMemory(wiring.Component):
     i_word: Signal
 
     latency_cycles = 2
-    """From ``i_read`` to ``o_word``."""
+    """From ``i_read`` to ``o_word``; with ``loads`` at the earliest."""
 
-    def __init__(self, *, shape: ShapeLike, depth: int, stalls: bool = False) -> None:
+    def __init__(self, *, shape: ShapeLike, depth: int, loads: bool = False) -> None:
         self.shape = shape
         self.depth = depth
-        self.stalls = stalls
+        self.loads = loads
         super().__init__(
             {
                 "i_read": In(1),
                 "i_read_address": In(range(depth)),
+                **({"i_load": In(1)} if loads else {}),
                 "o_word": Out(shape),
                 "i_write": In(1),
                 "i_write_address": In(range(depth)),
@@ -53,18 +56,16 @@ class LineMemory(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         """Add the memory and its output register, inferred or in the technology's block RAMs."""
         m = Module()
-        is_read: Value = self.i_read
-        if not self.stalls:
-            is_read = delayed(m, is_read, 1, reset_less=False)
+        load = self.i_load if self.loads else delayed(m, self.i_read, 1, reset_less=False)
         if isinstance(platform, Technology):
-            platform.memory(m, self, registers=is_read)
+            platform.memory(m, self, load=load)
             return m
         words: memory.Memory
         m.submodules.memory = words = memory.Memory(shape=self.shape, depth=self.depth, init=[])
         read = words.read_port()
         write = words.write_port()
         word = port_register(m, self.o_word)
-        with m.If(is_read):
+        with m.If(load):
             m.d.sync += word.eq(read.data)
         m.d.comb += [
             read.addr.eq(self.i_read_address),

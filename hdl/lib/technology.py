@@ -27,9 +27,9 @@ class Technology(Protocol):
     def multiplier(self, m: Module, *, a: Value, b: Value, loads: Loads, product: Signal) -> None:
         """Add ``product`` = ``a`` × ``b`` with its registers."""
 
-    def memory(self, m: Module, memory: LineMemory, *, registers: Value) -> None:
-        """Add a memory between the ports of ``memory``, read in every clock; one that stalls, with ``registers``.
+    def memory(self, m: Module, memory: LineMemory, *, load: Value) -> None:
+        """Add a memory between the ports of ``memory``, read at least where ``memory.i_read`` asks for it.
 
-        In the next clock ``registers`` passes the word on to ``memory.o_word``. A read of the address being written may
+        ``load`` passes the word of the last such read on to ``memory.o_word``. A read of the address being written may
         return anything.
         """

@@ -189,7 +189,7 @@ class NearestNeighbours(wiring.Component):
 
     def _hold_columns(self, m: Module, valid: Value, position: data.View, lanes: Sequence[Lane]) -> None:
         """Read each column from the memory for the first lane, and write it back from the last lane."""
-        m.submodules.columns = columns = LineMemory(shape=self._nearest, depth=self.max_features, stalls=True)
+        m.submodules.columns = columns = LineMemory(shape=self._nearest, depth=self.max_features, loads=True)
         valid = delayed(m, valid, self._column_wait_cycles, reset_less=False)
         position = delayed(m, position, self._column_wait_cycles)
         first, last = lanes[0].i_bus, lanes[-1].o_bus
@@ -201,6 +201,7 @@ class NearestNeighbours(wiring.Component):
             first.position.eq(delayed(m, read, 1)),
             first.column.eq(delayed(m, Value.cast(columns.o_word) | empty, 1)),
             columns.i_read.eq(self.o_busy | self.i_read),
+            columns.i_load.eq(columns.i_read),
             columns.i_read_address.eq(Mux(self.o_busy, position.right, self.i_column_index)),
             columns.i_write.eq(last.valid),
             columns.i_write_address.eq(last.position.right),
@@ -210,7 +211,7 @@ class NearestNeighbours(wiring.Component):
 
     def _hold_rows(self, m: Module, lanes: Sequence[Lane]) -> None:
         """Store the rows, which leave the lanes one after the other, in rising left index."""
-        m.submodules.rows = rows = LineMemory(shape=self._nearest, depth=self.max_features, stalls=True)
+        m.submodules.rows = rows = LineMemory(shape=self._nearest, depth=self.max_features, loads=True)
         valid = Signal()
         row = view_signal(self._nearest, reset_less=True)
         # The lanes finish one after the other, so at most one row is valid: OR is enough to select it.
@@ -226,6 +227,7 @@ class NearestNeighbours(wiring.Component):
             rows.i_write.eq(valid),
             rows.i_word.eq(row),
             rows.i_read.eq(self.i_read),
+            rows.i_load.eq(self.i_read),
             rows.i_read_address.eq(self.i_row_index),
             self.o_row.eq(rows.o_word),
         ]

@@ -7,7 +7,6 @@ from amaranth.lib.wiring import In, Out
 from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.extractor import feature_layout, feature_or_end
 from hdl.lib.line_memory import LineMemory
-from hdl.lib.views import view_signal
 from hdl.selection.cell_ranking import MAX_PER_CELL, ORDER
 
 
@@ -72,7 +71,7 @@ class CellRows(wiring.Component):
         attributes = {"ram_style": "distributed"}
         orders: memory.Memory
         m.submodules.orders = orders = memory.Memory(shape=ORDER, depth=depth, init=[], attrs=attributes)
-        m.submodules.features = features = LineMemory(shape=self._feature, depth=depth * MAX_PER_CELL, stalls=True)
+        m.submodules.features = features = LineMemory(shape=self._feature, depth=depth * MAX_PER_CELL, loads=True)
         filling = Signal()
         with m.If(self.i_close):
             m.d.sync += filling.eq(~filling)
@@ -146,31 +145,29 @@ class CellRows(wiring.Component):
         A stage takes the next feature only once it is empty, not in the clock in which it becomes empty. That costs no
         throughput, because a feature has several words, and keeps ``ready`` out of long combinational paths.
         """
+        # The output register of the memory is that of the output: the memory alone is too slow to be followed by wires.
         fetched = Signal()
-        fetching = view_signal(self._request, reset_less=True)
+        mark = Signal.like(requests.p, reset_less=True)
         ends_row = Signal(reset_less=True)
         ends_level = Signal(reset_less=True)
-        # At each read, the output register takes the word of the read before. So a feature is read twice, once for each
-        # stage, and the next one's first read leaves it in the register. The end of a row reads nothing.
-        request = data.View(self._request, Mux(fetched, fetching.as_value(), requests.p.as_value()))
-        moves = Mux(fetched, ~self.o.valid, requests.valid)
+        advance = fetched & ~self.o.valid
         m.d.comb += [
             requests.ready.eq(~fetched),
-            features.i_read.eq(moves & ~request.ends_row),
-            features.i_read_address.eq(Cat(request.slot, request.cell, bank)),
+            features.i_read.eq(requests.valid & requests.ready),
+            features.i_read_address.eq(Cat(requests.p.slot, requests.p.cell, bank)),
+            features.i_load.eq(advance),
             self.o.p.feature.eq(features.o_word),
             self.o.p.ends_row.eq(ends_row),
             self.o.p.ends_level.eq(ends_level),
         ]
-        with m.If(~fetched):
-            m.d.sync += fetching.eq(requests.p)
-        with m.If(moves):
-            m.d.sync += fetched.eq(~fetched)
-        with m.If(fetched & ~self.o.valid):
+        with m.If(features.i_read):
+            m.d.sync += [fetched.eq(1), mark.eq(requests.p)]
+        with m.If(advance):
             m.d.sync += [
+                fetched.eq(0),
                 self.o.valid.eq(1),
-                ends_row.eq(fetching.ends_row),
-                ends_level.eq(fetching.ends_row & fetching.ends_level),
+                ends_row.eq(mark.ends_row),
+                ends_level.eq(mark.ends_row & mark.ends_level),
             ]
         with m.Elif(self.o.ready):
             m.d.sync += self.o.valid.eq(0)

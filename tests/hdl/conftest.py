@@ -33,11 +33,15 @@ def elaborate_with_collisions(memory: LineMemory, _platform: object) -> Module:
         write.en.eq(memory.i_write),
         write.data.eq(memory.i_word),
     ]
+    load = memory.i_load if memory.loads else delayed(m, memory.i_read, 1, reset_less=False)
+    # A word leaves once: some block RAMs are read again meanwhile, anywhere.
     collides = Signal()
+    with m.If(load):
+        m.d.sync += collides.eq(1)
     with m.If(memory.i_read):
         m.d.sync += collides.eq(memory.i_write & (memory.i_read_address == memory.i_write_address))
     read_word, word = Signal.like(Value.cast(read.data)), Signal.like(Value.cast(read.data), reset_less=True)
-    with m.If(memory.i_read if memory.stalls else delayed(m, memory.i_read, 1, reset_less=False)):
+    with m.If(load):
         m.d.sync += word.eq(Mux(collides, ~read_word, read_word))
     m.d.comb += [read_word.eq(read.data), Value.cast(memory.o_word).eq(word)]
     return m

@@ -106,8 +106,8 @@ def test_the_whole_painter_is_made_of_the_cells() -> None:
 def test_what_does_not_fit_is_refused_and_what_just_fits_is_not() -> None:
     wide, narrow, bit, m = Signal(19), Signal(4), Signal(), Module()
     Ecp5().multiplier(m, a=wide[1:], b=narrow, loads=(bit, bit, bit), product=Signal(22))
-    Ecp5().memory(m, LineMemory(shape=8, depth=16384), registers=bit)
+    Ecp5().memory(m, LineMemory(shape=8, depth=16384), load=bit)
     with pytest.raises(ValueError, match="a factor has 19 bits"):
         Ecp5().multiplier(m, a=wide, b=narrow, loads=(bit, bit, bit), product=Signal(23))
     with pytest.raises(ValueError, match="the memory has 16385 words"):
-        Ecp5().memory(m, LineMemory(shape=8, depth=16385), registers=bit)
+        Ecp5().memory(m, LineMemory(shape=8, depth=16385), load=bit)
