@@ -120,7 +120,8 @@ def _find_out_of_scale(views: Sequence[View], transforms: Mapping[int, Array], l
     for link in links:
         around[link.left].append(area[link.right])
         around[link.right].append(area[link.left])
-    ratios = {member: area[member] / float(np.median(areas)) for member, areas in around.items()}
+    # Of two neighbours, the mean of their areas would be that of the larger one.
+    ratios = {member: area[member] / float(np.exp(np.median(np.log(areas)))) for member, areas in around.items()}
     worst = max(ratios, key=lambda member: max(ratios[member], 1 / ratios[member]))
     if 1 / MAX_AREA_RATIO <= ratios[worst] <= MAX_AREA_RATIO:
         return {}

@@ -3,7 +3,8 @@ import pytest
 
 from golden_model.arrays import Points
 from skymosaic.compositing.warp import outline
-from skymosaic.flight.layout.extent import MAX_STRETCH, least_nearness
+from skymosaic.flight.layout.extent import MAX_STRETCH, find_misplaced, least_nearness
+from skymosaic.flight.linking.links import Link
 from skymosaic.geometry.homography import apply
 from tests.skymosaic.flight.layout import cameras
 
@@ -33,3 +34,13 @@ def test_far_ground_is_shown_at_the_resolution_that_it_has(lean_deg: float, whol
     # A canvas of a quarter of the resolution has room for all that a camera at 50 degrees shows.
     coarse = least_nearness(views, transforms, links, scale=0.25)
     assert (max(coarse.values()) == 0) is (lean_deg <= 50)
+
+
+def test_two_views_that_hang_together_a_thousand_times_as_large_are_found() -> None:
+    """The second of them has a neighbour of its own size, and one of the others'."""
+    points = np.random.default_rng(0).uniform(100, 400, (20, 2))
+    scale = [1.0, 1, 1, 1000, 1000]
+    transforms = {view: np.diag([scale[view], scale[view], 1]) for view in range(5)}
+    links = [Link(left, right, points, points, 20, 20) for left, right in ((0, 1), (0, 2), (1, 2), (2, 3), (3, 4))]
+    found = find_misplaced(cameras.views_of(5), transforms, links, [np.zeros(20)] * 5)
+    assert found == {3: "it would show 1e+03 times as much ground as the photographs that it is linked with"}
