@@ -25,12 +25,16 @@ TILT_BLUR = 0.8
 
 @dataclass(frozen=True)
 class Change:
-    """What is done to an image: resized by ``scale``, compressed by ``tilt`` along ``direction_deg``, or inverted."""
+    """What is done to an image: resized by ``scale``, compressed by ``tilt`` along ``direction_deg``, or inverted.
+
+    Reflected into a margin, it keeps the corners near its edges, where the front end has no room for a descriptor.
+    """
 
     scale: float = 1.0
     tilt: float = 1.0
     direction_deg: float = 0.0
     inverted: bool = False
+    margin_px: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +75,7 @@ def change_image(image: Pixels, change: Change) -> ChangedImage | None:
     image = ~image if change.inverted else image
     height_px, width_px = image.shape[:2]
     size = round(width_px * change.scale), round(height_px * change.scale)
-    if not all(MIN_FRAME_PX <= side_px <= MAX_FRAME_PX for side_px in size):
+    if not all(MIN_FRAME_PX <= side_px <= MAX_FRAME_PX - 2 * change.margin_px for side_px in size):
         return None
     pixels, to_image = image, np.eye(3)
     if size != (width_px, height_px):
@@ -79,6 +83,11 @@ def change_image(image: Pixels, change: Change) -> ChangedImage | None:
         filtering = cv2.INTER_AREA if change.scale < 1 else cv2.INTER_CUBIC
         pixels = np.asarray(cv2.resize(image, size, interpolation=filtering), dtype=np.uint8)
         to_image = resize_matrix(width_px / size[0], height_px / size[1])
+    if margin_px := change.margin_px:
+        pixels = np.asarray(
+            cv2.copyMakeBorder(pixels, margin_px, margin_px, margin_px, margin_px, cv2.BORDER_REFLECT), dtype=np.uint8
+        )
+        to_image = to_image @ np.array([[1, 0, -margin_px], [0, 1, -margin_px], [0, 0, 1]])
     if change.tilt == 1:
         return ChangedImage(pixels, to_image)
     compressed = _compress(pixels, change.tilt, math.radians(change.direction_deg))

@@ -16,7 +16,7 @@ import numpy as np
 from golden_model.arrays import Mask, Matrix, Pixels, Points, Records
 from golden_model.config import Config
 from golden_model.feature.orientation import SECTORS
-from golden_model.matching.matcher import match
+from golden_model.matching.matcher import common_orientation, match, weigh
 from sim.backends.interface import Backend
 from skymosaic.features.frames import (
     Change,
@@ -33,23 +33,22 @@ from skymosaic.geometry.held_out import clearly_better, held_out_agreement
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, Estimate, estimate_homography
 from skymosaic.registration.front_end_runs import (
-    DOUBLE,
     INVERTED,
     LADDER,
     LARGER,
+    LARGER_OF_SMALL,
+    SMALL_PX,
     SMALLER,
     TILTS,
     FrontEndRun,
     choose_run_between_octaves,
 )
 
-# A result above all three thresholds needs no further passes. Where fewer of the kept matches agree, relief divides
-# them between planes, and more matches settle which plane counts.
-STRONG_PLACES, STRONG_PLACES_OF_SMALL = 60, 30
+# A result above all three thresholds needs no further passes. Where fewer of the overlap's kept matches agree, relief
+# divides them between planes, and more matches settle which plane counts; where half do, fewer places are enough.
+STRONG_PLACES, STRONG_PLACES_OF_FLAT = 60, 20
 STRONG_SHARE_OF_OVERLAP = 0.25
-STRONG_SHARE_OF_KEPT = 0.25
-SMALL_PX = 400
-"""Photographs of this side have few corners: a pass at √2 is often too little, and with it one at twice gives more."""
+STRONG_SHARE_OF_KEPT, SHARE_OF_FLAT = 0.25, 0.5
 # Most pairs that need many further passes are unrelated: one short search for each.
 FURTHER_PASS_SAMPLES = 1000
 MIN_PLACES = 12
@@ -151,7 +150,7 @@ class Search:
         """Continue after the first pass as far as ``effort`` allows and the pair needs."""
         if effort == "fast" or (effort == "normal" and self._is_strong(state)):
             return state
-        larger = (LARGER, DOUBLE) if self._are_small else (LARGER,)
+        larger = LARGER_OF_SMALL if self._are_small else (LARGER,)
         if effort == "thorough":
             state = self._search_together(state, (*larger, SMALLER))
         else:
@@ -189,10 +188,18 @@ class Search:
         evidence, passes = state.evidence, state.passes
         for _, further in self._match_frames(runs):
             evidence, passes = evidence.with_pass(further), passes + 1
+        if self._are_small:
+            evidence = self._turn_alike(evidence)
         # The homography so far competes, so that further passes do not lose it.
         starts = [] if state.homography is None else [state.homography]
         found = self._accept_estimate(evidence, self._estimate(evidence, starts=starts), passes)
         return self.choose(state, found)
+
+    def _turn_alike(self, evidence: Evidence) -> Evidence:
+        """Judge the matches of all passes by one turn, which the few right ones of a single pass may miss."""
+        matches, pattern = evidence.matches.copy(), self._config.front_end.pattern
+        matches["peak_turn"] = common_orientation(matches["turn"], matches["distance"], matches["margin"], pattern.bits)
+        return replace(evidence, matches=weigh(matches, *evidence.features, pattern, self._config.matcher))
 
     def choose(self, before: SearchState, found: SearchState) -> SearchState:
         """The homography of further passes, or the one before where that predicts held-out matches better."""
@@ -302,10 +309,13 @@ class Search:
         return estimate_homography(left, right, weight, rng=self._rng, starts=starts, **search)
 
     def _is_strong(self, state: SearchState) -> bool:
-        strong_places = STRONG_PLACES_OF_SMALL if self._are_small else STRONG_PLACES
-        if state.homography is None or state.places < strong_places:
+        if state.homography is None:
             return False
-        if np.count_nonzero(state.inliers) < STRONG_SHARE_OF_KEPT * len(state.evidence.kept):
+        x, y = np.rint(match_points(state.evidence.kept)[0]).astype(np.intp).T
+        in_overlap = np.count_nonzero(acceptance.overlap_mask(state.homography, *self._sizes)[y, x])
+        inliers = np.count_nonzero(state.inliers)
+        places = STRONG_PLACES_OF_FLAT if inliers >= SHARE_OF_FLAT * in_overlap else STRONG_PLACES
+        if state.places < places or inliers < STRONG_SHARE_OF_KEPT * in_overlap:
             return False
         left, _ = state.inlier_points
         return acceptance.hull_share(state.homography, left, *self._sizes) >= STRONG_SHARE_OF_OVERLAP

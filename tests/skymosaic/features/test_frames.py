@@ -28,7 +28,7 @@ def image() -> NDArray[np.uint8]:
     return make_pair(seed=1, size=SIZE).images[0][..., 1].copy()
 
 
-@pytest.mark.parametrize("change", [Change(2.0), Change(0.5), Change(1.0, 2**0.5, 60.0)])
+@pytest.mark.parametrize("change", [Change(2.0), Change(0.5), Change(1.0, 2**0.5, 60.0), Change(2.0, margin_px=20)])
 def test_a_changed_frame_matches_its_image_in_place(image: NDArray[np.uint8], change: Change) -> None:
     frame = change_image(image, change)
     matches = GoldenBackend().run([image, frame.pixels], CONFIG)[1].matches
@@ -39,6 +39,18 @@ def test_a_changed_frame_matches_its_image_in_place(image: NDArray[np.uint8], ch
     close = np.linalg.norm(left - right, axis=1) < 1.5
     assert close.sum() >= 12
     assert np.median(np.linalg.norm(left - right, axis=1)[close]) < 0.6
+
+
+def test_a_margin_keeps_the_corners_near_the_edges(image: NDArray[np.uint8]) -> None:
+    def near_edges(margin_px: int) -> int:
+        frame = change_image(image, Change(margin_px=margin_px))
+        assert frame
+        points = apply(frame.to_image, feature_points(extract(frame.pixels, CONFIG.front_end).features))
+        from_edges_px = np.minimum(points, np.array(SIZE) - 1 - points).min(axis=1)
+        return int(np.count_nonzero((from_edges_px >= 0) & (from_edges_px < 18)))
+
+    assert near_edges(0) == 0
+    assert near_edges(20) > 40
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -56,6 +68,8 @@ def test_matches_outside_their_images_are_dropped(image: NDArray[np.uint8], side
 def test_frames_outside_the_range_of_the_front_end_are_refused(image: NDArray[np.uint8]) -> None:
     assert change_image(image, Change(0.2)) is None
     assert change_image(image, Change(20.0)) is None
+    assert change_image(image, Change(12.7)) is not None
+    assert change_image(image, Change(12.7, margin_px=20)) is None
 
 
 def test_features_and_matches_lie_where_the_image_has_them(image: NDArray[np.uint8]) -> None:

@@ -14,7 +14,7 @@ from sim.scene import CameraPose
 from skymosaic import register
 from skymosaic.common.errors import InputError
 from skymosaic.evaluation.metrics import grid_error
-from skymosaic.registration.front_end_runs import TILTED
+from skymosaic.registration.front_end_runs import LARGER_OF_SMALL, TILTED
 from skymosaic.registration.passes import MAX_PROMISING, Evidence, Search, SearchState
 from tests.skymosaic.registration.rendering import CAMERA, view
 
@@ -133,22 +133,37 @@ def test_a_tilt_of_65_degrees_is_found_from_either_side(monkeypatch: pytest.Monk
     assert not register(left, right).accepted
 
 
-@pytest.mark.parametrize("small_px", [400, 200])
-def test_small_photographs_are_searched_at_twice_their_size_too(small_px: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    left, right, truth = flat_pair("small", 25, 0)
-    monkeypatch.setattr("skymosaic.registration.passes.SMALL_PX", small_px)
+@pytest.mark.parametrize(("number", "passes"), [(0, 2), (10, 3)])
+def test_small_photographs_are_enlarged_with_a_margin(
+    number: int, passes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left, right, truth = flat_pair("small", 25, number)
     pair = register(left, right)
-    assert pair.accepted is (small_px == 400)
-    if pair.accepted:
-        assert pair.passes == 3
-        assert grid_error(pair.homography, truth, (240, 180), (240, 180)) < 1
+    assert (pair.accepted, pair.passes) == (True, passes)
+    assert grid_error(pair.homography, truth, (240, 180), (240, 180)) < 1
+    monkeypatch.setattr("skymosaic.registration.passes.SMALL_PX", 200)
+    assert not register(left, right).accepted
 
 
-def test_small_photographs_need_no_more_places_than_they_have() -> None:
-    left, right, truth = flat_pair("small", 35, 0)
+def test_what_lies_outside_the_overlap_makes_no_pass_weak(monkeypatch: pytest.MonkeyPatch) -> None:
+    left, right, truth = flat_pair("horizon", 70, 1)
     pair = register(left, right)
-    assert (pair.passes, len(pair.inliers) < 60) == (2, True)
-    assert grid_error(pair.homography, truth, (240, 180), (240, 180)) < 0.5
+    assert (pair.passes, len(pair.inliers) < 60, len(pair.inliers) < 0.5 * len(pair.kept)) == (1, True, True)
+    assert grid_error(pair.homography, truth, (640, 480), (640, 480)) < 0.5
+    everywhere = np.full(left.shape, 255, np.uint8)
+    monkeypatch.setattr("skymosaic.registration.passes.acceptance.overlap_mask", lambda *_: everywhere)
+    assert register(left, right).passes == 2
+
+
+def test_a_small_frame_that_misses_the_turn_learns_it_from_the_others() -> None:
+    left, _, _ = flat_pair("small", 25, 0)
+    pair = register(left, left, effort="fast")
+    matches = pair.matches.copy()
+    matches["peak_turn"], matches["verdict"] = 8, 0
+    search = Search(GoldenBackend(), pair.working, pair.config, np.random.default_rng(0), lambda matches: matches)
+    missed = search.accept(Evidence(pair.features, matches), None, matches["verdict"] == 1, passes=1)
+    found = search._search_together(missed, LARGER_OF_SMALL).evidence.matches[: len(matches)]
+    np.testing.assert_array_equal(found, pair.matches)
 
 
 def test_a_negative_is_registered_and_said_to_be_one(near: tuple[CameraPose, NDArray[np.uint8]]) -> None:
@@ -192,7 +207,7 @@ def test_the_zoom_is_that_in_the_middle_of_the_left_photograph(
     """The right one is smaller."""
     images, sizes = (near[1], near[1][:200, :300]), list[tuple[int, int]]()
     pair = register(near[1], near[1], effort="fast")
-    weak = SearchState(Evidence(pair.features, pair.matches), np.eye(3), pair.matches["verdict"] == 1, 20, passes=1)
+    weak = SearchState(Evidence(pair.features, pair.matches), np.eye(3), pair.matches["verdict"] == 1, 19, passes=1)
     passes = "skymosaic.registration.passes"
     monkeypatch.setattr(f"{passes}.Search._search_together", lambda _, state, __: state)
     monkeypatch.setattr(f"{passes}.choose_run_between_octaves", lambda _, size: sizes.append(size))
