@@ -140,7 +140,7 @@ def test_bad_links_end_in_a_layout_that_cameras_can_have(seeds: range, most: int
                 assert nearness(cameras.SIZE_PX, layout.transforms[member], points).min() > 0
         least = list(least_nearness(views, layout.transforms, layout.links).values())
         sizes, transforms = [cameras.SIZE_PX] * len(least), layout.transforms.values()
-        canvas = enclosing_canvas(sizes, list(transforms), least, limit_px=1e12)
+        canvas = enclosing_canvas(sizes, list(transforms), least, limit_px=np.inf)
         # What is promised is kept, however large the canvas would be.
         smaller = resize_matrix(Room(area_px=1e6).share_of(canvas))
         enclosing_canvas(sizes, [smaller @ transform for transform in transforms], least, limit_px=1e6)
