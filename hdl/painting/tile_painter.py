@@ -94,7 +94,8 @@ class TilePainter(wiring.Component):
         fork(m, planner.o, reader.i, canvas.i)
         wiring.connect(m, reader.o, positions.i)
         wiring.connect(m, positions.o, sampling.i)
-        m.d.comb += sampling.i_write.eq(reader.o_write)
+        # A register between the bus and the block RAMs: the last word is there two clocks before its tile is read.
+        m.d.comb += sampling.i_write.eq(delayed(m, reader.o_write, 1, reset_less=False))
         join(m, blending.i, old=canvas.o, new=sampling.o)
         wiring.connect(m, blending.o, canvas.i_new)
         self._count(m, tiles, planner, reader, canvas)
