@@ -128,7 +128,7 @@ class Painter:
         return self.place(self._newest, carried @ pose)
 
     def place(self, number, pose):
-        """Set the pose of a frame, with which those of the next ones are composed.
+        """Set the pose of a frame that has come, with which those of the next ones are composed.
 
         Returns
         -------
