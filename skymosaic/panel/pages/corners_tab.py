@@ -65,7 +65,13 @@ class CornersTab:
             while (inputs := self._inputs()) != self._drawn and not fault_of(self._session.options):
                 clock = Stopwatch()
                 pictures = [each.working for each in self._photographs]
-                features = await asyncio.to_thread(detect, pictures, self._session.options)
+                try:
+                    features = await asyncio.to_thread(detect, pictures, self._session.options)
+                except FileNotFoundError:
+                    # Their files go with photographs that are replaced, and with the session.
+                    if self._photographs in ((), inputs[: len(pictures)]):
+                        return
+                    continue
                 # The photographs may have been replaced meanwhile.
                 if inputs[: len(features)] == self._photographs:
                     self._draw(features, clock.lap("corners"))
@@ -104,4 +110,7 @@ def detect(pictures: Sequence[Path], options: Options) -> list[Records]:
 # The slider asks for the same pictures again and again.
 @lru_cache(maxsize=8)
 def _read(picture: Path) -> Pixels:
-    return np.asarray(cv2.imread(str(picture), cv2.IMREAD_UNCHANGED), dtype=np.uint8)
+    pixels = cv2.imread(str(picture), cv2.IMREAD_UNCHANGED)
+    if pixels is None:
+        raise FileNotFoundError(picture)
+    return np.asarray(pixels, dtype=np.uint8)

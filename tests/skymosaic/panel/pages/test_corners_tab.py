@@ -1,6 +1,9 @@
 """The corners that follow the slider equal those of a run."""
 
+import asyncio
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -9,7 +12,7 @@ import pytest
 from sim.backends.interface import load_backend
 from sim.scene import make_pair
 from skymosaic.panel.options import Options
-from skymosaic.panel.pages.corners_tab import detect
+from skymosaic.panel.pages.corners_tab import CornersTab, detect
 
 
 @pytest.fixture(scope="module")
@@ -35,3 +38,12 @@ def test_without_cell_selection_the_threshold_rises_until_all_corners_fit(pictur
     lowest = Options.of_preset("thesis").changed("position", 19)
     (shown,) = detect([picture], lowest)
     assert 0 < len(shown) <= lowest.choose_method()[1].front_end.max_features
+
+
+def test_a_session_that_is_closed_ends_the_detection_of_its_corners(tmp_path: Path) -> None:
+    tab: Any = CornersTab.__new__(CornersTab)
+    tab._session = SimpleNamespace(options=Options.of_preset("aerial"))
+    tab._photographs, tab._drawn = (SimpleNamespace(working=tmp_path / "gone.png"),), ()
+    asyncio.run(tab._detect_and_draw())
+    assert not tab._detecting
+    assert not tab._drawn
