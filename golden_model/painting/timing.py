@@ -12,7 +12,7 @@ from golden_model.painting.painter import Plan
 from golden_model.painting.tiles import TILE_PX
 from golden_model.painting.windows import are_wide
 
-POSE_CYCLES = 622
+POSE_CYCLES = 628
 """From a host's pose to the first tile of the canvas that is tried, where no other frame is under way."""
 JUDGING_CYCLES = 254
 """From a tile to its plan: nine corners, one after the other, and the box around them."""

@@ -151,6 +151,8 @@ class FrameWriter(wiring.Component):
         needed = Mux(left_words < BURST_WORDS, left_words, BURST_WORDS)
         # In registers, since much follows the start of a burst; while one is needed, words only come.
         is_enough = delayed(m, waiting.r_level >= needed, 1)
+        # While a burst is sent, its row stays.
+        is_last = delayed(m, ~left_words.any() & (row == self.i_height_px - 1), 1)
         free = self._free(m)
         marks, is_there = waiting.r_data[-1], waiting.r_rdy & ~broken & needed_words.any()
         m.d.comb += bursts.i_burst.eq(Cat(Const(0, PAGE_BURSTS_LOG2), frame.page) + burst)
@@ -189,7 +191,7 @@ class FrameWriter(wiring.Component):
                     m.next = "NEED"
                     with m.If(~left_words.any()):
                         m.d.sync += [row.eq(row + 1), left_words.eq(row_words)]
-                    with m.If(broken | (~left_words.any() & (row == self.i_height_px - 1))):
+                    with m.If(broken | is_last):
                         m.next = "ANSWERS"
             with m.State("ANSWERS"), m.If(bursts.o_all_answered):
                 self._end(m, frame, broken, failed, gives_up)

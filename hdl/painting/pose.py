@@ -56,8 +56,10 @@ KEPT = data.StructLayout({"valid": 1, "frame": 16, "links": range(MAX_LINKS + 1)
 """A pose that others can be composed with."""
 AREA_WORDS = 16
 HOMOGRAPHY_AREA, FIRST_AREA = 0, 1
-SUM_CYCLES = LineMemory.latency_cycles + SerialSum.latency_cycles
-"""From the address of the last word to the sum."""
+READ_CYCLES = 1 + LineMemory.latency_cycles
+"""From `PoseInWork.reads` to the word: an address is looked up in a table and a register, a path of its own."""
+SUM_CYCLES = READ_CYCLES + SerialSum.latency_cycles
+"""From `PoseInWork.has_read_sum` to the sum."""
 
 
 class PoseInWork:
@@ -99,7 +101,7 @@ class PoseInWork:
 class Poses(wiring.Component):
     """The pose of each frame; equal to `golden_model.painting.pose.Poses`.
 
-    A composed pose takes 2,200 clocks and one that a host sets 400, until its first column is offered. Sums are
+    A composed pose takes at most 2,200 clocks and one that a host sets 400, until its first column is offered. Sums are
     computed twice: first to see by how many bits all of them can be shifted, then to store them.
     """
 
@@ -202,16 +204,16 @@ class Poses(wiring.Component):
         index = Array(Const(index, range(AREA_WORDS)) for _, index in entries)[entry]
         area = Array(Const(area, 2) for area, _ in entries)[entry]
         base = Array([Const(HOMOGRAPHY_AREA, 2), work.base_area, work.new_area])[area]
-        m.d.comb += [memory.i_read.eq(1), memory.i_read_address.eq(Cat(index, base))]
+        m.d.comb += [memory.i_read.eq(1), memory.i_read_address.eq(delayed(m, Cat(index, base), 1))]
         is_minor = (work.number >= ELEMENTS) & (work.number < DETERMINANT)
         m.d.comb += [
-            products.i_valid.eq(delayed(m, work.reads, LineMemory.latency_cycles, reset_less=False)),
+            products.i_valid.eq(delayed(m, work.reads, READ_CYCLES, reset_less=False)),
             products.i_word.eq(memory.o_word),
-            products.i_second.eq(delayed(m, is_second, LineMemory.latency_cycles)),
-            products.i_term.eq(delayed(m, term, LineMemory.latency_cycles)),
-            products.i_first_bit.eq(delayed(m, round_ == 1, LineMemory.latency_cycles)),
-            products.i_subtract.eq(delayed(m, is_minor & (term == 1), LineMemory.latency_cycles)),
-            products.i_skip.eq(delayed(m, is_minor & (term == TERMS - 1), LineMemory.latency_cycles)),
+            products.i_second.eq(delayed(m, is_second, READ_CYCLES)),
+            products.i_term.eq(delayed(m, term, READ_CYCLES)),
+            products.i_first_bit.eq(delayed(m, round_ == 1, READ_CYCLES)),
+            products.i_subtract.eq(delayed(m, is_minor & (term == 1), READ_CYCLES)),
+            products.i_skip.eq(delayed(m, is_minor & (term == TERMS - 1), READ_CYCLES)),
             products.i_double.eq(work.doubles),
         ]
         column = Signal(len(Value.cast(self.o.payload)), reset_less=True)
@@ -301,7 +303,7 @@ class Poses(wiring.Component):
 
     def _send(self, m: Module, work: PoseInWork) -> None:
         """States of the three columns."""
-        has_column = delayed(m, work.has_read_column, LineMemory.latency_cycles + 1, reset_less=False)
+        has_column = delayed(m, work.has_read_column, READ_CYCLES + 1, reset_less=False)
         with m.State("read column"):
             m.d.comb += work.reads.eq(1)
             with m.If(work.has_read_column):

@@ -244,7 +244,8 @@ def test_a_memory_that_fails_spoils_no_pixel(wide: bool) -> None:
     """What was not read or not written stays as it was; afterwards all is well."""
     size, place = (LARGE, wide_looks()[6]) if wide else (SIZE, homographies(1, seed=8)[0])
     bench, _ = start(size)
-    fails = replace(SLOW, failures=12, seed=2)
+    # So many that some of the tiles fail: a wide window takes many more bursts.
+    fails = replace(SLOW, failures=2 if wide else 12, seed=2)
     # One colour: whatever is painted of it, and however often, is that colour.
     level = np.full((size[1], size[0], 3), 90, np.uint8)
     elements = quantise(place[np.newaxis])[0]
