@@ -143,7 +143,7 @@ def test_what_only_some_mosaics_have_is_a_row_of_its_own() -> None:
     assert rows["map"].startswith("EPSG:32615, 0.05 m per pixel; ")
     assert rows["map note"] == "two cameras of three"
     assert (rows["contradiction"], rows["not written"]) == ("one; two", "tiles: full")
-    # Of the matches kept aside: 2 px of a working image, which is 6 px of the canvas.
+    # Of the matches kept aside: 2 px of a working image, which is 12 px of the canvas.
     assert "; layout off by 0.6 m in the median; " in rows["map"]
 
 

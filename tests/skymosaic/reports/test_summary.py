@@ -1,9 +1,12 @@
 """What a client reads first, looked at as a reader would: the page, its pictures, and where its links lead."""
 
+import dataclasses
 import html
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 from urllib.parse import unquote
 
 import cv2
@@ -14,11 +17,16 @@ from PIL.ExifTags import IFD, Base
 
 from golden_model.version import VERSION
 from sim.scene import make_pair
+from skymosaic.flight.mapping.place import MapPlace
 from skymosaic.flight.picture.output import OutputForm
+from skymosaic.imagery.exif import Metadata
+from skymosaic.maps.georeference import Georeference
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.reports.flight import write_report
+from skymosaic.reports.summary import describe_accuracy, list_files, on_white, summary_rows
 from tests.skymosaic.panel.tasks.test_mosaic_tasks import METRES_PER_PIXEL, write_flight_with_gps
+from tests.skymosaic.reports.test_flight import PLACE, delivered, tie
 
 
 @pytest.fixture(scope="module")
@@ -110,3 +118,86 @@ def test_the_report_of_a_pair_names_its_maker_and_both_photographs(tmp_path: Pat
     assert picture is not None
     # The photographs lie beside each other, and leave a corner open.
     assert max(corner.min() for corner in (picture[:6, :6], picture[:6, -6:], picture[-6:, :6])) > 245
+
+
+def rows_of_delivery(times: list[str | None], metres_per_px: float | None, **changes: Any) -> dict[str, str]:
+    """The words about a mosaic of three photographs; None: neither time nor camera is known."""
+    metres = 1.0 if metres_per_px is None else metres_per_px
+    on_map = Georeference("EPSG:32615", np.diag([metres, -metres, 1.0]), 0.404, (0.4, 0.4))
+    delivery = delivered(place=MapPlace() if metres_per_px is None else MapPlace(on_map), **changes)
+    for member, time in zip(delivery.layout.members, times, strict=True):
+        delivery.flight.views[member].taken = Metadata() if time is None else Metadata(time=time, camera=f"C {time[9]}")
+    rows = dict(summary_rows(delivery))
+    assert next(iter(rows)) == "mosaic"
+    assert list(rows)[-1] == "made by"
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("times", "flown", "camera"),
+    [
+        (
+            ["2026-05-02 10:20:30", None, "2026-05-01 23:59:00"],
+            "2026-05-01 23:59:00 to 2026-05-02 10:20:30",
+            "C 1, C 2",
+        ),
+        (["2026-05-01 10:25:30", "2026-05-01 10:20:30", None], "2026-05-01 10:20:30 to 10:25:30", "C 1"),
+        ([None, "2026-05-03 10:20:30", None], "2026-05-03 10:20:30", "C 3"),
+        ([None, None, None], None, None),
+    ],
+)
+def test_when_and_by_what_a_mosaic_was_flown(times: list[str | None], flown: str | None, camera: str | None) -> None:
+    rows = rows_of_delivery(times, None)
+    assert (rows.get("flown"), rows.get("camera")) == (flown, camera)
+    assert rows["mosaic"] == "m.tif, 900 x 700 pixels, 3 of 4 photographs"
+    assert not {"area", "resolution"} & set(rows)
+
+
+@pytest.mark.parametrize(
+    ("metres_per_px", "area", "resolution"),
+    [(0.1581, "9998 m²", "15.8 cm per pixel"), (0.15812, "1.00 ha", "15.8 cm per pixel"), (1, "40.00 ha", "100.0 cm")],
+)
+def test_small_areas_are_in_square_metres(metres_per_px: float, area: str, resolution: str) -> None:
+    rows = rows_of_delivery([None] * 3, metres_per_px)
+    assert rows["area"] == area
+    assert rows["resolution"].startswith(resolution)
+
+
+def test_accuracy_is_said_of_what_is_known() -> None:
+    unknown = "Not known: no matches were kept aside to measure it."
+    assert rows_of_delivery([None] * 3, None)["accuracy"] == unknown
+    layout = dataclasses.replace(delivered().layout, links=(tie(0, 1, 120, 20, 3.0), tie(1, 3, 40, 20, 1.0)))
+    half = "Half of the points that photographs have in common meet within"
+    assert rows_of_delivery([None] * 3, None, layout=layout)["accuracy"] == f"{half} 2.0 pixels."
+    # 2 px of a working image are 12 px of the canvas.
+    assert rows_of_delivery([None] * 3, 0.05, layout=layout)["accuracy"] == (
+        f"{half} 60.0 cm; on the map, they fit the GPS within 0.40 m."
+    )
+    checked = dataclasses.replace(PLACE, checked_m={"CHK-1": 0.3, "CHK-2": 0.5})
+    assert describe_accuracy(delivered(place=checked, layout=layout)).endswith(
+        "; 2 check points are off by 0.41 m (root mean square)."
+    )
+
+
+def test_files_of_several_mosaics_are_numbered_and_those_that_exist_alone_are_named(tmp_path: Path) -> None:
+    on_map, nowhere = delivered(place=PLACE), delivered()
+    on_map.path, nowhere.path = tmp_path / "m.tif", tmp_path / "m_2.tif"
+    on_map.tiles, nowhere.tiles = None, tmp_path / "tiles_2"
+    (tmp_path / "mask.png").touch()
+    assert list_files([on_map, nowhere], tmp_path / "report", tmp_path) == [
+        ("mosaic 1", "../m.tif"),
+        ("footprints 1 for Google Earth", "footprints_1.kml"),
+        ("footprints 1 for GIS", "footprints_1.geojson"),
+        ("mosaic 2", "../m_2.tif"),
+        ("map to zoom 2", "../tiles_2/index.html"),
+        ("mask of what moves with the camera", "mask.png"),
+        ("all numbers", "report.json"),
+    ]
+
+
+def test_what_no_gray_photograph_shows_is_white() -> None:
+    preview, coverage = np.array([[10, 20, 0]], np.uint8), np.array([[255, 155, 0]], np.uint8)
+    for shown in (preview, np.dstack([preview] * 3)):
+        white = on_white(SimpleNamespace(preview=shown, coverage=coverage))  # type: ignore[arg-type]
+        assert white.shape == shown.shape
+        assert white.reshape(3, -1)[:, 0].tolist() == [10, 120, 255]
