@@ -116,3 +116,37 @@ def test_camera_and_time_are_read(tmp_path: Path, written: tuple[str, str, str],
     Image.new("RGB", (64, 64)).save(tmp_path / "a.jpg", exif=exif)
     taken = read_metadata(tmp_path / "a.jpg")
     assert (taken.camera, taken.time) == read
+
+
+FILM = np.hypot(36, 24) / 2
+
+
+@pytest.mark.parametrize(
+    ("changes", "focal_half_diagonals"),
+    [
+        # 8.8 mm over 4000 x 3000 pixels of 2.4 µm, in each unit.
+        ({}, 8.8 / 0.0024 / 2500),
+        ({Base.FocalPlaneXResolution: 25.4 / 0.0024, Base.FocalPlaneResolutionUnit: 2}, 8.8 / 0.0024 / 2500),
+        ({Base.FocalPlaneXResolution: 1 / 0.0024, Base.FocalPlaneResolutionUnit: 4}, 8.8 / 0.0024 / 2500),
+        # Within a tenth, the length on film is rounded; farther off, the photograph was reduced.
+        ({Base.FocalLengthIn35mmFilm: 30}, 8.8 / 0.0024 / 2500),
+        ({Base.FocalLengthIn35mmFilm: 28}, 28 / FILM),
+        ({Base.FocalLengthIn35mmFilm: 36}, 36 / FILM),
+        ({Base.FocalLengthIn35mmFilm: 24, Base.FocalPlaneResolutionUnit: 1}, 24 / FILM),
+        ({Base.FocalPlaneResolutionUnit: 1}, None),
+        ({Base.ExifImageWidth: 0, Base.ExifImageHeight: 0}, None),
+        ({Base.FocalLength: 0}, None),
+        ({Base.FocalLength: 1.7}, None),
+        ({Base.FocalLength: 130.0}, None),
+    ],
+)
+def test_focal_lengths_come_from_pixels_or_from_film(
+    tmp_path: Path, changes: dict[Base, float], focal_half_diagonals: float | None
+) -> None:
+    exif = Image.Exif()
+    usual = {Base.FocalPlaneXResolution: 10 / 0.0024, Base.FocalPlaneResolutionUnit: 3, Base.FocalLength: 8.8}
+    for tag, value in (usual | {Base.ExifImageWidth: 4000, Base.ExifImageHeight: 3000} | changes).items():
+        exif.get_ifd(IFD.Exif)[tag] = value
+    Image.new("RGB", (64, 64)).save(tmp_path / "a.jpg", exif=exif)
+    found = read_metadata(tmp_path / "a.jpg").focal_half_diagonals
+    assert found == (None if focal_half_diagonals is None else pytest.approx(focal_half_diagonals, rel=1e-5))

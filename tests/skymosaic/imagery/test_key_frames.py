@@ -1,9 +1,10 @@
 from itertools import pairwise
 
 import numpy as np
+import pytest
 
 from sim.scene import Camera, CameraPose, Flight, Photometry
-from skymosaic.imagery.key_frames import select_key_frames
+from skymosaic.imagery.key_frames import MIN_CORNERS, _motion, select_key_frames
 
 
 def _flight(poses: list[CameraPose]) -> Flight:
@@ -43,3 +44,17 @@ def test_every_frame_is_a_key_frame_where_the_flow_is_lost() -> None:
     flat = [np.full((240, 320, 3), 90, np.uint8)] * 3
     assert [frame.number for frame in select_key_frames(flat)] == [0, 1, 2]
     assert list(select_key_frames([])) == []
+
+
+@pytest.mark.parametrize(
+    ("moving", "still", "moved"),
+    [(60, 40, True), (21, 79, True), (19, 81, False), (MIN_CORNERS, 0, True), (MIN_CORNERS - 1, 0, None)],
+)
+def test_corners_of_a_display_are_no_ground(moving: int, still: int, moved: bool | None) -> None:
+    """They drift a little; where few corners move, it is a car below a camera that hovers."""
+    key = np.random.default_rng(1).uniform(0, 300, (moving + still, 1, 2)).astype(np.float32)
+    now = key + np.where(np.arange(moving + still) < moving, 20, 3)[:, None, None].astype(np.float32)
+    motion = _motion(key, now)
+    assert (motion is None) == (moved is None)
+    if motion is not None:
+        np.testing.assert_allclose(motion, [[1, 0, 20 if moved else 3], [0, 1, 20 if moved else 3]], atol=0.01)

@@ -14,8 +14,9 @@ from sim.scene import CameraPose
 from skymosaic import register
 from skymosaic.common.errors import InputError
 from skymosaic.evaluation.metrics import grid_error
+from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.registration.front_end_runs import LARGER_OF_SMALL, TILTED
-from skymosaic.registration.passes import MAX_PROMISING, Evidence, Search, SearchState
+from skymosaic.registration.passes import MAX_PROMISING, MIN_PLACES, Evidence, Search, SearchState, explain_refusal
 from tests.skymosaic.registration.rendering import CAMERA, view
 
 SIZE = (CAMERA.width_px, CAMERA.height_px)
@@ -214,3 +215,25 @@ def test_the_zoom_is_that_in_the_middle_of_the_left_photograph(
     search = Search(GoldenBackend(), images, pair.config, np.random.default_rng(0), lambda matches: matches)
     assert search.run("normal", weak) is weak
     assert sizes == [SIZE]
+
+
+@pytest.mark.parametrize(
+    ("features", "kept", "places", "cause"),
+    [
+        ((900, 11), 11, 0, "too few features (flat or blurred image?)"),
+        ((11, 900), 11, 0, "too few features (flat or blurred image?)"),
+        ((900, 12), 11, 0, "too few matches (do the images overlap?)"),
+        ((900, 800), 12, MIN_PLACES - 1, f"too few inliers, {MIN_PLACES} needed (do the images overlap?)"),
+        ((900, 800), 12, MIN_PLACES, "the inliers cover too little of the overlap"),
+    ],
+)
+def test_why_a_pair_is_refused_is_said_with_the_counts(
+    features: tuple[int, int], kept: int, places: int, cause: str
+) -> None:
+    assert MIN_INLIERS == 12
+    matches = np.zeros(40, [("verdict", "u1")])
+    matches["verdict"][:kept] = 1
+    left, right = (np.zeros(count, "u1") for count in features)
+    state = SearchState(Evidence((left, right), matches), None, np.arange(40) < 7, places, passes=1)
+    counts = f"features {features[0]} and {features[1]}, matches 40, kept {kept}, inliers 7 at {places} places"
+    assert explain_refusal(state) == f"{cause}: {counts}"

@@ -1,3 +1,4 @@
+import contextlib
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
@@ -6,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from skymosaic.common.errors import InputError
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, enclosing_canvas
 from skymosaic.flight.picture.composition import Room
-from skymosaic.flight.picture.output import room_for
+from skymosaic.flight.picture.output import PLAIN, OutputForm, numbered, room_for
 from skymosaic.geometry.homography import resize_matrix
 
 
@@ -48,3 +50,36 @@ def test_a_canvas_that_just_fits_is_not_reduced() -> None:
     room = Room(area_px=1e6, side_px=1000)
     assert room.share_of(Canvas(0, 0, 1000, 1000)) == 1
     assert 0.99 < room.share_of(Canvas(0, 0, 1001, 999)) < 0.9991
+
+
+TILES = Path("tiles")
+
+
+@pytest.mark.parametrize(
+    ("name", "form", "bands", "says"),
+    [
+        ("m.jpg", OutputForm(), 5, "m.jpg: a mosaic of 5 bands must be a .tif"),
+        ("m.TIFF", OutputForm(), 5, ""),
+        ("m.tif", OutputForm("jpeg"), 5, "compression and tiles are for photographs, not for multi-band sets"),
+        ("m.tif", OutputForm(tiles=TILES), 5, "compression and tiles are for photographs, not for multi-band sets"),
+        ("m.tif", OutputForm("zip"), 0, "compress is 'zip'; valid: deflate, jpeg"),
+        ("m.png", OutputForm("jpeg"), 0, "m.png: jpeg compression is for .tif; leave it out, or end the name in .tif"),
+        ("m.tif", OutputForm("jpeg", TILES), 0, ""),
+        ("m.png", OutputForm(require_map=True), 0, "m.png: .png files are no maps, and a map is required"),
+        ("m.png", OutputForm(tiles=TILES, require_map=True), 0, ""),
+        ("m.tif", OutputForm(require_map=True), 0, ""),
+        ("m.png", OutputForm(), 0, ""),
+    ],
+)
+def test_what_cannot_apply_to_a_file_is_refused(name: str, form: OutputForm, bands: int, says: str) -> None:
+    with pytest.raises(InputError) if says else contextlib.nullcontext() as refused:
+        form.check(Path(name), bands)
+    assert refused is None or str(refused.value).startswith(says)
+
+
+def test_outputs_of_several_groups_are_numbered_from_the_second_on() -> None:
+    form = OutputForm("jpeg", Path("site/tiles"))
+    assert form.numbered(1) == form
+    assert form.numbered(2) == OutputForm("jpeg", Path("site/tiles_2"))
+    assert PLAIN.numbered(2) == PLAIN
+    assert numbered(Path("a/m.v2.tif"), 3) == Path("a/m.v2_3.tif")
