@@ -20,10 +20,14 @@ VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".ts", ".mts", ".m2ts"
 OUTPUT_SUFFIXES = (".mp4", ".mov", ".mkv")
 DEFAULT_RATE = Fraction(25)
 """Frames per second of a video that does not state them."""
+MAX_STEP_S = 3600
+"""Longest time from frame to frame; damaged ones run back, or on for years."""
 MIN_SHAPE = 0.25
 """Pixels that are said to be longer than this are a mistake; those of film are up to 2:1."""
 CONSTANT_QUALITY = "18"
 """x264's constant rate factor; 18 is visually lossless."""
+TICKS_PER_SECOND = 90_000
+"""Resolution of time in the videos written; the usual rates are whole numbers of it."""
 FILE_OPTIONS = {
     "protocol_whitelist": "file",
     "format_whitelist": "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,asf",
@@ -59,6 +63,8 @@ class VideoReader:
     ----------
     frame_rate : Fraction
         Mean frames per second.
+    seconds : float
+        When the latest frame is shown, after the first. Telephones and screen recorders vary the rate.
     notes : list of str
         Changes to the frames, and faults of the file.
 
@@ -71,6 +77,7 @@ class VideoReader:
     def __init__(self, path: str | Path) -> None:
         self.name = str(path)
         self.notes: list[str] = []
+        self.seconds = 0.0
         self._is_stream = "://" in self.name
         if not self._is_stream:
             check_file(Path(path), "a video")
@@ -93,8 +100,9 @@ class VideoReader:
     def __iter__(self) -> Iterator[Pixels]:
         quarter_turns, frames, other_size = 0, 0, 0
         first: tuple[int, ...] = ()
+        usual_s, last = float(1 / self.frame_rate), None
         with self._container:
-            for turns, stored in self._decode():
+            for turns, stored, time in self._decode():
                 square = self._make_square(stored)
                 pixels = np.ascontiguousarray(np.rot90(square, turns), dtype=np.uint8)
                 first = first or pixels.shape
@@ -103,6 +111,10 @@ class VideoReader:
                     other_size += 1
                     continue
                 quarter_turns = turns
+                if frames:
+                    step_s = usual_s if time is None or last is None else time - last
+                    self.seconds += step_s if 0 <= step_s < MAX_STEP_S else usual_s
+                last = time
                 frames += 1
                 yield pixels
         if not frames:
@@ -125,8 +137,8 @@ class VideoReader:
             self.notes.append(note)
         return np.asarray(cv2.resize(stored, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
 
-    def _decode(self) -> Iterator[tuple[int, Pixels]]:
-        """Decode the frames as they are stored; yields the quarter turns and the pixels of each."""
+    def _decode(self) -> Iterator[tuple[int, Pixels, float | None]]:
+        """Decode the frames as they are stored; yields the quarter turns, the pixels and the time of each."""
         packets = self._container.demux(self._stream)
         try:
             for packet in packets:
@@ -145,20 +157,24 @@ def _explain(error: Exception) -> str:
     return f"the stream cannot be opened: {fault or f'{reason}; check the address and the network'}"
 
 
-def _decode_packet(packet: av.Packet) -> list[tuple[int, Pixels]]:
+def _decode_packet(packet: av.Packet) -> list[tuple[int, Pixels, float | None]]:
     # Besides FFmpeg's errors, PyAV raises ValueError for a pixel format that it cannot convert.
     with contextlib.suppress(FFmpegError, ValueError):
-        return [(round(frame.rotation / 90) % 4, frame.to_ndarray(format="bgr24")) for frame in packet.decode()]
+        return [
+            (round(frame.rotation / 90) % 4, frame.to_ndarray(format="bgr24"), frame.time) for frame in packet.decode()
+        ]
     return []
 
 
 @contextlib.contextmanager
-def write_video(path: Path, frame_rate: Fraction) -> Iterator[Callable[[Pixels], None]]:
+def write_video(
+    path: Path, frame_rate: Fraction, seconds: Callable[[], float] | None = None
+) -> Iterator[Callable[[Pixels], None]]:
     """Write H.264 under a temporary name, which is renamed to ``path`` at the end; a failure leaves no file.
 
     The context is a function that appends a frame, (H, W, 3) uint8 BGR, all of one size. An odd last row or column is
     dropped, because H.264 stores colour at half resolution. The suffix, one of `OUTPUT_SUFFIXES`, determines the
-    container.
+    container. ``seconds`` says when the frame that is appended is shown; without it they follow at ``frame_rate``.
 
     Raises
     ------
@@ -168,13 +184,22 @@ def write_video(path: Path, frame_rate: Fraction) -> Iterator[Callable[[Pixels],
     # The temporary name has no suffix from which FFmpeg could tell the format.
     with write_atomically(path) as temporary, av.open(str(temporary), "w", format=muxer) as container:
         stream = container.add_stream("libx264", rate=frame_rate, options={"crf": CONSTANT_QUALITY, "preset": "fast"})
+        ticks = -1
+        if seconds:
+            stream.codec_context.time_base = Fraction(1, TICKS_PER_SECOND)
 
         def write(pixels: Pixels) -> None:
+            nonlocal ticks
             even = np.ascontiguousarray(pixels[: pixels.shape[0] // 2 * 2, : pixels.shape[1] // 2 * 2])
             # The size is known with the first frame, and may not change once the encoder is open.
             if not stream.codec_context.is_open:
                 stream.height, stream.width = even.shape[:2]
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="bgr24")))
+            frame = av.VideoFrame.from_ndarray(even, format="bgr24")
+            if seconds:
+                # Times that repeat cannot be stored.
+                ticks = max(round(seconds() * TICKS_PER_SECOND), ticks + 1)
+                frame.pts, frame.time_base = ticks, Fraction(1, TICKS_PER_SECOND)
+            container.mux(stream.encode(frame))
 
         yield write
         # The encoder holds frames back to reorder them. Encoding nothing returns the last ones.

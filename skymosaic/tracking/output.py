@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 
 import cv2
@@ -43,9 +42,9 @@ def draw_outline(frame: TrackedFrame) -> Pixels:
     return picture
 
 
-def make_row(frame: TrackedFrame, frame_rate: Fraction) -> TrackedCorners:
+def make_row(frame: TrackedFrame, seconds: float) -> TrackedCorners:
     """Make the table row of a frame; corners are rounded to 0.001 px."""
-    seconds = round(float(frame.number / frame_rate), 6)
+    seconds = round(seconds, 6)
     if frame.corners is None or frame.pose is None:
         return TrackedCorners(frame.number, seconds, None, "", 0, frame.reason)
     corners = tuple((round(float(x), 3), round(float(y), 3)) for x, y in frame.corners)
@@ -73,7 +72,7 @@ def follow_video(
 
     def follow() -> Iterator[TrackedFrame]:
         for frame in map(tracker.follow, reader):
-            rows.append(make_row(frame, reader.frame_rate))
+            rows.append(make_row(frame, reader.seconds))
             on_frame(frame, rows[-1])
             yield frame
         if not any(each.corners for each in rows):
@@ -84,7 +83,7 @@ def follow_video(
 
     frames = follow()
     try:
-        with write_video(output, reader.frame_rate) as write:
+        with write_video(output, reader.frame_rate, lambda: reader.seconds) as write:
             for frame in frames:
                 write(draw_outline(frame))
     except OutputError as error:

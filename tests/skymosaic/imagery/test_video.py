@@ -96,6 +96,27 @@ def test_a_recording_cut_off_is_used_up_to_its_last_whole_frame(
         assert reader.notes == [f"{len(read)} of 30 frames can be decoded; the others are left out"]
 
 
+def test_frames_are_shown_as_long_as_they_were(tmp_path: Path, frames: list[NDArray[np.uint8]]) -> None:
+    milliseconds = [100, 133, 500, 500, 900, 400_000_000]
+    with av.open(str(tmp_path / "v.mkv"), "w") as container:
+        stream = container.add_stream("ffv1", rate=30)
+        stream.height, stream.width, stream.pix_fmt = 240, 320, "bgr0"
+        stream.codec_context.time_base = Fraction(1, 1000)
+        for pixels, time in zip(frames, milliseconds, strict=False):
+            frame = av.VideoFrame.from_ndarray(pixels, format="bgr24")
+            frame.pts, frame.time_base = time, Fraction(1, 1000)
+            container.mux(stream.encode(frame))
+    reader = VideoReader(tmp_path / "v.mkv")
+    seconds = []
+    with write_video(tmp_path / "copy.mp4", reader.frame_rate, lambda: reader.seconds) as write:
+        for read in reader:
+            seconds.append(reader.seconds)
+            write(read)
+    assert seconds == pytest.approx([0, 0.033, 0.4, 0.4, 0.8, 0.8 + 1 / 30])
+    with av.open(str(tmp_path / "copy.mp4")) as container:
+        assert [frame.time for frame in container.decode(video=0)] == pytest.approx(seconds, abs=1e-4)
+
+
 def _missing(path: Path, _frames: Any) -> None:
     pass
 
