@@ -77,7 +77,8 @@ def _walk(folder: Path, depth: int, *, strict: bool) -> Iterator[tuple[Path, lis
     # File systems and unfinished copies leave files whose names start with a dot.
     inside = [path for path in list_folder(folder) if not path.name.startswith(".")]
     inside.sort(key=lambda path: natural_order(path.name))
-    yield folder, [path for path in inside if path.is_file()]
+    # A link to nothing, or to where nobody may look, is left out by name later.
+    yield folder, [path for path in inside if not is_folder(path)]
     for path in inside if depth > 0 else ():
         if is_folder(path) and not path.is_symlink() and not (path / PAGE).exists():
             try:

@@ -85,3 +85,8 @@ def test_a_mosaic_of_folders_inside_is_no_photograph_of_the_next_run(card: Path)
 def test_a_link_to_a_folder_is_not_followed(card: Path) -> None:
     (card / "101MEDIA" / "loop").symlink_to(card)
     assert len(list_pictures(card, recursive=True).pictures) == 4
+
+
+def test_a_link_to_nothing_is_a_photograph_that_is_missing(card: Path) -> None:
+    (card / "DJI_5.JPG").symlink_to("/nowhere/DJI_5.JPG")
+    assert [path.name for path in list_pictures(card).pictures] == ["DJI_1.JPG", "DJI_5.JPG"]
