@@ -37,7 +37,8 @@ def write_places(path: Path, title: str, places: Sequence[Place]) -> None:
 def _geojson(places: Sequence[Place]) -> bytes:
     features = []
     for place in places:
-        points = np.round(place.degrees, 8).tolist()
+        # Beyond 180 degrees rather than around the globe.
+        points = np.round(np.unwrap(place.degrees, period=360, axis=0), 8).tolist()
         nested = {"Polygon": [points], "LineString": points, "Point": points[0]}[place.kind]
         geometry = {"type": place.kind, "coordinates": nested}
         about = {"name": place.name, **place.properties}
