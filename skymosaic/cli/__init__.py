@@ -29,6 +29,9 @@ def _run() -> int | str | None:
         try:
             if sys.argv[1:] == ["--version"]:
                 return print_version()
+            # As a path it would be the current folder.
+            if "" in sys.argv[1:]:
+                raise InputError("an argument is empty; leave it out, or give the variable it comes from a value")
             # The commands import Typer, which takes three times as long as the answer without it.
             status: int | None = importlib.import_module("skymosaic.cli.commands").run()
         finally:

@@ -85,6 +85,7 @@ def test_what_is_named_wrongly_is_one_line_that_fits(run: Run, tmp_path: Path) -
         assert refusal(run, *words, "/nonexistent") == "error: /nonexistent: no such file; check the path"
         assert "loop: cannot be read (Too many levels of symbolic links)" in refusal(run, *words, "loop")
     assert "loop: cannot be read (Too many levels of symbolic links)" in refusal(run, "live", "loop", "-o", "m.png")
+    assert refusal(run, "mosaic", "-o", "m.png", "").startswith("error: an argument is empty; ")
     assert "loop: is no folder" in refusal(run, "mosaic", "loop", "loop", "-o", "m.png", "--report", "loop")
 
 
