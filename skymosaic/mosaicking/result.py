@@ -24,7 +24,7 @@ from skymosaic.registration.pair import Pair
 from skymosaic.running.workers import Workers
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Mosaic:
     """A mosaic, and the flight, layout and composition that it was made from.
 

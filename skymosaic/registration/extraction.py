@@ -31,7 +31,7 @@ from skymosaic.registration.options import FeatureOptions
 MARK_COLOR = (0, 200, 0)
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Features:
     """Features of one photograph.
 

@@ -52,7 +52,7 @@ class MatchedPoints(NamedTuple):
     rules: NDArray[np.str_]
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Pair:
     """Two photographs, their features and matches, and their homography.
 
