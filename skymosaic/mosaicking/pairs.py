@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from golden_model.arrays import Pixels
+from skymosaic.common.errors import InputError
 from skymosaic.common.options import choose_options, list_options
 from skymosaic.common.tables import Table, tabulate
 from skymosaic.imagery.photographs import Images, Source, list_sources
@@ -47,7 +48,7 @@ def register_pairs(
     Raises
     ------
     InputError
-        For a photograph that cannot be used, or as in `register`.
+        For a photograph that cannot be used, a pair of others than these, or as in `register`.
 
     Examples
     --------
@@ -60,9 +61,14 @@ def register_pairs(
     options = choose_options(RegistrationOptions, options, changes)
     sources = list_sources(images)
     every_two = itertools.combinations(range(len(sources)), 2)
+    numbers = range(len(sources))
+    try:
+        sides_of = [(numbers[left], numbers[right]) for left, right in (every_two if pairs is None else pairs)]
+    except (TypeError, ValueError, IndexError):
+        raise InputError(f"pairs: give the numbers of two photographs for each, 0 to {len(sources) - 1}") from None
     with Workers(progress=progress) as workers:
         sides = list(workers.run("features", _describe, [(source, options) for source in sources]))
-        wanted = [(sides[left], sides[right], options) for left, right in (every_two if pairs is None else pairs)]
+        wanted = [(sides[left], sides[right], options) for left, right in sides_of]
         return list(workers.run("pairs", _register, wanted))
 
 

@@ -2,13 +2,14 @@
 
 import csv
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
 from sim.scene import make_lawnmower, make_pair
-from skymosaic import mosaic, register, register_pairs, table_of_pairs
+from skymosaic import extract, mosaic, register, register_pairs, table_of_pairs
 from skymosaic.common.errors import InputError
 from skymosaic.common.tables import Table, tabulate
 from skymosaic.registration.pair import Pair
@@ -49,6 +50,20 @@ def test_pairs_are_those_of_register_with_names_and_progress(folder: Path, pairs
     assert seen[-1] == ("pairs", 3, 3)
     with pytest.raises(InputError, match=r"none\.png: no such file"):
         register_pairs([folder / "none.png", folder / "0.png"])
+
+
+@pytest.mark.parametrize("pair", [(0, 4), ("0.png", "1.png"), (0.0, 1.0), (0, 1, 2), 0])
+def test_pairs_that_are_none_are_refused_before_anything_is_read(pair: Any) -> None:
+    with pytest.raises(InputError, match="numbers of two photographs for each, 0 to 3"):
+        register_pairs(["absent.png"] * 4, [pair])
+
+
+def test_results_are_found_in_lists_and_are_keys(folder: Path, pairs: list[Pair]) -> None:
+    features = [extract(folder / f"{number}.png") for number in range(2)]
+    mosaics = [mosaic([folder / "0.png", folder / "1.png"]) for _ in range(2)]
+    every: list[list[Any]] = [[*pairs], [*features], [*mosaics]]
+    for results in every:
+        assert results.index(results[-1]) == len(set(results)) - 1
 
 
 def test_a_pair_with_itself_is_the_same_picture(folder: Path) -> None:
