@@ -14,7 +14,7 @@ from golden_model.arrays import Float32, Pixels
 from skymosaic.common.errors import InputError
 from skymosaic.common.temporary import temporary_folder
 from skymosaic.imagery.decoding import check_file
-from skymosaic.imagery.images import reduce_to_width, save
+from skymosaic.imagery.images import check_given, reduce_to_width, save
 from skymosaic.imagery.photographs import Images, Source, list_images, list_sources
 from skymosaic.imagery.video import VIDEO_SUFFIXES, VideoReader
 
@@ -103,11 +103,22 @@ def select_key_frames(frames: Iterable[Pixels]) -> Iterator[KeyFrame]:
 
     Parameters
     ----------
-    frames : iterable of (H, W, 3) uint8 ndarray
-        All of one size. A key frame is yielded only once a later frame is known.
+    frames : iterable of (H, W, 3) or (H, W) uint8 ndarray
+        All of one shape. A key frame is yielded only once a later frame is known.
+
+    Raises
+    ------
+    InputError
+        For what is no such array.
     """
     flow, candidate = None, None
+    first: tuple[int, ...] = ()
     for current in map(KeyFrame, itertools.count(), frames):
+        check_given(current.pixels, f"frame {current.number}")
+        first = first or np.shape(current.pixels)
+        # The shape of a path is empty.
+        if not first or np.shape(current.pixels) != first:
+            raise InputError(f"frame {current.number}: no array of the first frame's shape; read it, or resize it")
         gray = _small_gray(current.pixels)
         if flow is not None and flow.common_share(gray) >= KEY_OVERLAP:
             candidate = current
@@ -167,4 +178,4 @@ def _motion(key_points: Float32, points: Float32) -> Float32 | None:
 
 def _small_gray(pixels: Pixels) -> Pixels:
     small, _ = reduce_to_width(pixels, FLOW_WIDTH_PX)
-    return np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+    return small if small.ndim == 2 else np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), dtype=np.uint8)

@@ -1,9 +1,11 @@
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
 
 from sim.scene import Camera, CameraPose, Flight, Photometry
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.key_frames import MIN_CORNERS, _motion, select_key_frames
 
 
@@ -58,3 +60,14 @@ def test_corners_of_a_display_are_no_ground(moving: int, still: int, moved: bool
     assert (motion is None) == (moved is None)
     if motion is not None:
         np.testing.assert_allclose(motion, [[1, 0, 20 if moved else 3], [0, 1, 20 if moved else 3]], atol=0.01)
+
+
+def test_gray_frames_are_taken_and_others_are_named() -> None:
+    flat = np.full((240, 320), 90, np.uint8)
+    assert [frame.number for frame in select_key_frames([flat, flat])] == [0, 1]
+    others: list[Any] = ["frame.png", flat[:200], flat / 255, None]
+    for other in others:
+        with pytest.raises(InputError, match=r"^frame 1: "):
+            list(select_key_frames([flat, other]))
+    with pytest.raises(InputError, match=r"^frame 0: no array"):
+        list(select_key_frames(others))
