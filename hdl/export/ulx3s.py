@@ -85,7 +85,7 @@ def build_bitstream(folder: Path, tell: Callable[[str], None] = lambda _name: No
     report = json.loads((folder / "build" / "report.json").read_text())
     (clock,) = report["fmax"].values()
     if clock["achieved"] * 1e6 < CLOCK_HZ:
-        raise BuildError(f"the design reaches {clock['achieved']:.1f} MHz, less than the board's 25; make it smaller")
+        raise BuildError(f"the design reaches {clock['achieved']:.2f} MHz, less than the board's 25; make it smaller")
     return {
         "bytes": (folder / "build" / "skymosaic.bit").stat().st_size,
         "clock_mhz": round(clock["achieved"], 1),

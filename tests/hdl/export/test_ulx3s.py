@@ -1,5 +1,6 @@
 """What `export board ulx3s` writes, and what the open tools make of it."""
 
+import json
 import re
 import shutil
 from pathlib import Path
@@ -71,4 +72,21 @@ def test_the_export_has_what_its_readme_names(tmp_path: Path, monkeypatch: pytes
 def test_a_missing_tool_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(export, "STEPS", (("no-such-tool",),))
     with pytest.raises(export.BuildError, match=r"no-such-tool is not installed; .*\.\[ulx3s\]"):
+        export.build_bitstream(tmp_path)
+
+
+@pytest.mark.parametrize(("mhz", "builds"), [(25.04, True), (24.96, False)])
+def test_what_the_tools_report_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mhz: float, builds: bool
+) -> None:
+    monkeypatch.setattr(export, "STEPS", ())
+    (tmp_path / "build").mkdir()
+    (tmp_path / "build" / "skymosaic.bit").write_bytes(bytes(123))
+    cells = {"TRELLIS_IO": {"used": 13, "available": 365}, "DCCA": {"used": 0, "available": 56}}
+    report = {"fmax": {"$glbnet$clk": {"achieved": mhz, "constraint": 25}}, "utilization": cells}
+    (tmp_path / "build" / "report.json").write_text(json.dumps(report))
+    if builds:
+        assert export.build_bitstream(tmp_path) == {"bytes": 123, "clock_mhz": 25.0, "TRELLIS_IO": (13, 365)}
+        return
+    with pytest.raises(export.BuildError, match=r"reaches 24\.96 MHz, less than the board's 25; make it smaller"):
         export.build_bitstream(tmp_path)
