@@ -93,4 +93,6 @@ def test_what_is_not_predicted_is_left_out() -> None:
     assert timelines([frame], thesis, lanes=4) == []
     # Full cells of the last rows would not have left in time.
     narrow = FrameWork(64, 106, good=True, left=0, right=0, rows=np.arange(0))
-    assert timelines([narrow], CONFIG, lanes=4) == []
+    for size_px, leaves in (((64, 106), False), ((64, 100), False), ((128, 100), False), ((160, 100), True)):
+        frame = dataclasses.replace(narrow, width_px=size_px[0], height_px=size_px[1])
+        assert bool(timelines([frame], CONFIG, lanes=4)) == leaves

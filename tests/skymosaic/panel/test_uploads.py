@@ -3,6 +3,8 @@ import time
 from collections.abc import AsyncIterator
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from skymosaic.panel import uploads
@@ -16,6 +18,12 @@ def test_kinds_are_recognised_by_their_first_bytes() -> None:
     assert VIDEO.suffix_of(b"ffconcat version 1") is None
     assert PHOTOGRAPH.suffix_of(b"RIFF....WEBPVP8 ") == ".webp"
     assert PHOTOGRAPH.suffix_of(b"RIFF....AVI LIST") is None
+    assert PHOTOGRAPH.suffix_of(b"MM\0*\0\0\0\x08") == ".tif"
+    assert VIDEO.suffix_of(b"\x1a\x45\xdf\xa3\x93\x42") == ".mkv"
+    for suffix in (".png", ".jpg", ".tif", ".webp", ".bmp"):
+        encoded = cv2.imencode(suffix, np.full((8, 8, 3), 90, np.uint8))[1].tobytes()
+        assert PHOTOGRAPH.suffix_of(encoded[:16]) == suffix
+        assert VIDEO.suffix_of(encoded[:16]) is None
 
 
 def test_stems_have_harmless_characters_only() -> None:
