@@ -164,7 +164,7 @@ def describe_thumbnail(
     try:
         features = _extract_from_ground(thumbnail, settings, view.name, view.visible)
     except InputError:
-        features = view.strongest[:0]
+        features = np.zeros(0, settings.config.front_end.pattern.record.dtype)
     from_thumbnail = np.linalg.inv(view.to_thumbnail).astype(np.float64)
     return dataclasses.replace(
         view,

@@ -9,7 +9,7 @@ from golden_model.config import preset_config
 from sim.scene import make_pair
 from skymosaic.common.errors import InputError
 from skymosaic.features.positions import feature_points
-from skymosaic.flight.linking.view import Settings, View, describe
+from skymosaic.flight.linking.view import Settings, View, describe, describe_thumbnail
 from skymosaic.imagery.lens import load_lens
 from skymosaic.imagery.photographs import Source, list_sources
 from skymosaic.running.cache import ResultCache
@@ -57,6 +57,19 @@ def test_a_tall_photograph_can_be_described() -> None:
     rng = np.random.default_rng(1)
     source = Source(0, "tall", rng.integers(0, 256, (4200, 500), dtype=np.uint8))
     assert describe(source, Settings(preset_config("aerial"))).working_size == (305, 2560)
+
+
+def test_a_thumbnail_that_the_front_end_cannot_take_has_no_features_of_the_kind_that_others_have() -> None:
+    source = Source(0, "strip", np.random.default_rng(1).integers(0, 256, (64, 640), dtype=np.uint8))
+    first = Settings(preset_config("aerial"))
+    more = first.with_more_features()
+    assert more is not None
+    view = describe(source, first)
+    for settings in (first, more):
+        reduced = describe_thumbnail(view.thumbnail, view, settings)
+        assert len(reduced.features) == len(reduced.strongest) == 0
+        # Those of other photographs are compared with these.
+        assert reduced.strongest.dtype == describe(source, settings).strongest.dtype
 
 
 def test_a_flight_leaves_a_damaged_photograph_out_unless_it_is_kept(tmp_path: Path) -> None:
