@@ -110,8 +110,9 @@ class _Batch:
         *place, depth = (between[:, row, 0] * x + between[:, row, 1] * y + between[:, row, 2] for row in range(3))
         return np.moveaxis(np.array(place) / depth, 0, -1), depth, between
 
+    @np.errstate(invalid="ignore")
     def lower_to_depths(self, least: Array, transforms: Array) -> None:
-        """Lower ``least`` (V,) to the depths of the ties in their views, where that of the middle is 1."""
+        """Lower ``least`` (V,) to the depths of the ties in their views, that of the middle being 1, or to NaN."""
         for side, points in enumerate((self.left, self._right)):
             third = transforms[self.pairs[:, side], 2, :, None]
             depth = points[..., 0] * third[:, 0] + points[..., 1] * third[:, 1] + third[:, 2]

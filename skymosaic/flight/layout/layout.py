@@ -13,7 +13,7 @@ from skymosaic.compositing.mesh import Mesh
 from skymosaic.flight.layout.accuracy import Accuracy, measure_accuracy
 from skymosaic.flight.layout.adjustment import MODELS, WIDEST_SCALE_PX, Network
 from skymosaic.flight.layout.extent import find_misplaced
-from skymosaic.flight.layout.linked_group import LinkedGroup, groups, linked_group
+from skymosaic.flight.layout.linked_group import LinkedGroup, groups, join, linked_group
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
 
@@ -189,7 +189,7 @@ def _contradicting(group: LinkedGroup, errors_px: Sequence[Array]) -> list[Link]
     middle_px = {link: float(np.median(error)) for link, error in zip(group.links, errors_px, strict=True)}
     row = {member: index for index, member in enumerate(group.members)}
     kept = [link for link in group.links if middle_px[link] <= FALSE_LINK_PX]
-    _, part = connected_components(_joined(group.members, kept, [1] * len(kept)), directed=False)
+    _, part = connected_components(join(group.members, kept, [1] * len(kept)), directed=False)
     false = []
     # Where parts would fall apart, the least wrong links between them stay.
     for link in sorted(group.links, key=middle_px.__getitem__)[len(kept) :]:
@@ -207,7 +207,7 @@ def _doubtful_part(layout: Layout) -> set[int]:
     """
     row = {member: index for index, member in enumerate(layout.members)}
     for link in layout.contradicting:
-        joined = _joined(layout.members, layout.links, [1 + (e.inliers >= SURER * link.inliers) for e in layout.links])
+        joined = join(layout.members, layout.links, [1 + (e.inliers >= SURER * link.inliers) for e in layout.links])
         flow = maximum_flow(joined, row[link.left], row[link.right])
         if flow.flow_value > 1:
             continue
@@ -220,11 +220,3 @@ def _doubtful_part(layout: Layout) -> set[int]:
         ]
         return {layout.members[index] for index in min(sides, key=len).tolist()}
     return set()
-
-
-def _joined(members: Sequence[int], links: Sequence[Link], strengths: Sequence[int]) -> csr_array:
-    """How strongly some of its links join the members of a group, as a symmetric matrix; 0 where none does."""
-    row = {member: index for index, member in enumerate(members)}
-    pairs = np.array([(row[link.left], row[link.right]) for link in links], dtype=np.intp).reshape(-1, 2)
-    joined = csr_array((np.array(strengths, dtype=np.int32), pairs.T), shape=(len(row),) * 2)
-    return csr_array(joined + joined.T)

@@ -1,6 +1,7 @@
 """Groups of linked views: their ties in common coordinates, and a first pose of each view on the ground."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +14,7 @@ from skymosaic.flight.layout.expected_shape import are_possible
 from skymosaic.flight.layout.motions import NO_DISTORTION
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
-from skymosaic.geometry.homography import apply, estimate
+from skymosaic.geometry.homography import DegenerateError, apply, estimate
 
 ROUGH_STEPS = 4
 OPEN_LOOP = 0.1
@@ -26,10 +27,17 @@ MAX_TIES_PER_LINK = 200
 
 def groups(count: int, links: Sequence[Link]) -> list[list[int]]:
     """Group the views that links join directly or through others, the largest group first."""
-    inliers = _inlier_matrix(count, [(link.left, link.right) for link in links], links)
-    _, label = connected_components(inliers, directed=False)
+    _, label = connected_components(join(range(count), links, [1] * len(links)), directed=False)
     parts = [np.flatnonzero(label == group).tolist() for group in range(int(label.max()) + 1)]
     return sorted(parts, key=lambda members: (-len(members), members[0]))
+
+
+def join(members: Sequence[int], links: Sequence[Link], strengths: Sequence[int]) -> csr_array:
+    """Join members of a group by some of its links: how strongly each two, as a symmetric matrix; 0 without a link."""
+    row = {member: index for index, member in enumerate(members)}
+    pairs = np.array([(row[link.left], row[link.right]) for link in links], dtype=np.intp).reshape(-1, 2)
+    joined = csr_array((np.array(strengths, dtype=np.int32), pairs.T), shape=(len(row),) * 2)
+    return csr_array(joined + joined.T)
 
 
 class LinkedGroup:
@@ -56,8 +64,8 @@ class LinkedGroup:
         self.units_px = [1 / float(matrix[0, 0]) for matrix in self.normalisations]
         self._pairs = [(row[link.left], row[link.right]) for link in self.links]
         if reference is None:
-            weights = _inlier_matrix(len(sizes), self._pairs, self.links)
-            reference = int(np.argmax((weights + weights.T).sum(axis=0)))
+            inliers = join(self.members, self.links, [link.inliers for link in self.links])
+            reference = int(np.argmax(inliers.sum(axis=0)))
         self.reference = reference
 
     @cached_property
@@ -65,7 +73,11 @@ class LinkedGroup:
         """Similarities (V, 3, 3) chained from the reference along strong links that loops confirm, then annealed."""
         if not self.links:
             return np.tile(np.eye(3), (len(self.members), 1, 1))
-        motions = np.stack([estimate(tie.left_points, tie.right_points, model="similarity") for tie in self._ties()])
+        motions = np.tile(np.eye(3), (len(self.links), 1, 1))
+        for motion, tie in zip(motions, self._ties(), strict=True):
+            # Ties that coincide tell nothing of turn and size.
+            with suppress(DegenerateError):
+                motion[:] = estimate(tie.left_points, tie.right_points, model="similarity")
         motions[~are_possible(motions)] = np.eye(3)
         pairs = {pair: row for row, pair in enumerate(self._pairs)}
         # The spanning tree is that of the least cost: one false link in it would displace all that hangs on it.
@@ -138,12 +150,6 @@ def linked_group(
     """Collect the sizes and ties of some of the views of a flight; ``reference`` is the view that stays, None: any."""
     row = None if reference is None else list(members).index(reference)
     return LinkedGroup({member: views[member].working_size for member in members}, links, row)
-
-
-def _inlier_matrix(count: int, pairs: Sequence[tuple[int, int]], links: Sequence[Link]) -> csr_array:
-    """Inliers of the link of each pair, as a (count, count) matrix, upper triangle."""
-    rows, columns = [left for left, _ in pairs], [right for _, right in pairs]
-    return csr_array(([float(link.inliers) for link in links], (rows, columns)), shape=(count, count))
 
 
 def normalisation(size: tuple[int, int]) -> Array:

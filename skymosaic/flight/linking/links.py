@@ -77,8 +77,8 @@ class Link:
 
     @property
     def holds(self) -> bool:
-        """Whether the views are linked."""
-        return self.ties > 0
+        """Whether the views are linked: a single tie does not say how one lies on the other."""
+        return self.ties > 1
 
     @property
     def moves_with_camera(self) -> bool:

@@ -146,6 +146,19 @@ def test_bad_links_end_in_a_layout_that_cameras_can_have(seeds: range, most: int
         enclosing_canvas(sizes, [smaller @ transform for transform in transforms], least, limit_px=1e6)
 
 
+@pytest.mark.parametrize("place", [(50.0, 400.0), cameras.MIDDLE_PX], ids=["aside", "in the middle"])
+def test_ties_that_all_coincide_move_no_other_photograph(place: tuple[float, float]) -> None:
+    level = [cameras.camera(60 * x, 0, 0) for x in range(5)]
+    links = [link for link in cameras.tie_all(level, seed=2) if 4 not in (link.left, link.right)]
+    without = lay_out(cameras.views_of(4), range(4), links)
+    # In the middle of a view, turn and scale move nothing, so that the equations have no solution.
+    links.append(Link(3, 4, *(np.tile(place, (12, 1)),) * 2, 12, 12))
+    layout = lay_out(cameras.views_of(5), range(5), links)
+    for member in range(4):
+        with_them, alone = (np.linalg.inv(each.transforms[0]) @ each.transforms[member] for each in (layout, without))
+        np.testing.assert_allclose(apply(with_them, (0, 0)), apply(alone, (0, 0)), atol=0.5)
+
+
 def test_photographs_of_one_place_from_all_sides_lie_together() -> None:
     around = cameras.ring(18, 50)
     links = cameras.tie_all(around, seed=0, reach=1)

@@ -32,8 +32,8 @@ def test_a_loop_that_is_open_in_place_and_turn_is_trusted_less_than_one_open_in_
 
 def test_a_link_that_mirrors_or_shrinks_its_view_to_a_point_leaves_it_where_its_neighbour_lies() -> None:
     points = np.array([[0.0, 0], [600, 0], [600, 450], [0, 450]] * 3)
-    shrunk = 300 + 1e-4 * points
+    shrunk, one_place = 300 + 1e-4 * points, np.full_like(points, 300)
     mirrored = np.array([639.0, 0]) - points * np.array([1.0, -1])
-    links = [Link(0, 1, points, shrunk, 12, 12), Link(1, 2, points, mirrored, 12, 12)]
-    start = linked_group(views_of(3), range(3), links).start
+    links = [Link(row, row + 1, points, right, 12, 12) for row, right in enumerate((shrunk, mirrored, one_place))]
+    start = linked_group(views_of(4), range(4), links).start
     assert are_possible(start).all()

@@ -8,7 +8,7 @@ from golden_model.config import preset_config
 from golden_model.formats import POSITION
 from golden_model.front_end import extract
 from sim.scene import make_lawnmower
-from skymosaic.flight.linking.links import are_right, link_views
+from skymosaic.flight.linking.links import are_right, link_views, tie_views
 from skymosaic.geometry.ground import Sight
 from skymosaic.geometry.homography import transfer_error
 
@@ -33,6 +33,12 @@ def test_matches_on_relief_are_right_and_others_are_not() -> None:
     assert kept[false].mean() < 0.05
     assert kept[near_but_false].mean() < 0.1
     np.testing.assert_array_equal(are_right(left, right, plane), kept)
+
+
+def test_a_single_tie_links_no_views() -> None:
+    points = np.array([[10.0, 20], [300, 40]])
+    assert not tie_views((0, 1), points[:1], points[:1], np.eye(3), 12).holds
+    assert tie_views((0, 1), points, points, np.eye(3), 12).holds
 
 
 def test_checks_are_no_ties_and_lie_on_relief_too() -> None:
