@@ -130,6 +130,9 @@ class Painter:
     def place(self, number, pose):
         """Set the pose of a frame that has come, with which those of the next ones are composed.
 
+        What the camera sees has a positive third coordinate; with a horizon on the canvas, a pose that was divided by
+        its last element may have the wrong sign, and counts as mirrored.
+
         Returns
         -------
         bool
