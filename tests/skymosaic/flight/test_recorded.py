@@ -12,26 +12,9 @@ from skymosaic.flight.check import check_flight
 from skymosaic.geometry.homography import apply
 from skymosaic.mosaicking.api import mosaic
 from skymosaic.mosaicking.result import Mosaic
-from tests.skymosaic.recorded import (
-    HEIGHT_PX,
-    WIDTH_PX,
-    Picture,
-    as_pixels,
-    check_picture,
-    check_recorded,
-    view,
-    with_hills,
-)
+from tests.skymosaic.recorded import HEIGHT_PX, WIDTH_PX, as_pixels, check_picture, check_recorded, view, with_hills
 
 CORNERS = np.array([(0.0, 0), (WIDTH_PX, 0), (WIDTH_PX, HEIGHT_PX), (0, HEIGHT_PX)])
-
-
-def bent(picture: Picture) -> Picture:
-    """As by a lens."""
-    y, x = np.mgrid[:HEIGHT_PX, :WIDTH_PX].astype(np.float32)
-    across, down = x - (WIDTH_PX - 1) / 2, y - (HEIGHT_PX - 1) / 2
-    stretch = 0.06 * (across**2 + down**2) / (0.6 * WIDTH_PX) ** 2
-    return cv2.remap(picture, x + across * stretch, y + down * stretch, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
 
 
 def fly(kind: str) -> Iterator[Pixels]:
@@ -42,8 +25,6 @@ def fly(kind: str) -> Iterator[Pixels]:
         seen = view(x, y, 0.05 * np.sin(2 * number), 1 + 0.04 * np.cos(number), 2e-5 * (number % 3 - 1))[0]
         if kind == "hills":
             seen = with_hills(seen, 3.0 * np.sin(number))
-        if kind == "lens":
-            seen = bent(seen)
         if number == 6:
             seen = cv2.GaussianBlur(seen, (0, 0), 1.5)
         yield as_pixels(seen * (1.0, 0.8, 1.15)[number % 3])
@@ -75,13 +56,6 @@ def test_flights_end_as_recorded(kind: str) -> None:
     made = mosaic(list(fly(kind)))
     assert list(made.left_out) == ([12] if kind == "hills" else [])
     check_mosaic(kind, made)
-
-
-def test_a_lens_is_estimated_as_recorded() -> None:
-    found = mosaic(list(fly("lens")), scale=0.7).flight.calibration
-    assert found is not None
-    # Photographs are straightened with it, where processors round otherwise, so only this is alike.
-    check_recorded("lens", [*found.distortion, found.before_px, found.after_px], 0.01)
 
 
 @pytest.mark.parametrize("options", [{"blending": "multiband"}, {"warp": "mesh"}], ids=str)
