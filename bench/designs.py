@@ -11,7 +11,7 @@ from amaranth.lib.wiring import In, Out
 from bench.rules import largest_rules
 from golden_model.config import PRESETS, Config, EstimatorConfig, FrontEndConfig, MatcherConfig
 from hdl.accelerator import AcceleratorTop
-from hdl.build import Build
+from hdl.build import BUILDS, Build
 from hdl.feature.extractor import CandidateFeatures
 from hdl.feature.ring_window import RingWindow
 from hdl.front_end import FrontEnd
@@ -33,6 +33,7 @@ from hdl.pixel.smooth import Binomial
 from hdl.pixel.sobel import Sobel
 from hdl.selection.selection import CellSelection
 from hdl.shell.camera import CameraCrossing, CameraGate
+from hdl.shell.camera_top import CameraTop
 from hdl.shell.ring_writer import RingWriter
 
 AERIAL, THESIS = PRESETS["aerial"], PRESETS["thesis"]
@@ -104,9 +105,16 @@ def accelerator(config: Config) -> Design:
     return Design(lambda: AcceleratorTop(Build(config=config)), front_end(config.front_end, WIDTH_PX, 2).memory_bits)
 
 
+def camera(config: Config) -> Design:
+    """A whole camera build, with the painter."""
+    build = replace(BUILDS["camera"], config=config, painter=True)
+    return Design(lambda: CameraTop(build), accelerator(config).memory_bits)
+
+
 def designs() -> dict[str, Design]:
     """Every design by name."""
     config, wide = AERIAL.front_end, {"width_px": WIDTH_PX}
+    estimating = replace(AERIAL, estimator=EstimatorConfig())
     pattern = config.pattern
     return {
         "gray": block(Gray),
@@ -147,5 +155,6 @@ def designs() -> dict[str, Design]:
         "ring writer": block(RingWriter, record_words=6, max_words=6 * (config.max_features + 2)),
         "painter": block(Painter),
         "accelerator": accelerator(AERIAL),
-        "accelerator, homography": accelerator(replace(AERIAL, estimator=EstimatorConfig())),
+        "accelerator, homography": accelerator(estimating),
+        "camera, homography, painter": camera(estimating),
     }
