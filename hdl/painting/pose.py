@@ -57,7 +57,7 @@ KEPT = data.StructLayout({"valid": 1, "frame": 16, "links": range(MAX_LINKS + 1)
 AREA_WORDS = 16
 HOMOGRAPHY_AREA, FIRST_AREA = 0, 1
 READ_CYCLES = 1 + LineMemory.latency_cycles
-"""From `PoseInWork.reads` to the word: an address is looked up in a table and a register, a path of its own."""
+"""From `PoseInWork.reads` to the word. Its address comes out of a table, hence a register before the memory."""
 SUM_CYCLES = READ_CYCLES + SerialSum.latency_cycles
 """From `PoseInWork.has_read_sum` to the sum."""
 
