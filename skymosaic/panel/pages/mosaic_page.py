@@ -93,6 +93,7 @@ class ResultTabs:
 
     def _fill(self) -> None:
         result = self._result
+        self._hardware = self._editor = None
         for panel in self._result_panels.values():
             panel.clear()
         if result is None:
