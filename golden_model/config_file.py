@@ -27,7 +27,7 @@ def load_config(path: str | Path, preset: str = "aerial") -> Config:
         with the file, the key and the valid values.
     """
     try:
-        tables = tomllib.loads(read_small_file(path).decode())
+        tables = tomllib.loads(read_small_file(path).decode("utf-8-sig"))
         _read_rules(tables, Path(path))
         return _replace_tables(preset_config(tables.pop("preset", preset)), tables)
     except OSError as error:

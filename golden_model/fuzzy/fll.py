@@ -81,7 +81,7 @@ def read_file(path: Path) -> str:
     if path.suffix.lower() != ".fll":
         raise ValueError(f"{path}: unknown kind of file; fuzzy systems end in .fll")
     try:
-        return read_small_file(path, MAX_BYTES).decode()
+        return read_small_file(path, MAX_BYTES).decode("utf-8-sig")
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror}); check the path") from None
     except UnicodeDecodeError:

@@ -169,7 +169,7 @@ def lens_of(numbers: Mapping[str, float], mask: Pixels | None = None) -> Lens:
 
 def _read_numbers(path: Path) -> dict[str, float]:
     try:
-        table = tomllib.loads(read_small_file(path).decode())
+        table = tomllib.loads(read_small_file(path).decode("utf-8-sig"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give a TOML file") from None
     # RecursionError: arrays nested hundreds of levels deep.

@@ -21,7 +21,8 @@ k1 = -0.2
 
 
 def test_a_camera_takes_the_distortion_out(tmp_path: Path) -> None:
-    (tmp_path / "camera.toml").write_text(CAMERA)
+    # Windows' editors begin a file with a mark.
+    (tmp_path / "camera.toml").write_text(CAMERA, encoding="utf-8-sig")
     lens = load_lens(tmp_path / "camera.toml", None)
     # Points of a straight line, distorted as the camera would, end on a line again.
     line = np.column_stack([np.linspace(60, 580, 14), np.full(14, 90.0)])

@@ -57,6 +57,7 @@ def test_degrees_of_another_datum_are_converted(tmp_path: Path) -> None:
     [
         ("EPSG:4326", "", "no positions"),
         ("EPSG:4326", "\n1.jpg 46.8 -92", "a latitude beyond 90"),
+        ("EPSG:4326", "\n1.jpg 268 46.8", "a longitude beyond 180"),
         ("EPSG:32615", "\n1.jpg 5e7 1e8", "check the coordinate system"),
         ("EPSG:4326", "\n1.jpg 46.8", "line 2 is '1.jpg 46.8'"),
         ("EPSG:32615", LINES, "its coordinates are degrees, but EPSG:32615 is in metres; begin with EPSG:4326"),
