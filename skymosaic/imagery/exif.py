@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -136,8 +138,9 @@ def explain_missing_gps(taken: Sequence[Metadata]) -> str:
 
 def _time(written: Any) -> str:
     """EXIF's 2026:05:01 10:20:30 as ISO writes dates."""
-    found = re.match(r"(\d{4}):(\d\d):(\d\d) (\d\d:\d\d:\d\d)", str(written))
-    return "{}-{}-{} {}".format(*found.groups()) if found and int(found[1]) else ""
+    with contextlib.suppress(ValueError):
+        return datetime.strptime(str(written)[:19], "%Y:%m:%d %H:%M:%S").isoformat(" ")
+    return ""
 
 
 def _camera(make: Any, model: Any) -> str:
