@@ -60,8 +60,8 @@ def register_pairs(
     """
     options = choose_options(RegistrationOptions, options, changes)
     sources = list_sources(images)
-    every_two = itertools.combinations(range(len(sources)), 2)
     numbers = range(len(sources))
+    every_two = itertools.combinations(numbers, 2)
     try:
         sides_of = [(numbers[left], numbers[right]) for left, right in (every_two if pairs is None else pairs)]
     except (TypeError, ValueError, IndexError):
