@@ -93,9 +93,6 @@ def check_given(source: Image, name: str) -> None:
         For what can be no photograph.
     """
     if isinstance(source, str | Path):
-        # As a path it would be the current folder.
-        if source == "":
-            raise InputError(f"{name}: its name is empty; give a path")
         return
     if not isinstance(source, np.ndarray):
         raise InputError(f"{name}: {type(source).__name__} is no photograph; give a path, or an array of pixels")

@@ -104,19 +104,13 @@ def select_key_frames(frames: Iterable[Pixels]) -> Iterator[KeyFrame]:
     Parameters
     ----------
     frames : iterable of (H, W, 3) or (H, W) uint8 ndarray
-        All of one shape. A key frame is yielded only once a later frame is known.
-
-    Raises
-    ------
-    InputError
-        For what is no such array.
+        All of one shape; anything else is an `InputError`. A key frame is yielded only once a later frame is known.
     """
     flow, candidate = None, None
     first: tuple[int, ...] = ()
     for current in map(KeyFrame, itertools.count(), frames):
         check_given(current.pixels, f"frame {current.number}")
-        first = first or np.shape(current.pixels)
-        # The shape of a path is empty.
+        first = first or np.shape(current.pixels)  # of a path ()
         if not first or np.shape(current.pixels) != first:
             raise InputError(f"frame {current.number}: no array of the first frame's shape; read it, or resize it")
         gray = _small_gray(current.pixels)

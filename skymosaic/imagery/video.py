@@ -20,14 +20,14 @@ VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".ts", ".mts", ".m2ts"
 OUTPUT_SUFFIXES = (".mp4", ".mov", ".mkv")
 DEFAULT_RATE = Fraction(25)
 """Frames per second of a video that does not state them."""
-MAX_STEP_S = 3600
-"""Longest time from frame to frame; damaged ones run back, or on for years."""
+TICKS_PER_SECOND = 90_000
+"""Resolution of time in the videos written; the usual rates are whole numbers of it."""
+MIN_STEP_S, MAX_STEP_S = 2 / TICKS_PER_SECOND, 3600.0
+"""Shortest and longest time from frame to frame; damaged ones repeat, run back, or on for years."""
 MIN_SHAPE = 0.25
 """Pixels that are said to be longer than this are a mistake; those of film are up to 2:1."""
 CONSTANT_QUALITY = "18"
 """x264's constant rate factor; 18 is visually lossless."""
-TICKS_PER_SECOND = 90_000
-"""Resolution of time in the videos written; the usual rates are whole numbers of it."""
 FILE_OPTIONS = {
     "protocol_whitelist": "file",
     "format_whitelist": "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,asf",
@@ -113,7 +113,7 @@ class VideoReader:
                 quarter_turns = turns
                 if frames:
                     step_s = usual_s if time is None or last is None else time - last
-                    self.seconds += step_s if 0 <= step_s < MAX_STEP_S else usual_s
+                    self.seconds += max(step_s, MIN_STEP_S) if step_s < MAX_STEP_S else usual_s
                 last = time
                 frames += 1
                 yield pixels
@@ -160,9 +160,8 @@ def _explain(error: Exception) -> str:
 def _decode_packet(packet: av.Packet) -> list[tuple[int, Pixels, float | None]]:
     # Besides FFmpeg's errors, PyAV raises ValueError for a pixel format that it cannot convert.
     with contextlib.suppress(FFmpegError, ValueError):
-        return [
-            (round(frame.rotation / 90) % 4, frame.to_ndarray(format="bgr24"), frame.time) for frame in packet.decode()
-        ]
+        decoded = packet.decode()
+        return [(round(each.rotation / 90) % 4, each.to_ndarray(format="bgr24"), each.time) for each in decoded]
     return []
 
 
@@ -174,7 +173,7 @@ def write_video(
 
     The context is a function that appends a frame, (H, W, 3) uint8 BGR, all of one size. An odd last row or column is
     dropped, because H.264 stores colour at half resolution. The suffix, one of `OUTPUT_SUFFIXES`, determines the
-    container. ``seconds`` says when the frame that is appended is shown; without it they follow at ``frame_rate``.
+    container. ``seconds`` says when the frame is shown, later than the last; without it, all follow at ``frame_rate``.
 
     Raises
     ------
@@ -184,21 +183,17 @@ def write_video(
     # The temporary name has no suffix from which FFmpeg could tell the format.
     with write_atomically(path) as temporary, av.open(str(temporary), "w", format=muxer) as container:
         stream = container.add_stream("libx264", rate=frame_rate, options={"crf": CONSTANT_QUALITY, "preset": "fast"})
-        ticks = -1
         if seconds:
             stream.codec_context.time_base = Fraction(1, TICKS_PER_SECOND)
 
         def write(pixels: Pixels) -> None:
-            nonlocal ticks
             even = np.ascontiguousarray(pixels[: pixels.shape[0] // 2 * 2, : pixels.shape[1] // 2 * 2])
             # The size is known with the first frame, and may not change once the encoder is open.
             if not stream.codec_context.is_open:
                 stream.height, stream.width = even.shape[:2]
             frame = av.VideoFrame.from_ndarray(even, format="bgr24")
             if seconds:
-                # Times that repeat cannot be stored.
-                ticks = max(round(seconds() * TICKS_PER_SECOND), ticks + 1)
-                frame.pts, frame.time_base = ticks, Fraction(1, TICKS_PER_SECOND)
+                frame.pts, frame.time_base = int(seconds() * TICKS_PER_SECOND + 0.5), Fraction(1, TICKS_PER_SECOND)
             container.mux(stream.encode(frame))
 
         yield write

@@ -176,8 +176,7 @@ def convert_to_degrees(path: Path, crs: Any, points: Points) -> Points:
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     if not (np.abs(degrees) <= (180, 90)).all():
-        beyond = "a longitude beyond 180 or a latitude beyond 90 degrees"
-        raise InputError(f"{path}: {beyond}; x is the longitude and comes first")
+        raise InputError(f"{path}: a longitude beyond 180 or a latitude beyond 90 degrees; x, the longitude, is first")
     return degrees
 
 

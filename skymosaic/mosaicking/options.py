@@ -161,8 +161,6 @@ class MosaicOptions(CanvasOptions, SurveyOptions, RegistrationOptions):
             raise InputError("`gsd_m` and `scale` both set the size of the mosaic; leave one out")
         if self.repeat is not None and self.positions is not None:
             raise InputError("`positions` and `repeat` both place the photographs; leave one out")
-        if self.repeat is not None and not hasattr(self.repeat, "flight"):
-            raise InputError(f"`repeat` is {self.repeat!r}; give what mosaic() has returned")
         if self.lens is not None and self.lens.mask is not None and self.warp != "homography":
             raise InputError("`warp`: a mask would not be bent with the photograph; leave one out")
         method, _ = self.choose_method()

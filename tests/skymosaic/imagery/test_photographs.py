@@ -81,7 +81,6 @@ def test_one_string_and_a_pattern_stand_for_files(tmp_path: Path, monkeypatch: p
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ("", "image 0: its name is empty"),
         (None, "image 0: NoneType is no photograph; give a path"),
         (["a.png", None], "image 1: NoneType is no photograph"),
         (b"flight", "image 0: int is no photograph"),

@@ -122,7 +122,6 @@ def test_every_default_is_valid_and_every_sentence_ends() -> None:
             {"repeat": object(), "positions": Positions("geo.txt", ())},
             "`positions` and `repeat` both place",
         ),
-        ({"repeat": "monday.tif"}, "`repeat` is 'monday.tif'; give what mosaic"),
         ({"detector": "sift", "backend": "rtl"}, "leave out `backend`"),
         ({"effort": "thorough", "estimator": "magsac"}, "oriented ILBP"),
     ],
