@@ -14,6 +14,7 @@ import numpy as np
 
 from golden_model.arrays import Matrix, Pixels, Records
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, Config, FrontEndConfig
+from golden_model.feature.orientation import SECTORS
 from golden_model.records import MATCH
 from sim.backends.interface import Backend
 from skymosaic.features.positions import feature_points, match_points, raw_positions
@@ -149,10 +150,11 @@ def map_matches_to_images(
 
 
 def swap_sides(matches: Records) -> Records:
-    """Swap left and right of match records."""
+    """Swap left and right of match records, which then turn the other way."""
     other = np.zeros(len(matches), dtype=MATCH.dtype)
     for name in matches.dtype.names or ():
         side, _, rest = name.partition("_")
-        source = {"left": f"right_{rest}", "right": f"left_{rest}"}.get(side, name)
-        other[name] = matches[source]
+        other[name] = matches[{"left": f"right_{rest}", "right": f"left_{rest}"}.get(side, name)]
+    for name in ("turn", "peak_turn"):
+        other[name] = -other[name].astype(np.int16) % SECTORS
     return other

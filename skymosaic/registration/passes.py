@@ -1,9 +1,10 @@
 """Searches a pair for a homography: one pass of the front end where that is enough, further passes where it is not.
 
 A pass matches a frame of one image with a frame of the other. The first pass takes the images as they are. A weak
-result gets further passes, in this order: both images √2 times larger (small ones then twice), both √2 times smaller,
-one image enlarged and the other reduced in steps, one image compressed as if seen from the side, the right image
-inverted. All go through the same front end and matcher. A homography is accepted by the matches of these passes alone.
+result gets further passes, in this order: both images √2 times larger (small ones then twice; noisy ones smaller), both
+√2 times smaller, one image enlarged and the other reduced in steps, one image compressed as if seen from the side, the
+right image inverted. All go through the same front end and matcher. A homography is accepted by the matches of these
+passes alone.
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ import numpy as np
 
 from golden_model.arrays import Mask, Matrix, Pixels, Points, Records
 from golden_model.config import Config
-from golden_model.feature.orientation import SECTORS
 from golden_model.matching.matcher import common_orientation, match, weigh
 from sim.backends.interface import Backend
 from skymosaic.features.frames import (
@@ -49,6 +49,8 @@ from skymosaic.registration.front_end_runs import (
 STRONG_PLACES, STRONG_PLACES_OF_FLAT = 60, 20
 STRONG_SHARE_OF_OVERLAP = 0.25
 STRONG_SHARE_OF_KEPT, SHARE_OF_FLAT = 0.25, 0.5
+# Half the size has a fifth of the corners. Where it has more of the inliers, finer corners are of noise or blur.
+COARSE_SHARE = 1 / 3
 # Most pairs that need many further passes are unrelated: one short search for each.
 FURTHER_PASS_SAMPLES = 1000
 MIN_PLACES = 12
@@ -154,8 +156,8 @@ class Search:
         if effort == "thorough":
             state = self._search_together(state, (*larger, SMALLER))
         else:
-            for enlarged in larger:
-                state = state if self._is_strong(state) else self._search_together(state, (enlarged,))
+            for scaled in (SMALLER,) if is_coarse(state) else larger:
+                state = state if self._is_strong(state) else self._search_together(state, (scaled,))
             if state.homography is None:
                 state = self._search_together(state, (SMALLER,))
         if self._is_strong(state):
@@ -177,11 +179,9 @@ class Search:
         """The state with this homography, or with None where its inliers are too few or too close together."""
         left, right = match_points(evidence.matches[inliers])
         places = acceptance.count_places(left, right)
-        if homography is not None and places < MIN_PLACES:
-            homography = None
-        if homography is not None and not acceptance.spread_enough(homography, left, right, *self._sizes):
-            homography = None
-        return SearchState(evidence, homography, inliers, places, passes)
+        is_spread = homography is not None and acceptance.spread_enough(homography, left, right, *self._sizes)
+        accepted = homography if is_spread and places >= MIN_PLACES else None
+        return SearchState(evidence, accepted, inliers, places, passes)
 
     def _search_together(self, state: SearchState, runs: Sequence[FrontEndRun]) -> SearchState:
         """Add passes over frames of the same scale on both sides, and search all matches together."""
@@ -232,8 +232,7 @@ class Search:
                 if places >= PROMISING_PLACES:
                     full = FrontEndRun(run.reference, (replace(change, scale=1.0),), run.swapped)
                     promising.append((places, full))
-        promising.sort(key=lambda each: -each[0])
-        runs = [run for _, run in promising[:MAX_PROMISING]]
+        runs = [run for _, run in sorted(promising, key=lambda each: -each[0])[:MAX_PROMISING]]
         return self._search_separately(replace(state, passes=passes), runs)
 
     def _search_separately(self, state: SearchState, runs: Sequence[FrontEndRun]) -> SearchState:
@@ -260,7 +259,7 @@ class Search:
         for run in runs:
             for change, features, frames, matches in self._run(run) if self._shared is None else self._share(run):
                 if run.swapped:
-                    yield change, self._map_to_images(features[::-1], frames[::-1], _swap(matches))
+                    yield change, self._map_to_images(features[::-1], frames[::-1], swap_sides(matches))
                 else:
                     yield change, self._map_to_images(features, frames, matches)
 
@@ -268,8 +267,7 @@ class Search:
         """What was done to each of the other frames, and its features, frames and matches with the reference."""
         reference_image, other_image = self._images[::-1] if run.swapped else self._images
         reference = change_image(reference_image, run.reference)
-        made = [(change, change_image(other_image, change)) for change in run.others]
-        others = [(change, frame) for change, frame in made if frame]
+        others = [(change, frame) for change in run.others if (frame := change_image(other_image, change))]
         if reference is None or not others:
             return
         pixels = [frame.pixels for frame in (reference, *(frame for _, frame in others))]
@@ -304,9 +302,8 @@ class Search:
 
     def _estimate(self, evidence: Evidence, *, starts: Sequence[Matrix] = (), **search: int) -> Estimate:
         kept = evidence.kept
-        left, right = match_points(kept)
         weight = kept["weight"].astype(np.float64)
-        return estimate_homography(left, right, weight, rng=self._rng, starts=starts, **search)
+        return estimate_homography(*match_points(kept), weight, rng=self._rng, starts=starts, **search)
 
     def _is_strong(self, state: SearchState) -> bool:
         if state.homography is None:
@@ -317,8 +314,15 @@ class Search:
         places = STRONG_PLACES_OF_FLAT if inliers >= SHARE_OF_FLAT * in_overlap else STRONG_PLACES
         if state.places < places or inliers < STRONG_SHARE_OF_KEPT * in_overlap:
             return False
-        left, _ = state.inlier_points
-        return acceptance.hull_share(state.homography, left, *self._sizes) >= STRONG_SHARE_OF_OVERLAP
+        return acceptance.hull_share(state.homography, state.inlier_points[0], *self._sizes) >= STRONG_SHARE_OF_OVERLAP
+
+
+def is_coarse(state: SearchState) -> bool:
+    """Whether many inliers are corners at half the size in both images, as where noise or blur hides what is finer."""
+    matches = state.evidence.matches[state.inliers]
+    left, right = state.evidence.features
+    levels = left["level"][matches["left_index"]] & right["level"][matches["right_index"]]
+    return state.homography is not None and bool(np.count_nonzero(levels) > COARSE_SHARE * len(matches))
 
 
 def explain_refusal(state: SearchState) -> str:
@@ -336,11 +340,3 @@ def explain_refusal(state: SearchState) -> str:
     matches, inliers = len(state.evidence.matches), np.count_nonzero(state.inliers)
     counts = f"matches {matches}, kept {kept}, inliers {inliers} at {state.places} places"
     return f"{cause}: features {left} and {right}, {counts}"
-
-
-def _swap(matches: Records) -> Records:
-    """The same matches with left and right swapped, and so turned the other way."""
-    swapped = swap_sides(matches)
-    for name in ("turn", "peak_turn"):
-        swapped[name] = -swapped[name].astype(np.int16) % SECTORS
-    return swapped

@@ -103,4 +103,5 @@ def test_swapping_twice_changes_nothing(image: NDArray[np.uint8]) -> None:
     assert len(matches) > 20
     other = swap_sides(matches)
     np.testing.assert_array_equal(other["left_x"], matches["right_x"])
+    np.testing.assert_array_equal((other["turn"] + matches["turn"]) % 16, 0)
     np.testing.assert_array_equal(swap_sides(other), matches)

@@ -156,6 +156,16 @@ def test_what_lies_outside_the_overlap_makes_no_pass_weak(monkeypatch: pytest.Mo
     assert register(left, right).passes == 2
 
 
+def test_photographs_whose_fine_detail_is_noise_are_reduced(monkeypatch: pytest.MonkeyPatch) -> None:
+    left, right, truth = flat_pair("dark", 4, 1)
+    backend = Counting()
+    pair = register(left, right, backend=backend)
+    assert (pair.passes, backend.widths_px) == (2, {640, 453})
+    assert grid_error(pair.homography, truth, (640, 480), (640, 480)) < 0.5
+    monkeypatch.setattr("skymosaic.registration.passes.COARSE_SHARE", 1.0)
+    assert len(register(left, right).inliers) < len(pair.inliers)
+
+
 def test_a_small_frame_that_misses_the_turn_learns_it_from_the_others() -> None:
     left, _, _ = flat_pair("small", 25, 0)
     pair = register(left, left, effort="fast")
