@@ -44,6 +44,8 @@ RESTARTS = 3
 """Independent searches; the homography with the highest score wins."""
 CLEAR_SHARE = 0.5
 """A search that gains more than this share of all weights ends the restarts: no other plane can gain as much."""
+BEST_MATCHES = 48
+"""Samples of all matches seldom hit a few right ones. Samples of so many of the best do, if nine of these are right."""
 BATCH = 128
 """Samples that are solved and scored together, because NumPy is fast on arrays only."""
 EIGENVALUE_TOLERANCE = 1e-13
@@ -51,6 +53,7 @@ EIGENVALUE_TOLERANCE = 1e-13
 TRIANGLES = np.array([(1, 2, 3), (2, 0, 3), (0, 1, 3), (0, 1, 2)]).T
 """The triangles among a sample's four points, one a column. The first three leave out point 0, 1 and 2; the ratios of
 their areas to the last give the fourth point as a combination of the first three."""
+_Found = tuple[Array | None, float, int]  # the homography with the highest score, its score, the samples drawn
 
 
 @dataclass(frozen=True)
@@ -168,11 +171,16 @@ def estimate_homography(
         For wrong shapes, values that are not finite, or negative weights.
     """
     matches = _Matches(left, right, weight)
-    results: list[tuple[Array | None, float, int]] = []
+    results: list[_Found] = []
+    sampled = len(matches.left)
     for _ in range(restarts):
-        results.append(_search(matches, rng, max_samples))
-        if results[-1][1] > CLEAR_SHARE * matches.weight.sum():
+        results.append(_search(matches, rng, _subset_sizes(sampled, max_samples)))
+        found, score, _ = results[-1]
+        is_vain = found is None or np.count_nonzero(matches.squared_error(found) <= INLIER_PX**2) < MIN_INLIERS
+        if score > CLEAR_SHARE * matches.weight.sum() or (is_vain and len(matches.left) <= BEST_MATCHES):
             break
+        # Restarts choose between planes. Where there is none yet, the best matches may have one.
+        sampled = BEST_MATCHES if is_vain else sampled
     results += [(*_optimise_locally(start, matches), 0) for start in starts]
     best, _, _ = max(results, key=lambda result: result[1], default=(None, 0.0, 0))
     return matches.polish(best, sum(samples for _, _, samples in results))
@@ -183,9 +191,8 @@ def _gain(squared_error: Array) -> Array:
     return np.fmax(0, 1 - squared_error / (2 * TOLERANCE_PX**2))
 
 
-def _search(matches: _Matches, rng: np.random.Generator, max_samples: int) -> tuple[Array | None, float, int]:
-    """Search once; returns the homography with the highest score, its score, and the number of samples drawn."""
-    subset_sizes = _subset_sizes(len(matches.left), max_samples)
+def _search(matches: _Matches, rng: np.random.Generator, subset_sizes: NDArray[np.int64]) -> _Found:
+    """Search once, by a sample from each of the subsets."""
     best, best_score, best_sample_score = None, 0.0, 0.0
     supports = np.zeros(len(matches.left), dtype=bool)
     drawn, needed = 0, float(len(subset_sizes))

@@ -85,6 +85,25 @@ def test_unrelated_images_are_refused() -> None:
         assert estimate.samples == prosac.RESTARTS * MAX_SAMPLES
 
 
+def test_few_matches_are_searched_once() -> None:
+    left, right, weight, _ = matches(prosac.BEST_MATCHES, 0.0, seed=3)
+    assert estimated(left, right, weight).samples == MAX_SAMPLES
+
+
+def test_the_best_matches_are_searched_where_all_show_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    left, right, weight, correct = matches(400, 0.05, seed=4, noise_px=0.2)
+    weight[:] = 100
+    weight[np.flatnonzero(correct)[:12]] = 200
+    weight[np.flatnonzero(~correct)[:36]] = 200
+
+    def count_found() -> int:
+        return sum(estimated(left, right, weight, seed).homography is not None for seed in range(3))
+
+    assert count_found() == 3
+    monkeypatch.setattr(prosac, "BEST_MATCHES", 400)
+    assert count_found() == 0
+
+
 @pytest.mark.parametrize(("correct", "accepted"), [(11, False), (12, True)])
 def test_twelve_inliers_are_needed(correct: int, accepted: bool) -> None:
     left, right, weight, _ = matches(correct, 1.0, seed=6, noise_px=0.1)
