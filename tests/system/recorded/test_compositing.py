@@ -15,7 +15,7 @@ from skymosaic.compositing.tone import Tone
 from skymosaic.compositing.warp import enclosing
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.depth import ValueRange
-from tests.skymosaic.recorded import HEIGHT_PX, WIDTH_PX, check_picture, check_recorded, view
+from tests.system.recorded.rows import HEIGHT_PX, WIDTH_PX, check_picture, check_recorded, view
 
 SIZE_PX = WIDTH_PX, HEIGHT_PX
 EXPOSED = {1: (0.8, 0.85, 0.9), 2: (1.1, 1.1, 1.1), 3: (0.7, 0.7, 0.72), 5: (1.3, 1.25, 1.2)}

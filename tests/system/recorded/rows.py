@@ -1,4 +1,4 @@
-"""Holds what is computed against `recorded.json`: a row of numbers by its name.
+"""Holds what is computed against `rows.json`: a row of numbers by its name.
 
 The other tests say what each step must do, and allow for what it may. These notice what none of them thinks of: a
 result that is another one. Where one is meant to be, look at it, and put the row that the failing test prints there.

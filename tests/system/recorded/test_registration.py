@@ -13,7 +13,7 @@ from golden_model.arrays import Pixels
 from skymosaic.geometry.homography import apply
 from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register
-from tests.skymosaic.recorded import HEIGHT_PX, WIDTH_PX, as_pixels, check_recorded, view, with_hills
+from tests.system.recorded.rows import HEIGHT_PX, WIDTH_PX, as_pixels, check_recorded, view, with_hills
 
 
 def make(kind: str) -> tuple[Pixels, Pixels]:

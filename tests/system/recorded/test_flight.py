@@ -12,7 +12,7 @@ from skymosaic.flight.check import check_flight
 from skymosaic.geometry.homography import apply
 from skymosaic.mosaicking.api import mosaic
 from skymosaic.mosaicking.result import Mosaic
-from tests.skymosaic.recorded import HEIGHT_PX, WIDTH_PX, as_pixels, check_picture, check_recorded, view, with_hills
+from tests.system.recorded.rows import HEIGHT_PX, WIDTH_PX, as_pixels, check_picture, check_recorded, view, with_hills
 
 CORNERS = np.array([(0.0, 0), (WIDTH_PX, 0), (WIDTH_PX, HEIGHT_PX), (0, HEIGHT_PX)])
 
