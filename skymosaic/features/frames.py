@@ -154,7 +154,8 @@ def swap_sides(matches: Records) -> Records:
     other = np.zeros(len(matches), dtype=MATCH.dtype)
     for name in matches.dtype.names or ():
         side, _, rest = name.partition("_")
-        other[name] = matches[{"left": f"right_{rest}", "right": f"left_{rest}"}.get(side, name)]
+        source = {"left": f"right_{rest}", "right": f"left_{rest}"}.get(side, name)
+        other[name] = matches[source]
     for name in ("turn", "peak_turn"):
         other[name] = -other[name].astype(np.int16) % SECTORS
     return other

@@ -110,7 +110,8 @@ def select_key_frames(frames: Iterable[Pixels]) -> Iterator[KeyFrame]:
     first: tuple[int, ...] = ()
     for current in map(KeyFrame, itertools.count(), frames):
         check_given(current.pixels, f"frame {current.number}")
-        first = first or np.shape(current.pixels)  # of a path ()
+        # A path has no shape.
+        first = first or np.shape(current.pixels)
         if not first or np.shape(current.pixels) != first:
             raise InputError(f"frame {current.number}: no array of the first frame's shape; read it, or resize it")
         gray = _small_gray(current.pixels)

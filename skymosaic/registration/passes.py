@@ -179,9 +179,11 @@ class Search:
         """The state with this homography, or with None where its inliers are too few or too close together."""
         left, right = match_points(evidence.matches[inliers])
         places = acceptance.count_places(left, right)
-        is_spread = homography is not None and acceptance.spread_enough(homography, left, right, *self._sizes)
-        accepted = homography if is_spread and places >= MIN_PLACES else None
-        return SearchState(evidence, accepted, inliers, places, passes)
+        if homography is not None and places < MIN_PLACES:
+            homography = None
+        if homography is not None and not acceptance.spread_enough(homography, left, right, *self._sizes):
+            homography = None
+        return SearchState(evidence, homography, inliers, places, passes)
 
     def _search_together(self, state: SearchState, runs: Sequence[FrontEndRun]) -> SearchState:
         """Add passes over frames of the same scale on both sides, and search all matches together."""
@@ -232,7 +234,8 @@ class Search:
                 if places >= PROMISING_PLACES:
                     full = FrontEndRun(run.reference, (replace(change, scale=1.0),), run.swapped)
                     promising.append((places, full))
-        runs = [run for _, run in sorted(promising, key=lambda each: -each[0])[:MAX_PROMISING]]
+        promising.sort(key=lambda each: -each[0])
+        runs = [run for _, run in promising[:MAX_PROMISING]]
         return self._search_separately(replace(state, passes=passes), runs)
 
     def _search_separately(self, state: SearchState, runs: Sequence[FrontEndRun]) -> SearchState:
@@ -314,7 +317,8 @@ class Search:
         places = STRONG_PLACES_OF_FLAT if inliers >= SHARE_OF_FLAT * in_overlap else STRONG_PLACES
         if state.places < places or inliers < STRONG_SHARE_OF_KEPT * in_overlap:
             return False
-        return acceptance.hull_share(state.homography, state.inlier_points[0], *self._sizes) >= STRONG_SHARE_OF_OVERLAP
+        left, _ = state.inlier_points
+        return acceptance.hull_share(state.homography, left, *self._sizes) >= STRONG_SHARE_OF_OVERLAP
 
 
 def is_coarse(state: SearchState) -> bool:

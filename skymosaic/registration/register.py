@@ -85,8 +85,10 @@ def register(
         clock.lap("reading and features")
         photographs = features[0].photograph, features[1].photograph
         return register_photographs(photographs, options, seconds=clock.seconds, features=features, progress=progress)
-    read = partial(load, keep_damaged=options.keeps_damaged)
-    photographs = read(left, "left image"), read(right, "right image")
+    photographs = (
+        load(left, "left image", keep_damaged=options.keeps_damaged),
+        load(right, "right image", keep_damaged=options.keeps_damaged),
+    )
     clock.lap("reading")
     return register_photographs(photographs, options, seconds=clock.seconds, progress=progress)
 
@@ -167,10 +169,11 @@ def _register_without_pattern(pair: Pair, options: RegistrationOptions, lens: Le
     width_px = pair.working[0].shape[1] // 2
     (left, to_left), (right, to_right) = (reduce_to_width(image, width_px) for image in pair.working)
     pattern = find_pattern((left, right))
-    one = dataclasses.replace(pair.left, pixels=even_contrast(left, pattern))
-    other = dataclasses.replace(pair.right, pixels=even_contrast(right, pattern))
     again = register_photographs(
-        (one, other),
+        (
+            dataclasses.replace(pair.left, pixels=even_contrast(left, pattern)),
+            dataclasses.replace(pair.right, pixels=even_contrast(right, pattern)),
+        ),
         dataclasses.replace(options, accept_poor=False),
         seconds={"with the pattern": sum(pair.seconds.values())},
         lens=lens,
@@ -178,8 +181,9 @@ def _register_without_pattern(pair: Pair, options: RegistrationOptions, lens: Le
     )
     trust = again.confidence
     # What is left of the pattern in one image is its negative in the other.
-    is_found = trust is not None and not again.inverted and trust.ground.suffices and trust.ground.wins
-    if again.homography is None or not is_found:
+    if again.homography is None or trust is None or again.inverted:
+        return pair
+    if not (trust.ground.suffices and trust.ground.wins):
         return pair
     to_original = pair.to_original[0] @ to_left, pair.to_original[1] @ to_right
     found = dataclasses.replace(
@@ -268,8 +272,9 @@ def _with_notes(
     photographs: tuple[Photograph, Photograph], working: tuple[Pixels, Pixels], notes: Sequence[str]
 ) -> Photograph:
     """The right photograph with what is to be said of the pair."""
-    same = [f"the same picture as {photographs[0].name}"] if np.array_equal(*working) else []
-    return dataclasses.replace(photographs[1], notes=(*photographs[1].notes, *same, *notes))
+    left, right = photographs
+    same = [f"the same picture as {left.name}"] if np.array_equal(*working) else []
+    return dataclasses.replace(right, notes=(*right.notes, *same, *notes))
 
 
 def _show_ground(left: Points, right: Points, *, masks: Sequence[Pixels | None], left_out: LeftOut) -> Mask:
