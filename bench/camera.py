@@ -19,7 +19,7 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from bench.report import JsonFile, Row, program, report
+from bench.report import JsonFile, Row, report
 from golden_model.arrays import Pixels, Records
 from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.front_end import extract
@@ -34,8 +34,6 @@ from sim.benches.exported import host_programs
 from sim.benches.memory import MemoryRules
 from sim.scene import make_lawnmower
 
-app = program(__doc__)
-
 CONFIG = dataclasses.replace(PRESETS["aerial"], estimator=EstimatorConfig())
 SLOTS = 8
 PROPOSED = 20
@@ -47,7 +45,6 @@ WAIT_S_PER_CLOCK = 1e-7
 """A wait of the reader, 2 ms, lets the simulation run for 20,000 clocks."""
 
 
-@app.command()
 def main(
     frames: Annotated[int, typer.Option(min=2, help="Length of the flight.")] = 100,
     size: Annotated[str, typer.Option(help="Of the frames.")] = "1280x720",
@@ -174,4 +171,4 @@ def count_equal_scores(hypotheses: np.ndarray[Any, Any], records: Records, match
 
 
 if __name__ == "__main__":
-    app()
+    typer.run(main)

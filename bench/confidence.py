@@ -21,7 +21,7 @@ from scipy.stats import mannwhitneyu
 
 from bench.pair_sets import public_folder
 from bench.rendered_pairs import HEIGHTS_PX, OVERLAPS, relief_pairs
-from bench.report import JsonFile, Row, program, report
+from bench.report import JsonFile, Row, report
 from golden_model.arrays import Array
 from skymosaic import register
 from skymosaic.evaluation.known_pairs import read_pairs
@@ -29,8 +29,6 @@ from skymosaic.evaluation.metrics import grid_error
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.registration.confidence import COEFFICIENTS, GOOD_PX, INTERCEPT, POOR_PX, Confidence, measure_inputs
 from skymosaic.registration.pair import Pair
-
-app = program(__doc__)
 
 MIN_ERROR_PX = 0.3
 """Smaller errors count as this in the fit: whether a good pair is 0.1 or 0.2 px off does not matter."""
@@ -110,7 +108,6 @@ def verdict_rows(pairs: list[Prediction]) -> list[Row]:
     return rows
 
 
-@app.command()
 def main(
     fit: Annotated[list[str], typer.Option(help="Sets of pairs to fit to.")],
     test: Annotated[list[str], typer.Option(help="Sets of pairs to judge by.")],
@@ -136,4 +133,4 @@ def main(
 
 
 if __name__ == "__main__":
-    app()
+    typer.run(main)

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import typer
 
-from bench.report import JsonFile, Row, program, report
+from bench.report import JsonFile, Row, report
 from tools.panel.visit import (
     chromium,
     load_built_in_pair,
@@ -23,13 +24,10 @@ from tools.panel.visit import (
     threshold_to_corners_ms,
 )
 
-app = program(__doc__)
-
 SLIDER_KEYS = ("ArrowLeft",) * 7 + ("ArrowRight",) * 14 + ("ArrowLeft",) * 7
 """From the middle of the range down, up beyond the middle, and back."""
 
 
-@app.command()
 def main(json_file: JsonFile = None) -> None:
     """Measure with one panel and one browser."""
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
@@ -60,4 +58,4 @@ def row(title: str, milliseconds: Sequence[float]) -> Row:
 
 
 if __name__ == "__main__":
-    app()
+    typer.run(main)

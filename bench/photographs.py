@@ -18,15 +18,14 @@ from typing import Any
 
 import cv2
 import numpy as np
+import typer
 from PIL import Image as PillowImage
 
-from bench.report import JsonFile, PartsOfNames, Row, program, report
+from bench.report import JsonFile, PartsOfNames, Row, report
 from skymosaic.common.errors import InputError
 from skymosaic.imagery import images
 from skymosaic.imagery.exif import read_metadata
 from skymosaic.registration.options import WORKING_WIDTH_PX
-
-app = program(__doc__)
 
 MAX_SECONDS = 20.0
 MAX_MEMORY_MB = 2048
@@ -122,7 +121,6 @@ def in_process(function: Callable[..., Any], *arguments: Any) -> Any:
         return pool.submit(function, *arguments).result()
 
 
-@app.command()
 def main(names: PartsOfNames = None, json_file: JsonFile = None) -> None:
     """Print a row for each file; exit status 1 if one takes more than 20 s of processor time or 2048 MB."""
     rows: list[Row] = []
@@ -151,4 +149,4 @@ def main(names: PartsOfNames = None, json_file: JsonFile = None) -> None:
 
 
 if __name__ == "__main__":
-    app()
+    typer.run(main)

@@ -20,16 +20,12 @@ from rich.progress import track
 from bench.pair_sets import public_folder
 from bench.report import Flights, JsonFile, Row, report
 from golden_model.arrays import Matrix, Points
-from golden_model.config import preset_config
 from golden_model.user_cache import cache_folder
 from skymosaic.flight.flight import Flight
-from skymosaic.flight.linking.view import Settings
-from skymosaic.flight.survey import survey
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.photographs import list_sources
-from skymosaic.running.cache import ResultCache
-from skymosaic.running.workers import Workers
+from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.options import MosaicOptions
 
 METHODS = {
     "skymosaic": "skymosaic",
@@ -55,7 +51,8 @@ def peers(flights: Flights, json_file: JsonFile = None) -> None:
 
 def compare(folder: Path) -> list[Row]:
     """Every method on a folder."""
-    flight = lay_out(folder)
+    with open_plan([folder], MosaicOptions(working_width_px=WORKING_WIDTH_PX)) as plan:
+        flight = plan.flight
     # Our transformations are those of photographs without the distortion that was estimated.
     straight, distorted = (flight_matches(flight, lens) for lens in (Lens(), flight.lens))
     rows: list[Row] = []
@@ -101,13 +98,6 @@ def stitcher_python(method: str) -> str:
         subprocess.run([*install, "opencv-contrib-python-headless>=5,<6", "numba"], check=True)
         subprocess.run([*install, "--no-deps", "stitching", "largestinteriorrectangle"], check=True)
     return str(python)
-
-
-def lay_out(folder: Path) -> Flight:
-    """The folder, laid out by skymosaic."""
-    settings = Settings(preset_config("aerial"), working_width_px=WORKING_WIDTH_PX)
-    with Workers() as workers:
-        return survey(list_sources([folder]), settings, 0, workers, ResultCache(None))
 
 
 def flight_matches(flight: Flight, lens: Lens) -> list[Matches]:

@@ -19,14 +19,12 @@ import typer
 from rich.progress import track
 
 from bench.peers import TOLERANCE_PX, match_words, sift_words
-from bench.report import JsonFile, Row, program, report
+from bench.report import JsonFile, Row, report
 from bench.tracking_videos import FRAMES, VIDEOS, TrackingVideo, outline
 from golden_model.arrays import Array, Mask, Pixels
 from skymosaic.geometry.homography import apply
 from skymosaic.tracking.template import Roi
 from skymosaic.tracking.tracker import Tracker
-
-app = program(__doc__)
 
 FEATURES, MIN_INLIERS = 4000, 8
 Outlines = Iterator[Array | None]
@@ -113,7 +111,6 @@ def _iou(first: Array, second: Array) -> float:
     return float(shared / (cv2.contourArea(one) + cv2.contourArea(other) - shared))
 
 
-@app.command()
 def main(
     seeds: Annotated[int, typer.Option(min=1, help="Videos of each kind.")] = 3, json_file: JsonFile = None
 ) -> None:
@@ -136,4 +133,4 @@ def main(
 
 
 if __name__ == "__main__":
-    app()
+    typer.run(main)
