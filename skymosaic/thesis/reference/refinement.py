@@ -26,30 +26,22 @@ CORRECTION_STEPS = 4
 """Gauss-Newton steps to the nearest exact pair. Each step squares the remaining error; the first is Sampson's."""
 
 
-def squared_errors(H: Array, left: ArrayLike, right: ArrayLike, *, error: str = "symmetric") -> Array:
-    """The error (N,) of every point pair in px²; ``error`` is a name of the module's table.
-
-    Raises
-    ------
-    ValueError
-        For arrays of wrong shape or an unknown error.
-    """
+def squared_errors(H: Array, left: ArrayLike, right: ArrayLike, error: Residuals) -> Array:
+    """One error (N,) of every point pair in px²; a ValueError for arrays of wrong shape."""
     x, y = check_pairs(left, right, minimum=0)
-    return np.asarray((_function(error)(H, x, y) ** 2).sum(axis=1))
+    return np.asarray((error(H, x, y) ** 2).sum(axis=1))
 
 
-def refine(H: Array, left: ArrayLike, right: ArrayLike, *, error: str = "symmetric") -> Array:
+def refine(H: Array, left: ArrayLike, right: ArrayLike, error: Residuals) -> Array:
     """Minimise the sum of one error by Levenberg-Marquardt.
 
-    Points, result and errors as in `skymosaic.geometry.refinement.refine_robustly`, but without outliers; ``error`` is
-    a name of the module's table, and a ValueError if it is unknown.
+    Points, result and errors as in `skymosaic.geometry.refinement.refine_robustly`, but without outliers.
     """
-    function = _function(error)
     x, y = check_pairs(left, right, minimum=4)
     to_x, to_y, _ = joint_normalisation(x, y)
     x, y = apply(to_x, x), apply(to_y, y)
     solution = least_squares(
-        lambda h: function(matrix_of(h), x, y).ravel(),
+        lambda h: error(matrix_of(h), x, y).ravel(),
         rescale(to_y @ H @ np.linalg.inv(to_x)).ravel()[:8],
         method="lm",
     )
@@ -99,10 +91,3 @@ def _constraint(H: Array, x: Array, y: Array) -> tuple[Array, Array]:
     by_pair[:, :, :2] = y[:, :, None] * H[2, :2] - H[:2, :2]
     by_pair[:, 0, 2] = by_pair[:, 1, 3] = mapped[:, 2]
     return y * mapped[:, 2:] - mapped[:, :2], by_pair
-
-
-def _function(error: str) -> Residuals:
-    functions = {each.__name__: each for each in (transfer, symmetric, reprojection, sampson)}
-    if error not in functions:
-        raise ValueError(f"error is {error!r}; valid: {', '.join(functions)}")
-    return functions[error]

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from skymosaic.geometry.homography import apply, dlt
 from skymosaic.geometry.refinement import matrix_of, refine_robustly, transfer
-from skymosaic.thesis.reference.refinement import refine, squared_errors
+from skymosaic.thesis.reference import refinement as reference
 
 TRUTH = np.array([[0.9, 0.2, 30.0], [-0.15, 1.1, -20.0], [1e-4, -5e-5, 1.0]])
 
@@ -32,7 +32,7 @@ def test_jacobian_against_finite_differences() -> None:
 
 def test_robust_refinement_ignores_outliers() -> None:
     left, right = noisy_pairs(100, 0.3, seed=6)
-    clean = refine(dlt(left, right), left, right, error="transfer")
+    clean = reference.refine(dlt(left, right), left, right, reference.transfer)
     right[70:] += np.random.default_rng(7).uniform(20, 200, (30, 2))
     start = clean + np.array([[0, 0, 2.0], [0, 0, -2.0], [0, 0, 0]])
     refined = refine_robustly(start, left, right)
@@ -47,7 +47,7 @@ def test_robust_step_follows_the_geman_mcclure_gradient(monkeypatch: pytest.Monk
     refined = refine_robustly(dlt(left, right), left, right)
 
     def loss(h: Any) -> Any:
-        squared = squared_errors(np.append(h, 1).reshape(3, 3), left, right, error="transfer")
+        squared = reference.squared_errors(np.append(h, 1).reshape(3, 3), left, right, reference.transfer)
         return (squared / (1 + squared / 1.5**2)).sum()
 
     h = refined.ravel()[:8]
