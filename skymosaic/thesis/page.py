@@ -22,29 +22,6 @@ SYSTEMS = ("correlation", "ilbp", "ransac")
 """Fuzzy systems that the page shows."""
 
 
-SHEETS = {
-    "corners": tables.tabulate_corners,
-    "adaptive_threshold": tables.tabulate_adaptive_threshold,
-    "windows": tables.tabulate_windows,
-    "rings": tables.tabulate_rings,
-    "fuzzy_ransac": tables.tabulate_fuzzy_ransac,
-    "errors": tables.tabulate_errors,
-    "recall": tables.tabulate_recall,
-    "stages": tables.tabulate_stages,
-    "seconds": tables.tabulate_seconds,
-}
-CHARTS = {
-    "corners": charts.plot_corners,
-    "windows": charts.plot_windows,
-    "rings": charts.plot_rings,
-    "fuzzy_ransac": charts.plot_fuzzy_ransac,
-    "errors": charts.plot_errors,
-    "stages": charts.plot_stages,
-    "scales": charts.plot_scales,
-}
-"""Tables and diagrams by their names in the template, which asks the questions and remarks on the results."""
-
-
 def compose_page(m: Measurements, source: str, pictures: Iterable[tuple[str, Pixels]], pair: str) -> bytes:
     """Compose the page as one self-contained HTML file.
 
@@ -55,13 +32,10 @@ def compose_page(m: Measurements, source: str, pictures: Iterable[tuple[str, Pix
         "thesis.html",
         title="The thesis's experiments, repeated",
         rows=[("pairs", f"{len(m.pairs)}: {source}"), ("groups", groups), ("images", f"{WORKING_WIDTH_PX} px at most")],
-        trends=tables.check_trends(m),
-        sheets={name: tabulate(m) for name, tabulate in SHEETS.items()},
-        charts={name: _embed(plot(m), "svg+xml") for name, plot in CHARTS.items()},
-        groups={
-            "windows": tables.tabulate_groups(m, "IV-2", "px"),
-            "rings": tables.tabulate_groups(m, "IV-3", "rings"),
-        },
+        m=m,
+        tables=tables,
+        charts=charts,
+        embed=_embed,
         corners=CORNERS,
         key_points=KEY_POINTS,
         quality_target=f"{QUALITY_TARGET:.0%}",

@@ -9,7 +9,6 @@ from golden_model.arrays import Pixels
 from golden_model.config import PRESETS
 from skymosaic.common.errors import RegistrationError
 from skymosaic.mosaicking.api import mosaic_of_pair
-from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register
 from skymosaic.reports import figures
 from skymosaic.thesis.corners import find_threshold
@@ -25,17 +24,13 @@ def draw_pair(pair: DatasetPair) -> Iterator[tuple[str, Pixels]]:
     yield "Harris corners of the thesis preset, left image", figures.draw_corners(ilbp.working[0], ilbp.features[0])
     yield "Harris corners of the thesis preset, right image", figures.draw_corners(ilbp.working[1], ilbp.features[1])
     windows = register(*sides, config=thesis, detector="harris", descriptor="window-10")
-    yield _draw_matches("1. Fuzzy correlation, SAD of 10x10 windows: good matches are kept", windows)
-    yield _draw_matches("2. Fuzzy ILBP, four rings", ilbp)
+    yield "1. Fuzzy correlation, SAD of 10x10 windows: good matches are kept", figures.draw_matches(windows)
+    yield "2. Fuzzy ILBP, four rings", figures.draw_matches(ilbp)
     sift = register(*sides, detector="sift", descriptor="thesis-ilbp-4", estimator="fuzzy-ransac")
-    yield _draw_matches("3. Fuzzy RANSAC, SIFT + ILBP: kept are the verified, ringed the inliers", sift)
+    yield "3. Fuzzy RANSAC, SIFT + ILBP: kept are the verified, ringed the inliers", figures.draw_matches(sift)
     aerial = register(*sides)
-    yield _draw_matches("The aerial preset's eight rules", aerial)
+    yield "The aerial preset's eight rules", figures.draw_matches(aerial)
     try:
         yield "Mosaic by the aerial preset", np.asarray(mosaic_of_pair(aerial).image, dtype=np.uint8)
     except RegistrationError:
         return
-
-
-def _draw_matches(caption: str, pair: Pair) -> tuple[str, Pixels]:
-    return caption, figures.draw_matches(pair)

@@ -8,11 +8,14 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
-from skymosaic.thesis import page, tables
+from skymosaic.thesis import charts, tables
 from skymosaic.thesis.measurements import Measurements
 
 RECORDED = Path(__file__).with_name("recorded_page.txt")
 """After a change that is meant, `write_out` of `made_up` writes it again."""
+
+SHEETS = ["corners", "adaptive_threshold", "windows", "rings", "fuzzy_ransac", "errors", "recall", "stages", "seconds"]
+CHARTS = ["corners", "windows", "rings", "fuzzy_ransac", "errors", "stages", "scales"]
 
 
 @pytest.fixture
@@ -29,17 +32,16 @@ def made_up(measured: Measurements) -> Measurements:
 
 
 def write_out(m: Measurements) -> Iterator[str]:
-    for name, tabulate in page.SHEETS.items():
-        sheet = tabulate(m)
+    for name, sheet in ((name, getattr(tables, f"tabulate_{name}")(m)) for name in SHEETS):
         yield from (f"table {name}: {' | '.join(row)}" for row in (sheet.headings, *sheet.rows))
     yield from (f"groups: {' | '.join(row)}" for row in tables.tabulate_groups(m, "IV-2", "px").rows)
     yield from (f"trend: {trend.statement} | {trend.holds} | {trend.numbers}" for trend in tables.check_trends(m))
     drawn: list[Figure] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
-        for plot in page.CHARTS.values():
-            plot(m)
-    for name, figure in zip(page.CHARTS, drawn, strict=True):
+        for name in CHARTS:
+            getattr(charts, f"plot_{name}")(m)
+    for name, figure in zip(CHARTS, drawn, strict=True):
         every: list[Any] = figure.axes
         for legend in [*figure.legends, *filter(None, (axes.get_legend() for axes in every))]:
             texts = legend.get_texts()
