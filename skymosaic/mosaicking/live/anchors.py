@@ -28,16 +28,13 @@ class Anchors:
         Width and height of the frames.
     config : Config
         By which the features were computed.
-    seed : int
-        Of the robust estimator.
     """
 
-    def __init__(self, size_px: tuple[int, int], config: Config, *, seed: int = 0) -> None:
+    def __init__(self, size_px: tuple[int, int], config: Config) -> None:
         self._size_px = size_px
         # Without pixels, nothing tells whether it is the ground that agrees.
         self._black = np.zeros(size_px[::-1], np.uint8)
         self._config = config
-        self._seed = seed
         # A frame is an anchor as it is placed. Levelled ones are off by pixels until the next layout.
         self._submap = Submap(self._link, levelling=())
         self._to_canvas: Array | None = None
@@ -93,4 +90,4 @@ class Anchors:
     def _link(self, left: Frame, right: Frame) -> Link:
         sights = left.sight, right.sight
         pair = left.number, right.number
-        return link_views(pair, left.features, right.features, config=self._config, seed=self._seed, sights=sights)
+        return link_views(pair, left.features, right.features, config=self._config, seed=0, sights=sights)
