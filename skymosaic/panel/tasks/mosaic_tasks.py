@@ -91,9 +91,7 @@ def make_mosaic(
         seconds=flight.seconds,
         reason=reason,
     )
-    if deliveries:
-        result = _add_mosaic(result, flight, deliveries[0])
-    return result if flight.pair else _add_flight(result, flight, deliveries[0], unused)
+    return _add_mosaic(result, flight, deliveries[0], unused) if deliveries else result
 
 
 def _describe_run(flight: Flight) -> dict[str, str]:
@@ -116,13 +114,31 @@ def _choose_output(plan: MosaicPlan) -> list[str]:
     return [MAP, "--tiles", TILES] if on_map >= min(len(views), MIN_POSITIONS) else [MOSAIC]
 
 
-def _add_mosaic(result: MosaicResult, flight: Flight, delivery: Delivery) -> MosaicResult:
-    """Add the mosaic, what is to be said of it, and the photographs that are not in it."""
-    return replace(
+def _add_mosaic(result: MosaicResult, flight: Flight, delivery: Delivery, unused: list[str]) -> MosaicResult:
+    """Add the mosaic, what is to be said of it and what is not in it; of a flight, links, problems and numbers."""
+    layout = delivery.layout
+    result = replace(
         result,
         mosaic=show_mosaic(delivery, result.pictures),
-        left_out={flight.names[index]: reason for index, reason in flight.absent_from(delivery.layout).items()},
+        left_out={flight.names[index]: reason for index, reason in flight.absent_from(layout).items()},
         facts=describe_mosaic(delivery),
+    )
+    if flight.pair:
+        return result
+    links, errors = _links(flight), layout_errors(flight, layout)
+    facts = {
+        "photographs placed": f"{len(layout.members)} of {len(flight.names)}",
+        "pairs linked": f"{len(links)} of {len(flight.links)} tried",
+        "error": "unknown" if errors is None else errors.description,
+        "model": f"{layout.model}: {layout.reason}",
+    }
+    facts |= {"not used": "; ".join(unused)} if unused else {}
+    return replace(
+        result,
+        seconds=flight.seconds | {"blending and writing": delivery.seconds},
+        links=links,
+        problems={photo.name: photo.problems for photo in check_flight(flight).photographs if photo.problems},
+        facts=result.facts | facts,
     )
 
 
@@ -130,25 +146,6 @@ def _shorten(paths: list[str]) -> list[str]:
     """What the command line is given: a folder stands for all its photographs."""
     folder = Path(paths[0]).parent
     return [str(folder)] if folder.is_absolute() and [x.name for x in list_sources([folder])] == paths else paths
-
-
-def _add_flight(result: MosaicResult, flight: Flight, delivery: Delivery, unused: list[str]) -> MosaicResult:
-    """Add what only a flight has: links, problems and numbers."""
-    layout, links, errors = delivery.layout, _links(flight), layout_errors(flight, delivery.layout)
-    return replace(
-        result,
-        seconds=flight.seconds | {"blending and writing": delivery.seconds},
-        links=links,
-        problems={photo.name: photo.problems for photo in check_flight(flight).photographs if photo.problems},
-        facts=result.facts
-        | {
-            "photographs placed": f"{len(layout.members)} of {len(flight.names)}",
-            "pairs linked": f"{len(links)} of {len(flight.links)} tried",
-            "error": "unknown" if errors is None else errors.description,
-            "model": f"{layout.model}: {layout.reason}",
-        }
-        | ({"not used": "; ".join(unused)} if unused else {}),
-    )
 
 
 def look_at_pair(folder: Path, result: MosaicResult, names: tuple[str, str], *, progress: Progress) -> MosaicResult:
