@@ -1,60 +1,85 @@
-"""Finds damage in TIFF files: OpenCV drops libtiff's error messages, and returns the pixels decoded until then."""
+"""Finds what OpenCV does not tell of TIFF files: damage, after which it returns what is decoded, and other layouts."""
 
 from __future__ import annotations
 
 import io
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
+from PIL import ImageCms
 from PIL.TiffTags import TAGS_V2
 
-from skymosaic.common.errors import DamagedError
+from skymosaic.common.errors import DamagedError, InputError
 from skymosaic.imagery.jpeg import decode_strictly
 
 _TAGS = {tag.name: number for number, tag in TAGS_V2.items()}
 _LZW, _JPEG, _DEFLATE = 5, 7, (8, 32946)
 """Values of the tag Compression whose data shows damage. Uncompressed and PackBits data does not."""
+_WHITE_IS_ZERO, _CIELAB = 0, 8
+"""Values of the tag PhotometricInterpretation."""
+_PLANES = 2
+"""Value of the tag PlanarConfiguration: a plane for each colour."""
 _CHUNK_BYTES = 1 << 20
 
 
 def check_tiff(data: bytes, path: Path, *, area_px: int, max_bytes: int) -> NDArray[np.uint8] | None:
     """Check the data of a TIFF's first picture, as far as its compression can tell damage.
 
-    Returns its pixels, (H, W, 3) BGR, upright, if the check has decoded them and OpenCV would return the same.
-    ``area_px`` is what the header declares, ``max_bytes`` the limit of the decompressed size.
+    Returns its pixels, (H, W, 3) BGR, upright, if the check has decoded them and OpenCV would return the same, or
+    worse: libtiff makes CIELAB yellow. ``area_px`` is what the header declares, ``max_bytes`` the limit of the
+    decompressed size.
 
     Raises
     ------
+    InputError
+        For a layout of which OpenCV returns other pixels.
     DamagedError
         With what the decompressor found.
     """
     try:
         with PillowImage.open(io.BytesIO(data), formats=("TIFF",)) as picture:
-            compression = picture.tag_v2.get(_TAGS["Compression"], 1)  # type: ignore[attr-defined]
+            tags = picture.tag_v2  # type: ignore[attr-defined]
+            compression, bits = tags.get(_TAGS["Compression"], 1), tags.get(_TAGS["BitsPerSample"], (1,))
+            _check_layout(tags, bits, path)
             if compression == _LZW:
                 # LZW has no checksum, but libtiff misses data, and Pillow makes that an error.
                 picture.load()
                 # Pillow reduces 16 bits to 8.
-                bits = picture.tag_v2.get(_TAGS["BitsPerSample"])  # type: ignore[attr-defined]
                 if picture.mode == "RGB" and bits == (8, 8, 8):
                     return np.ascontiguousarray(np.asarray(picture, dtype=np.uint8)[..., ::-1])
             elif compression in _DEFLATE:
                 _check_deflate(_segments(data, picture), max_bytes)
             elif compression == _JPEG:
-                tables = picture.tag_v2.get(_TAGS["JPEGTables"], b"")  # type: ignore[attr-defined]
+                tables = tags.get(_TAGS["JPEGTables"], b"")
                 for segment in _segments(data, picture):
                     # Without its end marker, the tables' file continues with the segment behind its start marker.
                     whole = tables[:-2] + segment[2:] if tables else segment
                     decode_strictly(whole, path, area_px=area_px, orientation=1)
-    except DamagedError:
+            if picture.mode == "LAB":
+                # Here, because the transform has errors of its own.
+                picture.load()
+                lab, srgb = (ImageCms.createProfile(space) for space in ("LAB", "sRGB"))
+                return np.asarray(ImageCms.profileToProfile(picture, lab, srgb, outputMode="RGB"))[..., ::-1].copy()
+    except InputError:
         raise
     except (OSError, ValueError, zlib.error) as error:
         raise DamagedError(f"{path}: the TIFF is damaged ({error}); copy it again from the camera") from None
     return None
+
+
+def _check_layout(tags: Mapping[int, Any], bits: tuple[int, ...], path: Path) -> None:
+    """Raise InputError for a layout of which OpenCV returns other pixels."""
+    apart = len(bits) > 1 and tags.get(_TAGS["PlanarConfiguration"]) == _PLANES
+    if bits[0] > 8 and (apart or tags.get(_TAGS["PhotometricInterpretation"]) in (_WHITE_IS_ZERO, _CIELAB)):
+        raise InputError(
+            f"{path}: of {bits[0]} bits, only gray from black to white and RGB pixel by pixel can be read; convert it "
+            "(gdal_translate -co INTERLEAVE=PIXEL) or reduce it to 8 bits"
+        )
 
 
 def _segments(data: bytes, picture: PillowImage.Image) -> Iterator[bytes]:

@@ -1,6 +1,7 @@
 """Damage in a TIFF is an error where its compression can tell; whole files are read as before."""
 
 import io
+import struct
 from pathlib import Path
 
 import cv2
@@ -9,8 +10,9 @@ import pytest
 import rasterio
 import rasterio.errors
 from PIL import Image as PillowImage
+from PIL import ImageCms
 
-from skymosaic.common.errors import DamagedError
+from skymosaic.common.errors import DamagedError, InputError
 from skymosaic.imagery import images
 from skymosaic.imagery.decoding import decode, read_header
 from skymosaic.imagery.tiff import check_tiff
@@ -94,6 +96,49 @@ def test_lzw_is_turned_upright_as_opencv_turns_it(tmp_path: Path, orientation: i
     decoded, _, _ = decode(path, read_header(path), keep_damaged=False)
     expected = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_ANYCOLOR)
     np.testing.assert_array_equal(decoded, expected)
+
+
+def unlike(kind: str) -> bytes:
+    """The scene in a layout that OpenCV reads as other pixels than it holds."""
+    file = io.BytesIO()
+    if kind == "CIELAB":
+        to_lab = ImageCms.buildTransform(ImageCms.createProfile("sRGB"), ImageCms.createProfile("LAB"), "RGB", "LAB")
+        lab = ImageCms.applyTransform(PillowImage.fromarray(SCENE), to_lab)
+        assert lab is not None
+        lab.save(file, "TIFF", compression="tiff_deflate", tiffinfo={274: 3})
+        return file.getvalue()
+    if kind == "planes":
+        shape = {"width": SCENE.shape[1], "height": SCENE.shape[0], "count": 3, "dtype": "uint16"}
+        with rasterio.MemoryFile() as memory:
+            with memory.open(driver="GTiff", photometric="RGB", interleave="band", compress="lzw", **shape) as raster:
+                raster.write(np.moveaxis(SCENE, -1, 0).astype(np.uint16) * 257)
+            return bytes(memory.read())
+    PillowImage.fromarray(SCENE[..., 0].astype(np.uint16)).save(file, "TIFF", tiffinfo={262: 0})
+    data = bytearray(file.getvalue())
+    # Pillow writes black as 0 whatever it is asked for: the tag PhotometricInterpretation, SHORT, one value.
+    at = data.index(struct.pack("<HHI", 262, 3, 1))
+    data[at + 8 : at + 10] = bytes(2)
+    return bytes(data)
+
+
+def test_cielab_has_its_own_colours_upright(tmp_path: Path) -> None:
+    path = tmp_path / "lab.tif"
+    path.write_bytes(unlike("CIELAB"))
+    pixels = images.load(path).pixels
+    assert np.abs(pixels[::-1, ::-1, ::-1].astype(int) - SCENE).mean() < 3
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2] + bytes(len(data) - len(data) // 2))
+    with pytest.raises(InputError, match=r"lab\.tif"):
+        images.load(path)
+
+
+@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+@pytest.mark.parametrize("kind", ["planes", "negative"])
+def test_16_bits_that_opencv_reads_as_other_pixels_are_refused(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "p.tif"
+    path.write_bytes(unlike(kind))
+    with pytest.raises(InputError, match=r"p.tif: .*; convert it"):
+        images.load(path, keep_damaged=True)
 
 
 def test_a_decompression_bomb_in_a_strip_is_refused() -> None:
