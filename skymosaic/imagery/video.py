@@ -95,6 +95,9 @@ class VideoReader:
         self._stream.thread_type = "AUTO"
         # A hostile file may declare frames of any size.
         self._stream.codec_context.options = {"max_pixels": str(MAX_AREA_PX)}
+        # What a telephone trimmed off stays in the file.
+        trimmed = sum(entry.is_discard for entry in self._stream.index_entries)
+        self._declared = self._stream.frames - trimmed
         self.frame_rate = self._stream.average_rate or self._stream.guessed_rate or DEFAULT_RATE
 
     def __iter__(self) -> Iterator[Pixels]:
@@ -123,8 +126,8 @@ class VideoReader:
             self.notes.append("turned upright by its rotation tag")
         if other_size:
             self.notes.append(f"the size changes; {other_size} frames that are not {first[1]}x{first[0]} are left out")
-        if frames + other_size < self._stream.frames:
-            self.notes.append(f"{frames} of {self._stream.frames} frames can be decoded; the others are left out")
+        if frames + other_size < self._declared:
+            self.notes.append(f"{frames} of {self._declared} frames can be decoded; the others are left out")
 
     def _make_square(self, stored: Pixels) -> Pixels:
         """Widen frames whose pixels are narrower than they are high, and the other way round."""
@@ -140,8 +143,13 @@ class VideoReader:
     def _decode(self) -> Iterator[tuple[int, Pixels, float | None]]:
         """Decode the frames as they are stored; yields the quarter turns, the pixels and the time of each."""
         packets = self._container.demux(self._stream)
+        number = 0
         try:
             for packet in packets:
+                # An AVI counts the frames that its camera had no time for, too: empty ones, which are no packets.
+                if self._container.format.name == "avi" and packet.dts is not None:
+                    self._declared -= max(packet.dts - number, 0)
+                    number = packet.dts + 1
                 if not packet.is_corrupt:
                     yield from _decode_packet(packet)
         # The demuxer raises an error if the file ends in the middle of a packet.

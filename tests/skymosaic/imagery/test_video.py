@@ -96,6 +96,22 @@ def test_a_recording_cut_off_is_used_up_to_its_last_whole_frame(
         assert reader.notes == [f"{len(read)} of 30 frames can be decoded; the others are left out"]
 
 
+def test_frames_that_a_file_never_had_are_not_missed(tmp_path: Path, frames: list[NDArray[np.uint8]]) -> None:
+    # An AVI has an empty chunk where its camera had no time for a frame; an MP4 keeps what was trimmed off.
+    for name, times in {"dropped.avi": [*range(12), *range(20, 38)], "trimmed.mp4": list(range(-10, 20))}.items():
+        with av.open(str(tmp_path / name), "w", options={"avoid_negative_ts": "disabled"}) as container:
+            stream = container.add_stream("mpeg4", rate=25, options={"g": "30"})
+            stream.height, stream.width = frames[0].shape[:2]
+            for pixels, time in zip(frames, times, strict=True):
+                frame = av.VideoFrame.from_ndarray(pixels, format="bgr24")
+                frame.pts, frame.time_base = time, Fraction(1, 25)
+                container.mux(stream.encode(frame))
+            container.mux(stream.encode())
+        reader = VideoReader(tmp_path / name)
+        assert len(list(reader)) == sum(time >= 0 for time in times)
+        assert reader.notes == []
+
+
 def test_frames_are_shown_as_long_as_they_were(tmp_path: Path, frames: list[NDArray[np.uint8]]) -> None:
     milliseconds = [100, 133, 500, 500, 900, 400_000_000]
     with av.open(str(tmp_path / "v.mkv"), "w") as container:
