@@ -28,6 +28,11 @@ def test_selected_features_always_fit_the_bank(width_px: int, height_px: int) ->
     assert config.count_cells(width_px, height_px, config.cell_px) * config.per_cell <= config.max_features
 
 
+@pytest.mark.parametrize("size_px", [(640, 64), (64, 640)])
+def test_a_level_that_is_too_low_or_narrow_for_its_border_has_no_cells(size_px: tuple[int, int]) -> None:
+    assert FrontEndConfig(levels=2).count_cells(*size_px, 32) == 20 * 2
+
+
 def test_given_cells_stay() -> None:
     assert FrontEndConfig(cell_px=128).for_size(640, 480).cell_px == 128
     assert FrontEndConfig(per_cell=8).for_size(640, 480).cell_px == 64

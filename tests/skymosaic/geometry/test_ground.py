@@ -247,6 +247,21 @@ def test_the_farther_a_camera_moves_the_less_must_agree(sites: list[NDArray[np.u
     assert measure_agreement(sight, Sight(~sites[0]), np.eye(3)).share == 0
 
 
+def test_faint_ground_votes_in_the_coarsest_pictures_alone() -> None:
+    """A third of the picture has strong texture, which stands still; the rest has faint one, of two places."""
+    rng = np.random.default_rng(7)
+    grain = [cv2.resize(rng.normal(size=(60, 80)), SIZE, interpolation=cv2.INTER_CUBIC) for _ in range(3)]
+    strong = np.arange(SIZE[0]) < SIZE[0] // 3
+    left, right = (
+        Sight(np.rint(128 + np.where(strong, 15 * grain[0], 1.5 * each)).astype(np.uint8)) for each in grain[1:]
+    )
+    agreement = measure_agreement(left, right, np.eye(3))
+    rows, columns = agreement.agreeing.shape
+    assert agreement.blocks == pytest.approx(rows * columns / 3, abs=rows)
+    assert agreement.decisive is not None
+    assert agreement.share < 0.7 < agreement.agreeing.sum() / agreement.blocks
+
+
 def test_a_homography_that_moves_all_but_its_matches_joins_no_ground(sites: list[NDArray[np.uint8]]) -> None:
     text = np.stack([np.linspace(30, 600, 12), np.linspace(440, 446, 12)], axis=1)
     # A line of text stands still, and one match above it has moved.
