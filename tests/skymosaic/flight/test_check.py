@@ -67,6 +67,8 @@ def test_what_many_photographs_lack_is_counted() -> None:
     assert unusable == "1 of 6 photographs cannot be used or repeat another"
     assert groups.startswith("2 groups that no link joins for sure (3, 2 photographs): fly again between them")
     assert gps == "2 of 5 photographs have no GPS"
+    flight.layouts = flight.layouts[:1]
+    assert not check_flight(flight).complete
 
 
 def test_what_moves_with_the_camera_or_does_not_move_is_said() -> None:

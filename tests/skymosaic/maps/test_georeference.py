@@ -67,6 +67,16 @@ def test_positions_that_are_far_off_are_named_and_do_not_count(count: int) -> No
     assert 0 < place.scale_error < 0.02
 
 
+@pytest.mark.parametrize(("count", "limit"), [(12, 4.5), (102, 3.15)])
+def test_of_few_positions_one_disagrees_only_farther_off(count: int, limit: float) -> None:
+    angles = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    places = 2000 + 2000 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    for offset, disagreeing in ((0.8 * limit, ()), (1.3 * limit, (5,))):
+        metres = [430_000, 5_190_000] + 0.05 * places * [1, -1] + np.stack([np.cos(5 * angles), np.sin(5 * angles)], 1)
+        metres[5] += (offset - 1) * np.array([np.cos(5 * angles[5]), np.sin(5 * angles[5])])
+        assert fit_to_map(places, metres, "EPSG:32615")[0].disagreeing == disagreeing
+
+
 def test_noise_makes_no_outlier_of_one_of_three_positions() -> None:
     """Of three, any two agree exactly."""
     places, metres = scattered(3, 2.0)
