@@ -50,4 +50,5 @@ def test_settings_from_a_configuration_are_valid(preset: str, size_px: tuple[int
     assert set(RUNNING) <= set(SETTINGS)
     config = dataclasses.replace(config, estimator=EstimatorConfig())
     assert all(value in ESTIMATOR[name].values for name, value in estimator_settings(config).items())
+    assert ESTIMATOR["min_cells"].values[-1] == 8 * 8
     assert set(frame_settings(config.front_end, *size_px, gray_input=True)) == {setting.name for setting in FRONT_END}

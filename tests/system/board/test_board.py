@@ -143,6 +143,10 @@ def test_a_command_asks_the_board_at_an_address(
         (("--backend", "board"), "give it with --address"),
         (("--backend", "rtl", "--address", "pynq"), "--backend board"),
         (("--backend", "board", "--address", "127.0.0.1:1"), "no board answers"),
+        *(
+            (("--backend", "board", "--address", address), f"{address!r} is not the address of a board")
+            for address in (":7", "pynq:seven", "pynq:65536")
+        ),
     ],
 )
 def test_a_wrong_address_is_told_in_one_line(
