@@ -49,6 +49,8 @@ def test_the_same_number_is_shown_alike_in_all_photographs(tmp_path: Path, value
     assert shown == [10_000 if values.deep else 64] * 2
     own = [load(tmp_path / f"{name}.tif").pixels[0, 0] for name in ("dark", "bright")]
     assert own[0] != own[1]
+    pixels = np.full((64, 80), 7, np.uint8)
+    np.testing.assert_array_equal(load_intensities(pixels, "image 3", values)[0], pixels)
 
 
 def test_libtiff_is_silent_about_tags_it_does_not_know(tmp_path: Path) -> None:
