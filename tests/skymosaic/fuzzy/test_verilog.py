@@ -43,6 +43,8 @@ def test_the_bench_of_own_rules_passes(tmp_path: Path, rules: str | Path, entrie
     assert run.stdout.startswith("PASS: 403 answers")
     readme = (tmp_path / "out" / "README.md").read_text()
     assert f"and {entries - 1} for" in readme
+    bits = len(f"{entries - 1:b}")
+    assert f"input [{bits - 1}:0] i_0;" in (tmp_path / "out" / "fuzzy.v").read_text()
     answers = (tmp_path / "out" / "o.hex").read_text().split()
     assert len(set(answers)) > 3
 

@@ -64,6 +64,7 @@ def test_a_reload_keeps_the_tracked_video(tracked: Page) -> None:
 
 def test_an_object_is_accepted_and_files_that_are_no_video_are_refused(page: Page, tmp_path: Path) -> None:
     page.get_by_role("link", name="Tracking").click()
+    expect(page.get_by_role("heading", name="An object and a video in, its outline in every frame out")).to_be_visible()
     expect(page.get_by_role("button", name="Follow the object")).to_be_disabled()
     picture, video = tmp_path / "car.png", tmp_path / "film.mp4"
     cv2.imwrite(str(picture), np.random.default_rng(1).integers(0, 256, (80, 120), np.uint8))
