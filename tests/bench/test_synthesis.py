@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from bench import synthesis
-from bench.designs import designs
+from bench.designs import Design, designs
 from docs.hooks.measured import table
+from hdl.pixel.gray import Gray
 
 RECORDED = synthesis.recorded_rows()
 LARGEST_FIRST = sorted(RECORDED, key=lambda name: RECORDED[name]["LUT"], reverse=True)
@@ -28,7 +29,7 @@ def test_a_quick_block_has_its_recorded_area(tmp_path: Path) -> None:
 
 def test_small_blocks_have_their_recorded_areas() -> None:
     """Synthesised only to say how their figures changed, if their Verilog is not the recorded one."""
-    rows = synthesis.run_designs(SMALL, partial(synthesis.measure, known=RECORDED.values()))
+    rows = synthesis.run_designs(designs(), SMALL, partial(synthesis.measure, known=RECORDED.values()))
     assert synthesis.differences(rows) == []
     old = synthesis.outdated(rows)
     assert not old, f"changed: {', '.join(old)}. Record them and what contains them: {synthesis.COMMAND} --update"
@@ -43,11 +44,11 @@ def test_every_recorded_design_has_its_area(name: str) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_a_whole_name_chooses_one_design_and_a_part_all_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(synthesis, "designs", lambda: dict.fromkeys(("gray", "gray, wide", "sobel")))
+def test_a_whole_name_chooses_one_design_and_a_part_all_with_it() -> None:
+    known = dict.fromkeys(("gray", "gray, wide", "sobel"), Design(Gray))
 
     def chosen(*names: str) -> list[object]:
-        return [row["design"] for row in synthesis.run_designs(list(names), lambda *_: {})]
+        return [row["design"] for row in synthesis.run_designs(known, list(names), lambda *_: {})]
 
     assert chosen("gray") == ["gray"]
     assert chosen("gra") == ["gray", "gray, wide"]
@@ -96,6 +97,17 @@ def test_what_is_recorded_with_the_same_origin_is_not_synthesised(
 def test_the_documentation_shows_figures_alone() -> None:
     heading = table("synthesis").partition("\n")[0]
     assert heading == "| design | LUT | SRL | LUTRAM | FF | DSP | BRAM36 | levels |"
+
+
+def test_a_placement_has_a_clock_for_each_domain() -> None:
+    cells = {cell: {"available": 9, "used": n} for n, cell in enumerate(synthesis.ECP5_CELLS.values())}
+    nets = "$glbnet$camera_clk$TRELLIS_IO_IN", "$glbnet$clk$TRELLIS_IO_IN"
+    seeds = [dict(zip(nets, ({"achieved": mhz} for mhz in each), strict=True)) for each in ((7, 5), (8, 6), (9, 1.26))]
+    row = synthesis.placement_row([{"fmax": fmax, "utilization": cells} for fmax in seeds])
+    clocks = {"MHz by seed": "5.0, 6.0, 1.3; camera 7.0, 8.0, 9.0", "median": "5.0; camera 8.0"}
+    assert row == {**clocks, "LUT": 0, "FF": 1, "block RAM": 2, "multiplier": 3}
+    alone = synthesis.placement_row([{"fmax": {nets[1]: {"achieved": 150}}, "utilization": cells}])
+    assert alone["MHz by seed"] == alone["median"] == "150.0"
 
 
 def cell(kind: str, inputs: dict[str, int], outputs: dict[str, int]) -> dict[str, object]:
