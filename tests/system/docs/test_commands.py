@@ -2,6 +2,7 @@
 
 import importlib
 import importlib.util
+import inspect
 import json
 import re
 import shlex
@@ -101,7 +102,11 @@ def wrong_module(module: str, rest: list[str]) -> str | None:
     except ModuleNotFoundError:
         return "no such module"
     options = [word for word in rest if word.startswith("-")]
-    program = getattr(importlib.import_module(module), "app", None)
+    imported = importlib.import_module(module)
+    program = getattr(imported, "app", None)
+    if "typer.run(main)" in inspect.getsource(imported):
+        program = typer.Typer()
+        program.command()(imported.main)
     if isinstance(program, typer.Typer):
         return wrong_arguments(get_command(program), rest)
     return f"{module} takes no options that can be checked" if options else None
@@ -146,6 +151,7 @@ def test_every_quoted_command_exists() -> None:
         ("export --live", "No such option"),
         ("python -m bench.registration meshes DIR", "No such command"),
         ("python -m bench.registration methods DIR --seed 3", "No such option"),
+        ("python -m bench.camera --frame 3", "No such option"),
         ("python -m bench.absent", "no such module"),
         ("python bench/absent.py", "no such script"),
         ("make everything", "no everything"),
