@@ -11,6 +11,7 @@ import os
 import re
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -193,7 +194,10 @@ def _run_yosys(netlist: Callable[[], str], passes: tuple[str, ...]) -> str:
     # Started before the conversion: at its very first start it compiles itself, meanwhile and on other cores.
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as yosys:
         script = "\n".join((f"read_rtlil <<end_of_netlist\n{netlist()}\nend_of_netlist", *passes))
-        text, errors = yosys.communicate(script)
+        text, _ = yosys.communicate(script)
     if yosys.returncode:
-        raise subprocess.CalledProcessError(yosys.returncode, command, text, errors)
+        # What runs Yosys keeps its machine code in the user's cache, and gives up where nobody can write.
+        with tempfile.TemporaryDirectory() as cache:
+            env = os.environ | {"XDG_CACHE_HOME": cache}
+            return subprocess.run(command, input=script, capture_output=True, text=True, check=True, env=env).stdout
     return text

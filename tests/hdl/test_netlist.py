@@ -1,6 +1,8 @@
 """The exported Verilog: which memories it clears, and which registers it marks."""
 
 import re
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -14,6 +16,20 @@ def test_a_memory_is_cleared_by_a_loop_that_tools_can_unroll(words: int, loops: 
     verilog = to_verilog(LineMemory(shape=8, depth=words))
     assert f"[{words - 1}:0];" in verilog
     assert verilog.count("initial begin : clear_") == loops
+
+
+def test_a_home_where_nobody_can_write_needs_no_other_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # As Wasmtime, which is the interpreter of Yosys, but with the usual cache: in an empty one it compiles for seconds.
+    python = tmp_path / "python"
+    python.write_text(
+        "#!/bin/sh\n"
+        f'case "$XDG_CACHE_HOME" in "{tmp_path}"*) echo "failed to create cache directory" >&2; exit 1; esac\n'
+        f'unset XDG_CACHE_HOME; exec "{sys.executable}" "$@"\n'
+    )
+    python.chmod(0o700)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "unwritable"))
+    monkeypatch.setattr(sys, "executable", str(python))
+    assert "endmodule" in to_verilog(LineMemory(shape=8, depth=64), name="line")
 
 
 def test_the_stages_of_synchronisers_are_marked_and_nothing_else() -> None:
