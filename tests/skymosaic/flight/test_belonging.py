@@ -48,6 +48,7 @@ def test_a_photograph_that_differs_a_little_stays(other: Any) -> None:
 @pytest.mark.parametrize("views", [[*FLIGHT[:4], SHEET], [*FLIGHT[:6], *[SHEET] * 4], [*FLIGHT * 2, *[SHEET] * 3]])
 def test_of_few_photographs_or_of_several_kinds_all_are_taken(views: list[Any]) -> None:
     assert not find_strangers(views)
+    assert list(find_strangers([*FLIGHT[:5], SHEET])) == [5]
 
 
 def test_photographs_without_records_make_none_of_those_with_them_strange() -> None:

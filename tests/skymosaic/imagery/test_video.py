@@ -131,6 +131,7 @@ def test_frames_are_shown_as_long_as_they_were(tmp_path: Path, frames: list[NDAr
     assert seconds == pytest.approx([0, 0.033, 0.4, 0.4, 0.8, 0.8 + 1 / 30], abs=1e-4)
     with av.open(str(tmp_path / "copy.mp4")) as container:
         assert [frame.time for frame in container.decode(video=0)] == pytest.approx(seconds, abs=1e-4)
+    assert float(VideoReader(tmp_path / "copy.mp4").frame_rate) == pytest.approx(6 / (0.8 + 1 / 30), rel=1e-3)
 
 
 def _missing(path: Path, _frames: Any) -> None:

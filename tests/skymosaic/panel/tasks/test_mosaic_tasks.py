@@ -5,6 +5,7 @@ import json
 import math
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from PIL.ExifTags import IFD
 from typer.testing import CliRunner
 
 from golden_model.version import VERSION
+from sim.backends.interface import Mismatch
 from sim.scene import make_lawnmower, make_pair
 from skymosaic.cli.commands import app
 from skymosaic.panel.options import Options
@@ -108,7 +110,11 @@ def test_a_damaged_photograph_that_is_kept_is_compared_too(tmp_path: Path) -> No
     result = compare_hardware(tmp_path, ("0.jpg", "1.jpg"), options, "golden", progress=silent)
     assert result.comparison.mismatch is None
     assert "--damaged keep" in result.command
-    assert json.loads((tmp_path / "hardware.json").read_text())["version"] == VERSION
+    written = json.loads((tmp_path / "hardware.json").read_text())
+    assert (written["version"], written["mismatch"]) == (VERSION, None)
+    assert (
+        replace(result.comparison, mismatch=Mismatch(1, "gray", 3.0, 4.0, 7, 8)).summary()["mismatch"].endswith("got 8")
+    )
 
 
 def test_photographs_with_gps_become_a_geotiff_and_name_their_place(tmp_path: Path) -> None:
