@@ -28,9 +28,13 @@ def test_selected_features_always_fit_the_bank(width_px: int, height_px: int) ->
     assert config.count_cells(width_px, height_px, config.cell_px) * config.per_cell <= config.max_features
 
 
-@pytest.mark.parametrize("size_px", [(640, 64), (64, 640)])
-def test_a_level_that_is_too_low_or_narrow_for_its_border_has_no_cells(size_px: tuple[int, int]) -> None:
-    assert FrontEndConfig(levels=2).count_cells(*size_px, 32) == 20 * 2
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize(("height_px", "cells"), [(64, 40), (81, 40), (82, 40 + 10)])
+def test_a_level_that_is_too_low_or_narrow_for_its_border_has_no_cells(
+    height_px: int, cells: int, *, turned: bool
+) -> None:
+    size_px = (height_px, 640) if turned else (640, height_px)
+    assert FrontEndConfig(levels=2, border_px=20).count_cells(*size_px, 32) == cells
 
 
 def test_given_cells_stay() -> None:

@@ -86,6 +86,8 @@ def test_a_tilt_compresses_along_its_direction(image: NDArray[np.uint8]) -> None
     frame = change_image(image, Change(1.0, 2.0, 0.0))
     assert frame.pixels.shape == (SIZE[1], SIZE[0] // 2 + 1)
     np.testing.assert_allclose(frame.to_image[:2, :2], [[2, 0], [0, 1]], atol=1e-12)
+    coloured = change_image(np.stack([image] * 3, axis=2), Change(1.0, 2.0, 0.0))
+    np.testing.assert_array_equal(coloured.pixels, np.stack([frame.pixels] * 3, axis=2))
 
 
 @pytest.mark.parametrize("tilt", [2**0.5, 2.0, 3.0])

@@ -112,8 +112,9 @@ def test_tracked_features_follow_a_shift_and_come_back() -> None:
     scene = cv2.GaussianBlur(rng.integers(0, 256, (200, 240), dtype=np.uint8), (0, 0), 2)
     scene = cv2.normalize(scene, None, 0, 255, cv2.NORM_MINMAX)
     left_gray, right_gray = scene[20:180, 20:220], scene[17:177, 15:215]
-    left = records(np.empty((4, 0), np.uint8))
-    left["x"], left["y"] = [640, 960, 1280, 1600], [640, 960, 1280, 1600]
+    left = records(np.empty((5, 0), np.uint8))
+    # The last one leaves the image below.
+    left["x"], left["y"] = [640, 960, 1280, 1600, 1600], [640, 960, 1280, 1600, 157 * 16]
     features, matches = track_features(left_gray, right_gray, left, left[:2])
     kept = matches[matches["verdict"] == 1]
     assert len(kept) == 4

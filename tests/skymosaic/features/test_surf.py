@@ -48,6 +48,13 @@ def test_a_blob_of_twice_the_size_has_twice_the_scale() -> None:
     assert 1.7 < large / small < 2.3
 
 
+def test_the_scale_of_a_blob_is_found_between_the_filters() -> None:
+    """Their sizes differ by 6 and 12 px."""
+    radii = np.arange(5, 8.6, 0.5)
+    sizes = [max(surf.key_points(blob(each, (120, 120))), key=lambda point: point.response).size for each in radii]
+    np.testing.assert_allclose(sizes / radii, 5.4, rtol=0.06)
+
+
 def test_nothing_in_a_flat_image_nor_in_one_smaller_than_the_filters() -> None:
     assert surf.key_points(np.full((128, 128), 77, np.uint8)) == []
     assert surf.key_points(np.zeros((20, 20), np.uint8)) == []
