@@ -40,6 +40,8 @@ LADDER = tuple(
     for swapped in (False, True)
     for reference, reduced in ((LARGER.reference, (Change(0.5),)), (Change(2.0), (Change(0.5), Change(0.4))))
 )
+# An overlap of a few percent has up to twice the corners here, and the ladder needs both frames, too.
+DOUBLED = FrontEndRun(Change(2.0), (Change(2.0),))
 REDUCED = (Change(0.5), Change(math.sqrt(0.125)))
 INVERTED = FrontEndRun(Change(), (Change(inverted=True),))
 # Either image may be the one that looks from the side; the other one is compressed. A frame matches tilts up to about

@@ -2,9 +2,9 @@
 
 A pass matches a frame of one image with a frame of the other. The first pass takes the images as they are. A weak
 result gets further passes, in this order: both images √2 times larger (small ones then twice; noisy ones smaller), both
-√2 times smaller, one image enlarged and the other reduced in steps, one image compressed as if seen from the side, the
-right image inverted. All go through the same front end and matcher. A homography is accepted by the matches of these
-passes alone.
+√2 times smaller, one image enlarged and the other reduced in steps, both twice as large, one image compressed as if
+seen from the side, the right image inverted. All go through the same front end and matcher. A homography is accepted by
+the matches of these passes alone.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from skymosaic.geometry.held_out import clearly_better, held_out_agreement
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, Estimate, estimate_homography
 from skymosaic.registration.front_end_runs import (
+    DOUBLED,
     INVERTED,
     LADDER,
     LARGER,
@@ -166,6 +167,8 @@ class Search:
             run = choose_run_between_octaves(state.homography, self._sizes[0])
             return self._search_separately(state, (run,)) if run else state
         state = self._search_separately(state, LADDER)
+        if state.homography is None and not self._are_small:
+            state = self._search_together(state, (DOUBLED,))
         if state.homography is None:
             state = self._scan_tilts(state)
         if state.homography is None and effort == "thorough":

@@ -128,22 +128,24 @@ def test_a_tilt_of_65_degrees_is_found_from_either_side(monkeypatch: pytest.Monk
         assert pair.accepted, pair.reason
         assert grid_error(pair.homography, matrix, (640, 480), (640, 480)) < 1
         assert len(pair.inliers) > 100
-        # The usual pass, six for zooms, small ones with either photograph tilted, and the promising ones at full size.
-        assert pair.passes == 1 + 6 + 2 * len(TILTED) + MAX_PROMISING
+        # The usual pass, six for zooms, one at twice the size, small ones with either photograph tilted, and the
+        # promising ones at full size.
+        assert pair.passes == 1 + 6 + 1 + 2 * len(TILTED) + MAX_PROMISING
     monkeypatch.setattr("skymosaic.registration.passes.PROMISING_PLACES", 1000)
     assert not register(left, right).accepted
 
 
-@pytest.mark.parametrize(("number", "passes"), [(0, 2), (10, 3)])
+@pytest.mark.parametrize(("number", "passes", "otherwise"), [(0, 2, (True, 10)), (10, 3, (False, 37))])
 def test_small_photographs_are_enlarged_with_a_margin(
-    number: int, passes: int, monkeypatch: pytest.MonkeyPatch
+    number: int, passes: int, otherwise: tuple[bool, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     left, right, truth = flat_pair("small", 25, number)
     pair = register(left, right)
     assert (pair.accepted, pair.passes) == (True, passes)
     assert grid_error(pair.homography, truth, (240, 180), (240, 180)) < 1
     monkeypatch.setattr("skymosaic.registration.passes.SMALL_PX", 200)
-    assert not register(left, right).accepted
+    pair = register(left, right)
+    assert (pair.accepted, pair.passes) == otherwise
 
 
 def test_what_lies_outside_the_overlap_makes_no_pass_weak(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -154,6 +156,14 @@ def test_what_lies_outside_the_overlap_makes_no_pass_weak(monkeypatch: pytest.Mo
     everywhere = np.full(left.shape, 255, np.uint8)
     monkeypatch.setattr("skymosaic.registration.passes.acceptance.overlap_mask", lambda *_: everywhere)
     assert register(left, right).passes == 2
+
+
+def test_an_overlap_of_a_few_percent_is_found_at_twice_the_size() -> None:
+    left, right, truth = flat_pair("horizon", 80, 43)
+    pair = register(left, right)
+    # The usual pass, one larger and one smaller, six for zooms, and this one.
+    assert pair.passes == 1 + 2 + 6 + 1
+    assert grid_error(pair.homography, truth, (640, 480), (640, 480)) < 0.5
 
 
 def test_photographs_whose_fine_detail_is_noise_are_reduced(monkeypatch: pytest.MonkeyPatch) -> None:
