@@ -92,3 +92,15 @@ def test_a_crowd_is_served_and_nothing_is_left(
     process.wait()
     assert "Traceback" not in (tmp_path / "log").read_text()
     assert [path.name for path in temp.iterdir()] == []
+
+
+@pytest.mark.slow
+def test_a_closed_terminal_ends_it_in_order(
+    panel: tuple[subprocess.Popen[str], str], tmp_path: Path, temp: Path
+) -> None:
+    process, address = panel
+    assert httpx.get(address).status_code == 200
+    process.send_signal(signal.SIGHUP)
+    process.wait()
+    assert (tmp_path / "log").read_text() == ""
+    assert [path.name for path in temp.iterdir()] == []
