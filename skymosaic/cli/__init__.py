@@ -13,6 +13,9 @@ from skymosaic.common.errors import InputError, RegistrationError
 PIPE_CLOSED = 128 + 13
 """Exit status where the reader of standard output has gone: as of a program that SIGPIPE ends."""
 
+INTERRUPTED = 128 + 2
+"""Exit status after Ctrl-C."""
+
 
 def main() -> None:
     """Run the command line; every expected failure is one line and an exit status."""
@@ -37,7 +40,7 @@ def _run() -> int | str | None:
         finally:
             # Now rather than at Python's end, where a full disk would be a traceback.
             sys.stdout.flush()
-    except (SystemExit, BrokenPipeError) as end:
+    except (SystemExit, BrokenPipeError, KeyboardInterrupt) as end:
         return _status_of(end)
     except (InputError, BackendError, RegistrationError) as error:
         return _fail(str(error), 3 if isinstance(error, RegistrationError) else 2)
@@ -57,7 +60,10 @@ def print_version() -> int:
     return 0
 
 
-def _status_of(end: SystemExit | BrokenPipeError) -> int | str | None:
+def _status_of(end: SystemExit | BrokenPipeError | KeyboardInterrupt) -> int | str | None:
+    # Where modules are still imported; later Click makes it this status.
+    if isinstance(end, KeyboardInterrupt):
+        return INTERRUPTED
     # Click makes a closed pipe a silent 1, which is the status of `compare` for a difference.
     if isinstance(end, SystemExit) and not isinstance(end.__context__, BrokenPipeError):
         return end.code
