@@ -11,6 +11,7 @@ import importlib
 import json
 import resource
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -26,8 +27,9 @@ Result = dict[str, Any]
 
 
 def skymosaic(package: ModuleType, paths: Sequence[str], width_px: int, result: Result) -> None:
-    """This project."""
-    mosaic = package.mosaic(paths, working_width_px=width_px, canvas_limit_px=10**9)
+    """This project, without what earlier runs of it kept."""
+    with tempfile.TemporaryDirectory() as cache:
+        mosaic = package.mosaic(paths, working_width_px=width_px, canvas_limit_px=10**9, cache=Path(cache))
     result["transforms"] = {Path(paths[index]).name: mosaic.transforms[index].tolist() for index in mosaic.placed}
     # As k1 over the square of the focal length, because tie points do not determine the focal length.
     numbers = mosaic.flight.lens.numbers
