@@ -86,7 +86,14 @@ class WriterBench:
             self.paints = bool(ctx.get(dut.o.valid))
 
     async def _count(self, ctx: Any) -> None:
-        async for *_, cut, failed, skipped in ctx.tick().sample(*(getattr(self.dut, name) for name in self.counts)):
+        """Count what happens; a writer that is idle waits for no answer of the memory."""
+        bus, unanswered = self.dut.bus, 0
+        ports = (bus.awvalid & bus.awready, bus.bvalid & bus.bready, self.dut.o_idle)
+        async for *_, begins, ends, is_idle, cut, failed, skipped in ctx.tick().sample(
+            *ports, *(getattr(self.dut, name) for name in self.counts)
+        ):
+            assert not (is_idle and unanswered)
+            unanswered += int(begins) - int(ends)
             for name, happens in zip(self.counts, (cut, failed, skipped), strict=True):
                 self.counts[name] += happens
 
