@@ -1,6 +1,7 @@
 """Settings of every test, how `make test` shares them out, and the command line in a test's process."""
 
 import os
+import signal
 import sys
 from collections.abc import Callable, Generator
 from pathlib import Path
@@ -19,6 +20,10 @@ settings.load_profile("reproducible")
 
 # Tests simulate few frames: most of their time is the compiler's. Processes that they start inherit this.
 os.environ[QUICK_COMPILE] = "1"
+
+# In the background, or under nohup, these are ignored. So they would be in processes that tests end by them.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 LONGEST_FIRST = (
     "tests/system/test_ulx3s.py::test_open_tools_build_the_bitstream",
