@@ -21,7 +21,7 @@ settings.load_profile("reproducible")
 # Tests simulate few frames: most of their time is the compiler's. Processes that they start inherit this.
 os.environ[QUICK_COMPILE] = "1"
 
-# In the background, or under nohup, these are ignored. So they would be in processes that tests end by them.
+# Started in the background, or by nohup, the tests ignore these, and so would what they start and end by them.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
 

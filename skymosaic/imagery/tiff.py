@@ -30,9 +30,9 @@ _CHUNK_BYTES = 1 << 20
 def check_tiff(data: bytes, path: Path, *, area_px: int, max_bytes: int) -> NDArray[np.uint8] | None:
     """Check the data of a TIFF's first picture, as far as its compression can tell damage.
 
-    Returns its pixels, (H, W, 3) BGR, upright, if the check has decoded them and OpenCV would return the same, or
-    worse: libtiff makes CIELAB yellow. ``area_px`` is what the header declares, ``max_bytes`` the limit of the
-    decompressed size.
+    Returns its pixels, (H, W, 3) BGR, upright, if the check has decoded them: those that OpenCV would return, or for
+    CIELAB, which OpenCV makes yellow, the right ones. ``area_px`` is what the header declares, ``max_bytes`` the limit
+    of the decompressed size.
 
     Raises
     ------

@@ -7,7 +7,6 @@ import shlex
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -121,14 +120,6 @@ def test_every_character_is_printed_in_any_encoding(
         assert "\\u65e5" in streams[where].read()
 
 
-@pytest.fixture
-def interruptible() -> Iterator[None]:
-    """Ctrl-C ends what a test starts: background jobs of a shell ignore it, and their children inherit that."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 def test_ctrl_c_while_modules_are_imported_is_no_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt(_name: str) -> None:
         raise KeyboardInterrupt
@@ -152,7 +143,6 @@ def test_what_nohup_started_outlives_its_terminal() -> None:
         signal.signal(signal.SIGHUP, before)
 
 
-@pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
 def test_a_signal_leaves_no_temporary_files(tmp_path: Path, noisy: Path, end: signal.Signals) -> None:
     for name in ("photographs", "out", "temp"):
