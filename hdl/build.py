@@ -19,7 +19,7 @@ LANES = (2, 4, 8, 16, 32, 64, 128)
 
 def check_lanes(lanes: int, max_features: int) -> None:
     """Raise ValueError unless the matcher can have so many lanes."""
-    check_choice("lanes", lanes, tuple(each for each in LANES if each <= max_features))
+    check_choice("`lanes`", lanes, tuple(each for each in LANES if each <= max_features))
 
 
 def pixels_per_clock(video_bits: int) -> int:
@@ -59,12 +59,12 @@ class Build:
 
     def validate(self) -> None:
         """Raise ValueError for what cannot be built."""
-        check_range("max_width_px", self.max_width_px, MIN_FRAME_PX, MAX_FRAME_PX)
-        check_range("max_height_px", self.max_height_px, MIN_FRAME_PX, MAX_FRAME_PX)
+        check_range("`max_width_px`", self.max_width_px, MIN_FRAME_PX, MAX_FRAME_PX)
+        check_range("`max_height_px`", self.max_height_px, MIN_FRAME_PX, MAX_FRAME_PX)
         check_lanes(self.lanes, self.config.front_end.max_features)
         check_rule_base(self.config.front_end.pattern, self.config.matcher)
         check_choice("shell", self.shell, tuple(VIDEO_BITS))
-        check_choice(f"video_bits with shell {self.shell!r}", self.video_bits, VIDEO_BITS[self.shell])
+        check_choice(f"`video_bits` with shell {self.shell!r}", self.video_bits, VIDEO_BITS[self.shell])
         if self.painter and (self.shell != "camera" or self.config.estimator is None):
             raise ValueError("painter needs the shell 'camera' and an estimator")
 

@@ -41,8 +41,8 @@ class BuildOptions(ConfigOptions):
     max_height_px: int | None = option(None, f"Tallest frame: {_usual('max_height_px')}", HARDWARE)
     video_bits: int | None = option(
         None,
-        "Bits of the video input, 32 for a DMA, 24 RGB, 8 gray, with two pixels per clock 48 RGB and 16 gray: usually "
-        f"{Build.video_bits}, for a camera {BUILDS['camera'].video_bits}.",
+        "Bits of the video input, 32 for a DMA, 24 RGB, 8 gray, with two pixels per clock 48 RGB and 16 gray: "
+        f"{_usual('video_bits')}",
         HARDWARE,
     )
 
@@ -63,6 +63,7 @@ class BuildOptions(ConfigOptions):
 class CameraOptions(BuildOptions):
     """What is built otherwise than usual behind a camera."""
 
+    video_bits: int | None = option(None, "Bits of the camera's video, 24 RGB or 8 gray: usually 24.", HARDWARE)
     painter: bool = option(False, "With --homography: the chip paints frames onto a canvas in memory.", HARDWARE)
 
     def build(self, usual: Build) -> Build:

@@ -98,7 +98,7 @@ def test_search_without_features_ends_at_once(sizes: tuple[int, int]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("lanes", "max_features", "message"), [(3, 8, "lanes is 3"), (1, 8, "lanes is 1"), (16, 8, "lanes is 16")]
+    ("lanes", "max_features", "message"), [(3, 8, "`lanes` is 3"), (1, 8, "`lanes` is 1"), (16, 8, "`lanes` is 16")]
 )
 def test_an_impossible_number_of_lanes_is_refused(lanes: int, max_features: int, message: str) -> None:
     with pytest.raises(ValueError, match=message):

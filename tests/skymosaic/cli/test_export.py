@@ -1,5 +1,6 @@
 """What of a build the command line changes, and what it leaves as the board has it."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -7,8 +8,9 @@ from typing import Any
 import pytest
 
 from golden_model.config import PRESETS, EstimatorConfig
-from hdl.build import BUILDS, Build
+from hdl.build import BUILDS, VIDEO_BITS, Build
 from skymosaic.cli.export import BuildOptions, CameraOptions
+from skymosaic.common.options import options_of
 from tests.conftest import Run
 from tests.system.command_line import only_error
 
@@ -37,13 +39,19 @@ def test_options_replace_what_they_name() -> None:
     assert CameraOptions(homography=True, painter=True).build(camera) == replace(camera, config=config, painter=True)
 
 
+def test_the_help_offers_only_widths_of_video_that_a_camera_has() -> None:
+    (about,) = (each.help for each in options_of(CameraOptions) if each.name == "video_bits")
+    assert set(map(int, re.findall(r"\d+", about))) == set(VIDEO_BITS["camera"])
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (("board", "breadboard"), "unknown board 'breadboard'; valid: arty_a7_100, "),
         (("board", "pynq_z2", "--build"), "--build makes the bitstream of the ulx3s"),
         (("block", "prewitt"), "unknown block 'prewitt'; valid: gray, "),
-        (("camera", "--video-bits", "32"), "video_bits with shell 'camera' is 32; valid: 24, 8"),
+        (("camera", "--video-bits", "32"), "--video-bits with shell 'camera' is 32; valid: 24, 8"),
+        (("camera", "--max-width", "63"), "--max-width is 63; it must be a whole number from 64 to 4096"),
         (("camera", "--painter"), "--painter paints frames where their homographies say; add --homography"),
     ],
 )
