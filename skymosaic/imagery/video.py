@@ -98,6 +98,10 @@ class VideoReader:
         # What a telephone trimmed off stays in the file.
         trimmed = sum(entry.is_discard for entry in self._stream.index_entries)
         self._declared = self._stream.frames - trimmed
+        # An AVI counts the frames, too, that its camera had no time for; its index does not. A cut one, whose duration
+        # FFmpeg shortens, has no index.
+        if self._container.format.name == "avi" and self._stream.duration == self._stream.frames:
+            self._declared = len(self._stream.index_entries)
         self.frame_rate = self._stream.average_rate or self._stream.guessed_rate or DEFAULT_RATE
 
     def __iter__(self) -> Iterator[Pixels]:
@@ -143,13 +147,8 @@ class VideoReader:
     def _decode(self) -> Iterator[tuple[int, Pixels, float | None]]:
         """Decode the frames as they are stored; yields the quarter turns, the pixels and the time of each."""
         packets = self._container.demux(self._stream)
-        number = 0
         try:
             for packet in packets:
-                # An AVI counts the frames that its camera had no time for, too: empty ones, which are no packets.
-                if self._container.format.name == "avi" and packet.dts is not None:
-                    self._declared -= max(packet.dts - number, 0)
-                    number = packet.dts + 1
                 if not packet.is_corrupt:
                     yield from _decode_packet(packet)
         # The demuxer raises an error if the file ends in the middle of a packet.
