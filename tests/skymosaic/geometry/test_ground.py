@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -9,76 +10,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from skymosaic import mosaics, register
-from skymosaic.common.errors import RegistrationError
-from skymosaic.geometry.ground import Sight, find_ground, measure_agreement
+from skymosaic import register
+from skymosaic.geometry import ground as module
+from skymosaic.geometry.ground import GroundAgreement, LeftOut, Sight, find_ground, measure_agreement
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.key_frames import select_key_frames
-from skymosaic.mosaicking.live.mosaic import LiveMosaic
-from skymosaic.tracking.template import Roi
-from skymosaic.tracking.tracker import Tracker
-
-SIZE = (640, 480)
-
-
-def with_display(image: np.ndarray) -> np.ndarray:
-    """A drone's display: text in the corners and along the borders, a cross in the middle."""
-    shown = image.copy()
-    for y, line in ((25, "H 120.4 m  D 381 m  REC 00:41"), (465, "HS 5.2 m/s VS 0.0 GPS 17 ISO 100"), (50, "BAT 61 %")):
-        cv2.putText(shown, line, (12, y), cv2.FONT_HERSHEY_SIMPLEX, 0.8, (255, 255, 255), 2)
-    cv2.drawMarker(shown, (320, 240), (255, 255, 255), cv2.MARKER_CROSS, 30, 2)
-    return shown
-
-
-def with_dirt(image: np.ndarray) -> np.ndarray:
-    """Dirt on the glass before the lens, dark and sharp."""
-    shown, rng = image.copy(), np.random.default_rng(4)
-    for x, y in rng.integers(30, (SIZE[0] - 30, SIZE[1] - 30), (20, 2)).tolist():
-        cv2.fillPoly(shown, [np.array((x, y)) + rng.integers(-22, 23, (9, 2))], (5, 5, 5))
-    return shown
-
-
-def with_jittering_display(image: np.ndarray) -> np.ndarray:
-    """A display that is not always drawn at the same pixel: lines of text over half of the picture."""
-    shown = image.copy()
-    jitter = int(image[0, 0, 0]) % 3
-    for line in range(10):
-        text = f"ALT {100 + 7 * line} M  SPD {line}.4 GPS 12"
-        cv2.putText(shown, text, (15 + jitter, 30 + 22 * line + jitter), cv2.FONT_HERSHEY_SIMPLEX, 0.7, (255,) * 3, 2)
-    return shown
-
-
-def with_lines(site: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Ground of half the contrast behind eight lines of text."""
-    shown = np.asarray(36 + 0.5 * site.astype(np.float64), dtype=np.uint8)
-    for line in range(8):
-        text = f"ALT {100 + 7 * line} M SPD {line}.4 GPS 12 BAT 14.{line}V LAT 4{line}.2{line}"
-        cv2.putText(shown, text, (5, 25 + 40 * line), cv2.FONT_HERSHEY_SIMPLEX, 0.7, (255, 255, 255), 2)
-    return shown
-
-
-def at_night(image: np.ndarray, number: int, contrast: float = 0.25) -> np.ndarray:
-    """Little contrast, under the pattern of a sensor, and with the noise of a photograph."""
-    pattern, rng = np.random.default_rng(0).normal(0, 5, image.shape[:2]), np.random.default_rng(number + 1)
-    dark = 100 + contrast * image.mean(axis=2) + pattern + rng.normal(0, 1.5, image.shape[:2])
-    return np.asarray(dark.clip(0, 255), dtype=np.uint8)
-
-
-def ground(seed: int) -> np.ndarray:
-    """A place from above: noise of four sizes, which costs a hundredth of a rendered scene."""
-    rng, (width, height) = np.random.default_rng(seed), SIZE
-    layers = [
-        cv2.resize(rng.normal(0, 1, (height // size, width // size, 3)), (2 * width, 2 * height)) * np.sqrt(size)
-        for size in (2, 5, 14, 40)
-    ]
-    return np.asarray(cv2.normalize(np.sum(layers, axis=0), None, 0, 255, cv2.NORM_MINMAX), dtype=np.uint8)
-
-
-def seen(place: np.ndarray, x_px: float, y_px: float, degrees: float = 0.0) -> np.ndarray:
-    """A photograph of a place, turned about its middle."""
-    to_place = cv2.getRotationMatrix2D((SIZE[0] / 2, SIZE[1] / 2), degrees, 1.0)
-    to_place[:, 2] += x_px, y_px
-    return np.asarray(cv2.warpAffine(place, to_place, SIZE, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP))
+from tests.skymosaic.geometry.covered import (
+    SIZE,
+    at_night,
+    ground,
+    seen,
+    with_dirt,
+    with_display,
+    with_jittering_display,
+    with_lines,
+)
 
 
 @pytest.fixture(scope="module")
@@ -92,13 +37,6 @@ def test_what_stands_still_joins_no_different_places(sites: list[NDArray[np.uint
     pair = register(cover(sites[0]), cover(sites[1]))
     assert not pair.accepted
     assert "of the ground" in pair.reason
-
-
-def test_three_places_with_one_display_are_no_mosaic(sites: list[NDArray[np.uint8]]) -> None:
-    with pytest.raises(
-        RegistrationError, match=r"image 0: nothing links it to the others; what moves .*image 1: .*image 2: "
-    ):
-        list(mosaics([with_display(site) for site in sites]))
 
 
 @pytest.mark.parametrize("cover", [with_display, with_dirt])
@@ -137,20 +75,6 @@ def test_a_sensors_pattern_joins_no_different_places(
     pair = register(at_night(sites[0], 0, contrast), at_night(sites[1], 1, contrast))
     assert not pair.accepted
     assert reason in pair.reason
-
-
-def test_a_sensors_pattern_is_subtracted_from_a_flight_and_a_live_mosaic() -> None:
-    place = ground(5)
-    photographs = [at_night(seen(place, 100 + 90 * k, 100 + 20 * k, degrees=3 * k), k, 0.2) for k in range(4)]
-    (whole,) = mosaics(photographs)
-    live = LiveMosaic()
-    live.extend(photographs[:3])
-    assert len(whole.placed) == 4
-    assert len(live.transforms) == 3
-    middle = np.array([[SIZE[0] / 2, SIZE[1] / 2]])
-    for transforms in (whole.transforms, live.transforms):
-        moved = apply(np.linalg.inv(transforms[0]) @ transforms[2], middle) - middle
-        assert moved[0] == pytest.approx((180, 40), abs=8)
 
 
 def test_copies_of_one_photograph_are_told(sites: list[NDArray[np.uint8]]) -> None:
@@ -278,40 +202,148 @@ def test_a_homography_that_moves_all_but_its_matches_joins_no_ground(sites: list
     assert len(left_out.rejected) == 1
 
 
-def test_a_flight_behind_a_display_is_whole() -> None:
-    place = ground(8)
-    corners = ((50, 40), (300, 70), (330, 300), (60, 280))
-    images = [with_display(seen(place, *corner, degrees=3 * turn)) for turn, corner in enumerate(corners)]
-    (whole,) = mosaics(images)
-    assert len(whole.placed) == 4
+def agreeing(share: float, blocks: int = 100, motion: float = 0.1, covered: float = 1.0, **decisive: Any) -> Any:
+    """So much of the ground agrees."""
+    return GroundAgreement(np.arange(blocks)[None] < round(share * blocks), blocks, motion, covered, **decisive)
 
 
-def test_a_live_mosaic_joins_no_different_places_and_says_why(sites: list[NDArray[np.uint8]]) -> None:
-    live = LiveMosaic()
-    assert [live.add(with_display(site)).submaps for site in sites] == [1, 2, 3]
-    assert live.left_out_moving
+MASK_IT = ": mask what moves with it (display, border, dirt); or water or cars move"
 
 
-@pytest.mark.parametrize("cover", [with_display, with_dirt])
-def test_a_film_has_the_same_key_frames_behind_it(cover: Callable[..., Any]) -> None:
-    place = ground(9)
-    film = [np.ascontiguousarray(place[200:680, x : x + SIZE[0]]) for x in range(0, 600, 15)]
-    numbers = [frame.number for frame in select_key_frames(film)]
-    assert len(numbers) > 3
-    assert [frame.number for frame in select_key_frames(map(cover, film))] == numbers
+@pytest.mark.parametrize(
+    ("agreement", "judged", "said"),
+    [
+        (agreeing(0.4), "suffices wins good", "40 % of the ground"),
+        (
+            agreeing(0.39), "wins",
+            "39 % of the ground, and a camera that moved by 10 % of the picture needs 40 %" + MASK_IT,
+        ),
+        (agreeing(0.19), "refused", "19 % of the ground, and a camera that moved by 10 %"),
+        (agreeing(0.25, motion=0.2), "suffices wins", "25 % of the ground"),
+        (agreeing(0.24, motion=0.2), "suffices", "24 % of the ground"),
+        (agreeing(0.0, 11, motion=0.01), "suffices good", "too little ground is seen"),
+        (agreeing(1.0, 11, motion=0.009), "refused", "too little ground is seen, and a camera that moved by 1 %"),
+        (
+            agreeing(0.75, 12, motion=0.009, covered=0.69), "suffices wins",
+            "69 % of the picture, which may be a display: most must agree to show that the camera stood still",
+        ),
+        (agreeing(0.75, motion=0.009, covered=0.7), "suffices wins good", "75 % of the ground"),
+        (agreeing(0.75, motion=0.01, covered=0.1), "suffices wins good", "75 % of the ground"),
+        (agreeing(0.6, motion=0.009, covered=0.1), "wins", "60 % of the ground, and a camera"),
+        (agreeing(0.9, decisive=agreeing(0.3)), "wins", "30 % of the ground, and a camera"),
+        (agreeing(0.9, decisive=agreeing(0.24)), "refused", "24 % of the ground, and a camera"),
+        (agreeing(0.0, 11, decisive=agreeing(0.5)), "suffices good", "50 % of the ground"),
+    ],
+)  # fmt: skip
+def test_how_much_must_agree_and_what_is_said(agreement: GroundAgreement, judged: str, said: str) -> None:
+    words = {"suffices": agreement.suffices, "wins": agreement.wins, "good": agreement.is_good}
+    assert [word for word, holds in (words | {"refused": agreement.is_refused}).items() if holds] == judged.split()
+    explained = agreement.explain().removeprefix("what agrees covers ")
+    assert explained.startswith(said)
+    assert (", and a camera" in explained) == (not agreement.suffices)
+    assert explained == said or not agreement.suffices
 
 
-def test_a_track_does_not_stay_with_a_cross_that_the_object_leaves() -> None:
-    place, car = ground(10), ground(11)[:60, :90]
+@pytest.mark.parametrize(
+    ("found", "asked", "decisive"),
+    [
+        ((agreeing(0.9), None, None), [160], None),
+        ((agreeing(0.1), None, None), [160], None),
+        ((agreeing(0.3), None, agreeing(0.8)), [160, 480], 0.8),
+        ((agreeing(0.3), None, agreeing(0.8, 11)), [160, 480], 0.3),
+        ((agreeing(0.9, motion=0), agreeing(0.8, motion=0), agreeing(0.5, covered=0.25)), [160, 480, 80], None),
+        ((agreeing(0.9, motion=0), agreeing(0.3, motion=0), agreeing(0.5, covered=0.25)), [160, 480, 80], 0.3),
+        ((agreeing(0.6, motion=0), agreeing(0.8), agreeing(0.5, covered=0.25)), [160, 480, 80, 480], 0.5),
+        ((agreeing(0.0, 11, motion=0), agreeing(0.8), agreeing(0.5, covered=0.25)), [160, 480, 80], 0.8),
+        ((agreeing(0.9, motion=0.01), None, None), [160], None),
+    ],
+)
+def test_other_sizes_decide_where_the_camera_stood_still_or_there_is_a_doubt(
+    monkeypatch: pytest.MonkeyPatch, found: tuple[Any, ...], asked: list[int], decisive: float | None
+) -> None:
+    sizes, sight, (coarse, *_) = list[int](), Sight(np.zeros((4, 4), np.uint8)), found
 
-    def frame(x_px: int) -> np.ndarray:
-        shown = place[: SIZE[1], 2 * x_px : 2 * x_px + SIZE[0]].copy()
-        shown[210:270, 275 + x_px : 365 + x_px] = car
-        return with_display(shown)
+    def count(side_px: int, *_: Any) -> GroundAgreement:
+        sizes.append(side_px)
+        return found[(160, 80, 480).index(side_px)]
 
-    with Tracker(Roi(275, 210, 90, 60)) as tracker:
-        tracked = [tracker.follow(frame(x_px)) for x_px in range(0, 60, 4)]
-    assert sum(each.pose is not None for each in tracked) >= 10
-    for number, each in enumerate(tracked):
-        if each.corners is not None:
-            np.testing.assert_allclose(each.corners[0], (274.5 + 4 * number, 209.5), atol=1.5)
+    monkeypatch.setattr(module, "_count", count)
+    agreement = measure_agreement(sight, sight, np.eye(3))
+    assert sizes == asked
+    assert (agreement.decisive.share if agreement.decisive else None) == decisive
+    assert agreement.covered == (0.25 if coarse.motion < 0.01 else 1)
+    # What is explained otherwise is for one size alone.
+    assert measure_agreement(sight, sight, np.eye(3), np.ones((1, 1), np.bool_)) is coarse
+    assert sizes[len(asked) :] == [160]
+
+
+@pytest.mark.parametrize(
+    ("moves", "shares", "found"),
+    [
+        ([None], [], (0, None, 0)),
+        ([0.24, 0.1], [], (0, None, 0)),
+        ([0.23], [0.02], (0, 0.02, 0)),
+        ([0.1], [0.5], (0, 0.5, 0)),
+        ([0.1, None], [0.1], (0, 0.1, 1)),
+        ([0.1, 0.3], [0.1, 0.3], (1, 0.3, 1)),
+        ([0.1, 0.3, None], [0.1, 0.2], (0, 0.1, 2)),
+        ([0.1, 0.1, 0.1, None], [0.1, 0.3, 0.5], (2, 0.5, 2)),
+        ([0.1, 0.1, 0.1, 0.1, 0.1], [0.1, 0.1, 0.1, 0.1, 0.9], (0, 0.1, 4)),
+    ],
+)
+def test_rivals_are_searched_in_what_is_not_explained(
+    monkeypatch: pytest.MonkeyPatch, moves: list[float], shares: list[float], found: tuple[int, float | None, int]
+) -> None:
+    sight, without = Sight(np.zeros((50, 100), np.uint8)), list[list[int]]()
+    points = np.random.default_rng(0).uniform(0, 50, (8, 2))
+
+    def search(left_out: LeftOut) -> Any:
+        fit = len(left_out.rejected)
+        moved = np.array([100 * (moves[fit] or 0), 0])
+        homography = np.array([[1.0, 0, moved[0]], [0, 1, 0], [0, 0, 1]])
+        return fit, None if moves[fit] is None else homography, (points, points + moved)
+
+    def measure(*given: Any) -> GroundAgreement:
+        """Each time, other blocks agree."""
+        number, explained = len(without), given[3]
+        without.append([] if explained is None else np.flatnonzero(explained).tolist())
+        return replace(
+            agreeing(shares[number], motion=0), agreeing=np.arange(6)[None] == number, decisive=agreeing(shares[number])
+        )
+
+    monkeypatch.setattr(module, "measure_agreement", measure)
+    fit, agreement, left_out = find_ground(search, lambda _fit: (sight, sight))
+    assert (fit, agreement and agreement.share, len(left_out.rejected)) == found
+    assert without == [list(range(number)) for number in range(len(shares[:4]))]
+
+
+def test_what_a_rejected_homography_explains_or_has_beside_it_is_not_apart() -> None:
+    shift = np.array([[1.0, 0, 50], [0, 1, 0], [0, 0, 1]])
+    left_out = LeftOut(
+        (
+            (np.eye(3), np.array([[100.0, 100]]), np.array([[100.0, 100]])),
+            (shift, np.array([[400.0, 400]]), np.array([[450.0, 400]])),
+        )
+    )
+    cases = {
+        (200, 200, 203, 200): False, (200, 200, 204, 200): True, (200, 200, 253, 200): False,
+        (200, 200, 254, 200): True, (100, 116, 300, 300): False, (100, 117, 300, 300): True,
+        (300, 300, 100, 116): False, (300, 300, 100, 117): True, (384, 400, 300, 300): False,
+        (383, 400, 300, 300): True, (300, 300, 434, 400): False, (300, 300, 433, 400): True,
+    }  # fmt: skip
+    left, right = np.hsplit(np.array(list(cases), np.float64), 2)
+    assert left_out.are_apart(left, right).tolist() == list(cases.values())
+
+
+@pytest.mark.parametrize(
+    ("moved_px", "motion"),
+    [([0, 9, 10.5, 50], 0.00975), ([0, 8, 12, 50], 0.2), ([0, 0, 5, 9, 50], 0.005), ([0, 9, 11, 50, 60], 0.2)],
+)
+def test_where_most_inliers_stand_still_the_camera_does(moved_px: list[float], motion: float) -> None:
+    sight = Sight(np.zeros((300, 1000), np.uint8))
+    left = np.random.default_rng(0).uniform(0, 300, (len(moved_px), 2))
+    right, far = (
+        left + np.stack([moved_px, 0 * np.array(moved_px)], axis=1),
+        np.array([[1.0, 0, 200], [0, 1, 0], [0, 0, 1]]),
+    )
+    assert module._motion_of_most(sight, sight, far, (left, right)) == pytest.approx(motion)
