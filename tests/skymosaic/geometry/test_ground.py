@@ -227,6 +227,7 @@ MASK_IT = ": mask what moves with it (display, border, dirt); or water or cars m
             agreeing(0.75, 12, motion=0.009, covered=0.69), "suffices wins",
             "69 % of the picture, which may be a display: most must agree to show that the camera stood still",
         ),
+        (agreeing(0.7, motion=0.0), "suffices wins good", "70 % of the ground"),
         (agreeing(0.75, motion=0.009, covered=0.7), "suffices wins good", "75 % of the ground"),
         (agreeing(0.75, motion=0.01, covered=0.1), "suffices wins good", "75 % of the ground"),
         (agreeing(0.6, motion=0.009, covered=0.1), "wins", "60 % of the ground, and a camera"),

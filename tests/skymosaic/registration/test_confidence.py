@@ -12,7 +12,7 @@ from skymosaic import register
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.ground import GroundAgreement, Sight
 from skymosaic.geometry.uncertainty import FitQuality
-from skymosaic.registration.confidence import Confidence, correlate_overlap, fits_throughout
+from skymosaic.registration.confidence import Confidence, assess, correlate_overlap, fits_throughout
 from tests.skymosaic.registration.rendering import CAMERA, view
 
 
@@ -105,13 +105,17 @@ def test_images_correlate_as_far_as_the_horizon(left: Pixels) -> None:
     assert correlate_overlap(Sight(left), Sight(right), tilted) > 0.85
 
 
+def ground(share: float = 1.0, motion: float = 0.1) -> GroundAgreement:
+    return GroundAgreement(np.arange(100)[None] < round(100 * share), 100, motion, 1.0)
+
+
 @pytest.mark.parametrize(
     ("verdict", "hull_share", "held_out_share", "extrapolates"),
     [
         ("poor", 0.24, 0.79, True),
-        ("poor", 0.26, 0.79, False),
-        ("poor", 0.14, 0.81, True),
-        ("poor", 0.16, 0.81, False),
+        ("poor", 0.25, 0.79, False),
+        ("poor", 0.14, 0.8, True),
+        ("poor", 0.15, 0.8, False),
         ("check", 0.14, 0.79, False),
     ],
 )
@@ -119,8 +123,75 @@ def test_flat_ground_needs_less_of_the_overlap(
     verdict: str, hull_share: float, held_out_share: float, extrapolates: bool
 ) -> None:
     quality = FitQuality(1.0, held_out_share, 3.0, hull_share, 20)
-    ground = GroundAgreement(np.ones((4, 4), np.bool_), 16, 0.5, 1.0)
-    assert Confidence(verdict, "", 6.0, 0.3, quality, ground).extrapolates is extrapolates
+    assert Confidence(verdict, "", 6.0, 0.3, quality, ground()).extrapolates is extrapolates
+
+
+@pytest.mark.parametrize(
+    ("held_out_share", "share", "inliers", "flat"),
+    [(0.75, 0.95, 60, True), (0.74, 0.95, 60, False), (0.75, 0.94, 60, False), (0.75, 0.95, 59, False)],
+)
+def test_flat_is_where_many_matches_and_the_ground_agree(
+    held_out_share: float, share: float, inliers: int, flat: bool
+) -> None:
+    quality = FitQuality(0.12345678, held_out_share, 3.0, 0.5, inliers)
+    trust = Confidence("check", "so it is", 2.0, 0.3, quality, ground(share, motion=0.3))
+    assert trust.is_flat is flat
+    assert trust.summary() == {
+        "verdict": "check", "reason": "so it is", "predicted_px": 2.0, "correlation": 0.3, "instability_px": 0.1235,
+        "held_out_share": held_out_share, "held_out_px": 3.0, "hull_share": 0.5, "inliers": inliers,
+        "ground_share": share, "ground_required": 0.0, "ground_covered": 1.0,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("quality", "correlation", "agreement", "said"),
+    [
+        (FitQuality(0.2, 0.9, 1, 0.9, 99), 0.9, ground(), "good, 90 % of held-out matches within 2 px, expected "),
+        (FitQuality(0.2, 0.9, 1, 0.9, 99), 0.9, ground(0.39), "check, what agrees covers 39 % of the ground, and "),
+        (FitQuality(0.2, 0.9, 1, 0.9, 99), 0.9, ground(0.1), "poor, what agrees covers 10 % of the ground, and "),
+        (FitQuality(2, 0.75, 4, 0.9, 20), 0.2, ground(), "check, the overlap correlates by only 0.20; expected "),
+        (
+            FitQuality(8, 0.74, 4, 0.25, 20), 0.2, ground(),
+            "poor, relief: 74 % of held-out matches within 2 px; expect ghosting up to 4 px; expected error 12.6 px",
+        ),
+        (FitQuality(8, 0.74, 4, 0.9, 19), 0.2, ground(), "poor, only 19 inliers; expected error 5.6 px"),
+        (FitQuality(8, 0.74, 4, 0.24, 19), 0.2, ground(0.39), "poor, what agrees covers 39 % of the ground"),
+        (FitQuality(0, 0, 12, 0.24, 9), 0, ground(), "check, inliers cover 24 % of the overlap; expected error 2.6 px"),
+        (FitQuality(1e9, 0, 12, 0, 9), -1, ground(), "poor, inliers cover 0 % of the overlap; expected error 148.4 px"),
+    ],
+)  # fmt: skip
+def test_the_verdict_has_its_strongest_cause(
+    monkeypatch: pytest.MonkeyPatch, quality: FitQuality, correlation: float, agreement: GroundAgreement, said: str
+) -> None:
+    sight, points = Sight(np.zeros((8, 8), np.uint8)), np.zeros((1, 2))
+    monkeypatch.setattr("skymosaic.registration.confidence.assess_fit", lambda *_: quality)
+    monkeypatch.setattr("skymosaic.registration.confidence.correlate_overlap", lambda *_: correlation)
+    trust = assess((sight, sight), np.eye(3), points, points, ground=agreement)
+    assert f"{trust.verdict}, {trust.reason}".startswith(said)
+    confirmed = assess((sight, sight), np.eye(3), points, points, ground=agreement, confirmed=True)
+    assert confirmed.predicted_px == min(trust.predicted_px, 4.5)
+
+
+@pytest.mark.parametrize(("width", "height", "alike"), [(38, 38, 1.0), (39, 37, 0.0)])
+def test_four_hundred_pixels_away_from_the_edge_correlate(width: int, height: int, alike: float) -> None:
+    grain = cv2.GaussianBlur(np.random.default_rng(0).normal(0, 60, (height, width)), (0, 0), 2)
+    left, half = (Sight(np.asarray(128 + part * grain, np.uint8)) for part in (1, 0.5))
+    assert correlate_overlap(left, half, np.eye(3)) == pytest.approx(alike, abs=0.03)
+    assert correlate_overlap(left, Sight(~left.pixels), np.eye(3)) == pytest.approx(-alike, abs=0.001)
+    assert correlate_overlap(left, Sight(np.zeros_like(left.pixels)), np.eye(3)) == 0
+
+
+@pytest.mark.parametrize(
+    ("fitting", "near", "width_px", "clear"),
+    [(60, 0, 290, True), (60, 0, 288, False), (59, 0, 290, False), (60, 6, 290, True), (60, 7, 290, False)],
+)
+def test_a_clear_fit_has_so_many_places_on_so_much_of_the_overlap(
+    fitting: int, near: int, width_px: int, clear: bool
+) -> None:
+    x, y = np.meshgrid(np.linspace(0, width_px, 10), np.linspace(0, 359, 7))
+    left = np.stack([x.ravel(), y.ravel()], axis=1)[: fitting + near]
+    right = left + np.where(np.arange(len(left))[:, None] < fitting, 0.5, 8)
+    assert fits_throughout(np.eye(3), left, right, (480, 360), (480, 360)) is clear
 
 
 def test_many_matches_at_few_places_are_not_clear() -> None:
