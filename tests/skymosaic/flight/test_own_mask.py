@@ -22,7 +22,7 @@ from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.reports.flight import write_report
 from skymosaic.running.cache import NO_CACHE
 from skymosaic.running.workers import Workers
-from tests.skymosaic.geometry.test_ground import at_night, ground, seen
+from tests.skymosaic.geometry.covered import at_night, ground, seen
 
 
 def with_frame(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
