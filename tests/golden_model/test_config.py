@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from golden_model.config import DETECTORS, FrontEndConfig, MatcherConfig, preset_config
+from golden_model.config import DETECTORS, EstimatorConfig, FrontEndConfig, MatcherConfig, preset_config
 from golden_model.feature.ilbp import PATTERNS
 
 
@@ -37,9 +37,21 @@ def test_a_level_that_is_too_low_or_narrow_for_its_border_has_no_cells(
     assert FrontEndConfig(levels=2, border_px=20).count_cells(*size_px, 32) == cells
 
 
-def test_given_cells_stay() -> None:
-    assert FrontEndConfig(cell_px=128).for_size(640, 480).cell_px == 128
-    assert FrontEndConfig(per_cell=8).for_size(640, 480).cell_px == 64
+@pytest.mark.parametrize(
+    ("given", "size_px", "cell_px", "per_cell"),
+    [
+        ({"cell_px": 128}, (640, 480), 128, 8), ({"per_cell": 8}, (640, 480), 64, 8),
+        ({"per_cell": 2}, (640, 480), 32, 2),
+        # One per cell is enough if the size of the cells is given.
+        ({"cell_px": 32}, (1600, 900), 32, 1), ({"cell_px": 32, "per_cell": 5}, (640, 480), 32, 5),
+    ],
+)  # fmt: skip
+def test_given_cells_stay(given: dict[str, Any], size_px: tuple[int, int], cell_px: int, per_cell: int) -> None:
+    config = FrontEndConfig(**given).for_size(*size_px)
+    assert (config.cell_px, config.per_cell) == (cell_px, per_cell)
+
+
+def test_given_cells_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ValueError, match="1920x1080: no cell size keeps the features within 2048; use a larger"):
         FrontEndConfig(cell_px=32, per_cell=5).for_size(1920, 1080)
 
@@ -63,6 +75,7 @@ def test_a_frame_size_out_of_range_is_refused(size_px: tuple[int, int]) -> None:
         ({"border_px": 19}, "border_px is 19; it must be a whole number from 20 to 255"),
         ({"selection": False}, "selection is False, but two levels are ordered by cells; set levels = 1"),
         ({"selection": False, "levels": 1, "per_cell": 3}, "selection is False, but cell_px or per_cell is set"),
+        ({"selection": False, "levels": 1, "cell_px": 32}, "selection is False, but cell_px or per_cell is set"),
     ],
 )
 def test_impossible_values_are_named(values: dict[str, Any], message: str) -> None:
@@ -122,6 +135,10 @@ def test_matches_are_kept_above_a_weight_of_8_bits() -> None:
             MatcherConfig(keep_above=value)
     with pytest.raises(ValueError, match="rule_base is 'x'; valid: aerial, ilbp, none"):
         MatcherConfig(rule_base="x")
+
+
+def test_the_estimators_numbers_are_those_of_its_registers_after_reset() -> None:
+    assert vars(EstimatorConfig()) == {"passes": 32, "seed": 0x9E3779B9, "min_inliers": 12, "min_cells": 5}
 
 
 def test_preset_by_name() -> None:

@@ -34,6 +34,22 @@ configs = st.builds(
 )
 
 
+WRITTEN = {
+    "aerial": "detector = 'harris' levels = 2 smoothed_gradients = true tensor_window_px = 5 harris_k_numerator = 1 "
+    "harris_k_shift = 4 threshold = 2 suppression_radius_px = 3 border_px = 20 selection = true max_features = 2048 "
+    "descriptor = 'ilbp-128' [matcher] rule_base = 'aerial' keep_above = 64",
+    "thesis": "detector = 'harris' levels = 1 smoothed_gradients = false tensor_window_px = 3 harris_k_numerator = 5 "
+    "harris_k_shift = 7 threshold = 1000 suppression_radius_px = 1 border_px = 7 selection = false max_features = 2048 "
+    "descriptor = 'thesis-ilbp-4' [matcher] rule_base = 'ilbp' keep_above = 127",
+}
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_have_the_numbers_with_which_results_were_measured(name: str) -> None:
+    written = " ".join(to_toml(PRESETS[name]).replace('"', "'").split())
+    assert written == f"preset = '{name}' [front_end] {WRITTEN[name]}"
+
+
 @given(config=configs)
 def test_toml_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, config: Any) -> None:
     path = tmp_path_factory.getbasetemp() / "config.toml"

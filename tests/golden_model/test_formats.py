@@ -37,4 +37,6 @@ def test_ranges_and_quantisation() -> None:
     assert UQ(0, 8).quantise(0.25) == 64
     with pytest.raises(ValueError, match=r"1\.0 does not fit UQ\(0, 8\)"):
         UQ(0, 8).quantise(1.0)
-    assert not SQ(11).holds(np.array([1024]))
+    assert SQ(11).holds(np.array([-1024, 1023]))
+    assert SQ(11).holds(np.zeros(0, int))
+    assert not any(SQ(11).holds(np.array([0, beyond])) for beyond in (-1025, 1024))
