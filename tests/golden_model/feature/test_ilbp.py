@@ -142,7 +142,10 @@ def test_feature_too_near_the_border_is_named(x: int, y: int) -> None:
     [
         ({"angles": 12}, "8 or 16 angles, not 12"),
         ({"angles": 8, "oriented": True}, "oriented pattern needs rings of 16"),
-        ({"comparisons": ((0, 3, 0),)}, r"comparison \(0, 3, 0\) is outside the rings"),
+        *(
+            ({"comparisons": (each,)}, rf"comparison \({', '.join(map(str, each))}\) is outside the rings")
+            for each in ((2, 0, 0), (0, 2, 0), (0, 0, 16), (-1, 0, 0), (0, -1, 0), (0, 0, -1))
+        ),
     ],
 )
 def test_impossible_pattern_is_refused(arguments: dict[str, Any], message: str) -> None:

@@ -203,6 +203,31 @@ RuleBlock: rules
         ),
         ("  rule:", "  rule: if x is low then z is one\n" * 32 + "  rule:", "line 42: more than 32 rules"),
         ("Ramp 6 0", "Discrete" + " 0 1" * 65, "130 numbers; at most 128"),
+        ("Ramp 6 0", "Ramp 6 ٠", "line 3: '٠' is not a number"),
+        ("Ramp 6 0", "Ramp 6 0\n  term: high Ramp 0 6\n  term: high Ramp 0 5", "line 5: x has another term"),
+        ("Ramp 6 0", "GaussianProduct 1 2 3 0", "term low: GaussianProduct has a width of 0"),
+        ("range: 0 6", "range: -inf 6", "line 1: x: range is -inf to 6.0; give two finite"),
+        ("range: 0 6", "range: 6 6", "line 1: x: range is 6.0 to 6.0; give two finite"),
+        ("range: 0 6", "enabled: false", "line 2: enabled is false, which is not supported"),
+        ("range: 0 6", "lock-range: true", "line 2: lock-range is true, which is not supported"),
+        ("  term: one", "  lock-previous: true\n  term: one", "line 7: lock-previous is true, but hardware keeps no"),
+        ("Constant 1", "Constant 1 2", "line 7: term 'one Constant 1 2': an output of order zero has"),
+        ("Constant 1", "Ramp 1", "line 7: term 'one Ramp 1': an output of order zero has"),
+        ("Constant 1", "Linear 0 1 1", "line 7: term 'one Linear 0 1 1': an output of order zero has"),
+        ("  rule: if x is low then z is one\n", "", "a system needs at least one input and one rule"),
+        ("x is low then", "x was low then", "'x was low' is not a condition of another input"),
+        ("x is low then", "x is low low then", "'x is low low' is not a condition of another input"),
+        ("x is low then", "x is low and x is low then", "'x is low' is not a condition of another input"),
+        ("x is low then", "(x is low or x is low) then", "'or' with parentheses is not supported"),
+        ("if x", "when x", "line 10: rule 'when x is low then z is one' is not of the form"),
+        (
+            "z is one",
+            "z is one then z is one",
+            "then z is one' is not of the form: if A is x and B is y then z is",
+        ),
+        ("z is one", "z was one", "what follows 'then' is not: z is CONSTANT"),
+        ("z is one", "z is one and z is one", "what follows 'then' is not: z is CONSTANT"),
+        ("z is one", "tap is one and", "what follows 'then' is not: z is CONSTANT"),
     ],
 )
 def test_fll_is_read_strictly(tmp_path: Path, old: str, new: str, says: str) -> None:
@@ -336,3 +361,5 @@ def test_which_of_several_outputs_is_asked_for() -> None:
     assert read_fll(named, "tip").output.name == "tip"
     with pytest.raises(ValueError, match=r"line 29: .* what follows 'then' is not: tip is CONSTANT"):
         read_fll(named.replace("then tip is generous", "then tap is generous"), "tip")
+    with pytest.raises(ValueError, match=r"line 30: .* what follows 'then' is not: tip is CONSTANT"):
+        read_fll(named.replace("good then other is one", "good then tap is one and other is one"), "tip")

@@ -151,6 +151,13 @@ def test_bad_rules_are_one_line_with_file_and_line(tmp_path: Path, what: str) ->
     assert "\n" not in str(caught.value)
 
 
+def test_rules_have_the_name_in_their_text_or_that_of_their_file(tmp_path: Path) -> None:
+    path = tmp_path / "my.fll"
+    for text, name in ((AERIAL, "aerial"), (changed("Engine: aerial", "Engine:"), "my")):
+        path.write_text(text)
+        assert load_rules(path).name == name
+
+
 def test_where_no_rule_fires_a_default_of_0_rejects() -> None:
     rules = MatchRules(WITHOUT_LAST.replace("default: nan", "default: 0"))
     weight, rule = rules.tables(128).evaluate(np.array([128]), np.array([0]), np.array([8]))

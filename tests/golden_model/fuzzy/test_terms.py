@@ -51,6 +51,7 @@ def test_a_steep_sigmoid_is_a_step_and_overflows_nowhere() -> None:
         ("Ramp", (1.0,), "Ramp takes 2 numbers, not 1"),
         ("Trapezoid", (1.0, 2.0, 3.0), "Trapezoid takes 4 numbers, not 3"),
         ("Discrete", (1.0, 0.0), "at least two points of two numbers, not 2"),
+        ("Discrete", (1.0, 0.0, 2.0), "at least two points of two numbers, not 3"),
         ("Discrete", (1.0, 0.0, 2.0, 1.0, 3.0), "at least two points of two numbers, not 5"),
         ("Sigmoid", (math.nan, 1.0), "a parameter is not a number"),
         ("Triangle", (0.0, 2.0, 1.0), "Triangle needs rising positions"),

@@ -110,6 +110,7 @@ def test_a_homography_is_scaled_to_its_largest_element() -> None:
     ("homographies", "message"),
     [
         (np.eye(3), "shape"),
+        (np.ones((1, 3, 4)), "shape"),
         (np.stack((IDENTITY, np.zeros((3, 3)))), "homography 1 is zero or not finite"),
         (np.full((1, 3, 3), np.nan), "homography 0"),
         (np.stack((IDENTITY, IDENTITY, np.full((3, 3), np.inf))), "homography 2"),
@@ -141,8 +142,12 @@ def test_sets_of_no_and_of_too_many_matches_have_a_cause() -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"left": [[-1, 0]]}, {"right": [[0, 1 << 16]]}, {"weight": [256]}, {"weight": [1, 2]}]
-)
+    "wrong",
+    [
+        {"left": [[-1, 0]]}, {"right": [[0, 1 << 16]]}, {"weight": [256]}, {"weight": [1, 2]},
+        {"right": [[3, 4, 5]]}, {"left": [1, 2], "right": [3, 4]}, {"left": [[1, 2, 3]], "right": [[3, 4, 5]]},
+    ],
+)  # fmt: skip
 def test_matches_out_of_range_are_refused(wrong: dict[str, Any]) -> None:
     given = {"left": [[1, 2]], "right": [[3, 4]], "weight": [5], **wrong}
     left, right, weight = map(np.array, given.values())

@@ -57,6 +57,12 @@ RULES = (Rule(("s0",), 1.0), Rule(("s1",), 0.0))
         ({"rules": (*RULES, Rule(("s0",), 1.5))}, "rule 2: output is 1.5; it must be 0 to 1"),
         ({"rules": (Rule(("s0",), 1.0),)}, r"strengths sum to 0.0000 at a 1; make the sets complementary"),
         ({"inputs": (crisp("a", [256, 100], [0, 150]),)}, r"strengths sum to 0.9766 at a 1"),
+        ({"rules": (*RULES, Rule(("s1",), 0.0, joins=True))}, "rule 2: OR needs conjunction 'minimum'"),
+        (
+            {"rules": (Rule(("s0",), 1.0, joins=True),), "conjunction": "minimum"},
+            "rule 0: OR needs",
+        ),
+        ({"rules": (*RULES, Rule(("s1",), 1.0, joins=True)), "conjunction": "minimum"}, "rule 2: .* the same output"),
     ],
 )
 def test_impossible_system_is_refused(change: dict[str, Any], message: str) -> None:
@@ -66,7 +72,13 @@ def test_impossible_system_is_refused(change: dict[str, Any], message: str) -> N
 
 @pytest.mark.parametrize(
     ("tables", "message"),
-    [((), "one or more sets"), (([1], [1, 2]), "one length"), (([257],), "0 to 256"), (([-1],), "0 to 256")],
+    [
+        ((), "one or more sets"),
+        (([1], [1, 2]), "one length"),
+        (([257],), "0 to 256"),
+        (([-1],), "0 to 256"),
+        (([],), "0 to 256"),
+    ],
 )
 def test_impossible_variable_is_refused(tables: tuple[Any, ...], message: str) -> None:
     with pytest.raises(ValueError, match=message):
@@ -75,6 +87,7 @@ def test_impossible_variable_is_refused(tables: tuple[Any, ...], message: str) -
 
 def test_wrong_inputs_are_refused() -> None:
     system = aerial(128)
+    assert [each.size for each in system.evaluate(*[np.zeros(0, int)] * 3)] == [0, 0]
     with pytest.raises(ValueError, match="takes 3 inputs, not 1"):
         system.evaluate(np.array([1]))
     with pytest.raises(ValueError, match="margin: value -2 is negative"):
