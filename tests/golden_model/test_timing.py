@@ -53,6 +53,25 @@ def test_latencies_are_those_that_the_blocks_state(pattern: Any) -> None:
         assert latencies.count == timing.sugeno_cycles(rule_bases.aerial_orientation(pattern.bits)) + SQUARE_CYCLES + 2
 
 
+@pytest.mark.parametrize(
+    ("changes", "clocks"),
+    [
+        ({}, [308010, 308185, 308491, 308496]),
+        ({"rows": np.arange(0)}, [308010, 308065, 308158, 308164]),
+        ({"good": False, "rows": np.arange(0)}, [307214, 307214, 307214, 307220]),
+        ({"left": 0, "rows": np.arange(0)}, [307216, 307217, 307256, 307262]),
+        ({"right": 0, "rows": np.arange(0)}, [307216, 307217, 307256, 307262]),
+    ],
+)
+def test_the_clocks_of_a_frame_are_the_recorded_ones(changes: dict[str, Any], clocks: list[int]) -> None:
+    """What hardware takes for such frames: found until searched, counted, weighed, and the end of its packet."""
+    frame = FrameWork(640, 480, good=True, left=50, right=60, rows=3 * np.arange(9))
+    for estimate_cycles, homography in ((None, []), (2000, [clocks[-1] + 2000 + 9])):
+        work = dataclasses.replace(frame, **changes, estimate_cycles=estimate_cycles)
+        (line,) = timelines([work], CONFIG, lanes=4)
+        assert [clock for _, clock in line.steps()] == [0, 307199, 307212, 307214, *clocks, *homography]
+
+
 def test_two_pixels_a_clock_take_half_the_clocks() -> None:
     """Odd lines take a clock more; what follows the last pixel takes as long as before."""
     frames = [FrameWork(641, 480, good=True, left=50, right=60, rows=np.arange(9)) for _ in range(2)]

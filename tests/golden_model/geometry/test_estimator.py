@@ -1,5 +1,6 @@
 """The estimator on the demo pair and on made-up matches: right homographies, causes, and clocks within the limit."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -60,7 +61,24 @@ def test_the_demo_pair_is_estimated_as_by_the_host() -> None:
     assert grid_error(in_pixels(result), pair.homography, (320, 240), (320, 240)) < 0.3
 
 
-@pytest.mark.parametrize(("count", "wrong", "limit_px"), [(40, 0.3, 1.0), (300, 0.6, 0.3), (MAX_MATCHES, 0.2, 0.1)])
+RECORDED = {
+    40: (
+        [16771120, 844220, 118800, -644948, 15962275, 37770, 3546531, 1517687, 16411216],
+        {"score": 143617, "support": 4491, "inliers": 28, "cells": 19, "cycles": 48560},
+    ),
+    MAX_REFITTED_OFTEN + 1: (
+        [16757388, 808504, 121621, -662809, 15947986, 40022, 3351726, 1320064, 16438014],
+        {"score": 571100, "support": 17963, "inliers": 108, "cells": 38, "cycles": 67344},
+    ),
+    MAX_MATCHES: (
+        [16761980, 826471, 120185, -654297, 15949463, 39490, 3387668, 1393332, 16430913],
+        {"score": 8819688, "support": 277384, "inliers": 1651, "cells": 46, "cycles": 287266},
+    ),
+}
+"""By the number of matches, the elements and the rest: with other numbers, chips of before would give other answers."""
+
+
+@pytest.mark.parametrize(("count", "wrong", "limit_px"), [(40, 0.3, 1.0), (257, 0.6, 0.3), (2048, 0.2, 0.1)])
 def test_the_homography_is_found_among_wrong_matches(count: int, wrong: float, limit_px: float) -> None:
     result = estimate(matches(count, wrong), FEW)
     assert result.causes == 0
@@ -68,6 +86,9 @@ def test_the_homography_is_found_among_wrong_matches(count: int, wrong: float, l
     assert result.inliers > 0.8 * (1 - wrong) * count
     assert result.cells > 15
     assert result.cycles <= MAX_CYCLES
+    elements, others = RECORDED[count]
+    assert result.homography.ravel().tolist() == elements
+    assert {name: getattr(result, name) for name in others} == others
 
 
 def bad_input(name: str) -> FrameMatches:
@@ -111,6 +132,16 @@ def test_bad_input_has_its_cause_and_is_never_accepted(name: str, cause: Estimat
     assert result.cycles < MAX_CYCLES
     if cause < EstimateCause.TOO_FEW_INLIERS:
         assert (result.score, result.inliers, int(result.homography.any())) == (0, 0, 0)
+
+
+def test_as_many_inliers_and_cells_as_are_asked_for_are_enough() -> None:
+    given, few = matches(30, 0.2), EstimatorConfig(passes=1)
+    found = estimate(given, few)
+    for more_inliers, more_cells, causes in (
+        (0, 0, 0), (1, 0, EstimateCause.TOO_FEW_INLIERS), (0, 1, EstimateCause.TOO_FEW_CELLS),
+    ):  # fmt: skip
+        asked = replace(few, min_inliers=found.inliers + more_inliers, min_cells=found.cells + more_cells)
+        assert estimate(given, asked).causes == causes
 
 
 def test_one_weight_for_all_is_as_good() -> None:

@@ -1,5 +1,7 @@
 """The whole painter against a warp in double precision, and what it counts."""
 
+import zlib
+
 import cv2
 import numpy as np
 import pytest
@@ -61,6 +63,22 @@ def test_a_frame_is_where_double_precision_puts_it(zoom: float, turn: float, til
     # Outside there is nothing, but for the pixels at the border.
     outside = cv2.dilate(inside.astype(np.uint8), np.ones((7, 7))) == 0
     assert not picture[outside].any()
+
+
+@pytest.mark.parametrize("replace", [False, True], ids=["canvas", "stabilised"])
+def test_frames_are_painted_as_chips_of_before_paint_them(replace: bool) -> None:
+    """What became of the tiles (`Counts`), and a checksum of the canvas."""
+    painter, rng = Painter(TILES, TILES, replace=replace), np.random.default_rng(3)
+    painted = []
+    for zoom, turn, tilt in ((0.8, 0.4, 1e-3), (1.1, 2.2, -2e-3), (2.5, 2.2, -6e-3)):
+        frame = rng.integers(0, 256, (SIZE[1], SIZE[0], 3), np.uint8)
+        counts = painter.paint(frame, integers(tilted.pose(SIZE, zoom=zoom, turn=turn, tilt=tilt, tiles=TILES)))
+        painted.append((*vars(counts).values(), zlib.crc32(painter.memory.tobytes())))
+    assert painted == (
+        [(64, 0, 0, 0, 64, 2100909833), (64, 0, 0, 0, 64, 3080052864), (64, 2, 30, 0, 64, 1706992717)]
+        if replace
+        else [(40, 0, 0, 1, 39, 2100909833), (27, 0, 0, 4, 23, 1813499166), (11, 0, 4, 1, 6, 893392957)]
+    )
 
 
 def test_where_frames_meet_the_nearer_border_loses() -> None:
