@@ -1,5 +1,6 @@
 """Hamming distances between descriptor sets (thesis, equation III-5) and the mutual check (thesis, III.5.2)."""
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -67,7 +68,8 @@ def mutual_matches(
         nothing, zero = np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.uint16)
         return nothing, nothing, zero, zero
     nearest_right = distance.argmin(axis=1)
-    nearest_left = distance.argmin(axis=0)
+    # OpenCV transposes in a fraction of the time that NumPy takes to search columns.
+    nearest_left = np.asarray(cv2.transpose(distance)).argmin(axis=1)
     # Mutual: the nearest of a left feature's nearest is that feature itself.
     left = np.flatnonzero(nearest_left[nearest_right] == np.arange(len(distance)))
     right = nearest_right[left]
