@@ -3,7 +3,11 @@ import math
 import numpy as np
 import pytest
 
-from skymosaic.registration.front_end_runs import choose_run_between_octaves
+from bench.rendered_pairs import flat_pair
+from skymosaic import register
+from skymosaic.evaluation.metrics import grid_error
+from skymosaic.registration.front_end_runs import TILTED, choose_run_between_octaves
+from skymosaic.registration.passes import MAX_PROMISING
 
 SIZE = (321, 241)
 
@@ -29,3 +33,38 @@ def test_what_is_reduced_follows_the_zoom_in_the_middle(
             (other,) = run.others
             assert (run.reference.scale, 1 / other.scale) == pytest.approx((math.sqrt(2), reduction))
             assert run.swapped == (scale < 1)
+
+
+def test_a_tilt_of_65_degrees_is_found_from_either_side(monkeypatch: pytest.MonkeyPatch) -> None:
+    left, right, truth = flat_pair("tilt", 65, 11)
+    for one, other, matrix in ((left, right, truth), (right, left, np.asarray(np.linalg.inv(truth), dtype=np.float64))):
+        pair = register(one, other)
+        assert pair.accepted, pair.reason
+        assert grid_error(pair.homography, matrix, (640, 480), (640, 480)) < 1
+        assert len(pair.inliers) > 100
+        # The usual pass, six for zooms, one at twice the size, small ones with either photograph tilted, and the
+        # promising ones at full size.
+        assert pair.passes == 1 + 6 + 1 + 2 * len(TILTED) + MAX_PROMISING
+    monkeypatch.setattr("skymosaic.registration.passes.PROMISING_PLACES", 1000)
+    assert not register(left, right).accepted
+
+
+@pytest.mark.parametrize(("number", "passes", "otherwise"), [(0, 2, (True, 10)), (10, 3, (False, 37))])
+def test_small_photographs_are_enlarged_with_a_margin(
+    number: int, passes: int, otherwise: tuple[bool, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left, right, truth = flat_pair("small", 25, number)
+    pair = register(left, right)
+    assert (pair.accepted, pair.passes) == (True, passes)
+    assert grid_error(pair.homography, truth, (240, 180), (240, 180)) < 1
+    monkeypatch.setattr("skymosaic.registration.passes.SMALL_PX", 200)
+    pair = register(left, right)
+    assert (pair.accepted, pair.passes) == otherwise
+
+
+def test_an_overlap_of_a_few_percent_is_found_at_twice_the_size() -> None:
+    left, right, truth = flat_pair("horizon", 80, 43)
+    pair = register(left, right)
+    # The usual pass, one larger and one smaller, six for zooms, and this one.
+    assert pair.passes == 1 + 2 + 6 + 1
+    assert grid_error(pair.homography, truth, (640, 480), (640, 480)) < 0.5

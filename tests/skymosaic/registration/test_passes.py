@@ -7,16 +7,27 @@ import pytest
 from numpy.typing import NDArray
 
 from bench.rendered_pairs import flat_pair
-from golden_model.config import Config
+from golden_model.config import Config, preset_config
+from golden_model.records import MATCH
 from sim.backends.golden import GoldenBackend
 from sim.backends.interface import FrameResult, Reference, load_backend
 from sim.scene import CameraPose
 from skymosaic import register
 from skymosaic.common.errors import InputError
 from skymosaic.evaluation.metrics import grid_error
+from skymosaic.features.frames import Change, DescribedImage
+from skymosaic.features.positions import match_points
 from skymosaic.geometry.prosac import MIN_INLIERS
-from skymosaic.registration.front_end_runs import LARGER_OF_SMALL, TILTED
-from skymosaic.registration.passes import MAX_PROMISING, MIN_PLACES, Evidence, Search, SearchState, explain_refusal
+from skymosaic.registration import front_end_runs as runs
+from skymosaic.registration.front_end_runs import LARGER_OF_SMALL, FrontEndRun
+from skymosaic.registration.passes import (
+    MIN_PLACES,
+    Evidence,
+    Search,
+    SearchState,
+    explain_refusal,
+    is_coarse,
+)
 from tests.skymosaic.registration.rendering import CAMERA, view
 
 SIZE = (CAMERA.width_px, CAMERA.height_px)
@@ -121,33 +132,6 @@ def test_other_methods_take_one_pass_by_default(near: tuple[CameraPose, NDArray[
     assert register(near[1], near[1], detector="orb").effort == "fast"
 
 
-def test_a_tilt_of_65_degrees_is_found_from_either_side(monkeypatch: pytest.MonkeyPatch) -> None:
-    left, right, truth = flat_pair("tilt", 65, 11)
-    for one, other, matrix in ((left, right, truth), (right, left, np.asarray(np.linalg.inv(truth), dtype=np.float64))):
-        pair = register(one, other)
-        assert pair.accepted, pair.reason
-        assert grid_error(pair.homography, matrix, (640, 480), (640, 480)) < 1
-        assert len(pair.inliers) > 100
-        # The usual pass, six for zooms, one at twice the size, small ones with either photograph tilted, and the
-        # promising ones at full size.
-        assert pair.passes == 1 + 6 + 1 + 2 * len(TILTED) + MAX_PROMISING
-    monkeypatch.setattr("skymosaic.registration.passes.PROMISING_PLACES", 1000)
-    assert not register(left, right).accepted
-
-
-@pytest.mark.parametrize(("number", "passes", "otherwise"), [(0, 2, (True, 10)), (10, 3, (False, 37))])
-def test_small_photographs_are_enlarged_with_a_margin(
-    number: int, passes: int, otherwise: tuple[bool, int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    left, right, truth = flat_pair("small", 25, number)
-    pair = register(left, right)
-    assert (pair.accepted, pair.passes) == (True, passes)
-    assert grid_error(pair.homography, truth, (240, 180), (240, 180)) < 1
-    monkeypatch.setattr("skymosaic.registration.passes.SMALL_PX", 200)
-    pair = register(left, right)
-    assert (pair.accepted, pair.passes) == otherwise
-
-
 def test_what_lies_outside_the_overlap_makes_no_pass_weak(monkeypatch: pytest.MonkeyPatch) -> None:
     left, right, truth = flat_pair("horizon", 70, 1)
     pair = register(left, right)
@@ -156,14 +140,6 @@ def test_what_lies_outside_the_overlap_makes_no_pass_weak(monkeypatch: pytest.Mo
     everywhere = np.full(left.shape, 255, np.uint8)
     monkeypatch.setattr("skymosaic.registration.passes.acceptance.overlap_mask", lambda *_: everywhere)
     assert register(left, right).passes == 2
-
-
-def test_an_overlap_of_a_few_percent_is_found_at_twice_the_size() -> None:
-    left, right, truth = flat_pair("horizon", 80, 43)
-    pair = register(left, right)
-    # The usual pass, one larger and one smaller, six for zooms, and this one.
-    assert pair.passes == 1 + 2 + 6 + 1
-    assert grid_error(pair.homography, truth, (640, 480), (640, 480)) < 0.5
 
 
 def test_photographs_whose_fine_detail_is_noise_are_reduced(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -257,3 +233,118 @@ def test_why_a_pair_is_refused_is_said_with_the_counts(
     state = SearchState(Evidence((left, right), matches), None, np.arange(40) < 7, places, passes=1)
     counts = f"features {features[0]} and {features[1]}, matches 40, kept {kept}, inliers 7 at {places} places"
     assert explain_refusal(state) == f"{cause}: {counts}"
+
+
+NAMES = {runs.LARGER: "larger", runs.SMALLER: "smaller", runs.DOUBLED: "doubled", runs.INVERTED: "inverted"}
+NAMES |= {LARGER_OF_SMALL[0]: "small", LARGER_OF_SMALL[1]: "small", runs.LADDER[0]: "ladder", runs.TILTS[0]: "tilts"}
+ALL = "larger smaller ladder doubled scan inverted"
+
+
+@pytest.mark.parametrize(
+    ("begun", "width_px", "found", "tried"),
+    [
+        ("none fast", 640, "", ""),
+        ("strong normal", 640, "", ""),
+        ("strong thorough", 640, "", "larger+smaller"),
+        ("none thorough", 640, "", "larger+smaller ladder doubled scan tilts inverted"),
+        ("none thorough", 640, "tilts weak", "larger+smaller ladder doubled scan tilts"),
+        ("none normal", 640, "", ALL),
+        ("none normal", 400, "", "small small smaller ladder scan inverted"),
+        ("none normal", 401, "", ALL),
+        ("none normal", 640, "larger strong", "larger"),
+        ("none normal", 400, "small strong", "small"),
+        ("none normal", 640, "smaller strong", "larger smaller"),
+        ("none normal", 640, "ladder weak", "larger smaller ladder"),
+        ("none normal", 640, "doubled weak", "larger smaller ladder doubled"),
+        ("none normal", 640, "scan weak", "larger smaller ladder doubled scan"),
+        ("none normal", 640, "inverted weak", ALL),
+        ("weak normal", 640, "", "larger between"),
+        ("coarse normal", 640, "", "smaller between"),
+    ],
+)
+def test_passes_are_tried_until_one_is_strong_or_none_is_left(
+    monkeypatch: pytest.MonkeyPatch, begun: str, width_px: int, found: str, tried: str
+) -> None:
+    images, log, (start, effort) = (np.zeros((100, width_px), np.uint8),) * 2, list[str](), begun.split()
+    scan, between = (FrontEndRun(Change(scale), (Change(scale),)) for scale in (0.5, 1.0))
+    matches = np.zeros(0, MATCH.dtype)
+    none = SearchState(Evidence((matches, matches), matches), None, np.zeros(0, np.bool_), 0, passes=1)
+    strength = {"none": none, "weak": replace(none, homography=np.eye(3), places=20)}
+    strength |= {"coarse": strength["weak"], "strong": replace(strength["weak"], places=60)}
+
+    def search(_: Search, state: SearchState, tried: Sequence[FrontEndRun]) -> SearchState:
+        log.append("+".join(dict.fromkeys(NAMES[run] for run in tried if run in NAMES) or ["between"]))
+        return strength[found.split()[1]] if found.startswith(f"{log[-1]} ") else state
+
+    passes = "skymosaic.registration.passes"
+    monkeypatch.setattr(f"{passes}.Search._search_together", search)
+    monkeypatch.setattr(f"{passes}.Search._search_separately", search)
+    monkeypatch.setattr(f"{passes}.Search._scan_tilts", lambda self, state: search(self, state, [scan]))
+    monkeypatch.setattr(f"{passes}.Search._is_strong", lambda _, state: state.places == 60)
+    monkeypatch.setattr(f"{passes}.is_coarse", lambda _: start == "coarse")
+    monkeypatch.setattr(f"{passes}.choose_run_between_octaves", lambda *_: between)
+    monkeypatch.setitem(NAMES, scan, "scan")
+    ended = Search(None, images, None, None, None).run(effort, strength[start])  # type: ignore[arg-type]
+    assert " ".join(log) == tried
+    assert ended.places == (strength[found.split()[1]] if found else strength[start]).places
+    assert ended.inverted == (found == "inverted weak")
+
+
+def state_of(kept: int, inliers: int, places: int, part: float = 1.0, levels: int = 0) -> SearchState:
+    """Matches that stand still, spread over a part of the image; so many are of half the size in both."""
+    matches = np.zeros(kept, MATCH.dtype)
+    points = np.random.default_rng(0).uniform((0, 0), np.array(SIZE) - 1, (kept, 2)) * part
+    for side in ("left", "right"):
+        matches[f"{side}_x"], matches[f"{side}_y"] = (16 * points).astype(int).T
+        matches[f"{side}_index"] = np.arange(kept)
+    matches["verdict"] = 1
+    features = [np.zeros(kept, [("level", "u1")]) for _ in range(2)]
+    features[0]["level"], features[1]["level"] = np.arange(kept) < 3 * levels, np.arange(kept) < levels
+    evidence = Evidence((features[0], features[1]), matches)
+    return SearchState(evidence, np.eye(3), np.arange(kept) < inliers, places, passes=1)
+
+
+@pytest.mark.parametrize(
+    ("kept", "inliers", "places", "part", "strong"),
+    [
+        (240, 60, 60, 1.0, True),
+        (241, 60, 60, 1.0, False),
+        (240, 60, 59, 1.0, False),
+        (120, 60, 20, 1.0, True),
+        (121, 60, 20, 1.0, False),
+        (120, 60, 19, 1.0, False),
+        (240, 60, 60, 0.45, False),
+    ],
+)
+def test_a_strong_pass_has_places_a_share_of_the_matches_and_of_the_overlap(
+    kept: int, inliers: int, places: int, part: float, strong: bool
+) -> None:
+    images = (np.zeros(SIZE[::-1], np.uint8),) * 2
+    search = Search(None, images, None, None, None)  # type: ignore[arg-type]
+    state = state_of(kept, inliers, places, part)
+    assert search._is_strong(state) is strong
+    assert not search._is_strong(replace(state, homography=None))
+
+
+@pytest.mark.parametrize(("levels", "coarse"), [(3, False), (4, True)])
+def test_coarse_is_where_a_third_of_the_inliers_are_at_half_the_size(levels: int, coarse: bool) -> None:
+    assert is_coarse(state_of(12, 9, 9, levels=levels)) is coarse
+    assert not is_coarse(replace(state_of(12, 9, 9, levels=levels), homography=None))
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_frames_that_the_front_end_does_not_take_are_no_passes(
+    near: tuple[CameraPose, NDArray[np.uint8]], shared: bool
+) -> None:
+    images = near[1][:100, :200], near[1][:100, 30:230]
+    kept = (DescribedImage(images[0]), DescribedImage(images[1])) if shared else None
+    rng, config = np.random.default_rng(0), preset_config("aerial")
+    search = Search(GoldenBackend(), images, config, rng, lambda matches: matches, shared=kept)
+    small, whole, large = Change(0.5), Change(), Change(2.0)
+    for swapped in (False, True):
+        tried = (FrontEndRun(small, (whole,), swapped), FrontEndRun(whole, (small,), swapped))
+        assert not list(search._match_frames(tried))
+        passes = list(search._match_frames([FrontEndRun(whole, (small, whole, large), swapped)]))
+        assert [change for change, _ in passes] == [whole, large]
+        left, right = match_points(passes[0][1].kept)
+        assert np.median(left - right, axis=0).tolist() == [30, 0]
