@@ -30,7 +30,7 @@ def estimate_light(overlaps: Overlaps, number: int) -> Float32 | None:
     They are logarithms of gains, (number, 5, 7, 3); None where they do not lower the differences of held-out pairs.
     """
     residual, odd = overlaps.difference, overlaps.pair % 2 == 1
-    if odd.all() or not odd.any():
+    if not odd.any():
         return None
     nodes = _fit(_design(overlaps, ~odd, number), residual[~odd], number)
     left = residual[odd] - _design(overlaps, odd, number) @ nodes

@@ -127,6 +127,25 @@ def test_an_exposure_that_jumps_is_no_light_of_the_camera() -> None:
     assert re.search(r"at 0\.6\d of theirs or less, and a tenth at 1\.3\d or more", describe_uneven(layers, tones))
 
 
+@pytest.mark.parametrize(
+    ("kept", "says"),
+    [
+        ([0.8, 1, 1, 1.25], ""),
+        ([0.78, 1, 1, 1], "shown at 0.78 of theirs or less, and a tenth at 1.00 or more"),
+        ([1, 1, 1, 1.27], "shown at 1.00 of theirs or less, and a tenth at 1.27 or more"),
+    ],
+)
+def test_photographs_that_become_only_darker_or_only_brighter_are_said_to(
+    monkeypatch: pytest.MonkeyPatch, kept: list[float], says: str
+) -> None:
+    """Each of three stands for several, so that a tenth are like the outermost."""
+    monkeypatch.setattr("skymosaic.compositing.exposure._measure_toned", lambda layer, _: (kept[layer], 0.0))
+    layers: list[Any] = [0, 0, 1, 2, 3, 3]
+    described = describe_uneven(layers, [NEUTRAL] * len(layers))
+    assert says in described
+    assert bool(says) == bool(described)
+
+
 def test_moving_things_do_not_count() -> None:
     layers = strip(np.ones((6, 1)))
     images = [layer.image.copy() for layer in layers]
@@ -141,6 +160,10 @@ def test_a_photograph_without_overlap_stays_as_it_is() -> None:
     tones = estimate_tones([*layers, far])
     assert tones[-1] == NEUTRAL
     assert estimate_tones([far]) == [NEUTRAL]
+    # Two have one overlap, of which nothing can be held out.
+    two = estimate_tones(layers[:2])
+    assert two[1].gain[0] / two[0].gain[0] == pytest.approx(1 / 0.7, rel=0.03)
+    assert [tone.light for tone in two] == [None, None]
 
 
 def test_bright_ground_of_an_automatic_exposure_stays_below_white() -> None:

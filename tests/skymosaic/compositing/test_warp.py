@@ -38,6 +38,8 @@ def test_rectangles() -> None:
     left, right = Canvas(0, 0, 10, 5), Canvas(8, -2, 10, 5)
     assert left.intersection(right) == Canvas(8, 0, 2, 3)
     assert left.intersection(Canvas(10, 0, 3, 3)) is None
+    assert left.intersection(Canvas(0, 5, 3, 3)) is None
+    assert left.intersection(Canvas(9, 4, 3, 3)) == Canvas(9, 4, 1, 1)
     assert Canvas(8, 0, 2, 3).within(right) == (slice(2, 5), slice(0, 2))
     np.testing.assert_array_equal(apply(right.translation, right.corners[0]), (0, 0))
 
