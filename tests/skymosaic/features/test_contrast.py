@@ -31,6 +31,10 @@ def test_images_share_a_pattern_at_the_same_pixels_only(pattern: NDArray[np.floa
     assert share_pattern(see(pattern, 1), see(pattern, 2))
     assert not share_pattern(see(pattern, 1), see(np.roll(pattern, 3, axis=1), 2))
     assert not share_pattern(see(pattern, 1), see(pattern, 2)[:-8])
+    # The upper half shares it, which the first quarter alone would not tell from the whole.
+    upper = np.where(np.arange(SIZE[0])[:, None] < SIZE[0] // 2, pattern, np.roll(pattern, 3, axis=1))
+    assert not share_pattern(see(pattern, 1), see(upper, 2))
+    assert not share_pattern(see(pattern, 1)[::-1], see(upper, 2)[::-1])
 
 
 def test_a_display_is_where_images_are_alike(pattern: NDArray[np.float64]) -> None:

@@ -73,6 +73,9 @@ def test_a_match_in_one_direction_only_is_proposed_but_not_verified() -> None:
 def test_without_a_second_nearest_there_is_no_ratio(sizes: tuple[int, int]) -> None:
     left, right = (records(np.zeros((count, 8), np.uint8)) for count in sizes)
     assert len(match_by_ratio(left, right, cv2.NORM_HAMMING)) == 0
+    both = np.zeros((40, 40), np.uint8)
+    assert len(match_by_correlation(left, right)) == min(sizes)
+    assert len(track_features(both, both, left[:0], right)[1]) == 0
 
 
 @pytest.mark.parametrize("size_px", [3, 10])

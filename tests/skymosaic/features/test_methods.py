@@ -1,3 +1,4 @@
+import dataclasses
 from typing import Any
 
 import cv2
@@ -5,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from golden_model.config import PRESETS, preset_config
+from golden_model.config import PRESETS, RuleBase, preset_config
 from golden_model.records import MATCH, feature_record
 from sim.scene import make_pair
 from skymosaic.common.errors import InputError
@@ -119,6 +120,34 @@ def test_a_choice_is_completed_by_what_suits() -> None:
 def test_without_rules_the_configuration_says_so() -> None:
     assert choose_method(preset_config("aerial"), "sift")[1].matcher.rule_base == "none"
     assert choose_method(preset_config("aerial"), "sift", "ilbp-128")[1].matcher.rule_base == "aerial"
+
+
+@pytest.mark.parametrize(
+    ("detector", "descriptor", "rule_base", "rules", "on_accelerator"),
+    [
+        ("harris", "ilbp-128", "aerial", 8, True),
+        ("fast", "ilbp-128", "none", 1, True),
+        ("sift", "ilbp-128", "aerial", 8, False),
+        ("sift", "ilbp-128", "none", 2, False),
+        ("harris", "sift", "aerial", 2, False),
+        ("harris", "window-10", "aerial", 27, False),
+        ("harris", "klt", "aerial", 2, False),
+        ("fast", "thesis-ilbp-4", "ilbp", 4, True),
+    ],
+)
+def test_matches_are_explained_by_the_rules_of_their_method(
+    detector: str, descriptor: str, rule_base: RuleBase, rules: int, on_accelerator: bool
+) -> None:
+    own = preset_config("thesis" if rule_base == "ilbp" else "aerial")
+    given = dataclasses.replace(own, matcher=dataclasses.replace(own.matcher, rule_base=rule_base))
+    method, config = choose_method(given, detector, descriptor)
+    assert (len(method.rule_names(config)), method.on_accelerator) == (rules, on_accelerator)
+    # A threshold is one of its detector.
+    assert config.front_end.threshold == {"fast": 10}.get(detector, own.front_end.threshold)
+    config = dataclasses.replace(config, matcher=dataclasses.replace(config.matcher, rule_base="none"))
+    _, changed = choose_method(config, "harris", "ilbp-256-upright")
+    assert changed.front_end.threshold == own.front_end.threshold
+    assert changed.front_end.border_px == max(config.front_end.border_px, changed.front_end.min_border_px)
 
 
 @pytest.mark.parametrize(("options", "words"), [
