@@ -58,16 +58,20 @@ def square(side_px: int, corner: tuple[float, float] = (330.0, 10.0)) -> NDArray
     return np.array([[0.0, 0], [side_px, 0], [side_px, side_px], [0, side_px]]) + corner
 
 
-@pytest.mark.parametrize(("side_px", "enough"), [(115, False), (130, True)])
-def test_inliers_must_cover_a_tenth_of_the_overlap(side_px: int, enough: bool) -> None:
-    left = square(side_px)
+@pytest.mark.parametrize(("height_px", "enough"), [(119, False), (120, True)])
+def test_inliers_must_cover_a_tenth_of_the_overlap(height_px: int, enough: bool) -> None:
+    left = square(128) * (1, height_px / 128)
     assert acceptance.spread_enough(SHIFT, left, left - [320, 0], SIZE, SIZE) is enough
+    assert acceptance.hull_area(left[:3]) == 128 * height_px / 2
+    assert acceptance.hull_share(SHIFT, 9 * left, SIZE, SIZE) == 1
 
 
 def test_eight_percent_of_the_smaller_image_also_suffice() -> None:
     """A small photograph inside a large one: its own pixels count."""
     small, enlarge = (100, 100), np.diag([4.0, 4.0, 1.0])
-    left, right = square(29, (10.0, 10.0)), 4 * square(29, (10.0, 10.0))
+    left = square(20, (0.0, 0.0)) * (2, 1)
+    right = 4 * left
     assert acceptance.hull_share(enlarge, left, small, SIZE) < acceptance.MIN_SHARE_OF_OVERLAP
     assert acceptance.spread_enough(enlarge, left, right, small, SIZE)
-    assert not acceptance.spread_enough(enlarge, left / 4, right / 4, small, SIZE)
+    assert not acceptance.spread_enough(enlarge, left * (0.99, 1), right * (0.99, 1), small, SIZE)
+    assert acceptance.spread_enough(np.linalg.inv(enlarge), right, left, SIZE, small)

@@ -28,6 +28,12 @@ def test_scaled_refuses_an_origin_at_infinity() -> None:
     np.testing.assert_allclose(rescale(-3 * PROJECTIVE), PROJECTIVE)
     with pytest.raises(DegenerateError, match="infinity"):
         rescale(np.fliplr(np.eye(3)))
+    for element, bad in (((0, 1), np.nan), ((1, 0), np.inf), ((2, 2), 1e-15)):
+        changed = np.eye(3)
+        changed[element] = bad
+        with pytest.raises(DegenerateError, match="infinity"):
+            rescale(changed)
+    assert rescale(np.diag([1, 1, 1e-13]))[0, 0] == pytest.approx(1e13)
 
 
 @pytest.mark.parametrize("count", [4, 5, 60])
@@ -131,9 +137,12 @@ def test_degenerate_points_are_refused(model: str, points: NDArray[np.float64]) 
 @pytest.mark.parametrize(
     ("left", "right", "message"),
     [
-        (np.zeros((5, 3)), np.zeros((5, 3)), "shapes"),
-        (np.zeros((5, 2)), np.zeros((4, 2)), "shapes"),
-        (np.full((5, 2), np.nan), np.zeros((5, 2)), "finite"),
+        (np.zeros((5, 3)), np.zeros((5, 3)), "point pairs have shapes"),
+        (np.zeros((5, 2)), np.zeros((4, 2)), "point pairs have shapes"),
+        (np.zeros(2), np.zeros(2), "point pairs have shapes"),
+        (np.zeros((5, 2, 2)), np.zeros((5, 2, 2)), "point pairs have shapes"),
+        (np.full((5, 2), np.nan), np.zeros((5, 2)), "point pairs must be finite"),
+        (np.zeros((5, 2)), np.full((5, 2), np.inf), "point pairs must be finite"),
     ],
 )
 def test_malformed_pairs_are_refused(left: NDArray[np.float64], right: NDArray[np.float64], message: str) -> None:

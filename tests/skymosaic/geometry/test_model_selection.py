@@ -55,6 +55,14 @@ def test_as_many_inliers_are_needed_for_either_model() -> None:
     assert (enough.model, enough.inliers) == ("projective", 30)
 
 
+@pytest.mark.parametrize(("apart_px", "fewest", "found"), [(11, 2, True), (10, 2, False), (11, 3, False)])
+def test_two_matches_that_are_far_enough_apart_determine_a_similarity(apart_px: int, fewest: int, found: bool) -> None:
+    left = np.array([[5.0, 7], [5, 7 + apart_px]])
+    result = fit_similarity(left, apply(SIMILAR, left), np.ones(2), fewest=fewest)
+    assert (result is not None) == found
+    assert result is None or (result.matrix == pytest.approx(SIMILAR) and result[1:] == ("similarity", 2))
+
+
 @pytest.mark.parametrize("count", [0, 1])
 def test_too_few_matches_are_refused(count: int) -> None:
     assert fit_similarity(*matches(SIMILAR, count, 0), fewest=1) is None

@@ -1,6 +1,8 @@
+import dataclasses
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from skymosaic.geometry.homography import apply
@@ -33,11 +35,22 @@ def test_flat_ground_is_told_from_relief_and_from_a_corner() -> None:
     assert corner.instability_px > 3 * flat.instability_px
 
 
-def test_few_matches_give_the_worst_values_and_no_error() -> None:
-    left, right = points(4, np.random.default_rng(3))
-    quality = assess_fit(TRUTH, left, right, SIZE, SIZE)
-    assert quality.held_out_share == 0
-    assert quality.instability_px == 12
+@pytest.mark.parametrize(
+    ("count", "homography", "expected"),
+    [
+        (7, TRUTH, (12, 0, 12, 0.26095, 7)),
+        (8, TRUTH, (0.95410, 1 / 3, 2.07568, 0.37123, 8)),
+        (40, TRUTH, (0.20871, 1, 1.27130, 0.75254, 39)),
+        (60, TRUTH @ np.diag([1, 1, 1000]), (12, 0, 12, 0, 0)),
+    ],
+    ids=["few", "enough", "many", "no overlap"],
+)
+def test_a_fit_is_measured(count: int, homography: NDArray[np.float64], expected: tuple[float, ...]) -> None:
+    """Few matches, and an overlap that is none, give the worst values and no error."""
+    rng = np.random.default_rng(3)
+    left, right = points(count, rng)
+    quality = assess_fit(homography, left, right + rng.normal(0, 0.5, left.shape), SIZE, SIZE)
+    assert dataclasses.astuple(quality) == pytest.approx(expected, rel=1e-3)
 
 
 def test_beyond_a_horizon_in_the_image_nothing_is_measured() -> None:
