@@ -15,8 +15,11 @@ SIZE = (321, 241)
 @pytest.mark.parametrize("tilt", [(0, 0), (2e-3, -1e-3)])
 @pytest.mark.parametrize(
     ("zoom", "reduction"),
-    [(0.9, None), (1.1, None), (2.1, None), (1.2, 2), (math.sqrt(2), 2), (3, 2), (4, math.sqrt(8))],
-)
+    [
+        (0.9, None), (2**0.18, None), (2**0.2, math.sqrt(8)), (2**1.18, None), (2**1.2, math.sqrt(8)),
+        (1.1, None), (2.1, None), (1.2, 2), (math.sqrt(2), 2), (3, 2), (4, math.sqrt(8)),
+    ],
+)  # fmt: skip
 def test_what_is_reduced_follows_the_zoom_in_the_middle(
     zoom: float, reduction: float | None, tilt: tuple[float, float]
 ) -> None:
@@ -33,6 +36,10 @@ def test_what_is_reduced_follows_the_zoom_in_the_middle(
             (other,) = run.others
             assert (run.reference.scale, 1 / other.scale) == pytest.approx((math.sqrt(2), reduction))
             assert run.swapped == (scale < 1)
+
+
+def test_ground_that_becomes_a_line_has_no_zoom() -> None:
+    assert choose_run_between_octaves(np.diag([0.0, 1, 1]), SIZE) is None
 
 
 def test_a_tilt_of_65_degrees_is_found_from_either_side(monkeypatch: pytest.MonkeyPatch) -> None:
