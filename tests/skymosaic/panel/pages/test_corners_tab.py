@@ -1,6 +1,7 @@
 """The corners that follow the slider equal those of a run."""
 
 import asyncio
+import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,6 +14,7 @@ from sim.backends.interface import load_backend
 from sim.scene import make_pair
 from skymosaic.panel.options import Options
 from skymosaic.panel.pages.corners_tab import CornersTab, detect
+from skymosaic.panel.pages.drawings import draw_corners
 
 
 @pytest.fixture(scope="module")
@@ -47,3 +49,23 @@ def test_a_session_that_is_closed_ends_the_detection_of_its_corners(tmp_path: Pa
     asyncio.run(tab._detect_and_draw())
     assert not tab._detecting
     assert not tab._drawn
+
+
+@pytest.mark.parametrize(("descriptor", "drawn"), [("ilbp-128", 1), ("akaze", 0)])
+def test_corners_are_drawn_until_they_fit_the_options(picture: Path, descriptor: str, drawn: int) -> None:
+    """Options that cannot be combined change nothing."""
+    said: list[str] = []
+    tab: Any = CornersTab.__new__(CornersTab)
+    tab._session = SimpleNamespace(options=Options.of_preset("aerial").changed("descriptor", descriptor))
+    photograph: Any = SimpleNamespace(working=picture, working_size=(400, 300))
+    tab._photographs, tab._drawn = (photograph, photograph), ()
+    tab._viewer = SimpleNamespace(draw=said.append)
+    tab._counts = SimpleNamespace(set_text=said.append)
+    asyncio.run(tab._detect_and_draw())
+    assert not tab._detecting
+    assert len(said) == 2 * drawn
+    if drawn:
+        corners = detect([picture, picture], tab._session.options)
+        assert said[0] == "".join(draw_corners(found, x) for found, x in zip(corners, (0, 412), strict=True))
+        assert re.fullmatch(rf"{len(corners[0])} and {len(corners[0])} corners, detected in [1-9]\d* ms", said[1])
+        assert tab._drawn == tab._inputs()

@@ -1,16 +1,98 @@
-"""Matches and rules of a finished run as a user sees them, in headless Chromium."""
+"""Matches and rules of a finished run as a user sees them: most in headless Chromium."""
 
 import re
 import statistics
 import zipfile
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from nicegui import Client
+from nicegui.page import page as nicegui_page
 from playwright.sync_api import Locator, Page, expect
 
+from skymosaic.panel.options import Options
+from skymosaic.panel.pages.matches_tab import MatchesTab
+from skymosaic.panel.results import Picture
+from skymosaic.panel.widgets.viewer import Pointer
+from tests.skymosaic.panel import made_up
+from tests.skymosaic.panel.visitor import Scenario
 from tools.panel.visit import choose, middle_of, open_advanced, open_tab
 
 RECOLOUR_LIMIT_MS = 1000
+
+
+# These come first: after the first test with a browser, no other event loop can run here.
+@pytest.fixture
+def tab(run_in_loop: Callable[[Scenario], None]) -> MatchesTab:
+    """Eight matches: one is rejected, one off the homography; the right picture begins at 332 px."""
+    made: list[MatchesTab] = []
+
+    async def build() -> None:
+        with Client(nicegui_page("/matches"), request=None):
+            pictures = Picture("/left", 320, 120), Picture("/right", 320, 120, 332)
+            made.append(MatchesTab(made_up.pair("a.png", "b.png", Options.of_preset("aerial")), pictures))
+
+    run_in_loop(build)
+    return made[0]
+
+
+def state(tab: MatchesTab) -> tuple[str, bool]:
+    """What is said of the match shown, and whether it is explained."""
+    return tab._number.text, "px from the homography" in tab._explanation.content
+
+
+def test_hovering_explains_a_match_and_a_click_keeps_it(tab: MatchesTab) -> None:
+    assert state(tab) == ("8 matches", False)
+    tab._hover(Pointer(40, 100.1, 1))
+    assert state(tab) == ("match 1 of 8", True)
+    # Nothing is within 10 px of the screen.
+    tab._hover(Pointer(40, 100.3, 1))
+    tab._hover(Pointer(70, 91, 2))
+    assert state(tab) == ("match 1 of 8", True)
+    tab._pick(Pointer(70, 85, 1))
+    tab._hover(Pointer(40, 90, 1))
+    assert state(tab) == ("match 2 of 8, pinned", True)
+    tab._pick(Pointer(5, 5, 1))
+    assert state(tab) == ("8 matches", False)
+
+
+def test_the_buttons_step_through_the_matches_that_are_drawn(tab: MatchesTab) -> None:
+    shown = []
+    for by in (1, 1, -1, -1, 1):
+        tab._step(by)
+        shown.append(tab._number.text)
+    # The sixth is off the homography, the seventh rejected; only inliers are drawn.
+    assert shown == [f"match {number} of 8, pinned" for number in (1, 2, 1, 8, 1)]
+    tab._pick(Pointer(5, 5, 1))
+    tab._step(-1)
+    assert tab._number.text == "match 8 of 8, pinned"
+    pair = replace(tab._pair, matches=tab._pair.matches[:7])
+    tab.show(pair)
+    assert tab._number.text == "7 matches"
+    tab._step(1)
+    tab.show(pair)
+    assert tab._number.text == "match 1 of 7, pinned"
+    for checkbox in tab._filters.values():
+        checkbox.value = False
+    tab._step(1)
+    assert tab._number.text == "match 1 of 7, pinned"
+
+
+def test_lines_are_spread_over_all_matches(tab: MatchesTab) -> None:
+    tab._verdicts = ["rejected", *["inlier"] * 2000]
+    counts = []
+    for tab._density in range(8):
+        chosen = tab._candidates()
+        counts.append(len(chosen))
+        assert (chosen[0], len({*chosen})) == (1, len(chosen))
+        assert chosen[-1] > 2000 - 2000 / len(chosen)
+    assert counts == [25, 50, 100, 200, 400, 800, 1600, 2000]
+    tab._verdicts, tab._density = ["inlier"] * 26, 0
+    assert tab._candidates() == [*range(25)]
+    tab._verdicts = ["inlier"] * 25
+    assert tab._candidates() == [*range(25)]
 
 
 def test_a_rejected_match_is_explained(made: Page) -> None:
