@@ -48,7 +48,23 @@ def test_what_follows_from_a_build() -> None:
     assert BUILDS["pynq_z2"] == Build()
     assert Build().outputs == ("features", "matches")
     assert Build(config=WITH_ESTIMATOR).outputs == ("features", "matches", "homographies")
+    assert Build(config=WITH_ESTIMATOR).record_words == {"features": 4, "matches": 3, "homographies": 8}
     assert [Build(video_bits=bits).pixels_per_clock for bits in (32, 24, 8, 48, 16)] == [1, 1, 1, 2, 2]
+
+
+def test_the_named_builds_are_as_documented() -> None:
+    """Levels, features, lanes, size, width of the video and shell; none has an estimator or a painter."""
+    described = {}
+    for name, build in BUILDS.items():
+        front_end, size_px = build.config.front_end, (build.max_width_px, build.max_height_px)
+        described[name] = (
+            front_end.levels, front_end.max_features, build.lanes, *size_px, build.video_bits, build.shell
+        )  # fmt: skip
+        assert (build.painter, build.config.estimator) == (False, None)
+    assert described == {
+        "pynq_z2": (2, 2048, 16, 1920, 1080, 32, "streams"), "camera": (2, 2048, 16, 1920, 1080, 24, "camera"),
+        "ulx3s": (1, 1024, 4, 320, 240, 8, "serial"), "tiny": (1, 64, 2, 128, 128, 32, "streams"),
+    }  # fmt: skip
 
 
 def test_the_named_builds_are_of_boards_of_a_camera_and_for_tests() -> None:

@@ -1,19 +1,24 @@
 import dataclasses
+import re
 import subprocess
 import sys
 
 import pytest
 
-from golden_model.config import PRESETS, EstimatorConfig
+from golden_model.config import PRESETS, EstimatorConfig, FrontEndConfig
 from hdl.registers.register_map import REGISTERS, Access, fields
 from hdl.registers.shell_register_map import ALL_REGISTERS
 from hdl.settings import (
     ESTIMATOR,
     FRONT_END,
+    MIN_SLOTS,
+    PAGE_BYTES,
     REQUESTED,
+    RINGS,
     RUNNING,
     SETTINGS,
     SHELL,
+    TICK_CLOCKS,
     estimator_settings,
     frame_settings,
     matched_frame_settings,
@@ -40,6 +45,44 @@ def test_struct_and_ports_of_the_front_end_have_its_settings_in_order() -> None:
     assert list(front_end_top.SETTINGS.items()) == expected
 
 
+LARGEST = {
+    "cell_log2": 8, "per_cell": 8, "threshold_code": 32767, "target_features": 8191, "keep_above": 255, "passes": 255,
+    "min_inliers": 4095, "min_cells": 64, "painter_max_links": 255, "coalesce_count": 255, "canvas_columns": 128,
+    "canvas_rows": 128, "frames_buffer_pages": 1048575, "pose_frame": 65535, "camera_timeout": 65535,
+    "coalesce_timeout": 65535, "width_px": 4096, "height_px": 4096,
+    **{f"{ring}_slots": 256 for ring in RINGS}, **{f"{ring}_slot_pages": 4096 for ring in RINGS},
+}  # fmt: skip
+SMALLEST = {"width_px": 64, "height_px": 64, "cell_log2": 5, "per_cell": 1}
+WORDS = r"seed|\w+_base_(low|high)|\w+_read|pose_h[0-2]{2}"
+
+
+def test_settings_take_the_values_that_drivers_check() -> None:
+    """The rest are flags. Registers may be wider than the largest value."""
+    for name, setting in (SETTINGS | ESTIMATOR | SHELL).items():
+        largest = LARGEST.get(name, 2**32 - 1 if re.fullmatch(WORDS, name) else 1)
+        assert (name, setting.values) == (name, range(SMALLEST.get(name, 0), largest + 1))
+    assert (PAGE_BYTES, MIN_SLOTS, TICK_CLOCKS, SHELL["camera_timeout"].reset) == (4096, 2, 1024, 15_000)
+
+
+@pytest.mark.parametrize(
+    ("preset", "size_px", "others"),
+    [
+        ("aerial", (640, 480), {"cell_log2": 5, "per_cell": 5, "threshold_code": 2, "keep_above": 64}),
+        ("aerial", (1920, 1080), {"cell_log2": 6, "per_cell": 3, "threshold_code": 2, "keep_above": 64}),
+        ("thesis", (64, 70), {"cell_log2": 5, "per_cell": 1, "threshold_code": 1000, "keep_above": 127}),
+    ],
+)
+def test_a_configuration_becomes_these_settings(preset: str, size_px: tuple[int, int], others: dict[str, int]) -> None:
+    for gray_input in (False, True):
+        assert matched_frame_settings(PRESETS[preset], *size_px, gray_input=gray_input) == {
+            "width_px": size_px[0], "height_px": size_px[1], "detector": 0, "memory_mode": 0, "gray_input": gray_input,
+            "adaptive": 0, "target_features": 2047, **others,
+        }  # fmt: skip
+    fast = FrontEndConfig(detector="fast", threshold=20)
+    assert frame_settings(fast, *size_px, gray_input=True)["detector"] == 1
+    assert estimator_settings(PRESETS[preset]) == {}
+
+
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("size_px", [(64, 64), (640, 480), (1920, 1080)])
 def test_settings_from_a_configuration_are_valid(preset: str, size_px: tuple[int, int]) -> None:
@@ -49,6 +92,8 @@ def test_settings_from_a_configuration_are_valid(preset: str, size_px: tuple[int
     assert set(REQUESTED) <= set(values)
     assert set(RUNNING) <= set(SETTINGS)
     config = dataclasses.replace(config, estimator=EstimatorConfig())
-    assert all(value in ESTIMATOR[name].values for name, value in estimator_settings(config).items())
+    estimating = estimator_settings(config)
+    assert all(value in ESTIMATOR[name].values for name, value in estimating.items())
+    assert estimating == {"homographies_enable": 1, **vars(EstimatorConfig())}
     assert ESTIMATOR["min_cells"].values[-1] == 8 * 8
     assert set(frame_settings(config.front_end, *size_px, gray_input=True)) == {setting.name for setting in FRONT_END}

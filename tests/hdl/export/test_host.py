@@ -35,6 +35,9 @@ def test_the_map_has_fields_and_records_of_the_build() -> None:
     # The smallest and largest value that each setting may have.
     assert all(low <= high for low, high in found.WRITABLE.values())
     assert found.WRITABLE["width_px"] == (64, 4096)
+    assert found.WRITABLE["clear"] == (0, 1)
+    # 64 features or matches, and the two records that end a packet that is broken off.
+    assert found.PACKET_BYTES == {"features": 66 * 32, "matches": 66 * 24}
 
 
 @pytest.mark.parametrize(
@@ -45,7 +48,11 @@ def test_the_map_names_what_the_build_has(build: Build, homographies: bool, ring
         found = load("skymosaic_map")
     assert hasattr(found, "HOMOGRAPHY") == hasattr(found, "HOMOGRAPHY_TAG") == homographies
     assert hasattr(found, "HEADER") == hasattr(found, "SCORE_TAG") == hasattr(found, "PAGE_BYTES") == rings
+    if rings:
+        assert (found.PAGE_BYTES, found.HEADER_BYTES, found.HEADER.itemsize) == (4096, 128, 40)
+        assert (found.UNIT_PX, found.MAX_ELEMENT) == (4096, 2**24 - 1)
     if homographies:
+        assert found.PACKET_BYTES["homographies"] == 64
         assert HOMOGRAPHY.dtype == found.HOMOGRAPHY
         assert np.zeros(2, found.HOMOGRAPHY).nbytes == 2 * HOMOGRAPHY.record_bytes
 
