@@ -5,6 +5,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from amaranth import Module, signed
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
 
 from hdl.lib.line_memory import LineMemory
 from hdl.netlist import MAX_LOOP_WORDS, to_verilog
@@ -30,6 +33,36 @@ def test_a_home_where_nobody_can_write_needs_no_other_one(tmp_path: Path, monkey
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "unwritable"))
     monkeypatch.setattr(sys, "executable", str(python))
     assert "endmodule" in to_verilog(LineMemory(shape=8, depth=64), name="line")
+
+
+class _Sums(wiring.Component):
+    """Operands that are narrower than the result, or than the other one."""
+
+    a: In(3)
+    b: In(6)
+    c: In(signed(4))
+    d: In(signed(6))
+    total: Out(9)
+    difference: Out(signed(9))
+    less: Out(1)
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        m.d.comb += [self.total.eq(self.a + self.b), self.difference.eq(self.c - self.d), self.less.eq(self.a < self.b)]
+        return m
+
+
+@pytest.mark.parametrize(("aliases", "platform"), [(False, None), (True, None), (False, "ecp5")])
+def test_operands_are_widened_where_linters_read(aliases: bool, platform: object) -> None:
+    """What the tools of a known family read, and what has second names for waves, stays as it is."""
+    verilog = re.sub(r"\(\*.*?\*\) ", "", to_verilog(_Sums(), aliases=aliases, platform=platform))
+    found = re.findall(r" = (.* [-+<] .*);", verilog)
+    if aliases or platform:
+        assert found == ["a + b", "$signed(c) - $signed(d)", "a < b"]
+    else:
+        assert found == [
+            "{ 4'h0, a } + { 1'h0, b }", "$signed({ c[3], c[3], c[3], c }) - $signed({ d[5], d })", "{ 3'h0, a } < b"
+        ]  # fmt: skip
 
 
 def test_the_stages_of_synchronisers_are_marked_and_nothing_else() -> None:
