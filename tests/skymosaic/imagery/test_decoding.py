@@ -90,6 +90,54 @@ def test_the_decoded_size_has_a_limit_in_bytes(tmp_path: Path) -> None:
         images.load(tmp_path / "t.tif")
 
 
+def test_the_limits_of_size_themselves_are_valid(tmp_path: Path) -> None:
+    decoding.check_size("a.png", 64, 64)
+    decoding.check_size("a.png", 89_000_000, 1, min_side_px=1)
+    for width, height, fault in (
+        (64, 63, "64x63 pixels is too small; at least 64x64 needed"),
+        (63, 64, "63x64 pixels is too small; at least 64x64 needed"),
+        (89_000_064, 64, "89000064x64 is larger than 89 megapixels; reduce it first"),
+    ):
+        with pytest.raises(InputError, match=f"^a.png: {fault}$"):
+            decoding.check_size("a.png", width, height)
+    with pytest.raises(InputError, match="larger than 89 megapixels"):
+        decoding.check_size("a.png", 89_000_001, 1, min_side_px=1)
+    with (tmp_path / "large").open("wb") as file:
+        file.truncate(600_000_000)
+        decoding.check_file(tmp_path / "large", "an image")
+        file.truncate(600_000_001)
+    decoding.check_file(tmp_path / "large", "a video")
+    with pytest.raises(InputError, match="large: larger than 600 MB; reduce it first"):
+        decoding.check_file(tmp_path / "large", "an image")
+
+
+@pytest.mark.parametrize(
+    ("name", "dtype", "channels", "sample_bytes"),
+    [
+        ("a.png", np.uint8, 3, 1), ("a.png", np.uint16, 3, 2), ("a.png", np.uint16, 1, 2), ("a.tif", np.uint8, 3, 1),
+        ("a.tif", np.uint16, 3, 2), ("a.tif", np.float32, 1, 4), ("a.jpg", np.uint8, 1, 1), ("a.pgm", np.uint16, 1, 4),
+    ],
+)  # fmt: skip
+def test_the_size_of_decoded_pixels_is_known_beforehand(
+    tmp_path: Path, name: str, dtype: type, channels: int, sample_bytes: int
+) -> None:
+    cv2.imwrite(str(tmp_path / name), np.zeros((70, 90, channels), dtype))
+    header = decoding.read_header(tmp_path / name)
+    assert (header.size, header.sample_bytes) == ((90, 70), sample_bytes)
+    assert header.decoded_bytes == 90 * 70 * channels * sample_bytes
+
+
+def test_of_a_file_without_any_pixels_nothing_is_kept(tmp_path: Path) -> None:
+    data = cv2.imencode(".jpg", photograph())[1].tobytes()
+    (tmp_path / "a.jpg").write_bytes(data[: data.index(b"\xff\xdb")] + data[data.index(b"\xff\xc0") :][:19])
+    with pytest.raises(InputError, match=r"a\.jpg: the file is truncated; .*; nothing of it can be decoded$"):
+        images.load(tmp_path / "a.jpg", keep_damaged=True)
+    data = cv2.imencode(".png", photograph())[1].tobytes()
+    (tmp_path / "a.png").write_bytes(data[:60] + data[-12:])
+    with pytest.raises(InputError, match=r"a\.png: damaged or of an unsupported kind; convert it to PNG"):
+        images.load(tmp_path / "a.png")
+
+
 @pytest.mark.parametrize("value", ["text", (0, 0), float("nan"), 99])
 def test_an_invalid_orientation_counts_as_upright(
     tmp_path: Path, value: object, monkeypatch: pytest.MonkeyPatch

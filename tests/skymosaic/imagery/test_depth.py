@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from skymosaic.imagery.depth import ValueRange, measure_common_range, measure_range, sample_values
+from skymosaic.imagery.depth import ValueRange, measure_common_range, measure_range, sample_values, show_in_8_bit
 from skymosaic.imagery.images import load, load_intensities
 
 
@@ -26,6 +26,21 @@ def test_a_flight_has_one_range_and_keeps_16_bits() -> None:
     assert measure_common_range([dark[:0]]) is None
     coloured = sample_values(np.full((300, 400, 3), (100, 9000, 9000), np.uint16))
     assert measure_common_range([coloured, bright]) == ValueRange(100, 50_000, deep=True)
+
+
+def test_a_sample_is_spread_evenly_over_the_photograph() -> None:
+    pixels = np.arange(512 * 255, dtype=np.float32).reshape(512, 255)
+    pixels[2, 7] = np.nan
+    expected = pixels[2::4].ravel()
+    np.testing.assert_array_equal(sample_values(pixels), expected[np.isfinite(expected)])
+    np.testing.assert_array_equal(sample_values(pixels[:, :256].T), pixels.T[:, 2::4][np.isfinite(pixels.T[:, 2::4])])
+
+
+def test_a_picture_of_8_bits_is_shown_as_it_is() -> None:
+    values, shown = ValueRange(0, 510), np.array([[0, 20, 255]], np.uint8)
+    np.testing.assert_array_equal(show_in_8_bit(shown, values), shown)
+    np.testing.assert_array_equal(show_in_8_bit(shown, None), shown)
+    np.testing.assert_array_equal(show_in_8_bit(shown.astype(np.uint16) * 2, values), shown)
 
 
 def test_a_thumbnail_is_shown_in_another_range() -> None:
@@ -51,6 +66,8 @@ def test_the_same_number_is_shown_alike_in_all_photographs(tmp_path: Path, value
     assert own[0] != own[1]
     pixels = np.full((64, 80), 7, np.uint8)
     np.testing.assert_array_equal(load_intensities(pixels, "image 3", values)[0], pixels)
+    cv2.imwrite(str(tmp_path / "plain.tif"), pixels)
+    np.testing.assert_array_equal(load_intensities(tmp_path / "plain.tif", "plain", values)[0], pixels)
 
 
 def test_libtiff_is_silent_about_tags_it_does_not_know(tmp_path: Path) -> None:

@@ -55,6 +55,17 @@ def test_the_hemisphere_is_read_in_any_case_and_not_guessed(
     assert explain_missing_gps([Metadata()]) == "0 of 1 photographs have GPS"
 
 
+@pytest.mark.parametrize("missing", [2, 4])
+def test_half_a_position_is_none(tmp_path: Path, missing: int) -> None:
+    exif = Image.Exif()
+    exif.get_ifd(IFD.GPSInfo).update({1: "S", 2: (33.0, 30.0, 0.0), 3: "W", 4: (70.0, 15.0, 0.0)})
+    exif.get_ifd(IFD.GPSInfo).pop(missing)
+    half = f'drone-dji:Gps{"Latitude" if missing == 4 else "Longitude"}="+7.5"'
+    xmp = f"<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:Description {half}/></x:xmpmeta>"
+    Image.new("RGB", (64, 64)).save(tmp_path / "half.jpg", xmp=xmp.encode(), exif=exif)
+    assert read_metadata(tmp_path / "half.jpg") == Metadata()
+
+
 @pytest.mark.parametrize(
     "properties",
     [
@@ -87,7 +98,7 @@ def test_the_accuracy_of_rtk_is_the_worse_of_its_axes(tmp_path: Path) -> None:
 
 
 def test_the_black_level_of_a_sensor_is_read(tmp_path: Path) -> None:
-    for name, levels in (("black.tif", (5132, 5132, 5141, 5151)), ("none.tif", (0, 0, 0, 0))):
+    for name, levels in (("black.tif", (5132, 5132, 5141, 5151)), ("none.tif", (0, 5132, 5141, 5151))):
         tags = TiffImagePlugin.ImageFileDirectory_v2()
         tags[0xC61A] = levels
         tags.tagtype[0xC61A] = 3
@@ -100,6 +111,8 @@ def test_metres_between_positions() -> None:
     east, north = Position(46.0, -91.99).metres_from(Position(45.99, -92.0))
     assert north == pytest.approx(1112, rel=0.005)
     assert east == pytest.approx(1112 * np.cos(np.radians(46)), rel=0.005)
+    # The shorter way, across the date line.
+    assert Position(0, -179.99).metres_from(Position(0, 179.99)) == pytest.approx((2224, 0), rel=0.001)
 
 
 @pytest.mark.parametrize(
@@ -108,6 +121,7 @@ def test_metres_between_positions() -> None:
         (("DJI\0\0\0", "FC300S\0", "2016:06:23 16:31:59"), ("DJI FC300S", "2016-06-23 16:31:59")),
         (("SONY", "SONY ILCE-6000 ", "0000:00:00 00:00:00"), ("SONY ILCE-6000", "")),
         (("", "FC300S", "2026:02:30 10:20:30"), ("FC300S", "")),
+        (("", "", "2026:05:01 10:20:30+02:00"), ("", "2026-05-01 10:20:30")),
         (("", "", "yesterday"), ("", "")),
     ],
 )
@@ -128,6 +142,7 @@ FILM = np.hypot(36, 24) / 2
         # 8.8 mm over 4000 x 3000 pixels of 2.4 µm, in each unit.
         ({}, 8.8 / 0.0024 / 2500),
         ({Base.FocalPlaneXResolution: 25.4 / 0.0024, Base.FocalPlaneResolutionUnit: 2}, 8.8 / 0.0024 / 2500),
+        ({Base.FocalPlaneXResolution: 25.4 / 0.0024, Base.FocalPlaneResolutionUnit: None}, 8.8 / 0.0024 / 2500),
         ({Base.FocalPlaneXResolution: 1 / 0.0024, Base.FocalPlaneResolutionUnit: 4}, 8.8 / 0.0024 / 2500),
         # Within a tenth, the length on film is rounded; farther off, the photograph was reduced.
         ({Base.FocalLengthIn35mmFilm: 30}, 8.8 / 0.0024 / 2500),
@@ -142,12 +157,13 @@ FILM = np.hypot(36, 24) / 2
     ],
 )
 def test_focal_lengths_come_from_pixels_or_from_film(
-    tmp_path: Path, changes: dict[Base, float], focal_half_diagonals: float | None
+    tmp_path: Path, changes: dict[Base, float | None], focal_half_diagonals: float | None
 ) -> None:
     exif = Image.Exif()
     usual = {Base.FocalPlaneXResolution: 10 / 0.0024, Base.FocalPlaneResolutionUnit: 3, Base.FocalLength: 8.8}
     for tag, value in (usual | {Base.ExifImageWidth: 4000, Base.ExifImageHeight: 3000} | changes).items():
-        exif.get_ifd(IFD.Exif)[tag] = value
+        if value is not None:
+            exif.get_ifd(IFD.Exif)[tag] = value
     Image.new("RGB", (64, 64)).save(tmp_path / "a.jpg", exif=exif)
     found = read_metadata(tmp_path / "a.jpg").focal_half_diagonals
     assert found == (None if focal_half_diagonals is None else pytest.approx(focal_half_diagonals, rel=1e-5))

@@ -1,3 +1,5 @@
+import contextlib
+import os
 from pathlib import Path
 from typing import Any
 
@@ -82,10 +84,44 @@ def test_nothing_half_written_is_left_where_writing_fails(tmp_path: Path) -> Non
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["m.xyz", "missing/m.png"])
-def test_an_unwritable_output_is_refused_before_the_work(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InputError):
+@pytest.mark.parametrize(
+    ("name", "writable", "fault"),
+    [
+        ("m.xyz", True, "m.xyz: unknown kind of file; end the name in one of .png, .jpg, .jpeg, .tif, "),
+        ("missing/m.png", True, "missing/m.png: its folder does not exist; create it first"),
+        ("folder.png", True, "folder.png: cannot be written; choose another folder"),
+        ("m.png", False, "m.png: cannot be written; choose another folder"),
+        ("m.PNG", True, ""),
+    ],
+)
+def test_an_unwritable_output_is_refused_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, *, writable: bool, fault: str
+) -> None:
+    (tmp_path / "folder.png").mkdir()
+    monkeypatch.setattr(os, "access", lambda *_: writable)
+    with pytest.raises(InputError, match=fault) if fault else contextlib.nullcontext():
         images.check_output(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("name", "writable", "fault"),
+    [
+        ("file", True, "file: is no folder; name another"),
+        ("file/a/b", True, "file/a/b: cannot be made in .*/file; choose another folder"),
+        ("a/b", False, "a/b: cannot be made in .*; choose another folder"),
+        ("there", False, "there: cannot be made in .*/there; choose another folder"),
+        ("there", True, ""),
+        ("a/b", True, ""),
+    ],
+)
+def test_an_unwritable_folder_is_refused_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, *, writable: bool, fault: str
+) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "there").mkdir()
+    monkeypatch.setattr(os, "access", lambda *_: writable)
+    with pytest.raises(InputError, match=fault) if fault else contextlib.nullcontext():
+        images.check_output_folder(tmp_path / name)
 
 
 def test_an_input_is_never_overwritten(tmp_path: Path) -> None:
@@ -108,6 +144,8 @@ def test_a_tall_image_is_reduced_by_its_height() -> None:
     small, to_original = images.reduce_to_width(np.zeros((4200, 500), np.uint8), 1280)
     assert small.shape == (2560, 305)
     assert np.allclose(to_original[1] @ [0, 2559.5, 1], 4199.5)
+    for shape, reduced in (((3, 20_000), (1, 1000)), ((20_000, 3), (2000, 1)), ((2000, 1000), (2000, 1000))):
+        assert images.reduce_to_width(np.zeros(shape, np.uint8), 1000)[0].shape == reduced
 
 
 def test_an_image_that_becomes_too_narrow_is_named() -> None:
