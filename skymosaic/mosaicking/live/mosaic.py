@@ -291,8 +291,9 @@ class LiveMosaic:
 
     def _place(self, frame: Frame) -> tuple[Submap, Placement | None]:
         """Add a frame to a submap that it overlaps, or to a new one."""
-        submap, placement = self._register(frame, self._submaps)
-        if submap is not None and placement is not None:
+        placement = None
+        if found := self._register(frame, self._submaps):
+            submap, placement = found
             placed = frame.moved(placement.transform)
             submap.add(placed)
             # Parts stay apart that would look behind the camera together.
@@ -307,23 +308,24 @@ class LiveMosaic:
             self._submaps.append(submap)
         return submap, placement
 
-    def _register(self, frame: Frame, submaps: list[Submap]) -> tuple[Submap, Placement] | tuple[None, None]:
+    def _register(self, frame: Frame, submaps: list[Submap]) -> tuple[Submap, Placement] | None:
         """Find a submap that the frame overlaps, and place the frame in it."""
         home = {number: submap for submap in submaps for number in submap.frames}
         placed = [other for submap in submaps for other in submap.frames.values()]
         for other in likely_neighbours(frame, placed):
             if (placement := home[other.number].register(frame, other)) is not None:
                 return home[other.number], placement
-        return None, None
+        return None
 
     def _join(self, submap: Submap, frame: Frame) -> Submap:
         """Merge a submap with another one that its newest frame also overlaps; raises CanvasError as `Submap.add`.
 
         The smaller submap is absorbed by the larger one, which is returned.
         """
-        other, placement = self._register(frame, [other for other in self._submaps if other is not submap])
-        if other is None or placement is None:
+        found = self._register(frame, [other for other in self._submaps if other is not submap])
+        if not found:
             return submap
+        other, placement = found
         corners = Canvas(0, 0, *frame.size).corners
         mapped = {submap: apply(frame.transform, corners), other: apply(placement.transform, corners)}
         # The frame lies in both submaps, so its corners relate them.
