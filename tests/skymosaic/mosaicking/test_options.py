@@ -21,6 +21,7 @@ from skymosaic.features import descriptors, detectors
 from skymosaic.features.descriptors import TRACKED, WINDOWS_PX
 from skymosaic.features.detectors import FRONT_END_DETECTORS
 from skymosaic.geometry.estimators import FABRIC, FUZZY_RANSAC, PROSAC
+from skymosaic.imagery.lens import Lens
 from skymosaic.maps.positions import Positions
 from skymosaic.mosaicking.api import mosaic_of_pair
 from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
@@ -124,12 +125,33 @@ def test_every_default_is_valid_and_every_sentence_ends() -> None:
         ),
         ({"detector": "sift", "backend": "rtl"}, "leave out `backend`"),
         ({"effort": "thorough", "estimator": "magsac"}, "oriented ILBP"),
+        ({"warp": "mesh", "lens": Lens(mask=np.ones((8, 8), np.uint8))}, "`warp`: a mask would not be bent"),
+        ({"scale": 1.0001}, "it must be more than 0 and at most 1"),
+        ({"canvas_limit_px": 0}, "it must be at least 1"),
+        ({"memory_bytes": (64 << 20) - 1}, "it must be at least"),
     ],
 )
 def test_what_is_not_valid_is_refused_with_what_is(changes: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError) as refused:
         dataclasses.replace(MosaicOptions(), **changes).check_for(2)
     assert says in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"gsd_m": 0.1},
+        {"scale": 0.5, "canvas_limit_px": 1, "memory_bytes": 64 << 20},
+        {"repeat": object()},
+        {"positions": Positions("geo.txt", ())},
+        {"warp": "mesh", "lens": Lens()},
+        {"warp": "homography", "lens": Lens(mask=np.ones((8, 8), np.uint8))},
+    ],
+)
+def test_what_alone_is_no_contradiction_is_taken(changes: dict[str, Any]) -> None:
+    options = dataclasses.replace(MosaicOptions(), **changes)
+    options.check_for(3)
+    assert options.flight_settings().lens == changes.get("lens", Lens())
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,9 @@
 """What is refused before the work begins."""
 
+import os
 import shutil
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,11 +12,14 @@ import cv2
 import numpy as np
 import pytest
 
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.flight.picture.composition import Room
 from skymosaic.flight.picture.output import PLAIN, OutputForm
+from skymosaic.imagery.exif import Metadata, Position
+from skymosaic.imagery.photographs import Source
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.mosaicking.outputs import check_outputs
+from skymosaic.mosaicking.outputs import check_outputs, check_room, room_of
 from skymosaic.mosaicking.plan import MosaicPlan
 
 
@@ -81,3 +87,45 @@ def test_tiles_of_several_groups_need_a_name(tmp_path: Path, folder: str) -> Non
     refused = pytest.raises(InputError, match="has no name that could be numbered")
     with open_plan([np.zeros((60, 80), np.uint8)] * 3, MosaicOptions(all_groups=True)) as plan, refused:
         check(plan, tmp_path / "m.tif", form, overwrite=True)
+
+
+@pytest.mark.parametrize(("area_px", "enough"), [(1_000_000, True), (999_999, False)])
+def test_a_mosaic_of_a_megapixel_has_room(tmp_path: Path, area_px: int, enough: bool) -> None:
+    with nullcontext() if enough else pytest.raises(InputError, match="full, too little for a mosaic"):
+        check_room(tmp_path / "m.tif", Room(area_px, reason="full"))
+
+
+@pytest.mark.parametrize(
+    ("photographs", "bands", "area_px"), [(3, 3, 1000), (3, 1, 1000), (3, 5, 4000 / 6), (2, 3, Room().area_px)]
+)
+def test_the_room_is_that_of_the_disk_for_each_band_and_alpha(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, photographs: int, bands: int, area_px: float
+) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda _path: SimpleNamespace(free=24_000))
+    sources: Any = [SimpleNamespace(bands=("band",) * bands)] * photographs
+    assert room_of(tmp_path / "m.tif", sources, MosaicOptions()).area_px == area_px
+    assert room_of(None, sources, MosaicOptions()).area_px == Room().area_px
+    for path in (None, tmp_path / "m.tif"):
+        limited = room_of(path, sources, MosaicOptions(canvas_limit_px=2_500_000))
+        assert (limited.area_px, limited.reason) == (2_500_000, "the limit is 2.5 megapixels")
+
+
+@pytest.mark.parametrize("given", ["nothing", "control_points", "positions", "repeat", "gps", "unreadable"])
+def test_a_map_needs_something_that_places_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: str) -> None:
+    """Each alone is enough; what cannot be read is judged when it is read."""
+    photographs: list[Any] = [np.zeros((80, 100), np.uint8), tmp_path / "1.png", np.zeros((80, 100), np.uint8)]
+    cv2.imwrite(str(photographs[1]), np.zeros((80, 100), np.uint8))
+    position = Position(46, 7) if given == "gps" else None
+    monkeypatch.setattr("skymosaic.mosaicking.outputs.read_metadata", lambda _path: Metadata(position=position))
+    access = os.access
+    monkeypatch.setattr(
+        os, "access", lambda path, mode: given != "unreadable" if path == photographs[1] else access(path, mode)
+    )
+    changes: dict[str, Any] = {given: object()} if given in vars(MosaicOptions()) else {}
+    options = replace(MosaicOptions(), **changes)
+    sources = [Source(number, str(number), each) for number, each in enumerate(photographs)]
+    refused = pytest.raises(
+        RegistrationError, match=r"m\.tif has no place on the map: 0 of 3 photographs have GPS; .*; nothing was written"
+    )
+    with refused if given == "nothing" else nullcontext():
+        check_outputs(tmp_path / "m.tif", OutputForm(require_map=True), sources, options)

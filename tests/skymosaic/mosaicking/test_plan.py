@@ -13,9 +13,13 @@ import pytest
 
 from sim.scene import Flight
 from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.flight.mapping.place import MapPlace
+from skymosaic.imagery.lens import Lens
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
+
+MASKED = Lens(mask=np.ones((4, 4), np.uint8))
 
 
 def swap(one: Path, other: Path) -> None:
@@ -116,3 +120,57 @@ def test_control_points_must_reach_the_largest_group_and_no_other(monkeypatch: p
     with pytest.raises(InputError, match="too few"):
         MosaicPlan._place(plan, first)  # type: ignore[arg-type]
     assert MosaicPlan._place(plan, second).note == "too few control points"  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("photographs", "changes", "made", "told"),
+    [
+        (2, {}, "two homography", 0),
+        (2, {"lens": MASKED}, "two homography masked", 0),
+        (2, {"repeat": SimpleNamespace(flight=None)}, "repeated", 0),
+        (3, {"repeat": SimpleNamespace(flight=None)}, "repeated", 0),
+        (3, {"lens": MASKED}, "laid out, homography", 0),
+        (3, {"warp": "mesh"}, "laid out, mesh", 0),
+        (3, {"warp": "mesh", "lens": MASKED}, "laid out, mesh", 1),
+        (4, {"warp": "mesh"}, "laid out, mesh", 1),
+        (4, {"warp": "auto", "lens": MASKED}, "laid out, auto", 0),
+    ],
+)
+def test_a_flight_is_registered_repeated_or_laid_out(
+    monkeypatch: pytest.MonkeyPatch, photographs: int, changes: dict[str, Any], made: str, told: int
+) -> None:
+    """Four have other bands."""
+
+    def register_two(_: Any, __: Any, lens: Lens, *, warp: str, **___: Any) -> str:
+        return f"two {warp}" + (" masked" if lens.mask is not None else "")
+
+    laid_out = SimpleNamespace(lens=changes.get("lens", Lens()))
+    module, notes = "skymosaic.mosaicking.plan", list[str]()
+    monkeypatch.setattr(f"{module}.register_two", register_two)
+    monkeypatch.setattr(f"{module}.repeat_flight", lambda *_: "repeated")
+    monkeypatch.setattr(f"{module}.lay_out", lambda *_: laid_out)
+    monkeypatch.setattr(f"{module}.follow_relief", lambda flight, warp: f"laid out, {warp}" * (flight is laid_out))
+    sources: Any = [SimpleNamespace(bands=("nir",) * (photographs == 4))] * photographs
+    workers: Any = SimpleNamespace(progress=None)
+    options = replace(MosaicOptions(), **changes)
+    flight: Any = MosaicPlan(sources, options, workers, notes.append).flight
+    assert flight == made
+    assert [note.startswith("note: `warp`: a mask or other bands would not be bent") for note in notes] == [True] * told
+
+
+@pytest.mark.parametrize(
+    ("number", "placed", "gsd_m"), [(0, True, 0.5), (0, False, 0.5), (1, True, 0.5), (1, False, None)]
+)
+def test_a_group_without_a_place_has_the_resolution_of_its_photographs(
+    monkeypatch: pytest.MonkeyPatch, number: int, placed: bool, gsd_m: float | None
+) -> None:
+    place = MapPlace(object() if placed else None)  # type: ignore[arg-type]
+    layouts: Any = [object(), object()]
+    flight = SimpleNamespace(treatment=SimpleNamespace(equalises=False), layouts=layouts, pair=None)
+    monkeypatch.setattr("skymosaic.mosaicking.plan.place_on_map", lambda *_: place)
+    monkeypatch.setattr("skymosaic.mosaicking.plan.compose", lambda *_, **given: given)
+    sources: Any = [SimpleNamespace(bands=())] * 3
+    plan: Any = MosaicPlan(sources, MosaicOptions(gsd_m=0.5), None, print)  # type: ignore[arg-type]
+    plan.flight = flight
+    composed: Any = plan.composition(layouts[number])
+    assert (composed["gsd_m"], composed["place"]) == (gsd_m, place)

@@ -51,3 +51,14 @@ def test_a_homography_on_the_chip_is_part_of_its_pace(estimator: str, least: int
 
 def test_no_frame_has_no_rate() -> None:
     assert str(Pace(preset_config("aerial"), "golden")) == "0 frames seen, 0 used, 0 dropped"
+
+
+@pytest.mark.parametrize(("backend", "described", "timed"), [("golden", 2, False), ("rtl", 2, True), ("rtl", 1, False)])
+def test_only_described_frames_of_a_simulation_have_clocks(backend: str, described: int, timed: bool) -> None:
+    config = preset_config("aerial")
+    pace, features = Pace(config, backend), np.zeros(8, config.front_end.pattern.record.dtype)
+    for number in range(3):
+        given = features if number < described else None
+        pace.add(LiveUpdate(number, "", 0.0, None, None, "" if number else "blurred", 1, (320, 240), given))
+    assert ("accelerator" in pace.numbers) == timed
+    assert (pace.numbers["used"], pace.numbers["dropped"]) == (2, 1)
