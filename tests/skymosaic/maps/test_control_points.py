@@ -91,6 +91,15 @@ def test_a_file_of_another_form_is_one_line(tmp_path: Path, header: str, lines: 
     assert "\n" not in str(refused.value)
 
 
+def test_a_file_that_cannot_be_read_is_named_with_the_reason(tmp_path: Path) -> None:
+    (tmp_path / "latin.txt").write_bytes("EPSG:32610\n1 2 3 1 1 Höhe.jpg".encode("latin-1"))
+    for name, reason in (("latin.txt", "'utf-8' codec can't decode"), ("none.txt", "No such file or directory")):
+        with pytest.raises(
+            InputError, match=rf"{name}: cannot be read \({reason}.*; give a text file of control points"
+        ):
+            load_control_points(tmp_path / name)
+
+
 @pytest.mark.parametrize("header", ["EPSG:2056", "EPSG:2154"], ids=["oblique Mercator", "Lambert"])
 def test_maps_in_metres_on_the_ground_stay(tmp_path: Path, header: str) -> None:
     assert loaded(tmp_path, header).crs == header

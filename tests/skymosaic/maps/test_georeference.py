@@ -36,6 +36,14 @@ def test_a_wrong_first_position_does_not_choose_the_zone() -> None:
     assert place.metres_per_pixel == pytest.approx(0.1, rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("latitude_deg", "longitude_deg", "zone"),
+    [(0, -180, 32601), (1, 180, 32601), (-0.1, 179.9, 32760), (45, 5.99, 32631), (45, 6, 32632), (-45, -0.1, 32730)],
+)
+def test_the_zone_of_a_place_is_known(latitude_deg: float, longitude_deg: float, zone: int) -> None:
+    assert project_to_utm([Position(latitude_deg, longitude_deg)])[0] == f"EPSG:{zone}"
+
+
 def scattered(count: int, noise_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Places on a mosaic of 5 cm per pixel, and the same on the map with noise."""
     rng = np.random.default_rng(5)
@@ -75,6 +83,26 @@ def test_of_few_positions_one_disagrees_only_farther_off(count: int, limit: floa
         metres = [430_000, 5_190_000] + 0.05 * places * [1, -1] + np.stack([np.cos(5 * angles), np.sin(5 * angles)], 1)
         metres[5] += (offset - 1) * np.array([np.cos(5 * angles[5]), np.sin(5 * angles[5])])
         assert fit_to_map(places, metres, "EPSG:32615")[0].disagreeing == disagreeing
+
+
+@pytest.mark.parametrize(("count", "quantile"), [(2, np.nan), (3, 4.302653), (5, 2.446912)])
+def test_the_scale_is_as_exact_as_the_positions_that_are_left(count: int, quantile: float) -> None:
+    """By Student's distribution, of which these are the quantiles of 2 and of 6 degrees of freedom."""
+    places, metres = scattered(count, 1.0)
+    place, _ = fit_to_map(places, metres, "EPSG:32615")
+    assert place is not None
+    assert not place.disagreeing
+    spread = np.sqrt(((metres - metres.mean(axis=0)) ** 2).sum(axis=1).mean())
+    expected = quantile * place.residual_m / spread / np.sqrt(2 * count - 4) if count > 2 else np.nan
+    assert place.scale_error == pytest.approx(expected, rel=1e-4, nan_ok=True)
+
+
+@pytest.mark.parametrize(("known", "count", "fewest"), [(0, 1, 2), (1, 2, 2), (2, 3, 3), (2, 9, 3)])
+def test_too_few_positions_are_counted(known: int, count: int, fewest: int) -> None:
+    places, metres = scattered(count, 0.1)
+    metres[known:] = np.nan
+    says = f"{known} of {count} photographs have GPS; {fewest} are needed"
+    assert fit_to_map(places, metres, "EPSG:32615") == (None, says)
 
 
 def test_noise_makes_no_outlier_of_one_of_three_positions() -> None:

@@ -70,10 +70,22 @@ def test_a_geotiff_is_valid_and_says_where_it_lies_and_what_it_shows(tmp_path: P
         np.testing.assert_allclose(file.xy(0, 0), (430_000, 5_190_000), atol=2e-3)
         assert file.nodata is None
         assert file.colorinterp[-1] == rasterio.enums.ColorInterp.alpha
+        usual = rasterio.enums.ColorInterp.red if image.ndim == 3 else rasterio.enums.ColorInterp.gray
+        assert file.colorinterp[0] == usual
         assert file.tags(ns="IMAGE_STRUCTURE")["PREDICTOR"] == "2"
         *planes, alpha = file.read()
         np.testing.assert_array_equal(np.stack(planes[::-1], axis=-1), np.atleast_3d(image))
         np.testing.assert_array_equal(alpha, shown * np.iinfo(image.dtype).max)
+
+
+def test_bands_keep_their_order_and_their_names(tmp_path: Path) -> None:
+    image, shown = picture(3, kind=np.uint16), np.ones((700, 600), np.bool_)
+    for _ in tee_to_raster(tmp_path / "raw.tif", (600, 700), [(image, shown)], PLACE, ("green", "red", "nir")):
+        pass
+    with rasterio.open(tmp_path / "raw.tif") as file:
+        assert file.descriptions == ("green", "red", "nir", None)
+        assert file.colorinterp[0] == rasterio.enums.ColorInterp.gray
+        np.testing.assert_array_equal(file.read([1, 2, 3]).transpose(1, 2, 0), image)
 
 
 def test_jpeg_is_smaller_and_keeps_the_mask(tmp_path: Path) -> None:

@@ -34,7 +34,10 @@ def test_names_may_have_spaces(tmp_path: Path) -> None:
     assert names == ["Flight South (1).JPG", "no suffix, 2", "DJI_3.tif.old"]
 
 
-@pytest.mark.parametrize(("written", "accuracy_m"), [("0", None), ("0.0", None), ("0.02", 0.02), ("1e-3", 0.001)])
+@pytest.mark.parametrize(
+    ("written", "accuracy_m"),
+    [("0", None), ("0.0", None), ("0.02", 0.02), ("1e-3", 0.001), ("", None), ("0.02 fixed", 0.02)],
+)
 def test_an_accuracy_of_zero_is_unknown(tmp_path: Path, written: str, accuracy_m: float | None) -> None:
     (fix,) = loaded(tmp_path, "EPSG:4326", f"\n1.jpg -92 46.8 0 0 0 0 {written}\n").fixes
     assert fix == Fix("1.jpg", Position(46.8, -92.0), accuracy_m)

@@ -11,11 +11,46 @@ from skymosaic.common.errors import InputError
 from skymosaic.imagery.exif import Position
 from skymosaic.maps.georeference import Georeference, map_to_globe, project_to_utm
 from skymosaic.maps.geotiff import tee_to_raster
-from skymosaic.maps.tiles import TILE_PX, write_tiles
+from skymosaic.maps.tiles import TILE_PX, Pyramid, write_tiles
 
 WIDTH, HEIGHT, METRES = 900, 700, 0.1
 PLACE = Georeference("EPSG:32615", np.array([[METRES, 0, 430_000], [0, -METRES, 5_190_000], [0, 0, 1]]), 0.5)
 SPOT = (640, 210)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "top"),
+    [((3, 4), (3, 4), 5), ((2, 4), (3, 4), 4), ((3, 4), (4, 4), 2), ((3, 4), (3, 5), 4), ((15, 0), (16, 0), 0)],
+)
+def test_one_tile_at_the_top_shows_everything(first: tuple[int, int], last: tuple[int, int], top: int) -> None:
+    assert Pyramid(True, 5, first, last).top == top
+
+
+@pytest.mark.parametrize(
+    ("size", "last", "tiles"),
+    [
+        ((256, 256), (0, 0), [1]),
+        ((257, 256), (1, 0), [1, 2]),
+        ((256, 257), (0, 1), [1, 2]),
+        ((512, 1025), (1, 4), [1, 2, 3, 10]),
+    ],
+)
+def test_a_mosaic_has_no_more_tiles_than_its_sides_need(
+    tmp_path: Path, size: tuple[int, int], last: tuple[int, int], tiles: list[int]
+) -> None:
+    gray, shown = np.full(size[::-1], 90, np.uint8), np.ones(size[::-1], np.bool_)
+    for _ in tee_to_raster(tmp_path / "m.tif", size, [(gray, shown)], None):
+        pass
+    pyramid = write_tiles(tmp_path / "tiles", tmp_path / "m.tif", "m", None)
+    assert (pyramid.zoom, pyramid.last) == (len(tiles) - 1, last)
+    written = [list((tmp_path / "tiles" / str(zoom)).rglob("*.webp")) for zoom in range(len(tiles))]
+    assert [len(each) for each in written] == tiles
+    np.testing.assert_allclose(np.asarray(cv2.imread(str(written[0][0])))[0, 0], 90, atol=2)
+
+
+def test_tiles_are_no_finer_than_nine_millimetres(tmp_path: Path) -> None:
+    fine = replace(PLACE, to_map=np.array([[1e-3, 0, 430_000], [0, -1e-3, 5_190_000], [0, 0, 1]]))
+    assert write_tiles(tmp_path / "tiles", raster(tmp_path / "m.tif", fine), "fine", None).zoom == 24
 
 
 def raster(path: Path, place: Georeference | None) -> Path:
