@@ -88,6 +88,26 @@ def test_a_flat_template_is_refused(film_frames: list[NDArray[np.uint8]]) -> Non
         list(map(Tracker(np.zeros((10, 10), np.uint16)).follow, film_frames[:1]))
 
 
+@pytest.mark.parametrize(
+    ("roi", "says"),
+    [
+        (Roi(0, 0, 16, 16), ""),
+        (Roi(0, 0, 15, 16), "roi 0,0,15,16: too small; give at least 16x16 pixels"),
+        (Roi(0, 0, 16, 15), "roi 0,0,16,15: too small"),
+        (Roi(64, 0, 16, 70), ""),
+        (Roi(0, 54, 80, 16), ""),
+        (Roi(65, 0, 16, 70), "roi 65,0,16,70: not inside the first frame, 80x70 pixels; give x,y,width,height"),
+        (Roi(0, 55, 80, 16), "not inside"),
+        (Roi(-1, 0, 16, 16), "not inside"),
+        (Roi(0, -1, 16, 16), "not inside"),
+    ],
+)
+def test_a_rectangle_lies_inside_the_first_frame(roi: Roi, says: str) -> None:
+    # Of a rectangle that can be followed, the flat picture is refused.
+    with pytest.raises((InputError, RegistrationError), match=says or "the template has 0 features, 12 needed"):
+        Tracker(roi).follow(np.full((70, 80, 3), 120, np.uint8))
+
+
 class Recorded:
     """A front end that keeps what it was asked and what it answered."""
 
