@@ -49,6 +49,8 @@ def test_a_photograph_that_differs_a_little_stays(other: Any) -> None:
 def test_of_few_photographs_or_of_several_kinds_all_are_taken(views: list[Any]) -> None:
     assert not find_strangers(views)
     assert list(find_strangers([*FLIGHT[:5], SHEET])) == [5]
+    # Two of ten: what eight have is usual, and two of one size are no other source.
+    assert list(find_strangers([*FLIGHT[:8], *[SHEET] * 2])) == [8, 9]
 
 
 def test_photographs_without_records_make_none_of_those_with_them_strange() -> None:

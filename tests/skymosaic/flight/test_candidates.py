@@ -114,6 +114,23 @@ def test_first_candidates_are_neighbours_in_order_by_gps_and_by_votes() -> None:
     assert (0, 7) in first_candidates(views, votes)
 
 
+def test_each_view_proposes_its_four_nearest_and_the_four_that_resemble_it_most() -> None:
+    votes = np.zeros((12, 12), dtype=np.int16)
+    votes[0, 5:11] = 9, 20, 19, 18, 17, 9
+    # On a line, whose steps grow, the nearest are those before; a view without GPS has none.
+    places = [1.0 * number**2 for number in range(11)]
+    views: list[Any] = [SimpleNamespace(gps=Position(45 + 1e-4 * place, 7.0)) for place in places]
+    views.append(SimpleNamespace(gps=None))
+    found = first_candidates(views, votes)
+    in_order = {(i, i + step) for step in (1, 2) for i in range(12 - step)}
+    by_votes = {(0, 6), (0, 7), (0, 8), (0, 9)}
+    by_gps = set()
+    for view, place in enumerate(places):
+        near = sorted((abs(other - place), each) for each, other in enumerate(places) if each != view)[:4]
+        by_gps |= {(min(view, each), max(view, each)) for _, each in near}
+    assert found == in_order | by_votes | by_gps
+
+
 @pytest.mark.parametrize(("share", "pairs"), [(0.08, set()), (0.12, {(0, 2)})])
 def test_pairs_of_little_overlap_are_not_proposed(share: float, pairs: set[Any]) -> None:
     views: list[Any] = [SimpleNamespace(working_size=SIZE_PX)] * 3

@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -14,9 +15,11 @@ from skymosaic.flight.check import (
     check_flight,
     describe_moving,
     doubts,
+    find_weak_links,
     layout_errors,
 )
 from skymosaic.flight.flight import BLURRED
+from skymosaic.flight.layout.accuracy import Errors
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import Settings
@@ -69,6 +72,16 @@ def test_what_many_photographs_lack_is_counted() -> None:
     assert gps == "2 of 5 photographs have no GPS"
     flight.layouts = flight.layouts[:1]
     assert not check_flight(flight).complete
+
+
+def test_photographs_far_off_are_named_and_more_than_three_are_counted() -> None:
+    flight: Any = SimpleNamespace(views=[SimpleNamespace(name=f"{view}.jpg") for view in range(6)])
+    for count, more in ((3, ""), (5, " and 2 more")):
+        errors = {view: Errors(20, 60.0 - 10 * view if view < count else 10.0, 99.0) for view in range(6)}
+        accuracy = SimpleNamespace(photographs=errors)
+        layout: Any = SimpleNamespace(links=[], contradicting=[], relief=0.0, accuracy=accuracy)
+        named = "0.jpg by 60 px, 1.jpg by 50 px, 2.jpg by 40 px"
+        assert list(doubts(flight, layout)) == [f"photographs are off: {named}{more}: look at the mosaic there"]
 
 
 def test_what_moves_with_the_camera_or_does_not_move_is_said() -> None:
@@ -136,12 +149,12 @@ def test_a_scene_that_is_no_plane_is_called_one_with_its_figures() -> None:
 
 
 def test_halves_that_only_weak_links_join_are_named_with_their_number() -> None:
-    def weak_line(across: tuple[tuple[int, int, int], ...], last: int = 80) -> str:
+    def weak_line(across: tuple[tuple[int, int, int], ...], last: int = 80, step_px: float = 40) -> str:
         ties = {(0, 1): 90, (0, 2): 90, (1, 2): 90, (3, 4): last} | {(left, right): few for left, right, few in across}
         links = tuple(Link(*pair, *(np.zeros((many, 2)),) * 2, many, many) for pair, many in ties.items())
         facts = {"working_size": (400, 300), "clipped": 0.0, "gps": None, "sharpness": 1.0}
         views = [SimpleNamespace(name=f"folder/{view}.jpg", **facts) for view in range(5)]
-        places = {view: np.array([[1.0, 0, 40 * view], [0, 1, 0], [0, 0, 1]]) for view in range(5)}
+        places = {view: np.array([[1.0, 0, step_px * view], [0, 1, 0], [0, 0, 1]]) for view in range(5)}
         flight: Any = SimpleNamespace(
             names=[view.name for view in views],
             views=views,
@@ -150,11 +163,20 @@ def test_halves_that_only_weak_links_join_are_named_with_their_number() -> None:
             relative_sharpness=np.ones(5),
             found_mask=None,
         )
-        (line,) = check_flight(flight).problems
-        return line
+        lines = check_flight(flight).problems
+        lefts = [link.left for link, _ in find_weak_links(flight, flight.layouts[0])]
+        assert lefts == [int(number) for line in lines for number in re.findall(r"(\d).jpg and", line)]
+        return "; ".join(lines)
 
     between = "2.jpg and 3.jpg with 30 matches and 90% overlap: fly again there"
     assert weak_line(((2, 3, 30),)) == f"2 photographs are joined only by {between}"
     several = ((2, 3, 30), (1, 3, 20), (0, 4, 15))
     assert weak_line(several) == f"2 photographs are joined only by 3 weak links, the best between {between}"
     assert weak_line(((2, 3, 90),), last=20).startswith("1 photograph is joined only by 3.jpg and 4.jpg with 20 ")
+    # Matches or overlap are enough to be weak, and the limits are.
+    assert weak_line(((2, 3, 40),)) == ""
+    assert "with 39 matches" in weak_line(((2, 3, 39),))
+    assert "90 matches and 19% overlap: fly" in weak_line(((2, 3, 90), (1, 3, 50)), step_px=322)
+    # Two photographs that hang on one link are named once.
+    assert weak_line(((2, 3, 30),), last=20).count("joined") == 2
+    assert weak_line(((2, 3, 20),), last=30).count("joined") == 1

@@ -98,6 +98,7 @@ def test_a_mask_keeps_photographs_in_shape(flight: Flight, folder: Path) -> None
     mask = np.full(SIZE_PX[::-1], 255, np.uint8)
     masked = dataclasses.replace(flight, settings=dataclasses.replace(flight.settings, lens=Lens(mask=mask)))
     assert follow_relief(masked, "mesh") is masked
+    assert follow_relief(flight, "homography") is flight
     with pytest.raises(InputError, match="a mask would not be bent"):
         mosaic([folder], warp="mesh", lens=Lens(mask=mask))
 

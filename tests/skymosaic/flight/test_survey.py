@@ -13,6 +13,7 @@ from skymosaic.flight.flight import Flight as LaidOut
 from skymosaic.flight.layout.layout import Layout, lay_out
 from skymosaic.flight.linking import surveyor
 from skymosaic.flight.linking.links import Link, link_views
+from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 
@@ -116,6 +117,41 @@ def test_what_no_plane_explains_is_left_out_with_the_reason_and_what_it_contradi
     links.pop((1, 2))
     apart = replace(flight, links=tuple(links.values())).absent_from(layouts[0])
     assert apart[3] == "3.jpg: in another group of 2 photographs, which nothing links to this one"
+
+
+def test_why_a_photograph_is_alone_is_said_with_its_best_match() -> None:
+    points = np.ones((20, 2))
+    views: list[Any] = [SimpleNamespace(name=f"{view}.jpg", strongest=range(50)) for view in range(4)]
+    views[3].strongest = range(MIN_INLIERS - 1)
+
+    def why(*links: Link, view: int = 0) -> str:
+        return survey._why_alone(view, views, links)
+
+    def tried(left: int, right: int, inliers: int, *, moves: bool = False, ties: int = 0) -> Link:
+        moving = points if moves else points[:0]
+        return Link(left, right, points[:ties], points[:ties], inliers, 0, left_moving=moving, right_moving=moving)
+
+    assert why(view=3) == f"too few features ({MIN_INLIERS - 1}; flat, blurred or masked image?)"
+    assert why() == why(tried(1, 2, 9)) == "no other photograph can be used"
+    some = [tried(0, 1, 3), tried(0, 2, 5), tried(1, 2, 9)]
+    best = f"nothing links it to the others (at best 5 matches agree, with 2.jpg; {MIN_INLIERS} are needed)"
+    assert why(*some) == best
+    assert why(*some, view=2).endswith(f"(at best 9 matches agree, with 1.jpg; {MIN_INLIERS} are needed)")
+    assert why(*some, tried(0, 3, 4, moves=True)) == best
+    for moving in ([*some, tried(0, 3, 6, moves=True)], [tried(0, 1, 0), tried(0, 3, 0, moves=True)]):
+        assert "water below a camera that hovers" in why(*moving)
+    assert why(*some, tried(0, 3, 20, ties=20)).startswith("1 links contradict each other")
+
+
+def test_what_a_layout_explains_does_not_move_with_the_camera() -> None:
+    points = np.random.default_rng(0).uniform(0, 300, (20, 2))
+    transforms = {view: np.array([[1.0, 0, 50 * view], [0, 1, 0], [0, 0, 1]]) for view in range(3)}
+    for off_px, right, explained in ((11, 2, True), (13, 2, False), (0, 3, False)):
+        moved = points - [100 + off_px, 0]
+        for ends in ((0, right), (right, 0)):
+            pair = (points, moved) if ends[0] == 0 else (moved, points)
+            link = Link(*ends, points[:0], points[:0], 0, 0, left_moving=pair[0], right_moving=pair[1])
+            assert survey._explains(transforms, link) is explained
 
 
 def test_photographs_that_no_layout_explains_are_refused_with_counts() -> None:

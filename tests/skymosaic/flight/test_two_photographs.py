@@ -1,6 +1,10 @@
 """Two photographs as a small flight."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
+import pytest
 
 from sim.scene import CameraPose
 from skymosaic import mosaic
@@ -8,6 +12,7 @@ from skymosaic.compositing.warp import nearness
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.flight.layout.extent import least_nearness
 from skymosaic.flight.linking.links import Link
+from skymosaic.flight.two_photographs import choose_mesh
 from tests.skymosaic.flight.layout.cameras import views_of
 from tests.skymosaic.registration.rendering import CAMERA, view
 
@@ -27,6 +32,12 @@ def test_a_pair_with_a_horizon_becomes_a_mosaic_without_the_far_field() -> None:
     assert 0.3 < left.cut_off < 0.9
     assert right.cut_off == 0
     assert 1.2 * size[0] * size[1] < np.count_nonzero(result.image) < 5 * size[0] * size[1]
+
+
+@pytest.mark.parametrize(("warp", "matrix"), [("homography", np.eye(3)), ("mesh", None), ("auto", None)])
+def test_a_pair_keeps_its_shape_unless_a_mesh_is_wanted_and_it_was_registered(warp: str, matrix: Any) -> None:
+    pair: Any = SimpleNamespace(working_homography=matrix)
+    assert choose_mesh(pair, warp) == {}
 
 
 def test_a_pair_without_matches_on_its_plane_is_not_cut() -> None:
