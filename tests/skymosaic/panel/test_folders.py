@@ -53,6 +53,19 @@ def test_a_photograph_that_is_a_link_out_is_refused_by_name(root: Path) -> None:
         roots.list_photographs(root / "flight")
 
 
+def test_a_folder_without_pictures_says_what_to_do(root: Path) -> None:
+    roots = Roots([root, root.parent / "outside"])
+    for folder, says in (
+        (root / ".hidden", "open another folder"),
+        (root, r"2 .* inside \(flight\): open one of them"),
+    ):
+        with pytest.raises(InputError, match=f"contains no pictures; {says}$"):
+            roots.list_photographs(folder)
+    # Each of the roots may be opened, a relative path is below the first.
+    assert roots.find_folder(str(root.parent / "outside")) == root.parent / "outside"
+    assert roots.find_folder("flight") == root / "flight"
+
+
 def test_outside_of_the_roots_one_cannot_ask_what_exists(root: Path) -> None:
     """The refusal is the same for a folder that exists and one that does not."""
     refusals = []

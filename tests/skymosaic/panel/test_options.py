@@ -7,7 +7,7 @@ import httpx
 import pytest
 
 from skymosaic.common.errors import InputError
-from skymosaic.panel.options import OPTION_VALUES, SCALES, STRONGEST, Options, SliderScale, fault_of
+from skymosaic.panel.options import LABELLED, OPTION_VALUES, SCALES, STRONGEST, Options, SliderScale, fault_of
 from tools.panel.visit import running_panel
 
 
@@ -18,6 +18,44 @@ def test_slider_values_rise_and_convert_back_to_positions(slider: SliderScale) -
     assert values == sorted(values)
     assert values[0] >= 1
     assert all(slider.values[slider.position(value)] == value for value in values)
+
+
+@pytest.mark.parametrize(
+    ("slider", "lowest", "second", "highest"),
+    [
+        (SCALES["harris"], (19, 2), 1024, (48, 1 << 24)),
+        (SCALES["fast"], (1, 1), 2, (120, 120)),
+        (STRONGEST, (14, 128), 181, (22, 2048)),
+    ],
+    ids=lambda value: value.title if isinstance(value, SliderScale) else "",
+)
+def test_a_slider_has_a_value_at_each_position(
+    slider: SliderScale, lowest: tuple[int, int], second: int, highest: tuple[int, int]
+) -> None:
+    values = [*slider.values.items()]
+    assert (values[0], values[1][1], values[-1]) == (lowest, second, highest)
+    # A value between two positions is at the upper one, and one beyond all at the last.
+    assert [slider.position(each) for each in (0, lowest[1] + 1, 1 << 30)] == [lowest[0], lowest[0] + 1, highest[0]]
+
+
+def test_options_begin_as_the_preset_has_them() -> None:
+    aerial = Options.of_preset("aerial")
+    shown = {name: aerial.shown(name) for name in LABELLED}
+    assert [*shown][-1] == "damaged"
+    assert (shown["rules"], shown["blending"], shown["backend"], aerial.position) == (
+        "aerial",
+        "automatic",
+        "golden",
+        19,
+    )
+    assert [aerial.changed("detector", name).position for name in ("fast", "sift")] == [10, 22]
+    multiband = aerial.changed("blending", "multiband")
+    assert multiband.changed("blending", "automatic") == aerial
+    # No photograph, one, or two.
+    assert [fault_of(aerial, count) for count in range(3)] == ["", "", ""]
+    board = aerial.changed("backend", "board:pynq:5000")
+    assert (board.backend, board.address, board.shown("backend")) == ("board", "pynq:5000", "board:pynq:5000")
+    assert (board.changed("backend", "rtl").address, aerial.address) == (None, None)
 
 
 @pytest.mark.parametrize("preset", OPTION_VALUES["preset"])

@@ -7,6 +7,9 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
+from starlette.datastructures import Headers
+
+from skymosaic.panel.origin_check import OriginCheck
 
 OWN = object()
 WEBSOCKET_PATH = "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
@@ -73,3 +76,13 @@ def test_the_socket_path_accepts_websockets_only(panel: str, method: str) -> Non
 @pytest.mark.parametrize("method", ["PUT", "DELETE", "PATCH", "OPTIONS"])
 def test_other_methods_are_refused(panel: str, method: str) -> None:
     assert status(panel, method, "/", Content_Length="0") in (404, 405)
+
+
+@pytest.mark.parametrize(
+    ("port", "host", "accepted"),
+    [(80, "localhost", True), (80, "127.0.0.1:80", True), (81, "localhost", False), (81, "[::1]:81", True)],
+)
+def test_a_port_that_browsers_leave_out_may_be_left_out(port: int, host: str, accepted: bool) -> None:
+    scope = {"type": "http", "path": "/", "method": "GET"}
+    refusal = OriginCheck(lambda *_: None, port)._refusal(scope, Headers({"host": host}))  # type: ignore[arg-type]
+    assert (refusal == "") == accepted

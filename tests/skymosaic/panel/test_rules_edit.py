@@ -2,6 +2,8 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -125,6 +127,25 @@ def test_terms_of_every_shape_have_the_corners_that_lie_on_them(shape: str) -> N
     if mine:
         index = find_corners(system, 0).index(mine[0])
         assert move_corner(text, 0, index, 0.05, mine[0].y) != text
+
+
+@pytest.mark.parametrize(
+    ("descriptor", "rules", "applies"),
+    [("ilbp-128", True, True), ("ilbp-128", None, False), ("freak", True, False), ("freak", None, False)],
+)
+def test_rules_are_edited_where_they_decide(descriptor: str, rules: object, applies: bool) -> None:
+    config = SimpleNamespace(matcher=SimpleNamespace(rules=rules))
+    pair: Any = SimpleNamespace(method=SimpleNamespace(descriptor=descriptor), config=config)
+    assert RulesEdit.applies_to(SimpleNamespace(pair=pair)) == applies  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("points", "shown"), [(22, 24), (23, 0)])
+def test_an_input_of_many_corners_is_edited_as_text(points: int, shown: int) -> None:
+    """The ramp has two more; its other end is nowhere."""
+    curve = " ".join(f"{0.04 * number:.2f} {number % 2}" for number in range(points))
+    text = AERIAL.replace("AlgebraicProduct", "Minimum").replace("low Ramp 0.34 0.1", f"low Discrete {curve}")
+    text = re.sub("default: .*", "default: 0", text)
+    assert len(find_corners(MatchRules(text).system, 0)) == shown
 
 
 def test_the_thesis_rules_are_edited_too(tmp_path: Path) -> None:

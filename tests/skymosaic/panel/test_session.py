@@ -4,13 +4,16 @@ import asyncio
 import errno
 import zipfile
 from collections.abc import AsyncIterator, Callable
+from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
+from skymosaic.panel.results import Decoded, InputFile, MosaicResult
 from skymosaic.panel.session import Session
 from skymosaic.panel.sessions import Sessions
+from skymosaic.panel.tasks.jobs import JobFailedError
 from skymosaic.panel.uploads import UploadRefusedError
 from tests.skymosaic.panel.visitor import Scenario, body, idle, noise_png
 
@@ -128,6 +131,95 @@ def test_other_photographs_end_the_reading_of_a_folder(
         assert (ended, session.reading, session.unread) == (["reading"], None, "")
 
     run_in_loop(scenario)
+
+
+@pytest.mark.parametrize(
+    ("before", "faults", "unread"),
+    [
+        ("", [], ""),
+        ("1 .xyz", [], "1 .xyz"),
+        ("1 .xyz", ["a.png: damaged"], "1 .xyz; a.png: damaged"),
+        ("", ["a.png: damaged", "b.png: too"], "2 of 3 photographs could not be read; the first: a.png: damaged"),
+        ("", JobFailedError("the worker died"), "the worker died"),
+    ],
+)
+def test_what_of_a_folder_cannot_be_read_is_one_line(
+    sessions: Sessions, run_in_loop: Callable[[Scenario], None], before: str, faults: Any, unread: str
+) -> None:
+    session = sessions.get("one")
+
+    class Reading:
+        async def run(self, _queue: object) -> Any:
+            if isinstance(faults, Exception):
+                raise faults
+            return faults
+
+    async def scenario() -> None:
+        reading: Any = Reading()
+        session.reading, session.unread = reading, before
+        other: Any = Reading()
+        await session._finish_reading(other, 3)
+        assert (session.reading, session.unread) == (reading, before), "another folder is read"
+        await session._finish_reading(reading, 3)
+        assert (session.reading, session.unread) == (None, unread)
+
+    run_in_loop(scenario)
+
+
+def test_only_the_first_two_of_a_folder_are_decoded(
+    sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session, decoded = sessions.get("one"), list[str]()
+
+    async def decode(_self: Session, photograph: InputFile) -> None:
+        decoded.append(photograph.name)
+        photograph.decoded = cast(Decoded, "decoded")
+
+    monkeypatch.setattr(Session, "_decode_in_place", decode)
+
+    async def scenario() -> None:
+        session.set_photographs(InputFile(f"/flight/{name}", Path(name)) for name in "abcd")
+        await asyncio.sleep(0)
+        session.swap_first()
+        await asyncio.sleep(0)
+        assert [each.name for each in session.photographs] == ["b", "a", "c", "d"]
+        session.set_photographs(session.photographs[1:])
+        await asyncio.sleep(0)
+
+    run_in_loop(scenario)
+    assert decoded == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize(
+    ("paths", "title"),
+    [
+        (("a.png", "b.png", "c.png"), "3 photographs: a.png, b.png"),
+        (("/flight/a.png", "/flight/b.png"), "2 photographs: /flight"),
+    ],
+)
+def test_a_run_is_kept_under_a_title_or_shown_where_it_is(
+    sessions: Sessions, paths: tuple[str, ...], title: str
+) -> None:
+    session, titles, started = sessions.get("one"), list[str](), list[Any]()
+    made: Any = MosaicResult(Path("run"), Path("pictures"), "", session.options, {}, None, (), {})  # type: ignore[arg-type]
+    any_session: Any = session
+    any_session._start = lambda *arguments: started.append(arguments)
+    any_session._show_result = lambda result: titles.append(str(result.folder))
+    any_session.files.new_run = lambda *_: (Path("run"), Path("pictures"))
+    session.photographs = [InputFile(path, Path(path)) for path in paths]
+
+    def keep(folder: Path, kept: str) -> Path:
+        titles.append(kept)
+        if len(titles) > 2:
+            raise OSError("no space")
+        return folder / "kept"
+
+    any_session.runs = SimpleNamespace(keep=keep)
+    session.make_mosaic()
+    for _ in range(2):
+        started[0][1](made)
+    assert titles == [title, "run/kept", title, "run"]
+    assert session.fault == "the run is shown, but could not be kept: no space"
 
 
 def test_the_next_run_removes_the_files_of_runs_without_a_result(

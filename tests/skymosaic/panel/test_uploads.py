@@ -2,12 +2,14 @@ import asyncio
 import time
 from collections.abc import AsyncIterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
 from skymosaic.panel import uploads
+from skymosaic.panel.session_files import SessionFiles
 from skymosaic.panel.uploads import PHOTOGRAPH, VIDEO, sanitise_stem
 
 
@@ -54,3 +56,44 @@ def test_an_upload_without_progress_is_given_up(tmp_path: Path, monkeypatch: pyt
     asyncio.run(scenario())
     assert time.monotonic() - start < 3
     assert not list(tmp_path.iterdir())
+
+
+HEADS = {"photograph": b"\x89PNG\r\n\x1a\n" + bytes(12), "video": b"RIFF....AVI LIST"}
+HEADS["template"] = HEADS["photograph"]
+
+
+async def singly(data: bytes) -> AsyncIterator[bytes]:
+    for number in range(len(data)):
+        yield data[number : number + 1]
+
+
+@pytest.mark.parametrize(
+    ("slot", "left", "status"),
+    [
+        ("photograph", ((1 << 30) + (64 << 20), 4 << 30), 0),
+        ("template", ((1 << 30) + (64 << 20) - 1, 4 << 30), 507),
+        ("video", ((1 << 30) + (512 << 20), 4 << 30), 0),
+        ("video", ((1 << 30) + (512 << 20) - 1, 4 << 30), 507),
+        # Of a session that has hardly any room left, so much must fit on the disk.
+        ("photograph", ((1 << 30) + 20, 20), 0),
+        ("photograph", ((1 << 30) + 19, 20), 507),
+        ("photograph", (1 << 40, 19), 413),
+        ("photograph", (1 << 40, -5), 413),
+    ],
+)
+def test_an_upload_is_refused_where_it_does_not_fit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, slot: str, left: tuple[int, int], status: int
+) -> None:
+    """On the disk, or into the 4 GiB of a session; its kind is known when its first bytes have come one by one."""
+    free_bytes, room_bytes = left
+    monkeypatch.setattr("shutil.disk_usage", lambda _folder: SimpleNamespace(free=free_bytes))
+    monkeypatch.setattr(SessionFiles, "size_bytes", (4 << 30) - room_bytes)
+    files = SessionFiles(lambda: tmp_path)
+    if status:
+        with pytest.raises(uploads.UploadRefusedError) as refused:
+            asyncio.run(files.receive(slot, singly(HEADS[slot]), "field.dat"))
+        assert refused.value.status == status
+        assert not list((tmp_path / "uploads").iterdir())
+    else:
+        path = asyncio.run(files.receive(slot, singly(HEADS[slot]), "field.dat"))
+        assert (path.stem, path.read_bytes()) == ("field", HEADS[slot])

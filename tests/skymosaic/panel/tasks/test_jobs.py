@@ -124,6 +124,7 @@ def test_cancelling_ends_the_task_and_every_process_it_started(tasks: ModuleType
         ("last_long", Limits(0.5, 60, 1 << 30), "more than 0.5 s"),
         ("compute", Limits(600, 1, 1 << 30), "more than 1 s of processor time"),
         ("fill_memory", Limits(600, 60, 1 << 30), "more memory"),
+        ("die", Limits(600, 60, 1 << 30), "the worker died"),
     ],
 )
 def test_a_worker_beyond_its_limits_is_ended(

@@ -7,6 +7,7 @@ import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -21,7 +22,14 @@ from sim.backends.interface import Mismatch
 from sim.scene import make_lawnmower, make_pair
 from skymosaic.cli.commands import app
 from skymosaic.panel.options import Options
-from skymosaic.panel.tasks.mosaic_tasks import compare_hardware, make_mosaic, write_command
+from skymosaic.panel.tasks.mosaic_tasks import (
+    _choose_output,
+    _shorten,
+    compare_hardware,
+    look_at_pair,
+    make_mosaic,
+    write_command,
+)
 from skymosaic.registration.register import register
 
 METRES_PER_PIXEL = 0.15
@@ -96,6 +104,12 @@ def test_the_file_of_matches_is_the_table_of_the_pair(runs: dict[str, Path]) -> 
     for name in ("left_x", "left_y", "right_x", "right_y", "error_px", "weight"):
         np.testing.assert_array_equal([float(row[name]) for row in rows], pair.table("matches")[name])
     assert [row["verdict"] for row in rows].count("inlier") == len(pair.inliers) > 0
+    with (folder / "corners.csv").open() as file:
+        corners = list(csv.DictReader(file))
+    assert [row["image"] for row in corners] == [f"{n}.png" for n, each in enumerate(pair.features) for _ in each]
+    found = np.concatenate(pair.features)
+    for name, values in (("x", found["x"] / 16), ("y", found["y"] / 16), ("sector", found["sector"])):
+        np.testing.assert_array_equal([float(row[name]) for row in corners], values)
 
 
 def test_a_damaged_photograph_that_is_kept_is_compared_too(tmp_path: Path) -> None:
@@ -129,6 +143,17 @@ def test_photographs_with_gps_become_a_geotiff_and_name_their_place(tmp_path: Pa
     assert list((tmp_path / "tiles").glob("*/*/*.webp"))
     assert not {"contradiction", "not written"}.intersection(result.facts)
     assert re.match(r"EPSG:32632, 0\.1\d* m per pixel; GPS residual", result.facts["map"])
+    assert result.facts["photographs placed"] == "4 of 4"
+    assert re.match(rf"{len(result.links)} of \d+ tried", result.facts["pairs linked"])
+    assert "blending and writing" in result.seconds
+    inliers = [link.inliers for link in result.links]
+    assert inliers == sorted(inliers, reverse=True)
+    assert result.pair_names == result.links[0][:2]
+    other = result.links[-1][:2]
+    shown = look_at_pair(tmp_path, result, other, progress=silent)
+    assert shown.pair_names == other
+    assert [each.href.rpartition("/")[2] for each in shown.working] == [f"{name}.png" for name in other]
+    assert [(each.width, each.height, each.x) for each in shown.working] == [(400, 300, 0), (400, 300, 412)]
 
 
 def write_flight_with_gps(folder: Path) -> list[str]:
@@ -149,3 +174,31 @@ def test_the_command_delivers_a_poor_pair_where_the_panel_did() -> None:
     options = Options.of_preset("aerial")
     assert "--accept-poor" not in write_command(["a.png", "b.png"], options)
     assert "--accept-poor" in write_command(["a.png", "b.png"], options.changed("accept_poor", True))
+
+
+def test_a_folder_stands_for_its_photographs_if_all_are_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("1.png", "2.png"):
+        cv2.imwrite(str(tmp_path / name), np.zeros((64, 64), np.uint8))
+    both = [str(tmp_path / name) for name in ("1.png", "2.png")]
+    monkeypatch.chdir(tmp_path)
+    uploads = ["1.png", "2.png"]
+    assert [_shorten(paths) for paths in (both, both[:1], uploads)] == [[str(tmp_path)], both[:1], uploads]
+
+
+@pytest.mark.parametrize(
+    ("bands", "located", "output"),
+    [
+        (("green", "red"), "0000", ["mosaic.tif"]),
+        ((), "0000", ["mosaic.png"]),
+        ((), "1100", ["mosaic.png"]),
+        ((), "0111", ["mosaic.tif", "--tiles", "tiles"]),
+        ((), "01", ["mosaic.png"]),
+        ((), "11", ["mosaic.tif", "--tiles", "tiles"]),
+    ],
+)
+def test_where_enough_photographs_have_a_place_the_mosaic_is_a_map(
+    bands: tuple[str, ...], located: str, output: list[str]
+) -> None:
+    views = [SimpleNamespace(gps="here" if each == "1" else None) for each in located]
+    plan: Any = SimpleNamespace(sources=[SimpleNamespace(bands=bands)], flight=SimpleNamespace(views=views))
+    assert _choose_output(plan) == output

@@ -1,0 +1,118 @@
+"""Inputs as the page shows them: thumbnails, working pictures, and the built-in examples."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from skymosaic.common.errors import InputError
+from skymosaic.imagery.video import DEFAULT_RATE, write_video
+from skymosaic.panel.tasks import upload_tasks
+
+Steps = list[tuple[object, ...]]
+
+
+@pytest.fixture
+def pictures(tmp_path: Path) -> Path:
+    (tmp_path / "pictures").mkdir()
+    return tmp_path / "pictures"
+
+
+def write(folder: Path, name: str, width: int, height: int) -> str:
+    """A picture that is red on its left half and blue on its right one."""
+    picture = np.zeros((height, width, 3), np.uint8)
+    picture[:, : width // 2, 2] = picture[:, width // 2 :, 0] = 220
+    cv2.imwrite(str(folder / name), picture)
+    return name
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png"])
+def test_thumbnails_show_all_photographs_but_those_that_cannot_be_read(
+    tmp_path: Path, pictures: Path, suffix: str
+) -> None:
+    """A JPEG is decoded at an eighth, a quarter or half of its size, as long as a thumbnail is not larger."""
+    shown = {(1280, 1280): (160, 160), (1279, 1279): (160, 160), (640, 700): (160, 175), (320, 330): (160, 165),
+             (319, 300): (160, 150), (100, 90): (100, 90)}  # fmt: skip
+    names = [write(tmp_path, f"{number}.{suffix}", *size) for number, size in enumerate(shown)]
+    (tmp_path / "broken.png").write_bytes(b"no picture")
+    steps: Steps = []
+    faults = upload_tasks.make_thumbnails(
+        tmp_path, [*names, "broken.png"], pictures, progress=lambda *step: steps.append(step)
+    )
+    assert [fault.partition(": ")[0] for fault in faults] == [str(tmp_path / "broken.png")]
+    assert steps == [("reading", number, 7) for number in range(1, 8)]
+    for name, size in zip(names, shown.values(), strict=True):
+        thumbnail: Any = cv2.imread(str(pictures / f"{name}.jpg"))
+        assert thumbnail.shape[1::-1] == size
+        left, right = thumbnail[:, : size[0] // 3].mean(axis=(0, 1)), thumbnail[:, -size[0] // 3 :].mean(axis=(0, 1))
+        assert (left.argmax(), right.argmax()) == (2, 0)
+
+
+def test_a_photograph_is_described_by_its_size_and_its_working_picture(tmp_path: Path, pictures: Path) -> None:
+    name = write(tmp_path, "wide.png", 2560, 600)
+    found = upload_tasks.inspect_photograph(tmp_path, name, pictures, progress=lambda *_: None)
+    assert (found.size, found.working_size, found.notes) == ((2560, 600), (1280, 300), ())
+    working: Any = cv2.imread(str(found.working))
+    assert (found.working, working.shape) == (pictures / "wide.png.png", (300, 1280, 3))
+
+
+@pytest.mark.parametrize("room_px", [0, -1])
+def test_a_video_may_have_frames_of_a_quarter_of_the_largest_photograph(
+    tmp_path: Path, pictures: Path, monkeypatch: pytest.MonkeyPatch, room_px: int
+) -> None:
+    monkeypatch.setattr(upload_tasks, "MAX_AREA_PX", 4 * (96 * 64 + room_px))
+    with write_video(tmp_path / "film.mp4", DEFAULT_RATE) as write_frame:
+        for _ in range(2):
+            write_frame(np.full((64, 96, 3), 90, np.uint8))
+    if room_px < 0:
+        with pytest.raises(InputError, match=r"film\.mp4: frames of 96x64 pixels are too large; reduce it first"):
+            upload_tasks.inspect_video(tmp_path, "film.mp4", pictures, progress=lambda *_: None)
+    else:
+        found = upload_tasks.inspect_video(tmp_path, "film.mp4", pictures, progress=lambda *_: None)
+        assert (found.size, found.notes) == ((96, 64), (f"{float(DEFAULT_RATE):.3g} frames/s",))
+
+
+@pytest.mark.parametrize(("count", "made"), [(2, ("pair", 9)), (3, ("flight", 9, 3, (800, 600)))])
+def test_two_photographs_are_the_pair_and_more_a_flight(
+    tmp_path: Path, pictures: Path, monkeypatch: pytest.MonkeyPatch, count: int, made: tuple[object, ...]
+) -> None:
+    asked: Steps = []
+
+    def render(kind: str, *arguments: object) -> SimpleNamespace:
+        asked.append((kind, *arguments))
+        return SimpleNamespace(images=[np.full((70, 80, 3), 20 * number, np.uint8) for number in range(count)])
+
+    monkeypatch.setattr(upload_tasks, "make_pair", lambda *arguments: render("pair", *arguments))
+    monkeypatch.setattr(upload_tasks, "make_lawnmower", lambda *arguments: render("flight", *arguments))
+    names = [f"{number}.png" for number in range(count)]
+    found = upload_tasks.render_photographs(tmp_path, names, pictures, progress=lambda *_: None)
+    assert asked == [made]
+    assert [each.name for each in found] == names
+    assert [int(np.asarray(cv2.imread(str(tmp_path / name))).mean()) for name in names] == [
+        20 * n for n in range(count)
+    ]
+
+
+def test_the_template_is_cut_out_around_the_car(
+    tmp_path: Path, pictures: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames = np.random.default_rng(3).integers(0, 256, (2, 120, 160, 3), np.uint8)
+    corners = np.array([[[20.5, 30.2], [100.9, 40], [90, 84.7], [12.5, 71]]] * 2)
+    asked: Steps = []
+
+    def film(*arguments: object, magnification: float) -> SimpleNamespace:
+        asked.append((*arguments, magnification))
+        return SimpleNamespace(images=frames, corners=corners)
+
+    monkeypatch.setattr(upload_tasks, "make_pursuit", film)
+    steps: Steps = []
+    template, video = upload_tasks.render_pursuit(
+        tmp_path, ["car.png", "film.mp4"], pictures, progress=lambda *step: steps.append(step)
+    )
+    assert asked == [(9, 60, 3.0)]
+    assert steps[:2] == [("rendering", 1, 60), ("rendering", 2, 60)]
+    assert (template.name, video.name) == ("car.png", "film.mp4")
+    np.testing.assert_array_equal(np.asarray(cv2.imread(str(tmp_path / "car.png"))), frames[0][24:90, 6:106])
