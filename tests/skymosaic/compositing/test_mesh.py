@@ -74,7 +74,9 @@ def test_relief_of_twenty_pixels_is_followed_and_what_is_near_the_plane_judges_i
 
 
 def test_few_matches_give_no_grid() -> None:
-    left, right, _ = matches(count=20)
+    left, right, _ = matches(count=30, wrong=0.0)
+    assert fit(left, right) is not None
+    left, right = left[1:], right[1:]
     assert fit(left, right) is None
     assert fit(left, right, always=False) is None
 
