@@ -111,6 +111,7 @@ def test_a_table_of_photographs_has_all_that_were_given(tmp_path: Path) -> None:
     assert "not an image" in table["reason"][0]
     assert np.isnan([table["x_px"][0], table["map_x"][0], table["sharpness"][0]]).all()
     height_px, width_px = made.image.shape[:2]
+    assert repr(made) == f"Mosaic({width_px}x{height_px} px, 4 photographs, 1 left out)"
     assert ((table["x_px"][1:] > 0) & (table["x_px"][1:] < width_px)).all()
     assert ((table["y_px"][1:] > 0) & (table["y_px"][1:] < height_px)).all()
     place = made.composition.place.georeference

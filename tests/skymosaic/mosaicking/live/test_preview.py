@@ -58,6 +58,14 @@ def test_a_preview_is_limited_and_may_be_empty(ground: NDArray[np.uint8]) -> Non
     np.testing.assert_allclose(small, cv2.resize(ground, small.shape[1::-1], interpolation=cv2.INTER_AREA), atol=12)
 
 
+@pytest.mark.parametrize(("width_px", "shape"), [(300, (240, 50)), (120, (240, 50)), (60, (120, 25))])
+def test_a_narrow_preview_is_at_most_twice_as_high_as_it_may_be_wide(
+    ground: NDArray[np.uint8], width_px: int, shape: tuple[int, int]
+) -> None:
+    tall = np.ascontiguousarray(ground[:, :50])
+    assert paint_preview([frame(0, tall, np.eye(3))], width_px).shape[:2] == shape
+
+
 @pytest.mark.parametrize(("preview_s", "least_s", "most_s"), [(0.0625, 1.0, 1.5), (0.5, 5.0, 5.5)])
 def test_previews_take_a_tenth_of_the_time_and_come_at_most_once_a_second(
     monkeypatch: pytest.MonkeyPatch, preview_s: float, least_s: float, most_s: float
