@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from skymosaic.common.errors import RegistrationError
-from skymosaic.flight.bands.rig import Alignment, align_bands
+from skymosaic.flight.bands.rig import Alignment, _fit, _peak, align_bands
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.lens import Lens
@@ -28,6 +28,54 @@ def test_the_alignment_of_the_rig_is_found(band_folder: Path) -> None:
     for band, name in (("RED", "red"), ("NIR", "nir")):
         error_px = np.linalg.norm(apply(alignments[name].homography, GRID) - apply(homography(band), GRID), axis=1)
         assert error_px.mean() < 0.15
+
+
+@pytest.mark.parametrize(
+    ("place", "best", "found"),
+    [((2, 3), 0.3, True), ((2, 3), 0.29, False), ((0, 3), 0.9, False), ((5, 3), 0.9, False), ((2, 0), 0.9, False),
+     ((2, 4), 0.9, False), ((1, 1), 0.9, True), ((4, 3), 0.9, True)],
+)  # fmt: skip
+def test_a_peak_is_high_and_not_at_the_border(place: tuple[int, int], best: float, found: bool) -> None:
+    x, y = place
+    scores = np.zeros((5, 6), np.float32)
+    scores[y, x] = best
+    if found:
+        # Half as high on one side as in the middle: a parabola's top lies a sixth of a pixel there.
+        scores[y, x + 1] = scores[y - 1, x] = best / 2
+    peak = _peak(scores)
+    assert (peak is not None) is found
+    assert peak is None or peak == pytest.approx((x + 1 / 6, y - 1 / 6, best), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("captures", "says"),
+    [
+        ([(20, 0), (20, 0)], ""),
+        ([(20, 0), (19, 0)], "39 of 39 places in 2 captures agree"),
+        ([(26, 24), (26, 24)], ""),
+        ([(20, 31), (20, 31)], "40 of 102 places in 2 captures agree"),
+        ([(9, 0)] * 5, "none of 5 captures shows 10 places in both"),
+        ([(10, 0), *[(9, 0)] * 4], ""),
+        ([(40, 0), (15, 0, 4)], r"it lies [34]\.\d px off in one capture; the cameras of a rig must be fixed"),
+        ([(40, 0), (15, 0, 0.5)], ""),
+        ([(40, 0), (9, 0, 4)], ""),
+    ],
+)  # fmt: skip
+def test_a_rig_is_fixed_if_enough_places_of_each_capture_agree(captures: list[tuple[float, ...]], says: str) -> None:
+    rng, places = np.random.default_rng(0), []
+    for true, false, *off in captures:
+        here = rng.uniform(0, 600, (int(true + false), 2))
+        there = here + np.array([7 + sum(off), -3])
+        there[int(true) :] = rng.uniform(0, 600, (int(false), 2))
+        places.append((here, there, np.ones(len(here))))
+    twice = np.diag([2.0, 2.0, 1.0])
+    if says:
+        with pytest.raises(RegistrationError, match=f"^band red cannot be aligned with band green: {says}"):
+            _fit("red", "green", places, twice)
+        return
+    found = _fit("red", "green", places, twice)
+    np.testing.assert_allclose(apply(found.homography, GRID), GRID - [14, -6], atol=0.5)
+    assert found.error_px < 2
 
 
 def test_cameras_that_move_are_refused(band_folder: Path, tmp_path: Path) -> None:
