@@ -4,14 +4,18 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 from skymosaic.common.errors import InputError
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, enclosing_canvas
-from skymosaic.flight.picture.composition import Room
-from skymosaic.flight.picture.output import PLAIN, OutputForm, numbered, room_for
+from skymosaic.flight.mapping.place import MapPlace
+from skymosaic.flight.picture.composition import Composition, Room
+from skymosaic.flight.picture.output import PLAIN, OutputForm, deliver, numbered, room_for
 from skymosaic.geometry.homography import resize_matrix
+from skymosaic.imagery.depth import ValueRange
+from skymosaic.imagery.lens import Lens
 
 
 def leave_free(monkeypatch: pytest.MonkeyPatch, free_bytes: int) -> None:
@@ -75,6 +79,51 @@ def test_what_cannot_apply_to_a_file_is_refused(name: str, form: OutputForm, ban
     with pytest.raises(InputError) if says else contextlib.nullcontext() as refused:
         form.check(Path(name), bands)
     assert refused is None or str(refused.value).startswith(says)
+
+
+@pytest.mark.parametrize(
+    ("name", "note", "says"),
+    [
+        ("m.png", "", ".png files have no georeference; .tif files do"),
+        ("m.png", "no GPS", "no GPS"),
+        ("m.tif", "", ""),
+        ("m.TIFF", "no GPS", "no GPS"),
+    ],
+)
+@pytest.mark.parametrize("in_memory", [False, True])
+def test_what_is_delivered_is_written_and_previewed(
+    tmp_path: Path, name: str, note: str, says: str, in_memory: bool
+) -> None:
+    flight: Any = SimpleNamespace(treatment=SimpleNamespace(in_memory=in_memory), sources=[])
+    composition = Composition((), Canvas(0, 0, 80, 60), False, "distance", Lens(), place=MapPlace(note=note))
+    picture, shown = np.full((60, 80), 90, np.uint8), np.ones((60, 80), np.bool_)
+    shown[:, :20] = False
+    bands = [(picture[rows], shown[rows]) for rows in (slice(40), slice(40, 60))]
+    layout: Any = None
+    # A file stands in the way of the tiles; the mosaic is there all the same.
+    (tmp_path / "tiles").write_text("")
+    form = OutputForm(tiles=tmp_path / "tiles")
+    made = deliver(tmp_path / name, flight, layout, composition, bands, form=form, preview_width_px=40)
+    assert made.map_note == says
+    assert made.preview.shape == made.coverage.shape == (30, 40)
+    assert made.covered_px == 60 * 60
+    assert made.tiles is None
+    assert len(made.failures) == 1
+    np.testing.assert_array_equal(
+        np.asarray(cv2.imread(str(tmp_path / name), cv2.IMREAD_UNCHANGED))[..., 0:60].max(), 90
+    )
+    assert {each.name for each in tmp_path.iterdir()} == {name, "tiles"}
+
+
+@pytest.mark.parametrize("values", [None, ValueRange(0, 1), ValueRange(0, 1, deep=True)])
+def test_only_16_bits_are_too_deep_for_jpeg(tmp_path: Path, values: ValueRange | None) -> None:
+    flight: Any = SimpleNamespace(sources=[])
+    composition = Composition((), Canvas(0, 0, 32, 32), True, "distance", Lens(), values)
+    bands = [(composition.empty(32, 32), np.ones((32, 32), np.bool_))]
+    refused = pytest.raises(InputError, match=r"m\.tif: JPEG holds 8 bits, the photographs have 16; leave out the")
+    with refused if values is not None and values.deep else contextlib.nullcontext():
+        made = deliver(tmp_path / "m.tif", flight, flight, composition, bands, form=OutputForm("jpeg"))
+        assert made.preview.shape == (32, 32, 3)
 
 
 def test_outputs_of_several_groups_are_numbered_from_the_second_on() -> None:
