@@ -1,5 +1,6 @@
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -70,6 +71,29 @@ def test_a_thumbnail_that_the_front_end_cannot_take_has_no_features_of_the_kind_
         assert len(reduced.features) == len(reduced.strongest) == 0
         # Those of other photographs are compared with these.
         assert reduced.strongest.dtype == describe(source, settings).strongest.dtype
+
+
+@pytest.mark.parametrize(
+    ("changed", "is_more"),
+    [
+        ({}, True),
+        ({"descriptor": "ilbp-256"}, False),
+        ({"selection": False, "levels": 1, "cell_px": None, "per_cell": None}, False),
+    ],
+)
+def test_only_what_selects_few_short_features_can_have_more(changed: dict[str, Any], is_more: bool) -> None:
+    config = preset_config("aerial")
+    known = Settings(dataclasses.replace(config, front_end=dataclasses.replace(config.front_end, **changed)), "rtl")
+    more = known.with_more_features()
+    assert (more is not None) is is_more
+    if more is not None:
+        assert (more.backend, more.config.front_end.descriptor) == ("golden", "ilbp-256")
+        assert more.config.front_end.max_features == 4096
+
+
+def test_what_is_clipped_is_black_or_white() -> None:
+    image = np.repeat(np.array([2, 3, 252, 253, 128], np.uint8), 64)[None].repeat(240, axis=0)
+    assert describe(Source(0, "bars", image), Settings(preset_config("aerial"))).clipped == pytest.approx(0.4)
 
 
 def test_a_flight_leaves_a_damaged_photograph_out_unless_it_is_kept(tmp_path: Path) -> None:
