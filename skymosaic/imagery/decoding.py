@@ -19,7 +19,7 @@ from golden_model.arrays import Pixels
 from golden_model.config import MIN_FRAME_PX
 from golden_model.small_files import open_regular, read_small_file
 from skymosaic.common.errors import DamagedError, InputError
-from skymosaic.imagery.jpeg import END, decode_strictly
+from skymosaic.imagery.jpeg import END, TURNS, decode_strictly
 from skymosaic.imagery.tiff import check_tiff
 from skymosaic.imagery.validity import fill_hidden, find_visible
 
@@ -227,12 +227,13 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({_reason(error)}); check the file") from None
     decoded, damage = _decode_data(path, header, data, keep_damaged=keep_damaged)
-    visible = find_visible(decoded, data, header)
-    return decoded if visible is None else fill_hidden(decoded, visible), visible, damage
+    visible = find_visible(decoded, header.nodata)
+    pixels = np.ascontiguousarray(decoded[..., :3] if decoded.ndim == 3 else decoded)
+    return pixels if visible is None else fill_hidden(pixels, visible), visible, damage
 
 
 def _decode_data(path: Path, header: Header, data: bytes, *, keep_damaged: bool) -> tuple[NDArray[np.generic], str]:
-    """The pixels of a file's bytes, and what is damaged."""
+    """The upright pixels of a file's bytes, with alpha where it has that, and what is damaged."""
     damage = ""
     if header.kind in ("JPEG", "MPO"):
         try:
@@ -254,10 +255,13 @@ def _decode_data(path: Path, header: Header, data: bytes, *, keep_damaged: bool)
             damage = str(error)
     if header.kind == "PNG" and b"IEND" not in data:
         raise InputError(f"{path}: the file is truncated; copy it again from the camera")
+    # With alpha, OpenCV turns nothing but TIFF by itself.
+    turns = TURNS if header.transparent and header.kind != "TIFF" else {}
+    flags = cv2.IMREAD_UNCHANGED if header.transparent else cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
     with contextlib.suppress(cv2.error):
-        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
+        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
         if decoded is not None:
-            return decoded, damage
+            return turns.get(header.orientation, np.asarray)(decoded), damage
     if damage:
         raise InputError(f"{damage}; nothing of it can be decoded")
     raise InputError(f"{path}: damaged or of an unsupported kind; convert it to PNG, JPEG or TIFF")

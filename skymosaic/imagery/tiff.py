@@ -30,9 +30,9 @@ _CHUNK_BYTES = 1 << 20
 def check_tiff(data: bytes, path: Path, *, area_px: int, max_bytes: int) -> NDArray[np.uint8] | None:
     """Check the data of a TIFF's first picture, as far as its compression can tell damage.
 
-    Returns its pixels, (H, W, 3) BGR, upright, if the check has decoded them: those that OpenCV would return, or for
-    CIELAB, which OpenCV makes yellow, the right ones. ``area_px`` is what the header declares, ``max_bytes`` the limit
-    of the decompressed size.
+    Returns its pixels, (H, W, 3) BGR or (H, W, 4) with alpha, upright, if the check has decoded them: those that OpenCV
+    would return, or the right ones of CIELAB, which it makes yellow, and behind alpha of 8 bits, which darkens them or
+    is lost. ``area_px`` is what the header declares, ``max_bytes`` the limit of the decompressed size.
 
     Raises
     ------
@@ -60,6 +60,11 @@ def check_tiff(data: bytes, path: Path, *, area_px: int, max_bytes: int) -> NDAr
                     # Without its end marker, the tables' file continues with the segment behind its start marker.
                     whole = tables[:-2] + segment[2:] if tables else segment
                     decode_strictly(whole, path, area_px=area_px, orientation=1)
+            # Alpha in a plane of its own is beyond Pillow.
+            apart = tags.get(_TAGS["PlanarConfiguration"]) == _PLANES
+            if picture.mode in ("LA", "La", "RGBA") and bits[0] == 8 and not apart:
+                straight = picture.convert("LA") if picture.mode == "La" else picture
+                return np.asarray(straight.convert("RGBA"), dtype=np.uint8)[..., [2, 1, 0, 3]]
             if picture.mode == "LAB":
                 # Here, because the transform has errors of its own.
                 picture.load()

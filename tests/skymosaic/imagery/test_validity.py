@@ -36,11 +36,33 @@ def test_alpha_is_turned_as_the_pixels_are(tmp_path: Path, orientation: int, suf
     assert (photograph.pixels == 200).all()
 
 
-@pytest.mark.parametrize("orientation", range(1, 3))
-def test_alpha_that_nobody_filled_hides_nothing(tmp_path: Path, orientation: int) -> None:
-    pixels = np.dstack([np.full((80, 80, 3), 9, np.uint8), np.full((80, 80), 255 * (orientation - 1), np.uint8)])
-    PillowImage.fromarray(pixels).save(tmp_path / "p.png")
-    assert load(tmp_path / "p.png").visible is None
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+@pytest.mark.parametrize("alpha", [0, 255])
+def test_alpha_that_nobody_filled_hides_nothing(tmp_path: Path, alpha: int, suffix: str) -> None:
+    pixels = np.dstack([np.full((80, 80, 3), 9, np.uint8), np.full((80, 80), alpha, np.uint8)])
+    PillowImage.fromarray(pixels).save(tmp_path / f"p{suffix}")
+    photograph = load(tmp_path / f"p{suffix}")
+    assert photograph.visible is None
+    assert (photograph.pixels == 9).all()
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("kind", ["PREMULTIPLIED", "NON-PREMULTIPLIED"])
+def test_half_transparent_pixels_have_their_own_colours(tmp_path: Path, kind: str, channels: int) -> None:
+    colours = np.tile(np.linspace(40, 200, 100).astype(np.uint8), (channels, 90, 1))
+    alpha = np.repeat(np.array([255, 150, 0], np.uint8), 30)[None, :, None]
+    stored = np.rint(colours * (alpha / 255)) if kind == "PREMULTIPLIED" else colours
+    profile = {"driver": "GTiff", "width": 100, "height": 90, "count": channels + 1, "dtype": "uint8", "alpha": kind}
+    with configured_rasterio(), rasterio.open(tmp_path / "p.tif", "w", **profile) as file:
+        file.write(np.concatenate([stored.astype(np.uint8), np.tile(alpha, 100)]))
+    photograph = load(tmp_path / "p.tif")
+    assert photograph.visible is not None
+    assert photograph.visible.all(axis=1).tolist() == [True] * 60 + [False] * 30
+    assert not photograph.visible[60:].any()
+    # Premultiplied values are rounded.
+    np.testing.assert_allclose(
+        photograph.pixels[:60], np.moveaxis(colours, 0, -1)[:60].repeat(3 // channels, 2), atol=2
+    )
 
 
 @pytest.mark.parametrize(
