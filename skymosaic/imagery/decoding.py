@@ -37,6 +37,8 @@ SPARE_BYTES = 64_000_000
 """Limit of bytes read from a header, beyond the size of the file, because TIFF tags can all name the same bytes."""
 UPRIGHT = 1
 NODATA_TAG = 42113
+MAX_PAGES = 1000
+"""More are not counted."""
 
 # libtiff would print every unknown tag and fault, even where standard error is not ours to redirect.
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
@@ -63,6 +65,8 @@ class Header:
     """It has an alpha channel or a transparent colour."""
     nodata: float | None = None
     """The value that pixels without data have, as GDAL writes it into TIFF."""
+    pages: int = 1
+    """Pictures of a TIFF, the first of which is read."""
 
 
 class _MeasuredFile(io.FileIO):
@@ -128,7 +132,8 @@ def read_header(path: Path, min_side_px: int = MIN_FRAME_PX) -> Header:
             # Pillow parses some chunks of PNG and WebP while it opens the file, but EXIF only on request.
             orientation, sizes = _orientation(header), _decoded_sizes(header, path)
             transparent, nodata = header.has_transparency_data, _nodata(header)
-            declared = Header(str(header.format), header.size, orientation, *sizes, transparent, nodata)
+            kind, size, pages = str(header.format), header.size, _count_pages(header)
+            declared = Header(kind, size, orientation, *sizes, transparent, nodata, pages)
     except UnidentifiedImageError:
         raise InputError(f"{path}: not an image that can be read; give PNG, JPEG or TIFF") from None
     except (PillowImage.DecompressionBombError, PillowImage.DecompressionBombWarning):
@@ -187,6 +192,17 @@ def _decoded_sizes(header: PillowImage.Image, path: Path) -> tuple[int, int]:
     elif header.mode.startswith(("I", "F")):
         depth_bytes = 4
     return depth_bytes, width_px * height_px * channels * depth_bytes
+
+
+def _count_pages(header: PillowImage.Image) -> int:
+    """How many pictures a TIFF has that are no overviews, thumbnails or masks; moves the header on to the last."""
+    pages, first_px = 1, header.width * header.height
+    # Up to a mask, which Pillow does not know, or to damage, which does not matter behind the first picture.
+    with contextlib.suppress(Exception):
+        for number in range(1, MAX_PAGES if header.format == "TIFF" else 1):
+            header.seek(number)
+            pages += header.width * header.height >= first_px
+    return pages
 
 
 def _nodata(header: PillowImage.Image) -> float | None:

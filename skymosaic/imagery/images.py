@@ -23,6 +23,8 @@ from skymosaic.imagery.patterns import only_match
 
 Image = str | Path | Pixels
 """A photograph as users give it."""
+FIRST_PAGE = "only the first"
+"""How the note about a TIFF with several pages begins."""
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 
 
@@ -107,13 +109,14 @@ def _read(path: Path, *, keep_damaged: bool, min_side_px: int) -> Photograph:
     decoded, visible, damage = decode(path, header, keep_damaged=keep_damaged)
     turned = ("turned upright by its EXIF orientation",) if header.orientation != UPRIGHT else ()
     hidden = () if visible is None else (f"{np.mean(visible == 0):.1%} has no data or is transparent, and no ground",)
+    paged = (f"{FIRST_PAGE} of {header.pages} pages is read",) if header.pages > 1 else ()
     kept = (f"kept although {damage.removeprefix(f'{path}: ')}",) if damage else ()
     if decoded.dtype == np.uint8:
         pixels = decoded.astype(np.uint8, copy=False)
-        return Photograph(str(path), pixels, turned + hidden + kept, visible=visible)
+        return Photograph(str(path), pixels, turned + hidden + paged + kept, visible=visible)
     values = measure_range(decoded, str(path))
     mapping = (f"{decoded.dtype}: {values.low:g}..{values.high:g} mapped to 0..255",)
-    notes = turned + hidden + mapping + kept
+    notes = turned + hidden + paged + mapping + kept
     return Photograph(str(path), values.to_8_bit(decoded), notes, values, sample_values(decoded), visible)
 
 

@@ -21,6 +21,7 @@ from skymosaic.flight.relief import follow_relief
 from skymosaic.flight.repetition import repeat_flight
 from skymosaic.flight.survey import survey
 from skymosaic.flight.two_photographs import register_two
+from skymosaic.imagery.images import FIRST_PAGE
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.mosaicking.options import MosaicOptions, SurveyOptions
@@ -216,8 +217,8 @@ class MosaicPlan:
 
 
 def lay_out(sources: Sequence[Source], options: SurveyOptions, workers: Workers, tell: Callable[[str], None]) -> Flight:
-    """The photographs linked and laid out; ``tell`` receives a line if the cache cannot be written."""
-    return survey(
+    """The photographs linked and laid out; ``tell`` receives a line about the cache, and one about pages left out."""
+    flight = survey(
         sources,
         options.flight_settings(),
         options.seed,
@@ -227,3 +228,7 @@ def lay_out(sources: Sequence[Source], options: SurveyOptions, workers: Workers,
         control=options.control_points,
         keep_all=options.keep_all,
     )
+    paged = [f"{view.name}: {note}" for view in flight.views for note in view.notes if note.startswith(FIRST_PAGE)]
+    if paged:
+        tell(f"note {paged[0]} ({len(paged)} such files)")
+    return flight

@@ -8,10 +8,12 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import rasterio
 from PIL import Image as PillowImage
 
 from skymosaic.common.errors import InputError
 from skymosaic.imagery import decoding, images
+from skymosaic.maps.georeference import configured_rasterio
 
 
 def photograph(height: int = 96, width: int = 128) -> np.ndarray:
@@ -136,6 +138,34 @@ def test_of_a_file_without_any_pixels_nothing_is_kept(tmp_path: Path) -> None:
     (tmp_path / "a.png").write_bytes(data[:60] + data[-12:])
     with pytest.raises(InputError, match=r"a\.png: damaged or of an unsupported kind; convert it to PNG"):
         images.load(tmp_path / "a.png")
+
+
+def _pages(path: Path) -> None:
+    first, *others = (PillowImage.fromarray(photograph(height)) for height in (96, 97, 96, 95))
+    first.save(path, save_all=True, append_images=others)
+
+
+def _damaged_page(path: Path) -> None:
+    _pages(path)
+    # The first is whole, and the second's directory is cut off.
+    path.write_bytes(path.read_bytes()[: photograph().nbytes + 250])
+
+
+def _overview_and_mask(path: Path) -> None:
+    profile = {"driver": "GTiff", "width": 128, "height": 96, "count": 3, "dtype": "uint8", "photometric": "RGB"}
+    with configured_rasterio(), rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True), rasterio.open(path, "w", **profile) as file:
+        file.write(np.moveaxis(photograph(), -1, 0))
+        file.write_mask(np.ones((96, 128), np.bool_))
+        file.build_overviews([2])
+
+
+@pytest.mark.parametrize(("make", "pages"), [(_pages, 3), (_damaged_page, 1), (_overview_and_mask, 1)])
+def test_pages_that_are_not_read_are_counted(tmp_path: Path, make: Callable[[Path], None], pages: int) -> None:
+    """Neither thumbnails, overviews and masks, nor what cannot be read."""
+    make(tmp_path / "p.tif")
+    read = images.load(tmp_path / "p.tif")
+    assert read.size == (128, 96)
+    assert read.notes == ((f"only the first of {pages} pages is read",) if pages > 1 else ())
 
 
 @pytest.mark.parametrize("value", ["text", (0, 0), float("nan"), 99])

@@ -10,14 +10,18 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from PIL import Image as PillowImage
 
 from sim.scene import Flight
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.flight.mapping.place import MapPlace
+from skymosaic.imagery.images import load
 from skymosaic.imagery.lens import Lens
+from skymosaic.imagery.photographs import list_sources
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.mosaicking.plan import MosaicPlan
+from skymosaic.mosaicking.plan import MosaicPlan, lay_out
+from skymosaic.running.workers import Workers
 
 MASKED = Lens(mask=np.ones((4, 4), np.uint8))
 
@@ -62,6 +66,18 @@ def test_a_photograph_that_changes_after_its_features_is_left_out_by_name(
     assert all(reason.startswith(f"{folder / str(index)}.png: ") for index, reason in mosaic.left_out.items())
     assert set(mosaic.placed) == set(range(9)) - set(reasons)
     assert mosaic.image.any()
+
+
+def test_pages_that_are_not_read_are_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = PillowImage.new("RGB", (80, 80))
+    for number in range(3):
+        page.save(tmp_path / f"{number}.tif", save_all=True, append_images=[page] * number)
+    told: list[str] = []
+    read = SimpleNamespace(views=[load(source.name) for source in list_sources(tmp_path)])
+    monkeypatch.setattr("skymosaic.mosaicking.plan.survey", lambda *_, **__: read)
+    with Workers() as workers:
+        lay_out([], MosaicOptions(), workers, told.append)
+    assert told == [f"note {tmp_path / '1.tif'}: only the first of 2 pages is read (2 such files)"]
 
 
 def test_a_photograph_that_changes_while_the_picture_is_made_is_left_out_by_name(
