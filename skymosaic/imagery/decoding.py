@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import re
 import stat
 import warnings
 from collections.abc import Iterator
@@ -274,8 +275,12 @@ def _decode_data(path: Path, header: Header, data: bytes, *, keep_damaged: bool)
     # With alpha, OpenCV turns nothing but TIFF by itself.
     turns = TURNS if header.transparent and header.kind != "TIFF" else {}
     flags = cv2.IMREAD_UNCHANGED if header.transparent else cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
-    with contextlib.suppress(cv2.error):
+    with contextlib.suppress(cv2.error, IndexError, ValueError):
         decoded = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+        if decoded is not None and decoded.dtype == np.uint8 and data[:2] in (b"P5", b"P6"):
+            # Netpbm's fourth word is the value of white, by which OpenCV does not scale.
+            white = re.sub(rb"#.*", b"", data[:10_000]).split(maxsplit=4)[3]
+            decoded = cv2.convertScaleAbs(decoded, alpha=255 / int(white))
         if decoded is not None:
             return turns.get(header.orientation, np.asarray)(decoded), damage
     if damage:

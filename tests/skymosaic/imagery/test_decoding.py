@@ -140,6 +140,17 @@ def test_of_a_file_without_any_pixels_nothing_is_kept(tmp_path: Path) -> None:
         images.load(tmp_path / "a.png")
 
 
+@pytest.mark.parametrize("white", [1, 100, 255])
+@pytest.mark.parametrize("kind", ["P5", "P6"])
+def test_white_is_what_netpbm_says(tmp_path: Path, kind: str, white: int) -> None:
+    pixels = np.tile(np.linspace(0, white, 128).round().astype(np.uint8), (96, 1))
+    stored = pixels if kind == "P5" else np.dstack([pixels, pixels // 2, pixels])
+    (tmp_path / "p.ppm").write_bytes(f"{kind} # 1 of 2\n128 96\n{white}\n".encode() + stored.tobytes())
+    read = images.load(tmp_path / "p.ppm").pixels
+    np.testing.assert_allclose(read.reshape(96, 128, -1)[..., 0], pixels * (255 / white), atol=0.5)
+    assert read.shape == stored.shape
+
+
 def _pages(path: Path) -> None:
     first, *others = (PillowImage.fromarray(photograph(height)) for height in (96, 97, 96, 95))
     first.save(path, save_all=True, append_images=others)
