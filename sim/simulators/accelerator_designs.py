@@ -28,7 +28,7 @@ CONTROL = "s_axi_ctrl"
 def choose_build(config: Config, frames: Sequence[NDArray[np.uint8]]) -> Build:
     """The build in which ``frames`` are simulated: the usual one, or that for frames of any size."""
     build = Build(config=config)
-    height_px, width_px = (max(sides, default=0) for sides in zip(*(image.shape[:2] for image in frames), strict=True))
+    height_px, width_px = (max(sides) for sides in zip(*(image.shape[:2] for image in frames), strict=True))
     if width_px <= build.max_width_px and height_px <= build.max_height_px:
         return build
     return replace(build, max_width_px=MAX_FRAME_PX, max_height_px=MAX_FRAME_PX)

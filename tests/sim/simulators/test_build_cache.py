@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from subprocess import Popen
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -144,8 +145,32 @@ def test_unwritable_cache_costs_the_cache_only(tmp_path: Path, monkeypatch: pyte
     lines: list[str] = []
     folder = build_once(f"thing-{reason}", build, what="the thing", progress=lines.append)
     assert (folder / "result").read_text() == "complete"
-    assert "is built for this run only" in " ".join(lines)
+    why = "Not a directory" if reason == "no folder" else "No space left on device"
+    assert f"cannot write the cache {cache_folder()} ({why}); the thing is built for this run only" in lines
     assert build_once(f"thing-{reason}", build, what="the thing", progress=silent) == folder
+
+
+@pytest.mark.parametrize("missing_bytes", [0, 1])
+def test_a_build_that_fails_on_a_full_disk_is_tried_elsewhere(
+    monkeypatch: pytest.MonkeyPatch, missing_bytes: int
+) -> None:
+    """Full is one with less than 64 MiB."""
+    monkeypatch.setattr("shutil.disk_usage", lambda _folder: SimpleNamespace(free=(64 << 20) - missing_bytes))
+    name, lines = f"thing-{missing_bytes}", list[str]()
+
+    def build(folder: Path) -> None:
+        if folder.is_relative_to(cache_folder()):
+            raise BackendError("the compiler failed")
+        write_result(folder)
+
+    if missing_bytes:
+        assert (build_once(name, build, what="the thing", progress=lines.append) / "result").exists()
+        why = f"cannot write the cache {cache_folder()} (its disk is full); the thing is built for this run only"
+        assert lines[1] == why
+        assert lines[2].startswith("building the thing (for this run only, in ")
+    else:
+        with pytest.raises(BackendError, match="the compiler failed"):
+            build_once(name, build, what="the thing", progress=lines.append)
 
 
 def test_imports_without_fcntl() -> None:

@@ -153,6 +153,27 @@ def test_a_pair_covers_enough_and_its_parts_do_not(results: list[FrameResult]) -
     assert Coverage.of(one_level).missing(dataclasses.replace(config, levels=1)) == []
 
 
+@pytest.mark.parametrize(
+    ("features", "sectors", "matches", "missing"),
+    [
+        ((1000, 100), 16, 100, []),
+        ((999, 100), 16, 100, ["999 level-0 features, at least 1000 needed"]),
+        ((1000, 99), 16, 100, ["99 level-1 features, at least 100 needed"]),
+        ((1000, 100), 15, 100, ["15 sectors, at least 16 needed"]),
+        ((1000, 100), 16, 99, ["99 matches, at least 100 needed"]),
+    ],
+)
+def test_enough_is_covered_at_the_limits(
+    features: tuple[int, int], sectors: int, matches: int, missing: list[str]
+) -> None:
+    covered = Coverage(2, features, sectors, matches, homographies=sectors - 15)
+    assert covered.missing(AERIAL.front_end) == missing
+    words = (
+        f"2 frames, {features[0]} + {features[1]} features of levels 0 + 1, {sectors} of 16 sectors, {matches} matches"
+    )
+    assert str(covered) == words + (", 1 homographies" if sectors == 16 else "")
+
+
 def test_the_first_stage_that_differs_is_named(frames: Sequence[Pixels]) -> None:
     golden = trace(frames[0], AERIAL.front_end)
     planes = [

@@ -100,7 +100,8 @@ def test_the_template_is_cut_out_around_the_car(
     tmp_path: Path, pictures: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     frames = np.random.default_rng(3).integers(0, 256, (2, 120, 160, 3), np.uint8)
-    corners = np.array([[[20.5, 30.2], [100.9, 40], [90, 84.7], [12.5, 71]]] * 2)
+    corners = np.array([[[20.5, 30.2], [100.9, 40], [90, 84.7], [12.5, 71]]]).repeat(2, axis=0)
+    corners[1] += 9
     asked: Steps = []
 
     def film(*arguments: object, magnification: float) -> SimpleNamespace:
