@@ -22,6 +22,8 @@ def test_a_third_input_is_shown_at_its_ends_and_in_its_middle() -> None:
     plotted = plan_plot(quantise(read_fll(three), 41))
     assert plotted.sections == (("flow 2", 0), ("flow 7", 20), ("flow 12", 40))
     assert (plotted.surface, plotted.span, plotted.title) == ((0, 1), (-100, 100), "valve")
+    text = VALVE.replace("Engine: valve\n", "Engine: valve\n  description: How far it opens.\n", 1)
+    assert plan_plot(quantise(read_fll(text), 41)).title == "How far it opens."
     two = plan_plot(quantise(read_fll(VALVE), 41))
     assert two.sections == (("", 0),)
     for axis, low, high in zip(two.axes, (3, 55), (27, 95), strict=True):

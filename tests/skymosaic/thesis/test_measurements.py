@@ -12,6 +12,8 @@ def test_means_and_pooled_shares_by_hand() -> None:
         Measurement("T", "s", "a", "one", {"good": 1, "matches": 2}),
         Measurement("T", "s", "b", "two", {"good": 3, "matches": 10}),
         Measurement("T", "s", "c", "two", {"matches": 6}),
+        Measurement("T", "other", "c", "two", {"matches": 50, "good": 9}),
+        Measurement("U", "s", "a", "one", {"matches": 70, "good": 9, "none": 0}),
     ]
     found = Measurements(lines)
     assert found.mean("T", "s", "good") == 2
@@ -19,7 +21,9 @@ def test_means_and_pooled_shares_by_hand() -> None:
     assert found.ratio("T", "s", "good", "matches") == pytest.approx(4 / 18)
     assert np.isnan(found.mean("T", "s", "seconds"))
     assert np.isnan(found.ratio("T", "s", "good", "seconds"))
-    assert found.groups == ["one", "two"]
+    assert np.isnan(found.ratio("U", "s", "good", "none"))
+    assert (found.groups, found.pairs) == (["one", "two"], ["a", "b", "c"])
+    assert (found.settings("T"), found.settings("U")) == (["s", "other"], ["s"])
 
 
 def test_the_csv_holds_every_value(measured: Measurements) -> None:
