@@ -51,6 +51,8 @@ def test_seven_others_are_too_few_until_the_object_is_known_to_move() -> None:
     matches = Matches(*(np.concatenate(both) for both in zip(of_object, ground, strict=True)))
     np.testing.assert_allclose(fitted(matches)[0], GROUND, atol=1e-6)
     np.testing.assert_allclose(fitted(matches, OBJECT)[0], OBJECT, atol=1e-6)
+    eight = (np.concatenate(both) for both in zip(make_matches(OBJECT, each=8), ground, strict=True))
+    np.testing.assert_allclose(fitted(Matches(*eight))[0], OBJECT, atol=1e-6)
     # Hidden, it is not sought on the ground.
     assert fitted(make_matches(GROUND, each=40, outside=20), OBJECT)[0] is None
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from skymosaic.compositing.warp import Canvas
 from skymosaic.geometry.homography import apply
 from skymosaic.tracking.template import Look, TemplatePose, View
-from skymosaic.tracking.track import COASTED_FRAMES, SEARCH_SCALES, Track
+from skymosaic.tracking.track import COASTED_FRAMES, SEARCH_SCALES, Track, _parts
 
 VIEW = View(np.zeros((64, 64), np.uint8), np.eye(3), np.eye(3))
 
@@ -32,16 +32,19 @@ class Seen:
         self.expected: list[NDArray[np.float64]] = []
         self.searched: list[tuple[float, Any]] = []
         self.weights: list[NDArray[np.float64]] = []
+        self.guess: NDArray[np.float64] | None = None
+        self.fewest: list[int] = []
 
     def look_near(
         self, _frame: Any, expected: Any, weight: Any, reference: Any = None, *, moves: bool, min_inliers: int, rng: Any
     ) -> Look:
         assert rng is not None
         if reference is not None:
-            assert min_inliers > 6
+            assert min_inliers == 10
             self.by_blocks.append(reference)
             return Look(None, self.sees_surroundings)
         self.moves.append(moves)
+        self.fewest.append(min_inliers)
         self.expected.append(apply(expected, self.corners))
         self.weights.append(weight)
         found = next(self._poses)
@@ -51,10 +54,11 @@ class Seen:
         pose = TemplatePose(found, "similarity", min_inliers, self.followed, others, len(others) > 0, view)
         return Look(pose, True)
 
-    def guess_within(self, _frame: Any, part: Any, zoom: float, weight: Any, *, min_inliers: int) -> None:
-        assert min_inliers < 6
+    def guess_within(self, _frame: Any, part: Any, zoom: float, weight: Any, *, min_inliers: int) -> Any:
+        assert min_inliers == 4
         assert len(weight) == 20
         self.searched.append((zoom, part))
+        return self.guess
 
 
 WIDTH, HEIGHT = 900, 700
@@ -107,6 +111,43 @@ def test_an_object_that_was_never_seen_is_searched_at_every_size_from_the_middle
         assert track.follow(FRAME) is None
     assert seen.expected == []
     assert_parts_by_distance(seen.searched, [2.0 / scale for scale in SEARCH_SCALES], (WIDTH / 2, HEIGHT / 2))
+
+
+def test_a_guess_is_verified_by_more_features_and_begins_a_track_that_stands_still() -> None:
+    seen = Seen([None, moved(203, 100), moved(206, 100), moved(209, 100)])
+    track = begun(seen)
+    assert track.follow(FRAME) is None
+    seen.guess = moved(200, 100)
+    assert track.follow(FRAME) is None
+    assert track.corners is None
+    for x in (203, 206, 209):
+        pose = track.follow(FRAME)
+        assert pose is not None
+        corners: Any = track.corners
+        np.testing.assert_allclose(corners, apply(moved(x, 100), seen.corners), atol=1e-6)
+    assert seen.fewest == [8, 8, 6, 6]
+    # Where it was guessed, where it was found, and a step ahead.
+    assert [expected[0, 0] for expected in seen.expected] == pytest.approx([200, 200, 203, 209])
+    assert len(seen.searched) == 3
+
+
+@pytest.mark.parametrize(
+    ("size", "zoom", "starts"),
+    [
+        ((1280, 960), 1.0, [0]),
+        ((1281, 960), 1.0, [0, 1]),
+        ((2368, 96), 1.0, [0, 1088]),
+        ((1185, 48), 2.0, [0, 545, 1090]),
+        ((640, 1728), 1.0, [0, 768]),
+        ((640, 1729), 1.0, [0, 384, 769]),
+    ],
+)
+def test_a_frame_is_searched_in_parts_that_overlap(size: tuple[int, int], zoom: float, starts: list[int]) -> None:
+    parts = _parts(size, zoom, np.array([0.0, 0]))
+    whole = round(size[0] * zoom), round(size[1] * zoom)
+    axis = int(whole[1] > 960)
+    assert [(part.x_px, part.y_px)[axis] for part in parts] == starts
+    assert {(part.width_px, part.height_px) for part in parts} == {(min(whole[0], 1280), min(whole[1], 960))}
 
 
 def assert_parts_by_distance(searched: list[tuple[float, Canvas]], zooms: list[float], middle: Any) -> None:
