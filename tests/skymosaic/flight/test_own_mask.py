@@ -15,7 +15,7 @@ from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.own_mask import find_mask
 from skymosaic.flight.survey import _mask_own
-from skymosaic.imagery.lens import load_lens
+from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
@@ -97,7 +97,8 @@ def test_what_is_drawn_is_masked_where_no_match_is_rejected(flight: list[NDArray
 
 
 @pytest.mark.parametrize(
-    ("found", "is_for_links"), [(((0, 1), (2, 3)), True), (((0, 1), (1, 2)), True), (((0, 1),), False)]
+    ("found", "is_for_links"),
+    [(((0, 1), (2, 3)), True), (((0, 1), (1, 2)), True), (((0, 1),), False), (((0, 1), (1, 2), (2, 3)), True)],
 )
 def test_a_mask_by_which_groups_are_smaller_is_for_the_picture_alone(
     monkeypatch: pytest.MonkeyPatch, found: tuple[tuple[int, int], ...], is_for_links: bool
@@ -113,10 +114,14 @@ def test_a_mask_by_which_groups_are_smaller_is_for_the_picture_alone(
         surveyor = Surveyor(Settings(preset_config("aerial")), 0, workers, NO_CACHE)
         sources = list_sources(photographs)
         views = surveyor.describe_all(sources)
-        monkeypatch.setattr("skymosaic.flight.survey._moving_links", lambda *_: list(before.values()))
+        monkeypatch.setattr("skymosaic.flight.survey._moving_links", lambda _, links: list(links.values()))
         monkeypatch.setattr("skymosaic.flight.survey.find_mask", lambda *_: np.full((240, 320), 255, np.uint8))
         monkeypatch.setattr("skymosaic.flight.survey._link", lambda *_: link(*found))
         masked = _mask_own(surveyor, sources, views, before)
+        assert _mask_own(surveyor, sources, views, {}) is None
+        for lens in (Lens(mask=np.zeros((240, 320), np.uint8)), Lens((320, 240), np.eye(3), np.zeros(5))):
+            given = replace(surveyor, settings=replace(surveyor.settings, lens=lens))
+            assert _mask_own(given, sources, views, before) is None
     assert masked is not None
     assert masked[0].settings.lens.mask is not None
     assert (masked[2] is not before) == is_for_links
