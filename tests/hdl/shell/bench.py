@@ -28,7 +28,7 @@ MAX_RECORDS = {"features": 40, "matches": 40, "homographies": 1}
 SLOTS = 4
 BASES = {ring: 0x9_1000_0000 + n * SLOTS * PAGE_BYTES for n, ring in enumerate(RINGS)}
 SYNC_S = 1e-8
-CHECKED = ("refused", "homographies_refused", "clearing", *(f"{ring}_active" for ring in RINGS))
+CHECKED = ("refused", "homographies_refused", "clearing", "camera_stopped", *(f"{ring}_active" for ring in RINGS))
 """Fields that only the shell sets."""
 
 Beat = tuple[int, int, int] | dict[str, int] | None

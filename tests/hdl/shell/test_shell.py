@@ -134,7 +134,8 @@ def test_a_camera_that_stops_and_resumes_makes_one_bad_frame() -> None:
     bench = ShellBench(camera_timeout=2, coalesce_count=255, coalesce_timeout=1, camera_s=2e-8)
     # In the first pause two ticks pass, in the second one.
     tick = [None] * (TICK_CLOCKS // 2 + 3)
-    run = bench.simulate([*frame(0), *PAUSE, *half, *tick, *tick, *whole, *tick, *half, *whole], clocks_after=200)
+    stops = [*tick, *tick, {"camera_stopped": 1}, *whole, {"camera_stopped": 0}]
+    run = bench.simulate([*frame(0), *PAUSE, *half, *stops, *tick, *half, *whole], clocks_after=200)
     check(bench, run, whole=5)
     assert bench.values["cut"] == 2
     assert run.events["camera_stops"] == 1
