@@ -2,7 +2,8 @@ import dataclasses
 
 import pytest
 
-from golden_model.config import PRESETS, EstimatorConfig
+from golden_model.config import PRESETS, EstimatorConfig, MatcherConfig
+from golden_model.fuzzy.rules import MatchRules, read_shipped
 from golden_model.version import VERSION
 from hdl.build import BUILDS, Build
 from hdl.registers.register_map import REGISTERS, Access, built_constants, fields, register_writes
@@ -25,7 +26,7 @@ def test_a_field_that_does_not_exist_is_named() -> None:
 
 def test_the_constants_say_what_was_built_and_fit_their_fields() -> None:
     thesis = dataclasses.replace(PRESETS["thesis"], estimator=EstimatorConfig())
-    paints = dataclasses.replace(BUILDS["camera"], config=thesis, painter=True)
+    paints = dataclasses.replace(BUILDS["camera"], config=thesis, painter=True, lanes=8, max_width_px=1600)
     for build in (*BUILDS.values(), paints, Build(config=thesis, lanes=2, max_width_px=160, max_height_px=120)):
         constants = built_constants(build)
         masks = {field.name: field.mask >> field.low for field in fields(Access.CONSTANT)}
@@ -33,15 +34,20 @@ def test_the_constants_say_what_was_built_and_fit_their_fields() -> None:
         assert all(0 <= value <= masks[name] for name, value in constants.items())
         version = ".".join(str(constants[f"version_{part}"]) for part in ("major", "minor", "patch"))
         assert version == VERSION
-        size = constants["built_width_px"], constants["built_height_px"]
-        assert size == (build.max_width_px, build.max_height_px)
-        assert (constants["built_lanes"], constants["built_video_bits"]) == (build.lanes, build.video_bits)
-        pattern = build.config.front_end.pattern
-        assert constants["built_descriptor_bytes"] == pattern.bits // 8
-        assert constants["built_feature_bytes"] == pattern.record.dtype.itemsize
-        assert constants["built_shell"] == (build.shell == "camera")
-        assert constants["built_homographies"] == (build.config.estimator is not None)
-        assert constants["built_painter"] == build.painter
+    rules_digest = thesis.matcher.rules_digest(thesis.front_end.pattern)
+    described = {name: value for name, value in built_constants(paints).items() if not name.startswith("version")}
+    assert described == {
+        "identity": 0x534B594D, "built_levels": 1, "built_detectors": 0b11, "built_rule_base": 1,
+        "built_rules_digest": rules_digest, "built_selection": 0, "built_shell": 1, "built_homographies": 1,
+        "built_painter": 1, "built_descriptor_bytes": 4, "built_lanes": 8, "built_video_bits": 24,
+        "built_width_px": 1600, "built_height_px": 1080, "built_max_features": 2048, "built_feature_bytes": 32,
+        "built_match_bytes": 24,
+    }  # fmt: skip
+    own = dataclasses.replace(thesis, matcher=MatcherConfig(rule_base=MatchRules(read_shipped("aerial"))))
+    others = [Build(), Build(config=dataclasses.replace(PRESETS["aerial"], matcher=own.matcher)), BUILDS["ulx3s"]]
+    names = ("levels", "rule_base", "selection", "shell", "homographies", "painter")
+    found = [tuple(built_constants(build)[f"built_{name}"] for name in names) for build in others]
+    assert found == [(2, 0, 1, 0, 0, 0), (2, 3, 1, 0, 0, 0), (1, 0, 1, 0, 0, 0)]
 
 
 def test_fields_are_found_by_their_access_in_the_order_of_the_map() -> None:
