@@ -82,10 +82,11 @@ def test_ports_of_modules_have_names_from_the_source(verilog: str) -> None:
     assert "port$" not in verilog
 
 
-def ports(verilog: str) -> dict[str, str]:
-    """Direction of every port of the top module."""
+def ports(verilog: str) -> dict[str, tuple[str, int]]:
+    """Direction and width of every port of the top module."""
     (top,) = re.findall(rf"^module {export.TOP}\(.*?^endmodule", verilog, re.S | re.M)
-    return {name: way for way, name in re.findall(r"^  (input|output) (?:\[\d+:0\] )?(\w+);", top, re.M)}
+    found = re.findall(r"^  (input|output) (?:\[(\d+):0\] )?(\w+);", top, re.M)
+    return {name: (way, int(last or 0) + 1) for way, last, name in found}
 
 
 def vivado(folder: Path, *scripts: str, video_bits: int = 32, before: str = "") -> "Tcl":
@@ -256,18 +257,19 @@ def test_every_port_says_which_bus_it_belongs_to(verilog: str) -> None:
 
 def test_the_ports_are_the_recorded_ones(verilog: str) -> None:
     streams = {
-        "s_axis_video": ("tdata tlast tuser tvalid", "tready"),
-        "m_axis_features": ("tready", "tdata tkeep tlast tvalid"),
-        "m_axis_matches": ("tready", "tdata tkeep tlast tvalid"),
+        "s_axis_video": ("tdata:32 tlast tuser tvalid", "tready"),
+        "m_axis_features": ("tready", "tdata:64 tkeep:8 tlast tvalid"),
+        "m_axis_matches": ("tready", "tdata:64 tkeep:8 tlast tvalid"),
         "s_axi_ctrl": (
-            "awaddr awprot awvalid wdata wstrb wvalid bready araddr arprot arvalid rready",
-            "awready wready bresp bvalid arready rdata rresp rvalid",
+            "awaddr:12 awprot:3 awvalid wdata:32 wstrb:4 wvalid bready araddr:12 arprot:3 arvalid rready",
+            "awready wready bresp:2 bvalid arready rdata:32 rresp:2 rvalid",
         ),
     }
-    expected = {"aclk": "input", "aresetn": "input", "interrupt": "output"}
-    for prefix, (inputs, outputs) in streams.items():
-        expected |= {f"{prefix}_{name}": "input" for name in inputs.split()}
-        expected |= {f"{prefix}_{name}": "output" for name in outputs.split()}
+    expected = {"aclk": ("input", 1), "aresetn": ("input", 1), "interrupt": ("output", 1)}
+    for prefix, named in streams.items():
+        for way, names in zip(("input", "output"), named, strict=True):
+            for name, _, bits in (each.partition(":") for each in names.split()):
+                expected[f"{prefix}_{name}"] = way, int(bits or 1)
     assert ports(verilog) == expected
 
 
