@@ -58,7 +58,7 @@ RESETS = {
     "keep_above": 64, "passes": 32, "seed": 0x9E3779B9, "min_inliers": 12, "min_cells": 5, "painter_max_links": 255,
     "camera_timeout": 15_000, "coalesce_count": 1,
 }  # fmt: skip
-"""Of the others 0."""
+"""All others are 0."""
 WORDS = r"seed|\w+_base_(low|high)|\w+_read|pose_h[0-2]{2}"
 
 

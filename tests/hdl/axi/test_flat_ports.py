@@ -23,7 +23,7 @@ BUSES = {
     "write": (AXI_WRITE, (_BURST, "data:64 strb:8 last valid ready<", _ANSWER, "", "")),
     "read": (AXI_READ, ("", "", "", _BURST, "data:64< resp:2< last< valid< ready")),
 }
-"""Of the channels aw, w, b, ar and r the signals with their widths; `<`: towards the manager."""
+"""Signals with their widths, in the channels aw, w, b, ar and r; `<`: towards the manager."""
 
 
 @pytest.mark.parametrize("bus", BUSES)
