@@ -1,6 +1,7 @@
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -14,10 +15,28 @@ def test_left_overs_of_killed_processes_are_removed(tmp_path: Path) -> None:
     ended.wait()
     for name in (f"{machine}-{ended.pid}-x", f"{machine}-{os.getpid()}-y", f".skymosaic-elsewhere-{ended.pid}-z"):
         (tmp_path / name).touch()
+    # Numbers of no process, for all that can be asked, stay.
+    (tmp_path / f"{machine}-{10**30}-w").touch()
+    (tmp_path / f"{machine}-{ended.pid}-folder" / "inside").mkdir(parents=True)
+    (tmp_path / f"{machine}-{ended.pid}-link").symlink_to(tmp_path / "kept")
+    (tmp_path / "kept").mkdir()
     temporary.remove_left_overs.cache_clear()
     with temporary.temporary_file(tmp_path):
         pass
-    assert sorted(path.name.rsplit("-")[-1] for path in tmp_path.iterdir()) == ["y", "z"]
+    assert sorted(path.name.rsplit("-")[-1] for path in tmp_path.iterdir()) == ["kept", "w", "y", "z"]
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_a_temporary_folder_is_hidden_beside_an_output_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, beside: bool
+) -> None:
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "system"))
+    for name in ("system", "output"):
+        (tmp_path / name).mkdir()
+    with temporary.temporary_folder(tmp_path / "output" if beside else None) as folder:
+        assert folder.parent == tmp_path / ("output" if beside else "system")
+        assert folder.name.startswith(".") == beside
+    assert not folder.exists()
 
 
 def temporary_name(folder: Path) -> str:
@@ -38,12 +57,23 @@ def contents(folder: Path) -> list[str]:
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
 
 
-def test_a_staged_folder_leaves_nothing_of_its_old_self_and_all_of_others(page_folder: Path) -> None:
+def test_a_staged_folder_leaves_nothing_of_its_old_self_and_all_of_others(
+    page_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    moved, rename = list[str](), Path.rename
+
+    def note_and_rename(path: Path, target: Path) -> Path:
+        moved.append(path.name)
+        return rename(path, target)
+
     with temporary.staged_folder(page_folder, r"\d+|index\.html") as staged:
         (staged / "6").mkdir()
         for name in ("index.html", "6/new.webp"):
             (staged / name).write_text("new")
         assert contents(page_folder) == ["7/old.webp", "index.html", "notes.txt"]
+        monkeypatch.setattr(Path, "rename", note_and_rename)
+    # The page, by which readers come in, goes first and comes last.
+    assert moved == ["index.html", "7", "6", "index.html"]
     assert contents(page_folder) == ["6/new.webp", "index.html", "notes.txt"]
     assert (page_folder / "notes.txt").read_text() == "old"
     assert (page_folder / "index.html").read_text() == "new"
