@@ -114,6 +114,11 @@ def test_a_band_that_most_captures_lack_is_refused(tmp_path: Path) -> None:
     names = three("1.tif", "2.tif")
     with pytest.raises(InputError, match=r"IMG_0010_3\.tif: 2 of 3 captures have no band 3; put the files"):
         group_band_sets(sources_of(tmp_path, *names, "IMG_0010_3.tif"))
+    # As many as have it; where more do, the others are left out.
+    four = [*names, "IMG_0013_1.tif", "IMG_0013_2.tif", "IMG_0010_3.tif", "IMG_0011_3.tif"]
+    with pytest.raises(InputError, match=r"IMG_0010_3\.tif: 2 of 4 captures have no band 3; put the files"):
+        group_band_sets(sources_of(tmp_path, *four))
+    assert len(group_band_sets(sources_of(tmp_path, *four, "IMG_0012_3.tif"))) == 4
 
 
 @pytest.mark.parametrize("band", [2, 3])

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from skymosaic.common.errors import InputError
+from skymosaic.imagery import folders
 from skymosaic.imagery.folders import Listing, list_pictures
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import list_sources
@@ -85,6 +86,18 @@ def test_a_mosaic_of_folders_inside_is_no_photograph_of_the_next_run(card: Path)
 def test_a_link_to_a_folder_is_not_followed(card: Path) -> None:
     (card / "101MEDIA" / "loop").symlink_to(card)
     assert len(list_pictures(card, recursive=True).pictures) == 4
+
+
+def test_an_unreadable_folder_inside_matters_where_it_is_read(card: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse_inside(folder: Path) -> list[Path]:
+        if folder.name == "101MEDIA":
+            raise InputError(f"{folder}: cannot be read")
+        return list(folder.iterdir())
+
+    monkeypatch.setattr(folders, "list_folder", refuse_inside)
+    assert [path.name for path in list_pictures(card).pictures] == ["DJI_1.JPG"]
+    with pytest.raises(InputError, match="101MEDIA: cannot be read"):
+        list_pictures(card, recursive=True)
 
 
 def test_a_link_to_nothing_is_a_photograph_that_is_missing(card: Path) -> None:

@@ -113,7 +113,7 @@ def test_a_jpeg_damaged_in_its_middle_is_refused_and_kept_on_request(tmp_path: P
     data[middle : middle + 400] = bytes(400)
     path = tmp_path / "damaged.jpg"
     path.write_bytes(data)
-    with pytest.raises(DamagedError, match="JPEG is damaged"):
+    with pytest.raises(DamagedError, match=r"the JPEG is damaged \(.+\); copy it again from the camera$"):
         images.load(path)
     kept = images.load(path, keep_damaged=True)
     assert kept.size == (640, 480)
@@ -152,3 +152,14 @@ def test_a_jpeg_of_many_scans_is_refused_before_decoding(tmp_path: Path) -> None
     (tmp_path / "p.jpg").write_bytes(data[:-2] + data[last:-2] * 200 + data[-2:])
     with pytest.raises(InputError, match="scans"):
         images.load(tmp_path / "p.jpg")
+
+
+def test_the_limits_of_scans_and_of_their_area_are_valid() -> None:
+    path, area_px = Path("p.jpg"), jpeg.MAX_SCANNED_AREA_PX
+    jpeg.decode_strictly(encoded(), path, area_px=area_px, orientation=1)
+    with pytest.raises(InputError, match="a JPEG of 1 scans takes too long to decode"):
+        jpeg.decode_strictly(encoded(), path, area_px=area_px + 1, orientation=1)
+    for scans, fault in ((100, "is damaged"), (101, "a JPEG of 101 scans takes too long")):
+        data = encoded()[:-2] + b"\xff\xda\0\2" * (scans - 1) + END
+        with pytest.raises(InputError, match=fault):
+            jpeg.decode_strictly(data, path, area_px=1, orientation=1)

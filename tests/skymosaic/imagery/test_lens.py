@@ -59,7 +59,10 @@ def test_ground_is_where_the_lens_and_the_mask_of_the_photograph_both_show_it(tm
     [
         (CAMERA.replace("k1", "q1"), "unknown key q1"),
         (CAMERA.replace("focal_x_px = 500\n", ""), "focal_x_px missing"),
-        (CAMERA.replace("500", "'long'"), "must be a number"),
+        (CAMERA.replace("500", "'long'"), "focal_x_px is 'long'; it must be a number"),
+        (CAMERA.replace("-0.2", "true"), "k1 is True; it must be a number"),
+        (CAMERA.replace("-0.2", "-inf"), "k1 is -inf; it must be a number"),
+        (CAMERA.replace("-0.2", "1e9"), r"k1 is 1000000000\.0; it must be a number"),
         (CAMERA.replace("width_px = 640", "width_px = 0"), "must be positive"),
         ("width_px =", "not valid TOML"),
     ],
@@ -86,6 +89,9 @@ def test_photographs_of_another_shape_are_of_another_camera(tmp_path: Path) -> N
     (tmp_path / "camera.toml").write_text(CAMERA)
     lens = load_lens(tmp_path / "camera.toml", None)
     assert lens.numbers == tomllib.loads(CAMERA)
+    for size in ((640, 480), (480, 640), (64, 48)):
+        lens.check(size, "a.png")
+    Lens().check((360, 640), "a.png")
     picture = np.random.default_rng(1).integers(0, 256, (360, 640), dtype=np.uint8)
     np.testing.assert_array_equal(lens.straighten(picture), picture)
     cv2.imwrite(str(tmp_path / "wide.png"), picture)
@@ -106,3 +112,15 @@ def test_lenses_that_straighten_or_hide_differently_have_different_keys() -> Non
     ]
     assert len({lens.key for lens in lenses}) == len(lenses)
     assert Lens(mask=mask.copy()).key == lenses[1].key
+    assert Lens(mask=mask.copy()) == lenses[1] != lenses[0]
+    assert lenses[0] != "no lens"
+
+
+def test_a_mask_shows_ground_where_any_channel_is_bright(tmp_path: Path) -> None:
+    gray = np.repeat(np.array([[127, 128]], np.uint8), 64, axis=1).repeat(64, axis=0)
+    for name, pixels in (("gray.png", gray), ("blue.png", np.dstack([gray, gray * 0, gray * 0]))):
+        cv2.imwrite(str(tmp_path / name), pixels)
+        np.testing.assert_array_equal(load_lens(None, tmp_path / name).mask, np.where(gray == 128, 255, 0))
+    cv2.imwrite(str(tmp_path / "dark.png"), gray - 1)
+    with pytest.raises(InputError, match=r"dark\.png: the mask is black everywhere; paint white"):
+        load_lens(None, tmp_path / "dark.png")

@@ -1,3 +1,4 @@
+import os
 from pathlib import Path
 from typing import Any
 
@@ -6,7 +7,7 @@ import pytest
 
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.photographs import DecodedPhotographs, Source, index_names, list_sources
+from skymosaic.imagery.photographs import DecodedPhotographs, Source, index_names, list_sources, short_names
 
 
 def test_a_folder_gives_its_pictures_by_number(tmp_path: Path) -> None:
@@ -36,7 +37,35 @@ def test_decoded_photographs_stay_below_their_limit(tmp_path: Path) -> None:
     assert photographs.pixels(sources[0], Lens()) is first
     for source in sources[1:]:
         assert np.all(photographs.pixels(source, Lens())[0] == source.index)
-    assert photographs.size_bytes <= 3 * 64 * 64
+    assert photographs.size_bytes == 3 * 64 * 64
+
+
+def test_a_file_that_changes_after_it_was_read_is_another_photograph(tmp_path: Path) -> None:
+    paths = [tmp_path / f"{name}.png" for name in ("same", "touched", "other", "gone")]
+    for path in paths:
+        path.write_bytes(b"pixels")
+    sources = list_sources([*paths, np.zeros((64, 64), np.uint8)])
+    assert [source.change for source in sources] == [""] * 5
+    os.utime(paths[1], (1, 1))
+    paths[2].write_bytes(b"others")
+    os.utime(paths[2], (1, 1))
+    paths[3].unlink()
+    assert [source.change.removeprefix(f"{tmp_path}/") for source in sources] == [
+        "", "", "other.png: was replaced after it had been read", "gone.png: was removed after it had been read", "",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("names", "short"),
+    [
+        (["/f/a.jpg", "/f/b.jpg"], ["a.jpg", "b.jpg"]),
+        (["f/1/a.jpg", "f/2/a.jpg", "f/2/b.jpg"], ["1/a.jpg", "2/a.jpg", "2/b.jpg"]),
+        (["f/a.jpg", "f/a.jpg"], ["f/a.jpg", "f/a.jpg"]),
+        ([], []),
+    ],
+)
+def test_names_are_as_short_as_tells_files_apart(names: list[str], short: list[str]) -> None:
+    assert short_names(names) == short
 
 
 def test_an_unreadable_folder_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

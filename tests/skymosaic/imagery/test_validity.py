@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import rasterio
+from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
 from sim.scene import Flight
@@ -63,6 +64,35 @@ def test_half_transparent_pixels_have_their_own_colours(tmp_path: Path, kind: st
     np.testing.assert_allclose(
         photograph.pixels[:60], np.moveaxis(colours, 0, -1)[:60].repeat(3 // channels, 2), atol=2
     )
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_more_than_half_opaque_shows(tmp_path: Path, dtype: type) -> None:
+    half, most = np.iinfo(dtype).max // 2, np.iinfo(dtype).max
+    pixels: NDArray[Any] = np.full((64, 64, 4), 90, dtype)
+    pixels[..., 3] = np.repeat(np.array([0, half, half + 1, most], dtype), 16)
+    cv2.imwrite(str(tmp_path / "p.png"), pixels)
+    visible = load(tmp_path / "p.png").visible
+    assert visible is not None
+    assert visible[0, ::16].tolist() == [0, 0, 255, 255]
+
+
+def test_a_transparent_gray_level_which_opencv_does_not_tell_hides_nothing(tmp_path: Path) -> None:
+    gray = np.tile(np.array([[7], [90]], np.uint8), (40, 80))
+    PillowImage.fromarray(gray).save(tmp_path / "p.png", transparency=7)
+    np.testing.assert_array_equal(load(tmp_path / "p.png").pixels, gray)
+
+
+def test_a_colour_has_no_data_where_all_its_channels_have_none(tmp_path: Path) -> None:
+    values = np.full((3, 70, 80), 90, np.uint8)
+    values[:, :9] = values[0, 9:20] = 255
+    profile = {"driver": "GTiff", "width": 80, "height": 70, "count": 3, "dtype": "uint8", "nodata": 255}
+    with configured_rasterio(), rasterio.open(tmp_path / "t.tif", "w", photometric="RGB", **profile) as file:
+        file.write(values)
+    visible = load(tmp_path / "t.tif").visible
+    assert visible is not None
+    np.testing.assert_array_equal(visible.all(axis=1), np.arange(70) >= 9)
+    np.testing.assert_array_equal(visible.any(axis=1), np.arange(70) >= 9)
 
 
 @pytest.mark.parametrize(
