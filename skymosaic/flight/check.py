@@ -19,6 +19,8 @@ MIN_BEST_OVERLAP = 0.3
 """Best overlap with any other photograph below which a photograph is poorly tied."""
 CLIPPED = 0.2
 """A photograph is badly exposed if more than this share of it is black or white."""
+MAX_REDUCED = 2
+"""Photographs of one lens that differ more in size have few descriptors in common."""
 WEAK_TIES = 40
 WEAK_OVERLAP = 0.2
 """A link with fewer ties or less overlap is weak; it matters if no other joins the two sides."""
@@ -179,6 +181,9 @@ def _problems_of_all(flight: Flight) -> Iterator[str]:
             f"{len(flight.layouts)} groups that no link joins for sure ({sizes} photographs): fly again between them; "
             "where the ground has no texture, fly higher or in better light"
         )
+    narrow, wide = (choose((view.working_size[0] for view in flight.views), default=0) for choose in (min, max))
+    if wide > MAX_REDUCED * narrow and len({view.taken.focal_half_diagonals for view in flight.views}) == 1:
+        yield f"photographs are registered at {narrow} to {wide} px wide: `working_width_px` {narrow} makes them alike"
     for layout in flight.layouts:
         yield from doubts(flight, layout)
         yield from _weakly_linked(flight, layout)

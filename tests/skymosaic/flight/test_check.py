@@ -72,6 +72,12 @@ def test_what_many_photographs_lack_is_counted() -> None:
     assert gps == "2 of 5 photographs have no GPS"
     flight.layouts = flight.layouts[:1]
     assert not check_flight(flight).complete
+    advice = "photographs are registered at 400 to {} px wide: `working_width_px` 400 makes them alike"
+    for width_px, other_focal, said in ((801, 2, True), (801, 3, False), (800, 2, False)):
+        for view in views:
+            view.taken = SimpleNamespace(focal_half_diagonals=other_focal if view is views[1] else 2)
+        views[0].working_size = (width_px, 300)
+        assert (advice.format(width_px) in check_flight(flight).problems) is said
 
 
 def test_photographs_far_off_are_named_and_more_than_three_are_counted() -> None:
