@@ -185,4 +185,5 @@ def test_halves_that_only_weak_links_join_are_named_with_their_number() -> None:
     assert "90 matches and 19% overlap: fly" in weak_line(((2, 3, 90), (1, 3, 50)), step_px=322)
     # Two photographs that hang on one link are named once.
     assert weak_line(((2, 3, 30),), last=20).count("joined") == 2
+    assert weak_line(((2, 3, 20),), last=30).startswith("1 photograph is joined only by 2 weak links, the best")
     assert weak_line(((2, 3, 20),), last=30).count("joined") == 1

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from skymosaic.common.errors import OutputError, RegistrationError
+from skymosaic.imagery.video import VideoReader
 from skymosaic.tracking.output import draw_outline, follow_video, make_row, save_corners
 from skymosaic.tracking.tracker import TrackedFrame
 
@@ -77,6 +78,9 @@ def test_a_video_that_cannot_be_written_costs_no_table(
     assert told == [0, 1, 2]
     assert output.exists() is is_writable
     assert len(failures) == (not is_writable)
+    if is_writable:
+        # The outline is drawn in the frame in which the object was found.
+        assert [frame[..., 1].max() > 100 for frame in VideoReader(output)] == [True, False, False]
     if not is_writable:
         with pytest.raises(OutputError):
             follow(None)

@@ -219,7 +219,7 @@ def test_an_object_is_expected_in_its_shape_whatever_its_corners_did() -> None:
         (moved(5000, 0), True, "left the frame"),
         (moved(50, 50, 0.1), True, "only 9 px large"),
         (moved(50, 50), False, "the picture changed altogether"),
-        (moved(50, 50), True, "fewer than 6 of 20 features agree"),
+        (moved(50, 50), True, "lost: hidden, blurred or turned, fewer than 6 of 20 features agree"),
     ],
 )
 def test_why_an_object_is_lost_is_said(place: Any, sees_surroundings: bool, says: str) -> None:
@@ -229,6 +229,10 @@ def test_why_an_object_is_lost_is_said(place: Any, sees_surroundings: bool, says
     for _ in range(2):
         track.follow(FRAME)
     assert says in track.explain(FRAME)
+
+
+def test_a_track_that_just_began_is_not_lost_for_a_twin_or_a_cut() -> None:
+    assert "features agree" in begun(Seen([]), moved(50, 50)).explain(FRAME)
 
 
 @pytest.mark.parametrize("at_once", [False, True])
