@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
+import pytest
 from amaranth import Module, Mux, Signal
 from amaranth.lib import fifo, wiring
 from amaranth.lib.wiring import In, Out
@@ -12,6 +13,7 @@ from amaranth.sim import Simulator
 
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_lite import AxiLiteSubordinate
+from hdl.serial import link
 from hdl.serial.link import Command, Message, SerialLink
 from hdl.serial.uart import UartReceiver, UartTransmitter
 
@@ -28,23 +30,23 @@ class Board(wiring.Component):
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        m.submodules.link = link = self.link
+        m.submodules.link = inner = self.link
         m.submodules.receiver = receiver = UartReceiver(clocks_per_bit=CLOCKS_PER_BIT)
         m.submodules.transmitter = transmitter = UartTransmitter(clocks_per_bit=CLOCKS_PER_BIT)
         m.submodules.registers = registers = AxiLiteSubordinate()
         register = Signal(32)
         m.submodules.waiting = waiting = fifo.SyncFIFOBuffered(width=8, depth=64)
-        wiring.connect(m, link.control, registers.bus)
-        wiring.connect(m, link.o, transmitter.i)
+        wiring.connect(m, inner.control, registers.bus)
+        wiring.connect(m, inner.o, transmitter.i)
         m.d.comb += [
             receiver.i_pin.eq(self.i_pin),
             self.o_pin.eq(transmitter.o_pin),
             waiting.w_en.eq(receiver.o_valid),
             waiting.w_data.eq(receiver.o_byte),
-            link.i.valid.eq(waiting.r_rdy),
-            link.i.payload.eq(waiting.r_data),
-            waiting.r_en.eq(link.i.ready),
-            link.i_lost.eq(receiver.o_broken),
+            inner.i.valid.eq(waiting.r_rdy),
+            inner.i.payload.eq(waiting.r_data),
+            waiting.r_en.eq(inner.i.ready),
+            inner.i_lost.eq(receiver.o_broken),
             registers.i_data.eq(Mux(registers.o_read_word == 2, register, 0)),
         ]
         with m.If(registers.o_write & (registers.o_write_word == 2)):
@@ -61,7 +63,10 @@ def talk(
     answers: int = 0,
     stop_bits: bool = True,
 ) -> tuple[Any, ...]:
-    """Send bytes as bits; returns the bytes that came back as bits, and the pixels that the accelerator got."""
+    """Send bytes as bits; returns the bytes that came back as bits, and the pixels that the accelerator got.
+
+    A number below 0 is a pause of so many clocks.
+    """
     board = Board()
     received: list[Any] = []
     pixels: list[Any] = []
@@ -71,6 +76,9 @@ def talk(
 
     async def send(ctx: Any) -> None:
         for number, byte in enumerate(sent):
+            if byte < 0:
+                await ctx.tick().repeat(-byte)
+                continue
             for bit in (0, *(byte >> n & 1 for n in range(8)), int(stop_bits or number > 0)):
                 ctx.set(board.i_pin, bit)
                 await ctx.tick().repeat(CLOCKS_PER_BIT)
@@ -117,7 +125,7 @@ def talk(
     for output, words in (("features", features), ("matches", matches), ("homographies", homographies)):
         simulator.add_testbench(offer(getattr(board.link, f"i_{output}"), words))
     simulator.add_testbench(take, background=True)
-    simulator.run_until(1e-6 * (2 * BYTE_CLOCKS * (len(sent) + wanted + 4)))
+    simulator.run_until(1e-6 * (2 * BYTE_CLOCKS * (len(sent) + wanted + 4) - sum(each for each in sent if each < 0)))
     return received, pixels
 
 
@@ -145,6 +153,17 @@ def test_pixels_arrive_in_order_and_the_last_one_ends_the_transfer() -> None:
     ]
     _, pixels = talk(sent)
     assert pixels == [(10, 0), (20, 0), (30, 0), (5, 0), (6, 1)]
+
+
+def test_a_command_that_breaks_off_is_forgotten_and_one_that_pauses_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link, "FORGET_CLOCKS", 256)
+    write = command(Command.WRITE, 8, 0x78, 0x56, 0x34, 0x12)
+    pauses = [*write[:2], -200, *write[2:5], -200, *write[5:]]
+    broken = [write[:2], write[:5], command(Command.PIXELS, 9, 1, 2)]
+    sent = [*pauses, *(part for bytes_ in broken for part in (*bytes_, -350, *command(Command.READ, 8)))]
+    received, pixels = talk(sent, answers=24)
+    assert received == answer(0) + 3 * answer(0x12345678)
+    assert pixels == [(1, 0), (2, 0)]
 
 
 def test_words_of_all_packets_are_told_apart_and_an_answer_overtakes_them() -> None:
