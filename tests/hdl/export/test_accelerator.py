@@ -123,7 +123,15 @@ def test_everything_is_there(folder: Path) -> None:
             f"pynq/{name}" for name in ("pynq_bus.py", "pynq_overlay.py", "serve.py", "overlay.py", "skymosaic.ipynb")
         }
     assert found == expected
-    assert "Not yet run in Vivado" in (folder / "README.md").read_text()
+    readme = (folder / "README.md").read_text()
+    assert "Not yet run in Vivado" in readme
+    assert ("## Use on the board (JTAG)" in readme) == ("arty_a7" in folder.name)
+    litex = (folder / "litex" / "skymosaic_litex.py").read_text()
+    assert " VIDEO_BITS = 32\n" in litex
+    assert " OUTPUTS = ('features', 'matches')\n" in litex
+    facts = (folder / "vivado" / "board.tcl").read_text()
+    assert "\nset board(video_bits) 32\n" in facts
+    assert "\nset board(outputs) {features matches}\n" in facts
 
 
 def test_every_file_has_the_same_version(folder: Path) -> None:

@@ -62,6 +62,8 @@ def test_the_export_has_what_its_readme_names(tmp_path: Path, monkeypatch: pytes
     # The bitstream is built by another test.
     assert {name for name in named if not (tmp_path / name).exists()} == {"build/skymosaic.bit"}
     assert "Not yet run on a board" in readme
+    # Ten bits for each pixel of 320x240, at 25 MHz.
+    assert all(told in readme for told in ("has 1,000,000 baud", "takes 0.77 s on", "3.1 ms per frame"))
     assert all(f"\n{tool} " in readme for tool, *_ in export.STEPS)
     # Every port has a pin.
     pins = (tmp_path / "ulx3s.lpf").read_text()
