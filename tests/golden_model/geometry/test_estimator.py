@@ -12,6 +12,7 @@ from golden_model.geometry.estimator import (
     CYCLES,
     MAX_CYCLES,
     MAX_REFITTED_OFTEN,
+    REFIT_MARGIN_LOG2,
     SEARCH_CYCLES,
     Estimate,
     EstimateCause,
@@ -23,6 +24,7 @@ from golden_model.geometry.program import LANES
 from golden_model.geometry.refit import BANDS, MAX_INLIERS
 from golden_model.geometry.sampling import STEPS
 from golden_model.geometry.scoring import MAX_MATCHES
+from golden_model.geometry.solving import MIN_CHECKED_EXPONENT
 from sim.scene import make_pair
 from skymosaic import register
 from skymosaic.evaluation.metrics import grid_error
@@ -170,6 +172,9 @@ def test_an_estimate_depends_on_its_seed_alone() -> None:
 @pytest.mark.parametrize("count", [MAX_REFITTED_OFTEN, MAX_MATCHES])
 def test_no_set_of_matches_takes_longer_than_the_limit(count: int) -> None:
     """The search overruns its share by a pass; all else is bounded by the numbers of matches and inliers."""
+    assert (SEARCH_CYCLES, MAX_CYCLES, REFIT_MARGIN_LOG2) == (164_800, 300_000, 8)
+    # Twice an area is at least 8 px²; the unit is 4096 px, and a mantissa is at least 1/2.
+    assert 2.0 ** (MIN_CHECKED_EXPONENT - 1) * 4096**4 == 8**2
     sweep = count + CYCLES.sweep
     longest_pass = CYCLES.turn + max(solving_cycles(LANES), LANES * sweep)
     closing = CYCLES.turn + LANES * sweep

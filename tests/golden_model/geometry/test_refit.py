@@ -5,7 +5,8 @@ import pytest
 
 from golden_model.geometry.floating import Floats
 from golden_model.geometry.program import Value, constants, held
-from golden_model.geometry.refit import SUMS, factors, solve_sums
+from golden_model.geometry.refit import BANDS, SUMS, factors, solve_sums
+from golden_model.geometry.scoring import LEVELS, TOLERANCE_PX
 from skymosaic.geometry.homography import apply, transfer_error
 
 TRUTH = np.array([[1.02, 0.05, 30.0], [-0.04, 0.97, 10.0], [5e-5, 2e-5, 1.0]])
@@ -55,6 +56,12 @@ def test_the_refit_is_that_in_double_precision(count: int, side_px: int) -> None
     assert determinant == pytest.approx(np.linalg.det(H), rel=1e-6)
     # Between the two, at the matches: a hundredth of the positions' own step of 1/16 px.
     assert transfer_error(H, left / 16, apply(in_double(left, right, weight), left / 16)).max() < 16**-1 / 100
+
+
+def test_the_bands_are_errors_that_narrow_to_two_pixels() -> None:
+    # The gain is 32 (1 - e² / 2 tau²), rounded up.
+    widths_px = [TOLERANCE_PX * np.sqrt(2 * (LEVELS - band + 1) / LEVELS) for band in BANDS]
+    np.testing.assert_allclose(widths_px, [4.24, 3.67, 3, 2.12], atol=0.005)
 
 
 def test_matches_on_a_line_give_numbers_like_any_other() -> None:
