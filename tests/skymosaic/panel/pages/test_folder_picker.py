@@ -3,15 +3,21 @@
 import shutil
 import time
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import pytest
+from nicegui import Client
+from nicegui.page import page as nicegui_page
 from playwright.sync_api import Browser, Page, expect
 
 from sim.scene import make_lawnmower
-from tests.skymosaic.panel.visitor import noise_png
+from skymosaic.panel.folders import Roots
+from skymosaic.panel.pages.folder_picker import FolderPicker
+from tests.skymosaic.panel.visitor import Scenario, noise_png
 from tools.panel.visit import corner_counts, make_mosaic, open_page, photographs_loaded
 
 PHOTOGRAPHS = 8
@@ -42,6 +48,35 @@ def open_folder(page: Page, path: str) -> None:
         expect(page.get_by_role("textbox", name="Folder")).not_to_have_value("")
     page.get_by_role("textbox", name="Folder").fill(path)
     page.get_by_role("button", name="Open", exact=True).click()
+
+
+# It comes first: after the first test with a browser, no other event loop can run here.
+def test_the_picker_shows_the_first_root_and_then_the_folder_that_was_shown(
+    run_in_loop: Callable[[Scenario], None], tmp_path: Path
+) -> None:
+    for name in ("b", "A", "c/inside"):
+        (tmp_path / "root" / name).mkdir(parents=True)
+    session: Any = SimpleNamespace(roots=Roots([tmp_path / "root", tmp_path]))
+
+    async def scenario() -> None:
+        with Client(nicegui_page("/folders"), request=None):
+            picker = FolderPicker(session)
+        await picker._unfold()
+        assert picker._path.value == "", "it is not unfolded"
+        picker._expansion.value = True
+        await picker._unfold()
+        assert picker._path.value == str(tmp_path / "root")
+        await picker._look("c")
+        await picker._unfold()
+        assert picker._path.value == str(tmp_path / "root" / "c")
+        inside = [child for item in picker._folders.default_slot.children for child in item.default_slot.children]
+        assert [getattr(button, "text", "") for button in inside] == ["the folder above", "inside"]
+        await picker._look("absent")
+        assert picker._fault.text == "absent: no such folder; check the path"
+        await picker._look("A")
+        assert picker._fault.text == ""
+
+    run_in_loop(scenario)
 
 
 def test_a_folder_is_browsed_opened_and_made_into_a_mosaic(
