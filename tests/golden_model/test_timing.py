@@ -9,7 +9,7 @@ import pytest
 from amaranth.hdl import Fragment
 
 from golden_model import timing
-from golden_model.config import Config, FrontEndConfig
+from golden_model.config import Config, FrontEndConfig, MatcherConfig
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.geometry.estimator import CYCLES, MAX_CYCLES
 from golden_model.geometry.scoring import MAX_MATCHES
@@ -70,6 +70,12 @@ def test_the_clocks_of_a_frame_are_the_recorded_ones(changes: dict[str, Any], cl
         work = dataclasses.replace(frame, **changes, estimate_cycles=estimate_cycles)
         (line,) = timelines([work], CONFIG, lanes=4)
         assert [clock for _, clock in line.steps()] == [0, 307199, 307212, 307214, *clocks, *homography]
+
+
+@pytest.mark.parametrize(("rule_base", "clocks"), [("aerial", 29), ("ilbp", 35), ("none", 8)])
+def test_each_rule_base_has_its_clocks_for_a_match(rule_base: str, clocks: int) -> None:
+    config = Config(front_end=FrontEndConfig(descriptor="thesis-ilbp-4"), matcher=MatcherConfig(rule_base=rule_base))
+    assert Latencies.compute(config, lanes=LANES).weigh == clocks
 
 
 def test_two_pixels_a_clock_take_half_the_clocks() -> None:
