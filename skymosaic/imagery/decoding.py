@@ -136,7 +136,7 @@ def read_header(path: Path, min_side_px: int = MIN_FRAME_PX) -> Header:
             kind, size, pages = str(header.format), header.size, _count_pages(header)
             declared = Header(kind, size, orientation, *sizes, transparent, nodata, pages)
     except UnidentifiedImageError:
-        raise InputError(f"{path}: not an image that can be read; give PNG, JPEG or TIFF") from None
+        raise InputError(f"{path}: not an image that can be read; give PNG, JPEG, or TIFF of gray or RGB") from None
     except (PillowImage.DecompressionBombError, PillowImage.DecompressionBombWarning):
         raise InputError(f"{path}: larger than {MAX_AREA_PX // 1_000_000} megapixels; reduce it first") from None
     except OSError as error:

@@ -21,6 +21,12 @@ def photograph(height: int = 96, width: int = 128) -> np.ndarray:
     return cv2.GaussianBlur(rng.integers(0, 256, (height, width, 3), dtype=np.uint8), (0, 0), 2)
 
 
+def _five_bands(path: Path) -> None:
+    profile = {"driver": "GTiff", "width": 128, "height": 96, "count": 5, "dtype": "uint8"}
+    with configured_rasterio(), rasterio.open(path, "w", **profile) as file:
+        file.write(np.zeros((5, 96, 128), np.uint8))
+
+
 def _text(path: Path) -> None:
     path.write_text("no picture at all, only words " * 10)
 
@@ -53,6 +59,7 @@ def _missing(path: Path) -> None:
     ("make", "says"),
     [
         (_text, "not an image"),
+        (_five_bands, "give PNG, JPEG, or TIFF of gray or RGB"),
         (_empty, "empty"),
         (_small, "too small"),
         (_truncated, "truncated"),
