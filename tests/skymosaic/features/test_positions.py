@@ -2,19 +2,31 @@
 
 import numpy as np
 
-from skymosaic.features.positions import MASK_MARGIN_PX, are_on_ground, raw_positions
+from golden_model.records import MATCH
+from skymosaic.features.positions import MASK_MARGIN_PX, are_on_ground, feature_points, match_points, raw_positions
 
 
 def test_points_count_that_are_far_enough_from_what_is_masked() -> None:
-    visible = np.full((120, 160), 255, np.uint8)
-    visible[:, 80:] = 0
-    visible[0, 0] = 0
-    near = 79 - MASK_MARGIN_PX
-    points = np.array([[near, 100], [near + 0.4, 100], [near + 1, 100], [41, 0], [40, 0], [0, 41], [0, 40], [200, 99]])
-    assert are_on_ground(points, visible).tolist() == [True, True, False, False, False, True, False, False]
+    visible = np.full((120, 200), 255, np.uint8)
+    visible[60, 100] = 0
+    assert MASK_MARGIN_PX == 40
+    near = [(60, 60), (140, 60), (100, 20), (100, 100), (60.4, 60), (60, 20)]
+    far = [(59, 60), (141, 60), (100, 19), (100, 101), (59.4, 60)]
+    # The border of the picture is none of the mask; what lies beyond it is judged as its border is.
+    far += [(0, 0), (199, 119), (-3, -9), (250, 300)]
+    points = np.array([*near, *far], np.float64)
+    assert are_on_ground(points, visible).tolist() == [False] * len(near) + [True] * len(far)
     assert are_on_ground(points, None).all()
-    # The border of the picture is none of the mask.
-    assert are_on_ground(np.array([[0.0, 119], [-3, 130]]), visible).all()
+
+
+def test_records_hold_sixteenths_of_pixels() -> None:
+    matches = np.zeros(2, MATCH.dtype)
+    for number, name in enumerate(("left_x", "left_y", "right_x", "right_y")):
+        matches[name] = 8 * number, 16 * number
+    left, right = match_points(matches)
+    assert (left.tolist(), right.tolist()) == ([[0, 0.5], [0, 1]], [[1, 1.5], [2, 3]])
+    features = np.array([(24, 32)], [("x", "<u2"), ("y", "<u2")])
+    assert feature_points(features).tolist() == [[1.5, 2]]
 
 
 def test_positions_are_rounded_half_up_and_stay_in_the_format() -> None:

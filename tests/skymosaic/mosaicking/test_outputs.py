@@ -102,7 +102,7 @@ def test_the_room_is_that_of_the_disk_for_each_band_and_alpha(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, photographs: int, bands: int, area_px: float
 ) -> None:
     monkeypatch.setattr(shutil, "disk_usage", lambda _path: SimpleNamespace(free=24_000))
-    sources: Any = [SimpleNamespace(bands=("band",) * bands)] * photographs
+    sources: Any = [SimpleNamespace(bands=("band",) * count) for count in (bands, *[9] * (photographs - 1))]
     assert room_of(tmp_path / "m.tif", sources, MosaicOptions()).area_px == area_px
     assert room_of(None, sources, MosaicOptions()).area_px == Room().area_px
     for path in (None, tmp_path / "m.tif"):
@@ -116,7 +116,8 @@ def test_a_map_needs_something_that_places_it(tmp_path: Path, monkeypatch: pytes
     photographs: list[Any] = [np.zeros((80, 100), np.uint8), tmp_path / "1.png", np.zeros((80, 100), np.uint8)]
     cv2.imwrite(str(photographs[1]), np.zeros((80, 100), np.uint8))
     position = Position(46, 7) if given == "gps" else None
-    monkeypatch.setattr("skymosaic.mosaicking.outputs.read_metadata", lambda _path: Metadata(position=position))
+    by_path = {photographs[1]: Metadata(position=position)}
+    monkeypatch.setattr("skymosaic.mosaicking.outputs.read_metadata", lambda path: by_path[path])
     access = os.access
     monkeypatch.setattr(
         os, "access", lambda path, mode: given != "unreadable" if path == photographs[1] else access(path, mode)

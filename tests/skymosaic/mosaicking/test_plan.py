@@ -166,7 +166,9 @@ def test_a_flight_is_registered_repeated_or_laid_out(
     monkeypatch.setattr(f"{module}.repeat_flight", lambda *_: "repeated")
     monkeypatch.setattr(f"{module}.lay_out", lambda *_: laid_out)
     monkeypatch.setattr(f"{module}.follow_relief", lambda flight, warp: f"laid out, {warp}" * (flight is laid_out))
-    sources: Any = [SimpleNamespace(bands=("nir",) * (photographs == 4))] * photographs
+    sources: Any = [
+        SimpleNamespace(bands=("nir",) * (number == 0 and photographs == 4)) for number in range(photographs)
+    ]
     workers: Any = SimpleNamespace(progress=None)
     options = replace(MosaicOptions(), **changes)
     flight: Any = MosaicPlan(sources, options, workers, notes.append).flight
@@ -182,11 +184,14 @@ def test_a_group_without_a_place_has_the_resolution_of_its_photographs(
 ) -> None:
     place = MapPlace(object() if placed else None)  # type: ignore[arg-type]
     layouts: Any = [object(), object()]
-    flight = SimpleNamespace(treatment=SimpleNamespace(equalises=False), layouts=layouts, pair=None)
+    flight = SimpleNamespace(treatment=SimpleNamespace(equalises=placed), layouts=layouts, pair=None)
     monkeypatch.setattr("skymosaic.mosaicking.plan.place_on_map", lambda *_: place)
     monkeypatch.setattr("skymosaic.mosaicking.plan.compose", lambda *_, **given: given)
-    sources: Any = [SimpleNamespace(bands=())] * 3
-    plan: Any = MosaicPlan(sources, MosaicOptions(gsd_m=0.5), None, print)  # type: ignore[arg-type]
+    sources: Any = [SimpleNamespace(bands=()), SimpleNamespace(bands=("nir",))]
+    stages = list[tuple[Any, ...]]()
+    workers: Any = SimpleNamespace(progress=lambda *stage: stages.append(stage))
+    plan: Any = MosaicPlan(sources, MosaicOptions(gsd_m=0.5), workers, print)
     plan.flight = flight
     composed: Any = plan.composition(layouts[number])
     assert (composed["gsd_m"], composed["place"]) == (gsd_m, place)
+    assert stages == [("exposure and seams", 0, 0)] * placed

@@ -190,7 +190,7 @@ def test_a_clear_fit_has_so_many_places_on_so_much_of_the_overlap(
 ) -> None:
     x, y = np.meshgrid(np.linspace(0, width_px, 10), np.linspace(0, 359, 7))
     left = np.stack([x.ravel(), y.ravel()], axis=1)[: fitting + near]
-    right = left + np.where(np.arange(len(left))[:, None] < fitting, 0.5, 8)
+    right = left + np.where(np.arange(len(left))[:, None] < fitting, 2, 12) * (1, 0)
     assert fits_throughout(np.eye(3), left, right, (480, 360), (480, 360)) is clear
 
 

@@ -8,7 +8,7 @@ from golden_model.config import preset_config
 from sim.backends.interface import load_backend
 from skymosaic.common.errors import InputError
 from skymosaic.features.methods import HostBackend, Method
-from skymosaic.registration.options import RegistrationOptions
+from skymosaic.registration.options import RegistrationOptions, read_rules
 
 SIFT, GOLDEN = HostBackend(Method("sift", "sift")), load_backend("golden")
 
@@ -38,8 +38,13 @@ SIFT, GOLDEN = HostBackend(Method("sift", "sift")), load_backend("golden")
 def test_effort_and_backend_follow_from_what_is_asked(changes: dict[str, Any], effort: str, backend: str) -> None:
     options = RegistrationOptions(**changes)
     options.check()
-    assert options.choose_effort(options.choose_method()[0]) == effort
+    method, _ = options.choose_method()
+    assert options.choose_effort(method) == effort
     assert options.backend_name == backend
+    if options.backend not in ("board", "rtl"):
+        opened = options.open_backend(method)
+        assert type(opened).__name__ == ("GoldenBackend" if method.on_accelerator else "HostBackend")
+        assert isinstance(options.backend, str) or opened is options.backend
 
 
 @pytest.mark.parametrize(
@@ -76,4 +81,9 @@ def test_rules_and_a_configuration_replace_those_of_the_preset() -> None:
     assert RegistrationOptions(config=thesis).base_config == RegistrationOptions(preset="thesis").base_config == thesis
     given = RegistrationOptions(config=thesis, rules="none").base_config
     assert (given.matcher.rule_base, given.front_end) == ("none", thesis.front_end)
+    assert [read_rules(name) for name in ("aerial", "ilbp", "none")] == ["aerial", "ilbp", "none"]
+    with pytest.raises(InputError, match=r"`rules` is 'mine'; valid: aerial, ilbp, none, or an .fll file"):
+        read_rules("mine")
+    own = RegistrationOptions()
+    assert (own.seed, own.working_width_px, own.accept_poor, own.damaged) == (0, 1280, False, "refuse")
     assert RegistrationOptions(damaged="keep").keeps_damaged > RegistrationOptions().keeps_damaged

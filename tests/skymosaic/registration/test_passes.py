@@ -265,7 +265,8 @@ ALL = "larger smaller ladder doubled scan inverted"
 def test_passes_are_tried_until_one_is_strong_or_none_is_left(
     monkeypatch: pytest.MonkeyPatch, begun: str, width_px: int, found: str, tried: str
 ) -> None:
-    images, log, (start, effort) = (np.zeros((100, width_px), np.uint8),) * 2, list[str](), begun.split()
+    images = np.zeros((100, width_px), np.uint8), np.zeros((100, 90), np.uint8)
+    log, (start, effort) = list[str](), begun.split()
     scan, between = (FrontEndRun(Change(scale), (Change(scale),)) for scale in (0.5, 1.0))
     matches = np.zeros(0, MATCH.dtype)
     none = SearchState(Evidence((matches, matches), matches), None, np.zeros(0, np.bool_), 0, passes=1)

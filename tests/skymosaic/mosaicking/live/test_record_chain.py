@@ -44,5 +44,7 @@ def test_only_the_newest_frame_and_the_one_before_are_linked(monkeypatch: pytest
         pairs = [(left, right) for right in range(1, 4) for left in range(right)]
         holding.append([pair for pair in pairs if chain.link(pair).inliers])
         assert all((chain.link(pair).left, chain.link(pair).right) == pair for pair in pairs)
+    none = chain.link((0, 1))
+    assert (none.left_points.shape, none.right_points.shape, none.near) == ((0, 2), (0, 2), 0)
     assert seen == [[0], [0, 1], [1, 2], [2, 3]]
     assert holding == [[], [], [(1, 2)], [(2, 3)]]
