@@ -25,7 +25,7 @@ from tests.skymosaic.panel import made_up
 from tests.skymosaic.panel.visitor import Scenario
 
 RECORDED = Path(__file__).with_name("recorded_pages.txt")
-"""After a change that is meant, `record_pages` writes it again."""
+"""What `record_pages` returns, without the folder and times of a run; a change that is meant changes it, too."""
 
 
 def test_the_numbers_are_tables_and_names_are_escaped() -> None:
