@@ -1,7 +1,7 @@
 """The editor of the fuzzy rules: curves with corners to drag, the text, and what a change does to the pair shown."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from functools import partial
 
 import numpy as np
@@ -51,6 +51,7 @@ class RulesEditor:
                 self._text.props(f"outlined rows=20 debounce={1000 * TYPING_PAUSE_S:.0f} spellcheck=false")
                 self._text.classes("rules-text")
         self._shown: Pair | None = None
+        self._written = ""
         self.update()
 
     def update(self) -> None:
@@ -66,7 +67,8 @@ class RulesEditor:
         self._shown = edit.pair
         self._effect.set_text(f"{_describe(edit.pair)} (at first {_describe(self._first)})")
         self._matches.show(edit.pair)
-        self._text.set_value(edit.rules.text)
+        self._written = edit.rules.text
+        self._text.set_value(self._written)
         system, shares = edit.rules.system, np.linspace(0, 1, CURVE_POINTS)
         for number, ((title, curves), variable) in enumerate(zip(self._curves, system.inputs, strict=True)):
             title.set_text(variable.name)
@@ -88,9 +90,9 @@ class RulesEditor:
         self._dragged = None if is_last else (text, version)
         await self._change(move_corner(text, number, corner, x, y), after=version)
 
-    async def _type(self, text: str) -> None:
-        if text != self._edit.rules.text:
-            await self._change(text)
+    def _type(self, text: str) -> Awaitable[None] | None:
+        # What `update` writes comes here too, and the rules may be newer by then.
+        return None if text == self._written else self._change(text)
 
     async def _apply(self, change: Callable[[], None]) -> None:
         async with self._turn:
