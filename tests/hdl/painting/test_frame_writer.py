@@ -111,8 +111,8 @@ def check(bench: WriterBench, expected: dict[int, NDArray[np.uint8]], **counts: 
 
 @pytest.mark.parametrize(
     ("rules", "gaps"),
-    [({}, 0), ({"waits": 43, "latency_clocks": 119, "seed": 1}, 40), ({"data_first": True, "waits": 43}, 0)],
-    ids=["fast", "slow", "data first"],
+    [({"waits": 43, "latency_clocks": 119, "seed": 1}, 40), ({"data_first": True, "waits": 43}, 0)],
+    ids=["slow", "data first"],
 )
 def test_frames_arrive_whole(rules: dict[str, Any], gaps: int) -> None:
     bench = WriterBench(**rules)
@@ -136,9 +136,8 @@ def test_without_a_painter_only_one_frame_waits() -> None:
     np.testing.assert_array_equal(bench.picture(0), frame(0))
 
 
-@pytest.mark.parametrize("rules", [{}, {"waits": 43, "latency_clocks": 119}], ids=["fast", "slow"])
-def test_a_frame_of_another_size_is_cut_off(rules: dict[str, Any]) -> None:
-    bench = WriterBench(**rules)
+def test_a_frame_of_another_size_is_cut_off() -> None:
+    bench = WriterBench(waits=43, latency_clocks=119)
     good = [frame(number) for number in range(7)]
     short = list(good[1][:12])
     narrow = [*good[3][:5], good[3][5][:-1], *good[3][6:]]
