@@ -118,7 +118,7 @@ EXTREMES = [
     ids=["fast", "slow"],
 )
 def test_windows_hold_what_is_in_memory(rules: dict[str, Any], pauses: Pauses) -> None:
-    bench, sent = ReaderBench(paints_clocks=40, pauses=pauses, **rules), [*EXTREMES, *boxes(4, seed=3)]
+    bench, sent = ReaderBench(paints_clocks=100, pauses=pauses, **rules), [*EXTREMES, *boxes(4, seed=3)]
     bench.run(sent)
     assert bench.blanks == [box == BLANK for box in sent]
     assert not bench.failed
