@@ -107,7 +107,7 @@ class SubPixel(wiring.Component):
     o_y: Out(POSITION.bits)
     """As ``o_x``."""
 
-    def __init__(self, *, level: int, lag_px: int, spacing_cycles: int = 2) -> None:
+    def __init__(self, *, level: int, lag_px: int, spacing_cycles: int) -> None:
         check_choice("level", level, (0, 1))
         self.level = level
         self.lag_px = lag_px

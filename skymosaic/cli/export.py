@@ -63,7 +63,9 @@ class BuildOptions(ConfigOptions):
 class CameraOptions(BuildOptions):
     """What is built otherwise than usual behind a camera."""
 
-    video_bits: int | None = option(None, "Bits of the camera's video, 24 RGB or 8 gray: usually 24.", HARDWARE)
+    video_bits: int | None = option(
+        None, f"Bits of the camera's video, 24 RGB or 8 gray: usually {BUILDS['camera'].video_bits}.", HARDWARE
+    )
     painter: bool = option(False, "With --homography: the chip paints frames onto a canvas in memory.", HARDWARE)
 
     def build(self, usual: Build) -> Build:

@@ -235,9 +235,8 @@ def _motion_of_most(left: Sight, right: Sight, homography: Matrix, inliers: tupl
     from_working = [np.asarray(np.linalg.inv(sight.to_working)) for sight in (left, right)]
     start, end = (apply(to_picture, points) for to_picture, points in zip(from_working, inliers, strict=True))
     moved = np.linalg.norm(end - start, axis=1) / max(left.size)
-    if 2 * np.count_nonzero(moved < STILL) >= len(moved) and (stood := float(np.median(moved))) < STILL:
-        return stood
-    return _motion(from_working[1] @ homography @ left.to_working, left.size)
+    stood = float(np.median(moved))
+    return stood if stood < STILL else _motion(from_working[1] @ homography @ left.to_working, left.size)
 
 
 def _band_pass(gray: NDArray[np.number]) -> Float32:

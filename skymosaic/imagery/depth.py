@@ -44,7 +44,7 @@ class ValueRange:
         # A few rows at a time, because each step makes a copy of four bytes per value: gigabytes for a photograph.
         for rows in _bands(values):
             levels = (values[rows].astype(np.float32) - np.float32(self.low)) * np.float32(scale)
-            np.nan_to_num(levels, copy=False, posinf=255, neginf=0)
+            np.nan_to_num(levels, copy=False)
             pixels[rows] = np.clip(np.rint(levels), 0, 255)
         return pixels
 

@@ -76,4 +76,4 @@ def test_positions_equal_the_golden_model(level: int, spacing_cycles: int) -> No
 
 def test_impossible_level_is_refused() -> None:
     with pytest.raises(ValueError, match="level is 2; valid: 0, 1"):
-        SubPixel(level=2, lag_px=LAG_PX)
+        SubPixel(level=2, lag_px=LAG_PX, spacing_cycles=2)
