@@ -13,13 +13,15 @@ import cv2
 import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page
+from typer.testing import CliRunner
 
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.feature.orientation import SECTORS
 from golden_model.matching.fuzzy import ONE
 from golden_model.matching.rule_bases import aerial
 from sim.scene import Flight
-from skymosaic.cli.commands import COMMANDS
+from skymosaic.cli.commands import COMMANDS, app
+from skymosaic.evaluation.known_pairs import COLUMNS
 from skymosaic.features.positions import feature_points, match_points
 from skymosaic.flight.check import check_flight
 from skymosaic.flight.mapping.place import MapPlace
@@ -31,9 +33,6 @@ from skymosaic.reports import figures
 from skymosaic.reports.flight import write_flight_report, write_report
 from skymosaic.reports.pair import write_pair_report
 from skymosaic.thesis.dataset import list_sources
-from skymosaic.thesis.experiments import run_experiments
-from skymosaic.thesis.page import compose_page
-from skymosaic.thesis.pictures import draw_pair
 from tests.skymosaic.panel.states import LONG_STATES, OWNER_STATES, STATES, write_flight
 from tests.system.looking import (
     CURVES,
@@ -58,7 +57,7 @@ MIN_ALIKE = 0.7
 """Correlation of what lies around the ends of a line between two pictures of the same ground."""
 MIN_ON_CORNERS = 0.4
 """Two pixels beside them, a seventh of the points lie on corners by chance."""
-PAGES = {"flight/index.html": 1, "pair/index.html": 4, "tiles/index.html": None, "thesis.html": 17}
+PAGES = {"flight/index.html": 1, "pair/index.html": 4, "tiles/index.html": None, "thesis/index.html": 17}
 """Written pages, and how many pictures each has."""
 LOOKED_AT = ("index.html", "tutorials/rejected_match.html", "reference/command_line.html", "gallery.html")
 """Pages of the site in which axe-core looks for barriers: of the others, each is like one of these."""
@@ -102,11 +101,16 @@ def pair(written: Path) -> Pair:
 
 @pytest.fixture(scope="module")
 def thesis(written: Path) -> None:
-    """The page of the thesis, of one pair."""
-    sources = list_sources(None)[:1]
-    shown = sources[0]()
-    page = compose_page(run_experiments(sources), "a <rendered> flight", draw_pair(shown), shown.name)
-    (written / "thesis.html").write_bytes(page)
+    """The page of the thesis as the command writes it, of one pair."""
+    pair, data = list_sources(None)[0](), written / "<rendered>"
+    data.mkdir()
+    for side, image in (("left", pair.left), ("right", pair.right)):
+        cv2.imwrite(str(data / f"{side}.png"), image)
+    values = ",".join(map(repr, pair.truth.ravel().tolist()))
+    (data / "pairs.csv").write_text(f"{','.join(COLUMNS)}\nonly,real,left.png,right.png,{values}\n")
+    result = CliRunner().invoke(app, ["thesis", "--data", str(data), "-o", str(written / "thesis")])
+    assert result.exit_code == 0, result.output
+    assert {path.name for path in (written / "thesis").iterdir()} == {"index.html", "measurements.csv"}
 
 
 def test_a_mosaic_without_a_place_has_no_footprints(written: Path) -> None:
@@ -142,11 +146,12 @@ def test_every_written_page_can_be_looked_at(browser: Browser, written: Path, na
     assert pictures == (PAGES[name] or pictures)
 
 
+@pytest.mark.usefixtures("thesis")
 def test_the_page_of_the_thesis_has_every_table(browser: Browser, written: Path) -> None:
-    page = open_page(browser, (written / "thesis.html").as_uri())
+    page = open_page(browser, (written / "thesis" / "index.html").as_uri())
     text = page.locator("main").inner_text()
     page.context.close()
-    for words in (*(f"Table IV-{number}:" for number in range(1, 8)), "Figure IV-6:", "a <rendered> flight"):
+    for words in (*(f"Table IV-{number}:" for number in range(1, 8)), "Figure IV-6:", "those of <rendered>"):
         assert words in text
 
 

@@ -3,16 +3,18 @@
 import dataclasses
 import functools
 import itertools
+from collections.abc import Iterator
 from typing import Any
 
-from amaranth import Cat, DomainRenamer, Module
+from amaranth import Cat, DomainRenamer, Module, Signal
+from amaranth.hdl import Fragment, Value
 from amaranth.lib import wiring
 from amaranth.sim import Simulator
 
-from golden_model.config import PRESETS
+from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.records import Cause
 from hdl.axi.video_input import VideoInput
-from hdl.build import BUILDS
+from hdl.build import BUILDS, Build
 from hdl.frame_admission import FrameAdmission
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.shell.camera import CameraCrossing, CameraGate
@@ -77,3 +79,27 @@ def test_the_frame_behind_a_short_line_is_whole_where_a_wide_border_takes_long_t
 
 def test_the_default_build_has_the_queue_that_was_synthesised() -> None:
     assert build_camera(20, 1920)._shell._crossing.depth == 4096
+
+
+def list_driven(fragment: Fragment) -> Iterator[Signal]:
+    """The signals that anything below assigns."""
+    for statements in fragment.statements.values():
+        for statement in statements:
+            yield from statement._lhs_signals()
+    for inner, *_ in fragment.subfragments:
+        yield from list_driven(inner)
+
+
+def test_every_output_that_a_build_uses_is_driven() -> None:
+    tiny, sizes = BUILDS["tiny"].config, {"lanes": 2, "max_width_px": 128, "max_height_px": 128, "video_bits": 24}
+    config = dataclasses.replace(tiny, estimator=EstimatorConfig())
+    core = CameraAccelerator(Build(config=config, **sizes, shell="camera", painter=True))
+    driven = {id(signal) for signal in list_driven(Fragment.get(core, None))}
+    used = (*core.ports, "o_scores", "control", "o_interrupt")
+    outputs = [
+        (path, Value.cast(value)._lhs_signals())
+        for path, member, value in core.signature.flatten(core)
+        if member.flow == wiring.Out and path[0] in used
+    ]
+    assert {path[0] for path, _ in outputs} == set(used)
+    assert [path for path, signals in outputs if any(id(signal) not in driven for signal in signals)] == []
