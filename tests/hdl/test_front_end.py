@@ -237,10 +237,11 @@ def test_two_pixels_a_clock_give_the_same_features_in_half_the_clocks(
         assert len(np.unique(features["sector"])) == 16
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("config", [AERIAL, FAST], ids=["harris", "fast"])
 @pytest.mark.parametrize("pauses", [NO_PAUSES, PAUSES], ids=["free", "pauses"])
-@pytest.mark.parametrize("size_px", [(64, 64), (65, 67), (127, 85), (641, 479)], ids=str)
+@pytest.mark.parametrize(
+    "size_px", [(65, 67), *(pytest.param(each, marks=pytest.mark.slow) for each in ((64, 64), (127, 85), (641, 479)))]
+)
 def test_two_pixels_a_clock_at_any_size_and_content(
     two_pixels: Any, scene: Any, size_px: Any, pauses: Pauses, config: Any
 ) -> None:
