@@ -53,7 +53,7 @@ def test_only_a_pair_in_doubt_is_registered_without_a_pattern(
     again = object()
     monkeypatch.setattr(f"{MODULE}.share_pattern", lambda *_: shares)
     monkeypatch.setattr(f"{MODULE}._register_without_pattern", lambda *_: again)
-    flat = np.full((height_px, 160), 90, np.uint8)
+    flat = np.full((height_px, 160, 3), 90, np.uint8)
     assert (register(flat, flat) is again) == asked
     left, right = make_pair(seed=5, size=(320, 240)).images
     assert register(left, right, effort="fast").accepted
