@@ -17,8 +17,8 @@ from tests.hdl.geometry.estimator_bench import MAX_MATCHES, assert_equal, frame,
 def test_estimates_equal_the_golden_model(monkeypatch: pytest.MonkeyPatch) -> None:
     """Accepted and not, in sequence; matches of the next frame arrive while those before are in use.
 
-    Of the first, the last two steps end before their third pass. A step in the middle of the second has time for a
-    refit. That is in the first 4 of the 16 steps.
+    Only the first 4 of the 16 steps are searched. In the first frame the last two of them end before their third pass;
+    in the second, a step in the middle has time for a refit.
     """
     for module in ("golden_model.geometry.estimator", "hdl.geometry.estimator_states"):
         monkeypatch.setattr(f"{module}.SEARCH_CYCLES", 2_000)
