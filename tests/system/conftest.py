@@ -7,7 +7,7 @@ import pytest
 
 from sim.scene import Flight
 from skymosaic import Mosaic, mosaic
-from tests.skymosaic.conftest import IMAGES, SIZE, default_cache, flight
+from tests.skymosaic.conftest import IMAGES, SIZE, default_cache, flight, surveyed
 from tests.skymosaic.flight.bands.conftest import band_folder
 from tests.skymosaic.panel.conftest import browser, kept, owner_address, panel, root, silent_board
 from tests.skymosaic.tracking.conftest import film, film_frames, roi
@@ -27,6 +27,7 @@ __all__ = [
     "roi",
     "root",
     "silent_board",
+    "surveyed",
 ]
 
 
@@ -36,12 +37,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory, flight: Flight) -> Path:
     for index, image in enumerate(flight.images):
         cv2.imwrite(str(folder / f"{index}.png"), image)
     return folder
-
-
-@pytest.fixture(scope="session")
-def surveyed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The cache of `whole`: who has it surveys no photograph of the flight again, whatever its name."""
-    return tmp_path_factory.mktemp("surveyed")
 
 
 @pytest.fixture(scope="session")

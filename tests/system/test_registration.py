@@ -23,14 +23,14 @@ def error_px(pair: Pair, flight: Flight, size: tuple[int, int] = VGA) -> float:
     return grid_error(pair.homography, flight.homography_between(0, 1), size, size)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 2, 3))])
 def test_rendered_pairs_are_registered_within_half_a_pixel(seed: int) -> None:
     flight = make_pair(seed=seed)
     assert error_px(register(flight.images[0], flight.images[1]), flight) < 0.5
 
 
 def test_the_result_is_the_same_on_every_run() -> None:
-    flight = make_pair(seed=2)
+    flight = make_pair(seed=1)
     first, second = (register(flight.images[0], flight.images[1], seed=3) for _ in range(2))
     assert first.homography is not None
     assert second.homography is not None

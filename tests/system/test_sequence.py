@@ -62,7 +62,7 @@ def test_every_image_of_a_rendered_flight_is_placed_within_a_pixel(whole: Mosaic
 def test_the_order_of_the_images_does_not_matter_for_where_they_lie(flight: Flight) -> None:
     images = list(flight.images)
     shuffled = np.random.default_rng(0).permutation(IMAGES)
-    result = mosaic([images[index] for index in shuffled])
+    result = mosaic([images[index] for index in shuffled], scale=0.5)
     found = {int(shuffled[index]): transform for index, transform in result.transforms.items()}
     assert len(found) == IMAGES
     assert position_errors_px(found, flight).mean() < 1.0
@@ -82,14 +82,13 @@ def test_no_seam_shows_in_a_rendered_flight(whole: Mosaic, flight: Flight) -> No
     assert (closest[shown] > 50).mean() < 0.01
 
 
-@pytest.mark.usefixtures("whole")
 def test_unusable_photographs_are_left_out_with_their_names(folder: Path, surveyed: Path, tmp_path: Path) -> None:
     for path in folder.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     (tmp_path / "copy.png").write_bytes((folder / "3.png").read_bytes())
     (tmp_path / "corrupt.png").write_bytes((folder / "4.png").read_bytes()[:5000])
     cv2.imwrite(str(tmp_path / "flat.png"), np.full((360, 480), 90, np.uint8))
-    result = mosaic([tmp_path], cache=surveyed)
+    result = mosaic([tmp_path], cache=surveyed, scale=0.25)
     names = [source.name for source in list_sources([tmp_path])]
     reasons = {Path(names[index]).name: reason for index, reason in result.left_out.items()}
     assert set(reasons) == {"copy.png", "corrupt.png", "flat.png"}
@@ -99,11 +98,11 @@ def test_unusable_photographs_are_left_out_with_their_names(folder: Path, survey
     assert len(result.placed) == IMAGES
 
 
-def test_sizes_may_differ(flight: Flight) -> None:
+def test_sizes_may_differ(flight: Flight, surveyed: Path) -> None:
     images = list(flight.images)
     images[2] = images[2][:300, :420]
     images[5] = cv2.resize(images[5], (960, 720), interpolation=cv2.INTER_CUBIC)
-    result = mosaic(images)
+    result = mosaic(images, cache=surveyed, scale=0.5)
     assert len(result.placed) == IMAGES
     magnified = result.transforms[5] @ np.array([[2, 0, 0.5], [0, 2, 0.5], [0, 0, 1]])
     assert position_errors_px(result.transforms | {5: magnified}, flight).mean() < 1.0
@@ -142,7 +141,6 @@ def test_the_detector_applies_to_a_flight(flight: Flight) -> None:
     assert len(result.placed) == 3
 
 
-@pytest.mark.usefixtures("whole")
 def test_check_tells_whether_the_flight_is_complete(folder: Path, surveyed: Path, tmp_path: Path) -> None:
     for path in folder.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
@@ -178,10 +176,6 @@ def test_a_killed_run_goes_on_and_ends_the_same(folder: Path, whole: Mosaic, tmp
     resumed = skymosaic(*words, cwd=tmp_path)
     assert resumed.returncode == 0, resumed.stderr
     np.testing.assert_array_equal(cv2.imread(str(tmp_path / "m.png")), whole.image)
-    cached = mosaic([folder], cache=tmp_path / "cache")
-    np.testing.assert_array_equal(cached.image, whole.image)
-    for index in range(IMAGES):
-        np.testing.assert_array_equal(cached.transforms[index], whole.transforms[index])
 
 
 @pytest.mark.slow
@@ -195,7 +189,6 @@ def test_a_cluster_of_processes_gives_the_same(folder: Path, whole: Mosaic) -> N
         np.testing.assert_array_equal(spread.transforms[index], whole.transforms[index])
 
 
-@pytest.mark.usefixtures("whole")
 def test_a_canvas_beyond_the_limit_is_reduced_to_it_and_says_so(folder: Path, surveyed: Path) -> None:
     result = mosaic([folder], canvas_limit_px=100_000, cache=surveyed)
     height_px, width_px = result.image.shape[:2]

@@ -66,7 +66,6 @@ def test_a_pair_with_gps_becomes_a_geotiff(flight: Flight, tmp_path: Path) -> No
         np.testing.assert_array_equal(file.read(), again.read())
 
 
-@pytest.mark.usefixtures("whole")
 def test_report_and_geotiff_and_scale(folder: Path, surveyed: Path, tmp_path: Path) -> None:
     result = skymosaic(
         "mosaic", folder, "-o", "m.tif", "--report", "r", "--scale", "0.5", "--cache", surveyed, cwd=tmp_path

@@ -32,18 +32,18 @@ def test_parts_of_the_plane_agree_across_tile_borders() -> None:
 
 
 def test_same_seed_same_bytes() -> None:
-    first = render_ground(3, 300, 200)
+    first = render_ground(9, 300, 200)
     clear_caches()
-    assert np.array_equal(render_ground(3, 300, 200), first)
+    assert np.array_equal(render_ground(9, 300, 200), first)
     assert not np.array_equal(render_ground(4, 300, 200), first)
 
 
 def test_tiling_leaves_no_trace(monkeypatch: pytest.MonkeyPatch) -> None:
     """Another tile size moves every border into the middle of a tile: the picture must stay as it is."""
-    reference = render_ground(9, 120, 1000, origin=(964, 0))
+    reference = render_ground(9, 120, 600, origin=(964, 50))
     clear_caches()
     monkeypatch.setattr(ground, "TILE_PX", 700)
-    moved = render_ground(9, 120, 1000, origin=(964, 0))
+    moved = render_ground(9, 120, 600, origin=(964, 50))
     clear_caches()
     # Shadows, crowns and road verges cross the old border alike; only the last bit of a float may round otherwise.
     assert cv2.absdiff(reference, moved).max() <= 2
@@ -56,7 +56,6 @@ def draw_scenes() -> dict[str, NDArray[np.generic]]:
     turning = make_lawnmower(9, 9, (160, 120), k1=-0.1, balance_sigma=0.1, relief=True, terrain="dunes").images
     lands = [render_terrain(name, 700, 700, (-300, -500)) for name in TERRAINS]
     return {
-        "pair 2": cv2.cvtColor(np.hstack(make_pair(2).images), cv2.COLOR_BGR2GRAY),
         "pair 9": cv2.cvtColor(np.hstack(make_pair(9).images), cv2.COLOR_BGR2GRAY),
         "ground": np.hstack(cv2.split(render_ground(*tile))),
         "heights": 10 * render_heights(*tile),
@@ -67,10 +66,6 @@ def draw_scenes() -> dict[str, NDArray[np.generic]]:
 
 
 RECORDED = {
-    "pair 2": [
-        83.92, 95.88, 98.17, 87.05, 80, 78.04, 89.36, 82.02, 83.06, 59.83, 74.83, 77.27,
-        107.38, 77.55, 72.61, 58.58, 57.36, 67.69, 102.16, 85.9, 67.34, 56.69, 53.72, 65.39,
-    ],
     "pair 9": [
         128.84, 126.84, 90.52, 89.11, 77.41, 76.52, 126.98, 127.29, 92.56, 90.68, 74.82, 70.99,
         117.33, 114.27, 108.74, 89.02, 88.91, 97.74, 91.13, 110.05, 101.71, 83.64, 79.79, 89.66,
@@ -117,7 +112,7 @@ def test_roofs_cars_and_fields_that_none_of_them_shows_are_recorded_too() -> Non
     assert hashlib.sha256(repr(tables).encode()).hexdigest()[:12] == "115c7ca24585"
 
 
-@pytest.mark.parametrize("seed", [2, 9])
+@pytest.mark.parametrize("seed", [9, pytest.param(2, marks=pytest.mark.slow)])
 def test_landscape_has_the_statistics_of_a_photograph(seed: int) -> None:
     view = cv2.cvtColor(make_pair(seed).images[0], cv2.COLOR_BGR2GRAY)
     corners = cv2.FastFeatureDetector.create(20).detect(view)

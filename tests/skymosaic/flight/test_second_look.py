@@ -14,7 +14,7 @@ from skymosaic.flight.linking.links import Link
 from skymosaic.flight.second_look import link_across_heights
 from skymosaic.geometry.homography import apply
 
-SIZE, RATIO = (800, 600), 3
+SIZE, RATIO = (480, 360), 3
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def flight() -> Flight:
 
 
 def test_photographs_of_two_heights_become_one_mosaic(flight: Flight) -> None:
-    result = mosaic(list(flight.images))
+    result = mosaic(list(flight.images), scale=0.25)
     assert result.placed == (0, 1, 2, 3)
     grid = np.stack(np.meshgrid(np.linspace(0, SIZE[0] - 1, 9), np.linspace(0, SIZE[1] - 1, 9)), -1).reshape(-1, 2)
     for near, far in ((0, 1), (2, 1), (2, 3)):

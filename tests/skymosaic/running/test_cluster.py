@@ -160,10 +160,14 @@ def test_a_signal_ends_the_wait_for_a_worker(cluster: Processes) -> None:
     assert not (cluster.folder / "m.png").exists()
 
 
-def test_a_worker_that_does_not_fit_is_named_with_the_cause(cluster: Processes, tmp_path: Path) -> None:
+def test_a_worker_with_too_little_memory_is_named(cluster: Processes) -> None:
     cluster.worker("--memory-limit", "300MB")
     with pytest.raises(InputError, match=r"^tcp://\S+: has 286 MB of memory for 1 threads, and .* needs 1408"):
         connect(cluster, sources=list_sources([np.zeros((9000, 9000, 3), np.uint8)] * 3), memory_bytes=1 << 30)
+
+
+@pytest.mark.slow
+def test_a_worker_that_cannot_import_the_package_is_named(cluster: Processes, tmp_path: Path) -> None:
     (tmp_path / "other" / "skymosaic").mkdir(parents=True)
     (tmp_path / "other" / "skymosaic" / "__init__.py").touch()
     cluster.worker(PYTHONPATH=str(tmp_path / "other"))
@@ -321,7 +325,7 @@ def write_flight(folder: Path, count: int, size: tuple[int, int]) -> None:
 
 
 def test_workers_make_the_same_mosaic_as_threads(cluster: Processes, tmp_path: Path) -> None:
-    write_flight(tmp_path, 6, (320, 240))
+    write_flight(tmp_path, 3, (320, 240))
     cluster.worker()
     cluster.worker()
     np.testing.assert_array_equal(mosaic_of(tmp_path, cluster), mosaic_of(tmp_path, None))

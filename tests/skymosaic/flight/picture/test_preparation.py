@@ -1,4 +1,5 @@
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -10,8 +11,8 @@ from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 
 
-def test_thumbnails_need_no_larger_canvas_than_the_mosaic(flight: Flight) -> None:
-    with open_plan(list(flight.images), MosaicOptions(scale=0.1)) as plan:
+def test_thumbnails_need_no_larger_canvas_than_the_mosaic(flight: Flight, surveyed: Path) -> None:
+    with open_plan(list(flight.images), MosaicOptions(scale=0.1, cache=surveyed)) as plan:
         composition = plan.composition(plan.layouts[0])
         layers, reduction = thumbnail_layers(composition, plan.flight.views)
     assert reduction == 1
