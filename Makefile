@@ -13,14 +13,13 @@ REQUIRE ?=
 # Three on two processors, since some tests wait for tools and browsers.
 PYTEST := $(BIN)/pytest -n 3 --dist loadgroup --no-loadscope-reorder $(if $(REQUIRE),--require $(REQUIRE))
 
-.PHONY: demo test test-slow test-fuzz test-soak test-mutants dist docs tools lint clean
+.PHONY: demo test test-slow test-fuzz test-soak test-mutants dist docs tools needs lint clean
 
 demo: $(VENV)/runs
 	$(BIN)/skymosaic demo -o demo --overwrite
 
 test: $(VENV)/installed
-	$(MAKE) --jobs 2 lint tools
-	$(BIN)/python -m tests.needs -m "not slow"
+	$(MAKE) --jobs 2 lint tools needs
 	$(PYTEST) -m "not slow"
 
 test-slow: $(VENV)/slow tools
@@ -58,6 +57,10 @@ docs: $(VENV)/installed
 tools: $(VENV)/installed
 	-$(BIN)/python -m tests.system.board.pynq_package
 	$(BIN)/python -m tests.formal.proofs
+
+# What tests will be skipped. It compiles them, too, so that the processes of `make test` do not do that each.
+needs: tools
+	$(BIN)/python -m tests.needs -m "not slow"
 
 # The linters of `.pre-commit-config.yaml`, on all files.
 lint: $(VENV)/installed
