@@ -16,16 +16,18 @@ from tests.hdl.pixel.columns import columns, gradients
 WIDTH_PX = 24
 
 
-@pytest.mark.parametrize("smoothed", [False, True])
-@pytest.mark.parametrize("detector", DETECTORS)
+@pytest.mark.parametrize(
+    ("smoothed", "detector", "pixels_per_clock"),
+    [(False, "harris", 1), (True, "harris", 2), (True, "fast", 1), (True, "fast", 2), (False, "fast", 2)],
+)
 def test_gradient_columns_equal_the_golden_model(
     gray_frames: list[NDArray[np.uint8]],
     run_block: Callable[..., list[Beats]],
     smoothed: bool,
     detector: str,
-    rate: dict[str, int],
+    pixels_per_clock: int,
 ) -> None:
-    dut = GradientColumns(smoothed=smoothed, width_px=WIDTH_PX, **rate)
+    dut = GradientColumns(smoothed=smoothed, width_px=WIDTH_PX, pixels_per_clock=pixels_per_clock)
     frames = [gray_frames[0], gray_frames[-1]]
     sent = [{"column": columns(frame, 3)} for frame in frames]
     parts = run_block(dut, sent, {"i_fast": DETECTORS.index(detector)})

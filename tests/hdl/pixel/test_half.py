@@ -9,10 +9,10 @@ from hdl.pixel.half import Half
 from sim.benches.drivers import run_beats
 from sim.simulators.recording import Pauses
 
-WIDTH_PX = 24
+WIDTH_PX = 16
 
 
-@pytest.mark.parametrize("shape", [(19, 23), (18, 24), (4, 4)])
+@pytest.mark.parametrize("shape", [(9, 13), (8, 16), (4, 4)])
 def test_half_equals_the_golden_model(
     gray_frames: list[NDArray[np.uint8]], pauses: Pauses, shape: tuple[int, int], rate: dict[str, int]
 ) -> None:

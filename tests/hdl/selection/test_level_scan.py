@@ -14,7 +14,7 @@ from hdl.streams import beat
 from sim.benches.drivers import Beats, run_beats
 from sim.simulators.recording import Pauses
 
-LAG_PX, BORDER_PX, CELL_LOG2 = 4, 7, 5
+LAG_PX, BORDER_PX, CELL_LOG2 = 4, 7, 4
 
 
 class ScanWithWarning(wiring.Component):
@@ -40,10 +40,13 @@ class ScanWithWarning(wiring.Component):
         return m
 
 
-@pytest.mark.parametrize("cells", [True, False])
-@pytest.mark.parametrize(("pixels_per_clock", "shape"), [(1, (69, 33)), (2, (43, 65))])
+@pytest.mark.parametrize(
+    ("pixels_per_clock", "shape", "cells"),
+    # With two cell rows, with one, and with the end of a second one in the border.
+    [(1, (41, 27), True), (2, (29, 54), True), (2, (37, 51), True), (1, (25, 27), False)],
+)
 def test_marks_belong_to_the_lagging_pixel(
-    pauses: Pauses, shape: tuple[int, int], cells: bool, pixels_per_clock: int
+    pauses: Pauses, pixels_per_clock: int, shape: tuple[int, int], cells: bool
 ) -> None:
     height_px, width_px = shape
     dut = ScanWithWarning(cells=cells, pixels_per_clock=pixels_per_clock)
@@ -56,10 +59,10 @@ def test_marks_belong_to_the_lagging_pixel(
 
     y, x = np.indices(shape) - LAG_PX
     inside = (x >= BORDER_PX) & (x < width_px - BORDER_PX) & (y >= BORDER_PX) & (y < height_px - BORDER_PX)
-    line_ends, lowest = x == width_px - 1 - LAG_PX, height_px - 1 - BORDER_PX
+    beats_left = (width_px - 1) // pixels_per_clock - (x + LAG_PX) // pixels_per_clock
+    line_ends, lowest = beats_left == 0, height_px - 1 - BORDER_PX
     cell_ends = cells & (y >= 0) & (y % (1 << CELL_LOG2) == (1 << CELL_LOG2) - 1) & (y < lowest)
     closes = cell_ends | (y == lowest)
-    beats_left = (width_px - 1) // pixels_per_clock - (x + LAG_PX) // pixels_per_clock
     # Of two pixels of a beat the left one has the lower bit; the marks are at its position.
     padded = np.pad(inside, ((0, 0), (0, width_px % pixels_per_clock)))
     expected = {
