@@ -89,8 +89,7 @@ def contents(features: Any, pattern: Any) -> Any:
 PREVIOUS, HELD, TAKE = (0, 0), (1, 0), (0, 1)
 
 
-@pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=120, seed=4)], ids=["free", "gaps"])
-@pytest.mark.parametrize("name", ["ilbp-128", "thesis-ilbp-2"])
+@pytest.mark.parametrize(("name", "pauses"), [("ilbp-128", NO_PAUSES), ("thesis-ilbp-2", Pauses(gaps=120, seed=4))])
 def test_each_frame_takes_the_role_that_its_status_and_settings_give(name: str, pauses: Pauses) -> None:
     """The table says for each frame which frames are left and right after it."""
     pattern = PATTERNS[name]

@@ -9,20 +9,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from golden_model.config import PRESETS
-from golden_model.matching import correlation, fuzzy, rule_bases
+from golden_model.matching import fuzzy, rule_bases
 from golden_model.matching.fuzzy import SugenoSystem, Variable
 from hdl.matching.fuzzy import Sugeno
 from sim.simulators.recording import Pauses
 from tests.hdl.block_bench import BlockBench
 from tests.hdl.drivers import run_streams
-from tests.hdl.matching.windows import matched
 
 
 def distinct(variable: Variable) -> list[int]:
-    """The first index of each distinct column of degrees, and one index beyond the tables."""
+    """The first index of each distinct column of degrees, and the first index beyond the tables."""
     columns = np.stack(list(variable.sets.values()))
-    return [*np.sort(np.unique(columns, axis=1, return_index=True)[1]).tolist(), variable.entries + 3]
+    return [*np.sort(np.unique(columns, axis=1, return_index=True)[1]).tolist(), variable.entries]
 
 
 def golden(system: SugenoSystem, inputs: list[Any]) -> NDArray[np.uint8]:
@@ -55,21 +53,27 @@ def evaluated(system: SugenoSystem, value_bits: int, inputs: list[Any]) -> NDArr
 
 
 @pytest.mark.parametrize(
-    ("system", "value_bits"),
+    ("system", "value_bits", "step"),
     [
-        (rule_bases.aerial(128), 8),
-        (rule_bases.aerial(24), 5),
-        (rule_bases.aerial_orientation(128), 8),
-        (rule_bases.aerial_orientation(256), 9),
+        (rule_bases.aerial(128), 8, 13),
+        (rule_bases.aerial(24), 5, 1),
+        (rule_bases.aerial_orientation(128), 8, 7),
+        (rule_bases.aerial_orientation(256), 9, 11),
+        pytest.param(rule_bases.aerial(128), 8, 1, marks=pytest.mark.slow),
+        pytest.param(rule_bases.aerial_orientation(256), 9, 1, marks=pytest.mark.slow),
     ],
-    ids=["aerial-128", "aerial-24", "aerial_orientation-128", "aerial_orientation-256"],
 )
-def test_product_systems_equal_the_golden_model_over_their_whole_domain(system: SugenoSystem, value_bits: int) -> None:
-    inputs = list(itertools.product(*(distinct(variable) for variable in system.inputs)))
+def test_product_systems_equal_the_golden_model_over_their_domain(
+    system: SugenoSystem, value_bits: int, step: int
+) -> None:
+    """Every degree of each input; with a step of 1 in all combinations."""
+    columns = [distinct(variable) for variable in system.inputs]
+    inputs = list(itertools.product(*columns))[::step]
+    assert [sorted(set(column)) for column in zip(*inputs, strict=True)] == columns
     np.testing.assert_array_equal(evaluated(system, value_bits, inputs), golden(system, inputs))
 
 
-@pytest.mark.parametrize("bits", [8, 32])
+@pytest.mark.parametrize("bits", [8, pytest.param(32, marks=pytest.mark.slow)])
 def test_ilbp_equals_the_golden_model_over_its_whole_domain(bits: int) -> None:
     system = rule_bases.ilbp(bits)
     distances, sads, _ = (distinct(variable) for variable in system.inputs)
@@ -78,13 +82,15 @@ def test_ilbp_equals_the_golden_model_over_its_whole_domain(bits: int) -> None:
 
 
 def test_correlation_equals_the_golden_model_over_a_grid() -> None:
-    """All combinations of 7 values for each input, from the cores and ramps of its sets to beyond its table."""
+    """Combinations of 7 values for each input, from the cores and ramps of its sets to beyond its table."""
     system = rule_bases.correlation()
     grids = [np.array(distinct(variable)) for variable in system.inputs]
-    inputs = list(itertools.product(*(grid[np.linspace(0, len(grid) - 1, 7).astype(int)].tolist() for grid in grids)))
+    inputs = list(itertools.product(*(grid[np.linspace(0, len(grid) - 1, 7).astype(int)].tolist() for grid in grids)))[
+        ::3
+    ]
     expected = golden(system, inputs)
     assert len(set(expected[:, 1])) == 27
-    assert len(set(expected[:, 0])) > 80
+    assert len(set(expected[:, 0])) > 40
     np.testing.assert_array_equal(evaluated(system, 9, inputs), expected)
 
 
@@ -143,19 +149,3 @@ def test_product_of_too_many_inputs_is_refused() -> None:
     system = fuzzy.SugenoSystem("four", inputs=(always,) * 4, rules=(rule,), conjunction="product")
     with pytest.raises(ValueError, match="four: multiplies 4 inputs; valid: 2, 3"):
         Sugeno(system=system, value_bits=1)
-
-
-def test_fuzzy_ilbp_of_matched_corners() -> None:
-    """On distance and SAD of the same matches, the inputs that the fuzzy stage gives the rules."""
-    left, right = matched()
-    bits = PRESETS["thesis"].front_end.pattern.bits
-    distance = np.bitwise_count(left["descriptor"] ^ right["descriptor"]).sum(axis=1, dtype=np.int64)
-    sad = correlation.sad(left["window"], right["window"])
-    inputs = np.stack([distance, sad, sad], axis=1)[::2]
-    system = rule_bases.ilbp(bits)
-    expected = np.stack(system.evaluate(*inputs.T), axis=1)
-    assert len(inputs) > 100
-    assert len(set(expected[:, 0])) > 10
-    dut = Sugeno(system=system, value_bits=12)
-    results = run_streams(dut, {"i": inputs.tolist()}, {"o": len(inputs)}, cycle_limit=60 * len(inputs))["o"]
-    np.testing.assert_array_equal([(result.weight, result.rule) for result in results], expected)

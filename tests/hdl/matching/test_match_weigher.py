@@ -16,6 +16,7 @@ from sim.simulators.recording import NO_PAUSES, Pauses
 from tests.hdl.block_bench import BlockBench
 
 COUNT = 24
+PAUSES = Pauses(gaps=80, stalls=120, seed=2)
 
 
 def pairs(pattern: DescriptorPattern) -> tuple[NDArray[np.void], NDArray[np.void], NDArray[np.void]]:
@@ -38,11 +39,14 @@ def pairs(pattern: DescriptorPattern) -> tuple[NDArray[np.void], NDArray[np.void
     return left, right, matches
 
 
-@pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=80, stalls=120, seed=2)], ids=["free", "pauses"])
 @pytest.mark.parametrize(
-    ("pattern", "rule_base"),
-    [(ILBP_128, "aerial"), (ILBP_128, "none"), (PATTERNS["thesis-ilbp-4"], "ilbp")],
-    ids=["aerial", "none", "ilbp"],
+    ("pattern", "rule_base", "pauses"),
+    [
+        (ILBP_128, "aerial", NO_PAUSES),
+        (ILBP_128, "aerial", PAUSES),
+        (ILBP_128, "none", PAUSES),
+        (PATTERNS["thesis-ilbp-4"], "ilbp", PAUSES),
+    ],
 )
 def test_weights_and_turns_equal_the_golden_model(pattern: DescriptorPattern, rule_base: str, pauses: Pauses) -> None:
     config = MatcherConfig(rule_base=rule_base)

@@ -23,9 +23,9 @@ from sim.simulators.recording import NO_PAUSES, Pauses
 from tests.hdl.block_bench import BlockBench
 
 ILBP_32 = PATTERNS["thesis-ilbp-4"]
-LANES, MAX_FEATURES = 4, 32
-CYCLE_LIMIT = 12_000
-ESTIMATE_CYCLES = 900
+LANES, MAX_FEATURES = 4, 16
+CYCLE_LIMIT = 8000
+ESTIMATE_CYCLES = 400
 """By then the next frame waits."""
 FIRST_FRAME = 0x1_FFFE
 """Records name the lower half of the reference's number."""
@@ -202,35 +202,37 @@ def assert_equal_to_golden(
 
 
 @pytest.mark.parametrize(
-    ("reference", "pauses"), [("previous", NO_PAUSES), ("held", Pauses(gaps=60, stalls=200, seed=9))]
+    ("reference", "pauses"), [("previous", NO_PAUSES), ("held", Pauses(gaps=60, stalls=150, seed=9))]
 )
 def test_records_of_a_sequence_equal_the_golden_model(reference: Reference, pauses: Pauses) -> None:
     """With full, empty and bad frames, and frames of one feature.
 
     Where nothing pauses, a frame takes left * right / lanes clocks, and a few for each match, feature and pass.
     """
-    sizes, config = (32, 30, 27, 1, 1, 0, 32, 32), MatcherConfig()
+    sizes, config = (16, 15, 13, 1, 1, 0, 16, 16), MatcherConfig()
     frames = sequence(ILBP_128, sizes, bad=(2,))
     expected, results = expected_packets(frames, ILBP_128, config, reference)
     bench = MatcherBench(ILBP_128, config, frames, settings_for(frames, config, reference), pauses=pauses)
     assert bench.run() == expected
-    assert sum(len(result.matches) for result in results) > 40
+    assert sum(len(result.matches) for result in results) > 20
     assert len({rule for result in results for rule in result.matches["rule"].tolist()}) > 4
     if pauses is NO_PAUSES:
         search = NearestNeighbours(bits=ILBP_128.bits, lanes=LANES, max_features=MAX_FEATURES)
         Fragment.get(search, None)  # otherwise Amaranth warns that its parts are unused
         # Of those that need not wait for their features; a bad frame is no reference.
-        for number, left in ((1, 32), (3, 30), (4, 1), (7, 32)):
+        for number, left in ((1, 16), (3, 15), (4, 1), (7, 16)):
             right = sizes[number]
             cycles = bench.ends[number] - bench.ends[number - 1] - search.search_cycles(left, right)
             assert 0 < cycles <= 2 * left + 47 * len(results[number].matches) + 90
 
 
-@pytest.mark.parametrize("config", [MatcherConfig(rule_base="ilbp", keep_above=127), MatcherConfig(rule_base="none")])
+@pytest.mark.parametrize(
+    "config", [MatcherConfig(rule_base="ilbp", keep_above=127), MatcherConfig(rule_base="none", keep_above=255)]
+)
 def test_records_of_other_rule_bases_equal_the_golden_model(config: MatcherConfig) -> None:
-    frames = sequence(ILBP_32, (32, 29, 31))
+    frames = sequence(ILBP_32, (16, 13, 15))
     results = assert_equal_to_golden(ILBP_32, config, frames, "previous", pauses=Pauses(stalls=100, seed=1))
-    assert len(results[1].matches) > 15
+    assert len(results[1].matches) > 7
     assert len(set(results[1].matches["verdict"])) == (1 if config.rule_base == "none" else 2)
 
 
@@ -247,16 +249,16 @@ OWN_RULES = {
 
 @pytest.mark.parametrize("name", OWN_RULES)
 def test_records_of_own_rules_equal_the_golden_model(name: str) -> None:
-    frames = sequence(ILBP_128, (28, 26))
+    frames = sequence(ILBP_128, (16, 16))
     results = assert_equal_to_golden(ILBP_128, MatcherConfig(rule_base=OWN_RULES[name]), frames, "previous")
     matches = np.concatenate([result.matches for result in results])
-    assert len(set(matches["weight"])) > 10
+    assert len(set(matches["weight"])) >= 10
     assert len(set(matches["rule"])) > 3
 
 
 def test_own_rules_over_windows_equal_the_golden_model() -> None:
     rules = MatchRules(read_shipped("ilbp").replace("yes Constant 1", "yes Constant 0.7"))
-    frames = sequence(ILBP_32, (32, 29))
+    frames = sequence(ILBP_32, (16, 13))
     results = assert_equal_to_golden(ILBP_32, MatcherConfig(rule_base=rules), frames, "previous")
     assert len(set(results[1].matches["weight"])) > 1
 
@@ -268,7 +270,7 @@ def test_equal_distances_are_resolved_as_in_the_golden_model(different: int) -> 
     if different == 2:
         descriptors[1] = ~descriptors[0]
     rng = np.random.default_rng(different)
-    found = [random_features(rng, size, ILBP_32, descriptors) for size in (32, 32, 5, 32, 3, 1, 1)]
+    found = [random_features(rng, size, ILBP_32, descriptors) for size in (16, 16, 5, 16, 3, 1, 1)]
     frames = [(features, frame_status(ILBP_32, 0, features)) for features in found]
     results = assert_equal_to_golden(ILBP_32, MatcherConfig(), frames, "previous")
     assert all(len(result.matches) > 0 for result in results[1:])
@@ -276,13 +278,13 @@ def test_equal_distances_are_resolved_as_in_the_golden_model(different: int) -> 
 
 @pytest.mark.parametrize("keep_above", [0, 255])
 def test_the_verdict_follows_the_limit_of_the_weight(keep_above: int) -> None:
-    frames = sequence(ILBP_32, (32, 32))
+    frames = sequence(ILBP_32, (16, 16))
     _, result = assert_equal_to_golden(ILBP_32, MatcherConfig(keep_above=keep_above), frames, "held")
     assert result.matches["verdict"].any() == (keep_above == 0)
 
 
 def test_a_taken_reference_replaces_the_old_one() -> None:
-    frames = sequence(ILBP_32, (20, 20, 20, 20, 20, 20))
+    frames = sequence(ILBP_32, (7, 8, 7, 8, 7, 8))
     config = MatcherConfig()
     taken = [0, 0, 1, 0, 0, 0]
     settings = settings_for(frames, config, "held")
@@ -296,7 +298,7 @@ def test_a_taken_reference_replaces_the_old_one() -> None:
 
 
 def test_the_choice_of_reference_can_change_between_frames() -> None:
-    frames = sequence(ILBP_32, (20, 20, 20, 20, 20))
+    frames = sequence(ILBP_32, (7, 8, 7, 8, 7))
     config = MatcherConfig()
     settings = settings_for(frames[:3], config, "held") + settings_for(frames[3:], config, "previous")
     held, _ = expected_packets(frames[:3], ILBP_32, config, "held")
@@ -306,7 +308,7 @@ def test_the_choice_of_reference_can_change_between_frames() -> None:
 
 def test_a_refused_frame_does_not_become_the_reference() -> None:
     """Known once the next frame waits to be taken."""
-    frames, config = sequence(ILBP_32, (20, 20, 20, 20, 20)), MatcherConfig()
+    frames, config = sequence(ILBP_32, (7, 8, 7, 8, 7)), MatcherConfig()
     refused = [1, 0, 1, 1, 0]
     bench = MatcherBench(ILBP_32, config, frames, settings_for(frames, config, "previous"))
 
@@ -334,8 +336,8 @@ def test_a_refused_frame_does_not_become_the_reference() -> None:
         references.judge(accepted=not cause)
 
 
-@pytest.mark.parametrize("interrupted", [(2, 0), (150, 0), (194, 40), (194, 300), (194, 700)])
+@pytest.mark.parametrize("interrupted", [(2, 0), (75, 0), (100, 25), (100, 150), (100, 275), (100, 354)])
 def test_reset_in_any_phase_leaves_nothing_behind(interrupted: tuple[int, int]) -> None:
-    """In a record, a frame, the search, the count of the turns, and the sending of the matches."""
-    frames = sequence(ILBP_128, (24, 23))
+    """In a record, a frame, the search, the count of the turns, the search for their peak, the sending of a match."""
+    frames = sequence(ILBP_128, (12, 11))
     assert_equal_to_golden(ILBP_128, MatcherConfig(), frames, "previous", interrupted=interrupted)

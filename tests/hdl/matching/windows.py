@@ -1,27 +1,11 @@
-"""Windows of matched corners of two rendered views, and what several tests do with blocks that take windows."""
+"""What several tests do with blocks that take windows."""
 
-import dataclasses
-import functools
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.config import PRESETS
-from golden_model.front_end import extract
-from golden_model.matching.hamming import distances, mutual_matches
-from sim.scene import make_pair
 from tests.hdl.block_bench import BlockBench
-
-
-@functools.cache
-def matched() -> Any:
-    """The left and the right feature of every mutual match between two rendered views."""
-    config = dataclasses.replace(PRESETS["thesis"].front_end, threshold=60_000)
-    left, right = (extract(image, config).features for image in make_pair(seed=3).images)
-    distance = distances(left["descriptor"], right["descriptor"])
-    at_left, at_right, _, _ = mutual_matches(distance, config.pattern.bits)
-    return left[at_left], right[at_right]
 
 
 def payloads(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> list[dict[str, list[int]]]:
