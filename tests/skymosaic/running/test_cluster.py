@@ -118,7 +118,7 @@ def listeners() -> set[tuple[str, int]]:
     return {each.laddr for each in psutil.Process().net_connections() if each.status == psutil.CONN_LISTEN}
 
 
-def test_a_scheduler_without_workers_is_waited_for_and_said(cluster: Processes) -> None:
+def test_a_scheduler_without_workers_is_waited_for_and_one_that_dies_is_one_line(cluster: Processes) -> None:
     lines: list[str] = []
     with dask.config.set({LIMIT: "1s"}), pytest.raises(InputError, match="no worker within 1 s; start a worker"):
         connect(cluster, lines)
@@ -129,7 +129,17 @@ def test_a_scheduler_without_workers_is_waited_for_and_said(cluster: Processes) 
     with connect(cluster, lines) as workers:
         assert list(workers.run("powers", pow, [(2, n) for n in range(30)])) == [2**n for n in range(30)]
         assert listeners() <= before
+        results: Any = workers.run("sleeping", time.sleep, [(0.05,) for _ in range(100)])
+        next(results)
+        cluster.scheduler.kill()
+        started = time.monotonic()
+        with (
+            dask.config.set({LIMIT: "2s"}),
+            pytest.raises(RegistrationError, match=r"scheduler.json: .* the cache$"),
+        ):
+            list(results)
     late.join()
+    assert time.monotonic() - started < 30
 
 
 def test_the_dashboard_is_named() -> None:
@@ -248,21 +258,6 @@ def test_lost_workers_cost_their_calls_and_all_of_them_end_the_run(cluster: Proc
             list(workers.run("powers", pow, [(2, 3)]))
         assert time.monotonic() - started < 30
     assert "has no worker; waiting 2 s" in lines[-1]
-
-
-def test_a_scheduler_that_dies_is_one_line(cluster: Processes) -> None:
-    cluster.worker()
-    with connect(cluster) as workers:
-        results: Any = workers.run("sleeping", time.sleep, [(0.05,) for _ in range(100)])
-        next(results)
-        cluster.scheduler.kill()
-        started = time.monotonic()
-        with (
-            dask.config.set({LIMIT: "2s"}),
-            pytest.raises(RegistrationError, match=r"scheduler.json: .* the cache$"),
-        ):
-            list(results)
-    assert time.monotonic() - started < 30
 
 
 @pytest.mark.slow
