@@ -40,7 +40,8 @@ CURVES = """() => [...document.querySelectorAll("svg.membership")].map(drawing =
 """What each plot of an explanation is called, the points of its curves, and left, right, lower and upper end."""
 PATCH_PX = 9
 View = tuple[ViewportSize, Literal["light", "dark"]]
-VIEWS: tuple[View, ...] = ((WINDOW, "light"), (WINDOW, "dark"), (PHONE, "light"), (PHONE, "dark"))
+VIEWS: tuple[View, ...] = ((WINDOW, "light"), (PHONE, "dark"))
+"""Both widths and both schemes: no colour depends on the width."""
 MIN_CONTRAST = 16
 """Gray levels that a picture spans at least; JPEG leaves a few in one that is of one colour."""
 PICTURES = """() => Promise.all([...document.querySelectorAll("img, image")].map(async shown => {
@@ -89,7 +90,7 @@ def hidden_pictures(page: Page) -> list[str]:
 
 
 def look(page: Page, views: Sequence[View] = VIEWS, *, for_barriers: bool = True) -> list[str]:
-    """What is wrong with a page as it stands, by default on a desk and on a phone, in light and in dark."""
+    """What is wrong with a page as it stands, by default on a desk in light and on a phone in dark."""
     found = []
     for window, scheme in views:
         page.set_viewport_size(window)

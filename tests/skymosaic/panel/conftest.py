@@ -4,17 +4,18 @@ import asyncio
 import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import nicegui.core
 import pytest
-from playwright.sync_api import Browser, ConsoleMessage, Page
+from playwright.sync_api import Browser, ConsoleMessage, Page, expect
 
 from sim.scene import make_pair
 from skymosaic.panel.sessions import Sessions
 from skymosaic.panel.tasks.jobs import prepare_workers
 from tests.skymosaic.panel.visitor import Scenario
-from tools.panel.visit import chromium, load_built_in_pair, make_mosaic, open_page, running_panel
+from tools.panel.visit import chromium, corner_counts, make_mosaic, open_page, running_panel
 
 
 @pytest.fixture(scope="session")
@@ -68,27 +69,42 @@ def is_complaint(message: ConsoleMessage) -> bool:
     return message.type == "error" and "Failed to load resource" not in message.text
 
 
+@pytest.fixture(scope="module")
+def opened(browser: Browser) -> Iterator[Page]:
+    """A page that a module opens once: a new one would fetch and compile all of NiceGUI again."""
+    page = open_page(browser, "about:blank")
+    yield page
+    page.context.close()
+
+
 @pytest.fixture
-def page(browser: Browser, panel: str) -> Iterator[Page]:
-    """The panel's page in a new session; any error that the browser reports fails the test."""
-    opened = open_page(browser, "about:blank")
+def page(opened: Page, panel: str) -> Iterator[Page]:
+    """The panel's page in a new session; an error that the browser reports, or another server, fails the test."""
     complaints: list[str] = []
-    opened.on("pageerror", lambda error: complaints.append(str(error)))
-    opened.on("console", lambda message: complaints.append(message.text) if is_complaint(message) else None)
+    hear: dict[Any, Any] = {
+        "pageerror": lambda error: complaints.append(str(error)),
+        "console": lambda message: complaints.append(message.text) if is_complaint(message) else None,
+        "request": lambda sent: None if sent.url.startswith((panel, "data:", "blob:")) else complaints.append(sent.url),
+    }
+    for event, handler in hear.items():
+        opened.on(event, handler)
+    opened.context.clear_cookies()
     opened.goto(panel)
     yield opened
-    opened.context.close()
+    opened.goto("about:blank")
+    for event, handler in hear.items():
+        opened.remove_listener(event, handler)
     assert complaints == []
 
 
 @pytest.fixture(scope="module")
-def made(browser: Browser, panel: str) -> Iterator[Page]:
-    """A page of a session that has made the mosaic of the built-in pair."""
-    page = open_page(browser, panel)
-    load_built_in_pair(page)
-    make_mosaic(page)
-    yield page
-    page.context.close()
+def made(opened: Page, panel: str, photographs: list[Path]) -> Page:
+    """The opened page in a session that has made the mosaic of two photographs, for tests before those of `page`."""
+    opened.goto(panel)
+    opened.get_by_label("Choose photographs").set_input_files(photographs)
+    expect(corner_counts(opened)).to_contain_text("corners")
+    make_mosaic(opened)
+    return opened
 
 
 @pytest.fixture(scope="session")
@@ -96,7 +112,7 @@ def photographs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Two overlapping photographs."""
     folder = tmp_path_factory.mktemp("photographs")
     paths = [folder / "left.png", folder / "right.png"]
-    for path, image in zip(paths, make_pair(seed=5).images, strict=True):
+    for path, image in zip(paths, make_pair(seed=9, size=(400, 300)).images, strict=True):
         cv2.imwrite(str(path), image)
     return paths
 

@@ -21,7 +21,7 @@ METHODS = {
 
 @pytest.fixture(scope="module")
 def images() -> list[np.ndarray]:
-    return list(make_pair(seed=9, size=(320, 240)).images)
+    return list(make_pair(seed=9, size=(240, 180)).images)
 
 
 @pytest.fixture(scope="module", params=list(METHODS.values()), ids=list(METHODS))

@@ -4,11 +4,13 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import pytest
 
+from sim.scene import make_pair
 from skymosaic.panel.runs import MANIFEST, Runs
 from skymosaic.panel.sessions import Sessions
-from tests.skymosaic.panel.visitor import Scenario, idle
+from tests.skymosaic.panel.visitor import Scenario, body, idle
 
 
 @pytest.fixture
@@ -26,12 +28,13 @@ def folder(tmp_path: Path) -> Path:
 @pytest.mark.usefixtures("workers")
 def test_the_runs_of_owners_outlive_the_panel(tmp_path: Path, run_in_loop: Callable[[Scenario], None]) -> None:
     sessions = Sessions(runs=tmp_path)
+    images = make_pair(seed=9, size=(240, 180)).images
 
     async def scenario() -> None:
         for name in ("owner", "visitor"):
             session = sessions.get(name, is_owner=name == "owner")
-            session.load_built_in(2)
-            await idle(session)
+            for number, image in enumerate(images):
+                await session.upload("photograph", body(cv2.imencode(".png", image)[1].tobytes()), f"{number}.png")
             session.make_mosaic()
             await idle(session)
             assert session.fault == ""

@@ -8,11 +8,14 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import cv2
 import pytest
 
+from sim.scene import make_pair
 from skymosaic.panel.results import Decoded, InputFile, MosaicResult
 from skymosaic.panel.session import Session
 from skymosaic.panel.sessions import Sessions
+from skymosaic.panel.tasks import upload_tasks
 from skymosaic.panel.tasks.jobs import JobFailedError
 from skymosaic.panel.uploads import UploadRefusedError
 from tests.skymosaic.panel.visitor import Scenario, body, idle, noise_png
@@ -24,11 +27,18 @@ def picture(seed: int) -> bytes:
     return noise_png(96, seed)
 
 
+async def load_pair(session: Session) -> None:
+    for number, image in enumerate(make_pair(seed=9, size=(240, 180)).images):
+        await session.upload("photograph", body(cv2.imencode(".png", image)[1].tobytes()), f"{number}.png")
+
+
 def files(session: Session, folder: str) -> set[str]:
     return {path.name for path in session.files.folder(folder).rglob("*") if path.is_file()}
 
 
-def test_the_files_of_replaced_uploads_are_removed(sessions: Sessions, run_in_loop: Callable[[Scenario], None]) -> None:
+def test_the_files_of_what_is_replaced_are_removed_and_the_archive_has_those_of_the_result(
+    sessions: Sessions, run_in_loop: Callable[[Scenario], None]
+) -> None:
     session = sessions.get("one")
 
     async def scenario() -> None:
@@ -37,11 +47,9 @@ def test_the_files_of_replaced_uploads_are_removed(sessions: Sessions, run_in_lo
         await session.upload("photograph", body(picture(3)), "field.png")
         assert files(session, "uploads") == {"car_2.png", "field.png"}
         assert files(session, "pictures") == {"car_2.png.png", "field.png.png"}
-        session.load_built_in(2)
-        await idle(session)
-        first = {"car_2.png", *(upload.name for upload in session.photographs)}
-        assert len(first) == 3
-        assert files(session, "uploads") == first
+        session.set_photographs(())
+        await load_pair(session)
+        assert files(session, "uploads") == {"car_2.png", "0.png", "1.png"}
         session.make_mosaic()
         await idle(session)
         run = f"pictures/{session.mosaic_result.folder.name}"
@@ -52,20 +60,6 @@ def test_the_files_of_replaced_uploads_are_removed(sessions: Sessions, run_in_lo
         assert files(session, "pictures/uploads") == {"car_2.png.png"}
 
     run_in_loop(scenario)
-
-
-def test_the_archive_contains_every_file_of_the_results(
-    sessions: Sessions, run_in_loop: Callable[[Scenario], None]
-) -> None:
-    session = sessions.get("one")
-
-    async def scenario() -> None:
-        session.load_built_in(2)
-        await idle(session)
-        session.make_mosaic()
-        await idle(session)
-
-    run_in_loop(scenario)
     folder = session.mosaic_result.folder
     with zipfile.ZipFile(session.files.write_archive(session.results)) as archive:
         assert archive.testzip() is None
@@ -73,6 +67,22 @@ def test_the_archive_contains_every_file_of_the_results(
     contents = {f"mosaic/{path.relative_to(folder)}": path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     assert unpacked == contents
     assert "mosaic/report/index.html" in unpacked
+
+
+def test_the_examples_take_the_places_of_photographs_and_of_the_film(sessions: Sessions) -> None:
+    any_session: Any = sessions.get("one")
+    started: list[Any] = []
+    any_session._start = lambda _title, accept, task, _folder, names, _pictures: started.append((accept, task, names))
+    any_session.load_built_in(3)
+    any_session.load_built_in_film()
+    (show, pair, names), (show_film, film, film_names) = started
+    assert (pair, film) == (upload_tasks.render_photographs, upload_tasks.render_pursuit)
+    assert [name.partition("_")[2] for name in (*names, *film_names)] == ["built-in.png"] * 3 + ["car.png", "film.mp4"]
+    inputs = [InputFile.of_upload(Decoded((64, 64), (), Path(name), (64, 64))) for name in "abc"]
+    show(inputs)
+    show_film(inputs[:2])
+    assert any_session.photographs == inputs
+    assert [any_session.template, any_session.video] == inputs[:2]
 
 
 def test_a_full_disk_refuses_an_upload_in_one_line(
@@ -98,8 +108,7 @@ def test_no_second_job_starts_while_one_runs(sessions: Sessions, run_in_loop: Ca
     session = sessions.get("one")
 
     async def scenario() -> None:
-        session.load_built_in(2)
-        await idle(session)
+        await load_pair(session)
         shown: list[Any] = []
         session.changed.subscribe(lambda: shown.append(session.job))
         session.make_mosaic()
@@ -228,9 +237,8 @@ def test_the_next_run_removes_the_files_of_runs_without_a_result(
     session = sessions.get("one")
 
     async def scenario() -> None:
-        session.load_built_in(2)
-        await idle(session)
-        for _ in range(3):
+        await load_pair(session)
+        for _ in range(2):
             session.make_mosaic()
             session.cancel()
             await idle(session)

@@ -57,27 +57,29 @@ def names_reached_by_tab(page: Page) -> list[str]:
     """The accessible names of everything Tab reaches in one round; checks that all have one and none is left out."""
     session = page.context.new_cdp_session(page)
     page.evaluate("document.activeElement.blur()")
-    reached: list[tuple[str, str]] = []
-    while len(reached) < MAX_CONTROLS:
+    reached: list[tuple[int, str, str]] = []
+    for _ in range(MAX_CONTROLS):
         page.keyboard.press("Tab")
         control = _focused_control(session)
-        if control in reached[:1]:
+        if len(reached) > 1 and control == reached[0]:
             break
-        if control != ("", ""):  # between the last and the first, the focus is on the browser's own controls
+        # Between the last and the first, the focus is on the browser's own controls; some it keeps in the page's.
+        if control is not None and control not in reached[-1:]:
             reached.append(control)
-    assert [role for role, name in reached if not name] == []
+    assert [role for _, role, name in reached if not name] == []
     shown = page.evaluate(
         """() => [...document.querySelectorAll("button, a[href], input, [role=switch], [role=checkbox], svg[tabindex]")]
             .filter(element => element.checkVisibility() && !element.disabled).length"""
     )
     assert shown <= len(reached) < MAX_CONTROLS
-    return [name for _, name in reached]
+    return [name for *_, name in reached]
 
 
-def _focused_control(session: CDPSession) -> tuple[str, str]:
-    """Role and accessible name of the element with the focus; empty if the page has none."""
-    _page, *nodes = session.send("Accessibility.getFullAXTree")["nodes"]
-    for node in nodes:
-        if any(p["name"] == "focused" and p["value"]["value"] for p in node.get("properties", [])):
-            return node["role"]["value"], node["name"]["value"].strip()
-    return "", ""
+def _focused_control(session: CDPSession) -> tuple[int, str, str] | None:
+    """Number, role and accessible name of the element with the focus, if the page has it."""
+    element = session.send("Runtime.evaluate", {"expression": "document.activeElement"})["result"]
+    found = session.send("Accessibility.getPartialAXTree", {"objectId": element["objectId"], "fetchRelatives": False})
+    (node,) = found["nodes"]
+    if node["ignored"] or element["className"] == "HTMLBodyElement":
+        return None
+    return node["backendDOMNodeId"], node["role"]["value"], node["name"]["value"].strip()

@@ -2,15 +2,13 @@
 
 import re
 import statistics
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Locator, Page, expect
 
 from hdl.build import Build
 from sim.simulators import verilator
@@ -23,9 +21,9 @@ from tools.panel.visit import (
     corner_counts,
     load_built_in_pair,
     make_mosaic,
+    middle_of,
     mosaic_viewer,
     open_advanced,
-    open_page,
     open_tab,
     photographs_loaded,
     threshold_to_corners_ms,
@@ -33,13 +31,14 @@ from tools.panel.visit import (
 
 LATENCY_LIMIT_MS = 300
 LATENCY_KEYS = ("ArrowRight", "ArrowLeft") * 10
+RECOLOUR_LIMIT_MS = 1000
 
 
-def test_the_built_in_pair_becomes_a_mosaic_that_zooms(made: Page) -> None:
+def test_a_mosaic_zooms(made: Page) -> None:
     open_tab(made, "Mosaic")
     drawing = mosaic_viewer(made).locator("> svg")
     whole = drawing.get_attribute("viewBox")
-    assert float(whole.split()[2]) > 700
+    assert float(whole.split()[2]) > 500
     drawing.hover()
     made.mouse.wheel(0, -100)
     expect(drawing).not_to_have_attribute("viewBox", whole)
@@ -64,12 +63,106 @@ def test_the_viewer_fills_the_window(made: Page) -> None:
     assert box["width"] < WINDOW["width"]
 
 
-def test_the_numbers_of_the_run_are_shown(made: Page) -> None:
-    open_tab(made, "Numbers")
-    panel = made.get_by_role("tabpanel", name="Numbers")
-    for words in ("mutual matches", "RMSE of the inliers", "recall of the rules", "projective", "warping and blending"):
-        expect(panel).to_contain_text(words)
-    expect(panel.locator(".matrix td")).to_have_count(9)
+def test_a_rejected_match_is_explained(made: Page) -> None:
+    open_tab(made, "Matches")
+    for kind in ("kept, on the homography", "rejected by the rules"):
+        made.get_by_role("checkbox", name=kind).click()
+    viewer = made.get_by_role("group", name="Matches between the photographs")
+    line = viewer.locator("path.match.rejected:not(.chosen)").first
+    expect(line).to_be_attached()
+    viewer.locator("> svg").hover()  # waits until the viewer has its final position
+    x, y = middle_of(line)
+    made.mouse.move(x, y)
+    explanation = made.locator(".explanation")
+    expect(explanation).to_contain_text("Rejected. The rules give it the weight")
+    for words in ("px from the homography", "distance", "margin to the second best", "strength", "weight"):
+        expect(explanation).to_contain_text(words)
+    expect(explanation.locator("svg circle")).to_have_count(6)
+    expect(explanation.locator("tr.dominant")).to_have_count(1)
+    made.mouse.click(x, y)
+    expect(made.get_by_role("status", name="Match shown")).to_contain_text("pinned")
+    for kind in ("kept, on the homography", "rejected by the rules"):
+        made.get_by_role("checkbox", name=kind).click()
+
+
+def test_some_inliers_are_drawn_first_and_a_slider_draws_more(made: Page) -> None:
+    open_tab(made, "Matches")
+    viewer = made.get_by_role("group", name="Matches between the photographs")
+    lines = viewer.locator("path.match:not([class*=chosen])")
+    expect(viewer.locator("path.match.inlier:not(.chosen)")).to_have_count(100)
+    expect(lines).to_have_count(100)
+    slider = made.get_by_role("slider", name="Maximum number of lines")
+    expect(slider).to_have_attribute("aria-valuetext", "100 lines")
+    slider.press("End")
+    expect(slider).not_to_have_attribute("aria-valuetext", "100 lines")
+    slider.press("Home")
+    expect(slider).to_have_attribute("aria-valuetext", "25 lines")
+    expect(lines).to_have_count(25)
+
+
+def take(corner: Locator) -> tuple[float, float]:
+    """Press the pointer on a corner, which may still move while the editor opens; returns its middle, px."""
+    for _ in range(50):
+        corner.hover()
+        corner.page.mouse.down()
+        box = corner.bounding_box()
+        if box and corner.evaluate("corner => corner === document.activeElement"):
+            return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        corner.page.mouse.up()
+    raise AssertionError("the corner cannot be taken")
+
+
+def test_a_dragged_corner_recolours_the_matches(made: Page, tmp_path: Path) -> None:
+    open_tab(made, "Matches")
+    made.get_by_role("button", name="Edit the rules").click()
+    rejected = made.get_by_role("checkbox", name="rejected by the rules")
+    at_first = rejected.text_content() or ""
+    # Each curve carries the name of its term.
+    assert made.locator(".curves-plot .set-name").all_text_contents()[:4] == ["low", "high", "big", "small"]
+    text = made.get_by_role("textbox", name="Rules, in FLL")
+    # Many of its lines, before anything is typed.
+    expect(text).to_be_visible()
+    assert text.evaluate("area => area.clientHeight") > 200
+    corner = made.get_by_role("slider", name="Corner 1 of distance: low, high")
+    undo = made.get_by_role("button", name="Undo")
+    expect(undo).to_be_disabled()
+    x, y = take(corner)
+    made.mouse.move(x - 20, y, steps=5)
+    made.mouse.up()
+    expect(rejected).not_to_have_text(at_first)
+    effect = made.get_by_role("status", name="Effect of the rules")
+    expect(effect).to_contain_text("predicted error")
+    assert "low Ramp 0.34 0.1" not in text.input_value()
+    # One drag is one version.
+    undo.click()
+    expect(rejected).to_have_text(at_first)
+    expect(undo).to_be_disabled()
+    text.fill(text.input_value().replace("then weight is sure", "then weight is"))
+    expect(made.get_by_text("line 45: rule")).to_be_visible()
+    expect(rejected).to_have_text(at_first)
+    made.get_by_role("button", name="Reset").click()
+    expect(made.get_by_text("line 45: rule")).to_be_hidden()
+    expect(text).to_have_value(re.compile("then weight is sure"))
+    text.fill(text.input_value().replace("then weight is sure", "then weight is never"))
+    expect(rejected).not_to_have_text(at_first)
+    made.get_by_role("button", name="Use for the next run").click()
+    open_advanced(made)
+    expect(made.get_by_role("combobox", name="Fuzzy rules")).to_have_value("own")
+    with made.expect_download() as download:
+        made.get_by_role("button", name="Download everything").or_(
+            made.get_by_role("link", name="Download everything")
+        ).click()
+    download.value.save_as(tmp_path / "all.zip")
+    with zipfile.ZipFile(tmp_path / "all.zip") as archive:
+        assert "then weight is never" in archive.read("mosaic/edited_rules.fll").decode()
+        assert "then weight is sure" in archive.read("mosaic/rules.fll").decode()
+    with made.expect_download() as download:
+        made.get_by_role("button", name="Save as FLL").click()
+    assert "then weight is never" in download.value.path().read_text()
+    choose(made, "Fuzzy rules", "aerial")
+    made.get_by_role("button", name="Reset").click()
+    expect(rejected).to_have_text(at_first)
+    made.get_by_role("button", name="Edit the rules").click()
 
 
 @pytest.fixture
@@ -91,35 +184,9 @@ def test_hardware_equals_the_golden_model(made: Page) -> None:
     clocks = re.search(r"first pixel to last feature\s*([\d,]+) clocks, ([\d.]+) ms", panel.inner_text())
     assert clocks, panel.inner_text()
     cycles = int(clocks[1].replace(",", ""))
-    assert 640 * 480 < cycles < 2 * 640 * 480
+    assert 400 * 300 < cycles < 2 * 400 * 300
     assert float(clocks[2]) == pytest.approx(1000 * cycles / 150e6, abs=0.01)
-    expect(panel).to_contain_text(f"{150e6 / (640 * 480):.0f}, each matched")
-
-
-def test_the_archive_repeats_the_mosaic(made: Page, tmp_path: Path) -> None:
-    with made.expect_download() as download:
-        made.get_by_role("link", name="Download everything").click()
-    download.value.save_as(tmp_path / "all.zip")
-    with zipfile.ZipFile(tmp_path / "all.zip") as archive:
-        assert archive.testzip() is None
-        archive.extractall(tmp_path)
-    run = tmp_path / "mosaic"
-    assert {"config.toml", "command.txt", "corners.csv", "matches.csv", "mosaic.png", "report"} <= {
-        path.name for path in run.iterdir()
-    }
-    before = np.asarray(cv2.imread(str(run / "mosaic.png")))
-    (run / "mosaic.png").unlink()
-    program, *arguments = (run / "command.txt").read_text().split()
-    assert program == "skymosaic"
-    subprocess.run([sys.executable, "-m", "skymosaic", *arguments], cwd=run, check=True, capture_output=True)
-    assert np.array_equal(np.asarray(cv2.imread(str(run / "mosaic.png"))), before)
-
-
-def test_every_tab_fits_the_window(made: Page) -> None:
-    for name in made.get_by_role("tab").all_text_contents():
-        open_tab(made, name)
-        widths = made.evaluate("[document.documentElement.scrollWidth, document.body.scrollWidth]")
-        assert max(widths) <= 1280, name
+    expect(panel).to_contain_text(f"{150e6 / (400 * 300):.0f}, each matched")
 
 
 def test_tab_reaches_every_control_and_each_has_a_name(made: Page) -> None:
@@ -145,15 +212,56 @@ def test_a_reload_keeps_finished_results(made: Page) -> None:
     expect(corner_counts(made)).to_contain_text("corners")
 
 
-def test_the_page_loads_nothing_from_another_server(browser: Browser, panel: str) -> None:
-    page = open_page(browser, "about:blank")
-    addresses: list[str] = []
-    page.on("request", lambda request: addresses.append(request.url))
-    page.goto(panel)
-    page.wait_for_load_state("networkidle")
-    page.context.close()
-    assert len(addresses) > 5
-    assert [address for address in addresses if not address.startswith((panel, "data:", "blob:"))] == []
+def test_the_button_that_starts_a_run_is_always_in_reach(made: Page) -> None:
+    open_tab(made, "Numbers")
+    open_advanced(made)
+    for size in (WINDOW, PHONE):
+        made.set_viewport_size(size)
+        for place in ("0", "document.documentElement.scrollHeight"):
+            made.evaluate(f"scrollTo(0, {place})")
+            button = made.get_by_role("button", name="Make the mosaic")
+            expect(button).to_be_in_viewport(ratio=1)
+            button.click(trial=True)
+    made.set_viewport_size(WINDOW)
+
+
+def test_the_highest_threshold_leaves_no_corner(made: Page) -> None:
+    open_tab(made, "Corners")
+    open_advanced(made)
+    made.get_by_role("slider", name="Harris threshold").click()
+    made.keyboard.press("End")
+    expect(corner_counts(made)).to_contain_text("0 and 0 corners")
+
+
+@pytest.mark.slow  # On an idle machine only.
+def test_a_moved_corner_recolours_the_matches_within_a_second(page: Page) -> None:
+    """From the pointer's move to the next frame the browser paints, for two photographs of 640x480."""
+    load_built_in_pair(page)
+    make_mosaic(page)
+    open_tab(page, "Matches")
+    page.get_by_role("button", name="Edit the rules").click()
+    corner = page.get_by_role("slider", name="Corner 1 of distance: low, high")
+    page.evaluate(
+        """() => {
+            const drawing = document.querySelector('[aria-label="Matches between the photographs"] > svg g');
+            // The browser itself moves the pointer again when what lies below it has changed.
+            addEventListener("pointermove", () => (window.moved ||= performance.now()), true);
+            new MutationObserver(() => requestAnimationFrame(() => (window.painted = performance.now())))
+                .observe(drawing, { childList: true });
+        }"""
+    )
+    milliseconds = []
+    for offset_px in (-40, 40) * 5:
+        x, y = take(corner)
+        page.evaluate("window.moved = window.painted = 0")
+        page.mouse.move(x + offset_px, y)
+        page.wait_for_function("window.moved && window.painted > window.moved")
+        milliseconds.append(page.evaluate("window.painted - window.moved"))
+        page.mouse.up()
+        # The rules at the drop may be painted once more.
+        page.wait_for_function("performance.now() > window.painted + 500")
+    print(f"rule to matches: median {statistics.median(milliseconds):.0f} ms, worst {max(milliseconds):.0f} ms")
+    assert statistics.median(milliseconds) < RECOLOUR_LIMIT_MS
 
 
 @pytest.mark.slow  # On an idle machine only.
@@ -165,14 +273,6 @@ def test_the_threshold_moves_the_corners_within_300_ms(page: Page) -> None:
     assert statistics.median(milliseconds) <= LATENCY_LIMIT_MS
 
 
-def test_the_highest_threshold_leaves_no_corner(page: Page) -> None:
-    load_built_in_pair(page)
-    open_advanced(page)
-    page.get_by_role("slider", name="Harris threshold").click()
-    page.keyboard.press("End")
-    expect(corner_counts(page)).to_contain_text("0 and 0 corners")
-
-
 def test_a_broken_file_is_refused_with_a_reason(page: Page, photographs: list[Path], tmp_path: Path) -> None:
     broken = tmp_path / "broken.png"
     broken.write_bytes(photographs[0].read_bytes()[:5000])
@@ -182,22 +282,6 @@ def test_a_broken_file_is_refused_with_a_reason(page: Page, photographs: list[Pa
     expect(page.get_by_role("button", name="Make the mosaic")).to_be_disabled()
     page.get_by_role("button", name="Dismiss").click()
     expect(page.get_by_role("alert").filter(has_text="truncated")).to_have_count(0)
-
-
-def test_the_button_that_starts_a_run_is_always_in_reach(page: Page) -> None:
-    load_built_in_pair(page)
-    open_tab(page, "Numbers")
-    expect(page.get_by_text("Make the mosaic first.")).to_be_visible()
-    make_mosaic(page)
-    open_tab(page, "Numbers")
-    open_advanced(page)
-    for size in (WINDOW, PHONE):
-        page.set_viewport_size(size)
-        for place in ("0", "document.documentElement.scrollHeight"):
-            page.evaluate(f"scrollTo(0, {place})")
-            button = page.get_by_role("button", name="Make the mosaic")
-            expect(button).to_be_in_viewport(ratio=1)
-            button.click(trial=True)
 
 
 def test_uploaded_photographs_make_a_mosaic(page: Page, photographs: list[Path]) -> None:
@@ -233,19 +317,8 @@ def test_photographs_without_overlap_show_their_matches_and_the_reason(
     expect(page.locator(".explanation")).to_contain_text("There is no homography")
 
 
-def test_sessions_do_not_see_each_others_photographs(
-    page: Page, browser: Browser, panel: str, photographs: list[Path]
-) -> None:
+def test_a_long_run_is_cancelled(page: Page, photographs: list[Path], silent_board: str) -> None:
     page.get_by_label("Choose photographs").set_input_files(photographs)
-    expect(photographs_loaded(page)).to_have_count(2)
-    other = open_page(browser, panel)
-    expect(other.get_by_role("button", name="Try the built-in pair")).to_be_visible()
-    expect(other.locator("img")).to_have_count(0)
-    other.context.close()
-
-
-def test_a_long_run_is_cancelled(page: Page, silent_board: str) -> None:
-    load_built_in_pair(page)
     choose(page, "Backend", f"board:{silent_board}")
     page.get_by_role("button", name="Make the mosaic").click()
     expect(page.get_by_text(re.compile(r"registering · \d+ s"))).to_be_visible()

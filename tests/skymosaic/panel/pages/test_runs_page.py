@@ -1,46 +1,64 @@
 """Finished runs are listed, read and deleted by who has the token, and by nobody else."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, expect
+from nicegui import Client
+from nicegui.page import page as nicegui_page
 
+from skymosaic.panel.pages.runs_page import build_runs_page
 from skymosaic.panel.runs import Runs
-from tools.panel.visit import open_page
+from skymosaic.panel.sessions import Sessions
+from tests.skymosaic.panel.visitor import Scenario
 
 TITLE = "3 photographs: <b>a flight</b>"
 
 
 @pytest.fixture
-def run(kept: Path, tmp_path: Path) -> Path:
-    """A finished run of another day."""
+def finished(tmp_path: Path) -> Path:
+    """What a run has made."""
     (tmp_path / "run" / "report").mkdir(parents=True)
     (tmp_path / "run" / "report" / "index.html").write_text("<title>a report</title>")
     (tmp_path / "run" / "mosaic.png").write_bytes(b"pixels")
     (tmp_path / "run" / "tiles").mkdir()
     (tmp_path / "run" / "tiles" / "index.html").write_text("<title>a map</title>")
-    return Runs(kept, tmp_path).keep(tmp_path / "run", TITLE)
+    return tmp_path / "run"
 
 
-def test_a_run_is_listed_read_and_deleted(browser: Browser, owner_address: str, run: Path) -> None:
-    page = open_page(browser, owner_address)
-    page.get_by_role("link", name="Runs").click()
-    expect(page.get_by_text(TITLE)).to_be_visible()
-    card = page.locator(".card", has_text=TITLE)
-    expect(card.get_by_role("link", name="mosaic.png")).to_be_visible()
-    assert card.get_by_role("link", name="tiles").get_attribute("href") == f"/run/{run.name}/tiles/index.html"
-    report = card.get_by_role("link", name="report").get_attribute("href")
-    assert page.evaluate("address => fetch(address).then(answer => answer.text())", report) == "<title>a report</title>"
-    card.get_by_role("button", name="Delete").click()
-    assert run.exists(), "once is not enough"
-    card.get_by_role("button", name="Delete for good").click()
-    expect(page.get_by_text(TITLE)).to_have_count(0)
+def test_a_run_is_listed_and_deleted(
+    sessions: Sessions, tmp_path: Path, finished: Path, run_in_loop: Callable[[Scenario], None]
+) -> None:
+    session = sessions.get("owner")
+    (tmp_path / "kept").mkdir()
+    session.runs = Runs(tmp_path / "kept", tmp_path)
+    run = session.runs.keep(finished, TITLE)
+
+    async def scenario() -> None:
+        with Client(nicegui_page("/runs"), request=None) as client:
+            build_runs_page(session)
+        said = {getattr(each, "text", ""): each for each in client.elements.values()}
+        assert said[TITLE].visible
+        assert said["mosaic.png"].props["href"] == f"/run/{run.name}/mosaic.png"
+        assert said["tiles"].props["href"] == f"/run/{run.name}/tiles/index.html"
+        press: Any
+        (press,) = said["Delete"]._event_listeners.values()
+        press.handler(None)
+        assert run.exists(), "once is not enough"
+        assert getattr(said["Delete"], "text", "") == "Delete for good"
+        press.handler(None)
+        assert TITLE not in {getattr(each, "text", "") for each in client.elements.values()}
+
+    run_in_loop(scenario)
     assert not run.exists()
-    page.context.close()
 
 
-def test_without_the_token_no_run_is_seen(panel: str, owner_address: str, run: Path) -> None:
+def test_without_the_token_no_run_is_seen(
+    panel: str, owner_address: str, kept: Path, tmp_path: Path, finished: Path
+) -> None:
+    run = Runs(kept, tmp_path).keep(finished, TITLE)
     address = f"/run/{run.name}/mosaic.png"
     with httpx.Client(base_url=panel) as visitor:
         assert visitor.get(address).status_code == 404
@@ -50,5 +68,6 @@ def test_without_the_token_no_run_is_seen(panel: str, owner_address: str, run: P
     with httpx.Client(base_url=panel) as owner:
         owner.get(owner_address)
         assert owner.get(address).content == b"pixels"
+        assert owner.get(f"/run/{run.name}/report/index.html").text == "<title>a report</title>"
         for path in (f"/run/{run.name}/..%2f..%2fsecret", f"/run/..%2f/{run.name}", "/run/../archive"):
             assert owner.get(path).status_code == 404

@@ -2,32 +2,43 @@
 
 import csv
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import av
 import cv2
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
+from skymosaic.panel.tasks import upload_tasks
 from tests.skymosaic.panel.visitor import names_reached_by_tab, repeat_archive
-from tools.panel.visit import WINDOW, open_page
+from tools.panel.visit import WINDOW
 
-FRAMES = 60
+FRAMES = 6
 
 
 @pytest.fixture(scope="module")
-def tracked(browser: Browser, panel: str) -> Iterator[Page]:
-    """A page of a session that has followed the car through the built-in film."""
-    page = open_page(browser, panel)
-    page.get_by_role("link", name="Tracking").click()
-    page.get_by_role("button", name="Try the built-in film").click()
-    expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(1)
-    page.get_by_role("button", name="Follow the object").click()
-    expect(page.get_by_text("Found in")).to_be_visible()
-    yield page
-    page.context.close()
+def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The beginning of the built-in film, and the picture of its car."""
+    folder = tmp_path_factory.mktemp("film")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(upload_tasks, "PURSUIT_FRAMES", FRAMES)
+        upload_tasks.render_pursuit(folder, ["car.png", "film.mp4"], folder, progress=lambda *_: None)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def tracked(opened: Page, panel: str, film: Path) -> Page:
+    """The opened page in a session that has followed a car through a film, for tests before those of `page`."""
+    opened.goto(panel)
+    opened.get_by_role("link", name="Tracking").click()
+    opened.get_by_label("Choose object").set_input_files(film / "car.png")
+    expect(opened.get_by_role("list", name="Object loaded").locator("li")).to_have_count(1)
+    opened.get_by_label("Choose video").set_input_files(film / "film.mp4")
+    expect(opened.get_by_role("list", name="Video loaded").locator("li")).to_have_count(1)
+    opened.get_by_role("button", name="Follow the object").click()
+    expect(opened.get_by_text("Found in")).to_be_visible()
+    return opened
 
 
 def test_an_object_is_followed_through_a_video(tracked: Page) -> None:
