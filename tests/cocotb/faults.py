@@ -15,7 +15,7 @@ from sim.simulators.accelerator_designs import FEATURES
 from tests.cocotb.bench import Bench, assert_golden, make_lines, render_scene
 from tests.cocotb.runner import CONFIG, MAX_SIZE_PX
 
-SIZE_PX = (112, 80)
+SIZE_PX = (72, 64)
 FAULTY_LINE = 7
 MISSING_LINES = 3
 WAIT_CYCLES = 100

