@@ -47,7 +47,7 @@ def test_the_board_gives_the_golden_homographies(tmp_path: Path, monkeypatch: py
     The record is so small that the board's system would allocate it beyond what a DMA with 32 address bits reaches.
     """
     monkeypatch.setattr(board, "TIMEOUT_SECONDS", None)
-    images = views(3)
+    images = views(2)
     system = open_board(BUILD)
     with host_programs(BUILD) as load:
         overlay: Any = load("pynq_overlay")
