@@ -10,14 +10,14 @@ from sim.scene import make_pair
 from skymosaic.cli.commands import app
 from skymosaic.imagery import images
 
-WIDTH_PX, HEIGHT_PX = 640, 480
+WIDTH_PX, HEIGHT_PX = 448, 336
 
 
 @pytest.fixture(scope="module")
 def photographs(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
     folder = tmp_path_factory.mktemp("pair")
     paths = str(folder / "left.png"), str(folder / "right.png")
-    for path, image in zip(paths, make_pair(seed=1).images, strict=True):
+    for path, image in zip(paths, make_pair(seed=1, size=(WIDTH_PX, HEIGHT_PX)).images, strict=True):
         images.save(Path(path), image)
     return paths
 

@@ -1,4 +1,4 @@
-"""Six frames back to back through the accelerator's Verilog, each matched with the one before or with the first."""
+"""Three frames back to back through the accelerator's Verilog, each matched with the one before or with the first."""
 
 import cv2
 import numpy as np
@@ -12,7 +12,7 @@ from sim.simulators.accelerator_designs import MATCHES, design_accelerator
 from sim.simulators.hardware import decode_recordings, make_segments
 from sim.simulators.scoreboard import Coverage, find_clock_mismatch, find_mismatch, predict_timelines
 
-FRAMES, SIZE_PX = 6, (640, 480)
+FRAMES, SIZE_PX = 3, (640, 480)
 FRAME_CYCLES = SIZE_PX[0] * SIZE_PX[1]
 BUILD = Build()
 CONFIG = BUILD.config
