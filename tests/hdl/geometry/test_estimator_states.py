@@ -6,12 +6,15 @@ import pytest
 from golden_model.config import EstimatorConfig
 from golden_model.geometry.estimator import CYCLES, EstimateCause
 from hdl.geometry.estimator_states import TURN_CYCLES
-from sim.simulators.recording import NO_PAUSES, Pauses
+from sim.simulators.recording import Pauses
 from tests.hdl.geometry.estimator_bench import MAX_MATCHES, assert_equal, frame, simulate_estimates
 
 
-@pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=100, stalls=180, seed=3)], ids=["free", "pauses"])
-def test_frames_without_a_homography_have_their_cause(pauses: Pauses) -> None:
+def test_frames_without_a_homography_have_their_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search has 4 steps instead of 16."""
+    for module in ("golden_model.geometry.sampling", "hdl.geometry.estimator_states"):
+        monkeypatch.setattr(f"{module}.STEPS", 4)
+    pauses = Pauses(gaps=100, stalls=180, seed=3)
     some, settings = frame(4, 3)
     line = some._replace(left=np.repeat(some.left[:, :1], 2, axis=1))
     frames = [

@@ -80,9 +80,9 @@ def answers(
     return received
 
 
-@pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=80, stalls=120, seed=3)], ids=["free", "pauses"])
-def test_kept_matches_score_every_hypothesis(pauses: Pauses) -> None:
+def test_kept_matches_score_every_hypothesis() -> None:
     """Before any set, by one, and by the next."""
+    pauses = Pauses(gaps=80, stalls=120, seed=3)
     asked = ("i_hypotheses", packet(hypothesis_records(HYPOTHESES)))
     first, second = match_records(), match_records(7, seed=9)
     sets = [("i_matches", packet(records, status(frame=n))) for records, n in ((first, 5), (second, 1 << 31))]
@@ -161,7 +161,7 @@ def estimates(packets: list[list[dict[str, int]]], *, reads: bool = True) -> tup
         for words in packets:
             for word in words:
                 await bench.stream_put(ctx, dut.i_matches, word)
-        for _ in range(3000 if not reads else 0):
+        for _ in range(300 if not reads else 0):
             await ctx.tick()
 
     async def count(ctx: Any) -> None:
@@ -187,9 +187,9 @@ def estimates(packets: list[list[dict[str, int]]], *, reads: bool = True) -> tup
 
 
 def test_every_packet_of_matches_is_answered_by_its_homography(monkeypatch: pytest.MonkeyPatch) -> None:
-    """After 2 of the 16 steps of the search."""
+    """After the first of the 16 steps of the search."""
     for module in ("golden_model.geometry.sampling", "hdl.geometry.estimator_states"):
-        monkeypatch.setattr(f"{module}.STEPS", 2)
+        monkeypatch.setattr(f"{module}.STEPS", 1)
     matches, good = match_records(14), status(frame=7)
     good_view: Any = good.view(FRAME_STATUS.dtype_padded_to(MATCH.record_bytes))
     good_view["width"], good_view["height"] = 320, 240
@@ -218,7 +218,7 @@ def test_a_record_that_is_not_wanted_is_not_lost() -> None:
     async def send(ctx: Any, *words: dict[str, int]) -> None:
         for word in words:
             await bench.stream_put(ctx, dut.i_matches, word)
-        for _ in range(600):
+        for _ in range(100):
             assert not ctx.get(dut.o_drops)
             await ctx.tick()
 

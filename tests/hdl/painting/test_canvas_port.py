@@ -81,7 +81,7 @@ def change(old: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def test_tiles_come_and_go(rules: dict[str, Any], pauses: Pauses) -> None:
     bench = PortBench(pauses=pauses, **rules)
     before = bench.canvas.copy()
-    tiles, painted = [(2, 1), (1, 0), (2, 0)], {(2, 1), (2, 0)}
+    tiles, painted = [(2, 1), (1, 0)], {(2, 1)}
     bench.run(tiles, painted)
     expected = before.copy()
     for (column, row), given in zip(tiles, bench.given, strict=True):
@@ -107,7 +107,7 @@ def test_a_tile_with_an_error_stays_and_may_be_painted_again(was_painted: bool, 
     # Late answers: those of a tile's last rows come long after its words have gone.
     bench, rng = PortBench(errors=errors, latency_clocks=200, seed=seed), random.Random(4)
     before = bench.canvas.copy()
-    tiles = rng.sample([(column, row) for column in range(COLUMNS) for row in range(ROWS)], 3)
+    tiles = rng.sample([(column, row) for column in range(COLUMNS) for row in range(ROWS)], 2)
     bench.run(tiles, set(tiles) if was_painted else set())
     changed = change(before if was_painted else np.zeros_like(before))
     failed = 0
@@ -121,4 +121,4 @@ def test_a_tile_with_an_error_stays_and_may_be_painted_again(was_painted: bool, 
         assert painted == (was_painted or is_new.all())
         failed += not is_new.all()
     assert bench.errors >= bench.memory.error_count > 0
-    assert 0 < failed < 3
+    assert failed == 1

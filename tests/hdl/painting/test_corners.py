@@ -4,11 +4,10 @@
 from typing import Any
 
 import numpy as np
-import pytest
 
 from golden_model.painting.corners import project
 from hdl.painting.corners import CornerProjector
-from sim.simulators.recording import NO_PAUSES, Pauses
+from sim.simulators.recording import Pauses
 from tests.golden_model.painting.poses import homography, pose
 from tests.hdl.block_bench import BlockBench
 from tests.hdl.painting.payloads import put_pose
@@ -25,8 +24,8 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=90, stalls=120, seed=2)], ids=["free", "pauses"])
-def test_corners_are_those_of_the_golden_model(pauses: Pauses) -> None:
+def test_corners_are_those_of_the_golden_model() -> None:
+    pauses = Pauses(gaps=90, stalls=120, seed=2)
     dut = CornerProjector()
     found: list[Any] = []
 

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hdl.painting.frame_writer import BUFFERS, BURST_PX, PIXEL_BYTES, FrameWriter, frame_pages
+from hdl.painting.frame_writer import BUFFERS, BURST_PX, PIXEL_BYTES, FrameWriter
 from hdl.settings import PAGE_BYTES
 from sim.simulators.recording import Pauses
 from tests.hdl.block_bench import BlockBench, Testbench
 from tests.hdl.shell.axi_memory import AxiMemory
 
-BASE, WIDTH_PX, HEIGHT_PX = 0x7_0000_1000, 41, 20
-"""Rows of two bursts, the last of them short and with an odd pixel; two pages a frame."""
+BASE, WIDTH_PX, HEIGHT_PX, BUFFER_PAGES = 0x7_0000_1000, 41, 7, 2
+"""Rows of two bursts, the last of them short and with an odd pixel; a page more than a frame needs."""
 UNTOUCHED = 0xA5
 
 
@@ -25,12 +25,10 @@ class WriterBench:
     """
 
     def __init__(self, *, paints_clocks: int = 10, fifo_words: int = 512, **rules: Any) -> None:
-        pages = frame_pages(WIDTH_PX, HEIGHT_PX)
-        assert pages == 2
-        self.memory = AxiMemory(BASE, BUFFERS * pages * PAGE_BYTES, **rules)
+        self.memory = AxiMemory(BASE, BUFFERS * BUFFER_PAGES * PAGE_BYTES, **rules)
         self.memory.bytes[:] = UNTOUCHED
         self.dut = FrameWriter(fifo_words=fifo_words)
-        settings = {"i_enable": 1, "i_page": BASE // PAGE_BYTES, "i_buffer_pages": pages}
+        settings = {"i_enable": 1, "i_page": BASE // PAGE_BYTES, "i_buffer_pages": BUFFER_PAGES}
         settings |= {"i_width_px": WIDTH_PX, "i_height_px": HEIGHT_PX}
         self.bench = BlockBench(self.dut, settings=settings, cycle_limit=20_000)
         self.paints_clocks = paints_clocks
@@ -42,7 +40,7 @@ class WriterBench:
         """A frame as it is in memory; what lies behind its rows is as it was."""
         stride = -(-WIDTH_PX // BURST_PX) * BURST_PX
         size = HEIGHT_PX * stride * PIXEL_BYTES
-        start = buffer * frame_pages(WIDTH_PX, HEIGHT_PX) * PAGE_BYTES
+        start = buffer * BUFFER_PAGES * PAGE_BYTES
         rows = self.memory.bytes[start : start + size].reshape(HEIGHT_PX, stride, PIXEL_BYTES).copy()
         # The word of the last, odd pixel has another behind it.
         assert (rows[:, WIDTH_PX + 1 :] == UNTOUCHED).all()
@@ -67,7 +65,7 @@ class WriterBench:
                         ctx.set(dut.i, beat)
                         await ctx.tick()
                 ctx.set(dut.i.valid, 0)
-                await ctx.tick().repeat(200)
+                await ctx.tick().repeat(160)
             while not ctx.get(dut.o_idle) or self.paints:
                 await ctx.tick()
 
@@ -77,7 +75,7 @@ class WriterBench:
         dut = self.dut
         while self.paints_clocks >= 0:
             frame = await self.bench.stream_get(ctx, dut.o)
-            assert frame.page == BASE // PAGE_BYTES + frame.buffer * frame_pages(WIDTH_PX, HEIGHT_PX)
+            assert frame.page == BASE // PAGE_BYTES + frame.buffer * BUFFER_PAGES
             self.paints, before = True, self.picture(frame.buffer)
             await ctx.tick().repeat(self.paints_clocks)
             after = self.picture(frame.buffer)
@@ -122,7 +120,7 @@ def test_frames_arrive_whole(rules: dict[str, Any], gaps: int) -> None:
 
 
 def test_a_slow_painter_gets_some_of_the_frames() -> None:
-    bench = WriterBench(paints_clocks=2400)
+    bench = WriterBench(paints_clocks=900)
     frames = [frame(number) for number in range(6)]
     bench.run(frames)
     # While the first is painted, the second waits, and the third finds no room; then the same again.
@@ -139,9 +137,9 @@ def test_without_a_painter_only_one_frame_waits() -> None:
 def test_a_frame_of_another_size_is_cut_off() -> None:
     bench = WriterBench(waits=43, latency_clocks=119)
     good = [frame(number) for number in range(7)]
-    short = list(good[1][:12])
-    narrow = [*good[3][:5], good[3][5][:-1], *good[3][6:]]
-    wide = [*good[5][:5], np.vstack([good[5][5], good[5][5][:1]]), *good[5][6:]]
+    short = list(good[1][:4])
+    narrow = [*good[3][:3], good[3][3][:-1], *good[3][4:]]
+    wide = [*good[5][:3], np.vstack([good[5][3], good[5][3][:1]]), *good[5][4:]]
     bench.run([good[0], short, good[2], narrow, good[4], wide, good[6]])
     # The short one is found out when the next starts, which is lost with it.
     check(bench, {1: good[0], 5: good[4], 7: good[6]}, o_cut=4)
@@ -168,9 +166,9 @@ def test_a_memory_that_stands_still_costs_a_frame() -> None:
 
     async def stop(ctx: Any) -> None:
         # Within the second frame.
-        await ctx.tick().repeat(WIDTH_PX * HEIGHT_PX + 500)
+        await ctx.tick().repeat(WIDTH_PX * HEIGHT_PX + 200)
         bench.memory.stuck = True
-        await ctx.tick().repeat(400)
+        await ctx.tick().repeat(200)
         bench.memory.stuck = False
 
     bench.run(frames, others=[stop])
@@ -178,7 +176,7 @@ def test_a_memory_that_stands_still_costs_a_frame() -> None:
 
 
 def test_a_frame_with_an_error_of_the_memory_is_given_up() -> None:
-    bench = WriterBench(errors=2, seed=3)
+    bench = WriterBench(errors=6, seed=3)
     frames = [frame(number) for number in range(6)]
     bench.run(frames)
     assert 0 < bench.counts["o_failed"] < 6
@@ -193,9 +191,9 @@ def test_a_switch_takes_whole_frames() -> None:
 
     async def switch(ctx: Any) -> None:
         # Within the first frame, which is cut off, and within the second.
-        await ctx.tick().repeat(300)
+        await ctx.tick().repeat(150)
         ctx.set(bench.dut.i_enable, 0)
-        await ctx.tick().repeat(WIDTH_PX * HEIGHT_PX)
+        await ctx.tick().repeat(WIDTH_PX * HEIGHT_PX + 100)
         ctx.set(bench.dut.i_enable, 1)
 
     bench.run(frames, others=[switch])
@@ -209,7 +207,7 @@ def test_a_switch_ends_the_frame_of_a_camera_that_has_stopped(lines: int) -> Non
     waits: list[int] = []
 
     async def switch(ctx: Any) -> None:
-        await ctx.tick().repeat(WIDTH_PX * HEIGHT_PX + 300 + lines * WIDTH_PX)
+        await ctx.tick().repeat(WIDTH_PX * HEIGHT_PX + 180 + lines * WIDTH_PX)
         for _ in range(2):
             assert not ctx.get(bench.dut.o_idle)
             waits.append(ctx.get(bench.dut.o.valid))

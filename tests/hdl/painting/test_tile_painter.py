@@ -4,7 +4,6 @@
 from typing import Any
 
 import numpy as np
-import pytest
 from amaranth import Module
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
@@ -16,7 +15,6 @@ from hdl.painting.blending import Blending
 from hdl.painting.positions import LOADED_TILE, Positions
 from hdl.painting.sampling import PIXEL, WINDOW_WRITE, Sampling
 from hdl.painting.tiles import FRAME_SIDE
-from sim.simulators.recording import NO_PAUSES, Pauses
 from tests.golden_model.painting import tilted
 from tests.hdl.block_bench import BlockBench
 from tests.hdl.painting.payloads import corner_payload, pixel_payload, pixel_row
@@ -58,23 +56,18 @@ class PixelPath(wiring.Component):
         return m
 
 
-@pytest.mark.parametrize(
-    "pauses",
-    [NO_PAUSES, Pauses(gaps=30, stalls=60, seed=2)],
-    ids=["free", "pauses"],
-)
-def test_tiles_half_outside_the_frame_follow_each_other(pauses: Pauses) -> None:
+def test_tiles_half_outside_the_frame_follow_each_other() -> None:
     rng = np.random.default_rng(3)
     frame = rng.integers(0, 256, (SIZE[1], SIZE[0], 3), dtype=np.uint8)
     H = tilted.pose(SIZE, zoom=0.9, turn=0.6, tilt=2e-4, tiles=2)
-    corners = tilted.corners(H, np.array([[0, 0], [1, 1]]))[: 2 if pauses == NO_PAUSES else 1]
+    corners = tilted.corners(H, np.array([[0, 0], [1, 1]]))
     old = rng.integers(0, 256, (len(corners), 32, 32, 4), dtype=np.uint8)
     old[..., 3] = rng.choice([0, 5, 12, 30], old.shape[:3])
     colours, weights = sample(frame, positions(corners))
     assert 0.2 < (weights > 0).mean() < 0.8
     settings = {"i_width_px": SIZE[0], "i_height_px": SIZE[1]}
     dut = PixelPath()
-    bench = BlockBench(dut, settings=settings, pauses=pauses, cycle_limit=6000)
+    bench = BlockBench(dut, settings=settings, cycle_limit=6000)
     results: list[list[int]] = []
     clocks: list[int] = []
 
@@ -101,8 +94,7 @@ def test_tiles_half_outside_the_frame_follow_each_other(pauses: Pauses) -> None:
 
     bench.run(send, send_old, receive, background=[count])
     np.testing.assert_array_equal(np.array(results).reshape(old.shape), blend(old, colours, weights))
-    if pauses == NO_PAUSES:
-        offered, taken = (np.flatnonzero(np.array(clocks) & bit) for bit in (1, 2))
-        latency = Positions.latency_cycles + Sampling.latency_cycles + Blending.latency_cycles
-        assert taken[0] - offered[0] == latency
-        assert taken[-1] - taken[0] == TILE_CYCLES + 1024 - 1
+    offered, taken = (np.flatnonzero(np.array(clocks) & bit) for bit in (1, 2))
+    latency = Positions.latency_cycles + Sampling.latency_cycles + Blending.latency_cycles
+    assert taken[0] - offered[0] == latency
+    assert taken[-1] - taken[0] == TILE_CYCLES + 1024 - 1

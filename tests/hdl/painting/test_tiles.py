@@ -4,11 +4,10 @@
 from typing import Any
 
 import numpy as np
-import pytest
 
 from golden_model.painting.tiles import UNIT_TILES, touched
 from hdl.painting.tiles import COEFFICIENT_CYCLES, TileWalker
-from sim.simulators.recording import NO_PAUSES, Pauses
+from sim.simulators.recording import Pauses
 from tests.golden_model.painting.poses import homography, pose
 from tests.hdl.block_bench import BlockBench
 from tests.hdl.painting.payloads import put_pose
@@ -36,8 +35,8 @@ def poses() -> list[np.ndarray]:
     ]
 
 
-@pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=90, stalls=120, seed=2)], ids=["free", "pauses"])
-def test_the_tiles_are_those_of_the_golden_model(pauses: Pauses) -> None:
+def test_the_tiles_are_those_of_the_golden_model() -> None:
+    pauses = Pauses(gaps=90, stalls=120, seed=2)
     given = poses()
     tiles = [touched(each, SIZE, TILES).tolist() for each in given]
     wanted = [tile for each in tiles for tile in each]

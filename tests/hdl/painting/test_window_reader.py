@@ -4,7 +4,6 @@ import random
 from typing import Any
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from hdl.painting.frame_writer import BURST_PX, PIXEL_BYTES
@@ -112,13 +111,10 @@ EXTREMES = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("rules", "pauses"),
-    [({}, NO_PAUSES), ({"waits": 43, "latency_clocks": 119, "seed": 1}, Pauses(gaps=100, stalls=100, seed=2))],
-    ids=["fast", "slow"],
-)
-def test_windows_hold_what_is_in_memory(rules: dict[str, Any], pauses: Pauses) -> None:
-    bench, sent = ReaderBench(paints_clocks=100, pauses=pauses, **rules), [*EXTREMES, *boxes(4, seed=3)]
+def test_windows_hold_what_is_in_memory() -> None:
+    pauses = Pauses(gaps=100, stalls=100, seed=2)
+    bench = ReaderBench(paints_clocks=50, pauses=pauses, waits=43, latency_clocks=50, seed=1)
+    sent = [*EXTREMES, *boxes(3, seed=3)]
     bench.run(sent)
     assert bench.blanks == [box == BLANK for box in sent]
     assert not bench.failed
@@ -126,12 +122,12 @@ def test_windows_hold_what_is_in_memory(rules: dict[str, Any], pauses: Pauses) -
 
 def test_a_window_with_an_error_is_blank_and_the_next_is_not() -> None:
     bench = ReaderBench(errors=8, seed=3)
-    bench.run(boxes(12, seed=4))
-    assert 0 < bench.failed == sum(bench.blanks) < 12
+    bench.run(boxes(8, seed=4))
+    assert 0 < bench.failed == sum(bench.blanks) < 8
 
 
 def test_a_window_is_read_while_another_is_painted() -> None:
-    bench, sent = ReaderBench(paints_clocks=1024, waits=43, latency_clocks=119, seed=5), [(1, 2, 40, 36)] * 3
+    bench, sent = ReaderBench(paints_clocks=512, waits=43, latency_clocks=119, seed=5), [(1, 2, 40, 18)] * 3
     bench.run(sent)
     # The first is waited for; the others are there when the one before has been painted.
-    assert bench.clocks < 5 * 1024
+    assert bench.clocks < 5 * 512

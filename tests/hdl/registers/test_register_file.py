@@ -39,9 +39,8 @@ def test_every_constant_is_read_back() -> None:
     simulate(testbench)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_settings_keep_what_was_written_whatever_the_order_of_channels(seed: int) -> None:
-    rng = random.Random(seed)
+def test_settings_keep_what_was_written_whatever_the_order_of_channels() -> None:
+    rng = random.Random(1)
 
     async def testbench(ctx: Any, registers: Any) -> None:
         for field in fields(Access.SETTING):
@@ -68,13 +67,13 @@ def test_byte_strobes_are_obeyed() -> None:
     simulate(testbench)
 
 
-@pytest.mark.parametrize("address", [0x1C, 0x3C, 0x68, 0x100, 0xFFC])
-def test_an_unknown_address_reads_0_and_keeps_nothing(address: int) -> None:
+def test_an_unknown_address_reads_0_and_keeps_nothing() -> None:
     async def testbench(ctx: Any, registers: Any) -> None:
-        assert await write(ctx, registers.bus, address, 0xFFFF_FFFF) == Response.OKAY
-        assert await read(ctx, registers.bus, address) == (0, Response.OKAY)
-        for field in fields(Access.SETTING):
-            assert ctx.get(getattr(registers, f"o_{field.name}")) == field.init
+        for address in (0x1C, 0x3C, 0x68, 0x100, 0xFFC):
+            assert await write(ctx, registers.bus, address, 0xFFFF_FFFF) == Response.OKAY
+            assert await read(ctx, registers.bus, address) == (0, Response.OKAY)
+            for field in fields(Access.SETTING):
+                assert ctx.get(getattr(registers, f"o_{field.name}")) == field.init
 
     simulate(testbench)
 

@@ -154,35 +154,31 @@ def test_a_stop_and_a_request_to_clear_wait_for_what_is_being_painted(bench: Pai
 OK, ALIGNED = PainterFault(0), 4096
 
 
-@pytest.mark.parametrize(
-    ("changes", "fault"),
-    [
-        ({"canvas_base_low": ALIGNED + 128}, PainterFault.CANVAS_MISALIGNED),
-        ({"frames_base_low": ALIGNED - 8}, PainterFault.FRAMES_MISALIGNED),
-        ({"canvas_columns": 0}, PainterFault.CANVAS_SIZE),
-        ({"canvas_rows": MAX_TILES + 1}, PainterFault.CANVAS_SIZE),
-        ({"canvas_rows": 1}, OK),
-        ({"frames_buffer_pages": PAGES - 1}, PainterFault.FRAMES_TOO_SMALL),
-        ({"width_px": SIZE_PX[0] + 1}, PainterFault.FRAMES_TOO_SMALL),
-        ({"width_px": 65, "height_px": 11, "frames_buffer_pages": 1}, PainterFault.FRAMES_TOO_SMALL),
-        ({"width_px": 65, "height_px": 10, "frames_buffer_pages": 1}, OK),
-        ({"width_px": MAX_FRAME_PX, "height_px": MAX_FRAME_PX, "frames_buffer_pages": 1 << 14}, OK),
-        ({"width_px": 0}, PainterFault.FRAME_SIZE),
-        ({"height_px": MAX_FRAME_PX + 1, "frames_buffer_pages": 1 << 15}, PainterFault.FRAME_SIZE),
-    ],
-    ids=str,
-)
-def test_settings_that_cannot_work_keep_the_painter_off(
-    monkeypatch: pytest.MonkeyPatch, changes: dict[str, int], fault: PainterFault
-) -> None:
-    bench = PaintingBench(monkeypatch, painter_enable=0, **changes)
+REFUSALS: list[tuple[dict[str, int], PainterFault]] = [
+    ({"canvas_base_low": ALIGNED + 128}, PainterFault.CANVAS_MISALIGNED),
+    ({"frames_base_low": ALIGNED - 8}, PainterFault.FRAMES_MISALIGNED),
+    ({"canvas_columns": 0}, PainterFault.CANVAS_SIZE),
+    ({"canvas_rows": MAX_TILES + 1}, PainterFault.CANVAS_SIZE),
+    ({"canvas_rows": 1}, OK),
+    ({"frames_buffer_pages": PAGES - 1}, PainterFault.FRAMES_TOO_SMALL),
+    ({"width_px": SIZE_PX[0] + 1}, PainterFault.FRAMES_TOO_SMALL),
+    ({"width_px": 65, "height_px": 11, "frames_buffer_pages": 1}, PainterFault.FRAMES_TOO_SMALL),
+    ({"width_px": 65, "height_px": 10, "frames_buffer_pages": 1}, OK),
+    ({"width_px": MAX_FRAME_PX, "height_px": MAX_FRAME_PX, "frames_buffer_pages": 1 << 14}, OK),
+    ({"width_px": 0}, PainterFault.FRAME_SIZE),
+    ({"height_px": MAX_FRAME_PX + 1, "frames_buffer_pages": 1 << 15}, PainterFault.FRAME_SIZE),
+]
 
+
+def test_settings_that_cannot_work_keep_the_painter_off(bench: PaintingBench) -> None:
     async def test(ctx: Any) -> None:
-        await ctx.tick().repeat(SWITCH_CLOCKS)
-        assert bench.get(ctx, "painter_refused") == [0]
-        await bench.set(ctx, painter_enable=1)
-        assert bench.get(ctx, "painter_refused") == [fault]
-        assert ctx.get(bench.painter.i_enable) == (not fault)
+        for changes, fault in REFUSALS:
+            await bench.set(ctx, painter_enable=0, **changes)
+            assert bench.get(ctx, "painter_refused") == [0]
+            await bench.set(ctx, painter_enable=1)
+            assert bench.get(ctx, "painter_refused") == [fault], changes
+            assert ctx.get(bench.painter.i_enable) == (not fault)
+            await bench.set(ctx, painter_enable=0, **{name: SETTINGS[name] for name in changes})
 
     bench.run(test)
 

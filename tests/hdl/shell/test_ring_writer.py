@@ -111,8 +111,8 @@ def packet(records: int, number: int) -> list[int]:
 
 @pytest.mark.parametrize(
     "rules",
-    [{}, {"waits": 130, "latency_clocks": 30, "seed": 1}, {"data_first": True, "waits": 60, "gaps": 170}],
-    ids=["fast", "slow", "data first"],
+    [{"waits": 130, "latency_clocks": 30, "seed": 1}, {"data_first": True, "waits": 60, "gaps": 170}],
+    ids=["slow", "data first"],
 )
 def test_packets_of_any_length_arrive_with_their_headers(rules: dict[str, Any]) -> None:
     bench, rng = RingBench(**rules), random.Random(2)
