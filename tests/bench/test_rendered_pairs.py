@@ -13,7 +13,7 @@ from skymosaic.registration.confidence import correlate_overlap
     [("horizon", 80, (0.03, 0.5)), ("overlap", 10, (0.05, 0.15)), ("small", 35, (0.2, 0.5)), ("dark", 2, (0.45, 0.65))],
 )
 def test_hard_pairs_show_what_their_name_says(kind: str, step: float, share: tuple[float, float]) -> None:
-    left, right, truth = flat_pair(kind, step, 1)
+    left, right, truth = flat_pair(kind, step, 2)
     size = SMALL_PX if kind == "small" else SIZE_PX
     assert left.shape == right.shape == size[::-1]
     # The truth lays the photographs on each other.
