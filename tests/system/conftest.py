@@ -10,7 +10,7 @@ from skymosaic import Mosaic, mosaic
 from tests.skymosaic.conftest import IMAGES, SIZE, default_cache, flight, surveyed
 from tests.skymosaic.flight.bands.conftest import band_folder
 from tests.skymosaic.panel.conftest import browser, kept, owner_address, panel, root, silent_board
-from tests.skymosaic.tracking.conftest import film, film_frames, roi
+from tests.skymosaic.tracking.conftest import film, roi
 
 __all__ = [
     "IMAGES",
@@ -19,7 +19,6 @@ __all__ = [
     "browser",
     "default_cache",
     "film",
-    "film_frames",
     "flight",
     "kept",
     "owner_address",

@@ -16,26 +16,27 @@ from skymosaic.cli.track import track as track_command
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.tracking.template import Roi
-from tests.skymosaic.tracking.conftest import IMAGES, true_corners
+from tests.skymosaic.tracking.conftest import true_corners
 from tests.system.command_line import skymosaic
 
-RATE = Fraction(25)
+RATE, SHOWN = Fraction(25), 18
 
 
 @pytest.fixture(scope="module")
-def video(tmp_path_factory: pytest.TempPathFactory, film_frames: list[np.ndarray]) -> Path:
+def video(tmp_path_factory: pytest.TempPathFactory, film: Pursuit) -> Path:
+    """The car until a bridge hides it."""
     path = tmp_path_factory.mktemp("video") / "car.mp4"
     with write_video(path, RATE) as write:
-        for frame in film_frames:
+        for frame in film.images[:SHOWN]:
             write(frame)
     return path
 
 
 @pytest.fixture(scope="module")
-def short_video(tmp_path_factory: pytest.TempPathFactory, film_frames: list[np.ndarray]) -> Path:
+def short_video(tmp_path_factory: pytest.TempPathFactory, film: Pursuit) -> Path:
     path = tmp_path_factory.mktemp("video") / "short.mp4"
     with write_video(path, RATE) as write:
-        for frame in film_frames[:3]:
+        for frame in film.images[:3]:
             write(frame)
     return path
 
@@ -48,13 +49,13 @@ def test_the_command_writes_video_and_corners(film: Pursuit, roi: Roi, video: Pa
     assert "lost: hidden" in result.stdout
     with (tmp_path / "c.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == IMAGES
+    assert len(rows) == SHOWN
     truth = true_corners(film, roi)
     found = [row for row in rows if row["x0"]]
     corners = [[(float(row[f"x{k}"]), float(row[f"y{k}"])) for k in range(4)] for row in found]
     errors = np.linalg.norm(np.array(corners) - truth[[int(row["frame"]) for row in found]], axis=2).mean(axis=1)
     assert errors.mean() < 2.0
-    assert len(found) > IMAGES / 2
+    assert len(found) > SHOWN / 2
     for row, frame in zip(rows, VideoReader(tmp_path / "out.mp4"), strict=True):
         if not row["x0"]:
             continue

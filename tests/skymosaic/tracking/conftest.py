@@ -7,7 +7,7 @@ from sim.scene import Pursuit, make_pursuit
 from skymosaic.geometry.homography import apply
 from skymosaic.tracking.template import Roi
 
-IMAGES = 48
+IMAGES = 36
 
 
 @pytest.fixture(scope="session")
