@@ -56,6 +56,26 @@ def test_photographs_of_another_camera_stay_as_they_are_beside_a_lens_that_bends
         assert all(min(plan.composition(layout).size) > 180 for layout in plan.layouts)
 
 
+def test_what_a_second_look_joins_predicts_further_links(monkeypatch: pytest.MonkeyPatch) -> None:
+    points, asked = np.random.default_rng(0).uniform(100, 300, (40, 2)), list[set[tuple[int, int]]]()
+
+    def tie(left: int, right: int) -> Link:
+        return Link(left, right, points, points - [60 * (right - left), 0], 40, 40)
+
+    def link(_views: Any, pairs: Any) -> dict[tuple[int, int], Link]:
+        asked.append(set(pairs))
+        return {pair: tie(*pair) for pair in pairs}
+
+    monkeypatch.setattr("skymosaic.flight.candidates.first_candidates", lambda *_: {(0, 1)})
+    monkeypatch.setattr(survey, "link_by_more_features", lambda *_: {(1, 2): tie(1, 2)})
+    for name in ("link_across_heights", "link_by_coarse_detail"):
+        monkeypatch.setattr(survey, name, lambda *_: {})
+    views: Any = [SimpleNamespace(size=(400, 300), working_size=(400, 300))] * 3
+    stub: Any = SimpleNamespace(count_votes=lambda _views: None, link=link)
+    assert set(survey._link(stub, (), views)) == {(0, 1), (1, 2), (0, 2)}
+    assert asked == [{(0, 1)}, {(0, 2)}]
+
+
 def test_no_link_is_looked_for_around_a_place_in_dispute() -> None:
     size_px, ties = (400, 300), np.zeros((50, 2))
     views: list[Any] = [SimpleNamespace(working_size=size_px)] * 6
