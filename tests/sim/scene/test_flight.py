@@ -24,11 +24,11 @@ def test_images_are_reproducible_and_their_noise_is_their_own() -> None:
 
 @pytest.mark.parametrize("seed", [9, pytest.param(2, marks=pytest.mark.slow)])
 def test_pair_shows_the_same_ground(seed: int) -> None:
-    flight = make_pair(seed)
+    flight = make_pair(seed, (240, 180))
     left, right = (gray_view(flight, index).astype(np.float32) for index in (0, 1))
     homography = flight.homography_between(0, 1)
-    warped = cv2.warpPerspective(left, homography, (640, 480))
-    inside = cv2.warpPerspective(np.ones_like(left), homography, (640, 480)) > 0.99
+    warped = cv2.warpPerspective(left, homography, (240, 180))
+    inside = cv2.warpPerspective(np.ones_like(left), homography, (240, 180)) > 0.99
     assert inside.mean() > 0.4
     assert np.corrcoef(warped[inside], right[inside])[0, 1] > 0.93
     shifted = np.roll(warped, 2, axis=1)
@@ -75,10 +75,10 @@ def test_lawnmower_overlaps_along_and_across_its_legs() -> None:
 
 def test_lawnmower_renders_only_what_is_asked_for() -> None:
     clear_caches()
-    flight = make_lawnmower(6, 500, size=(641, 479))
+    flight = make_lawnmower(6, 500, size=(161, 119))
     assert len(flight.images) == 500
     assert ground._paint_tile.cache_info().misses == 0
-    assert flight.images[499].shape == (479, 641, 3)
+    assert flight.images[499].shape == (119, 161, 3)
     assert 0 < ground._paint_tile.cache_info().misses <= 4
     assert ground.CACHED_TILES * ground.TILE_PX**2 * 3 <= 160e6
     with pytest.raises(IndexError):
