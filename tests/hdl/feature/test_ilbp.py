@@ -19,10 +19,10 @@ PATCH_PX = 2 * CENTRE_PX + 1
 def patches(rng: np.random.Generator) -> NDArray[np.uint8]:
     """Slopes in every direction, noise, ties and the extremes, one (H, W) patch for each candidate."""
     y, x = np.mgrid[-CENTRE_PX : CENTRE_PX + 1, -CENTRE_PX : CENTRE_PX + 1]
-    turns = np.arange(48)[:, np.newaxis, np.newaxis] * 2 * np.pi / 48
-    slopes = 128 + 3 * (x * np.cos(turns) + y * np.sin(turns)) + rng.normal(0, 8, (48, PATCH_PX, PATCH_PX))
-    noise = rng.integers(0, 256, (24, PATCH_PX, PATCH_PX))
-    coarse = rng.integers(0, 2, (24, PATCH_PX, PATCH_PX)) * 255
+    turns = np.arange(32)[:, np.newaxis, np.newaxis] * 2 * np.pi / 32
+    slopes = 128 + 3 * (x * np.cos(turns) + y * np.sin(turns)) + rng.normal(0, 8, (32, PATCH_PX, PATCH_PX))
+    noise = rng.integers(0, 256, (12, PATCH_PX, PATCH_PX))
+    coarse = rng.integers(0, 2, (12, PATCH_PX, PATCH_PX)) * 255
     flat = np.stack([np.full((PATCH_PX, PATCH_PX), value) for value in (0, 255)])
     halves = np.stack([side * 255 for side in (x > 0, x < 0, y > 0, y < 0, x > y, x < -y)])
     return np.concatenate([slopes, noise, flat, coarse, halves]).clip(0, 255).astype(np.uint8)
@@ -50,8 +50,13 @@ def run_descriptor(
     return offered, [(cycle, *outcomes) for cycle, (valid, *outcomes) in enumerate(outputs) if valid]
 
 
-@pytest.mark.parametrize("name", PATTERNS)
-@pytest.mark.parametrize(("spacing_cycles", "pause_cycles"), [(1, 0), (2, 0), (4, 1)])
+@pytest.mark.parametrize(
+    ("name", "spacing_cycles", "pause_cycles"),
+    [
+        *((name, 2, 1) for name in PATTERNS),
+        *((name, *cycles) for name in ("ilbp-128", "thesis-ilbp-2") for cycles in ((1, 0), (4, 1))),
+    ],
+)
 def test_sector_and_descriptor_equal_the_golden_model(name: str, spacing_cycles: int, pause_cycles: int) -> None:
     pattern = PATTERNS[name]
     scene = np.concatenate(list(patches(np.random.default_rng(9))))

@@ -37,9 +37,7 @@ class RingBeats(wiring.Component):
 @pytest.mark.parametrize(
     ("name", "shape", "pixels_per_clock", "second", "gaps"),
     [
-        ("ilbp-128", (33, 35), 1, False, 0),
-        ("ilbp-128", (33, 35), 2, True, 80),
-        ("thesis-ilbp-3", (17, 23), 1, False, 80),
+        ("ilbp-128", (33, 35), 1, False, 80),
         ("thesis-ilbp-3", (17, 23), 2, False, 0),
         ("thesis-ilbp-3", (17, 23), 2, True, 80),
     ],

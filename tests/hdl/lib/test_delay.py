@@ -12,7 +12,7 @@ from amaranth.sim import Simulator
 
 from hdl.lib.delay import MIN_SHARED_STAGES, WORD_BITS, check_aligned, delayed, wait_cycles
 
-CLOCKS = 300
+CLOCKS = 160
 
 
 def simulated(m: Module, run: Any) -> None:

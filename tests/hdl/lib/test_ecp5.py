@@ -75,7 +75,6 @@ def wide_product() -> Block:
         ("nms", 1920, ["DP16KD"] * 10),
         pytest.param("nms", 4096, ["DP16KD"] * 23, marks=pytest.mark.slow),
         ("raw_response", 1920, ["MULT18X18D"] * 3),
-        ("fuzzy", 1920, ["MULT18X18D"] * 2),
         ("wide_product", 1920, ["MULT18X18D"] * 2),
         # Lines of gray, smoothed gray and gradients; products of five lines, and three of the response.
         pytest.param("harris", 1920, ["DP16KD"] * 14 + ["MULT18X18D"] * (15 + 3), marks=pytest.mark.slow),

@@ -36,9 +36,9 @@ def assert_equal(left: Recording, right: Recording) -> None:
     assert np.array_equal(left.taps[TAP], right.taps[TAP])
 
 
-@pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=100, stalls=60, seed=1), Pauses(stalls=245, seed=2)])
+@pytest.mark.parametrize("pauses", [NO_PAUSES, Pauses(gaps=100, stalls=60, seed=1), Pauses(stalls=220, seed=2)])
 def test_simulators_agree_with_numpy_and_with_each_other(pauses: Pauses) -> None:
-    images = random_images(3)
+    images = random_images(2)
     segments = [segment(images, bias=7), segment(images[:1], bias=250)]
     runs = [simulator.simulate(DESIGN, segments, pauses=pauses) for simulator in SIMULATORS]
     for run in runs[1:]:
@@ -50,7 +50,7 @@ def test_simulators_agree_with_numpy_and_with_each_other(pauses: Pauses) -> None
     assert np.array_equal(np.concatenate(packets).view(np.uint8), (rows[1:] - rows[:-1] + 7).astype(np.uint8).ravel())
     assert np.array_equal(runs[0][0].taps[TAP] & 255, images.ravel())
     first_again = runs[0][1].outputs[OUTPUT].packets[0].view(np.uint8)[0]
-    assert first_again == (int(images[0, 0, 0]) - int(images[2, -1, 0]) + 250) % 256
+    assert first_again == (int(images[0, 0, 0]) - int(images[1, -1, 0]) + 250) % 256
 
 
 @pytest.mark.parametrize("simulator", SIMULATORS)
