@@ -34,7 +34,8 @@ COMMANDS = {
     "plot": "fuzzy ransac --plot -o out/plots",
     "demo": "demo -o out/demo --backend golden",
 }
-FAST = ("pair", "track", "rules")
+FAST = {"pair": 3, "track": 1, "rules": 1}
+"""Commands of the fast tests, and which of their files have no room: each, or each third."""
 LATER = {
     "pair": ("out/report", "out/tiles"),
     "flight": ("out/report", "out/tiles"),
@@ -49,7 +50,7 @@ def _inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     for folder in ("flight", "pair"):
         Path(folder).mkdir()
-    pictures = dict(zip(("pair/left", "pair/right"), make_pair(seed=5, size=(320, 240)).images, strict=True))
+    pictures = dict(zip(("pair/left", "pair/right"), make_pair(seed=9, size=(240, 180)).images, strict=True))
     views = make_lawnmower(3, 6, (400, 300)).images
     for name, image in {**pictures, **{f"flight/{n}": image for n, image in enumerate(views)}}.items():
         cv2.imwrite(f"{name}.png", image)
@@ -165,14 +166,15 @@ def test_on_a_small_disk_outputs_are_whole_or_absent(run: Run, name: str) -> Non
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name in FAST else [pytest.mark.slow]) for name in COMMANDS]
+    ("name", "step"),
+    [*FAST.items(), *(pytest.param(name, 1, marks=pytest.mark.slow) for name in COMMANDS if FAST.get(name) != 1)],
 )
-def test_one_file_that_has_no_room_costs_one_output(run: Run, name: str) -> None:
+def test_one_file_that_has_no_room_costs_one_output(run: Run, name: str, step: int) -> None:
     attempt(run, COMMANDS[name], Disk())
     whole, outputs, status = attempt(run, COMMANDS[name], disk := Disk())
     assert (status, bool(whole)) == (0, True)
     lost: set[str] = set()
-    for number in range(1, disk.made + 1):
+    for number in range(1, disk.made + 1, step):
         found, named, status = attempt(run, COMMANDS[name], Disk(number))
         missing = set(outputs) - set(named)
         check(whole, found, named)

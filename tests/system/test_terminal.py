@@ -57,7 +57,7 @@ def test_a_full_standard_output_is_one_line() -> None:
     assert done.stderr.splitlines() == ["error: No space left on device; check the disk and its permissions"]
 
 
-@pytest.mark.parametrize("outputs", ["2>/dev/full", ">&- 2>&-"])
+@pytest.mark.parametrize("outputs", [pytest.param("2>/dev/full", marks=pytest.mark.slow), ">&- 2>&-"])
 def test_a_result_does_not_depend_on_standard_error(tmp_path: Path, outputs: str) -> None:
     for name, image in zip("ab", make_pair(seed=9, size=(200, 160)).images, strict=True):
         cv2.imwrite(str(tmp_path / f"{name}.png"), image)
@@ -68,7 +68,12 @@ def test_a_result_does_not_depend_on_standard_error(tmp_path: Path, outputs: str
 
 
 @pytest.mark.parametrize(
-    ("words", "status"), [("fuzzy ransac", 141), ("fuzzy ransac --json", 141), ("register a b --json", 2)]
+    ("words", "status"),
+    [
+        ("fuzzy ransac", 141),
+        pytest.param("fuzzy ransac --json", 141, marks=pytest.mark.slow),
+        ("register a b --json", 2),
+    ],
 )
 def test_a_closed_pipe_is_not_taken_for_a_difference(tmp_path: Path, words: str, status: int) -> None:
     with closed_pipe() as pipe:
@@ -143,7 +148,7 @@ def test_what_nohup_started_outlives_its_terminal() -> None:
         signal.signal(signal.SIGHUP, before)
 
 
-@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+@pytest.mark.parametrize("end", [signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.slow), signal.SIGINT])
 def test_a_signal_leaves_no_temporary_files(tmp_path: Path, noisy: Path, end: signal.Signals) -> None:
     for name in ("photographs", "out", "temp"):
         (tmp_path / name).mkdir()
