@@ -21,10 +21,10 @@ MARKS = """() => [...document.querySelectorAll(".membership, .curves-plot")].fla
     if (!drawing.checkVisibility()) return [];
     const onScreen = (shape, x, y) => new DOMPoint(x, y).matrixTransform(shape.getScreenCTM());
     const shares = Array.from({ length: 1001 }, (_, n) => n / 1000);
-    const curves = [...drawing.querySelectorAll("polyline.set")].flatMap(curve => shares.map(share => {
-        const at = curve.getPointAtLength(share * curve.getTotalLength());
-        return onScreen(curve, at.x, at.y);
-    }));
+    const curves = [...drawing.querySelectorAll("polyline.set")].flatMap(curve => {
+        const length = curve.getTotalLength();
+        return shares.map(share => curve.getPointAtLength(share * length)).map(at => onScreen(curve, at.x, at.y));
+    });
     return [...drawing.querySelectorAll("circle")].map(mark => {
         const at = onScreen(mark, mark.cx.baseVal.value, mark.cy.baseVal.value);
         return Math.min(...curves.map(on => Math.hypot(on.x - at.x, on.y - at.y)));
@@ -90,7 +90,7 @@ def hidden_pictures(page: Page) -> list[str]:
 
 
 def look(page: Page, views: Sequence[View] = VIEWS, *, for_barriers: bool = True) -> list[str]:
-    """What is wrong with a page as it stands, by default on a desk in light and on a phone in dark."""
+    """What is wrong with a page, by default on a desk in light and on a phone in dark; it stays in the last view."""
     found = []
     for window, scheme in views:
         page.set_viewport_size(window)
@@ -102,8 +102,6 @@ def look(page: Page, views: Sequence[View] = VIEWS, *, for_barriers: bool = True
         if for_barriers:
             seen += barriers(page, *(["color-contrast"] if scheme == "dark" else []))
         found += [f"{window['width']} px, {scheme}: {each}" for each in seen]
-    page.set_viewport_size(WINDOW)
-    page.emulate_media(color_scheme="light")
     return found
 
 

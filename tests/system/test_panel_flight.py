@@ -1,36 +1,87 @@
-"""The mosaic page as a user sees it, with more than two photographs."""
+"""The mosaic page as a user sees it, with more than two photographs: those of a folder of the panel's machine."""
 
-from collections.abc import Iterator
+import os
+import zipfile
 from pathlib import Path
 
 import cv2
+import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
+from sim.scene import make_lawnmower
 from tests.skymosaic.panel.visitor import names_reached_by_tab, repeat_archive
 from tools.panel.visit import (
     choose,
     corner_counts,
     make_mosaic,
     mosaic_viewer,
-    open_page,
     open_tab,
     photographs_loaded,
 )
 
-PHOTOGRAPHS = 9
+PHOTOGRAPHS = 8
 
 
 @pytest.fixture(scope="module")
-def flight(browser: Browser, panel: str) -> Iterator[Page]:
-    """A page of a session that has made the mosaic of the built-in flight."""
-    page = open_page(browser, panel)
-    page.get_by_role("button", name="Load the built-in flight").click()
-    expect(photographs_loaded(page)).to_have_count(PHOTOGRAPHS)
-    make_mosaic(page)
-    yield page
-    page.context.close()
+def folder(root: Path) -> Path:
+    """A flight in the root, whose first photograph's name asks to be escaped."""
+    flight = root / "a flight"
+    flight.mkdir()
+    for number, image in enumerate(make_lawnmower(9, PHOTOGRAPHS, (400, 300)).images):
+        path = flight / f"IMG {number} <b> & '\".png"
+        cv2.imwrite(str(path), image)
+        os.utime(path, (0, 0))
+    return flight
+
+
+@pytest.fixture(scope="module")
+def owner(opened: Page, owner_address: str) -> Page:
+    """A page that was opened by the address that the panel printed."""
+    opened.goto(owner_address)
+    return opened
+
+
+@pytest.fixture(scope="module")
+def flight(owner: Page, panel: str, folder: Path) -> Page:
+    """The same page, which has made the mosaic of a folder that was browsed."""
+    expect(owner).to_have_url(f"{panel}/")
+    if not owner.get_by_role("textbox", name="Folder").is_visible():
+        owner.get_by_role("button", name="Open a folder").click()
+    owner.get_by_role("button", name=folder.name).click()
+    expect(owner.get_by_role("textbox", name="Folder")).to_have_value(str(folder))
+    owner.get_by_role("button", name="Open", exact=True).click()
+    expect(photographs_loaded(owner).locator("img")).to_have_count(PHOTOGRAPHS)
+    make_mosaic(owner)
+    return owner
+
+
+def test_a_folder_outside_is_refused_and_the_reason_stays(owner: Page, folder: Path) -> None:
+    owner.get_by_role("button", name="Open a folder").click()
+    expect(owner.get_by_role("button", name=folder.name)).to_be_visible()
+    for path in ("/etc", "../..", "no such folder"):
+        owner.get_by_role("textbox", name="Folder").fill(path)
+        owner.get_by_role("button", name="Open", exact=True).click()
+        expect(owner.get_by_role("alert").filter(has_text=f"{path}: ")).to_be_visible()
+    expect(photographs_loaded(owner)).to_have_count(0)
+
+
+def test_a_folder_is_read_in_place_and_by_nobody_else(flight: Page, panel: str, folder: Path, tmp_path: Path) -> None:
+    flight.wait_for_function("[...document.querySelectorAll('.tile img')].every(img => img.naturalWidth > 0)")
+    address = photographs_loaded(flight).locator("img").first.get_attribute("src")
+    assert flight.evaluate("address => fetch(address).then(answer => answer.status)", address) == 200
+    with httpx.Client(base_url=panel) as other:
+        other.get("/")
+        assert other.get(address or "").status_code == 404
+    with flight.expect_download() as download:
+        flight.get_by_role("link", name="Download everything").click()
+    download.value.save_as(tmp_path / "all.zip")
+    with zipfile.ZipFile(tmp_path / "all.zip") as archive:
+        names = archive.namelist()
+        command = archive.read("mosaic/command.txt").decode()
+    assert not any("IMG" in name for name in names), "photographs were copied"
+    assert f"mosaic '{folder}' --config" in command
 
 
 def test_a_flight_becomes_one_mosaic(flight: Page) -> None:
@@ -80,11 +131,12 @@ def test_options_that_a_flight_cannot_have_are_refused_with_a_reason(flight: Pag
     expect(flight.get_by_role("button", name="Make the mosaic")).to_be_enabled()
 
 
-def test_the_mosaic_stays_when_photographs_are_removed(flight: Page) -> None:
+def test_the_mosaic_and_the_folder_stay_when_photographs_are_removed(flight: Page, folder: Path) -> None:
     photographs_loaded(flight).first.get_by_role("button").click()
     expect(photographs_loaded(flight)).to_have_count(PHOTOGRAPHS - 1)
     flight.get_by_role("button", name="Remove all").click()
     expect(photographs_loaded(flight)).to_have_count(0)
+    assert [path.stat().st_mtime_ns for path in folder.iterdir()] == [0] * PHOTOGRAPHS
     expect(corner_counts(flight)).to_have_count(0)
     flight.reload()
     expect(mosaic_viewer(flight)).to_be_visible()
