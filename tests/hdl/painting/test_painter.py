@@ -300,6 +300,7 @@ def test_a_reset_in_a_frame_leaves_nothing_behind(
     np.testing.assert_array_equal(bench.canvas, model.memory)
 
 
+@pytest.mark.slow
 @pytest.mark.needs("icarus")
 def test_the_exported_block_is_verilog_with_four_buses(tmp_path: Path) -> None:
     write_block(tmp_path, *find_block("hdl.painting.painter:Painter"))
