@@ -17,18 +17,16 @@ from tests.hdl.geometry.estimator_bench import MAX_MATCHES, assert_equal, frame,
 def test_estimates_equal_the_golden_model(monkeypatch: pytest.MonkeyPatch) -> None:
     """Matches of the next frame arrive while those before are in use.
 
-    Only the first 4 of the 16 steps are searched, in so little time that one ends late with its third pass, and one
-    before. Of the last one's refits some stay, and some are worse.
+    Only the first 4 of the 16 steps are searched, in so little time that the last two end before their third pass.
     """
     for module in ("golden_model.geometry.estimator", "hdl.geometry.estimator_states"):
         monkeypatch.setattr(f"{module}.SEARCH_CYCLES", 2_000)
     for module in ("golden_model.geometry.sampling", "hdl.geometry.estimator_states"):
         monkeypatch.setattr(f"{module}.STEPS", 4)
-    few = EstimateCause.TOO_FEW_INLIERS | EstimateCause.TOO_FEW_CELLS
-    frames = [(frame(28, 1)[0], EstimatorConfig(passes=3, seed=3)), frame(3, 2)]
+    frames = [(frame(28, 1)[0], EstimatorConfig(passes=3, seed=5)), frame(3, 2)]
     results = simulate_estimates(frames, max_matches=MAX_MATCHES, cycle_limit=10_000)
     assert_equal(results, frames)
-    assert [result.causes for result in results] == [few, EstimateCause.TOO_FEW_MATCHES]
+    assert [result.causes for result in results] == [0, EstimateCause.TOO_FEW_MATCHES]
 
 
 def test_the_model_of_time_knows_the_parts() -> None:

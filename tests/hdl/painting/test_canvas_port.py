@@ -74,14 +74,21 @@ def change(old: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 @pytest.mark.parametrize(
-    ("rules", "pauses"),
-    [({}, NO_PAUSES), ({"waits": 43, "latency_clocks": 119, "seed": 1}, Pauses(gaps=40, stalls=40, seed=2))],
+    ("rules", "pauses", "tiles"),
+    [
+        ({}, NO_PAUSES, [(2, 1), (2, 0)]),
+        (
+            {"waits": 43, "latency_clocks": 119, "seed": 1},
+            Pauses(gaps=40, stalls=40, seed=2),
+            [(2, 1), (1, 0), (2, 0)],
+        ),
+    ],
     ids=["fast", "slow"],
 )
-def test_tiles_come_and_go(rules: dict[str, Any], pauses: Pauses) -> None:
+def test_tiles_come_and_go(rules: dict[str, Any], pauses: Pauses, tiles: list[Tile]) -> None:
     bench = PortBench(pauses=pauses, **rules)
     before = bench.canvas.copy()
-    tiles, painted = [(2, 1), (1, 0)], {(2, 1)}
+    painted = {(2, 1), (2, 0)}
     bench.run(tiles, painted)
     expected = before.copy()
     for (column, row), given in zip(tiles, bench.given, strict=True):
