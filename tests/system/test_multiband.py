@@ -20,6 +20,9 @@ from skymosaic.panel.tasks.mosaic_tasks import make_mosaic
 from tests.skymosaic.flight.bands.conftest import CAPTURES
 from tests.system.command_line import only_error, skymosaic
 
+FEW = 3
+"""Captures of the flight that are enough for a mosaic."""
+
 
 def test_one_geotiff_shows_the_same_ground_in_all_bands(band_folder: Path, tmp_path: Path) -> None:
     made = skymosaic("mosaic", band_folder, "-o", "m.tif", "--band", "RED", "--report", "report", cwd=tmp_path)
@@ -43,9 +46,9 @@ def test_one_geotiff_shows_the_same_ground_in_all_bands(band_folder: Path, tmp_p
 def test_the_panel_writes_all_bands_of_uploaded_sets(band_folder: Path, tmp_path: Path) -> None:
     run = shutil.copytree(band_folder, tmp_path / "run")
     (tmp_path / "pictures").mkdir()
-    names = sorted(path.name for path in run.iterdir())
+    names = sorted(path.name for path in run.iterdir())[: 3 * FEW]
     result = make_mosaic(run, names, Options.of_preset("aerial"), tmp_path / "pictures", progress=lambda *_: None)
-    assert result.facts["photographs placed"] == f"{CAPTURES} of {CAPTURES}"
+    assert result.facts["photographs placed"] == f"{FEW} of {FEW}"
     assert result.facts["bands"].startswith("green, red, nir; registered by green")
     assert result.command.split()[2 : 2 + len(names)] == names
     with pytest.warns(rasterio.errors.NotGeoreferencedWarning), rasterio.open(run / "mosaic.tif") as file:
@@ -91,4 +94,5 @@ def test_damaged_bands_are_kept_where_that_is_wanted(band_folder: Path) -> None:
 
 
 def test_a_notebook_shows_the_registering_band(band_folder: Path) -> None:
-    assert "<img" in mosaic([band_folder], band="red")._repr_html_()
+    few = sorted(band_folder.iterdir())[: 3 * FEW]
+    assert "<img" in mosaic(few, band="red")._repr_html_()

@@ -84,9 +84,12 @@ MOSAIC_WITHOUT = f"""
 import sys
 for name in {ABSENT}:
     sys.modules[name] = None  # as if it were not installed; fcntl does not exist on Windows
+import cv2
+import numpy as np
 import skymosaic
-from sim.scene import make_lawnmower
-made = skymosaic.mosaic(make_lawnmower(1, 3, (320, 240)).images)
+noise = np.random.default_rng(1).integers(0, 256, (60, 90, 3), np.uint8)
+ground = cv2.resize(noise, None, fx=6, fy=6, interpolation=cv2.INTER_CUBIC)
+made = skymosaic.mosaic([ground[:240, x : x + 320] for x in (0, 90, 180)])
 print(made.placed)
 import skymosaic.cli
 sys.argv = ["skymosaic", "export", "board", "pynq_z2", "-o", "x"]
