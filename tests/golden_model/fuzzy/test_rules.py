@@ -199,7 +199,7 @@ def test_a_configuration_holds_rules_or_names_their_file(tmp_path: Path) -> None
 
 
 @given(description=st.text(max_size=40))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_any_text_survives_a_configuration(description: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     # What splits lines in Python is no description's.
     config = Config(matcher=MatcherConfig(rule_base=MatchRules(f"# {' '.join(description.splitlines())}\n{AERIAL}")))

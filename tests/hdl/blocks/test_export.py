@@ -14,7 +14,7 @@ from tests.conftest import Run
 from tests.system.command_line import only_error
 
 pytestmark = pytest.mark.needs("icarus")
-QUICK = ("gray", "fast", "nms", "fuzzy")
+QUICK = ("gray", "nms", "fuzzy")
 """The others take longer to export."""
 
 

@@ -21,7 +21,7 @@ def test_structure_tensor_equals_the_golden_model(
     smoothed: bool,
     pixels_per_clock: int,
 ) -> None:
-    planes = [gradients(frame, smoothed) for frame in gray_frames]
+    planes = [gradients(frame, smoothed) for frame in gray_frames[:2]]
     pixels = np.frompyfunc(lambda x, y: {"x": x, "y": y}, 2, 1)
     frames = [{"column": columns(pixels(x, y), TENSOR_LINES)} for x, y in planes]
     tensors = zip(*(harris.structure_tensor(x, y, window_px) for x, y in planes), strict=True)

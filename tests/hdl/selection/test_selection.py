@@ -16,7 +16,7 @@ from sim.simulators.recording import Pauses
 from tests.hdl.block_bench import BlockBench
 
 PATTERN = PATTERNS["thesis-ilbp-1"]
-WIDTH_PX, HEIGHT_PX = 136, 100
+WIDTH_PX, HEIGHT_PX = 104, 80
 SPACING_PX = 2
 """Distance of candidates in a line; with two pixels per clock they may come in every clock."""
 FLIGHT_CYCLES = 5
@@ -40,7 +40,7 @@ def planes() -> list[NDArray[np.uint16]]:
     shape = HEIGHT_PX, WIDTH_PX
     falling = np.arange(HEIGHT_PX * WIDTH_PX, 0, -1).reshape(shape)
     lone = np.zeros(shape, np.uint16)
-    lone[77, 134] = 1
+    lone[77, 102] = 1
     return [
         candidate_plane(rng, rng.integers(1, 1 << 15, shape)),
         candidate_plane(rng, rng.integers(1, 4, shape)),
