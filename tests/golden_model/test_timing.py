@@ -2,11 +2,13 @@
 """The model of time adds up the latencies that the blocks state; whole frames are compared in tests/system."""
 
 import dataclasses
+import gc
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
-from amaranth.hdl import Fragment
+from amaranth.hdl import Elaboratable
 
 from golden_model import timing
 from golden_model.config import Config, FrontEndConfig, MatcherConfig
@@ -26,25 +28,28 @@ LANES = 4
 CONFIG = Config(front_end=FrontEndConfig(max_features=80))
 
 
-def built(component: Any) -> Any:
-    """The component, elaborated: otherwise Amaranth warns that its parts are unused."""
-    Fragment.get(component, None)
-    return component
+@pytest.fixture
+def unused_blocks(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Amaranth does not complain about blocks that were made for their latencies only."""
+    monkeypatch.setattr(Elaboratable, "_MustUse__silence", True)
+    yield
+    gc.collect()
 
 
+@pytest.mark.usefixtures("unused_blocks")
 @pytest.mark.parametrize("pattern", PATTERNS.values(), ids=PATTERNS)
 def test_latencies_are_those_that_the_blocks_state(pattern: Any) -> None:
     config = Config(front_end=FrontEndConfig(descriptor=pattern.name, border_px=20))
     latencies = Latencies.compute(config, lanes=LANES)
-    search = built(NearestNeighbours(bits=pattern.bits, lanes=LANES, max_features=80))
-    assert timing.DISTANCE_CYCLES[pattern.bits] == built(Distances(bits=pattern.bits, lanes=LANES)).latency_cycles
+    search = NearestNeighbours(bits=pattern.bits, lanes=LANES, max_features=80)
+    assert timing.DISTANCE_CYCLES[pattern.bits] == Distances(bits=pattern.bits, lanes=LANES).latency_cycles
     assert (latencies.drain, latencies.shortest_pass) == (search.drain_cycles, search.shortest_pass_cycles)
     for system in (
         rule_bases.aerial(pattern.bits),
         rule_bases.aerial_orientation(pattern.bits),
         rule_bases.ilbp(pattern.bits),
     ):
-        assert timing.sugeno_cycles(system) == built(Sugeno(system=system, value_bits=12)).latency_cycles
+        assert timing.sugeno_cycles(system) == Sugeno(system=system, value_bits=12).latency_cycles
     if pattern.carries_window:
         assert SumOfAbsoluteDifferences(pixels=pattern.window_bytes).latency_cycles == timing.SAD_CYCLES
     assert latencies.skid_buffer == SkidBuffer.latency_cycles

@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
-from amaranth.hdl import Fragment
 from numpy.typing import NDArray
 
 from golden_model.matching import rule_bases
 from golden_model.records import HOMOGRAPHY, MATCH, SCORE, WORD_BYTES, Record
 from hdl.blocks.catalogue import CATALOGUE, CONFIG
-from hdl.blocks.vectors import Block, Row
+from hdl.blocks.vectors import Row
 from tests.hdl.blocks.vector_bench import compare
+
+pytestmark = pytest.mark.usefixtures("unused_blocks")
 
 
 @pytest.mark.parametrize("name", ["half", "smooth", "sobel"])
@@ -19,13 +20,6 @@ def test_a_block_in_amaranths_simulator_answers_its_vectors(name: str) -> None:
     compare(block)
 
 
-def make(name: str) -> Block:
-    block = CATALOGUE[name]()
-    # Amaranth warns of a component that nothing elaborates.
-    Fragment.get(block.component, None)
-    return block
-
-
 def records(rows: list[Row], port: str, record: Record) -> NDArray[np.void]:
     """The records in the words of a packet; words that are not compared are 0."""
     words = [row.get(f"{port}_data", 0) for row in rows]
@@ -33,7 +27,7 @@ def records(rows: list[Row], port: str, record: Record) -> NDArray[np.void]:
 
 
 def test_vectors_of_the_rules_have_each_rule_decide_and_begin_at_zero() -> None:
-    block = make("fuzzy")
+    block = CATALOGUE["fuzzy"]()
     assert len({row["o_weight"] for row in block.outputs["o"]}) > 5
     rules = rule_bases.aerial_orientation(CONFIG.pattern.bits).rules
     assert {row["o_rule"] for row in block.outputs["o"]} == set(range(len(rules)))
@@ -41,7 +35,7 @@ def test_vectors_of_the_rules_have_each_rule_decide_and_begin_at_zero() -> None:
 
 
 def test_vectors_of_the_matcher_have_kept_and_rejected_matches() -> None:
-    rows = list(make("matcher").outputs["o_matches"])
+    rows = list(CATALOGUE["matcher"]().outputs["o_matches"])
     ends = [number for number, row in enumerate(rows) if row["o_matches_last"]]
     record_words = MATCH.record_bytes // WORD_BYTES
     assert ends == [record_words - 1, len(rows) - 1]
@@ -51,11 +45,11 @@ def test_vectors_of_the_matcher_have_kept_and_rejected_matches() -> None:
 
 
 def test_vectors_of_scoring_have_homographies_with_and_without_a_score() -> None:
-    scores = records(list(make("scoring").outputs["o"]), "o", SCORE)
+    scores = records(list(CATALOGUE["scoring"]().outputs["o"]), "o", SCORE)
     assert {0, 1} <= {int(score > 0) for score in scores["support"]}
 
 
 def test_vectors_of_the_estimator_have_a_homography() -> None:
-    (record,) = records(list(make("homography").outputs["o"]), "o", HOMOGRAPHY)
+    (record,) = records(list(CATALOGUE["homography"]().outputs["o"]), "o", HOMOGRAPHY)
     assert record["causes"] == 0
     assert record["inliers"] > 8

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from amaranth.hdl import Fragment
 from numpy.typing import NDArray
 
 from golden_model.matching import hamming
@@ -86,9 +85,9 @@ def test_nearest_neighbours_equal_the_golden_distances(
         assert cycles == dut.search_cycles(len(left), len(right))
 
 
+@pytest.mark.usefixtures("unused_blocks")
 def test_search_cycles_are_those_of_the_lanes() -> None:
     dut = NearestNeighbours(bits=128, lanes=16, max_features=2048)
-    Fragment.get(dut, None)  # otherwise Amaranth warns that its parts are unused
     for count in (320, 1856, 2048):
         assert dut.search_cycles(count, count) == count * count // 16 + dut.drain_cycles
     assert dut.drain_cycles < 32
