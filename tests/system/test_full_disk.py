@@ -51,7 +51,7 @@ def _inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for folder in ("flight", "pair"):
         Path(folder).mkdir()
     pictures = dict(zip(("pair/left", "pair/right"), make_pair(seed=9, size=(240, 180)).images, strict=True))
-    views = make_lawnmower(3, 6, (400, 300)).images
+    views = make_lawnmower(9, 6, (400, 300)).images
     for name, image in {**pictures, **{f"flight/{n}": image for n, image in enumerate(views)}}.items():
         cv2.imwrite(f"{name}.png", image)
         # Complete for long, so that nobody waits for the rest.
