@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+import shlex
 import subprocess
 import sys
 import zipfile
@@ -47,7 +48,7 @@ def repeat_archive(page: Page, folder: Path, name: str) -> Path:
     for path in (folder / "before").iterdir():
         if re.match(r"\d\d_|config|command", path.name):
             path.rename(run / path.name)
-    program, *arguments = (run / "command.txt").read_text().split()
+    program, *arguments = shlex.split((run / "command.txt").read_text())
     assert program == "skymosaic"
     subprocess.run([sys.executable, "-m", "skymosaic", *arguments], cwd=run, check=True, capture_output=True)
     return run
