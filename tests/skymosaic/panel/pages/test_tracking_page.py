@@ -23,7 +23,7 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("film")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(upload_tasks, "PURSUIT_FRAMES", FRAMES)
-        upload_tasks.render_pursuit(folder, ["car.png", "film.mp4"], folder, progress=lambda *_: None)
+        upload_tasks.render_pursuit(folder, ["01_car.png", "02_film.mp4"], folder, progress=lambda *_: None)
     return folder
 
 
@@ -32,9 +32,9 @@ def tracked(opened: Page, panel: str, film: Path) -> Page:
     """The opened page in a session that has followed a car through a film, for tests before those of `page`."""
     opened.goto(panel)
     opened.get_by_role("link", name="Tracking").click()
-    opened.get_by_label("Choose object").set_input_files(film / "car.png")
+    opened.get_by_label("Choose object").set_input_files(film / "01_car.png")
     expect(opened.get_by_role("list", name="Object loaded").locator("li")).to_have_count(1)
-    opened.get_by_label("Choose video").set_input_files(film / "film.mp4")
+    opened.get_by_label("Choose video").set_input_files(film / "02_film.mp4")
     expect(opened.get_by_role("list", name="Video loaded").locator("li")).to_have_count(1)
     opened.get_by_role("button", name="Follow the object").click()
     expect(opened.get_by_text("Found in")).to_be_visible()
