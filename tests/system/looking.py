@@ -54,12 +54,12 @@ PICTURES = """() => Promise.all([...document.querySelectorAll("img, image")].map
 }))"""
 
 
-def barriers(page: Page, *rules: str) -> list[str]:
-    """What axe-core finds by its rules, or by some of them, as rule and element."""
+def barriers(page: Page) -> list[str]:
+    """What axe-core finds, as rule and element."""
     if page.evaluate("window.axe === undefined"):
         page.evaluate(AXE_SCRIPT)
     # Without `preload`, which asks for the style sheets again: a browser refuses that of files.
-    options = {"resultTypes": ["violations"], "preload": False, **({"runOnly": rules} if rules else {})}
+    options = {"resultTypes": ["violations"], "preload": False}
     found = page.evaluate("async options => (await axe.run(options)).violations", options)
     return [f"{each['id']}: {node['html'][:200]}" for each in found for node in each["nodes"]]
 
@@ -100,7 +100,7 @@ def look(page: Page, views: Sequence[View] = VIEWS, *, for_barriers: bool = True
         seen = [f"{width} px wide"] if width > window["width"] else []
         seen += hidden_pictures(page)
         if for_barriers:
-            seen += barriers(page, *(["color-contrast"] if scheme == "dark" else []))
+            seen += barriers(page)
         found += [f"{window['width']} px, {scheme}: {each}" for each in seen]
     return found
 
