@@ -2,13 +2,10 @@
 """The model of time adds up the latencies that the blocks state; whole frames are compared in tests/system."""
 
 import dataclasses
-import gc
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
-from amaranth.hdl import Elaboratable
 
 from golden_model import timing
 from golden_model.config import Config, FrontEndConfig, MatcherConfig
@@ -23,17 +20,13 @@ from hdl.matching.fuzzy import Sugeno
 from hdl.matching.hamming import Distances
 from hdl.matching.nearest_neighbours import NearestNeighbours
 from hdl.matching.orientation_histogram import FIND_CYCLES, SQUARE_CYCLES
+from tests.hdl.conftest import unused_blocks
 
 LANES = 4
 CONFIG = Config(front_end=FrontEndConfig(max_features=80))
 
 
-@pytest.fixture
-def unused_blocks(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Amaranth does not complain about blocks that were made for their latencies only."""
-    monkeypatch.setattr(Elaboratable, "_MustUse__silence", True)
-    yield
-    gc.collect()
+__all__ = ["unused_blocks"]
 
 
 @pytest.mark.usefixtures("unused_blocks")
