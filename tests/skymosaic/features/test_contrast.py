@@ -57,3 +57,5 @@ def test_contrast_is_even_without_light_and_pattern(pattern: NDArray[np.float64]
     assert max(quarter.std() for quarter in quarters) < 1.6 * min(quarter.std() for quarter in quarters)
     assert np.corrcoef(even.ravel(), texture.ravel())[0, 1] > 0.9
     assert np.corrcoef(even_contrast(dim).astype(float).ravel(), texture.ravel())[0, 1] < 0.85
+    # No direction of the image is special.
+    np.testing.assert_allclose(even_contrast(dim.T).astype(int), even_contrast(dim).T.astype(int), atol=1)

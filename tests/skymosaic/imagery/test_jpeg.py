@@ -144,10 +144,13 @@ def test_jpeg_pixels_are_those_of_opencv(tmp_path: Path, orientation: int, mode:
     assert np.array_equal(images.load(path).pixels, np.asarray(cv2.imread(str(path), cv2.IMREAD_ANYCOLOR)))
 
 
-def test_a_jpeg_of_many_scans_is_refused_before_decoding(tmp_path: Path) -> None:
+def test_a_jpeg_of_many_scans_is_refused_before_decoding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     PillowImage.fromarray(SCENE).save(tmp_path / "p.jpg", progressive=True)
     data = (tmp_path / "p.jpg").read_bytes()
     images.load(tmp_path / "p.jpg")
+    with monkeypatch.context() as patch, pytest.raises(InputError, match="a JPEG of 10 scans takes too long"):
+        patch.setattr(jpeg, "MAX_SCANNED_AREA_PX", 10 * SCENE.shape[0] * SCENE.shape[1] - 1)
+        images.load(tmp_path / "p.jpg")
     last = data.rindex(b"\xff\xda")
     (tmp_path / "p.jpg").write_bytes(data[:-2] + data[last:-2] * 200 + data[-2:])
     with pytest.raises(InputError, match="scans"):
