@@ -94,7 +94,6 @@ def test_a_crowd_is_served_and_nothing_is_left(
     assert [path.name for path in temp.iterdir()] == []
 
 
-@pytest.mark.slow
 def test_a_closed_terminal_ends_it_in_order(
     panel: tuple[subprocess.Popen[str], str], tmp_path: Path, temp: Path
 ) -> None:

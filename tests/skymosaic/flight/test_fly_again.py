@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as XmlTree
 
+import cv2
 import numpy as np
 import pytest
 import rasterio.features
@@ -55,7 +56,12 @@ def test_holes_are_what_the_lost_photographs_alone_showed(
     outlines = flown(np.random.default_rng(3), overlap=overlap, turn_deg=turn_deg)
     kept = [ring for place, ring in outlines.items() if place not in lost]
     truth = rasterise(outlines.values()) & ~rasterise(kept) & 1
-    found = rasterise([ring for ring, _ in find_holes(kept)])
+    holes = find_holes(kept)
+    # Counter-clockwise, so their areas are positive.
+    assert [cv2.contourArea(np.float32(ring - ring[0]), oriented=True) for ring, _ in holes] == pytest.approx(
+        [area_m2 for _, area_m2 in holes]
+    )
+    found = rasterise([ring for ring, _ in holes])
     common = np.sum(truth & found)
     assert common / found.sum() > 0.97
     assert common / truth.sum() > 0.97

@@ -129,6 +129,10 @@ def test_a_scheduler_without_workers_is_waited_for_and_one_that_dies_is_one_line
     with connect(cluster, lines) as workers:
         assert list(workers.run("powers", pow, [(2, n) for n in range(30)])) == [2**n for n in range(30)]
         assert listeners() <= before
+        cluster.started[-1].kill()
+        with dask.config.set({LIMIT: "1s"}), pytest.raises(RegistrationError, match="no worker within 1 s; restart it"):
+            list(workers.run("powers", pow, [(2, 3)]))
+        cluster.worker()
         results: Any = workers.run("sleeping", time.sleep, [(0.05,) for _ in range(100)])
         next(results)
         cluster.scheduler.kill()
