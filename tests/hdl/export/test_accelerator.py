@@ -134,6 +134,24 @@ def test_everything_is_there(folder: Path) -> None:
     assert "\nset board(outputs) {features matches}\n" in facts
 
 
+@pytest.mark.usefixtures("unused_blocks")
+def test_a_camera_build_has_all_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # The conversion takes long; tests/system/test_camera_export looks at what it writes.
+    monkeypatch.setattr(export, "to_verilog", lambda *_, **__: "the Verilog")
+    export.export_camera(tmp_path, dataclasses.replace(TINY, shell="camera", video_bits=24))
+    found = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
+    bench, core = (f"{folder}/skymosaic_camera{suffix}.v" for folder, suffix in (("sim", "_tb"), ("rtl", "")))
+    vectors = set(re.findall(r"(\w+\.hex)", (tmp_path / bench).read_text()))
+    assert len(vectors) > 10
+    drivers = ("map", "painter", "registers", "rings", "scores")
+    assert found == {
+        "README.md", "constraints/skymosaic_camera.xdc", "registers/register_map.md", "registers/skymosaic.svd",
+        "registers/skymosaic_registers.h", "skymosaic_camera.core", bench, core, *(f"sim/{name}" for name in vectors),
+        "host/pynq_overlay.py", "host/ring_bus.py", *(f"host/skymosaic_{name}.py" for name in drivers),
+    }  # fmt: skip
+    assert (tmp_path / core).read_text() == "the Verilog"
+
+
 def test_every_file_has_the_same_version(folder: Path) -> None:
     assert f"skymosaic:vision:skymosaic:{VERSION}\n" in (folder / "skymosaic.core").read_text()
     assert f"<ipxact:version>{VERSION}</ipxact:version>" in (folder / "skymosaic.xml").read_text()
