@@ -56,7 +56,8 @@ def main(
     images = make_lawnmower(seed, frames, (width_px, height_px), forward_overlap=0.9).images
     flight = [cv2.cvtColor(images[n], cv2.COLOR_BGR2GRAY) for n in track(range(frames), "rendering", transient=True)]
     figures = fly(flight, (width_px, height_px), seed)
-    rows: list[Row] = [{f"{frames} frames of {width_px}×{height_px}": name, "": figures[name]} for name in figures]
+    heading = f"{frames} frames of {width_px}×{height_px}"
+    rows: list[Row] = [{heading: name, "measured": figures[name]} for name in figures]
     report("camera build", rows, json_file)
 
 

@@ -54,7 +54,7 @@ def main(json_file: JsonFile = None) -> None:
 
 def row(title: str, milliseconds: Sequence[float]) -> Row:
     """Median and longest of some times."""
-    return {"": title, "median, ms": round(np.median(milliseconds)), "longest, ms": round(max(milliseconds))}
+    return {"time": title, "median, ms": round(np.median(milliseconds)), "longest, ms": round(max(milliseconds))}
 
 
 if __name__ == "__main__":

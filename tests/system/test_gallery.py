@@ -58,9 +58,10 @@ MIN_ON_CORNERS = 0.4
 """Two pixels beside them, a seventh of the points lie on corners by chance."""
 PAGES = {"flight/index.html": 1, "pair/index.html": 4, "tiles/index.html": None, "thesis/index.html": 17}
 """Written pages, and how many pictures each has."""
-LOOKED_AT = ("index.html", "tutorials/rejected_match.html", "reference/command_line.html", "gallery.html")
+LOOKED_AT = ("index.html", "tutorials/rejected_match.html", "explanation/painter.html", "gallery.html")
 """Pages of the site in which axe-core looks for barriers: of the others, each is like one of these."""
-
+SCHEMES = {"light": "default", "dark": "slate"}
+"""What the site calls its colours."""
 LARGE = ("reference/golden_model.html", "reference/hardware.html")
 """Pages that take long: megabytes of what the page of the API consists of, too."""
 
@@ -247,18 +248,22 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("pages", ["most", pytest.param("large", marks=pytest.mark.slow)])
 def test_every_page_of_the_site_can_be_looked_at_without_a_network(browser: Browser, site: Path, pages: str) -> None:
-    page, asked, wrong = open_page(browser, "about:blank"), set(), []
-    heard = listen(page)
-    page.on("request", lambda request: asked.add(request.url))
     # The page of what does not exist is for servers, by whose root it finds its style.
     names = {path.relative_to(site).as_posix() for path in site.rglob("*.html")} - {"404.html"}
-    # First those that are looked at in every view: the others find the window as they need it.
-    for name in sorted(names - {*LARGE} if pages == "most" else LARGE, key=lambda name: (name not in LOOKED_AT, name)):
-        heard.clear()
-        page.goto((site / name).as_uri())
-        found = look(page) if name in LOOKED_AT else look(page, VIEWS[-1:], for_barriers=False)
-        wrong += [f"{name}: {each}" for each in found + heard]
-    page.context.close()
+    names = names - {*LARGE} if pages == "most" else {*LARGE}
+    asked, wrong = set(), []
+    for window, scheme in VIEWS:
+        # A new one, since a browser keeps the colours in which it opened the site.
+        page = open_page(browser, "about:blank", viewport=window, color_scheme=scheme)
+        heard = listen(page)
+        page.on("request", lambda request: asked.add(request.url))
+        for name in sorted(names if (window, scheme) == VIEWS[-1] else names.intersection(LOOKED_AT)):
+            heard.clear()
+            page.goto((site / name).as_uri())
+            assert page.locator("body").get_attribute("data-md-color-scheme") == SCHEMES[scheme]
+            found = look(page, [(window, scheme)], for_barriers=name in LOOKED_AT)
+            wrong += [f"{name}: {each}" for each in found + heard]
+        page.context.close()
     assert wrong == [], "\n".join(wrong)
     assert len(asked) > 10
     assert {address.partition(":")[0] for address in asked} <= {"file", "data", "blob"}
