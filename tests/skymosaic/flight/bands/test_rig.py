@@ -76,7 +76,7 @@ def test_a_rig_is_fixed_if_enough_places_of_each_capture_agree(captures: list[tu
     found = _fit("red", "green", places, twice)
     np.testing.assert_allclose(apply(found.homography, GRID), GRID - [14, -6], atol=0.5)
     assert found.error_px < 2
-    # In the middle of an exact capture and of one that is half a pixel off, twice as large in the photographs.
+    # The median of an exact capture and of one that is half a pixel off; the photographs are twice as large.
     assert (0.3 < found.error_px < 0.5) is (captures[-1] == (15, 0, 0.5))
 
 
