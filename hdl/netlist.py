@@ -48,9 +48,9 @@ MAX_LOOP_WORDS = 4096
 """Words of the largest memory that is cleared. Yosys unrolls the loop in quadratic time, 20 minutes and more for a
 whole frame. Larger memories are queues, which are written before they are read."""
 INTERNAL_ATTRIBUTES = ("generator", "top", "amaranth.hierarchy", "amaranth.decoding")
-SOURCE = re.compile(r'attribute \\src "([^"]*)"')
 FOLDERS = (Path(amaranth.__file__).parents[1], Path(__file__).parents[1])
 """Exported paths are relative to these: installed packages (which may be inside the project), and the project."""
+SOURCE = re.compile(rf'attribute \\src "(?:{"|".join(re.escape(f"{folder}{os.sep}") for folder in FOLDERS)})?([^"]*)"')
 
 Attributes = Mapping[str, Mapping[str, str]]
 
@@ -144,7 +144,7 @@ def _clear_memory(memory: re.Match[str]) -> str:
 def _convert(component: wiring.Component, name: str, platform: object, *, sources: bool) -> str:
     with _pause_collection(), _omit_zeros(), name_ports():
         netlist = convert(component, name=name, platform=platform, emit_src=sources)
-    return SOURCE.sub(lambda match: f'attribute \\src "{_strip_folder(match[1])}"', netlist)
+    return SOURCE.sub(lambda match: f'attribute \\src "{match[1].replace(os.sep, "/")}"', netlist)
 
 
 @contextlib.contextmanager
@@ -169,13 +169,6 @@ def _omit_zeros() -> Iterator[None]:
         ModuleEmitter.emit_memory = emit_memory
 
 
-def _strip_folder(location: str) -> str:
-    """``path:line`` without the folders of this machine."""
-    for folder in FOLDERS:
-        location = location.removeprefix(f"{folder}{os.sep}")
-    return location.replace(os.sep, "/")
-
-
 @contextlib.contextmanager
 def _pause_collection() -> Iterator[None]:
     """Switch garbage collection off: its passes over a whole design's objects take half the time (measured)."""
@@ -194,10 +187,12 @@ def _run_yosys(netlist: Callable[[], str], passes: tuple[str, ...]) -> str:
     # Started before the conversion: at its very first start it compiles itself, meanwhile and on other cores.
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as yosys:
         script = "\n".join((f"read_rtlil <<end_of_netlist\n{netlist()}\nend_of_netlist", *passes))
-        text, _ = yosys.communicate(script)
-    if yosys.returncode:
+        text, message = yosys.communicate(script)
+    if yosys.returncode and "ERROR:" not in message:
         # What runs Yosys keeps its machine code in the user's cache, and gives up where nobody can write.
         with tempfile.TemporaryDirectory() as cache:
             env = os.environ | {"XDG_CACHE_HOME": cache}
             return subprocess.run(command, input=script, capture_output=True, text=True, check=True, env=env).stdout
+    if yosys.returncode:
+        raise subprocess.CalledProcessError(yosys.returncode, command, text, message)
     return text

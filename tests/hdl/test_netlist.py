@@ -1,6 +1,7 @@
 """The exported Verilog: which memories it clears, and which registers it marks."""
 
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -33,6 +34,19 @@ def test_a_home_where_nobody_can_write_needs_no_other_one(tmp_path: Path, monkey
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "unwritable"))
     monkeypatch.setattr(sys, "executable", str(python))
     assert "endmodule" in to_verilog(LineMemory(shape=8, depth=64), name="line")
+
+
+def test_an_error_of_yosys_is_raised_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    python, starts = tmp_path / "python", tmp_path / "starts"
+    python.write_text(
+        f'#!/bin/sh\ncat > /dev/null; echo started >> "{starts}"; echo "ERROR: no such pass" >&2; exit 1\n'
+    )
+    python.chmod(0o700)
+    monkeypatch.setattr(sys, "executable", str(python))
+    with pytest.raises(subprocess.CalledProcessError) as failed:
+        to_verilog(LineMemory(shape=8, depth=64))
+    assert failed.value.stderr == "ERROR: no such pass\n"
+    assert starts.read_text() == "started\n"
 
 
 class _Sums(wiring.Component):
