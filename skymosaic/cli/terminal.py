@@ -46,10 +46,15 @@ def without_library_messages() -> Iterator[None]:
 
 @contextlib.contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """Turn SIGTERM and SIGHUP into SystemExit, so that contexts remove their temporary files as after Ctrl-C."""
+    """Turn SIGTERM into SystemExit, so that contexts remove their temporary files as after Ctrl-C.
+
+    A closed terminal is made SIGTERM, which uvicorn handles by itself.
+    """
 
     def end(number: int, _frame: FrameType | None) -> None:
-        raise SystemExit(128 + number)
+        if number == signal.SIGTERM:
+            raise SystemExit(128 + number)
+        signal.raise_signal(signal.SIGTERM)
 
     # Windows has no SIGHUP, and nohup has it ignored.
     numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]

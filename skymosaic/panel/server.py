@@ -2,7 +2,6 @@
 
 import os
 import secrets
-import signal
 import socket
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -62,10 +61,6 @@ def serve(
         server_header=False,
         timeout_graceful_shutdown=SECONDS_TO_CLOSE,
     )
-    # A closed terminal, of which uvicorn does not know, would end it in the middle of its loop. Windows has no SIGHUP,
-    # and nohup has it ignored.
-    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
-        signal.signal(signal.SIGHUP, lambda *_: signal.raise_signal(signal.SIGTERM))
     uvicorn.Server(config).run(sockets=[listener])
 
 
