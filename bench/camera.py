@@ -8,8 +8,6 @@ delivered, its homography included, and every score is compared with the golden 
 counted as dropped. Latency is from a frame's last pixel at the camera to the end of a header in memory.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Annotated, Any
 

@@ -4,8 +4,6 @@ python -m bench.simulation equality
 python -m bench.simulation speed
 """
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Annotated

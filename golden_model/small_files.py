@@ -1,7 +1,5 @@
 """Opens files that others name: a regular file of limited size, where a pipe or a device would block or never end."""
 
-from __future__ import annotations
-
 import errno
 import os
 import stat

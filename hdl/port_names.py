@@ -4,8 +4,6 @@ A signal that is used in another module gets a port in every module on the way. 
 these bits, Amaranth calls its port ``port$8056$0``.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from typing import Any

@@ -4,8 +4,6 @@ Where pages are read without the site, the link leads to the figures. A link's t
 ``[Area](../measured/synthesis.json "gray; half")``.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

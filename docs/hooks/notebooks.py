@@ -1,7 +1,5 @@
 """Each tutorial as a Jupyter notebook, made from its page: the outputs are those of the page, which a test runs."""
 
-from __future__ import annotations
-
 import doctest
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Pages of the site that are files at the repository's top: README is the first page, so nothing is written twice."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

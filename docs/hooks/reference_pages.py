@@ -1,7 +1,5 @@
 """Generates the reference pages from the code they describe: commands, options, records, presets, and blocks."""
 
-from __future__ import annotations
-
 from itertools import groupby
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The camera build in a simulation: a camera with its own clock, a memory that waits and fails, a bus for the host."""
 
-from __future__ import annotations
-
 import ctypes
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A memory that waits and fails, and what benches of designs that use it share."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The painter in a simulation: a camera, a memory that waits and fails, and a host that sends poses."""
 
-from __future__ import annotations
-
 import ctypes
 from dataclasses import dataclass
 

@@ -1,10 +1,7 @@
 """The project's designs, ready to be simulated."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from amaranth.lib import wiring
@@ -34,7 +31,7 @@ def choose_build(config: Config, frames: Sequence[NDArray[np.uint8]]) -> Build:
     return replace(build, max_width_px=MAX_FRAME_PX, max_height_px=MAX_FRAME_PX)
 
 
-TOPS: dict[Shell, Callable[[Build], wiring.Component[Any]]] = {
+TOPS: dict[Shell, Callable[[Build], wiring.Component]] = {
     "streams": AcceleratorTop,
     "camera": CameraTop,
     "serial": Ulx3s,

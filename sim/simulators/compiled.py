@@ -3,8 +3,6 @@
 ``harness/harness.cpp`` streams whole frames through a design in one loop; `Bench` calls that loop through ctypes.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 from collections.abc import Mapping, Sequence

@@ -1,12 +1,9 @@
 """Designs as the simulators need them: flat ports, and a netlist text that is made once and cached."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 from amaranth.lib import wiring
 
@@ -52,7 +49,7 @@ class Design:
     name: str
     """Name for messages, unlike those of other designs of the same module."""
     ports: Ports
-    top: Callable[[], wiring.Component[Any]]
+    top: Callable[[], wiring.Component]
     """Builds the component; called only if its text is not in the cache, by its module and all that this imports."""
     identity: str
     """Everything else that ``top`` depends on: its parameters."""

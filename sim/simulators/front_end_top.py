@@ -1,7 +1,5 @@
 """The front end alone with flat ports, to measure it and to observe its stages."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The simulated accelerator as a `sim.backends.interface.Backend`."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections.abc import Iterator, Sequence

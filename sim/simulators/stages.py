@@ -1,7 +1,5 @@
 """Finds the stage where hardware and golden model differ, with a build of the front end that outputs every stage."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Simulation by Verilator, from the exported netlist as flat Verilog: the fastest simulation of the hardware."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib.util
 import os

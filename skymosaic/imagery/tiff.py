@@ -1,7 +1,5 @@
 """Finds what OpenCV does not tell of TIFF files: damage, after which it returns what is decoded, and other layouts."""
 
-from __future__ import annotations
-
 import io
 import zlib
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Runs calls on a Dask cluster: checks its workers first, and says what is wrong with those that are lost."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import importlib

@@ -6,8 +6,6 @@ of the last view of the object. While the object is lost, one other part of each
 first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Prepares the picture of a layout: its canvas, exposure and seams, from thumbnails alone."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
