@@ -37,7 +37,8 @@ and comments one by one, in Python, and a file may declare hundreds of millions 
 SPARE_BYTES = 64_000_000
 """Limit of bytes read from a header, beyond the size of the file, because TIFF tags can all name the same bytes."""
 UPRIGHT = 1
-NODATA_TAG = 42113
+NODATA_TAG, EXTRA_SAMPLES = 42113, 338
+ASSOCIATED_ALPHA = 1
 MAX_PAGES = 1000
 """More are not counted."""
 
@@ -65,9 +66,11 @@ class Header:
     transparent: bool
     """It has an alpha channel or a transparent colour."""
     nodata: float | None = None
-    """The value that pixels without data have, as GDAL writes it into TIFF."""
+    """The value that pixels without data have, as GDAL writes it into TIFF; the transparent level of a gray PNG."""
     pages: int = 1
     """Pictures of a TIFF, the first of which is read."""
+    premultiplied: bool = False
+    """Its colours are multiplied by alpha, of a TIFF."""
 
 
 class _MeasuredFile(io.FileIO):
@@ -134,7 +137,8 @@ def read_header(path: Path, min_side_px: int = MIN_FRAME_PX) -> Header:
             orientation, sizes = _orientation(header), _decoded_sizes(header, path)
             transparent, nodata = header.has_transparency_data, _nodata(header)
             kind, size, pages = str(header.format), header.size, _count_pages(header)
-            declared = Header(kind, size, orientation, *sizes, transparent, nodata, pages)
+            premultiplied = _tiff_tag(header, EXTRA_SAMPLES, 0) == (ASSOCIATED_ALPHA,)
+            declared = Header(kind, size, orientation, *sizes, transparent, nodata, pages, premultiplied)
     except UnidentifiedImageError:
         raise InputError(f"{path}: not an image that can be read; give PNG, JPEG, or TIFF of gray or RGB") from None
     except (PillowImage.DecompressionBombError, PillowImage.DecompressionBombWarning):
@@ -207,6 +211,9 @@ def _count_pages(header: PillowImage.Image) -> int:
 
 
 def _nodata(header: PillowImage.Image) -> float | None:
+    # OpenCV makes alpha of a transparent colour, but not of a gray level.
+    if header.format == "PNG" and header.mode in ("L", "I;16"):
+        return header.info.get("transparency")
     try:
         return float(getattr(header, "tag_v2", {})[NODATA_TAG].strip("\0 "))
     # It is text of unknown origin.
@@ -214,9 +221,9 @@ def _nodata(header: PillowImage.Image) -> float | None:
         return None
 
 
-def _tiff_tag(header: PillowImage.Image, tag: int) -> tuple[int, ...]:
-    """The numbers of a TIFF tag; if it is missing, 1, the default of the tags that are read here."""
-    value = getattr(header, "tag_v2", {}).get(tag, 1)
+def _tiff_tag(header: PillowImage.Image, tag: int, default: int = 1) -> tuple[int, ...]:
+    """The numbers of a TIFF tag, or its default."""
+    value = getattr(header, "tag_v2", {}).get(tag, default)
     return value if isinstance(value, tuple) else (value,)
 
 
@@ -251,37 +258,35 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
 
 def _decode_data(path: Path, header: Header, data: bytes, *, keep_damaged: bool) -> tuple[NDArray[np.generic], str]:
     """The upright pixels of a file's bytes, with alpha where it has that, and what is damaged."""
-    damage = ""
-    if header.kind in ("JPEG", "MPO"):
-        try:
-            area_px = header.size[0] * header.size[1]
+    damage, area_px, is_tiff = "", header.size[0] * header.size[1], header.kind == "TIFF"
+    try:
+        if header.kind in ("JPEG", "MPO"):
             return decode_strictly(data, path, area_px=area_px, orientation=header.orientation), ""
-        except DamagedError as error:
-            if not keep_damaged:
-                raise
-            # OpenCV decodes nothing of a file without an end marker.
-            damage, data = str(error), data + END
-    if header.kind == "TIFF":
-        try:
-            area_px = header.size[0] * header.size[1]
-            if (pixels := check_tiff(data, path, area_px=area_px, max_bytes=2 * MAX_DECODED_BYTES)) is not None:
-                return pixels, ""
-        except DamagedError as error:
-            if not keep_damaged:
-                raise
-            damage = str(error)
+        if (
+            is_tiff
+            and (checked := check_tiff(data, path, area_px=area_px, max_bytes=2 * MAX_DECODED_BYTES)) is not None
+        ):
+            return checked, ""
+    except DamagedError as error:
+        if not keep_damaged:
+            raise
+        # OpenCV decodes nothing of a JPEG without an end marker.
+        damage, data = str(error), data if is_tiff else data + END
     if header.kind == "PNG" and b"IEND" not in data:
         raise InputError(f"{path}: the file is truncated; copy it again from the camera")
     # With alpha, OpenCV turns nothing but TIFF by itself.
-    turns = TURNS if header.transparent and header.kind != "TIFF" else {}
+    turns = TURNS if header.transparent and not is_tiff else {}
     flags = cv2.IMREAD_UNCHANGED if header.transparent else cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
     with contextlib.suppress(cv2.error, IndexError, ValueError):
-        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-        if decoded is not None and decoded.dtype == np.uint8 and data[:2] in (b"P5", b"P6"):
-            # Netpbm's fourth word is the value of white, by which OpenCV does not scale.
-            white = re.sub(rb"#.*", b"", data[:10_000]).split(maxsplit=4)[3]
-            decoded = cv2.convertScaleAbs(decoded, alpha=255 / int(white))
-        if decoded is not None:
+        if (decoded := cv2.imdecode(np.frombuffer(data, np.uint8), flags)) is not None:
+            if decoded.dtype == np.uint8 and data[:2] in (b"P5", b"P6"):
+                # Netpbm's fourth word is the value of white, by which OpenCV does not scale.
+                white = re.sub(rb"#.*", b"", data[:10_000]).split(maxsplit=4)[3]
+                decoded = cv2.convertScaleAbs(decoded, alpha=255 / int(white))
+            # Of 8 bits OpenCV returns colours that are multiplied by alpha, of 16 those of the file.
+            if is_tiff and decoded.shape[2:] == (4,) and (decoded.dtype == np.uint8 or header.premultiplied):
+                alpha = cv2.merge([decoded[..., 3]] * 3)
+                decoded[..., :3] = cv2.divide(decoded[..., :3], alpha, scale=float(np.iinfo(decoded.dtype).max))
             return turns.get(header.orientation, np.asarray)(decoded), damage
     if damage:
         raise InputError(f"{damage}; nothing of it can be decoded")

@@ -64,13 +64,9 @@ def flight_sources(
             raise InputError(
                 f"{given[0]}: only one photograph; a mosaic takes two that overlap, or more, so add others"
             )
-        yield [_numbered(source, index) for index, source in enumerate(sources)]
-
-
-def _numbered(source: Source, index: int) -> Source:
-    """The source as one of several: an array is called by its number among all of them."""
-    name = source.name if isinstance(source.content, Path) else f"image {index}"
-    return dataclasses.replace(source, index=index, name=name)
+        # An array is called by its number among all of them.
+        names = [each.name if isinstance(each.content, Path) else f"image {n}" for n, each in enumerate(sources)]
+        yield [dataclasses.replace(sources[n], index=n, name=name) for n, name in enumerate(names)]
 
 
 def _store_key_frames(video: str | Path, folder: Path, tell: Callable[[str], None]) -> Iterator[Source]:

@@ -26,7 +26,7 @@ def record_output(output: Path, inputs: Iterable[Path]) -> None:
     if not folder.is_relative_to(common):
         return
     record = {name: digest for name, digest in _read_record(folder).items() if (folder / name).exists()}
-    record[output.name] = _digest(output)
+    record[output.name] = _known_digest(output)
     # File names may be any bytes.
     text = "".join(f"{digest} {name}\n" for name, digest in sorted(record.items()))
     save_bytes(folder / RECORD_NAME, text.encode("utf-8", "surrogateescape"))
@@ -57,10 +57,6 @@ def _known_digest(path: Path) -> str:
 
 @lru_cache(maxsize=64)
 def _digest_of(path: Path, _size_bytes: int, _changed_ns: int) -> str:
-    return _digest(path)
-
-
-def _digest(path: Path) -> str:
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()

@@ -149,8 +149,12 @@ class VideoReader:
         packets = self._container.demux(self._stream)
         try:
             for packet in packets:
-                if not packet.is_corrupt:
-                    yield from _decode_packet(packet)
+                if packet.is_corrupt:
+                    continue
+                # Besides FFmpeg's errors, PyAV raises ValueError for a pixel format that it cannot convert.
+                with contextlib.suppress(FFmpegError, ValueError):
+                    frames = packet.decode()
+                    yield from [(round(x.rotation / 90) % 4, x.to_ndarray(format="bgr24"), x.time) for x in frames]
         # The demuxer raises an error if the file ends in the middle of a packet.
         except FFmpegError as error:
             if self._is_stream:
@@ -162,14 +166,6 @@ def _explain(error: Exception) -> str:
     fault = next((fault for kind, fault in STREAM_FAULTS.items() if isinstance(error, kind)), "")
     reason = getattr(error, "strerror", None) or str(error)
     return f"the stream cannot be opened: {fault or f'{reason}; check the address and the network'}"
-
-
-def _decode_packet(packet: av.Packet) -> list[tuple[int, Pixels, float | None]]:
-    # Besides FFmpeg's errors, PyAV raises ValueError for a pixel format that it cannot convert.
-    with contextlib.suppress(FFmpegError, ValueError):
-        decoded = packet.decode()
-        return [(round(each.rotation / 90) % 4, each.to_ndarray(format="bgr24"), each.time) for each in decoded]
-    return []
 
 
 @contextlib.contextmanager

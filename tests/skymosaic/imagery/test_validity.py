@@ -12,6 +12,7 @@ from PIL import Image as PillowImage
 
 from sim.scene import Flight
 from skymosaic.compositing.blend import Blending
+from skymosaic.imagery.decoding import decode, read_header
 from skymosaic.imagery.images import load
 from skymosaic.maps.georeference import configured_rasterio
 from skymosaic.mosaicking.api import open_plan
@@ -47,23 +48,35 @@ def test_alpha_that_nobody_filled_hides_nothing(tmp_path: Path, alpha: int, suff
     assert (photograph.pixels == 9).all()
 
 
-@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize(
+    ("channels", "dtype", "interleave"),
+    [(1, np.uint8, "pixel"), (3, np.uint8, "pixel"), (3, np.uint8, "band"), (3, np.uint16, "pixel")],
+)
 @pytest.mark.parametrize("kind", ["PREMULTIPLIED", "NON-PREMULTIPLIED"])
-def test_half_transparent_pixels_have_their_own_colours(tmp_path: Path, kind: str, channels: int) -> None:
-    colours = np.tile(np.linspace(40, 200, 100).astype(np.uint8), (channels, 90, 1))
-    alpha = np.repeat(np.array([255, 150, 0], np.uint8), 30)[None, :, None]
-    stored = np.rint(colours * (alpha / 255)) if kind == "PREMULTIPLIED" else colours
-    profile = {"driver": "GTiff", "width": 100, "height": 90, "count": channels + 1, "dtype": "uint8", "alpha": kind}
-    with configured_rasterio(), rasterio.open(tmp_path / "p.tif", "w", **profile) as file:
-        file.write(np.concatenate([stored.astype(np.uint8), np.tile(alpha, 100)]))
-    photograph = load(tmp_path / "p.tif")
-    assert photograph.visible is not None
-    assert photograph.visible.all(axis=1).tolist() == [True] * 60 + [False] * 30
-    assert not photograph.visible[60:].any()
-    # Premultiplied values are rounded.
-    np.testing.assert_allclose(
-        photograph.pixels[:60], np.moveaxis(colours, 0, -1)[:60].repeat(3 // channels, 2), atol=2
+def test_half_transparent_pixels_have_their_own_colours(
+    tmp_path: Path, kind: str, channels: int, dtype: type, interleave: str
+) -> None:
+    colours: NDArray[Any] = np.tile(np.linspace(40, 200, 100).astype(dtype), (channels, 90, 1))
+    alpha: NDArray[Any] = np.repeat(np.array([255, 150, 0], dtype), 30)[None, :, None] * dtype(
+        np.iinfo(dtype).max // 255
     )
+    stored = np.rint(colours * (alpha / np.iinfo(dtype).max)) if kind == "PREMULTIPLIED" else colours
+    path, photometric = tmp_path / "p.tif", "RGB" if channels == 3 else "MINISBLACK"
+    with (
+        configured_rasterio(),
+        rasterio.open(
+            path, "w", driver="GTiff", width=100, height=90, count=channels + 1, dtype=dtype, alpha=kind,
+            interleave=interleave, photometric=photometric,
+        ) as file,
+    ):  # fmt: skip
+        file.write(np.concatenate([stored.astype(dtype), np.tile(alpha, 100)]))
+    pixels, visible, _ = decode(path, read_header(path), keep_damaged=False)
+    assert visible is not None
+    assert visible.all(axis=1).tolist() == [True] * 60 + [False] * 30
+    assert not visible[60:].any()
+    # Premultiplied values are rounded.
+    expected = np.moveaxis(colours, 0, -1)[:60].repeat(3 // channels, 2)
+    np.testing.assert_allclose(pixels[:60].astype(float), expected, atol=2)
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
@@ -77,10 +90,14 @@ def test_more_than_half_opaque_shows(tmp_path: Path, dtype: type) -> None:
     assert visible[0, ::16].tolist() == [0, 0, 255, 255]
 
 
-def test_a_transparent_gray_level_which_opencv_does_not_tell_hides_nothing(tmp_path: Path) -> None:
-    gray = np.tile(np.array([[7], [90]], np.uint8), (40, 80))
-    PillowImage.fromarray(gray).save(tmp_path / "p.png", transparency=7)
-    np.testing.assert_array_equal(load(tmp_path / "p.png").pixels, gray)
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_transparent_gray_level_hides_its_pixels(tmp_path: Path, dtype: type) -> None:
+    """OpenCV does not tell of it."""
+    gray = np.tile(np.array([[7], [90]], dtype) * dtype(np.iinfo(dtype).max // 255), (40, 80))
+    PillowImage.fromarray(gray).save(tmp_path / "p.png", transparency=int(gray[0, 0]))
+    visible = load(tmp_path / "p.png").visible
+    assert visible is not None
+    np.testing.assert_array_equal(visible == 255, gray > gray[0, 0])
 
 
 def test_a_colour_has_no_data_where_all_its_channels_have_none(tmp_path: Path) -> None:
