@@ -19,17 +19,13 @@ Typed = Mapping[str, Any]
 Mark = TypeVar("Mark")
 
 
-def _as_typed(path: Path | None, _typed: Typed) -> Iterable[Path]:
-    return () if path is None else (path,)
-
-
 @dataclass(frozen=True)
 class Writes:
     """Marks a parameter that names an output; stands behind what Typer reads."""
 
     own: str = ""
     """Regular expression of the names that the command replaces in a folder; empty for a file."""
-    list_outputs: Callable[[Any, Typed], Iterable[Path]] = _as_typed
+    list_outputs: Callable[[Any, Typed], Iterable[Path]] = lambda path, _typed: () if path is None else (path,)
     """Lists the outputs, of what is typed here, None if nothing, and of all that is typed."""
 
 

@@ -155,10 +155,8 @@ class Layer:
             return self.border_distance(part) * self._detail(part) * np.float32(self.favour)
         # Pixels between two masks and beyond the last one have no owner, so any image that covers them may show them.
         share = np.maximum(self.seam.share(part), 1)
-        return np.where(self._covers(part), share, 0).astype(np.float32)
-
-    def _covers(self, part: Canvas) -> Mask:
-        return np.asarray(self._warp_window(self._visible_part, part) == 255) & self._is_near(part)
+        covered = np.asarray(self._warp_window(self._visible_part, part) == 255) & self._is_near(part)
+        return np.where(covered, share, 0).astype(np.float32)
 
     def _warp_window(self, cut: Callable[[Canvas], Pixels | Float32], part: Canvas) -> Pixels | Float32:
         """Warp what ``cut`` has in the window of the image that a part needs; 0 outside the image."""

@@ -189,7 +189,7 @@ def _count(
 ) -> GroundAgreement:
     """`measure_agreement` in pictures of one size."""
     left, right = left.reduced(side_px), right.reduced(side_px)
-    to_right = _between(left, right, homography)
+    to_right = np.asarray(np.linalg.inv(right.to_working) @ homography @ left.to_working)
     warped = warp_reflected(right.pixels, to_right, left.size)
     own, other = _band_pass(left.pixels), _band_pass(warped)
     blocks = tuple(slice(0, side // BLOCK_PX * BLOCK_PX, BLOCK_PX) for side in own.shape)
@@ -214,10 +214,6 @@ def mask_common(left: Sight, right: Sight, to_right: Matrix) -> Pixels:
         to_left = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         shown = np.minimum(shown, cv2.warpPerspective(right.visible, to_right, left.size, flags=to_left))
     return shown
-
-
-def _between(left: Sight, right: Sight, homography: Matrix) -> Matrix:
-    return np.asarray(np.linalg.inv(right.to_working) @ homography @ left.to_working)
 
 
 def _motion(to_right: Matrix, size: Size) -> float:

@@ -90,8 +90,8 @@ class _Matches:
         return np.asarray(((apply(H, self.left) - self.right) ** 2).sum(axis=-1))
 
     def score(self, squared_error: Array) -> Array:
-        """Sum of w max(0, 1 - e²/2tau²) over the last axis."""
-        return np.asarray(_gain(squared_error) @ self.weight)
+        """Sum of w max(0, 1 - e²/2tau²) over the last axis; 0 for points that map to infinity."""
+        return np.asarray(np.fmax(0, 1 - squared_error / (2 * TOLERANCE_PX**2)) @ self.weight)
 
     def score_all(self, homographies: Array) -> Array:
         """`score` (M,) of homographies (M, 3, 3)."""
@@ -184,11 +184,6 @@ def estimate_homography(
     results += [(*_optimise_locally(start, matches), 0) for start in starts]
     best, _, _ = max(results, key=lambda result: result[1], default=(None, 0.0, 0))
     return matches.polish(best, sum(samples for _, _, samples in results))
-
-
-def _gain(squared_error: Array) -> Array:
-    """The truncated quadratic max(0, 1 - e²/2tau²); 0 for points that map to infinity."""
-    return np.fmax(0, 1 - squared_error / (2 * TOLERANCE_PX**2))
 
 
 def _search(matches: _Matches, rng: np.random.Generator, subset_sizes: NDArray[np.int64]) -> _Found:

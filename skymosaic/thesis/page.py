@@ -1,6 +1,7 @@
 """The HTML page: what the thesis shows, what the same experiment gives here, and why the two differ."""
 
 import base64
+from collections import Counter
 from collections.abc import Iterable
 
 import cv2
@@ -27,7 +28,8 @@ def compose_page(m: Measurements, source: str, pictures: Iterable[tuple[str, Pix
 
     ``source`` is the origin of the pairs, as text; ``pictures`` are captions and pictures of the one that is named.
     """
-    groups = ", ".join(f"{group} ({_count_pairs(m, group)})" for group in m.groups)
+    pairs = Counter(group for _, group in {(line.pair, line.group) for line in m.lines})
+    groups = ", ".join(f"{group} ({pairs[group]})" for group in m.groups)
     return render(
         "thesis.html",
         title="The thesis's experiments, repeated",
@@ -45,10 +47,6 @@ def compose_page(m: Measurements, source: str, pictures: Iterable[tuple[str, Pix
         pair=pair,
         pictures=[(caption, _embed(_encode_jpeg(picture), "jpeg")) for caption, picture in pictures],
     )
-
-
-def _count_pairs(m: Measurements, group: str) -> int:
-    return len({line.pair for line in m.lines if line.group == group})
 
 
 def _embed(picture: bytes, kind: str) -> str:

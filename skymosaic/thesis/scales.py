@@ -22,15 +22,10 @@ CHANCE_SHIFT_PX = 12.0
 """Key points that agree after the reduced picture is shifted by this distance agree by chance."""
 
 
-def _detect_sift(gray: Pixels, count: int) -> NDArray[np.floating]:
-    return key_point_positions(keep_one_per_position(detect(gray, "sift", count))[:count])
-
-
-def _detect_harris(gray: Pixels, count: int) -> NDArray[np.floating]:
-    return feature_points(detect_strongest(gray, count))
-
-
-DETECTORS: dict[str, Callable[[Pixels, int], NDArray[np.floating]]] = {"SIFT": _detect_sift, "Harris": _detect_harris}
+DETECTORS: dict[str, Callable[[Pixels, int], NDArray[np.floating]]] = {
+    "SIFT": lambda gray, count: key_point_positions(keep_one_per_position(detect(gray, "sift", count))[:count]),
+    "Harris": lambda gray, count: feature_points(detect_strongest(gray, count)),
+}
 
 
 def measure_repeatability(pair: DatasetPair) -> Iterator[Line]:

@@ -166,8 +166,12 @@ def deliver(
             for _ in bands:
                 pass
             write_cog(path, raster, form.compress)
+        elif flight.treatment.in_memory:
+            # OpenCV's writers compress better than ours that write bands.
+            save(path, np.concatenate([composition.in_8_bit(pixels) for pixels, _ in bands]))
         else:
-            _write_picture(path, flight, composition, (composition.in_8_bit(pixels) for pixels, _ in bands))
+            pictures = (composition.in_8_bit(pixels) for pixels, _ in bands)
+            write_bands(path, composition.size, 3 if composition.coloured else 1, pictures)
         # At once: if the tiles fail, the next run must not take the mosaic for a photograph.
         with noting(failures):
             record_output(path, [file for source in flight.sources for file in source.files])
@@ -198,15 +202,6 @@ def _collect_previews(
         small, coverage = (cv2.resize(each, size, interpolation=cv2.INTER_AREA).astype(np.uint8) for each in whole)
         previews.append((small, coverage))
         yield pixels, mask
-
-
-def _write_picture(path: Path, flight: Flight, composition: Composition, pictures: Iterable[Intensities]) -> None:
-    """Write a file that is no GeoTIFF."""
-    if flight.treatment.in_memory:
-        # OpenCV's writers compress better than ours that write bands.
-        save(path, np.concatenate(list(pictures)))
-    else:
-        write_bands(path, composition.size, 3 if composition.coloured else 1, pictures)
 
 
 def _is_tiff(path: Path) -> bool:

@@ -1,12 +1,12 @@
 """Composes a live mosaic from its frames, as a flight is composed: the frames and links of a submap are a flight."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.linked_group import groups
-from skymosaic.flight.linking.links import Candidate, Link, valid_links
+from skymosaic.flight.linking.links import Link, valid_links
 from skymosaic.flight.linking.view import Settings, View, make_view
 from skymosaic.flight.mapping.anchoring import fit_layout
 from skymosaic.flight.survey import lay_out_all
@@ -47,7 +47,8 @@ def flight_of_frames(
         views.append(replace(view, taken=frame.taken))
     if not views:
         raise RegistrationError(f"none of the {len(frames)} frames can be read again: {next(iter(left_out.values()))}")
-    between = _renumber(links, row)
+    inside = [(row[link.left], row[link.right], link) for link in links if link.left in row and link.right in row]
+    between = {(left, right): replace(link, left=left, right=right) for left, right, link in inside}
     layouts, alone = lay_out_all(views, groups(len(views), valid_links(between)), between, lambda _layout: {})
     numbers = list(row)
     for index, reason in alone.items():
@@ -64,14 +65,6 @@ def flight_of_frames(
         seconds={},
     )
     return replace(flight, layouts=tuple(fit_layout(flight, layout) for layout in layouts))
-
-
-def _renumber(links: Sequence[Link], row: Mapping[int, int]) -> dict[Candidate, Link]:
-    """Links by the rows of their views."""
-    inside = [link for link in links if link.left in row and link.right in row]
-    return {
-        (row[link.left], row[link.right]): replace(link, left=row[link.left], right=row[link.right]) for link in inside
-    }
 
 
 def _view(source: Source, frame: Frame, settings: Settings) -> View | str:

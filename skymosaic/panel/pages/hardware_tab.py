@@ -29,7 +29,8 @@ class HardwareTab:
             names = [*HARDWARE, *session.boards]
             self._backend = ui.select(names, label="Hardware", value=names[0])
             self._backend.props("outlined dense options-dense").classes("backend")
-            button = ui.button("Compare with the golden model", icon="memory", on_click=self._compare)
+            button = ui.button("Compare with the golden model", icon="memory")
+            button.on_click(lambda: session.compare_hardware(str(self._backend.value)))
             enable_while_idle(button.props("outline no-caps"), session)
             ui.label("The first run builds a simulation, which takes minutes; later ones take seconds.").classes("hint")
         self._container = ui.element("div")
@@ -46,9 +47,6 @@ class HardwareTab:
                 markup = fill_in("hardware.html", times=times, **result._asdict())
                 ui.html(markup, sanitize=False).classes("hardware")
                 show_command(result.command)
-
-    def _compare(self) -> None:
-        self._session.compare_hardware(str(self._backend.value))
 
 
 def _list_times(comparison: Comparison) -> list[tuple[str, str, str]]:

@@ -27,7 +27,13 @@ def build_mosaic_tab(result: MosaicResult, thumbnails: Mapping[str, Path]) -> No
     _show_mosaic(result.mosaic, layers)
     show_files("/file/mosaic", result.folder)
     if result.left_out:
-        _show_left_out(result, thumbnails)
+        with ui.element("ul").classes("photographs").props('aria-label="Photographs left out"'):
+            for name, reason in result.left_out.items():
+                with ui.element("li"):
+                    if name in thumbnails:
+                        picture = ui.element("img").props('alt="" loading="lazy"')
+                        picture.props["src"] = picture_address(thumbnails[name])
+                    ui.label(f"left out: {reason}").classes("fault")
 
 
 def _show_mosaic(mosaic: ShownMosaic, layers: Mapping[str, str]) -> None:
@@ -42,13 +48,3 @@ def _show_mosaic(mosaic: ShownMosaic, layers: Mapping[str, str]) -> None:
         ui.element("div").classes("grow")
         switches = {name: ui.switch(name, on_change=draw).props("dense") for name in layers}
     viewer = Viewer("Mosaic", [mosaic.picture], tiles=mosaic.tiles)
-
-
-def _show_left_out(result: MosaicResult, thumbnails: Mapping[str, Path]) -> None:
-    """List the photographs that are not in the mosaic, each with the reason."""
-    with ui.element("ul").classes("photographs").props('aria-label="Photographs left out"'):
-        for name, reason in result.left_out.items():
-            with ui.element("li"):
-                if name in thumbnails:
-                    ui.element("img").props('alt="" loading="lazy"').props["src"] = picture_address(thumbnails[name])
-                ui.label(f"left out: {reason}").classes("fault")

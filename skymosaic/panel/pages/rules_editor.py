@@ -46,7 +46,8 @@ class RulesEditor:
             with ui.element("div").classes("rules-columns"):
                 with ui.element("div").classes("rules-curves"):
                     count = len(self._edit.rules.system.inputs)
-                    self._curves = [(ui.label().classes("name"), self._build_curves(n)) for n in range(count)]
+                    moves = [(partial(self._move, n), partial(self._move, n, is_last=True)) for n in range(count)]
+                    self._curves = [(ui.label().classes("name"), Curves(*each)) for each in moves]
                 self._text = ui.textarea("Rules, in FLL", on_change=lambda event: self._type(event.value))
                 self._text.props(f"outlined rows=20 debounce={1000 * TYPING_PAUSE_S:.0f} spellcheck=false")
                 self._text.classes("rules-text")
@@ -81,9 +82,6 @@ class RulesEditor:
             names = [f"Corner {at} of {variable.name}: {each}" for at, each in enumerate(terms, 1)]
             placed = [(corner.x, corner.y, name) for corner, name in zip(corners, names, strict=True)]
             curves.show(variable.name, variable.high, drawn, placed)
-
-    def _build_curves(self, number: int) -> Curves:
-        return Curves(partial(self._move, number), partial(self._move, number, is_last=True))
 
     async def _move(self, number: int, corner: int, x: float, y: float, *, is_last: bool = False) -> None:
         text, version = self._dragged or (self._edit.rules.text, self._edit.versions)

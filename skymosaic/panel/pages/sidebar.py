@@ -142,7 +142,11 @@ class OptionsCard:
                         self._selects[name] = build_option_select(session, name)
                 switches = [name for name in LABELLED if name not in OPTION_VALUES]
                 self._switches = {name: build_option_switch(session, name) for name in switches}
-                self._build_slider()
+                with ui.element("div").classes("threshold"):
+                    with ui.element("div").classes("threshold-head"):
+                        self._slider_title = ui.label()
+                        self._slider_value = ui.label().classes("value").props('aria-live="polite"')
+                    self._slider = Slider(lambda position: session.set_option("position", position))
         self.update()
 
     def update(self) -> None:
@@ -167,13 +171,6 @@ class OptionsCard:
             words=words,
         )
         self._fault.set_text(fault_of(options, len(self._session.photographs)))
-
-    def _build_slider(self) -> None:
-        with ui.element("div").classes("threshold"):
-            with ui.element("div").classes("threshold-head"):
-                self._slider_title = ui.label()
-                self._slider_value = ui.label().classes("value").props('aria-live="polite"')
-            self._slider = Slider(lambda position: self._session.set_option("position", position))
 
 
 def build_option_select(session: Session, name: str) -> ui.select:

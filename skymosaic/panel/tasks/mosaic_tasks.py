@@ -79,7 +79,8 @@ def make_mosaic(
     progress("writing")
     write_report(folder / REPORT, flight, deliveries)
     command = write_command(words, options, output)
-    _write(folder, {"command.txt": command + "\n", **_describe_run(flight)})
+    for name, text in {"command.txt": command + "\n", **_describe_run(flight)}.items():
+        save_bytes(folder / name, text.encode())
     result = MosaicResult(
         folder=folder,
         pictures=pictures,
@@ -199,11 +200,6 @@ def write_command(inputs: list[str], options: Options, output: Sequence[str] = (
     # The file of the configuration holds the rules, too.
     words = ["skymosaic", "mosaic", *inputs, "--config", CONFIG, *command_words(replace(options, rules=None))]
     return shlex.join([*words, "--report", REPORT, "-o", *output, "--overwrite"])
-
-
-def _write(folder: Path, texts: dict[str, str]) -> None:
-    for name, text in texts.items():
-        save_bytes(folder / name, text.encode())
 
 
 def _list_corners(pair: Pair) -> str:

@@ -143,8 +143,9 @@ def test_a_start_from_elsewhere_competes_with_what_the_search_finds(shift_px: fl
 
 def test_a_start_without_a_better_refit_keeps_its_own_score() -> None:
     left, right, weight, _ = matches(200, 0.6, seed=18, noise_px=0.0)
-    improved, score = prosac._optimise_locally(TRUTH, prosac._Matches(left, right, weight))
-    assert score == pytest.approx(weight @ prosac._gain(((apply(TRUTH, left) - right) ** 2).sum(axis=1)))
+    given = prosac._Matches(left, right, weight)
+    improved, score = prosac._optimise_locally(TRUTH, given)
+    assert score == pytest.approx(given.score(((apply(TRUTH, left) - right) ** 2).sum(axis=1)))
     np.testing.assert_allclose(improved, TRUTH, rtol=1e-6)
 
 
