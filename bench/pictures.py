@@ -104,11 +104,9 @@ def draw_efforts(title: str, left: Pixels, right: Pixels) -> Pixels:
         else:
             predicted = f"{words}: predicted error {pair.confidence.predicted_px:.1f} px"
             pictures.append((draw_overlap(left, right, pair.homography), predicted))
-    return np.concatenate([figures.add_header(_halve(picture), words) for picture, words in pictures], axis=1)
-
-
-def _halve(picture: Pixels) -> Pixels:
-    return np.asarray(cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    halves = [cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for picture, _ in pictures]
+    titled = (figures.add_header(half, words) for half, (_, words) in zip(halves, pictures, strict=True))
+    return np.concatenate([*titled], axis=1)
 
 
 def draw_overlap(left: Pixels, right: Pixels, homography: Matrix) -> Pixels:

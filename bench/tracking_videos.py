@@ -92,10 +92,6 @@ def write_over(video: TrackingVideo, place: int) -> TrackingVideo:
     return video
 
 
-def _hazy(video: TrackingVideo) -> TrackingVideo:
-    return replace(video, frames=[haze(frame, 0, 0.15) for frame in video.frames])
-
-
 def _wave(middle: float, swing: float, pace: float) -> Way:
     return lambda time: middle + swing * math.sin(pace * time)
 
@@ -107,7 +103,9 @@ VIDEOS: dict[str, Callable[[int], TrackingVideo]] = {
     "plane: perspective": partial(watch_ground, pitch_deg=_wave(0, 25, 3), roll_deg=_wave(0, 12, 5)),
     "plane: blur": partial(watch_ground, light=lambda time: Photometry(blur_sigma_px=4 * time), x_px=drift),
     "plane: light": partial(watch_ground, light=lambda time: Photometry(gain=_wave(1, 0.8, 9)(time)), x_px=drift),
-    "plane: haze": lambda seed: _hazy(watch_ground(seed, x_px=drift)),
+    "plane: haze": lambda seed: replace(
+        plain := watch_ground(seed, x_px=drift), frames=[haze(frame, 0, 0.15) for frame in plain.frames]
+    ),
     "out of view and back": partial(watch_ground, x_px=_wave(300, 280, math.pi)),
     "car": pursue_car,
     "car in a box of four times its area": partial(pursue_car, loose=2.0),

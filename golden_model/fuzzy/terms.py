@@ -62,10 +62,6 @@ def _ramp(x: Array, zero_at: float, one_at: float) -> Array:
     return np.clip((x - zero_at) / (one_at - zero_at), 0.0, 1.0)
 
 
-def _triangle(x: Array, left: float, top: float, right: float) -> Array:
-    return _trapezoid(x, left, top, top, right)
-
-
 def _trapezoid(x: Array, left: float, from_: float, to: float, right: float) -> Array:
     rising = _edge(x >= from_, x, left, from_)
     falling = _edge(x <= to, -x, -right, -to)
@@ -79,21 +75,9 @@ def _edge(inside: Mask, x: Array, zero_at: float, one_at: float) -> Array:
     return inside.astype(np.float64) if zero_at == one_at else np.where(inside, 1.0, _ramp(x, zero_at, one_at))
 
 
-def _rectangle(x: Array, first: float, last: float) -> Array:
-    return ((x >= first) & (x <= last)).astype(np.float64)
-
-
 def _sigmoid(x: Array, centre: float, slope: float) -> Array:
     # Beyond 700 the exponential overflows, and the degree is 0 or 1 in any case.
     return 1.0 / (1.0 + np.exp(np.clip(-slope * (x - centre), -700.0, 700.0)))
-
-
-def _sigmoid_difference(x: Array, left: float, rising: float, falling: float, right: float) -> Array:
-    return np.abs(_sigmoid(x, left, rising) - _sigmoid(x, right, falling))
-
-
-def _sigmoid_product(x: Array, left: float, rising: float, falling: float, right: float) -> Array:
-    return _sigmoid(x, left, rising) * _sigmoid(x, right, falling)
 
 
 def _s_shape(x: Array, start: float, end: float) -> Array:
@@ -130,10 +114,6 @@ def _cosine(x: Array, centre: float, width: float) -> Array:
     return (1 + np.cos(np.clip(2 * np.pi / width * (x - centre), -np.pi, np.pi))) / 2
 
 
-def _spike(x: Array, centre: float, width: float) -> Array:
-    return np.exp(-np.abs(10 / width * (x - centre)))
-
-
 def _discrete(x: Array, *points: float) -> Array:
     xs, ys = np.array(points[::2]), np.array(points[1::2])
     degree = np.interp(x, xs, ys)
@@ -145,9 +125,9 @@ def _discrete(x: Array, *points: float) -> Array:
 
 SHAPES: dict[str, tuple[int, Callable[..., Array]]] = {
     "Ramp": (2, _ramp),
-    "Triangle": (3, _triangle),
+    "Triangle": (3, lambda x, left, top, right: _trapezoid(x, left, top, top, right)),
     "Trapezoid": (4, _trapezoid),
-    "Rectangle": (2, _rectangle),
+    "Rectangle": (2, lambda x, first, last: ((x >= first) & (x <= last)).astype(np.float64)),
     "ZShape": (2, _z_shape),
     "SShape": (2, _s_shape),
     "PiShape": (4, _pi_shape),
@@ -155,10 +135,10 @@ SHAPES: dict[str, tuple[int, Callable[..., Array]]] = {
     "GaussianProduct": (4, _gaussian_product),
     "Bell": (3, _bell),
     "Cosine": (2, _cosine),
-    "Spike": (2, _spike),
+    "Spike": (2, lambda x, centre, width: np.exp(-np.abs(10 / width * (x - centre)))),
     "Sigmoid": (2, _sigmoid),
-    "SigmoidDifference": (4, _sigmoid_difference),
-    "SigmoidProduct": (4, _sigmoid_product),
+    "SigmoidDifference": (4, lambda x, a, up, down, b: np.abs(_sigmoid(x, a, up) - _sigmoid(x, b, down))),
+    "SigmoidProduct": (4, lambda x, a, up, down, b: _sigmoid(x, a, up) * _sigmoid(x, b, down)),
     "Discrete": (0, _discrete),
 }
 """Number of parameters (0: any) and membership function of each shape."""

@@ -107,7 +107,10 @@ class _Land:
         s = np.reshape(np.asarray(u, np.float64), (-1, 1))
         t = np.reshape(np.asarray(v, np.float64), (-1, 1))
         (a, b), (c, d) = self.corners
-        return _bend(self.seed, (1 - t) * ((1 - s) * a + s * b) + t * ((1 - s) * c + s * d))
+        plane: Points = (1 - t) * ((1 - s) * a + s * b) + t * ((1 - s) * c + s * d)
+        # Bent by slow waves, at most 120 px in x and y.
+        vectors, phases, displacements = _make_waves(self.seed)
+        return np.asarray(plane + np.sin(plane @ vectors + phases) @ displacements)
 
     @property
     def size_px(self) -> tuple[float, float]:
@@ -151,12 +154,6 @@ def _make_waves(seed: int) -> tuple[Points, Points, Points]:
     direction, length_px = rng.uniform(0, 2 * np.pi, count), rng.uniform(1100, 2600, count)
     vectors = np.array([np.cos(direction), np.sin(direction)]) * 2 * np.pi / length_px
     return vectors, rng.uniform(0, 2 * np.pi, count), rng.uniform(-40, 40, (count, 2))
-
-
-def _bend(seed: int, points: Points) -> Points:
-    """Displace points by slow waves, at most 120 px in x and y."""
-    vectors, phases, displacements = _make_waves(seed)
-    return points + np.sin(points @ vectors + phases) @ displacements
 
 
 def _draw_number(rng: np.random.Generator) -> int:

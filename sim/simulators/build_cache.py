@@ -6,11 +6,10 @@ import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
-from filelock import FileLock, Timeout
+from filelock import AcquireReturnProxy, FileLock, Timeout
 
 from golden_model.user_cache import cache_folder, make_private
 from sim.backends.errors import BackendError
@@ -60,7 +59,7 @@ def build_once(name: str, build: Callable[[Path], None], *, what: str, progress:
         return folder
     try:
         make_private(folder.parent)
-        with _locked(_lock_path(folder), what, progress):
+        with _lock(folder.with_suffix(".lock"), what, progress):
             if not _is_intact(folder):
                 _build_in_place(folder, build, what, progress)
     except (OSError, BackendError) as error:
@@ -143,20 +142,11 @@ def _files(folder: Path) -> Iterator[Path]:
     return (path for path in folder.rglob("*") if path.is_file())
 
 
-def _lock_path(folder: Path) -> Path:
-    return folder.with_suffix(".lock")
-
-
-@contextmanager
-def _locked(path: Path, what: str, progress: Progress) -> Iterator[None]:
-    """Hold an exclusive lock; the system releases it when the process ends, even if it is killed."""
+def _lock(path: Path, what: str, progress: Progress) -> AcquireReturnProxy:
+    """Context of an exclusive lock; the system releases it when the process ends, even if it is killed."""
     lock = FileLock(path)
     try:
-        lock.acquire(timeout=0)
+        return lock.acquire(timeout=0)
     except Timeout:
         progress(f"waiting for another process that builds {what}")
-        lock.acquire()
-    try:
-        yield
-    finally:
-        lock.release()
+        return lock.acquire()
