@@ -9,6 +9,12 @@ from golden_model.arrays import Mask
 
 Plane = NDArray[np.float32]
 
+MARGIN_PX = 96
+"""Margin painted around a tile: the longest shadow and the widest edge strip reach so far."""
+
+BLOCK_PX = 1024
+"""Lengths are rounded as those from the corner of a block of the plane: whatever part of the block is painted."""
+
 
 @dataclass(frozen=True)
 class Canvas:
@@ -24,6 +30,18 @@ class Canvas:
     relief: Plane
     noise: Plane
 
+    @property
+    def block(self) -> tuple[int, int]:
+        """The point of the plane from which the block's lengths count: its corner, with the margin."""
+        x, y = ((start + MARGIN_PX) // BLOCK_PX * BLOCK_PX - MARGIN_PX for start in (self.x_px, self.y_px))
+        return x, y
+
+    @property
+    def in_block(self) -> tuple[int, int]:
+        """The canvas's top left pixel, from there."""
+        x, y = self.block
+        return self.x_px - x, self.y_px - y
+
     def window(self, x: float, y: float, reach_px: float) -> tuple[slice, slice] | None:
         """Rows and columns within ``reach_px`` of a point of the plane; None if they lie outside the canvas."""
         height, width = self.relief.shape
@@ -36,8 +54,9 @@ class Canvas:
     def offsets(self, window: tuple[slice, slice], x: float, y: float) -> tuple[Plane, Plane]:
         """Horizontal and vertical distance of a window's pixels from a point, shapes (1, w) and (h, 1)."""
         rows, columns = window
-        across = np.arange(columns.start, columns.stop, dtype=np.float32) + np.float32(self.x_px - x)
-        down = np.arange(rows.start, rows.stop, dtype=np.float32) + np.float32(self.y_px - y)
+        (left, top), (corner_x, corner_y) = self.in_block, self.block
+        across = np.arange(left + columns.start, left + columns.stop, dtype=np.float32) + np.float32(corner_x - x)
+        down = np.arange(top + rows.start, top + rows.stop, dtype=np.float32) + np.float32(corner_y - y)
         return across[np.newaxis, :], down[:, np.newaxis]
 
     def local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -7,20 +7,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.scene.canvas import Canvas, Plane
+from sim.scene.canvas import MARGIN_PX, Canvas, Plane
 from sim.scene.layout import plan_sections
 from sim.scene.noise import Stream, make_noise, make_rng
 from sim.scene.objects import paint_boxes, paint_plants
 from sim.scene.surface import paint_parcels, paint_ponds, paint_roads
 
-TILE_PX = 1024
-CACHED_TILES = 48
-"""Number of tiles in the cache, 3 MiB of colours and 2 MiB of heights each."""
+TILE_PX = 512
+"""Of smaller tiles fewer pixels are painted that nobody sees, and more in the margins."""
+CACHED_TILES = 192
+"""Number of tiles in the cache, 768 KiB of colours and 512 KiB of heights each."""
 
 _EDGE = cv2.BORDER_REPLICATE
-_MARGIN_PX = 96
-"""Margin painted around a tile: the longest shadow and the widest edge strip reach so far."""
-
 _SUN, _SKY, _HAZE = (0.74, 0.82, 0.86), (0.21, 0.17, 0.14), (0.050, 0.046, 0.042)
 """Light of the sun and of the sky, and the haze between ground and camera; blue, green, red."""
 
@@ -68,8 +66,8 @@ def _assemble_tiles(part: int, whole: NDArray[Any], seed: int, origin: tuple[int
 @lru_cache(maxsize=CACHED_TILES)
 def _paint_tile(seed: int, column: int, row: int) -> tuple[NDArray[np.uint8], NDArray[np.float16]]:
     """Colours and heights of one tile: painted and lit with its margin, which is then cut off."""
-    x_px, y_px = column * TILE_PX - _MARGIN_PX, row * TILE_PX - _MARGIN_PX
-    size = TILE_PX + 2 * _MARGIN_PX
+    x_px, y_px = column * TILE_PX - MARGIN_PX, row * TILE_PX - MARGIN_PX
+    size = TILE_PX + 2 * MARGIN_PX
     noise = make_noise(seed, x_px, y_px, size, size)
     canvas = Canvas(x_px, y_px, np.empty((3, size, size), np.float32), np.empty((size, size), np.float32), noise)
     sections = plan_sections(seed, x_px, y_px, size, size)
@@ -80,7 +78,7 @@ def _paint_tile(seed: int, column: int, row: int) -> tuple[NDArray[np.uint8], ND
     paint_boxes(canvas, [box for section in sections for box in section.boxes])
     paint_plants(canvas, np.concatenate([section.plants for section in sections]))
     lit = _light(canvas, make_rng(seed, Stream.SUN))
-    inside = slice(_MARGIN_PX, -_MARGIN_PX)
+    inside = slice(MARGIN_PX, -MARGIN_PX)
     colours, heights = lit[inside, inside].copy(), canvas.relief[inside, inside].astype(np.float16)
     for part in (colours, heights):
         part.flags.writeable = False

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 OCTAVES = 9
 """Band k has a lattice of 2**k px: from pixel grain to patches of 256 px."""
 
-_LATTICE_MARGIN = 3
-
 
 class Stream(enum.IntEnum):
     """Purposes of random numbers; each has its own generator."""
@@ -42,15 +40,20 @@ def make_noise(seed: int, x_px: int, y_px: int, width_px: int, height_px: int) -
     bands = np.empty((OCTAVES, height_px, width_px), np.float32)
     for octave, key in enumerate(keys):
         spacing = 1 << octave
-        column, row = x_px // spacing - _LATTICE_MARGIN, y_px // spacing - _LATTICE_MARGIN
-        columns = -(-width_px // spacing) + 1 + 2 * _LATTICE_MARGIN
-        rows = -(-height_px // spacing) + 1 + 2 * _LATTICE_MARGIN
+        column, columns = _find_lattice(x_px, width_px, spacing)
+        row, rows = _find_lattice(y_px, height_px, spacing)
         fine = _lattice(key, column, row, columns, rows)
         if octave > 0:
             fine = cv2.resize(fine, None, fx=spacing, fy=spacing, interpolation=cv2.INTER_CUBIC)
         left, top = x_px - column * spacing, y_px - row * spacing
         bands[octave] = fine[top : top + height_px, left : left + width_px]
     return bands
+
+
+def _find_lattice(start_px: int, size_px: int, spacing_px: int) -> tuple[int, int]:
+    """The first of the lattice points between which pixels are interpolated, and their number."""
+    first, last = ((2 * px + 1 - spacing_px) // (2 * spacing_px) for px in (start_px, start_px + size_px - 1))
+    return first - 1, last - first + 4
 
 
 def _lattice(key: np.uint32, column: int, row: int, columns: int, rows: int) -> NDArray[np.float32]:

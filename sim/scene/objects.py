@@ -80,7 +80,10 @@ def _paint_car(box: Box, u: Plane, v: Plane, noise: Plane) -> tuple[Plane, Plane
 
 def paint_plants(canvas: Canvas, plants: NDArray[np.float64]) -> None:
     """Crowns with lobes and clumps of leaves: domes, cut and roughened by the noise at their position."""
-    for x, y, radius, height, tone in plants.tolist():
+    # Most are far away.
+    from_edge = canvas.local(plants[:, :2]), canvas.relief.shape[::-1] - canvas.local(plants[:, :2])
+    near = np.min(from_edge, axis=(0, 2)) > -1.35 * plants[:, 2] - 2
+    for x, y, radius, height, tone in plants[near].tolist():
         window = canvas.window(x, y, 1.35 * radius)
         if window is None:
             continue

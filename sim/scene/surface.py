@@ -7,10 +7,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.scene.canvas import Canvas, Plane, bgr, lay_over
+from sim.scene.canvas import BLOCK_PX, MARGIN_PX, Canvas, Plane, bgr, lay_over
 from sim.scene.layout import Parcel, Road
 
 _FIXED_POINT_BITS = 4
+_STRIP_PX = 32
+"""Rows that are textured at a time: so few fit into a processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -79,9 +81,12 @@ PAVINGS = {
 def paint_parcels(canvas: Canvas, parcels: Sequence[Parcel]) -> None:
     """Cover the whole canvas with parcels; their edges are ragged and overgrown."""
     height, width = canvas.relief.shape
-    plan = np.zeros((height, width), np.float32)
+    # Of the whole block: OpenCV fills other pixels along an edge that it cuts off.
+    left, top = canvas.in_block
+    plan = np.zeros(np.maximum([top + height, left + width], BLOCK_PX + 2 * MARGIN_PX), np.float32)
     for index, parcel in enumerate(parcels):
-        cv2.fillPoly(plan, [np.rint(canvas.local(parcel.outline)).astype(np.int32)], float(index))
+        cv2.fillPoly(plan, [np.rint(parcel.outline - canvas.block).astype(np.int32)], float(index))
+    plan = plan[top : top + height, left : left + width]
     noise = canvas.noise
     columns = np.arange(width, dtype=np.float32)[np.newaxis, :]
     rows = np.arange(height, dtype=np.float32)[:, np.newaxis]
@@ -89,11 +94,13 @@ def paint_parcels(canvas: Canvas, parcels: Sequence[Parcel]) -> None:
     plan = cv2.remap(plan, *source, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
     table = np.array([_tabulate_parcel(parcel) for parcel in parcels], np.float32)
     labels = plan.astype(np.int32)
-    tone, share = _texture_parcels(canvas, table[:, 6:], labels, columns, rows)
-    for channel in range(3):
-        first = np.take(table[:, channel], labels, mode="clip")
-        second = np.take(table[:, 3 + channel], labels, mode="clip")
-        canvas.reflectance[channel] = (first + (second - first) * share) * tone
+    for start in range(0, height, _STRIP_PX):
+        strip = slice(start, start + _STRIP_PX)
+        tone, share = _texture_parcels(canvas, strip, table[:, 6:], labels[strip])
+        for channel in range(3):
+            first = np.take(table[:, channel], labels[strip], mode="clip")
+            second = np.take(table[:, 3 + channel], labels[strip], mode="clip")
+            canvas.reflectance[channel, strip] = (first + (second - first) * share) * tone
     _grow_over_edges(canvas, labels)
 
 
@@ -108,11 +115,11 @@ def _tabulate_parcel(parcel: Parcel) -> tuple[float, ...]:
     return (*first, *second, *direction, rng.uniform(0, 1000), *astuple(cover)[2:])
 
 
-def _texture_parcels(
-    canvas: Canvas, table: Plane, labels: NDArray[np.int32], columns: Plane, rows: Plane
-) -> tuple[Plane, Plane]:
-    """Paint the micro-relief, and return brightness and share of the second colour at each pixel."""
-    noise = canvas.noise
+def _texture_parcels(canvas: Canvas, strip: slice, table: Plane, labels: NDArray[np.int32]) -> tuple[Plane, Plane]:
+    """Paint the micro-relief of a strip, and return brightness and share of the second colour at each of its pixels."""
+    noise = canvas.noise[:, strip]
+    rows = np.arange(strip.start, strip.start + len(labels), dtype=np.float32)[:, np.newaxis]
+    columns = np.arange(labels.shape[1], dtype=np.float32)[np.newaxis, :]
     cos, sin, offset, period, contrast, row_relief, grain, tufts, patches, roughness, tramline = (
         np.take(column, labels, mode="clip") for column in table.T
     )
@@ -124,7 +131,7 @@ def _texture_parcels(
     from_track = np.abs(np.mod(across, np.maximum(tramline, 1)) - 9)
     tracks = (tramline > 0) * np.clip(2.2 - np.abs(from_track - 6), 0, 1) * (0.7 + 0.3 * noise[3])
     tone = (1 + contrast * ridges + grain * fine + tufts * coarse) * (1 - 0.2 * tracks)
-    canvas.relief[:] = row_relief * (ridges - tracks) + roughness * (0.7 * fine + 0.7 * coarse)
+    canvas.relief[strip] = row_relief * (ridges - tracks) + roughness * (0.7 * fine + 0.7 * coarse)
     return np.maximum(tone, 0.1), np.clip(0.45 + 0.7 * patches * (wide + 0.15 * coarse) + 0.5 * tracks, 0, 1)
 
 
@@ -135,7 +142,7 @@ def _grow_over_edges(canvas: Canvas, labels: NDArray[np.int32]) -> None:
     inside[:, :-1] &= labels[:, :-1] == labels[:, 1:]
     distance = cv2.distanceTransform(inside, cv2.DIST_L2, 3)
     near = np.nonzero(distance < 16)
-    noise = canvas.noise[:, near[0], near[1]]
+    noise = canvas.noise[:7, near[0], near[1]]
     strip = np.clip((6 + 2.5 * noise[5] + 2 * noise[3] - distance[near]) / 2, 0, 1) * 0.85
     grass = _GRASS[..., 0] * (1 + 0.14 * noise[0] + 0.12 * noise[2] + 0.12 * noise[4] + 0.15 * noise[6])
     _lay_over_at(canvas, near, grass, strip)
@@ -184,7 +191,7 @@ def paint_roads(canvas: Canvas, roads: Sequence[Road]) -> None:
 
 def _pave(canvas: Canvas, paving: Paving, aside: Plane) -> None:
     near = np.nonzero(aside < 2)
-    noise, aside = canvas.noise[:, near[0], near[1]], aside[near]
+    noise, aside = canvas.noise[:7, near[0], near[1]], aside[near]
     verge = np.clip((1.4 + 0.2 * noise[4] + 0.2 * noise[5] - aside) * 5, 0, 0.6)
     roadway = np.clip((1 + 0.02 * noise[3] + 0.03 * noise[5] - aside) * 12, 0, 1)
     wheels = np.exp(-(((aside - 0.5) / 0.16) ** 2))

@@ -62,8 +62,8 @@ def test_tiling_leaves_no_trace(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def draw_scenes() -> dict[str, NDArray[np.generic]]:
-    """A picture for each kind of scene; the tile of the ground has nearly every use of land and everything on it."""
-    tile = 8, ground.TILE_PX, ground.TILE_PX, (ground.TILE_PX, -5 * ground.TILE_PX)
+    """A picture for each kind of scene; the part of the ground has nearly every use of land and everything on it."""
+    tile = 8, 1024, 1024, (1024, -5 * 1024)
     film = make_pursuit(9, 41, (160, 120), bridge=True).images
     turning = make_lawnmower(9, 9, (160, 120), k1=-0.1, balance_sigma=0.1, relief=True, terrain="dunes").images
     lands = [render_terrain(name, 700, 700, (-300, -500)) for name in TERRAINS]
