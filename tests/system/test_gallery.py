@@ -15,13 +15,13 @@ import pytest
 from playwright.sync_api import Browser, Page
 from typer.testing import CliRunner
 
+from bench.pair_sets import write_set
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.feature.orientation import SECTORS
 from golden_model.matching.fuzzy import ONE
 from golden_model.matching.rule_bases import aerial
 from sim.scene import Flight, make_pair
 from skymosaic.cli.commands import COMMANDS, app
-from skymosaic.evaluation.known_pairs import COLUMNS
 from skymosaic.features.positions import feature_points, match_points
 from skymosaic.flight.check import check_flight
 from skymosaic.flight.mapping.place import MapPlace
@@ -109,11 +109,8 @@ def pair(written: Path) -> Pair:
 def thesis(written: Path) -> None:
     """The page of the thesis as the command writes it, of one pair."""
     pair, data = make_pair(seed=5, size=(400, 300)), written / "<rendered>"
-    data.mkdir()
-    for side, image in zip(("left", "right"), pair.images, strict=True):
-        cv2.imwrite(str(data / f"{side}.png"), image)
-    values = ",".join(map(repr, pair.homography_between(0, 1).ravel().tolist()))
-    (data / "pairs.csv").write_text(f"{','.join(COLUMNS)}\nonly,real,left.png,right.png,{values}\n")
+    left, right = pair.images
+    write_set(data, [("only", "real", left, right, pair.homography_between(0, 1))])
     result = CliRunner().invoke(app, ["thesis", "--data", str(data), "-o", str(written / "thesis")])
     assert result.exit_code == 0, result.output
     assert {path.name for path in (written / "thesis").iterdir()} == {"index.html", "measurements.csv"}

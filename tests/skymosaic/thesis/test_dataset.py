@@ -1,22 +1,18 @@
 import dataclasses
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
+from bench.pair_sets import write_set
 from skymosaic.common.errors import InputError
-from skymosaic.evaluation.known_pairs import COLUMNS
 from skymosaic.thesis.dataset import DatasetPair, list_sources
 
 
 def test_photographs_are_reduced_and_their_truth_with_them(tmp_path: Path, pair: DatasetPair) -> None:
     grow = np.array([[2, 0, 0.5], [0, 2, 0.5], [0, 0, 1]])
-    for side, image in (("left", pair.left), ("right", pair.right)):
-        cv2.imwrite(str(tmp_path / f"{side}.png"), np.repeat(np.repeat(image, 2, axis=0), 2, axis=1))
-    truth = grow @ pair.truth @ np.linalg.inv(grow)
-    values = ",".join(map(repr, (truth / truth[2, 2]).ravel().tolist()))
-    (tmp_path / "pairs.csv").write_text(f"{','.join(COLUMNS)}\nbig,real,left.png,right.png,{values}\n")
+    left, right = (np.repeat(np.repeat(image, 2, axis=0), 2, axis=1) for image in (pair.left, pair.right))
+    write_set(tmp_path, [("big", "real", left, right, grow @ pair.truth @ np.linalg.inv(grow))])
     (source,) = list_sources(tmp_path)
     read = source()
     assert read.sizes == pair.sizes
