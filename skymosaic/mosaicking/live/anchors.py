@@ -4,16 +4,16 @@ What has been painted stays where it is, so the canvas must keep its place while
 """
 
 import contextlib
+from functools import partial
 
 import numpy as np
 
 from golden_model.arrays import Array, Matrix, Records
 from golden_model.config import Config
 from skymosaic.compositing.warp import Canvas, CanvasError
-from skymosaic.flight.linking.links import Link, link_views
 from skymosaic.geometry.homography import apply, estimate, rescale
 from skymosaic.imagery.exif import Metadata
-from skymosaic.mosaicking.live.submap import Frame, Submap, likely_neighbours
+from skymosaic.mosaicking.live.submap import Frame, Submap, likely_neighbours, link_by_features
 
 MIN_FRAMES = 4
 """The layout of fewer does not tell how the first one is tilted, so the canvas would be as oblique as that."""
@@ -34,9 +34,8 @@ class Anchors:
         self._size_px = size_px
         # Without pixels, nothing tells whether it is the ground that agrees.
         self._black = np.zeros(size_px[::-1], np.uint8)
-        self._config = config
         # A frame is an anchor as it is placed. Levelled ones are off by pixels until the next layout.
-        self._submap = Submap(self._link, levelling=())
+        self._submap = Submap(partial(link_by_features, config=config, seed=0), levelling=())
         self._to_canvas: Array | None = None
 
     def add(self, number: int, features: Records) -> Matrix | None:
@@ -86,8 +85,3 @@ class Anchors:
             if (placement := self._submap.register(frame, other)) is not None:
                 return frame.moved(placement.transform)
         return None
-
-    def _link(self, left: Frame, right: Frame) -> Link:
-        sights = left.sight, right.sight
-        pair = left.number, right.number
-        return link_views(pair, left.features, right.features, config=self._config, seed=0, sights=sights)

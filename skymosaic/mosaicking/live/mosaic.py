@@ -40,7 +40,7 @@ from skymosaic.mosaicking.live.composing import flight_of_frames
 from skymosaic.mosaicking.live.kept_frames import FullError, KeptFrames
 from skymosaic.mosaicking.live.preview import paint_preview
 from skymosaic.mosaicking.live.record_chain import RecordChain
-from skymosaic.mosaicking.live.submap import Frame, Placement, Submap, likely_neighbours
+from skymosaic.mosaicking.live.submap import Frame, Placement, Submap, likely_neighbours, link_by_features
 from skymosaic.mosaicking.live.update import LiveUpdate
 from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
@@ -253,13 +253,9 @@ class LiveMosaic:
         return max(self._submaps, key=lambda submap: len(submap.frames), default=Submap(self._link))
 
     def _link(self, left: Frame, right: Frame) -> Link:
-        pair = left.number, right.number
         if self._chain:
-            return self._chain.link(pair)
-        sights = left.sight, right.sight
-        link = link_views(
-            pair, left.features, right.features, config=self._config, seed=self._options.seed, sights=sights
-        )
+            return self._chain.link((left.number, right.number))
+        link = link_by_features(left, right, self._config, self._options.seed)
         self.left_out_moving |= link.moves_with_camera
         if link.moves_with_camera and not link.holds and left.thumbnail.shape == right.thumbnail.shape:
             return self._link_without_pattern(left, right)

@@ -13,12 +13,13 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Float32, Pixels, Records
+from golden_model.config import Config
 from skymosaic.compositing.warp import Canvas, CanvasError, footprint
 from skymosaic.flight.candidates import MIN_VOTES, MOST_SIMILAR
 from skymosaic.flight.layout.adjustment import MODELS, Network, Ties
 from skymosaic.flight.layout.linked_group import LinkedGroup, normalisation
 from skymosaic.flight.layout.motions import shapes
-from skymosaic.flight.linking.links import TIE_PX, Link
+from skymosaic.flight.linking.links import TIE_PX, Link, link_views
 from skymosaic.flight.linking.resemblance import compact, count_votes
 from skymosaic.geometry.ground import Sight
 from skymosaic.geometry.homography import apply, estimate, rescale
@@ -200,6 +201,12 @@ class Submap:
                 break
             chosen.append(best)
         return chosen[1:]
+
+
+def link_by_features(left: Frame, right: Frame, config: Config, seed: int) -> Link:
+    """Link two frames by their features, and see whether it is the ground that agrees."""
+    pair, sights = (left.number, right.number), (left.sight, right.sight)
+    return link_views(pair, left.features, right.features, config=config, seed=seed, sights=sights)
 
 
 def likely_neighbours(frame: Frame, placed: Iterable[Frame]) -> Iterator[Frame]:
