@@ -73,7 +73,8 @@ class Painter:
     @property
     def picture(self) -> NDArray[np.uint8]:
         """The canvas (H, W, 4), row by row."""
-        return join_tiles(self.memory)
+        rows, columns = self.memory.shape[:2]
+        return self.memory.swapaxes(1, 2).reshape(rows * TILE_PX, columns * TILE_PX, 4)
 
     def paint(self, frame: Pixels, pose: NDArray[np.int64]) -> Counts:
         """Paint a frame.
@@ -124,9 +125,3 @@ class Painter:
             weights = np.zeros_like(weights)
         self.memory[place] = blend(self.memory[place], colours, weights, replace=self.replace)
         self._least[place] = self.memory[place][..., 3].min()
-
-
-def join_tiles(memory: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Put tiles (rows, columns, 32, 32, 4) beside each other: (H, W, 4), row by row."""
-    rows, columns = memory.shape[:2]
-    return memory.swapaxes(1, 2).reshape(rows * TILE_PX, columns * TILE_PX, memory.shape[-1])

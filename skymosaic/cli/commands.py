@@ -45,8 +45,14 @@ class _Commands(TyperGroup):
 
 
 def _import_command(name: str, before: dict[str, bool]) -> Any:
-    # Before the command's module, which would fail with a traceback.
-    _check_opencv()
+    # A package that pulls in another build of OpenCV overwrites ours, and pip does not notice. Here, before the
+    # command's module, which would fail with a traceback.
+    cv2 = importlib.import_module("cv2")
+    if not hasattr(cv2, "xfeatures2d"):
+        raise InputError(
+            f"OpenCV {cv2.__version__} lacks its contrib modules: another package replaced it; run "
+            "pip install --force-reinstall --no-deps opencv-contrib-python-headless"
+        )
     made = typer.Typer(add_completion=False, pretty_exceptions_enable=False, help=COMMANDS[name])
     functions = import_functions(name, before)
     for words, function in functions.items():
@@ -130,13 +136,3 @@ def _describe_usage(error: typer.TyperException) -> str:
     context = getattr(error, "ctx", None)
     command = context.command_path if context else "skymosaic"
     return f"{' '.join(error.format_message().split()).rstrip('.')}; run {command} --help"
-
-
-def _check_opencv() -> None:
-    """A package that pulls in another build of OpenCV overwrites ours, and pip does not notice."""
-    cv2 = importlib.import_module("cv2")
-    if not hasattr(cv2, "xfeatures2d"):
-        raise InputError(
-            f"OpenCV {cv2.__version__} lacks its contrib modules: another package replaced it; run "
-            "pip install --force-reinstall --no-deps opencv-contrib-python-headless"
-        )

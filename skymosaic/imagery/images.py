@@ -3,9 +3,8 @@
 import contextlib
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Self
 
 import cv2
 import numpy as np
@@ -44,10 +43,6 @@ class Photograph:
     """Values of a file of more than 8 bits, from `skymosaic.imagery.depth.sample_values`; else empty."""
     visible: Pixels | None = None
     """0 where the file has no data or is transparent, else 255, (H, W); None: 255 everywhere."""
-
-    def with_note(self, note: str) -> Self:
-        """This photograph with one more note."""
-        return replace(self, notes=(*self.notes, note))
 
     @property
     def size(self) -> tuple[int, int]:

@@ -21,10 +21,14 @@ def describe_in_html(text: str, picture: Pixels | None = None) -> str:
     paragraph = f"<p>{html.escape(text)}</p>"
     if picture is None:
         return paragraph
-    small, _ = reduce_to_width(picture, WIDTH_PX)
+    return f'{paragraph}<img alt="{html.escape(text)}" src="{jpeg_address(picture, WIDTH_PX)}">'
+
+
+def jpeg_address(picture: Pixels, width_px: int) -> str:
+    """A picture, reduced to a width, as a data URL, so that a page needs no other file."""
+    small, _ = reduce_to_width(picture, width_px)
     _, encoded = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    data = base64.b64encode(encoded.tobytes()).decode()
-    return f'{paragraph}<img alt="{html.escape(text)}" src="data:image/jpeg;base64,{data}">'
+    return f"data:image/jpeg;base64,{base64.b64encode(encoded.tobytes()).decode()}"
 
 
 def draw_lines(pictures: tuple[Pixels, Pixels], points: tuple[Points, Points]) -> Pixels:

@@ -241,10 +241,7 @@ class Session:
         assert self.mosaic_result is not None
         result = self.mosaic_result
         paths = tuple(result.paths[name] for name in result.pair_names)
-
-        def accept(compared: HardwareResult) -> None:
-            self.hardware_result = compared
-
+        accept = partial(setattr, self, "hardware_result")
         task, title = mosaic_tasks.compare_hardware, "Comparing with the golden model"
         self._start(title, accept, task, result.folder, paths, result.options, backend)
 

@@ -189,7 +189,7 @@ def _register_without_pattern(pair: Pair, options: RegistrationOptions, lens: Le
     found = dataclasses.replace(
         again,
         left=pair.left,
-        right=pair.right.with_note(MOVES_WITH_CAMERA),
+        right=dataclasses.replace(pair.right, notes=(*pair.right.notes, MOVES_WITH_CAMERA)),
         to_original=to_original,
         working=(left, right),
         homography=map_to_originals(again.homography, to_original),

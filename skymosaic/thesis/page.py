@@ -4,12 +4,10 @@ import base64
 from collections import Counter
 from collections.abc import Iterable
 
-import cv2
-
 from golden_model.arrays import Pixels
 from skymosaic.fuzzy.plots import draw_system
 from skymosaic.fuzzy.plotted_systems import PLOTTED_SYSTEMS
-from skymosaic.imagery.images import reduce_to_width
+from skymosaic.imagery.notebook import jpeg_address
 from skymosaic.reports.pages import render
 from skymosaic.thesis import charts, tables
 from skymosaic.thesis.corners import CORNERS, QUALITY_TARGET
@@ -18,7 +16,6 @@ from skymosaic.thesis.measurements import Measurements
 from skymosaic.thesis.rejection import KEY_POINTS
 
 PICTURE_WIDTH_PX = 1200
-JPEG_QUALITY = 85
 SYSTEMS = ("correlation", "ilbp", "ransac")
 """Fuzzy systems that the page shows."""
 
@@ -45,15 +42,10 @@ def compose_page(m: Measurements, source: str, pictures: Iterable[tuple[str, Pix
             (system.title, _embed(draw_system(system), "png")) for system in (PLOTTED_SYSTEMS[name] for name in SYSTEMS)
         ],
         pair=pair,
-        pictures=[(caption, _embed(_encode_jpeg(picture), "jpeg")) for caption, picture in pictures],
+        pictures=[(caption, jpeg_address(picture, PICTURE_WIDTH_PX)) for caption, picture in pictures],
     )
 
 
 def _embed(picture: bytes, kind: str) -> str:
     """Turn a picture into a data URL, so that the page needs no other file."""
     return f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"
-
-
-def _encode_jpeg(picture: Pixels) -> bytes:
-    narrow, _ = reduce_to_width(picture, PICTURE_WIDTH_PX)
-    return bytes(cv2.imencode(".jpg", narrow, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[1].tobytes())

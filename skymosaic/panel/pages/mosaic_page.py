@@ -102,7 +102,14 @@ class ResultTabs:
                     ui.label("Make the mosaic first.").classes("hint empty")
             return
         with self._result_panels["Matches"]:
-            self._build_pair_select(result)
+            # Two photographs have only one pair.
+            if result.links:
+                titles = {(left, right): f"{left} and {right}, {count} inliers" for left, right, count in result.links}
+                with ui.element("div").classes("bar"):
+                    select = ui.select(titles, label="Pair of the flight", value=result.pair_names)
+                    select.props("outlined dense options-dense").classes("pair-select")
+                    look = ui.button("Look at it", on_click=lambda: self._session.look_at_pair(select.value))
+                    enable_while_idle(look.props("outline no-caps"), self._session)
             edit = self._session.rules_edit
             matches = MatchesTab(edit.pair if edit else result.pair, result.working)
             self._editor = RulesEditor(self._session, matches) if edit else None
@@ -112,16 +119,6 @@ class ResultTabs:
             build_numbers_tab(result)
         with self._result_panels["Hardware"]:
             self._hardware = HardwareTab(self._session, result)
-
-    def _build_pair_select(self, result: MosaicResult) -> None:
-        """Build the choice among a flight's linked pairs; two photographs have only one pair."""
-        if result.links:
-            titles = {(left, right): f"{left} and {right}, {inliers} inliers" for left, right, inliers in result.links}
-            with ui.element("div").classes("bar"):
-                select = ui.select(titles, label="Pair of the flight", value=result.pair_names)
-                select.props("outlined dense options-dense").classes("pair-select")
-                look = ui.button("Look at it", on_click=lambda: self._session.look_at_pair(select.value))
-                enable_while_idle(look.props("outline no-caps"), self._session)
 
     def _build_welcome(self) -> None:
         ui.html("Two overlapping photographs in, one mosaic out", tag="h2", sanitize=False)

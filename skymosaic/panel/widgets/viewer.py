@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
 from nicegui import ui
-from nicegui.events import GenericEventArguments
 
 from skymosaic.panel.results import Picture
 
@@ -48,8 +47,4 @@ class Viewer(ui.element, component="viewer.js"):
 
     def on_pointer(self, event: str, handler: Callable[[Pointer], None]) -> None:
         """Call ``handler`` on "hover" (at most 25 times per second) or "pick" (a click without dragging)."""
-
-        def handle(arguments: GenericEventArguments) -> None:
-            handler(Pointer(*(float(arguments.args[name]) for name in ("x", "y", "scale"))))
-
-        self.on(event, handle)
+        self.on(event, lambda sent: handler(Pointer(*(float(sent.args[name]) for name in ("x", "y", "scale")))))
