@@ -132,11 +132,9 @@ class Cluster:
     def _await_workers(self, kind: type[Exception], advice: str) -> None:
         """Wait for a worker as long as Dask's setting allows, and say so."""
         deadline = time.monotonic() + self._limit_s
-        told = False
+        if not self.threads:
+            self._tell(f"{self._name} has no worker; waiting {self._limit_s:g} s for one")
         while not self.threads:
-            if not told:
-                self._tell(f"{self._name} has no worker; waiting {self._limit_s:g} s for one")
-                told = True
             if time.monotonic() > deadline:
                 raise kind(f"{self._name}: no worker within {self._limit_s:g} s; {advice}")
             time.sleep(POLL_SECONDS / 5)
