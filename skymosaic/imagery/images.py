@@ -22,8 +22,6 @@ from skymosaic.imagery.patterns import only_match
 
 Image = str | Path | Pixels
 """A photograph as users give it."""
-FIRST_PAGE = "only the first"
-"""How the note about a TIFF with several pages begins."""
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 
 
@@ -43,6 +41,8 @@ class Photograph:
     """Values of a file of more than 8 bits, from `skymosaic.imagery.depth.sample_values`; else empty."""
     visible: Pixels | None = None
     """0 where the file has no data or is transparent, else 255, (H, W); None: 255 everywhere."""
+    paged: str = ""
+    """The note that only one of the file's pages is read, which is among the others, too; empty for one page."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -102,17 +102,17 @@ def check_given(source: Image, name: str) -> None:
 def _read(path: Path, *, keep_damaged: bool, min_side_px: int) -> Photograph:
     header = read_header(path, min_side_px)
     decoded, visible, damage = decode(path, header, keep_damaged=keep_damaged)
-    turned = ("turned upright by its EXIF orientation",) if header.orientation != UPRIGHT else ()
-    hidden = () if visible is None else (f"{np.mean(visible == 0):.1%} has no data or is transparent, and no ground",)
-    paged = (f"{FIRST_PAGE} of {header.pages} pages is read",) if header.pages > 1 else ()
-    kept = (f"kept although {damage.removeprefix(f'{path}: ')}",) if damage else ()
+    turned = "turned upright by its EXIF orientation" if header.orientation != UPRIGHT else ""
+    hidden = "" if visible is None else f"{np.mean(visible == 0):.1%} has no data or is transparent, and no ground"
+    paged = f"only the first of {header.pages} pages is read" if header.pages > 1 else ""
+    kept = f"kept although {damage.removeprefix(f'{path}: ')}" if damage else ""
     if decoded.dtype == np.uint8:
-        pixels = decoded.astype(np.uint8, copy=False)
-        return Photograph(str(path), pixels, turned + hidden + paged + kept, visible=visible)
+        notes = tuple(filter(None, (turned, hidden, paged, kept)))
+        return Photograph(str(path), decoded.astype(np.uint8, copy=False), notes, visible=visible, paged=paged)
     values = measure_range(decoded, str(path))
-    mapping = (f"{decoded.dtype}: {values.low:g}..{values.high:g} mapped to 0..255",)
-    notes = turned + hidden + paged + mapping + kept
-    return Photograph(str(path), values.to_8_bit(decoded), notes, values, sample_values(decoded), visible)
+    mapping = f"{decoded.dtype}: {values.low:g}..{values.high:g} mapped to 0..255"
+    notes = tuple(filter(None, (turned, hidden, paged, mapping, kept)))
+    return Photograph(str(path), values.to_8_bit(decoded), notes, values, sample_values(decoded), visible, paged)
 
 
 def load_intensities(

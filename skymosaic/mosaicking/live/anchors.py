@@ -51,7 +51,9 @@ class Anchors:
         # What a ring gives is overwritten later.
         features = features.copy()
         frame = Frame(number, self._size_px, features, own, own, name, Metadata(), self._black, own)
-        placed = self._register(frame) if self._submap.frames else frame
+        near = likely_neighbours(frame, self._submap.frames.values())
+        found = (self._submap.register(frame, other) for other in near)
+        placed = next((frame.moved(each.transform) for each in found if each), None) if self._submap.frames else frame
         if placed is None:
             return None
         # A frame that would look behind the camera is in no mosaic.
@@ -79,9 +81,3 @@ class Anchors:
         """Corners of all frames in the submap's reference frame, (N, 2)."""
         corners = Canvas(0, 0, *self._size_px).corners
         return np.concatenate([apply(frame.transform, corners) for frame in self._submap.frames.values()])
-
-    def _register(self, frame: Frame) -> Frame | None:
-        for other in likely_neighbours(frame, self._submap.frames.values()):
-            if (placement := self._submap.register(frame, other)) is not None:
-                return frame.moved(placement.transform)
-        return None

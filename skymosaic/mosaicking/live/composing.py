@@ -29,34 +29,32 @@ def flight_of_frames(
     RegistrationError
         If no frame can be read.
     """
-    sources: dict[int, Source] = {}
+    calls: list[tuple[Source, Frame, Settings]] = []
     left_out: dict[int, str] = {}
     for frame in frames:
         try:
-            sources[frame.number] = kept.read(frame.number)
+            calls.append((kept.read(frame.number), frame, settings))
         except InputError as error:
             left_out[frame.number] = str(error)
-    calls = [(sources[frame.number], frame, settings) for frame in frames if frame.number in sources]
-    views: list[View] = []
-    row: dict[int, int] = {}
-    for (_, frame, _), view in zip(calls, workers.run("frames", _view, calls), strict=True):
+    sources, views, row = list[Source](), list[View](), dict[int, int]()
+    for (source, frame, _), view in zip(calls, workers.run("frames", _view, calls), strict=True):
         if isinstance(view, str):
             left_out[frame.number] = view
             continue
         row[frame.number] = len(views)
+        sources.append(source)
         views.append(replace(view, taken=frame.taken))
     if not views:
         raise RegistrationError(f"none of the {len(frames)} frames can be read again: {next(iter(left_out.values()))}")
     inside = [(row[link.left], row[link.right], link) for link in links if link.left in row and link.right in row]
     between = {(left, right): replace(link, left=left, right=right) for left, right, link in inside}
     layouts, alone = lay_out_all(views, groups(len(views), valid_links(between)), between, lambda _layout: {})
-    numbers = list(row)
     for index, reason in alone.items():
         unlinked = "what linked it was left out" if between else "nothing links it to the others"
-        left_out[numbers[index]] = f"{views[index].name}: {reason or unlinked}"
+        left_out[sources[index].index] = f"{views[index].name}: {reason or unlinked}"
     flight = Flight(
         names=tuple(frame.name for frame in frames),
-        sources=tuple(sources[number] for number in numbers),
+        sources=tuple(sources),
         views=tuple(views),
         links=tuple(between.values()),
         layouts=tuple(layouts),

@@ -43,7 +43,7 @@ from skymosaic.mosaicking.live.record_chain import RecordChain
 from skymosaic.mosaicking.live.submap import Frame, Placement, Submap, likely_neighbours, link_by_features
 from skymosaic.mosaicking.live.update import LiveUpdate
 from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
-from skymosaic.mosaicking.plan import MosaicPlan
+from skymosaic.mosaicking.plan import MosaicPlan, tell_pages
 from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.running.workers import Workers
 
@@ -238,6 +238,7 @@ class LiveMosaic:
             flight = flight_of_frames(frames, self._mosaic.links, self._kept, options.flight_settings(), workers)
             plan = MosaicPlan(flight.sources, options, workers, tell)
             plan.flight = flight
+            tell_pages(flight, tell)
             try:
                 yield plan
             finally:

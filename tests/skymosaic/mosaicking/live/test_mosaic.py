@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import rasterio
 from numpy.typing import NDArray
+from PIL import Image as PillowImage
 
 from golden_model.config import preset_config
 from sim.backends.interface import load_backend
@@ -88,6 +89,16 @@ def test_the_final_adjustment_brings_all_frames_within_a_third_of_a_pixel(
     )
     aligned = apply(estimate(found, true, model="similarity"), found)
     assert np.linalg.norm(aligned - true, axis=1).mean() < 0.3
+
+
+def test_pages_that_are_not_read_are_told_once(frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
+    for number, frame in enumerate(frames[:2]):
+        page = PillowImage.fromarray(frame)
+        page.save(tmp_path / f"{number}.tif", save_all=True, append_images=[page])
+    live, told = LiveMosaic(config=CONFIG), list[str]()
+    live.extend(tmp_path)
+    with live.open_plan(told.append):
+        assert told == [f"note {tmp_path / '0.tif'}: only the first of 2 pages is read (2 such files)"]
 
 
 @pytest.mark.slow
