@@ -132,9 +132,7 @@ class FrontEndConfig:
     @property
     def response_support_px(self) -> int:
         """Largest distance in x or y of a gray pixel that a response depends on."""
-        if self.detector == "fast":
-            return 3
-        return int(self.smoothed_gradients) + 1 + self.tensor_window_px // 2
+        return 3 if self.detector == "fast" else int(self.smoothed_gradients) + 1 + self.tensor_window_px // 2
 
     @property
     def min_border_px(self) -> int:

@@ -40,9 +40,7 @@ from skymosaic.reports.summary import describe_mosaic
 
 def _list_groups(output: Path | None, typed: Typed) -> list[Path]:
     """An output, and those of further groups that exist."""
-    if output is None:
-        return []
-    return [output, *(list_numbered(output) if typed["all_groups"] else ())]
+    return [] if output is None else [output, *(list_numbered(output) if typed["all_groups"] else ())]
 
 
 @with_options

@@ -136,19 +136,15 @@ def _with_known_revision(data: bytes) -> bytes:
     return data[: match.end()] + b"\x01" + data[match.end() + 1 :]
 
 
-def _decode(data: bytes) -> NDArray[np.uint8]:
+def _decode(data: bytes, *, strict: bool = True) -> NDArray[np.uint8]:
     """Decode the stored pixels; ValueError for every warning of libjpeg that is not harmless."""
     try:
-        return _decode_by_libjpeg(data, strict=True)
+        _, _, colours, _ = simplejpeg.decode_jpeg_header(data, strict=strict)
+        pixels = simplejpeg.decode_jpeg(data, "GRAY" if colours == "Gray" else "BGR", strict=strict)
     except ValueError as error:
-        if _HARMLESS not in str(error):
+        if not strict or _HARMLESS not in str(error):
             raise
-        return _decode_by_libjpeg(data, strict=False)
-
-
-def _decode_by_libjpeg(data: bytes, *, strict: bool) -> NDArray[np.uint8]:
-    _, _, colours, _ = simplejpeg.decode_jpeg_header(data, strict=strict)
-    pixels = simplejpeg.decode_jpeg(data, "GRAY" if colours == "Gray" else "BGR", strict=strict)
+        return _decode(data, strict=False)
     if colours in ("CMYK", "YCCK"):
         # There is no standard for CMYK in BGR; mosaics have always had OpenCV's conversion.
         flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION

@@ -39,9 +39,8 @@ def measure_windows(pair: DatasetPair) -> Iterator[Line]:
         seconds = clock.lap("matching")
         matches = match_by_correlation(left, right)
         yield "IV-2", str(size_px), _count_good(pair, matches, seconds)
-        yield measure_stage(
-            f"fuzzy correlation, {size_px}x{size_px}", pair, match_points(matches), _kept_by_rules(matches)
-        )
+        kept = np.asarray(matches["verdict"] == 1)
+        yield measure_stage(f"fuzzy correlation, {size_px}x{size_px}", pair, match_points(matches), kept)
 
 
 def measure_rings(pair: DatasetPair) -> Iterator[Line]:
@@ -53,11 +52,8 @@ def measure_rings(pair: DatasetPair) -> Iterator[Line]:
         matches = match(features[0], features[1], PATTERNS[name], FUZZY_ILBP)
         seconds = clock.lap("matching")
         yield "IV-3", str(rings), _count_good(pair, matches, seconds)
-        yield measure_stage(f"fuzzy ILBP, N = {rings}", pair, match_points(matches), _kept_by_rules(matches))
-
-
-def _kept_by_rules(matches: Records) -> Mask:
-    return np.asarray(matches["verdict"] == 1)
+        kept = np.asarray(matches["verdict"] == 1)
+        yield measure_stage(f"fuzzy ILBP, N = {rings}", pair, match_points(matches), kept)
 
 
 def _count_good(pair: DatasetPair, matches: Records, seconds: float) -> dict[str, float]:

@@ -73,7 +73,8 @@ def measure_turn(cameras: Sequence[Camera], to_map: Matrix, place: Points, crs: 
     ``to_map`` takes the reference frame of their layout to metres. ``place`` (2,) is where they are, m: there, true
     north is up to 3 degrees from the north of a UTM zone.
     """
-    north_deg = _true_north_deg(place, crs)
+    north = reproject(map_to_globe(place, crs) + np.array([0, 1e-3]), "EPSG:4326", crs)[0]
+    north_deg = np.degrees(np.arctan2(*(north - place)))
     differences = []
     for camera in cameras:
         if camera.taken.yaw_deg is None:
@@ -87,12 +88,6 @@ def measure_turn(cameras: Sequence[Camera], to_map: Matrix, place: Points, crs: 
     # Around their mean direction, because +178 and -179 degrees lie three degrees apart.
     mean_deg = np.degrees(np.angle(np.exp(1j * np.radians(differences)).mean()))
     return float(_shorter_turn_deg(mean_deg + np.median(_shorter_turn_deg(np.array(differences) - mean_deg))))
-
-
-def _true_north_deg(place: Points, crs: str) -> float:
-    """Direction of true north on the map, clockwise: in degrees."""
-    north = reproject(map_to_globe(place, crs) + np.array([0, 1e-3]), "EPSG:4326", crs)[0]
-    return float(np.degrees(np.arctan2(*(north - place))))
 
 
 def _shorter_turn_deg(turn_deg: Array) -> Array:
