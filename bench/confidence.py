@@ -27,7 +27,15 @@ from skymosaic import register
 from skymosaic.evaluation.known_pairs import read_pairs
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.geometry.homography import transfer_error
-from skymosaic.registration.confidence import COEFFICIENTS, GOOD_PX, INTERCEPT, POOR_PX, Confidence, measure_inputs
+from skymosaic.registration.confidence import (
+    COEFFICIENTS,
+    GOOD_PX,
+    INTERCEPT,
+    POOR_PX,
+    SURE_CORRELATION,
+    Confidence,
+    measure_inputs,
+)
 from skymosaic.registration.pair import Pair
 
 MIN_ERROR_PX = 0.3
@@ -123,6 +131,8 @@ def main(
     for title, pairs in (("relief, fitted to", rendered), ("fitted to", flat)):
         report(f"{title}: {len(pairs)} accepted pairs", verdict_rows(pairs))
     report(f"test: {len(unseen)} accepted pairs", verdict_rows(unseen), json_file)
+    sure = [pair.error_px for pair in (*rendered, *flat, *unseen) if pair.said.correlation >= SURE_CORRELATION]
+    print(f"overlaps that correlate by {SURE_CORRELATION}: {len(sure)}, errors up to {max(sure, default=0):.1f} px")
     values = np.array([pair.measures for pair in unseen])
     predictions = {
         "fitted now": np.exp(values @ coefficients + intercept),

@@ -20,6 +20,8 @@ from sim.backends.interface import Backend
 from skymosaic.features.positions import feature_points, match_points, raw_positions
 from skymosaic.geometry.homography import apply, resize_matrix
 
+EDGE_PX = 20
+"""The front end has no room for a descriptor within so many pixels of an edge."""
 TILT_BLUR = 0.8
 """Blur before a compression by t, in sqrt(t² - 1) px (ASIFT's value): the aliasing limit of a camera's own blur."""
 
@@ -28,7 +30,8 @@ TILT_BLUR = 0.8
 class Change:
     """What is done to an image: resized by ``scale``, compressed by ``tilt`` along ``direction_deg``, or inverted.
 
-    Reflected into a margin, it keeps the corners near its edges, where the front end has no room for a descriptor.
+    Reflected into a margin, it keeps the corners near its edges, where the front end has no room for a descriptor. Of a
+    ``quarter``, by its column and row, only that part is resized, with as much of its neighbours.
     """
 
     scale: float = 1.0
@@ -36,6 +39,7 @@ class Change:
     direction_deg: float = 0.0
     inverted: bool = False
     margin_px: int = 0
+    quarter: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +58,7 @@ class DescribedImage:
     kept: dict[tuple[Change, FrontEndConfig], tuple[ChangedImage, Records] | None] = field(
         default_factory=dict, repr=False
     )
-    """What `describe` returned so far; at most 100 kB each, and three dozen. Not pickled."""
+    """What `describe` returned so far; at most 100 kB each, and four dozen. Not pickled."""
 
     def describe(self, change: Change, front_end: Backend, config: Config) -> tuple[ChangedImage, Records] | None:
         """The changed copy, without its pixels, and its features; None as of `change_image`."""
@@ -73,6 +77,8 @@ class DescribedImage:
 
 def change_image(image: Pixels, change: Change) -> ChangedImage | None:
     """Make a changed copy of an image; None where a side would leave the front end's range."""
+    if change.quarter is not None:
+        return _change_quarter(image, change, *change.quarter)
     image = ~image if change.inverted else image
     height_px, width_px = image.shape[:2]
     size = round(width_px * change.scale), round(height_px * change.scale)
@@ -95,6 +101,19 @@ def change_image(image: Pixels, change: Change) -> ChangedImage | None:
     if min(compressed.pixels.shape[:2]) < MIN_FRAME_PX:
         return None
     return ChangedImage(compressed.pixels, to_image @ compressed.to_image)
+
+
+def _change_quarter(image: Pixels, change: Change, column: int, row: int) -> ChangedImage | None:
+    """Cut out a quarter, with the strip of its neighbours in which its own frame has no corners, and change that."""
+    strip_px = math.ceil(EDGE_PX / change.scale)
+    (x, right), (y, bottom) = (
+        (max(0, i * side_px // 2 - strip_px), min(side_px, (i + 1) * side_px // 2 + strip_px))
+        for i, side_px in ((column, image.shape[1]), (row, image.shape[0]))
+    )
+    frame = change_image(image[y:bottom, x:right], replace(change, quarter=None))
+    if frame is None:
+        return None
+    return replace(frame, to_image=np.array([[1, 0, x], [0, 1, y], [0, 0, 1]]) @ frame.to_image)
 
 
 def _compress(image: Pixels, tilt: float, direction_rad: float) -> ChangedImage:

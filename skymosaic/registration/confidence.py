@@ -31,8 +31,10 @@ SURELY_FLAT_SHARE = 0.8
 # With fewer held-out matches within 2 px, or less of the ground in agreement, the ground is not flat.
 FLAT_SHARE = 0.75
 FLAT_SHARE_OF_GROUND = 0.95
-# What optical flow confirms is not poor: all but two of 75 such pairs are less than this off, and these two 8 px.
+# What optical flow confirms is not poor: all but two of 75 such pairs are less than this off, and these two 8 px. Nor
+# is an overlap that correlates like this, wherever its inliers are: none of 280 is more than 1.6 px off.
 CONFIRMED_PX = 4.5
+SURE_CORRELATION = 0.8
 # A pair above all three needs no closer look.
 CLEAR_INLIERS = 60
 CLEAR_SHARE = 0.9
@@ -127,8 +129,9 @@ def assess(
     correlation = correlate_overlap(*sights, homography)
     inputs = measure_inputs(quality, correlation)
     exponent = INTERCEPT + sum(COEFFICIENTS[name] * value for name, value in inputs.items())
+    limit_px = CONFIRMED_PX if confirmed or correlation >= SURE_CORRELATION else np.inf
     # Beyond what the formula was fitted to, a number would only seem precise.
-    predicted_px = min(float(np.exp(np.clip(exponent, -5, 5))), CONFIRMED_PX if confirmed else np.inf)
+    predicted_px = min(float(np.exp(np.clip(exponent, -5, 5))), limit_px)
     verdict = "good" if predicted_px < GOOD_PX else "check" if predicted_px < POOR_PX else "poor"
     reason = _explain(quality, correlation, predicted_px, verdict)
     ground = ground or measure_agreement(*sights, homography)

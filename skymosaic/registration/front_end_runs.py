@@ -1,4 +1,4 @@
-"""The runs of the front end that a search tries: frames of both images, enlarged, reduced, tilted or inverted."""
+"""The runs of the front end that a search tries: frames of both images, enlarged, reduced, tilted, cut or inverted."""
 
 import math
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from golden_model.arrays import Matrix
-from skymosaic.features.frames import Change
+from skymosaic.features.frames import EDGE_PX, Change
 from skymosaic.geometry.homography import apply
 
 # Two octaves of each frame meet best where the zoom is a power of two; farther from it another ratio is tried.
@@ -31,7 +31,7 @@ LARGER, SMALLER = (FrontEndRun(Change(scale), (Change(scale),)) for scale in (ma
 # end finds none. A descriptor that is a reflection in part still has enough right bits.
 SMALL_PX = 400
 LARGER_OF_SMALL = tuple(
-    FrontEndRun(frame, (frame,)) for frame in (Change(math.sqrt(2), margin_px=20), Change(2.0, margin_px=20))
+    FrontEndRun(frame, (frame,)) for frame in (Change(math.sqrt(2), margin_px=EDGE_PX), Change(2.0, margin_px=EDGE_PX))
 )
 # Ratios of 2.8, 4 and 5 between the frames: with two octaves each, all zooms from 1.4 to 5.7 are near one of them. The
 # image that shows more ground is enlarged, because little of it shows the other one.
@@ -40,8 +40,10 @@ LADDER = tuple(
     for swapped in (False, True)
     for reference, reduced in ((LARGER.reference, (Change(0.5),)), (Change(2.0), (Change(0.5), Change(0.4))))
 )
-# An overlap of a few percent has up to twice the corners here, and the ladder needs both frames, too.
-DOUBLED = FrontEndRun(Change(2.0), (Change(2.0),))
+# Twice as large, and in quarters of which each has as many corners as a whole frame, an overlap of a few percent has up
+# to eight times the corners.
+_QUARTERS = tuple(Change(2.0, quarter=(column, row)) for row in range(2) for column in range(2))
+QUARTERS = tuple(FrontEndRun(quarter, _QUARTERS) for quarter in _QUARTERS)
 REDUCED = (Change(0.5), Change(math.sqrt(0.125)))
 INVERTED = FrontEndRun(Change(), (Change(inverted=True),))
 # Either image may be the one that looks from the side; the other one is compressed. A frame matches tilts up to about

@@ -2,9 +2,9 @@
 
 A pass matches a frame of one image with a frame of the other. The first pass takes the images as they are. A weak
 result gets further passes, in this order: both images √2 times larger (small ones then twice; noisy ones smaller), both
-√2 times smaller, one image enlarged and the other reduced in steps, both twice as large, one image compressed as if
-seen from the side, the right image inverted. All go through the same front end and matcher. A homography is accepted by
-the matches of these passes alone.
+√2 times smaller, one image enlarged and the other reduced in steps, one image compressed as if seen from the side, the
+quarters of both twice as large, the right image inverted. All go through the same front end and matcher. A homography
+is accepted by the matches of these passes alone.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from skymosaic.geometry.held_out import clearly_better, held_out_agreement
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, Estimate, estimate_homography
 from skymosaic.registration.front_end_runs import (
-    DOUBLED,
     INVERTED,
     LADDER,
     LARGER,
     LARGER_OF_SMALL,
+    QUARTERS,
     SMALL_PX,
     SMALLER,
     TILTS,
@@ -52,7 +52,7 @@ STRONG_SHARE_OF_OVERLAP = 0.25
 STRONG_SHARE_OF_KEPT, SHARE_OF_FLAT = 0.25, 0.5
 # Half the size has a fifth of the corners. Where it has more of the inliers, finer corners are of noise or blur.
 COARSE_SHARE = 1 / 3
-# Most pairs that need many further passes are unrelated: one short search for each.
+# Most pairs that need many further passes are unrelated: a short search for each, and another among the best matches.
 FURTHER_PASS_SAMPLES = 1000
 MIN_PLACES = 12
 # Small frames show in a quarter of the time which tilts are worth a pass at full size: unrelated frames seldom gather
@@ -167,12 +167,12 @@ class Search:
             run = choose_run_between_octaves(state.homography, self._sizes[0])
             return self._search_separately(state, (run,)) if run else state
         state = self._search_separately(state, LADDER)
-        if state.homography is None and not self._are_small:
-            state = self._search_together(state, (DOUBLED,))
         if state.homography is None:
             state = self._scan_tilts(state)
         if state.homography is None and effort == "thorough":
             state = self._search_separately(state, TILTS)
+        if state.homography is None and not self._are_small:
+            state = self._search_separately(state, QUARTERS)
         if state.homography is not None:
             return state
         state = self._search_separately(state, (INVERTED,))
@@ -249,7 +249,7 @@ class Search:
         evidence, passes, starts = state.evidence, state.passes, []
         for _, further in self._match_frames(runs):
             passes += 1
-            estimate = self._estimate(further, max_samples=FURTHER_PASS_SAMPLES, restarts=1)
+            estimate = self._estimate(further, max_samples=FURTHER_PASS_SAMPLES, restarts=2)
             homography = self._accept_estimate(further, estimate, 1).homography
             if homography is not None:
                 starts.append(homography)

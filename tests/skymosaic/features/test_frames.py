@@ -28,7 +28,17 @@ def image() -> NDArray[np.uint8]:
     return make_pair(seed=1, size=SIZE).images[0][..., 1].copy()
 
 
-@pytest.mark.parametrize("change", [Change(2.0), Change(0.5), Change(1.0, 2**0.5, 60.0), Change(2.0, margin_px=20)])
+@pytest.mark.parametrize(
+    "change",
+    [
+        Change(2.0),
+        Change(0.5),
+        Change(1.0, 2**0.5, 60.0),
+        Change(2.0, margin_px=20),
+        Change(2.0, quarter=(1, 0)),
+        Change(2.0, quarter=(0, 1)),
+    ],
+)
 def test_a_changed_frame_matches_its_image_in_place(image: NDArray[np.uint8], change: Change) -> None:
     frame = change_image(image, change)
     matches = GoldenBackend().run([image, frame.pixels], CONFIG)[1].matches
@@ -51,6 +61,19 @@ def test_a_margin_keeps_the_corners_near_the_edges(image: NDArray[np.uint8]) -> 
 
     assert near_edges(0) == 0
     assert near_edges(20) > 40
+
+
+def test_quarters_have_the_corners_between_them_too(image: NDArray[np.uint8]) -> None:
+    odd = image[:-1, :-3]
+
+    def near_middle(change: Change) -> int:
+        frame = change_image(odd, change)
+        assert frame
+        points = apply(frame.to_image, feature_points(extract(frame.pixels, CONFIG.front_end).features))
+        return int(np.count_nonzero((np.abs(points - (158, 119)) < 8).any(axis=1)))
+
+    quarters = [Change(2.0, quarter=(column, row)) for row in range(2) for column in range(2)]
+    assert sum(map(near_middle, quarters)) >= near_middle(Change(2.0)) > 50
 
 
 @pytest.mark.parametrize("side", ["left", "right"])

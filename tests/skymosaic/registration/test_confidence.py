@@ -70,6 +70,7 @@ def test_a_poor_pair_on_little_of_the_overlap_is_refused(left: Pixels, monkeypat
     monkeypatch.setattr("skymosaic.registration.confidence.POOR_PX", 0.0)
     monkeypatch.setattr("skymosaic.registration.confidence.GOOD_PX", 0.0)
     monkeypatch.setattr("skymosaic.registration.confidence.CLEAR_INLIERS", 10_000)
+    monkeypatch.setattr("skymosaic.registration.confidence.SURE_CORRELATION", 1.1)
     # Poor, but supported by most of the overlap.
     assert register(left, right).accepted
     monkeypatch.setattr("skymosaic.registration.confidence.SMALL_SHARE_OF_OVERLAP", 1.0)
@@ -93,6 +94,9 @@ def test_a_poor_pair_on_little_of_the_overlap_is_refused(left: Pixels, monkeypat
     assert (confirmed.confirmed, confirmed.refined_inliers) == (True, 0)
     monkeypatch.setattr("skymosaic.registration.dense.ENOUGH_OF_OVERLAP", 1.0)
     assert not register(left, right).accepted
+    # Nor is what correlates.
+    monkeypatch.setattr("skymosaic.registration.confidence.SURE_CORRELATION", 0.8)
+    assert register(left, right).accepted
 
 
 def test_images_correlate_as_far_as_the_horizon(left: Pixels) -> None:
@@ -157,6 +161,8 @@ def test_flat_is_where_many_matches_and_the_ground_agree(
         (FitQuality(8, 0.74, 4, 0.9, 19), 0.2, ground(), "poor, only 19 inliers; expected error 5.6 px"),
         (FitQuality(8, 0.74, 4, 0.24, 19), 0.2, ground(0.39), "poor, what agrees covers 39 % of the ground"),
         (FitQuality(0, 0, 12, 0.24, 9), 0, ground(), "check, inliers cover 24 % of the overlap; expected error 2.6 px"),
+        (FitQuality(8, 0.74, 4, 0.24, 9), 0.79, ground(), "poor, inliers cover 24 % of the overlap; expected"),
+        (FitQuality(8, 0.74, 4, 0.24, 9), 0.8, ground(), "check, inliers cover 24 % of the overlap; expected"),
         (FitQuality(1e9, 0, 12, 0, 9), -1, ground(), "poor, inliers cover 0 % of the overlap; expected error 148.4 px"),
     ],
 )  # fmt: skip

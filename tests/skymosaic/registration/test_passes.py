@@ -235,9 +235,10 @@ def test_why_a_pair_is_refused_is_said_with_the_counts(
     assert explain_refusal(state) == f"{cause}: {counts}"
 
 
-NAMES = {runs.LARGER: "larger", runs.SMALLER: "smaller", runs.DOUBLED: "doubled", runs.INVERTED: "inverted"}
-NAMES |= {LARGER_OF_SMALL[0]: "small", LARGER_OF_SMALL[1]: "small", runs.LADDER[0]: "ladder", runs.TILTS[0]: "tilts"}
-ALL = "larger smaller ladder doubled scan inverted"
+NAMES = dict.fromkeys(LARGER_OF_SMALL, "small") | dict.fromkeys(runs.QUARTERS, "quarters")
+NAMES |= {runs.LARGER: "larger", runs.SMALLER: "smaller", runs.INVERTED: "inverted"}
+NAMES |= {runs.LADDER[0]: "ladder", runs.TILTS[0]: "tilts"}
+ALL = "larger smaller ladder scan quarters inverted"
 
 
 @pytest.mark.parametrize(
@@ -246,8 +247,8 @@ ALL = "larger smaller ladder doubled scan inverted"
         ("none fast", 640, "", ""),
         ("strong normal", 640, "", ""),
         ("strong thorough", 640, "", "larger+smaller"),
-        ("none thorough", 640, "", "larger+smaller ladder doubled scan tilts inverted"),
-        ("none thorough", 640, "tilts weak", "larger+smaller ladder doubled scan tilts"),
+        ("none thorough", 640, "", "larger+smaller ladder scan tilts quarters inverted"),
+        ("none thorough", 640, "tilts weak", "larger+smaller ladder scan tilts"),
         ("none normal", 640, "", ALL),
         ("none normal", 400, "", "small small smaller ladder scan inverted"),
         ("none normal", 401, "", ALL),
@@ -255,8 +256,8 @@ ALL = "larger smaller ladder doubled scan inverted"
         ("none normal", 400, "small strong", "small"),
         ("none normal", 640, "smaller strong", "larger smaller"),
         ("none normal", 640, "ladder weak", "larger smaller ladder"),
-        ("none normal", 640, "doubled weak", "larger smaller ladder doubled"),
-        ("none normal", 640, "scan weak", "larger smaller ladder doubled scan"),
+        ("none normal", 640, "quarters weak", "larger smaller ladder scan quarters"),
+        ("none normal", 640, "scan weak", "larger smaller ladder scan"),
         ("none normal", 640, "inverted weak", ALL),
         ("weak normal", 640, "", "larger between"),
         ("coarse normal", 640, "", "smaller between"),
