@@ -18,7 +18,7 @@ from hdl.export import accelerator as export
 from sim.backends.interface import Progress, silent
 from sim.simulators.accelerator_designs import design_accelerator
 from sim.simulators.build_cache import build_once, digest
-from sim.simulators.compiler import compile_objects, link_objects, optimisation, toolchain_key
+from sim.simulators.compiler import compile_objects, link_objects, toolchain_key
 from sim.simulators.verilator import VERILATOR_FLAGS, runtime_folder, runtime_includes, translate
 
 CONFIG = Config(front_end=FrontEndConfig(descriptor="thesis-ilbp-1", levels=1, border_px=10, max_features=36))
@@ -39,19 +39,19 @@ VERILATOR_RUNTIME = ("verilated.cpp", "verilated_dpi.cpp", "verilated_threads.cp
 
 
 def run(
-    cases: str,
+    cases: str | Sequence[str],
     folder: Path,
     *,
     only: Sequence[str] | None = None,
     simulator: str = "verilator",
     progress: Progress = silent,
 ) -> Path:
-    """Run the cases of a module; the build is kept in the user's cache.
+    """Run the cases of modules; the build is kept in the user's cache.
 
     Parameters
     ----------
-    cases : str
-        The module, as it is imported: ``tests.cocotb.`` and one of `CASES`, or ``tests.cocotb.kit``, whose cases need
+    cases : str or sequence of str
+        Modules, as they are imported: ``tests.cocotb.`` and each of `CASES`, or ``tests.cocotb.kit``, whose cases need
         the Verilog of a kit and Icarus.
     folder : Path
         To run in.
@@ -72,7 +72,7 @@ def run(
         Under pytest, if a case fails; the simulator is not installed; the simulation ends early.
     """
     runner = Verilator() if simulator == "verilator" else Icarus()
-    is_kit = cases == "tests.cocotb.kit"
+    is_kit = "tests.cocotb.kit" in cases
     top = export.TOP if is_kit else TOP
     verilog = export.verilog(AcceleratorTop(KIT)) if is_kit else design_accelerator(BUILD).verilog(progress)
 
@@ -105,8 +105,8 @@ def _build_with_verilator(folder: Path, progress: Progress) -> None:
     """Compile ``top.v`` without cocotb's makefile, which splits paths with spaces."""
     (folder / "ports.vlt").write_text(PUBLIC_PORTS, encoding="utf-8")
     flags = [*VERILATOR_FLAGS, "--output-split", "20000", "--vpi", "--top-module", TOP, "-Wno-SYMRSVDWORD"]
-    jobs = translate(folder, [folder / "ports.vlt", folder / "top.v"], flags)
     # Together and not optimised: compiling takes half as long, and cocotb most of the time of a simulation.
+    jobs = [(path, "-O0") for path, _ in translate(folder, [folder / "ports.vlt", folder / "top.v"], flags)]
     runtime = [*(runtime_folder() / name for name in VERILATOR_RUNTIME), share_dir / "lib/verilator/verilator.cpp"]
     (folder / "runtime.cpp").write_text("".join(f'#include "{path}"\n' for path in runtime), encoding="utf-8")
     jobs.append((folder / "runtime.cpp", "-O0"))
@@ -119,7 +119,7 @@ def _build_with_verilator(folder: Path, progress: Progress) -> None:
 
 def _identify_verilator() -> str:
     # The program finds cocotb's library in the environment that built it.
-    return f"{version('verilator')} {toolchain_key()} {optimisation()} {libs_dir}"
+    return f"{version('verilator')} {toolchain_key()} {libs_dir}"
 
 
 def _identify_icarus() -> str:
