@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from amaranth import ResetInserter, Signal
-from amaranth.hdl import Value
+from amaranth.hdl import ShapeCastable, Value
 from amaranth.lib import wiring
 from amaranth.sim import Simulator
 
@@ -90,8 +90,11 @@ class BlockBench:
             ctx.set(getattr(self.dut, name), value)
 
     async def _limit_cycles(self, ctx: Any) -> None:
-        for _ in range(self._cycle_limit):
-            await ctx.tick()
+        cycles = 0
+        async for _ in ctx.tick():
+            cycles += 1
+            if cycles == self._cycle_limit:
+                break
         raise CycleLimitError(f"not done within {self._cycle_limit} cycles")
 
     async def stream_put(self, ctx: Any, port: Any, payload: Any) -> None:
@@ -129,14 +132,15 @@ class BlockBench:
         while True:
             ready = not self._pauses.stall(state.cycle, state.number)
             ctx.set(port.ready, ready)
-            *_, valid, payload, bits = await ctx.tick().sample(port.valid, port.payload, Value.cast(port.payload))
+            *_, valid, bits = await ctx.tick().sample(port.valid, Value.cast(port.payload))
             state.cycle += 1
             if state.waiting is not None and not (valid and bits == state.waiting):
                 raise AssertionError(f"a payload was withdrawn before it was taken, cycle {state.cycle}")
             state.waiting = bits if valid and not ready else None
             if valid and ready:
                 ctx.set(port.ready, 0)
-                return payload
+                shape = port.payload.shape()
+                return shape.from_bits(bits) if isinstance(shape, ShapeCastable) else bits
 
     def _find_state(self, port: Any) -> _StreamState:
         # Streams are numbered in the order of their first use, which the simulator repeats in every run.

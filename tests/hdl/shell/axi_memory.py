@@ -74,21 +74,28 @@ class AxiMemory:
             words: deque[tuple[int, int, int]] = deque()
             responses: deque[tuple[int, int]] = deque()
             offered: dict[str, Any] = {}
+            driven_ports = Cat(bus.awready, bus.wready, bus.bvalid, bus.bresp)
             clock = before = 0
-            while True:
+
+            def drive() -> tuple[dict[str, bool], bool]:
+                """Drive the ports for the next clock; what is ready, and whether a response is given."""
+                nonlocal before
                 ready = {channel: not self.stuck and self._random.randrange(256) >= self.waits for channel in "aw"}
                 ready["a"] &= bool(words) or not self.data_first
                 answers = bool(responses) and responses[0][0] <= clock
                 driven = ready["a"] | ready["w"] << 1 | answers << 2 | (responses[0][1] if answers else 0) << 3
                 # Each set lets the whole design settle: one for all, and only if something changes.
                 if driven != before:
-                    ctx.set(Cat(bus.awready, bus.wready, bus.bvalid, bus.bresp), driven)
+                    ctx.set(driven_ports, driven)
                     before = driven
-                address = (bus.awaddr, bus.awlen, bus.awsize, bus.awburst)
-                word = (bus.wdata, bus.wstrb, bus.wlast)
-                *_, awvalid, awaddr, awlen, awsize, awburst, wvalid, wdata, wstrb, wlast, bready = await ctx.tick(
-                    "sync"
-                ).sample(bus.awvalid, *address, bus.wvalid, *word, bus.bready)
+                return ready, answers
+
+            address = (bus.awaddr, bus.awlen, bus.awsize, bus.awburst)
+            word = (bus.wdata, bus.wstrb, bus.wlast)
+            ready, answers = drive()
+            async for *_, awvalid, awaddr, awlen, awsize, awburst, wvalid, wdata, wstrb, wlast, bready in ctx.tick(
+                "sync"
+            ).sample(bus.awvalid, *address, bus.wvalid, *word, bus.bready):
                 clock += 1
                 _check_held(offered, "a", awvalid, ready["a"], (awaddr, awlen, awsize, awburst))
                 _check_held(offered, "w", wvalid, ready["w"], (wdata, wstrb, wlast))
@@ -104,6 +111,7 @@ class AxiMemory:
                     assert [n for n, word in enumerate(burst, 1) if word[2]] == [length], "WLAST at the wrong word"
                     due = clock + self._random.randint(0, self.latency_clocks)
                     responses.append((due, self._write(offset, burst)))
+                ready, answers = drive()
 
         return testbench
 
@@ -120,9 +128,13 @@ class AxiMemory:
             # Of each word: from when on it can be given, the word, its response, and whether it is its burst's last.
             words: deque[tuple[int, int, int, bool]] = deque()
             offered: dict[str, Any] = {}
+            driven_ports = Cat(bus.arready, bus.rvalid, bus.rlast, bus.rresp, bus.rdata)
             clock = before = 0
             given = False
-            while True:
+
+            def drive() -> bool:
+                """Drive the ports for the next clock; whether an address is accepted."""
+                nonlocal before, given
                 accepts = not self.stuck and self._random.randrange(256) >= self.waits
                 # A word that is offered stays until it is taken.
                 waits = self.stuck or self._random.randrange(256) < self.waits
@@ -130,12 +142,14 @@ class AxiMemory:
                 _, word, response, last = words[0] if given else (0, self._random.getrandbits(64), 0, False)
                 driven = accepts | given << 1 | last << 2 | response << 3 | word << 5
                 if driven != before:
-                    ctx.set(Cat(bus.arready, bus.rvalid, bus.rlast, bus.rresp, bus.rdata), driven)
+                    ctx.set(driven_ports, driven)
                     before = driven
-                address = (bus.araddr, bus.arlen, bus.arsize, bus.arburst)
-                *_, arvalid, araddr, arlen, arsize, arburst, rready = await ctx.tick("sync").sample(
-                    bus.arvalid, *address, bus.rready
-                )
+                return accepts
+
+            accepts = drive()
+            async for *_, arvalid, araddr, arlen, arsize, arburst, rready in ctx.tick("sync").sample(
+                bus.arvalid, bus.araddr, bus.arlen, bus.arsize, bus.arburst, bus.rready
+            ):
                 clock += 1
                 _check_held(offered, "a", arvalid, accepts, (araddr, arlen, arsize, arburst))
                 if given and rready:
@@ -146,6 +160,7 @@ class AxiMemory:
                     due = clock + self._random.randint(0, self.latency_clocks)
                     words.extend((due, *each, n == arlen) for n, each in enumerate(burst))
                     assert sum(last for *_, last in words) <= MAX_OPEN_BURSTS, "too many bursts are open"
+                accepts = drive()
 
         return testbench
 

@@ -199,24 +199,27 @@ class ShellBench:
 
     async def _accelerator(self, ctx: Any) -> None:
         """Takes pixels; makes a good frame of whole ones, and a bad one of a frame that the next one cuts off."""
-        video, under_way, before = self.shell.o_video, False, False
+        video, under_way, ready = self.shell.o_video, False, False
         pixels: list[Any] = []
-        while True:
-            ready = self.random.randrange(256) >= self.busy
-            if ready != before:
-                ctx.set(video.ready, ready)
-            before = ready
-            *_, valid, payload = await ctx.tick("sync").sample(video.valid, video.payload)
-            if not (valid and ready):
-                continue
-            if payload.first:
-                if under_way:
-                    self._emit(pixels, good=0)
-                pixels, under_way = [], True
-            pixels.append(payload.data)
-            if under_way and len(pixels) == WIDTH_PX * HEIGHT_PX:
-                self._emit(pixels, good=1)
-                under_way = False
+
+        def drive() -> bool:
+            now = self.random.randrange(256) >= self.busy
+            if now != ready:
+                ctx.set(video.ready, now)
+            return now
+
+        ready = drive()
+        async for *_, valid, payload in ctx.tick("sync").sample(video.valid, video.payload):
+            if valid and ready:
+                if payload.first:
+                    if under_way:
+                        self._emit(pixels, good=0)
+                    pixels, under_way = [], True
+                pixels.append(payload.data)
+                if under_way and len(pixels) == WIDTH_PX * HEIGHT_PX:
+                    self._emit(pixels, good=1)
+                    under_way = False
+            ready = drive()
 
     def _emit(self, pixels: list[int], *, good: int) -> None:
         """A packet for each ring: records that tell the pixels, then a status; a homography is such a last record."""
@@ -251,8 +254,7 @@ class ShellBench:
 
         async def testbench(ctx: Any) -> None:
             count = 0
-            while True:
-                await ctx.tick("sync")
+            async for _ in ctx.tick("sync"):
                 if self.reads and ctx.get(written) > count:
                     self.run.delivered[ring].append(self.slot(ring, count))
                     count += 1
@@ -271,8 +273,7 @@ class ShellBench:
     async def _events(self, ctx: Any) -> None:
         names = ("frames_ready", "frame_dropped", "camera_stops", "memory_error")
         signals = [getattr(self.registers, f"i_{name}") for name in names]
-        while True:
-            _, _, *values = await ctx.tick("sync").sample(*signals)
+        async for _, _, *values in ctx.tick("sync").sample(*signals):
             for name, value in zip(names, values, strict=True):
                 self.run.events[name] = self.run.events.get(name, 0) + value
 
