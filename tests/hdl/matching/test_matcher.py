@@ -1,7 +1,7 @@
 # amaranth: UnusedElaboratable=no
 """Match records of whole sequences equal the golden model word for word."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -116,8 +116,8 @@ def expected_packets(
 class MatcherBench:
     """Stream frames through a matcher, each with its settings.
 
-    ``interrupted`` says how much to send before a reset, from which on the frames come: a number of words, and clocks
-    to wait after them.
+    ``interrupted`` says how much of ``broken`` to send before each reset, from which on the frames come: a number of
+    words, and clocks to wait after them.
     """
 
     def __init__(
@@ -128,34 +128,42 @@ class MatcherBench:
         settings: list[dict[str, Any]],
         *,
         pauses: Pauses = NO_PAUSES,
-        interrupted: tuple[int, int] = (0, 0),
+        broken: Sequence[tuple[NDArray[np.void], Any]] = (),
+        interrupted: Sequence[tuple[int, int]] = ((0, 0),),
     ) -> None:
         self.dut = Matcher(config=config, pattern=pattern, lanes=LANES, max_features=MAX_FEATURES)
         self.bench = BlockBench(self.dut, pauses=pauses, cycle_limit=CYCLE_LIMIT)
         self.interrupted, self.frames = interrupted, len(frames)
-        self.words = []
-        for (features, status), values in zip(frames, settings, strict=True):
-            *words, last = np.frombuffer(features.tobytes() + status.tobytes(), np.uint64).tolist()
-            self.words += [*(({"data": word, "last": 0}, {}) for word in words), ({"data": last, "last": 1}, values)]
+        self.broken: list[Any] = []
+        self.words: list[Any] = []
+        for sent, each, values in (
+            *((self.broken, frame, {}) for frame in broken),
+            *((self.words, *both) for both in zip(frames, settings, strict=True)),
+        ):
+            *words, last = np.frombuffer(each[0].tobytes() + each[1].tobytes(), np.uint64).tolist()
+            sent += [*(({"data": word, "last": 0}, {}) for word in words), ({"data": last, "last": 1}, values)]
         self.has_reset, self.cycle = False, 0
         self.packets: list[Any] = []
         self.ends: list[Any] = []
         self.taken: list[Any] = []
 
     def run(self) -> Any:
-        """Run the simulation; returns the packets of words that leave after the reset."""
+        """Run the simulation; returns the packets of words that leave after each reset."""
         self.bench.run(self.sink, background=[self.source, self.watch])
         return self.packets
 
     async def source(self, ctx: Any) -> None:
-        words, wait_cycles = self.interrupted
-        await self.send(ctx, self.words[:words])
-        await ctx.tick().repeat(wait_cycles + 1)
-        await self.bench.pulse(ctx, self.bench.reset)
-        # A word that is taken in the clock of the reset still belongs to what came before it.
-        await ctx.tick()
-        self.has_reset = True
-        await self.send(ctx, self.words)
+        for number, (words, wait_cycles) in enumerate(self.interrupted):
+            while len(self.packets) < number * self.frames:
+                await ctx.tick()
+            self.has_reset = False
+            await self.send(ctx, self.broken[:words])
+            await ctx.tick().repeat(wait_cycles + 1)
+            await self.bench.pulse(ctx, self.bench.reset)
+            # A word that is taken in the clock of the reset still belongs to what came before it.
+            await ctx.tick()
+            self.has_reset = True
+            await self.send(ctx, self.words)
 
     async def send(self, ctx: Any, words: Any) -> None:
         for payload, settings in words:
@@ -171,7 +179,7 @@ class MatcherBench:
 
     async def sink(self, ctx: Any) -> None:
         words = []
-        while len(self.packets) < self.frames:
+        while len(self.packets) < self.frames * len(self.interrupted):
             payload = await self.bench.stream_get(ctx, self.dut.o_matches)
             if not self.has_reset:
                 continue
@@ -230,7 +238,7 @@ def test_records_of_a_sequence_equal_the_golden_model(reference: Reference, paus
     "config", [MatcherConfig(rule_base="ilbp", keep_above=127), MatcherConfig(rule_base="none", keep_above=255)]
 )
 def test_records_of_other_rule_bases_equal_the_golden_model(config: MatcherConfig) -> None:
-    frames = sequence(ILBP_32, (16, 13, 15))
+    frames = sequence(ILBP_32, (16, 13))
     results = assert_equal_to_golden(ILBP_32, config, frames, "previous", pauses=Pauses(stalls=100, seed=1))
     assert len(results[1].matches) > 7
     assert len(set(results[1].matches["verdict"])) == (1 if config.rule_base == "none" else 2)
@@ -263,24 +271,17 @@ def test_own_rules_over_windows_equal_the_golden_model() -> None:
     assert len(set(results[1].matches["weight"])) > 1
 
 
-@pytest.mark.parametrize("different", [1, 2, 5])
+@pytest.mark.parametrize("different", [2, 5])
 def test_equal_distances_are_resolved_as_in_the_golden_model(different: int) -> None:
-    """Few different descriptors, so that most distances are equal; with 1 and 2 they are 0 or all bits."""
+    """Few different descriptors, so that most distances are equal; with 2 they are 0 or all bits."""
     descriptors = np.random.default_rng(7).integers(0, 256, (different, 4), dtype=np.uint8)
     if different == 2:
         descriptors[1] = ~descriptors[0]
     rng = np.random.default_rng(different)
-    found = [random_features(rng, size, ILBP_32, descriptors) for size in (16, 16, 5, 16, 3, 1, 1)]
+    found = [random_features(rng, size, ILBP_32, descriptors) for size in (16, 16, 5, 1, 1)]
     frames = [(features, frame_status(ILBP_32, 0, features)) for features in found]
     results = assert_equal_to_golden(ILBP_32, MatcherConfig(), frames, "previous")
     assert all(len(result.matches) > 0 for result in results[1:])
-
-
-@pytest.mark.parametrize("keep_above", [0, 255])
-def test_the_verdict_follows_the_limit_of_the_weight(keep_above: int) -> None:
-    frames = sequence(ILBP_32, (16, 16))
-    _, result = assert_equal_to_golden(ILBP_32, MatcherConfig(keep_above=keep_above), frames, "held")
-    assert result.matches["verdict"].any() == (keep_above == 0)
 
 
 def test_a_taken_reference_replaces_the_old_one() -> None:
@@ -336,8 +337,11 @@ def test_a_refused_frame_does_not_become_the_reference() -> None:
         references.judge(accepted=not cause)
 
 
-@pytest.mark.parametrize("interrupted", [(2, 0), (75, 0), (100, 5), (100, 50), (100, 275), (100, 354)])
-def test_reset_in_any_phase_leaves_nothing_behind(interrupted: tuple[int, int]) -> None:
+def test_reset_in_any_phase_leaves_nothing_behind() -> None:
     """In a record, a frame, the search, the count of the turns, the search for their peak, the sending of a match."""
-    frames = sequence(ILBP_128, (12, 11))
-    assert_equal_to_golden(ILBP_128, MatcherConfig(), frames, "previous", interrupted=interrupted)
+    config, broken, frames = MatcherConfig(), sequence(ILBP_128, (12, 11)), sequence(ILBP_128, (6, 5))
+    interrupted = (2, 0), (75, 0), (100, 5), (100, 50), (100, 275), (100, 354)
+    expected, _ = expected_packets(frames, ILBP_128, config, "previous")
+    settings = settings_for(frames, config, "previous")
+    bench = MatcherBench(ILBP_128, config, frames, settings, broken=broken, interrupted=interrupted)
+    assert bench.run() == expected * len(interrupted)
