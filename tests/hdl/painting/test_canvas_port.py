@@ -1,6 +1,5 @@
 """Tiles come out of memory and go back: each to its place, and nothing is read before it was painted."""
 
-import random
 from typing import Any
 
 import numpy as np
@@ -80,7 +79,7 @@ def change(old: NDArray[np.uint8]) -> NDArray[np.uint8]:
         (
             {"waits": 43, "latency_clocks": 119, "seed": 1},
             Pauses(gaps=40, stalls=40, seed=2),
-            [(2, 1), (1, 0), (2, 0)],
+            [(1, 0), (2, 0)],
         ),
     ],
     ids=["fast", "slow"],
@@ -109,23 +108,21 @@ def test_what_is_replaced_is_not_read() -> None:
     assert (bench.canvas[1, 1] == (255, 255, 255, 4)).all()
 
 
-@pytest.mark.parametrize(("was_painted", "errors", "seed"), [(True, 2, 2), (False, 6, 3)])
-def test_a_tile_with_an_error_stays_and_may_be_painted_again(was_painted: bool, errors: int, seed: int) -> None:
+def test_a_tile_with_an_error_stays_and_may_be_painted_again() -> None:
+    """The first was painted before, the second was not."""
     # Late answers: those of a tile's last rows come long after its words have gone.
-    bench, rng = PortBench(errors=errors, latency_clocks=200, seed=seed), random.Random(4)
+    bench, tiles = PortBench(errors=5, latency_clocks=200, seed=1), [(2, 0), (0, 1)]
     before = bench.canvas.copy()
-    tiles = rng.sample([(column, row) for column in range(COLUMNS) for row in range(ROWS)], 2)
-    bench.run(tiles, set(tiles) if was_painted else set())
-    changed = change(before if was_painted else np.zeros_like(before))
-    failed = 0
+    bench.run(tiles, {tiles[0]})
     # A row of a tile is a burst: it is new, or as it was.
     for (column, row), (tile, least, painted) in zip(tiles, bench.painted, strict=True):
         assert tile == (column, row)
-        rows, old, new = (each[row, column].reshape(TILE_PX, -1) for each in (bench.canvas, before, changed))
-        is_new = (rows == new).all(axis=1)
-        assert (is_new | (rows == old).all(axis=1)).all()
-        assert least == (changed[row, column, :, 3].min() if is_new.all() else 0)
-        assert painted == (was_painted or is_new.all())
-        failed += not is_new.all()
+        was_painted = tile == tiles[0]
+        old = before[row, column]
+        new = change(old if was_painted else np.zeros_like(old))
+        is_new, is_old = ((bench.canvas[row, column] == each).reshape(TILE_PX, -1).all(axis=1) for each in (new, old))
+        assert (is_new | is_old).all()
+        assert not is_new.all()
+        assert least == 0
+        assert painted == was_painted
     assert bench.errors >= bench.memory.error_count > 0
-    assert failed == 1
