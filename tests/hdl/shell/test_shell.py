@@ -48,15 +48,6 @@ def check(bench: ShellBench, run: Run, *, whole: int | None = None) -> None:
     assert counts["cut"] == sum(not words[-3] >> 8 & 1 for words in run.emitted["features"])
 
 
-@pytest.mark.parametrize("camera_s", [0.97e-8, pytest.param(2.3e-8, marks=pytest.mark.slow)])
-def test_a_slow_memory_and_a_busy_accelerator_lose_nothing_unsaid(camera_s: float) -> None:
-    bench = ShellBench(seed=3, memory=memory(waits=90, latency_clocks=25, seed=3), camera_s=camera_s, busy=40)
-    run = bench.simulate(list(flight(5, seed=4)), clocks_after=500)
-    check(bench, run)
-    assert len(run.delivered["matches"]) == len(run.emitted["matches"]) >= 3
-    assert run.events["frames_ready"] == len(run.emitted["matches"])
-
-
 def test_a_host_that_never_reads_gets_the_oldest_frames_whole() -> None:
     # A memory that waits for data before it accepts their address: the writer must not wait for that, too.
     bench = ShellBench(seed=5, memory=memory(data_first=True), reads=False, coalesce_count=3)
@@ -171,11 +162,11 @@ def test_an_accelerator_that_hangs_costs_frames_and_not_the_camera() -> None:
 def test_pixels_lost_in_the_crossing_cost_their_frames() -> None:
     """A camera with a clock twice as fast as the design's: the queue overflows, and nothing wrong comes through."""
     bench = ShellBench(seed=2, camera_s=0.4e-8, camera_depth=32)
-    frames = [beat for number in range(12) for beat in frame(number)]
-    run = bench.simulate([*frames, *[None] * 300, *frame(12), *PAUSE], clocks_after=200)
+    frames = [beat for number in range(8) for beat in frame(number)]
+    run = bench.simulate([*frames, *[None] * 300, *frame(8), *PAUSE], clocks_after=200)
     check(bench, run)
     assert bench.values["dropped"] + bench.values["cut"] > 3
-    assert int(run.delivered["matches"][-1].header["number"]) == 13
+    assert int(run.delivered["matches"][-1].header["number"]) == 9
 
 
 class PaintingStandIn(wiring.Component):
@@ -190,7 +181,9 @@ class PaintingStandIn(wiring.Component):
         return m
 
 
-def test_the_painter_sees_what_the_accelerator_and_the_ring_take() -> None:
+@pytest.mark.parametrize("camera_s", [0.97e-8, pytest.param(2.3e-8, marks=pytest.mark.slow)])
+def test_a_slow_memory_and_a_busy_accelerator_lose_nothing_unsaid(camera_s: float) -> None:
+    """And the painter sees what the accelerator and the ring take."""
     painting: Any = PaintingStandIn()
     frames: list[list[int]] = []
     words: list[int] = []
@@ -207,11 +200,13 @@ def test_the_painter_sees_what_the_accelerator_and_the_ring_take() -> None:
             if taken:
                 words.append(word)
 
-    bench = ShellBench(seed=3, memory=memory(waits=90, latency_clocks=25, seed=3), busy=40, painting=painting)
+    rules = memory(waits=90, latency_clocks=25, seed=3)
+    bench = ShellBench(seed=3, memory=rules, camera_s=camera_s, busy=40, painting=painting)
     run = bench.simulate(list(flight(5, seed=4)), clocks_after=500, others=[watch])
     check(bench, run)
+    assert len(run.delivered["matches"]) == len(run.emitted["matches"]) >= 3
+    assert run.events["frames_ready"] == len(run.emitted["matches"])
     packets = run.delivered["homographies"]
-    assert len(packets) > 2
     assert frames == [run.sent[int(packet.header["number"])] for packet in packets]
     assert words == [word for packet in run.emitted["homographies"] for word in packet]
 
