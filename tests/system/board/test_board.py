@@ -82,15 +82,15 @@ def address(driver: Any, device: Any) -> Iterator[str]:
 
 
 @functools.cache
-def frames(*, gray: bool) -> list[np.ndarray]:
-    images = list(make_pair(seed=9, size=SIZE_PX).images)
+def frames(*, gray: bool, size_px: tuple[int, int] = SIZE_PX) -> list[np.ndarray]:
+    images = list(make_pair(seed=9, size=size_px).images)
     return [image[..., 1].copy() if gray else image for image in images]
 
 
 @pytest.mark.parametrize(
     ("config", "reference", "gray"),
-    [(CONFIG, "held", True), (CONFIG, "previous", False), (FAST, "previous", True), (FAST, "held", False)],
-    ids=["harris-held-gray", "harris-previous-colour", "fast-previous-gray", "fast-held-colour"],
+    [(CONFIG, "held", True), (FAST, "previous", False)],
+    ids=["harris-held-gray", "fast-previous-colour"],
 )
 def test_the_board_gives_what_the_golden_model_gives(
     address: str, config: Config, reference: Reference, gray: bool
@@ -185,26 +185,23 @@ def test_frames_of_two_sizes_are_refused_before_anything_is_sent() -> None:
         load_backend("board:127.0.0.1:1").run([np.zeros((64, 64), np.uint8), np.zeros((64, 65), np.uint8)], CONFIG)
 
 
-def test_a_board_that_is_not_there_is_told_in_one_line() -> None:
-    with pytest.raises(BackendError, match="no board answers"):
-        load_backend("board:127.0.0.1:1").run([np.zeros((64, 64), np.uint8)], CONFIG)
-
-
+SMALL_PX = (96, 80)
 SETTINGS = {
     name: value
-    for name, value in matched_frame_settings(CONFIG, *SIZE_PX, gray_input=True).items()
+    for name, value in matched_frame_settings(CONFIG, *SMALL_PX, gray_input=True).items()
     if name in REQUESTED
 }
 
 
 @functools.cache
 def golden_frames() -> list[FrameResult]:
-    return list(load_backend("golden").run(frames(gray=True), CONFIG))
+    return list(load_backend("golden").run(frames(gray=True, size_px=SMALL_PX), CONFIG))
 
 
 def check_next_frames(device: Any) -> None:
     """The next run gives what the golden model gives."""
-    results = device.run(frames(gray=True), SETTINGS, hold_reference=True)
+    results = device.run(frames(gray=True, size_px=SMALL_PX), SETTINGS, hold_reference=True)
+    assert len(golden_frames()[1].matches) > 3
     for found, expected in zip(results, golden_frames(), strict=True):
         np.testing.assert_array_equal(found.features, expected.features)
         np.testing.assert_array_equal(found.matches, expected.matches)
@@ -212,7 +209,7 @@ def check_next_frames(device: Any) -> None:
 
 def run_failing(device: Any, match: str) -> None:
     with pytest.raises(sys.modules["skymosaic_registers"].AcceleratorError, match=match):
-        device.run(frames(gray=True), SETTINGS, hold_reference=True)
+        device.run(frames(gray=True, size_px=SMALL_PX), SETTINGS, hold_reference=True)
 
 
 def test_a_frame_passes_pynqs_own_classes(device: Any) -> None:
@@ -243,7 +240,7 @@ def test_a_frame_passes_the_classes_of_an_older_pynq(
 @pytest.mark.parametrize("share", [0.5, 0.0])
 def test_the_run_after_a_memory_error_is_clean(system: AcceleratorSystem, device: Any, share: float) -> None:
     """Words of the broken frame wait at the output; the driver takes them before the next frame."""
-    frame_bytes = SIZE_PX[0] * SIZE_PX[1]
+    frame_bytes = SMALL_PX[0] * SMALL_PX[1]
     system.board.bad_address = device._sent.device_address + int(share * frame_bytes) // 8 * 8
     run_failing(device, "DMA of the video reports a slave error")
     system.board.bad_address = None
@@ -381,13 +378,5 @@ def test_frames_fit_the_builds_video_input(driver: Any) -> None:
     assert as_words(gray, 16).view(np.uint8).tolist() == [0, 1, 2, 0, 3, 4, 5, 0]
     pairs = as_words(gray, 48).view(np.uint64).tolist()
     assert pairs == [0 | 1 << 24, 2, 3 | 4 << 24, 5]
-    assert as_words(np.arange(6, dtype=np.uint8).reshape(1, 2, 3), 48).view(np.uint8).tolist() == [
-        2,
-        1,
-        0,
-        5,
-        4,
-        3,
-        0,
-        0,
-    ]
+    colours = np.arange(6, dtype=np.uint8).reshape(1, 2, 3)
+    assert as_words(colours, 48).view(np.uint8).tolist() == [2, 1, 0, 5, 4, 3, 0, 0]
