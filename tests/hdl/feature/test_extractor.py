@@ -86,7 +86,7 @@ def golden_features(
 
 @pytest.mark.parametrize(
     ("name", "spacing_cycles", "level", "gaps", "frame_count"),
-    [("ilbp-128", 4, 0, 0, 1), ("ilbp-128", 2, 1, 60, 1), ("thesis-ilbp-4", 2, 0, 60, 2)],
+    [("ilbp-128", 4, 1, 60, 1), ("thesis-ilbp-4", 2, 0, 0, 2)],
 )
 def test_features_equal_the_golden_model(
     name: str, spacing_cycles: int, level: int, gaps: int, frame_count: int

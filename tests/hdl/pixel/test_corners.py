@@ -17,7 +17,7 @@ from sim.simulators.recording import NO_PAUSES, Pauses
 from tests.hdl.pixel.columns import columns, gradients
 
 CONFIG = FrontEndConfig(levels=1, threshold=30)
-WIDTH_PX = 30
+WIDTH_PX = 27
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def response_code(frame: NDArray[np.uint8], config: FrontEndConfig) -> NDArray[n
 def test_corners_of_a_larger_window_equal_the_golden_model(
     check_block: Callable[..., None], detector: str, pixels_per_clock: int
 ) -> None:
-    frame = np.random.default_rng(2).integers(0, 256, (28, WIDTH_PX), dtype=np.uint8)
+    frame = np.random.default_rng(2).integers(0, 256, (26, WIDTH_PX), dtype=np.uint8)
     config = dataclasses.replace(CONFIG, detector=detector)
     codes = response_code(frame, config)
     survivors = nms.suppress(codes, *config.suppression)
