@@ -31,9 +31,9 @@ def tiles() -> NDArray[np.int64]:
     return np.concatenate([*seen, *extremes])
 
 
-def payloads(corners: NDArray[np.int64], *, blank: int = 0) -> list[dict[str, Any]]:
+def payloads(corners: NDArray[np.int64]) -> list[dict[str, Any]]:
     return [
-        {"corners": corner_payload(each), "window": n % 2, "wide": n // 2 % 2, "blank": blank}
+        {"corners": corner_payload(each), "window": n % 2, "wide": n // 2 % 2, "blank": 0}
         for n, each in enumerate(corners)
     ]
 
@@ -54,26 +54,6 @@ def test_positions_equal_the_golden_model(pauses: Pauses) -> None:
     np.testing.assert_array_equal(rows(results), positions(corners).reshape(-1, 2))
     assert [each.window + 2 * each.wide for each in results] == [n % 4 for n in range(count) for _ in range(PIXELS)]
     assert not any(each.blank for each in results)
-
-
-def test_a_blank_tile_has_all_its_positions_whatever_its_corners_are() -> None:
-    """And the tile after it is not disturbed; nor is one after a reset in any phase."""
-    beyond = np.resize([CORNER.max_raw, CORNER.min_raw, 0], (1, 3, 3, 2))
-    tile = tiles()[1:2]
-    dut = Positions()
-    bench = BlockBench(dut, cycle_limit=5000)
-    results: list[Any] = []
-
-    async def put(ctx: Any) -> None:
-        await bench.stream_put(ctx, dut.i, payloads(beyond, blank=1)[0])
-        await bench.stream_put(ctx, dut.i, payloads(tile)[0])
-
-    async def get(ctx: Any) -> None:
-        results.extend([await bench.stream_get(ctx, dut.o) for _ in range(2 * PIXELS)])
-
-    bench.run(put, get)
-    assert [each.blank for each in results] == [1] * PIXELS + [0] * PIXELS
-    np.testing.assert_array_equal(rows(results[PIXELS:]), positions(tile).reshape(-1, 2))
 
 
 def test_a_reset_in_any_phase_leaves_nothing_behind() -> None:
