@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""The top at its pins: commands in, answers and light-emitting diodes out, and the button."""
+"""The top at its pins: light-emitting diodes and the button; commands and answers are in `test_link`."""
 
 import dataclasses
 from collections.abc import Callable, Coroutine
@@ -15,13 +15,10 @@ from amaranth.sim import Simulator
 from hdl.axi.axi_lite import AXI_LITE
 from hdl.axi.video_input import VideoPayload
 from hdl.build import BUILDS, Build
-from hdl.registers.register_map import IDENTITY, register_writes
 from hdl.serial import ulx3s
-from hdl.serial.link import Command, Message
 from hdl.streams import WordPayload
 
 BUILD = dataclasses.replace(BUILDS["tiny"], shell="serial", video_bits=8)
-CLOCKS_PER_BIT = 4
 
 
 def simulate(dut: ulx3s.Ulx3s, run: Callable[[Any], Coroutine[Any, Any, None]]) -> None:
@@ -35,51 +32,6 @@ def simulate(dut: ulx3s.Ulx3s, run: Callable[[Any], Coroutine[Any, Any, None]]) 
     simulator.add_testbench(run)
     simulator.add_testbench(oscillator, background=True)
     simulator.run()
-
-
-def test_registers_answer_and_the_button_resets_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ulx3s, "CLOCKS_PER_BIT", CLOCKS_PER_BIT)
-    dut = ulx3s.Ulx3s(BUILD)
-    received: list[int] = []
-
-    async def wait(ctx: Any, clocks: int) -> None:
-        for _ in range(clocks):
-            await ctx.posedge(dut.clk_25mhz)
-
-    async def send(ctx: Any, *words: int) -> None:
-        for byte in words:
-            for bit in (0, *(byte >> n & 1 for n in range(8)), 1):
-                ctx.set(dut.ftdi_txd, bit)
-                await wait(ctx, CLOCKS_PER_BIT)
-
-    async def receive(ctx: Any, count: int) -> bytes:
-        received.clear()
-        while len(received) < count:
-            while ctx.get(dut.ftdi_rxd):
-                await ctx.posedge(dut.clk_25mhz)
-            await wait(ctx, CLOCKS_PER_BIT // 2)
-            byte = 0
-            for n in range(8):
-                await wait(ctx, CLOCKS_PER_BIT)
-                byte |= ctx.get(dut.ftdi_rxd) << n
-            await wait(ctx, CLOCKS_PER_BIT)
-            received.append(byte)
-        return bytes(received)
-
-    async def run(ctx: Any) -> None:
-        ctx.set(dut.ftdi_txd, 1)
-        await wait(ctx, ulx3s.RESET_CLOCKS + 2)
-        await send(ctx, Command.READ, 0, 0)
-        assert await receive(ctx, 6) == bytes([Message.ANSWER, 0]) + IDENTITY.to_bytes(4, "little")
-        ((offset, word),) = register_writes({"enable": 1})
-        await send(ctx, Command.WRITE, offset, 0, *word.to_bytes(4, "little"))
-        assert await receive(ctx, 6) == bytes([Message.ANSWER, 0, 0, 0, 0, 0])
-        assert (ctx.get(dut.led), ctx.get(dut.wifi_gpio0)) == (1, 1)
-        ctx.set(dut.btn_fire1, 1)
-        await wait(ctx, 8)
-        assert ctx.get(dut.led) == 0
-
-    simulate(dut, run)
 
 
 def test_the_port_has_the_rate_that_hosts_open_it_with() -> None:
@@ -104,7 +56,7 @@ class IdleAccelerator(wiring.Component):
         return Module()
 
 
-def test_each_light_has_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_light_has_its_place_and_the_button_resets(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ulx3s, "Accelerator", IdleAccelerator)
     dut = ulx3s.Ulx3s(BUILD)
     idle = dut.accelerator
@@ -121,5 +73,10 @@ def test_each_light_has_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
         for _ in range(ulx3s.RESET_CLOCKS + 11 * ulx3s.CLOCKS_PER_BIT):
             await ctx.posedge(dut.clk_25mhz)
         assert ctx.get(dut.led) == 1 << 1
+        assert not ctx.get(idle.i_reset)
+        ctx.set(dut.btn_fire1, 1)
+        for _ in range(8):
+            await ctx.posedge(dut.clk_25mhz)
+        assert ctx.get(idle.i_reset)
 
     simulate(dut, run)
