@@ -23,8 +23,8 @@ def simulated(m: Module, run: Any) -> None:
     simulator.run()
 
 
-@pytest.mark.parametrize("cycles", [0, 1, 2, MIN_SHARED_STAGES, MIN_SHARED_STAGES + 1, 10, 64, 65, 66, 130])
-@pytest.mark.parametrize("shape", [unsigned(1), signed(3), unsigned(8), unsigned(9), signed(WORD_BITS), unsigned(70)])
+@pytest.mark.parametrize("cycles", [0, 1, 2, MIN_SHARED_STAGES, MIN_SHARED_STAGES + 1, 64, 66, 130])
+@pytest.mark.parametrize("shape", [unsigned(1), signed(3), unsigned(9), signed(WORD_BITS), unsigned(70)])
 def test_a_value_comes_a_number_of_clocks_later(shape: Shape, cycles: int) -> None:
     m = Module()
     value = Signal(shape)

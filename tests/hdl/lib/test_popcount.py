@@ -8,13 +8,13 @@ from hdl.lib.popcount import Popcount
 from tests.hdl.drivers import run_clocks
 
 
-@pytest.mark.parametrize(("bits", "lanes"), [(3, 2), (8, 3), (24, 2), (32, 2), (256, 1)])
+@pytest.mark.parametrize(("bits", "lanes"), [(3, 2), (8, 3), (24, 2), (256, 1)])
 def test_popcount_counts_the_ones_of_each_lane(bits: int, lanes: int) -> None:
     dut = Popcount(bits=bits, lanes=lanes)
     rng = np.random.default_rng(bits)
-    inputs = rng.random((40, bits, lanes)) < rng.random((40, 1, lanes))
+    inputs = rng.random((25, bits, lanes)) < rng.random((25, 1, lanes))
     inputs[0], inputs[1] = 0, 1
-    valid = rng.random(40) < 0.7
+    valid = rng.random(25) < 0.7
     valid[:2] = True
     values = (inputs << np.arange(lanes)).sum(axis=2).tolist()
     rows = [
@@ -24,7 +24,7 @@ def test_popcount_counts_the_ones_of_each_lane(bits: int, lanes: int) -> None:
     rows += [[]] * dut.latency_cycles  # the last planes stay at the inputs
     counts = run_clocks(dut, rows, dut.o_counts)[dut.latency_cycles :]
     # A count stays until the next valid input.
-    last_valid = np.maximum.accumulate(np.where(valid, np.arange(40), 0))
+    last_valid = np.maximum.accumulate(np.where(valid, np.arange(25), 0))
     np.testing.assert_array_equal(counts, inputs.sum(axis=1)[last_valid])
 
 

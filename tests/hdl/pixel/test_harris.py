@@ -30,7 +30,7 @@ def test_structure_tensor_equals_the_golden_model(
     check_block(dut, frames, dict(zip("abc", tensors, strict=True)), margin_px=margin_px)
 
 
-@pytest.mark.parametrize(("k_numerator", "k_shift"), [(1, 4), (5, 7), (11, 6), (0, 0)])
+@pytest.mark.parametrize(("k_numerator", "k_shift"), [(1, 4), (11, 6), (0, 0)])
 def test_raw_response_equals_the_golden_model(
     gray_frames: list[NDArray[np.uint8]], check_block: Callable[..., None], k_numerator: int, k_shift: int
 ) -> None:
