@@ -147,15 +147,6 @@ def test_none_keeps_all_with_full_weight() -> None:
     assert (matches["verdict"] == 1).all()
 
 
-@pytest.mark.parametrize("keep_above", [0, 64, 255])
-def test_verdict_is_weight_above_the_limit(keep_above: int) -> None:
-    rng = np.random.default_rng(3)
-    left = random_features(rng, 200, ILBP_128)
-    right = seen_again(rng, left, ILBP_128, 0)
-    matches = matcher.match(left, right, ILBP_128, MatcherConfig(keep_above=keep_above))
-    assert (matches["verdict"] == (matches["weight"] > keep_above)).all()
-
-
 @pytest.mark.parametrize("counts", [(0, 0), (0, 7), (7, 0)])
 @pytest.mark.parametrize(
     ("rule_base", "name"), [("aerial", "ilbp-128"), ("ilbp", "thesis-ilbp-4"), ("none", "ilbp-256")]

@@ -103,32 +103,6 @@ def grid_of(*axes: list[int] | range) -> NDArray[np.int64]:
     return np.array(list(itertools.product(*axes)))
 
 
-@pytest.mark.parametrize("bits", [128, 256])
-def test_aerial_equals_simpful(bits: int) -> None:
-    variables = {
-        "d": {"low": falling(0.10 * bits, 0.34 * bits, bits), "high": rising(0.10 * bits, 0.34 * bits, bits)},
-        "m": {"big": rising(0, 0.10 * bits, bits)[1:], "small": falling(0, 0.10 * bits, bits)[1:]},
-        "t": {
-            "common": [[0, 1], [1, 1], [2, 0.6], [3, 0.2], [4, 0], [8, 0]],
-            "other": [[0, 0], [1, 0], [2, 0.4], [3, 0.8], [4, 1], [8, 1]],
-        },
-    }
-    rules = [
-        (("low", "big", "common"), "a", 1.0),
-        (("low", "big", "other"), "b", 0.15),
-        (("low", "small", "common"), "c", 0.6),
-        (("low", "small", "other"), "e", 0.05),
-        (("high", "big", "common"), "f", 0.6),
-        (("high", "big", "other"), "g", 0.02),
-        (("high", "small", "common"), "h", 0.2),
-        (("high", "small", "other"), "i", 0.0),
-    ]
-    system = reference(variables, {n: v for _, n, v in rules}, [(s, n) for s, n, _ in rules], ["AND_PRODUCT"])
-    grid = grid_of(range(0, bits // 2, bits // 32), range(0, bits // 6, bits // 64), range(6))[::5]
-    weight, strengths = infer(system, variables, grid)
-    assert_close(rule_bases.aerial(bits), grid, weight, strengths, [v for *_, v in rules])
-
-
 def test_aerial_orientation_equals_simpful() -> None:
     bits = 128
     variables = {
@@ -217,24 +191,6 @@ def test_aerial_constants_are_the_nearest_integers() -> None:
     assert [rule.singleton for rule in system.rules] == [256, 38, 154, 13, 154, 5, 51, 0]
     assert system.inputs[2].sets["common"].tolist() == [256, 256, 154, 51, 0]
     assert [rule.singleton for rule in rule_bases.aerial_orientation(128).rules] == [256, 90, 128, 0]
-
-
-def test_third_input_folds_into_constants() -> None:
-    """Hardware may replace the relative orientation by four constants, one for each corner of distance and margin."""
-    system = rule_bases.aerial(128)
-    distance, margin, turn = grid_of(range(129), range(0, 129, 3), range(9)).T
-    low, big, common = (
-        variable.sets[name][np.minimum(value, variable.entries - 1)]
-        for variable, name, value in zip(system.inputs, ("low", "big", "common"), (distance, margin, turn), strict=True)
-    )
-    folded = [
-        common * system.rules[rule].singleton + (256 - common) * system.rules[rule + 1].singleton
-        for rule in (0, 2, 4, 6)
-    ]
-    corners = (low * big, low * (256 - big), (256 - low) * big, (256 - low) * (256 - big))
-    total = sum(corner * constant for corner, constant in zip(corners, folded, strict=True))
-    weight, _ = system.evaluate(distance, margin, turn)
-    assert (weight == np.minimum((total + (1 << 23)) >> 24, 255)).all()
 
 
 def test_weight_saturates_and_beyond_the_table_reads_its_end() -> None:
