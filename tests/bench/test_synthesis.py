@@ -17,7 +17,7 @@ from hdl.pixel.gray import Gray
 RECORDED = synthesis.recorded_rows()
 LARGEST_FIRST = sorted(RECORDED, key=lambda name: RECORDED[name]["LUT"], reverse=True)
 QUICK = "sobel"
-SMALL = [name for name, row in RECORDED.items() if int(row["LUT"]) < 500]
+SMALL = [name for name, row in RECORDED.items() if int(row["LUT"]) < 200]
 """Their Verilog is written in half a second each."""
 
 

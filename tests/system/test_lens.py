@@ -25,7 +25,7 @@ from skymosaic.running.workers import Workers
 from tests.conftest import Run
 from tests.system.command_line import closed_pipe, skymosaic, skymosaic_process
 
-IMAGES, SIZE, K1 = 12, (640, 480), -0.12
+IMAGES, SIZE, K1 = 12, (480, 360), -0.12
 SURVEY: dict[str, Any] = {
     "seed": 8,
     "images": IMAGES,

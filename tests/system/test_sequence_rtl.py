@@ -12,11 +12,11 @@ from sim.simulators.accelerator_designs import MATCHES, design_accelerator
 from sim.simulators.hardware import decode_recordings, make_segments
 from sim.simulators.scoreboard import Coverage, find_clock_mismatch, find_mismatch, predict_timelines
 
-FRAMES, SIZE_PX = 3, (640, 480)
+FRAMES, SIZE_PX = 3, (400, 300)
 FRAME_CYCLES = SIZE_PX[0] * SIZE_PX[1]
 BUILD = Build()
 CONFIG = BUILD.config
-MIN_MATCHES = 700
+MIN_MATCHES = 250
 
 
 @pytest.fixture(scope="module")
