@@ -1,6 +1,7 @@
 """Everything that the product writes for people, looked at in a real browser, and held against what it shows."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -51,7 +52,7 @@ from tests.system.test_sequence_map import with_gps
 from tools.panel.visit import PHONE, WINDOW, open_page, running_panel
 
 ROOT = Path(__file__).parents[2]
-PLACED, METRES_A_PIXEL = 6, 0.15
+PLACED, METRES_A_PIXEL = 4, 0.15
 MIN_ALIKE = 0.7
 """Correlation of what lies around the ends of a line between two pictures of the same ground."""
 MIN_ON_CORNERS = 0.4
@@ -66,7 +67,7 @@ LOOKED_AT = (
 SCHEMES = {"light": "default", "dark": "slate"}
 """What the site calls its colours."""
 LARGE = ("reference/golden_model.html", "reference/hardware.html")
-"""Pages that take long: megabytes of what the page of the API consists of, too."""
+"""Pages that take long: megabytes of what the page of the API consists of, too. The fast tests have their beginning."""
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +78,7 @@ def written(tmp_path_factory: pytest.TempPathFactory, flight: Flight) -> Path:
     for path, image, pose in zip(taken, flight.images[:PLACED], flight.poses, strict=False):
         with_gps(path, image, METRES_A_PIXEL * pose.x_px, -METRES_A_PIXEL * pose.y_px)
     # It has to be flown again.
-    with_gps(taken[-1], np.random.default_rng(0).integers(0, 255, (360, 480, 3), np.uint8), 0, 0)
+    with_gps(taken[-1], np.random.default_rng(0).integers(0, 255, (120, 160, 3), np.uint8), 0, 0)
     with open_plan(taken, MosaicOptions()) as plan:
         (made,) = plan.write(folder / "m.tif", OutputForm(tiles=folder / "tiles"))
         # The ground is honest; a link that contradicts is made of the last one, and of the first a weak one.
@@ -108,7 +109,7 @@ def pair(written: Path) -> Pair:
 @pytest.fixture(scope="module")
 def thesis(written: Path) -> None:
     """The page of the thesis as the command writes it, of one pair."""
-    pair, data = make_pair(seed=5, size=(400, 300)), written / "<rendered>"
+    pair, data = make_pair(seed=5, size=(350, 260)), written / "<rendered>"
     left, right = pair.images
     write_set(data, [("only", "real", left, right, pair.homography_between(0, 1))])
     result = CliRunner().invoke(app, ["thesis", "--data", str(data), "-o", str(written / "thesis")])
@@ -236,21 +237,33 @@ def test_lines_of_matches_end_on_their_points(pair: Pair, tmp_path: Path) -> Non
         assert not other.any()
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def build_site(folder: Path, **environment: str) -> Path:
     """The site; a link, a page or a reference that does not exist is an error."""
-    folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, cwd=ROOT, env={**os.environ, **environment}, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     return folder
 
 
-@pytest.mark.parametrize("pages", ["most", pytest.param("large", marks=pytest.mark.slow)])
-def test_every_page_of_the_site_can_be_looked_at_without_a_network(browser: Browser, site: Path, pages: str) -> None:
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """With few modules of the model and of the hardware."""
+    return build_site(tmp_path_factory.mktemp("site"), SITE_MODULES="few")
+
+
+def test_every_page_of_the_site_can_be_looked_at_without_a_network(browser: Browser, site: Path) -> None:
     # The page of what does not exist is for servers, by whose root it finds its style.
-    names = {path.relative_to(site).as_posix() for path in site.rglob("*.html")} - {"404.html"}
-    names = names - {*LARGE} if pages == "most" else {*LARGE}
+    look_at_pages(browser, site, {path.relative_to(site).as_posix() for path in site.rglob("*.html")} - {"404.html"})
+
+
+@pytest.mark.slow
+def test_the_large_pages_of_the_site_can_be_looked_at(browser: Browser, tmp_path: Path) -> None:
+    look_at_pages(browser, build_site(tmp_path), {*LARGE})
+
+
+def look_at_pages(browser: Browser, site: Path, names: set[str]) -> None:
     asked, wrong = set(), []
     for window, scheme in VIEWS:
         # A new one, since a browser keeps the colours in which it opened the site.
@@ -319,18 +332,19 @@ CHECKS: dict[str, tuple[Callable[[Page], list[str]], ...]] = {
 """What the drawings of some states of the panel show."""
 
 
-def walk(browser: Browser, panel: str, states: dict[str, Callable[[Page], None]]) -> list[str]:
-    """Go through the states; returns what is wrong with each."""
+def walk(browser: Browser, panel: str, states: dict[str, Callable[[Page], None]], *, views: int = 2) -> list[str]:
+    """Go through the states; returns what is wrong with each, in both views or in one of them by turns."""
     page = open_page(browser, "about:blank", color_scheme="light")
     # A request under way that is never answered: what the page shows meanwhile must have no barriers either.
     page.route("**/never-answered", lambda _route: None)
     heard, found = listen(page), []
     page.goto(panel)
     page.evaluate("() => { const x = new XMLHttpRequest(); x.open('GET', '/never-answered'); x.send(); }")
-    for name, reach in states.items():
+    for number, (name, reach) in enumerate(states.items()):
         reach(page)
         drawn(page)
-        wrong = [each for check in CHECKS.get(name, ()) for each in check(page)] + look(page) + heard
+        wrong = [each for check in CHECKS.get(name, ()) for each in check(page)]
+        wrong += look(page, VIEWS if views == 2 else VIEWS[number % 2 :][:1]) + heard
         page.set_viewport_size(WINDOW)
         page.emulate_media(color_scheme="light")
         found += [f"{name}: {each}" for each in wrong]
@@ -339,8 +353,9 @@ def walk(browser: Browser, panel: str, states: dict[str, Callable[[Page], None]]
     return found
 
 
-def test_the_panel_with_a_pair_can_be_looked_at(browser: Browser, panel: str) -> None:
-    found = walk(browser, panel, STATES)
+@pytest.mark.parametrize("views", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_the_panel_with_a_pair_can_be_looked_at(browser: Browser, panel: str, views: int) -> None:
+    found = walk(browser, panel, STATES, views=views)
     assert found == [], "\n".join(found)
 
 
