@@ -39,17 +39,17 @@ def places(tracked: list[TrackedFrame]) -> list[Any]:
 
 
 def test_an_object_that_never_appears_is_not_found(ground: Pixels) -> None:
-    tracked = follow(render_ground(5, 100, 80), fly(ground, 10, 6))
-    assert places(tracked) == [None] * 6
+    tracked = follow(render_ground(5, 100, 80), fly(ground, 10, 3))
+    assert places(tracked) == [None] * 3
     assert all("not found yet" in each.reason for each in tracked)
 
 
 def test_an_object_that_leaves_for_good_is_lost_and_said_to_have_left(ground: Pixels) -> None:
-    tracked = follow(ROI, fly(ground, 25, 12))
+    tracked = follow(ROI, fly(ground, 25, 9))
     found = [place is not None for place in places(tracked)]
     assert found[:3] == [True] * 3
     # All of it is out of the frame.
-    assert found[6:] == [False] * 6
+    assert found[6:] == [False] * 3
     assert "left the frame" in tracked[-1].reason
 
 
@@ -58,22 +58,22 @@ def test_a_twin_is_not_taken_for_an_object_that_is_hidden(ground: Pixels) -> Non
     cut = render_ground(5, ROI.width_px, ROI.height_px)
     for x in (ROI.x_px, ROI.x_px + 110):
         both[ROI.y_px : ROI.y_px + ROI.height_px, x : x + ROI.width_px] = cut
-    frames = fly(both, 2, 12)
+    frames = fly(both, 2, 8)
     for number, frame in enumerate(frames[3:], 3):
         cv2.rectangle(frame, (50 - 2 * number, 70), (150 - 2 * number, 150), (90, 90, 90), cv2.FILLED)
     tracked = follow(ROI, frames)
-    assert [place is not None for place in places(tracked)] == [True] * 3 + [False] * 9
+    assert [place is not None for place in places(tracked)] == [True] * 3 + [False] * 5
     assert any("another object looks like it" in each.reason for each in tracked[3:])
 
 
 def test_an_object_may_fill_the_frame(ground: Pixels) -> None:
-    tracked = follow(Roi(0, 0, WIDTH, HEIGHT), fly(ground, 4, 6))
-    np.testing.assert_allclose(places(tracked), -0.5 - 4 * np.arange(6), atol=1)
+    tracked = follow(Roi(0, 0, WIDTH, HEIGHT), fly(ground, 4, 4))
+    np.testing.assert_allclose(places(tracked), -0.5 - 4 * np.arange(4), atol=1)
 
 
 def test_after_a_cut_the_object_is_lost_and_the_cut_is_said(ground: Pixels) -> None:
-    tracked = follow(ROI, [*fly(ground, 4, 3), *fly(render_ground(5, 500, 300), 4, 6)])
-    assert [place is not None for place in places(tracked)] == [True] * 3 + [False] * 6
+    tracked = follow(ROI, [*fly(ground, 4, 3), *fly(render_ground(5, 500, 300), 4, 3)])
+    assert [place is not None for place in places(tracked)] == [True] * 3 + [False] * 3
     assert "changed altogether" in tracked[3].reason
 
 

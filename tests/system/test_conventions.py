@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from fractions import Fraction
 from pathlib import Path
 
@@ -28,15 +29,23 @@ WRITES_JSON = {
 }
 
 
-@pytest.fixture(autouse=True)
-def _photographs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The current folder holds an overlapping pair, as pictures and as a film."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with an overlapping pair, as pictures and as a film."""
+    folder = tmp_path_factory.mktemp("pair")
     left, right = make_pair(seed=5, size=(320, 240)).images
     for name, image in (("left", left), ("right", right)):
-        cv2.imwrite(str(tmp_path / f"{name}.png"), image)
-    film(tmp_path / "film.mkv", left, right)
+        cv2.imwrite(str(folder / f"{name}.png"), image)
+    film(folder / "film.mkv", left, right)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _photographs(pair: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The current folder is a copy of it."""
+    shutil.copytree(pair, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
 def film(path: Path, *frames: np.ndarray) -> None:

@@ -18,11 +18,11 @@ from tests.skymosaic.geometry.covered import SIZE, at_night, ground, seen, with_
 
 def test_a_sensors_pattern_is_subtracted_from_a_flight_and_a_live_mosaic() -> None:
     place = ground(5)
-    photographs = [at_night(seen(place, 100 + 90 * k, 100 + 20 * k, degrees=3 * k), k, 0.2) for k in range(4)]
+    photographs = [at_night(seen(place, 100 + 90 * k, 100 + 20 * k, degrees=3 * k), k, 0.2) for k in range(3)]
     (whole,) = mosaics(photographs)
     live = LiveMosaic()
-    live.extend(photographs[:3])
-    assert len(whole.placed) == 4
+    live.extend(photographs)
+    assert len(whole.placed) == 3
     assert len(live.transforms) == 3
     middle = np.array([[SIZE[0] / 2, SIZE[1] / 2]])
     for transforms in (whole.transforms, live.transforms):
@@ -54,7 +54,7 @@ def test_a_live_mosaic_joins_no_different_places_and_says_why() -> None:
 @pytest.mark.parametrize("cover", [with_display, with_dirt])
 def test_a_film_has_the_same_key_frames_behind_it(cover: Callable[..., Any]) -> None:
     place = ground(9)
-    film = [np.ascontiguousarray(place[200:680, x : x + SIZE[0]]) for x in range(0, 600, 15)]
+    film = [np.ascontiguousarray(place[200:680, x : x + SIZE[0]]) for x in range(0, 600, 30)]
     numbers = [frame.number for frame in select_key_frames(film)]
     assert len(numbers) > 3
     assert [frame.number for frame in select_key_frames(map(cover, film))] == numbers

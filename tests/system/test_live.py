@@ -45,7 +45,7 @@ def video(tmp_path_factory: pytest.TempPathFactory, frames: list[np.ndarray]) ->
     path = tmp_path_factory.mktemp("video") / "pan.mp4"
     wide = mosaic(frames[:3]).image
     with write_video(path, Fraction(25)) as write:
-        for step in range(0, wide.shape[0] - 240, 8):
+        for step in range(0, wide.shape[0] - 240, 20):
             write(np.ascontiguousarray(wide[step : step + 240, 80:400]))
     return path
 
@@ -136,21 +136,6 @@ def test_live_makes_the_mosaic_of_a_video(video: Path, tmp_path: Path) -> None:
     assert whole.returncode == 0, whole.stderr
     assert "left out" not in whole.stderr
     assert cv2.imread(str(tmp_path / "whole.png")).shape[0] == pytest.approx(live.shape[0], rel=0.05)
-
-
-def test_a_video_cut_off_in_a_frame_still_makes_a_mosaic(video: Path, tmp_path: Path) -> None:
-    (tmp_path / "cut.avi").write_bytes(b"")
-    with write_video(tmp_path / "whole.mkv", Fraction(25)) as write:
-        for frame in read_live_frames(str(video), idle_seconds=None, tell=lambda _line: None):
-            for _ in range(3):
-                write(frame.pixels)
-    data = (tmp_path / "whole.mkv").read_bytes()
-    (tmp_path / "cut.mkv").write_bytes(data[: int(0.9 * len(data))])
-    result = skymosaic("mosaic", "cut.mkv", "-o", "m.png", "--cache", "cache", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    empty = skymosaic("mosaic", "cut.avi", "-o", "m2.png", cwd=tmp_path)
-    assert empty.returncode == 2
-    assert "empty" in empty.stderr
 
 
 def test_every_frame_is_a_line_of_json_and_named_as_in_a_mosaic(video: Path, tmp_path: Path) -> None:
