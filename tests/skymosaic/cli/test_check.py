@@ -17,18 +17,6 @@ from skymosaic.flight.check import FlightCheck, PhotographCheck
 from skymosaic.maps.georeference import map_to_globe
 
 
-def test_positions_from_a_file_are_those_that_are_checked(tmp_path: Path) -> None:
-    (tmp_path / "flight").mkdir()
-    lines = ["EPSG:4326"]
-    for number, image in enumerate(make_lawnmower(seed=9, images=3, size=(320, 240)).images):
-        cv2.imwrite(str(tmp_path / "flight" / f"{number}.png"), image)
-        lines.append(f"{number}.png {7 + number / 1000} 46")
-    (tmp_path / "geo.txt").write_text("\n".join(lines))
-    for positions, known in ((None, False), (tmp_path / "geo.txt", True)):
-        check(photographs=[str(tmp_path / "flight")], positions=positions, cache=tmp_path / "cache")
-        assert [each["gps"] for each in session.numbers["photographs"]] == [known] * 3
-
-
 def test_where_to_fly_again_is_written_for_a_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Of three strips the middle photograph is missing, and another one shows nothing that the others do."""
     flight = make_lawnmower(seed=9, images=9, size=(320, 240), forward_overlap=0.25, side_overlap=0.25)
@@ -49,6 +37,7 @@ def test_where_to_fly_again_is_written_for_a_map(tmp_path: Path, capsys: pytest.
     flown: dict[str, Any] = {"photographs": [str(tmp_path / "flight")], "cache": tmp_path / "cache"}
     with pytest.raises(RegistrationError, match="do not make one mosaic"):
         check(output=output, positions=tmp_path / "geo.txt", **flown)
+    assert [each["gps"] for each in session.numbers["photographs"]] == [True] * 9
     assert not any("contradict each other" in problem for problem in session.numbers["problems"])
     hole, *links, alone = json.loads(output.read_text())["features"]
     assert alone["properties"]["name"] == "left out noise.png"

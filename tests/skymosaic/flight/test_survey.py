@@ -1,5 +1,4 @@
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -181,13 +180,3 @@ def test_photographs_that_no_layout_explains_are_refused_with_counts() -> None:
         plan.flight = replace(plan.flight, links=(Link(0, 1, np.zeros((9, 2)), np.zeros((9, 2)), 9, 9),))
         with pytest.raises(RegistrationError, match="no two photographs make a mosaic; 1 of 1 pairs show common"):
             _ = plan.layouts
-
-
-def test_of_groups_of_one_size_that_with_most_pixels_comes_first(flight: Flight, surveyed: Path) -> None:
-    """Wide and thermal pictures of one drone in one folder: which is delivered must not depend on their order."""
-    small = [cv2.resize(image[:, ::-1], (320, 240), interpolation=cv2.INTER_AREA) for image in flight.images[:3]]
-    # Nothing links mirrored ground to the other photographs.
-    for images in ([*small, *flight.images[:3]], [*flight.images[:3], *small]):
-        with open_plan(images, MosaicOptions(all_groups=True, cache=surveyed)) as plan:
-            sizes = [{plan.flight.views[member].size for member in layout.members} for layout in plan.layouts]
-        assert sizes == [{flight.images[0].shape[1::-1]}, {(320, 240)}]

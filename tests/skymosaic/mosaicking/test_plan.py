@@ -112,6 +112,7 @@ def test_where_all_photographs_change_there_is_no_mosaic(folder: Path, surveyed:
 
 
 def test_all_groups_are_written_where_that_is_wanted(flight: Flight, surveyed: Path, tmp_path: Path) -> None:
+    """The group with most pixels comes first: wide and thermal pictures of one drone may be in any order."""
     # Nothing links mirrored ground to the other photographs.
     small = [cv2.resize(image[:, ::-1], (320, 240), interpolation=cv2.INTER_AREA) for image in flight.images[:3]]
     told: list[dict[int, str]] = []

@@ -19,7 +19,7 @@ from tests.skymosaic.flight.layout import cameras
 from tests.skymosaic.flight.layout.ties import tie_pictures
 
 SIZE_PX = (1280, 960)
-PICTURES = 30
+PICTURES = 16
 
 
 def laid_out(seed: int, false_share: float, period_px: int) -> tuple[Any, ...]:
@@ -44,7 +44,7 @@ def position_errors_px(flight: Flight, layout: Layout) -> NDArray[np.float64]:
 @pytest.mark.parametrize(("period_px", "false_share"), [(60, 0.2), (250, 0.05)], ids=["facade", "roofs"])
 def test_false_links_of_repeated_textures_are_found_and_move_no_photograph(period_px: int, false_share: float) -> None:
     flight, layout, planted = laid_out(1, false_share, period_px)
-    assert len(planted) >= 5
+    assert len(planted) >= 4
     assert {(link.left, link.right) for link in layout.contradicting} == planted
     assert position_errors_px(flight, layout).max() < 1
 
@@ -127,7 +127,7 @@ def test_each_photograph_whose_single_link_is_contradicted_is_left_out() -> None
 
 
 @pytest.mark.parametrize(
-    ("seeds", "most"), [(range(1, 5), 4), pytest.param(range(30, 430), 12, marks=pytest.mark.slow)], ids=["few", "many"]
+    ("seeds", "most"), [(range(1, 3), 4), pytest.param(range(30, 430), 12, marks=pytest.mark.slow)], ids=["few", "many"]
 )
 def test_bad_links_end_in_a_layout_that_cameras_can_have(seeds: range, most: int) -> None:
     for seed in seeds:

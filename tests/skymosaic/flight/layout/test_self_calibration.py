@@ -1,3 +1,4 @@
+import functools
 from types import SimpleNamespace
 from typing import Any
 
@@ -21,6 +22,7 @@ def bent(points: NDArray[np.float64], k1: float, k2: float = 0, x: float = 0, y:
     return [x, y] + (points - [x, y]) * (1 + k1 * squared + k2 * squared**2)
 
 
+@functools.cache
 def lawnmower(
     *distortion: float, rows: int = 3, columns: int = 5, noise_px: float = 0.3, seed: int = 0
 ) -> tuple[list[Any], list[Link]]:
@@ -56,7 +58,7 @@ def lawnmower(
     return [SimpleNamespace(size=SIZE_PX, working_size=SIZE_PX) for _ in poses], links
 
 
-@pytest.mark.parametrize("distortion", [-0.08, -0.03, 0.05])
+@pytest.mark.parametrize("distortion", [-0.08, 0.05])
 def test_distortion_is_found_within_five_percent(distortion: float) -> None:
     views, links = lawnmower(distortion)
     calibration = calibrate(views, range(len(views)), links)

@@ -63,7 +63,7 @@ def test_checks_are_no_ties_and_lie_on_relief_too() -> None:
 
 def test_twins_of_features_are_told_apart_near_the_place_that_a_layout_predicts() -> None:
     config = preset_config("aerial")
-    flight = make_lawnmower(3, 4, (640, 480))
+    flight = make_lawnmower(3, 4, (480, 360))
     left, right = (extract(image, config.front_end).features for image in flight.images[:2])
     how: dict[str, Any] = {"config": config, "seed": 0, "sights": see(flight.images)}
     twins, rng = right.copy(), np.random.default_rng(0)
