@@ -34,9 +34,7 @@ def imported(*words: str, **environment: str) -> tuple[list[str], set[str]]:
         ("skymosaic reg", ["register"]),
         ("skymosaic register --detector a", ["akaze"]),
         ("skymosaic register a.jpg b.jpg --working", ["--working-width"]),
-        ("skymosaic mosaic --js", ["--json"]),
         ("skymosaic panel --no-", ["--no-browser"]),
-        ("skymosaic export c", ["camera"]),
         ("skymosaic export board zy", ["zybo_z7_20"]),
         # A value of its own, or a file, which the shell completes.
         ("skymosaic mosaic --scale ", []),

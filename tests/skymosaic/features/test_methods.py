@@ -1,4 +1,5 @@
 import dataclasses
+import itertools
 from typing import Any
 
 import cv2
@@ -22,6 +23,7 @@ from skymosaic.registration.options import FeatureOptions
 from skymosaic.registration.register import register
 
 FLIGHT = make_pair(seed=1)
+SOME_DETECTORS = {"harris", "sift", "klt"}
 SOME_DESCRIPTORS = ("ilbp-128", "thesis-ilbp-4", "window-10", "sift", "orb", "brisk", "freak", "klt")
 
 
@@ -30,8 +32,15 @@ def images() -> list[np.ndarray]:
     return list(FLIGHT.images)
 
 
-@pytest.mark.parametrize("detector", DETECTORS)
-@pytest.mark.parametrize("descriptor", SOME_DESCRIPTORS)
+@pytest.mark.parametrize(
+    ("detector", "descriptor"),
+    [
+        pytest.param(
+            *each, marks=[pytest.mark.slow] * (each[0] not in SOME_DETECTORS and each[1] not in {"ilbp-128", "orb"})
+        )
+        for each in itertools.product(DETECTORS, SOME_DESCRIPTORS)
+    ],
+)
 def test_every_combination_speaks_the_front_ends_language(
     images: list[NDArray[np.uint8]], detector: str, descriptor: str
 ) -> None:

@@ -70,7 +70,7 @@ def test_a_sensors_pattern_is_subtracted_from_a_pair() -> None:
 def test_a_sensors_pattern_joins_no_different_places(
     sites: list[NDArray[np.uint8]], contrast: float, reason: str
 ) -> None:
-    pair = register(at_night(sites[0], 0, contrast), at_night(sites[1], 1, contrast))
+    pair = register(at_night(sites[0], 0, contrast), at_night(sites[1], 1, contrast), effort="fast")
     assert not pair.accepted
     assert reason in pair.reason
 
@@ -112,7 +112,9 @@ def test_water_below_a_camera_that_hovers_is_refused_with_the_shares_and_deliver
 ) -> None:
     bank, later = sites[0], sites[0].copy()
     later[:, 250:] = sites[1][:, 250:]
-    refused, delivered = register(bank, later), register(bank, later, accept_poor=True)
+    refused, delivered = (
+        register(bank, later, effort="fast", accept_poor=accept_poor) for accept_poor in (False, True)
+    )
     assert not refused.accepted
     assert re.match(r"what agrees covers 4\d % of the ground, and .* 0 % of the picture needs 70 %: ", refused.reason)
     assert "`accept_poor`" in refused.reason

@@ -43,13 +43,10 @@ def silent(_line: str, _done: int = 0, _total: int = 0) -> None:
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "preset": {},
-    "threshold": {"position": 26, "rules": "none", "blending": "average"},
-    "fast": {"detector": "fast", "position": 25, "descriptor": "ilbp-256"},
-    "key points": {"detector": "brisk", "descriptor": "freak"},
+    "threshold": {"position": 26, "rules": "none", "blending": "average", "damaged": "keep"},
+    "fast": {"detector": "fast", "position": 25, "descriptor": "ilbp-256", "estimator": "fuzzy-ransac"},
+    "key points": {"detector": "brisk", "descriptor": "freak", "estimator": "magsac", "accept_poor": True},
     "fewer key points": {"detector": "orb", "position": 16, "blending": "multiband"},
-    "damaged": {"damaged": "keep", "detector": "fast", "position": 9},
-    "any estimator": {"estimator": "magsac", "accept_poor": True},
-    "fuzzy estimator": {"estimator": "fuzzy-ransac"},
 }
 
 
