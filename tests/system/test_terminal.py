@@ -148,7 +148,9 @@ def test_what_nohup_started_outlives_its_terminal() -> None:
         signal.signal(signal.SIGHUP, before)
 
 
-@pytest.mark.parametrize("end", [signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.slow), signal.SIGINT])
+@pytest.mark.parametrize(
+    "end", [*(pytest.param(each, marks=pytest.mark.slow) for each in (signal.SIGTERM, signal.SIGHUP)), signal.SIGINT]
+)
 def test_a_signal_leaves_no_temporary_files(tmp_path: Path, noisy: Path, end: signal.Signals) -> None:
     for name in ("photographs", "out", "temp"):
         (tmp_path / name).mkdir()
