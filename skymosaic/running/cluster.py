@@ -115,7 +115,7 @@ class Cluster:
             except Exception as error:
                 if _kind(error) == "KilledWorker":
                     raise RegistrationError(f"{what}: {_describe_death(error)}") from None
-                if _kind(error) in ("FutureCancelledError", "CancelledError"):
+                if _kind(error) in ("FutureCancelledError", "CancelledError", "CommClosedError"):
                     raise self._gone() from None
                 raise
 
