@@ -73,15 +73,7 @@ def test_a_name_of_other_letters_stays(client: Client) -> None:
     assert client.get("/picture/uploads/Überflug_Süd_2.png.png").content.startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "../../../etc/passwd",
-        "a\0b.png",
-        "<img src=x>.png",
-        "",
-    ],
-)
+@pytest.mark.parametrize("name", ["../../../etc/passwd", "a\0b.png", "<img src=x>.png", ""])
 def test_a_file_name_cannot_choose_a_path(client: Client, name: str) -> None:
     assert client.upload(name, picture()).status_code == 204
     (shown,) = client.pictures()
@@ -93,9 +85,6 @@ def test_a_file_name_cannot_choose_a_path(client: Client, name: str) -> None:
     [
         ("text", b"words, not pixels\n", 415, "is not a photograph"),
         ("nothing", b"", 415, "is empty"),
-        ("a page", b"<html><script>alert(1)</script></html>", 415, "is not a photograph"),
-        ("a vector picture", b'<svg xmlns="http://www.w3.org/2000/svg"/>', 415, "is not a photograph"),
-        ("an animation", b"GIF89a" + bytes(64), 415, "is not a photograph"),
         ("a program", b"\x7fELF" + bytes(64), 415, "is not a photograph"),
         ("a play list", b"#EXTM3U\n#EXT-X-MEDIA-SEQUENCE:0\nfile:///etc/passwd\n", 415, "is not a photograph"),
         ("a truncated photograph", picture()[:900], 422, "truncated"),
