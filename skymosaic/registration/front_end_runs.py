@@ -40,9 +40,9 @@ LADDER = tuple(
     for swapped in (False, True)
     for reference, reduced in ((LARGER.reference, (Change(0.5),)), (Change(2.0), (Change(0.5), Change(0.4))))
 )
-# Twice as large, and in quarters of which each has as many corners as a whole frame, an overlap of a few percent has up
-# to eight times the corners.
-_QUARTERS = tuple(Change(2.0, quarter=(column, row)) for row in range(2) for column in range(2))
+# An overlap of a few percent has few corners, and most of it lies near an edge. Twice as large, each quarter has as
+# many corners as a whole frame.
+_QUARTERS = tuple(Change(2.0, margin_px=EDGE_PX, quarter=(column, row)) for row in range(2) for column in range(2))
 QUARTERS = tuple(FrontEndRun(quarter, _QUARTERS) for quarter in _QUARTERS)
 REDUCED = (Change(0.5), Change(math.sqrt(0.125)))
 INVERTED = FrontEndRun(Change(), (Change(inverted=True),))
