@@ -78,7 +78,7 @@ def written(tmp_path_factory: pytest.TempPathFactory, flight: Flight) -> Path:
     for path, image, pose in zip(taken, flight.images[:PLACED], flight.poses, strict=False):
         with_gps(path, image, METRES_A_PIXEL * pose.x_px, -METRES_A_PIXEL * pose.y_px)
     # It has to be flown again.
-    with_gps(taken[-1], np.random.default_rng(0).integers(0, 255, (120, 160, 3), np.uint8), 0, 0)
+    with_gps(taken[-1], np.random.default_rng(0).integers(0, 255, (360, 480, 3), np.uint8), 0, 0)
     with open_plan(taken, MosaicOptions()) as plan:
         (made,) = plan.write(folder / "m.tif", OutputForm(tiles=folder / "tiles"))
         # The ground is honest; a link that contradicts is made of the last one, and of the first a weak one.

@@ -145,7 +145,7 @@ def test_a_start_without_a_better_refit_keeps_its_own_score() -> None:
     left, right, weight, _ = matches(200, 0.6, seed=18, noise_px=0.0)
     given = prosac._Matches(left, right, weight)
     improved, score = prosac._optimise_locally(TRUTH, given)
-    assert score == pytest.approx(given.score(((apply(TRUTH, left) - right) ** 2).sum(axis=1)))
+    assert score == pytest.approx(given.score(given.squared_error(TRUTH)))
     np.testing.assert_allclose(improved, TRUTH, rtol=1e-6)
 
 
