@@ -80,6 +80,10 @@ def _require_command(context: typer.Context) -> None:
         raise InputError(f"{context.info_name} needs one of {valid}; run {context.command_path} --help")
 
 
+def _replaced() -> None:
+    raise AssertionError("a placeholder: the command itself is imported before it is called")
+
+
 def _print_version(asked: bool) -> None:
     if asked:
         raise typer.Exit(print_version())
@@ -93,8 +97,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for _name, _summary in COMMANDS.items():
-    # A placeholder: the command itself is imported before it is called.
-    app.command(_name, short_help=_summary)(lambda: None)
+    app.command(_name, short_help=_summary)(_replaced)
 
 
 @app.callback(invoke_without_command=True)
