@@ -89,6 +89,17 @@ def hidden_pictures(page: Page) -> list[str]:
     return found
 
 
+def names_of_options(page: Page) -> list[str]:
+    """Words in backquotes outside code: options as messages name them before they are spelled for people."""
+    return page.evaluate(
+        """() => {
+            const body = document.body.cloneNode(true);
+            body.querySelectorAll("pre, code, script, style, textarea").forEach((each) => each.remove());
+            return body.textContent.match(/`\\w+`/g) ?? [];
+        }"""
+    )
+
+
 def look(page: Page, views: Sequence[View] = VIEWS, *, for_barriers: bool = True) -> list[str]:
     """What is wrong with a page, by default on a desk in light and on a phone in dark; it stays in the last view."""
     found = []
@@ -98,7 +109,7 @@ def look(page: Page, views: Sequence[View] = VIEWS, *, for_barriers: bool = True
         drawn(page)
         width = page.evaluate("Math.max(document.documentElement.scrollWidth, document.body.scrollWidth)")
         seen = [f"{width} px wide"] if width > window["width"] else []
-        seen += hidden_pictures(page)
+        seen += hidden_pictures(page) + names_of_options(page)
         if for_barriers:
             seen += barriers(page)
         found += [f"{window['width']} px, {scheme}: {each}" for each in seen]

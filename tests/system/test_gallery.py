@@ -377,12 +377,13 @@ def test_what_is_wrong_with_a_page_is_found(browser: Browser) -> None:
     page = browser.new_page()
     heard = listen(page)
     page.set_content(
-        """<html><body><main><button></button><p style="color: #ccc">pale</p><script>gone()</script>
+        """<html><body><main><button></button><p style="color: #ccc">`mask` it</p><script>gone()</script>
         <img alt="" src="data:image/png;base64,iVBO"><div style="width: 400px">wide</div>
         <img alt="" width="90" src="data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg' width='9' height='9'/>">
         </main></body></html>"""
     )
     found = "\n".join(look(page, [(PHONE, "light")]) + heard)
     page.close()
-    for each in ("button-name", "color-contrast", "html-has-lang", "cannot be shown", "one colour", "px wide", "gone"):
+    faults = "button-name", "color-contrast", "html-has-lang", "cannot be shown", "one colour", "px wide", "gone"
+    for each in (*faults, "`mask`"):
         assert each in found

@@ -47,9 +47,9 @@ def test_the_rows_of_an_accepted_pair(pair: Pair) -> None:
 
 
 def test_a_refused_pair_says_why_and_has_no_row_of_what_it_lacks(pair: Pair, tmp_path: Path) -> None:
-    refused = replace(pair, homography=None, reason="7 matches, 12 needed", refined_inliers=0)
+    refused = replace(pair, homography=None, reason="7 matches; `accept_poor` takes it", refined_inliers=0)
     rows = dict(_table_rows(refused))
-    assert rows["verdict"] == "refused: 7 matches, 12 needed"
+    assert rows["verdict"] == "refused: 7 matches; --accept-poor takes it"
     assert list(rows) == ["left", "right", "verdict", "corners", "matches", "method", "computed by", "time"]
     write_pair_report(tmp_path, refused, None)
     assert sorted(path.name for path in tmp_path.iterdir()) == [
