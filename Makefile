@@ -14,13 +14,16 @@ REQUIRE ?=
 # Three on two processors, since some tests wait for tools and browsers.
 PYTEST := $(BIN)/pytest -n 3 --dist loadgroup --no-loadscope-reorder $(if $(REQUIRE),--require $(REQUIRE))
 
-.PHONY: demo test test-slow test-fuzz test-soak test-mutants dist docs pynq tools needs lint clean
+.PHONY: demo test fast-tests test-slow test-fuzz test-soak test-mutants dist docs pynq tools needs lint clean
 
 demo: $(VENV)/runs
 	$(BIN)/skymosaic demo -o demo --overwrite
 
+# The linters use a processor for as long as the tests wait for their tools.
 test: $(VENV)/installed
-	$(MAKE) --jobs 3 lint tools needs
+	$(MAKE) --jobs 3 lint fast-tests
+
+fast-tests: tools needs
 	$(PYTEST) -m "not slow"
 
 test-slow: $(VENV)/slow tools
