@@ -23,6 +23,8 @@ from skymosaic.imagery.patterns import only_match
 Image = str | Path | Pixels
 """A photograph as users give it."""
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
+FIRST_PAGE = "only the first"
+"""How the note begins which says that a file has more pages than are read."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +43,6 @@ class Photograph:
     """Values of a file of more than 8 bits, from `skymosaic.imagery.depth.sample_values`; else empty."""
     visible: Pixels | None = None
     """0 where the file has no data or is transparent, else 255, (H, W); None: 255 everywhere."""
-    paged: str = ""
-    """The note that only one of the file's pages is read, which is among the others, too; empty for one page."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -104,15 +104,15 @@ def _read(path: Path, *, keep_damaged: bool, min_side_px: int) -> Photograph:
     decoded, visible, damage = decode(path, header, keep_damaged=keep_damaged)
     turned = "turned upright by its EXIF orientation" if header.orientation != UPRIGHT else ""
     hidden = "" if visible is None else f"{np.mean(visible == 0):.1%} has no data or is transparent, and no ground"
-    paged = f"only the first of {header.pages} pages is read" if header.pages > 1 else ""
+    paged = f"{FIRST_PAGE} of {header.pages} pages is read" if header.pages > 1 else ""
     kept = f"kept although {damage.removeprefix(f'{path}: ')}" if damage else ""
     if decoded.dtype == np.uint8:
         notes = tuple(filter(None, (turned, hidden, paged, kept)))
-        return Photograph(str(path), decoded.astype(np.uint8, copy=False), notes, visible=visible, paged=paged)
+        return Photograph(str(path), decoded.astype(np.uint8, copy=False), notes, visible=visible)
     values = measure_range(decoded, str(path))
     mapping = f"{decoded.dtype}: {values.low:g}..{values.high:g} mapped to 0..255"
     notes = tuple(filter(None, (turned, hidden, paged, mapping, kept)))
-    return Photograph(str(path), values.to_8_bit(decoded), notes, values, sample_values(decoded), visible, paged)
+    return Photograph(str(path), values.to_8_bit(decoded), notes, values, sample_values(decoded), visible)
 
 
 def load_intensities(

@@ -21,6 +21,7 @@ from skymosaic.flight.relief import follow_relief
 from skymosaic.flight.repetition import repeat_flight
 from skymosaic.flight.survey import survey
 from skymosaic.flight.two_photographs import register_two
+from skymosaic.imagery.images import FIRST_PAGE
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.mosaicking.options import MosaicOptions, SurveyOptions
@@ -233,5 +234,6 @@ def lay_out(sources: Sequence[Source], options: SurveyOptions, workers: Workers,
 
 def tell_pages(flight: Flight, tell: Callable[[str], None]) -> None:
     """Say once that files have pages which are not read."""
-    if paged := [f"{view.name}: {view.paged}" for view in flight.views if view.paged]:
+    paged = [f"{view.name}: {note}" for view in flight.views for note in view.notes if note.startswith(FIRST_PAGE)]
+    if paged:
         tell(f"note {paged[0]} ({len(paged)} such files)")

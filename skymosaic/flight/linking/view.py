@@ -68,8 +68,6 @@ class View:
     """How it was taken, from EXIF and XMP."""
     notes: tuple[str, ...]
     """What was done to the file's pixels."""
-    paged: str = ""
-    """That of them which says that only one page of the file is read."""
 
     def pack(self) -> Arrays:
         """Turn the view into arrays for a file; without the name, because photographs are renamed."""
@@ -224,7 +222,6 @@ def make_view(
         clipped=float(np.mean((gray <= 2) | (gray >= 253))),
         taken=read_metadata(source.content) if isinstance(source.content, Path) else Metadata(),
         notes=photograph.notes,
-        paged=photograph.paged,
     )
 
 
