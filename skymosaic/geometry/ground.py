@@ -165,7 +165,8 @@ class GroundAgreement:
         if self.suffices:
             return covers
         moved = f"a camera that moved by {100 * self.motion:.0f} % of the picture needs {100 * self.required:.0f} %"
-        return f"{covers}, and {moved}: mask what moves with it (display, border, dirt); or water or cars move"
+        causes = "mask what moves with it (display, border, dirt); or water or cars move, or nothing overlaps"
+        return f"{covers}, and {moved}: {causes}"
 
 
 def measure_agreement(left: Sight, right: Sight, homography: Matrix, explained: Mask | None = None) -> GroundAgreement:

@@ -129,11 +129,13 @@ def assess(
     correlation = correlate_overlap(*sights, homography)
     inputs = measure_inputs(quality, correlation)
     exponent = INTERCEPT + sum(COEFFICIENTS[name] * value for name, value in inputs.items())
-    limit_px = CONFIRMED_PX if confirmed or correlation >= SURE_CORRELATION else np.inf
     # Beyond what the formula was fitted to, a number would only seem precise.
-    predicted_px = min(float(np.exp(np.clip(exponent, -5, 5))), limit_px)
+    predicted_px = float(np.exp(np.clip(exponent, -5, 5)))
+    limited = predicted_px > CONFIRMED_PX and (confirmed or correlation >= SURE_CORRELATION)
+    predicted_px = CONFIRMED_PX if limited else predicted_px
     verdict = "good" if predicted_px < GOOD_PX else "check" if predicted_px < POOR_PX else "poor"
-    reason = _explain(quality, correlation, predicted_px, verdict)
+    error = f"expected error {'below ' * limited}{predicted_px:.1f} px at a width of {sights[0].size[0]} px"
+    reason = f"{_explain(quality, correlation, verdict)}; {error}"
     ground = ground or measure_agreement(*sights, homography)
     if not ground.is_good:
         verdict, reason = "poor" if ground.is_refused or verdict == "poor" else "check", f"{ground.explain()}; {reason}"
@@ -193,17 +195,16 @@ def _filter_high_pass(image: Pixels) -> Float32:
     return np.asarray(smooth - cv2.GaussianBlur(values, (0, 0), HIGH_PASS_SIGMA_PX), dtype=np.float32)
 
 
-def _explain(quality: FitQuality, correlation: float, predicted_px: float, verdict: str) -> str:
-    """The strongest cause of the verdict, in words."""
+def _explain(quality: FitQuality, correlation: float, verdict: str) -> str:
+    """The evidence of a good verdict, or the strongest cause of another, in words."""
     held_out = f"{100 * quality.held_out_share:.0f} % of held-out matches within 2 px"
     if verdict == "good":
-        return f"{held_out}, expected error {predicted_px:.1f} px"
+        return held_out
     if quality.hull_share < SMALL_SHARE_OF_OVERLAP:
-        cause = f"inliers cover {100 * quality.hull_share:.0f} % of the overlap"
-    elif quality.inliers < FEW_INLIERS:
-        cause = f"only {quality.inliers} inliers"
-    elif quality.held_out_share < FLAT_SHARE:
-        cause = f"relief: {held_out}; expect ghosting up to {quality.held_out_px:.0f} px"
-    else:
-        cause = f"the overlap correlates by only {correlation:.2f}"
-    return f"{cause}; expected error {predicted_px:.1f} px"
+        return f"inliers cover {100 * quality.hull_share:.0f} % of the overlap"
+    if quality.inliers < FEW_INLIERS:
+        return f"only {quality.inliers} inliers"
+    if quality.held_out_share < FLAT_SHARE:
+        # What lies higher or lower than its matches, as a roof, is farther off.
+        return f"relief: {held_out}; expect ghosting of {quality.held_out_px:.0f} px and more"
+    return f"the overlap correlates by only {correlation:.2f}"

@@ -30,6 +30,7 @@ from skymosaic.registration.options import RegistrationOptions
 from skymosaic.registration.pair import Pair, map_to_originals
 from skymosaic.registration.passes import Evidence, Search, SearchState, explain_refusal
 
+DELIVER = "; `accept_poor` delivers it nevertheless"
 INVERTED_NOTE = "it matches only as its negative, as thermal and infrared photographs may"
 STILL_MATCHES, STILL_PX, MOVED = 4, 1.0, 0.05
 """So many matches within so few pixels of where they were, where the homography says that the ground has moved by so
@@ -142,7 +143,7 @@ def register_photographs(
         refined_inliers=0,
         confirmed=False,
         homography=homography,
-        reason="" if homography is not None else explain_refusal(state),
+        reason="" if homography is not None else explain_refusal(state) + _what_else(effort),
         config=first.config,
         method=method,
         estimator=options.estimator,
@@ -154,7 +155,7 @@ def register_photographs(
     )
     clock.lap("homography")
     if agreement is not None and agreement.is_refused and not options.accept_poor:
-        pair = pair.refused(f"{agreement.explain()}; `accept_poor` delivers it nevertheless")
+        pair = pair.refused(f"{agreement.explain()}{DELIVER}")
     pair = _look_behind_display(pair, first.matches)
     pair = _settle(pair, options, partial(_show_ground, masks=masks, left_out=left_out))
     clock.lap("refinement")
@@ -264,6 +265,11 @@ def _search(
     return find_ground(search, see)
 
 
+def _what_else(effort: str) -> str:
+    """What may help a pair that is refused."""
+    return "; `effort` thorough tries more" if effort == "normal" else ""
+
+
 def _mask(lens: Lens | None, image: Pixels, own: Pixels | None) -> Pixels | None:
     return (lens or Lens()).visible_mask((image.shape[1], image.shape[0]), own)
 
@@ -312,7 +318,7 @@ def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Po
         confidence = pair.confidence
     if confidence is None or options.accept_poor or not confidence.extrapolates:
         return pair
-    return pair.refused(f"{confidence.reason}; `accept_poor` delivers it nevertheless")
+    return pair.refused(f"{confidence.reason}{DELIVER}{_what_else(pair.effort)}")
 
 
 def _estimate(

@@ -207,7 +207,7 @@ def agreeing(share: float, blocks: int = 100, motion: float = 0.1, covered: floa
     return GroundAgreement(np.arange(blocks)[None] < round(share * blocks), blocks, motion, covered, **decisive)
 
 
-MASK_IT = ": mask what moves with it (display, border, dirt); or water or cars move"
+MASK_IT = ": mask what moves with it (display, border, dirt); or water or cars move, or nothing overlaps"
 
 
 @pytest.mark.parametrize(

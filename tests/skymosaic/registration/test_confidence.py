@@ -150,19 +150,22 @@ def test_flat_is_where_many_matches_and_the_ground_agree(
 @pytest.mark.parametrize(
     ("quality", "correlation", "agreement", "said"),
     [
-        (FitQuality(0.2, 0.9, 1, 0.9, 99), 0.9, ground(), "good, 90 % of held-out matches within 2 px, expected "),
+        (FitQuality(0.2, 0.9, 1, 0.9, 99), 0.9, ground(), "good, 90 % of held-out matches within 2 px; expected "),
         (FitQuality(0.2, 0.9, 1, 0.9, 99), 0.9, ground(0.39), "check, what agrees covers 39 % of the ground, and "),
         (FitQuality(0.2, 0.9, 1, 0.9, 99), 0.9, ground(0.1), "poor, what agrees covers 10 % of the ground, and "),
         (FitQuality(2, 0.75, 4, 0.9, 20), 0.2, ground(), "check, the overlap correlates by only 0.20; expected "),
         (
             FitQuality(8, 0.74, 4, 0.25, 20), 0.2, ground(),
-            "poor, relief: 74 % of held-out matches within 2 px; expect ghosting up to 4 px; expected error 12.6 px",
+            "poor, relief: 74 % of held-out matches within 2 px; expect ghosting of 4 px and more; expected error 12.6",
         ),
         (FitQuality(8, 0.74, 4, 0.9, 19), 0.2, ground(), "poor, only 19 inliers; expected error 5.6 px"),
         (FitQuality(8, 0.74, 4, 0.24, 19), 0.2, ground(0.39), "poor, what agrees covers 39 % of the ground"),
         (FitQuality(0, 0, 12, 0.24, 9), 0, ground(), "check, inliers cover 24 % of the overlap; expected error 2.6 px"),
         (FitQuality(8, 0.74, 4, 0.24, 9), 0.79, ground(), "poor, inliers cover 24 % of the overlap; expected"),
-        (FitQuality(8, 0.74, 4, 0.24, 9), 0.8, ground(), "check, inliers cover 24 % of the overlap; expected"),
+        (
+            FitQuality(8, 0.74, 4, 0.24, 9), 0.8, ground(),
+            "check, inliers cover 24 % of the overlap; expected error below 4.5 px",
+        ),
         (FitQuality(1e9, 0, 12, 0, 9), -1, ground(), "poor, inliers cover 0 % of the overlap; expected error 148.4 px"),
     ],
 )  # fmt: skip
@@ -174,6 +177,7 @@ def test_the_verdict_has_its_strongest_cause(
     monkeypatch.setattr("skymosaic.registration.confidence.correlate_overlap", lambda *_: correlation)
     trust = assess((sight, sight), np.eye(3), points, points, ground=agreement)
     assert f"{trust.verdict}, {trust.reason}".startswith(said)
+    assert trust.reason.endswith(" px at a width of 8 px")
     confirmed = assess((sight, sight), np.eye(3), points, points, ground=agreement, confirmed=True)
     assert confirmed.predicted_px == min(trust.predicted_px, 4.5)
 
