@@ -34,7 +34,7 @@ def toolchain_key() -> str:
 
 def optimisation() -> str:
     """The optimisation of what runs in every clock."""
-    return "-Og" if os.environ.get(QUICK_COMPILE) else "-O3"
+    return "-O1" if os.environ.get(QUICK_COMPILE) else "-O3"
 
 
 def compile_objects(

@@ -32,6 +32,7 @@ from skymosaic.geometry import acceptance
 from skymosaic.geometry.held_out import clearly_better, held_out_agreement
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, Estimate, estimate_homography
+from skymosaic.registration.evidence import Evidence
 from skymosaic.registration.front_end_runs import (
     INVERTED,
     LADDER,
@@ -55,42 +56,14 @@ COARSE_SHARE = 1 / 3
 # Most pairs that need many further passes are unrelated: a short search for each, and another among the best matches.
 FURTHER_PASS_SAMPLES = 1000
 MIN_PLACES = 12
+# Inliers of quarters that moved by less of the longer side stand still.
+STILL = 0.05
 # Small frames show in a quarter of the time which tilts are worth a pass at full size: unrelated frames seldom gather
 # more than the four places of a sample.
 SCAN_SCALE = 0.5
 SCAN_SAMPLES = 300
 PROMISING_PLACES = 5
 MAX_PROMISING = 2
-
-
-@dataclass(frozen=True, eq=False)
-class Evidence:
-    """Features and matches of all passes so far, in pixels of the working images.
-
-    Attributes
-    ----------
-    features : tuple of structured arrays
-        Left and right, pass by pass.
-    matches : structured array
-        Their indices refer to ``features``.
-    """
-
-    features: tuple[Records, Records]
-    matches: Records
-
-    def with_pass(self, other: Evidence) -> Evidence:
-        """This evidence and that of a further pass, whose features are appended."""
-        matches = other.matches.copy()
-        for side, features in zip(("left", "right"), self.features, strict=True):
-            matches[f"{side}_index"] += len(features)
-        left, right = (np.concatenate(sides) for sides in zip(self.features, other.features, strict=True))
-        return Evidence((left, right), np.concatenate((self.matches, matches)))
-
-    @property
-    def kept(self) -> Records:
-        """The matches that the fuzzy stage keeps."""
-        kept: Records = self.matches[self.matches["verdict"] == 1]
-        return kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +145,7 @@ class Search:
         if state.homography is None and effort == "thorough":
             state = self._search_separately(state, TILTS)
         if state.homography is None and not self._are_small:
-            state = self._search_separately(state, QUARTERS)
+            state = self._search_quarters(state)
         if state.homography is not None:
             return state
         state = self._search_separately(state, (INVERTED,))
@@ -240,6 +213,17 @@ class Search:
         promising.sort(key=lambda each: -each[0])
         runs = [run for _, run in promising[:MAX_PROMISING]]
         return self._search_separately(replace(state, passes=passes), runs)
+
+    def _search_quarters(self, state: SearchState) -> SearchState:
+        """Search the quarters of both images, where a narrow overlap has more corners.
+
+        Ground that stands still shows in whole frames: what stands still in quarters alone is a display or a watermark.
+        """
+        found = self._search_separately(state, QUARTERS)
+        left, right = found.inlier_points
+        still = np.linalg.norm(left - right, axis=1) < STILL * max(self._sizes[0])
+        most_stand_still = 2 * np.count_nonzero(still) > len(still)
+        return replace(state, passes=found.passes) if most_stand_still else found
 
     def _search_separately(self, state: SearchState, runs: Sequence[FrontEndRun]) -> SearchState:
         """Search each pass separately: pooled, the few correct matches of one drown among the wrong ones of all.

@@ -19,15 +19,9 @@ from skymosaic.features.frames import Change, DescribedImage
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.registration import front_end_runs as runs
+from skymosaic.registration.evidence import Evidence
 from skymosaic.registration.front_end_runs import LARGER_OF_SMALL, FrontEndRun
-from skymosaic.registration.passes import (
-    MIN_PLACES,
-    Evidence,
-    Search,
-    SearchState,
-    explain_refusal,
-    is_coarse,
-)
+from skymosaic.registration.passes import MIN_PLACES, Search, SearchState, explain_refusal, is_coarse
 from tests.skymosaic.registration.rendering import CAMERA, view
 
 SIZE = (CAMERA.width_px, CAMERA.height_px)
@@ -350,3 +344,17 @@ def test_frames_that_the_front_end_does_not_take_are_no_passes(
         assert [change for change, _ in passes] == [whole, large]
         left, right = match_points(passes[0][1].kept)
         assert np.median(left - right, axis=0).tolist() == [30, 0]
+
+
+@pytest.mark.parametrize(("moving", "moved", "accepted"), [(10, 0.05, True), (9, 0.05, False), (20, 0.04, False)])
+def test_what_stands_still_in_quarters_alone_is_no_ground(
+    monkeypatch: pytest.MonkeyPatch, moving: int, moved: float, accepted: bool
+) -> None:
+    found = replace(state_of(20, 20, 20, 0.5), passes=17)
+    found.evidence.matches["right_x"][:moving] += np.uint16(16 * moved * SIZE[0])
+    monkeypatch.setattr("skymosaic.registration.passes.Search._search_separately", lambda *_: found)
+    images = np.zeros(SIZE[::-1], np.uint8), np.zeros(SIZE[::-1], np.uint8)
+    before = replace(found, homography=None, passes=1)
+    state = Search(None, images, None, None, None)._search_quarters(before)  # type: ignore[arg-type]
+    assert state.passes == 17
+    assert (state.homography is not None) == accepted

@@ -1,6 +1,7 @@
 """What a registration asks of the front end."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -87,3 +88,27 @@ def test_what_stands_still_before_moving_ground_is_looked_behind(
     assert _look_behind_display(pair.refused(""), matches).homography is None
     ground.wins = False
     assert _look_behind_display(pair, matches) is pair
+
+
+@pytest.mark.parametrize(
+    ("rows", "side", "accept_poor", "refused"),
+    [(110, "both", False, True), (110, "both", True, False), (110, "left", False, False), (130, "both", False, False)],
+)
+def test_a_homography_of_a_display_is_refused(
+    monkeypatch: pytest.MonkeyPatch, rows: int, side: str, accept_poor: bool, refused: bool
+) -> None:
+    """One match that stands still is enough for a look; a pattern over most of the picture is no display."""
+    left, right = make_pair(seed=5, size=(320, 240)).images
+    pair = register(left, right, effort="fast")
+    inliers = pair.inliers.copy()
+    for end in ("left", "right"):
+        inliers[f"{end}_y"] = 16 * np.where(np.arange(len(inliers)) % 5, 50 if side in (end, "both") else 200, 200)
+    pair = replace(pair.with_homography(np.array([[1.0, 0, 90], [0, 1, 0], [0, 0, 1]]), 0), inliers=inliers)
+    match = np.zeros(1, MATCH.dtype)
+    match["verdict"] = 1
+    moving = np.zeros((240, 320), np.bool_)
+    moving[:rows] = True
+    monkeypatch.setattr(f"{MODULE}.find_shared", lambda *_: moving)
+    judged = _look_behind_display(pair, match, accept_poor=accept_poor)
+    assert judged.accepted != refused
+    assert not refused or judged.reason.startswith("69 inliers lie on what both show at the same pixels; ")
