@@ -1,6 +1,6 @@
 """From the matches of a frame to a homography, without a processor."""
 
-from amaranth import Cat, Module, Mux, Signal, Value
+from amaranth import Array, Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -159,7 +159,8 @@ class HomographyEstimator(wiring.Component):
         chosen = Signal(LANES + 1)
         running = Signal()
         margin = Mux(frame.round.any(), sweep.o_score >> REFIT_MARGIN_LOG2, 0)
-        m.d.comb += [sweep.i_hypothesis.eq(hypothesis), sweep.i_band.eq(_band(frame.round))]
+        # After the last round nothing reads the band.
+        m.d.comb += [sweep.i_hypothesis.eq(hypothesis), sweep.i_band.eq(Array(BANDS)[frame.round])]
         with m.If(~running & frame.due.any()):
             m.d.sync += [running.eq(1), sweep.i_start.eq(1)]
             # The last assignment counts: the lowest bit goes first.
@@ -190,11 +191,3 @@ class HomographyEstimator(wiring.Component):
                 result.inliers.eq(sweep.o_inliers),
                 result.cells.eq(sweep.o_cells),
             ]
-
-
-def _band(number: Value) -> Value:
-    """Band of a round; after the last one nothing reads the list."""
-    band: Value = Value.cast(BANDS[-1])
-    for n, each in reversed(list(enumerate(BANDS))):
-        band = Mux(number == n, each, band)
-    return band
