@@ -14,30 +14,24 @@ from golden_model.matching.matcher import match
 from sim.backends.interface import Backend, Progress, silent
 from skymosaic.common.options import choose_options, list_options
 from skymosaic.common.stopwatch import Stopwatch
-from skymosaic.features.contrast import even_contrast, find_pattern, find_shared, share_pattern
+from skymosaic.features.contrast import even_contrast, find_pattern, share_pattern
 from skymosaic.features.frames import DescribedImage
 from skymosaic.features.positions import are_on_ground, match_points
 from skymosaic.geometry.estimators import FABRIC, estimate
 from skymosaic.geometry.fabric import draw_config
-from skymosaic.geometry.ground import MOVES_WITH_CAMERA, GroundAgreement, LeftOut, Sight, find_ground, measure_agreement
-from skymosaic.geometry.homography import transfer_error
+from skymosaic.geometry.ground import MOVES_WITH_CAMERA, GroundAgreement, LeftOut, Sight, find_ground
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end, reduce_to_width
 from skymosaic.imagery.lens import Lens
 from skymosaic.registration.confidence import fits_throughout
 from skymosaic.registration.dense import refit_pair
+from skymosaic.registration.display import DELIVER, look_behind_display
 from skymosaic.registration.evidence import Evidence
 from skymosaic.registration.extraction import Features, extract_within_capacity, share_features
 from skymosaic.registration.options import RegistrationOptions
 from skymosaic.registration.pair import Pair, map_to_originals
 from skymosaic.registration.passes import Search, SearchState, explain_refusal
 
-DELIVER = "; `accept_poor` delivers it nevertheless"
 INVERTED_NOTE = "it matches only as its negative, as thermal and infrared photographs may"
-STILL_MATCHES, STILL_PX, MOVED = 4, 1.0, 0.05
-"""So many matches within so few pixels of where they were, where the homography says that the ground has moved by so
-much of the longer side, show a display."""
-MAX_DISPLAY, MAX_ON_DISPLAY = 0.5, 0.5
-"""A homography with more of its inliers on a display is that of its text. What covers more is a sensor's pattern."""
 
 
 @list_options
@@ -159,7 +153,7 @@ def register_photographs(
     clock.lap("homography")
     if agreement is not None and agreement.is_refused and not options.accept_poor:
         pair = pair.refused(f"{agreement.explain()}{DELIVER}")
-    pair = _look_behind_display(pair, first.matches, accept_poor=options.accept_poor)
+    pair = look_behind_display(pair, first.matches, accept_poor=options.accept_poor)
     pair = _settle(pair, options, partial(_show_ground, masks=masks, left_out=left_out))
     clock.lap("refinement")
     in_doubt = not pair.accepted or (agreement is not None and not agreement.suffices)
@@ -289,33 +283,6 @@ def _with_notes(
 def _show_ground(left: Points, right: Points, *, masks: Sequence[Pixels | None], left_out: LeftOut) -> Mask:
     """Which points (N, 2) show ground in both images: unmasked, and apart from what moves with the camera."""
     return are_on_ground(left, masks[0]) & are_on_ground(right, masks[1]) & left_out.are_apart(left, right)
-
-
-def _look_behind_display(pair: Pair, matches: Records, *, accept_poor: bool = False) -> Pair:
-    """Judge a pair without what both images show at the same pixels, as text, if such ``matches`` stand still.
-
-    It is refused where the homography rests on that: text of one corner may be that of another, too.
-    """
-    homography, sights = pair.working_homography, pair.sights
-    if homography is None or sights[0].size != sights[1].size:
-        return pair
-    left, right = match_points(matches[matches["verdict"] == 1])
-    still = np.linalg.norm(left - right, axis=1) <= STILL_PX
-    away_px = transfer_error(homography, left[still], right[still])
-    behind_still = np.count_nonzero(away_px > MOVED * max(sights[0].size))
-    if not behind_still:
-        return pair
-    moving = find_shared(*pair.working)
-    masks = [np.where(moving, np.uint8(0), np.uint8(255) if mask is None else mask) for mask in pair.visible]
-    on_ground = [are_on_ground(ends, mask) for ends, mask in zip(match_points(pair.inliers), masks, strict=True)]
-    on_display = np.count_nonzero(~on_ground[0] & ~on_ground[1])
-    if np.mean(moving) < MAX_DISPLAY and on_display > MAX_ON_DISPLAY * len(pair.inliers) and not accept_poor:
-        return pair.refused(f"{on_display} inliers lie on what both show at the same pixels{DELIVER}")
-    if behind_still < STILL_MATCHES:
-        return pair
-    behind = dataclasses.replace(pair, visible=(masks[0], masks[1]))
-    ground = measure_agreement(*behind.sights, homography)
-    return dataclasses.replace(behind, ground=ground) if ground.wins else pair
 
 
 def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Points, Points], Mask]) -> Pair:
