@@ -7,7 +7,7 @@ from rich.console import Console, RenderableType
 from rich.text import Text
 
 from golden_model.text import one_line
-from skymosaic.common.options import flag_of, respell
+from skymosaic.common.options import respell
 
 PIPED_WIDTH = 1000
 """Columns of a table that is not read on a terminal, where nothing should be wrapped."""
@@ -24,7 +24,7 @@ class Terminal(Console):
         """Print a message on one line; options that it names become flags."""
         # A closed standard error must not cost the user the mosaic.
         with contextlib.suppress(OSError):
-            self.print(one_line(respell(line, flag_of)), style=style, markup=False, highlight=False, soft_wrap=True)
+            self.print(one_line(respell(line)), style=style, markup=False, highlight=False, soft_wrap=True)
 
     def show(self, result: RenderableType) -> None:
         """Print a line of text or a table."""

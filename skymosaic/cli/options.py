@@ -109,7 +109,7 @@ def _parameters(option: Option, default: Any) -> Iterator[tuple[str, inspect.Par
     of_type: Any = str | None if option.choices else Path | None if option.read else option.type
     typed = default // option.unit if option.unit > 1 and default is not None else default
     for name, about in (option.parts or {option.name: option.help}).items():
-        annotation = Annotated[of_type, _typer_option(option, flag_of(name), respell(about, flag_of))]
+        annotation = Annotated[of_type, _typer_option(option, flag_of(name), respell(about))]
         yield name, inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=typed, annotation=annotation)
 
 

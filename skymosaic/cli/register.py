@@ -8,7 +8,7 @@ import typer
 from skymosaic.cli.options import print_pair, with_options
 from skymosaic.cli.session import session
 from skymosaic.common.errors import RegistrationError
-from skymosaic.common.options import flag_of, respell
+from skymosaic.common.options import respell
 from skymosaic.registration.options import RegistrationOptions
 from skymosaic.registration.register import register as register_pair
 
@@ -23,7 +23,7 @@ def register(
     """Print the homography that maps LEFT pixels to RIGHT pixels, and how it was found."""
     with session.working("registering") as step:
         pair = register_pair(left, right, options, progress=step)
-        session.numbers = {**pair.summary(), "reason": respell(pair.reason, flag_of)}
+        session.numbers = {**pair.summary(), "reason": respell(pair.reason)}
     session.seconds = pair.seconds
     if pair.homography is not None:
         print_pair(pair)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from golden_model.text import one_line
 from golden_model.version import VERSION
 from skymosaic.common.errors import InputError
-from skymosaic.common.options import flag_of, respell
+from skymosaic.common.options import respell
 from skymosaic.common.provenance import finite, provenance
 from skymosaic.common.temporary import temporary_folder
 
@@ -87,12 +87,12 @@ class Session:
 
     def note(self, line: str) -> None:
         """As `tell`, and put the line into the JSON object."""
-        self._notes.append(one_line(respell(line, flag_of)))
+        self._notes.append(one_line(respell(line)))
         self.tell(line)
 
     def warn(self, line: str) -> None:
         """Print a warning, and put it into the JSON object."""
-        self._warnings.append(one_line(respell(line, flag_of)))
+        self._warnings.append(one_line(respell(line)))
         self._errors.print_line(f"warning: {line}", "yellow")
 
     def error(self, reason: str) -> None:
@@ -160,7 +160,7 @@ class Session:
                 "command": self._command,
                 **provenance(),
                 "status": status,
-                "error": None if error is None else one_line(respell(error, flag_of)),
+                "error": None if error is None else one_line(respell(error)),
                 "warnings": self._warnings,
                 "outputs": self._outputs,
                 "notes": [*self._notes, *self.numbers.pop("notes", [])],

@@ -161,8 +161,8 @@ def flag_of(name: str) -> str:
     return "--" + re.sub("_(px|m|bytes)$", "", name).replace("_", "-")
 
 
-def respell(message: str, spell: Callable[[str], str]) -> str:
-    """A message with its names in backquotes, which are those of Python, as another interface spells them."""
+def respell(message: str, spell: Callable[[str], str] = flag_of) -> str:
+    """A message with its names in backquotes, which are those of Python, as the command line or another spells them."""
     return re.sub(r"`(\w+)`", lambda found: spell(found[1]), message)
 
 

@@ -1,5 +1,7 @@
 """Positions of feature and match records in pixels and back, and which of them count under a lens mask."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -42,5 +44,10 @@ def are_on_ground(points: Points, visible: Pixels | None) -> Mask:
         return np.ones(len(points), dtype=np.bool_)
     kernel = np.ones((2 * MASK_MARGIN_PX + 1, 2 * MASK_MARGIN_PX + 1), np.uint8)
     inside = cv2.erode(visible, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=255)
-    x, y = np.rint(points).astype(np.intp).clip(0, np.subtract(visible.shape[::-1], 1)).T
-    return np.asarray(inside[y, x] == 255)
+    return np.asarray(look_up(points, inside) == 255)
+
+
+def look_up(points: Points, image: NDArray[Any]) -> NDArray[Any]:
+    """The value of an image (H, W) at the pixel nearest to each point (N, 2), (N,)."""
+    x, y = np.rint(points).astype(np.intp).clip(0, np.subtract(image.shape[::-1], 1)).T
+    return np.asarray(image[y, x])

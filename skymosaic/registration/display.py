@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from golden_model.arrays import Mask, Points, Records
+from golden_model.arrays import Records
 from skymosaic.features.contrast import find_shared
-from skymosaic.features.positions import match_points
+from skymosaic.features.positions import look_up, match_points
 from skymosaic.geometry.ground import measure_agreement
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.registration.pair import Pair
@@ -34,7 +34,7 @@ def look_behind_display(pair: Pair, matches: Records, *, accept_poor: bool = Fal
     if not behind_still:
         return pair
     moving = find_shared(*pair.working)
-    left_on, right_on = (_lie_on(points, moving) for points in match_points(pair.inliers))
+    left_on, right_on = (look_up(points, moving) for points in match_points(pair.inliers))
     on_display = np.count_nonzero(left_on & right_on)
     if np.mean(moving) < MAX_DISPLAY and on_display > MAX_ON_DISPLAY * len(pair.inliers) and not accept_poor:
         return pair.refused(f"{on_display} inliers lie on what both show at the same pixels{DELIVER}")
@@ -44,9 +44,3 @@ def look_behind_display(pair: Pair, matches: Records, *, accept_poor: bool = Fal
     behind = replace(pair, visible=(masks[0], masks[1]))
     ground = measure_agreement(*behind.sights, homography)
     return replace(behind, ground=ground) if ground.wins else pair
-
-
-def _lie_on(points: Points, mask: Mask) -> Mask:
-    """Whether each point (N, 2) lies on the mask (H, W)."""
-    x, y = np.rint(points).astype(np.intp).clip(0, np.subtract(mask.shape[::-1], 1)).T
-    return np.asarray(mask[y, x])

@@ -57,7 +57,7 @@ COARSE_SHARE = 1 / 3
 FURTHER_PASS_SAMPLES = 1000
 MIN_PLACES = 12
 # Inliers of quarters that moved by less of the longer side stand still.
-STILL = 0.05
+STILL_IN_QUARTERS = 0.05
 # Small frames show in a quarter of the time which tilts are worth a pass at full size: unrelated frames seldom gather
 # more than the four places of a sample.
 SCAN_SCALE = 0.5
@@ -221,7 +221,7 @@ class Search:
         """
         found = self._search_separately(state, QUARTERS)
         left, right = found.inlier_points
-        still = np.linalg.norm(left - right, axis=1) < STILL * max(self._sizes[0])
+        still = np.linalg.norm(left - right, axis=1) < STILL_IN_QUARTERS * max(self._sizes[0])
         most_stand_still = 2 * np.count_nonzero(still) > len(still)
         return replace(state, passes=found.passes) if most_stand_still else found
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from skymosaic.common.options import flag_of, respell
+from skymosaic.common.options import respell
 from skymosaic.flight.check import FlightCheck, check_flight, layout_errors
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
@@ -174,8 +174,8 @@ def _render_page(
         rows=summary_rows(deliveries[0]),
         files=files,
         details=rows,
-        left_out=[respell(reason.replace(folder, ""), flag_of) for reason in flight.left_out.values()],
-        advice=[respell(problem.replace(folder, ""), flag_of) for problem in _problems(check)],
+        left_out=[respell(reason.replace(folder, "")) for reason in flight.left_out.values()],
+        advice=[respell(problem.replace(folder, "")) for problem in _problems(check)],
         mosaics=[
             {
                 "rows": [(name, value.replace(folder, "")) for name, value in _mosaic_rows(delivery)],

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from golden_model.arrays import Pixels
-from skymosaic.common.options import flag_of, respell
+from skymosaic.common.options import respell
 from skymosaic.common.temporary import PAGE
 from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.registration.pair import Pair
@@ -64,7 +64,7 @@ def _table_rows(pair: Pair) -> list[tuple[str, str]]:
         )
         for side, photograph in (("left", pair.left), ("right", pair.right))
     ]
-    rows.append(("verdict", "accepted" if pair.accepted else f"refused: {respell(pair.reason, flag_of)}"))
+    rows.append(("verdict", "accepted" if pair.accepted else f"refused: {respell(pair.reason)}"))
     if pair.confidence is not None:
         rows.append(("confidence", f"{pair.confidence.verdict}: {pair.confidence.reason}"))
     left, right = map(len, pair.features)
