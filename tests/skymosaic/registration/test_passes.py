@@ -93,6 +93,8 @@ def test_unrelated_images_are_refused_at_every_effort(near: tuple[CameraPose, ND
         assert "too few" in pair.reason
         # One number everywhere, though several inliers at one place count once.
         assert f"kept {len(pair.kept)}, inliers {len(pair.inliers)} at " in pair.reason
+        # `fast` was asked for, and `thorough` has tried everything.
+        assert pair.reason.endswith("; `effort` thorough tries more") is (effort == "normal")
 
 
 def test_the_seed_hardly_matters(

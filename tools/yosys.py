@@ -1,0 +1,35 @@
+"""Native Yosys as a command, with the options that benches, proofs and SymbiYosys give it: ``-q -p COMMANDS`` or
+``-ql LOG SCRIPT``.
+
+It comes as a library, pyosys. The same Yosys in WebAssembly compiles itself at its first start, for two minutes.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+import pyosys
+from pyosys import libyosys
+
+YOSYS = (sys.executable, str(Path(__file__).resolve()))
+ABC = Path(pyosys.__file__).with_name("yosys-abc")
+SHARE = ABC.with_name("share")
+"""Models of cells, in the Verilog that Yosys reads."""
+
+
+def main() -> None:
+    """Run the commands; an error ends the process with Yosys's own words and status 1."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-q", action="store_true", required=True, help="print nothing but errors")
+    parser.add_argument("-l", metavar="LOG", help="write the messages there")
+    parser.add_argument("-p", metavar="COMMANDS", help="separated by semicolons")
+    parser.add_argument("script", nargs="?")
+    options = parser.parse_args()
+    kept = f"-o {options.l} " if options.l else ""
+    commands = options.p.split(";") if options.p else [f"script {options.script}"]
+    for command in commands:
+        libyosys.run_pass(f"tee -q {kept}{command}")
+
+
+if __name__ == "__main__":
+    main()
