@@ -25,7 +25,7 @@ WIDTH_PX, HEIGHT_PX = 192, 96
 AERIAL = PRESETS["aerial"]
 CONFIG = dataclasses.replace(
     AERIAL,
-    front_end=dataclasses.replace(AERIAL.front_end, max_features=128),
+    front_end=dataclasses.replace(AERIAL.front_end, max_features=128, levels=1),
     estimator=EstimatorConfig(passes=4, seed=5, min_inliers=10),
 )
 BUILD = Build(config=CONFIG, lanes=4, max_width_px=WIDTH_PX, max_height_px=HEIGHT_PX)

@@ -33,7 +33,7 @@ def run(*arguments: str) -> str:
     ("backend", "preset"),
     [
         ("rtl", "aerial"),
-        # A build of its own. In `make test` the thesis's front end is that of `tests/hdl/test_front_end.py`.
+        # A build of its own. In `make test` cocotb's benches have the thesis's descriptor.
         pytest.param("rtl", "thesis", marks=pytest.mark.slow),
     ],
 )
