@@ -7,13 +7,11 @@ It comes as a library, pyosys. The same Yosys in WebAssembly compiles itself at 
 import argparse
 import os
 import sys
+from importlib.metadata import distribution
 from pathlib import Path
 
-import pyosys
-from pyosys import libyosys
-
 YOSYS = (sys.executable, str(Path(__file__).resolve()))
-ABC = Path(pyosys.__file__).with_name("yosys-abc")
+ABC = Path(str(distribution("pyosys").locate_file("pyosys/yosys-abc")))
 SHARE = ABC.with_name("share")
 """Models of cells, in the Verilog that Yosys reads."""
 
@@ -26,6 +24,9 @@ def main() -> None:
     parser.add_argument("-p", metavar="COMMANDS", help="separated by semicolons")
     parser.add_argument("script", nargs="?")
     options = parser.parse_args()
+    # In a process of its own: libraries of C++ that are imported behind it, as PROJ, abort.
+    from pyosys import libyosys  # noqa: PLC0415
+
     # Its own `tee -q` leaves some messages, and changes what follows: a path of 6 cells in place of 5 (measured).
     with Path(options.l or os.devnull).open("w") as log:
         os.dup2(log.fileno(), sys.stdout.fileno())
