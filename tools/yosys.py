@@ -1,7 +1,8 @@
 """Native Yosys as a command, with the options that benches, proofs and SymbiYosys give it: ``-q -p COMMANDS`` or
 ``-ql LOG SCRIPT``.
 
-It comes as a library, pyosys. The same Yosys in WebAssembly compiles itself at its first start, for two minutes.
+It comes as a library, pyosys. The same Yosys in WebAssembly compiles itself at its first start, in two minutes of a
+processor.
 """
 
 import argparse
