@@ -2,7 +2,7 @@
 
 A match is an inlier if it passed the bidirectional check and its error is less than or equal to tau. The counts of
 Table IV-4 come out only if every match is decided on its own, as `decide` does. The thesis's text instead decides
-four random matches together, see `skymosaic.thesis.reference.fuzzy_ransac`.
+four random matches together, see `tests/skymosaic/thesis/reference/fuzzy_ransac.py`.
 """
 
 import itertools

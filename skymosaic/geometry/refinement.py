@@ -1,6 +1,6 @@
 """Robust refinement of a homography over all matches, by the transfer error d(x', Hx) in the right image.
 
-The thesis's other errors (symmetric, reprojection, Sampson) are in `skymosaic.thesis.reference.refinement`.
+The thesis's other errors (symmetric, reprojection, Sampson) are in `tests/skymosaic/thesis/reference/refinement.py`.
 """
 
 import numpy as np

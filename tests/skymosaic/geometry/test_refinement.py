@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from skymosaic.geometry.homography import apply, dlt
 from skymosaic.geometry.refinement import matrix_of, refine_robustly, transfer
-from skymosaic.thesis.reference import refinement as reference
+from tests.skymosaic.thesis.reference import refinement as reference
 
 TRUTH = np.array([[0.9, 0.2, 30.0], [-0.15, 1.1, -20.0], [1e-4, -5e-5, 1.0]])
 

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from skymosaic.geometry.fuzzy_ransac import decide
-from skymosaic.thesis.reference.fuzzy_ransac import decide_in_sets_of_four
+from tests.skymosaic.thesis.reference.fuzzy_ransac import decide_in_sets_of_four
 
 SHIFT = np.array([[1.0, 0, 10], [0, 1, 0], [0, 0, 1]])
 

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from skymosaic.geometry.homography import DegenerateError, apply
-from skymosaic.thesis.reference.least_squares import estimate_inhomogeneous
+from tests.skymosaic.thesis.reference.least_squares import estimate_inhomogeneous
 
 PROJECTIVE = np.array([[0.9, 0.2, 30.0], [-0.15, 1.1, -20.0], [1e-4, -5e-5, 1.0]])
 

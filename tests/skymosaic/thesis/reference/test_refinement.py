@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize
 
 from skymosaic.geometry.homography import DegenerateError, apply, dlt
-from skymosaic.thesis.reference.refinement import (
+from tests.skymosaic.thesis.reference.refinement import (
     Residuals,
     refine,
     reprojection,

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from skymosaic.compositing.warp import Canvas, footprint, warp_backward
-from skymosaic.thesis.reference.warping import project_to_cylinder, warp_forward
+from tests.skymosaic.thesis.reference.warping import project_to_cylinder, warp_forward
 
 
 @pytest.mark.parametrize("channels", [(), (3,)], ids=["gray", "bgr"])
