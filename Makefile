@@ -43,7 +43,7 @@ test-soak: $(VENV)/installed
 # make test-mutants MUTANTS="--count 100 --seed 7 --since main skymosaic/maps"
 MUTANTS ?= --count 40
 test-mutants: $(VENV)/installed
-	$(BIN)/python -m tools.mutants $(MUTANTS)
+	$(BIN)/python -m tests.mutants.mutants $(MUTANTS)
 
 # Wheel and source package, in dist; the tests unpack a wheel into an empty environment and use it there.
 dist: $(VENV)/installed

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.mutants import ROOT, choose_tests, find_mutants, notices
+from tests.mutants.mutants import ROOT, choose_tests, find_mutants, notices
 
 SOURCE = '''"""Docstrings, True and 1 in texts, are left alone."""
 

@@ -1,4 +1,4 @@
-"""Wrong lines that the tests should notice: ``make test-mutants``, or ``python -m tools.mutants``.
+"""Wrong lines that the tests should notice: ``make test-mutants``, or ``python -m tests.mutants.mutants``.
 
 A sample of places in the code is made wrong, one at a time and in a copy of the tree, and the fast tests run that lie
 beside the file and that reach it. Who reads the survivors decides: a user would notice it, so a test is missing; or the
@@ -22,7 +22,7 @@ from pathlib import Path
 
 from golden_model.code_digest import digest_each
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PACKAGES = ("golden_model", "hdl", "sim", "skymosaic")
 MAX_REACHING = 8
 """So many test files of other folders run that reach the line: those that name it, then those that import least."""
