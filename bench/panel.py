@@ -15,7 +15,7 @@ import numpy as np
 import typer
 
 from bench.report import JsonFile, Row, report
-from tools.panel.visit import (
+from tools.panel import (
     chromium,
     load_built_in_pair,
     make_mosaic,

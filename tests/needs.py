@@ -17,7 +17,7 @@ from typing import NamedTuple
 import pytest
 
 from tests.system.board.pynq_package import is_fetched
-from tools.panel.visit import CHROMIUM
+from tools.panel import CHROMIUM
 
 
 class Need(NamedTuple):

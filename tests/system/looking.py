@@ -15,7 +15,7 @@ from playwright.sync_api import Page, ViewportSize
 
 from golden_model.arrays import Mask, Pixels, Points
 from golden_model.pixel.gray import to_gray
-from tools.panel.visit import PHONE, WINDOW
+from tools.panel import PHONE, WINDOW
 
 MARKS = """() => [...document.querySelectorAll(".membership, .curves-plot")].flatMap(drawing => {
     if (!drawing.checkVisibility()) return [];

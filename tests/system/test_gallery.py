@@ -49,7 +49,7 @@ from tests.system.looking import (
     share_on_corners,
 )
 from tests.system.test_sequence_map import with_gps
-from tools.panel.visit import PHONE, WINDOW, open_page, running_panel
+from tools.panel import PHONE, WINDOW, open_page, running_panel
 
 ROOT = Path(__file__).parents[2]
 PLACED, METRES_A_PIXEL = 4, 0.15

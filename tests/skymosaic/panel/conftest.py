@@ -15,7 +15,7 @@ from sim.scene import make_pair
 from skymosaic.panel.sessions import Sessions
 from skymosaic.panel.tasks.jobs import prepare_workers
 from tests.skymosaic.panel.visitor import Scenario
-from tools.panel.visit import chromium, corner_counts, make_mosaic, open_page, running_panel
+from tools.panel import chromium, corner_counts, make_mosaic, open_page, running_panel
 
 
 @pytest.fixture(scope="session")

@@ -10,26 +10,27 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
+import cv2
+import numpy as np
 from playwright.sync_api import Browser, Page, ViewportSize, expect
 
 from sim.scene import make_lawnmower
 from skymosaic.imagery.images import save
-from tools.panel.screenshots import shoot
-from tools.panel.visit import (
-    PHONE,
-    WINDOW,
-    choose,
-    chromium,
-    load_built_in_pair,
-    make_mosaic,
-    open_page,
-    open_tab,
-    photographs_loaded,
-    running_panel,
-)
+from tests.skymosaic.panel.visitor import choose, photographs_loaded
+from tools.panel import PHONE, WINDOW, chromium, load_built_in_pair, make_mosaic, open_page, open_tab, running_panel
 
 SIZES: tuple[ViewportSize, ...] = (WINDOW, {"width": 1920, "height": 1080}, PHONE)
 SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
+WEBP_QUALITY = 60
+SETTLED_MS = 300
+"""Time for pictures to be loaded."""
+
+
+def shoot(page: Page, folder: Path, name: str, *, whole_page: bool = False) -> None:
+    """Save the window, or all that it can be scrolled to, as ``NAME.webp``."""
+    page.wait_for_timeout(SETTLED_MS)
+    pixels = cv2.imdecode(np.frombuffer(page.screenshot(full_page=whole_page), np.uint8), cv2.IMREAD_COLOR)
+    cv2.imwrite(str(folder / f"{name}.webp"), pixels, [cv2.IMWRITE_WEBP_QUALITY, WEBP_QUALITY])
 
 
 def welcome(page: Page) -> None:

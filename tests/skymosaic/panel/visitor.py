@@ -1,4 +1,4 @@
-"""What a test does as a visitor: uploads a picture, waits for the end of a job, repeats what the archive says."""
+"""What a test does as a visitor: uploads a picture, chooses an option, repeats what the archive says."""
 
 import asyncio
 import re
@@ -11,9 +11,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from playwright.sync_api import CDPSession, Page
+from playwright.sync_api import CDPSession, Locator, Page
 
 from skymosaic.panel.session import Session
+from tools.panel import open_advanced
 
 MAX_CONTROLS = 100
 Scenario = Callable[[], Awaitable[None]]
@@ -31,6 +32,28 @@ async def body(data: bytes) -> AsyncIterator[bytes]:
 async def idle(session: Session) -> None:
     while session.job is not None:
         await asyncio.sleep(0.02)
+
+
+def photographs_loaded(page: Page) -> Locator:
+    return page.get_by_role("list", name="Photographs loaded").locator("li")
+
+
+def choose(page: Page, option: str, value: str) -> None:
+    open_advanced(page)
+    page.get_by_role("combobox", name=option).click()
+    page.get_by_role("option", name=value, exact=True).click()
+
+
+def middle_of(line: Locator) -> tuple[float, float]:
+    """The middle of a line of an SVG path, in window pixels."""
+    x, y = line.evaluate(
+        """path => {
+            const [x0, y0, x1, y1] = path.getAttribute("d").match(/-?[\\d.]+/g).slice(0, 4).map(Number);
+            const middle = new DOMPoint((x0 + x1) / 2, (y0 + y1) / 2).matrixTransform(path.getScreenCTM());
+            return [middle.x, middle.y];
+        }"""
+    )
+    return x, y
 
 
 def repeat_archive(page: Page, folder: Path, name: str) -> Path:

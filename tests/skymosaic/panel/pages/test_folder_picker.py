@@ -16,7 +16,7 @@ from playwright.sync_api import Page, expect
 from skymosaic.panel.folders import Roots
 from skymosaic.panel.pages.folder_picker import FolderPicker
 from tests.skymosaic.panel.visitor import Scenario, noise_png
-from tools.panel.visit import corner_counts, make_mosaic
+from tools.panel import corner_counts, make_mosaic
 
 MANY = 10_000
 

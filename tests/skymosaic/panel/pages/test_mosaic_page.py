@@ -13,19 +13,16 @@ from playwright.sync_api import Locator, Page, expect
 from hdl.build import Build
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
-from tests.skymosaic.panel.visitor import names_reached_by_tab
-from tools.panel.visit import (
+from tests.skymosaic.panel.visitor import choose, middle_of, names_reached_by_tab, photographs_loaded
+from tools.panel import (
     PHONE,
     WINDOW,
-    choose,
     corner_counts,
     load_built_in_pair,
     make_mosaic,
-    middle_of,
     mosaic_viewer,
     open_advanced,
     open_tab,
-    photographs_loaded,
     threshold_to_corners_ms,
 )
 

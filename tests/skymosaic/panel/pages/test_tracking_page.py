@@ -12,7 +12,7 @@ from playwright.sync_api import Page, expect
 
 from skymosaic.panel.tasks import upload_tasks
 from tests.skymosaic.panel.visitor import names_reached_by_tab, repeat_archive
-from tools.panel.visit import WINDOW
+from tools.panel import WINDOW
 
 FRAMES = 6
 

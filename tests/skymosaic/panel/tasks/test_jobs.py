@@ -18,7 +18,7 @@ import pytest
 
 from skymosaic.panel.sessions import Sessions
 from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits
-from tools.panel.visit import LONG_MS
+from tools.panel import LONG_MS
 
 pytestmark = pytest.mark.usefixtures("workers")
 

@@ -4,7 +4,8 @@ import cv2
 import pytest
 from playwright.sync_api import Page, expect
 
-from tools.panel.visit import make_mosaic, mosaic_viewer, photographs_loaded
+from tests.skymosaic.panel.visitor import photographs_loaded
+from tools.panel import make_mosaic, mosaic_viewer
 
 
 @pytest.mark.slow

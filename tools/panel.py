@@ -1,6 +1,6 @@
 """A panel in a process of its own, the machine's Chromium, and the steps of a user in both.
 
-``python -m tools.panel.visit`` makes the mosaic of the built-in pair.
+``python -m tools.panel`` makes the mosaic of the built-in pair.
 """
 
 import re
@@ -83,10 +83,6 @@ def mosaic_viewer(page: Page) -> Locator:
     return page.get_by_role("group", name="Mosaic")
 
 
-def photographs_loaded(page: Page) -> Locator:
-    return page.get_by_role("list", name="Photographs loaded").locator("li")
-
-
 def load_built_in_pair(page: Page) -> None:
     page.get_by_role("button", name="Try the built-in pair").click()
     expect(corner_counts(page)).to_contain_text("corners")
@@ -108,24 +104,6 @@ def open_advanced(page: Page) -> None:
     if advanced.get_attribute("aria-expanded") != "true":
         advanced.click()
     expect(page.get_by_role("combobox", name="Detector")).to_be_visible()
-
-
-def choose(page: Page, option: str, value: str) -> None:
-    open_advanced(page)
-    page.get_by_role("combobox", name=option).click()
-    page.get_by_role("option", name=value, exact=True).click()
-
-
-def middle_of(line: Locator) -> tuple[float, float]:
-    """The middle of a line of an SVG path, in window pixels."""
-    x, y = line.evaluate(
-        """path => {
-            const [x0, y0, x1, y1] = path.getAttribute("d").match(/-?[\\d.]+/g).slice(0, 4).map(Number);
-            const middle = new DOMPoint((x0 + x1) / 2, (y0 + y1) / 2).matrixTransform(path.getScreenCTM());
-            return [middle.x, middle.y];
-        }"""
-    )
-    return x, y
 
 
 def threshold_to_corners_ms(page: Page, keys: Sequence[str]) -> list[float]:
