@@ -6,15 +6,12 @@ from typing import Any
 
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import choose_options, list_options
-from skymosaic.flight.two_photographs import flight_of_pair
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.key_frames import flight_sources
-from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Images, Source, forget_decoded
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.mosaicking.result import Mosaic
-from skymosaic.registration.pair import Pair
 from skymosaic.running.workers import Progress, Workers, silent
 
 
@@ -74,29 +71,6 @@ def mosaics(
     options = choose_options(MosaicOptions, options, changes)
     with open_plan(images, options, progress) as plan:
         yield from plan.mosaics()
-
-
-@list_options
-def mosaic_of_pair(pair: Pair, options: MosaicOptions | None = None, **changes: Any) -> Mosaic:
-    """Blend a registered pair; the time it takes is added to ``pair.seconds``.
-
-    Parameters
-    ----------
-    pair : Pair
-    options, **changes
-        As in `mosaic`; options of the registration no longer have an effect.
-
-    Raises
-    ------
-    InputError, RegistrationError
-        As in `mosaic`.
-    """
-    options = choose_options(MosaicOptions, options, changes)
-    sources = [Source(side, photo.name, photo.pixels) for side, photo in enumerate((pair.left, pair.right))]
-    with open_plan_of_sources(sources, options) as plan:
-        # The pair's pixels are those of the photographs, without a lens's distortion: none is taken out again.
-        plan.flight = flight_of_pair(pair, sources, Lens())
-        return next(plan.mosaics())
 
 
 @contextmanager

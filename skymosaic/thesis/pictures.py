@@ -8,7 +8,7 @@ import numpy as np
 from golden_model.arrays import Pixels
 from golden_model.config import PRESETS
 from skymosaic.common.errors import RegistrationError
-from skymosaic.mosaicking.api import mosaic_of_pair
+from skymosaic.mosaicking.api import mosaic
 from skymosaic.registration.register import register
 from skymosaic.reports import figures
 from skymosaic.thesis.corners import find_threshold
@@ -28,9 +28,8 @@ def draw_pair(pair: DatasetPair) -> Iterator[tuple[str, Pixels]]:
     yield "2. Fuzzy ILBP, four rings", figures.draw_matches(ilbp)
     sift = register(*sides, detector="sift", descriptor="thesis-ilbp-4", estimator="fuzzy-ransac")
     yield "3. Fuzzy RANSAC, SIFT + ILBP: kept are the verified, ringed the inliers", figures.draw_matches(sift)
-    aerial = register(*sides)
-    yield "The aerial preset's eight rules", figures.draw_matches(aerial)
+    yield "The aerial preset's eight rules", figures.draw_matches(register(*sides))
     try:
-        yield "Mosaic by the aerial preset", np.asarray(mosaic_of_pair(aerial).image, dtype=np.uint8)
+        yield "Mosaic by the aerial preset", np.asarray(mosaic(sides).image, dtype=np.uint8)
     except RegistrationError:
         return

@@ -23,7 +23,6 @@ from skymosaic.features.detectors import FRONT_END_DETECTORS
 from skymosaic.geometry.estimators import FABRIC, FUZZY_RANSAC, PROSAC
 from skymosaic.imagery.lens import Lens
 from skymosaic.maps.positions import Positions
-from skymosaic.mosaicking.api import mosaic_of_pair
 from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
 from skymosaic.registration.options import FeatureOptions, RegistrationOptions
 from skymosaic.tracking.tracker import TrackerOptions
@@ -34,7 +33,6 @@ TAKERS: dict[Callable[..., object], type] = {
     register_pairs: RegistrationOptions,
     mosaic: MosaicOptions,
     mosaics: MosaicOptions,
-    mosaic_of_pair: MosaicOptions,
     LiveMosaic: LiveOptions,
     Tracker: TrackerOptions,
 }
