@@ -7,19 +7,19 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.arrays import Intensities, Matrix
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.common.tables import Table, tabulate
 from skymosaic.flight.check import PhotographCheck, check_flight
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.mapping.place import explain_absence
 from skymosaic.flight.picture.composition import Composition
-from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, PLAIN, deliver
+from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, OutputForm, deliver
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.images import PICTURE_SUFFIXES, check_output, save
+from skymosaic.imagery.images import check_output, save
 from skymosaic.imagery.notebook import describe_in_html
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import forget_decoded
-from skymosaic.maps.georeference import Georeference
 from skymosaic.registration.pair import Pair
 from skymosaic.running.workers import Workers
 
@@ -94,8 +94,10 @@ class Mosaic:
             rows.append(row | {measure: getattr(checks.get(index, unread), measure) for measure in measures})
         return tabulate(rows)
 
-    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write the mosaic; a ``.tif`` lies on the map where its place is known, and is made as by `to_geotiff`.
+    def save(self, path: str | Path, *, overwrite: bool = False, require_map: bool = False) -> None:
+        """Write the mosaic; for a ``.tif``, which lies on the map where its place is known, it is rendered again.
+
+        Photographs given as files are read again then, so they must still be there; key frames of a video are not.
 
         Parameters
         ----------
@@ -103,59 +105,26 @@ class Mosaic:
             ``.png``, ``.jpg``, ``.tif`` ...; by others than ``.tif``, 8 bits are shown.
         overwrite : bool
             Whether an existing file may be replaced.
+        require_map : bool
+            Whether a mosaic that would not lie on the map is an error.
 
         Raises
         ------
         InputError
-            If the file cannot be written.
+            If the file cannot be written, or can be no map although one is required.
+        RegistrationError
+            If a map is required and the place is not known; the message says why.
         """
-        path = self._check(path, PICTURE_SUFFIXES, overwrite=overwrite)
-        if path.suffix.lower() in GEOTIFF_SUFFIXES:
-            self._render(path)
-        else:
+        path, place = Path(path), self.composition.place
+        files = [file for source in self.flight.sources for file in source.files]
+        check_output(path, files, overwrite=overwrite)
+        OutputForm(require_map=require_map).check(path, len(self.composition.band_names))
+        if require_map and place.georeference is None:
+            raise RegistrationError(f"{explain_absence(path, place)}; nothing was written")
+        if path.suffix.lower() not in GEOTIFF_SUFFIXES:
             save(path, self.composition.in_8_bit(self.image))
-            record_output(path, self._files)
-
-    def to_geotiff(self, path: str | Path, *, overwrite: bool = False) -> Georeference:
-        """Render the mosaic again, and write it as a GeoTIFF.
-
-        Photographs given as files are read again, so they must still be there; key frames of a video are not.
-
-        Parameters
-        ----------
-        path : str or Path
-            ``.tif`` or ``.tiff``.
-        overwrite : bool
-            Whether an existing file may be replaced.
-
-        Returns
-        -------
-        Georeference
-            Coordinate system, and the transformation from canvas pixels to metres.
-
-        Raises
-        ------
-        InputError
-            If the place on the map is not known (the message says why), or the file cannot be written.
-        """
-        path = self._check(path, GEOTIFF_SUFFIXES, overwrite=overwrite)
-        place = self.composition.place
-        if place.georeference is None:
-            raise InputError(f"{path}: the mosaic's place on the map is unknown ({place.note}); save its image instead")
-        self._render(path)
-        return place.georeference
-
-    @property
-    def _files(self) -> list[Path]:
-        return [file for source in self.flight.sources for file in source.files]
-
-    def _check(self, path: str | Path, suffixes: tuple[str, ...], *, overwrite: bool) -> Path:
-        """The path of an output, before the work begins."""
-        check_output(Path(path), self._files, suffixes, overwrite=overwrite)
-        PLAIN.check(Path(path), len(self.composition.band_names))
-        return Path(path)
-
-    def _render(self, path: Path) -> None:
+            record_output(path, files)
+            return
         try:
             with Workers() as workers:
                 made = deliver(path, self.flight, self.layout, self.composition, self.composition.bands(workers))

@@ -12,7 +12,7 @@ import pytest
 
 import skymosaic
 from sim.scene import make_lawnmower, make_pair
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.geometry.homography import apply
 from skymosaic.registration.pair import KINDS, Pair
 
@@ -155,11 +155,14 @@ def test_a_plot_shows_both_photographs_and_the_matches(pair: Pair) -> None:
 
 def test_a_mosaic_without_gps_has_no_place_on_the_map(pair: Pair, tmp_path: Path) -> None:
     made = skymosaic.mosaic([pair.left.pixels, pair.right.pixels])
-    with pytest.raises(InputError, match="0 of 2 photographs have GPS"):
-        made.to_geotiff(tmp_path / "m.tif")
+    with pytest.raises(RegistrationError, match=r"0 of 2 photographs have GPS.*; nothing was written$"):
+        made.save(tmp_path / "m.tif", require_map=True)
+    with pytest.raises(InputError, match=r"m\.png: \.png files are no maps"):
+        made.save(tmp_path / "m.png", require_map=True)
+    assert not list(tmp_path.iterdir())
     (tmp_path / "m.tif").touch()
     with pytest.raises(InputError, match="overwrite"):
-        made.to_geotiff(tmp_path / "m.tif")
+        made.save(tmp_path / "m.tif")
 
 
 DOCUMENTED = (
