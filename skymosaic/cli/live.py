@@ -27,6 +27,7 @@ from skymosaic.mosaicking.live.run import grow
 from skymosaic.mosaicking.live.update import LiveUpdate
 from skymosaic.mosaicking.options import LiveOptions
 from skymosaic.mosaicking.outputs import check_room
+from skymosaic.reports.summary import describe_mosaic
 
 PLANES = 4
 """A mosaic in colour has these, with alpha."""
@@ -138,17 +139,24 @@ def _write(
 def _show(delivery: Delivery, absent: Mapping[int, str], mosaic: LiveMosaic, pace: Pace) -> None:
     if not mosaic.left_out_moving and (still := describe_moving(delivery.flight)):
         session.warn(still)
-    composition, output = delivery.composition, delivery.path
-    for line in filter(None, (composition.reduced, composition.uneven)):
-        session.warn(f"{output}: {line}")
-    if delivery.georeference is None and output.suffix.lower() in GEOTIFF_SUFFIXES:
-        session.warn(explain_absence(output, composition.place))
-    for contradiction in composition.place.contradictions:
-        session.warn(contradiction)
-    width_px, height_px = composition.size
-    count = len(composition.placements)
+    (width_px, height_px), count = delivery.composition.size, len(delivery.composition.placements)
     session.numbers = {"size": [width_px, height_px], "frames": count, "left_out": absent, "pace": pace.numbers}
-    session.show(f"mosaic {output} ({width_px}x{height_px}): {count} frames, {len(absent)} left out")
+    session.show(f"mosaic {delivery.path} ({width_px}x{height_px}): {count} frames, {len(absent)} left out")
+    show_notes(delivery, delivery.path)
+
+
+def show_notes(delivery: Delivery, path: Path) -> None:
+    """Print what only some mosaics have, and warn of what is wrong with one; ``path`` is its name as typed."""
+    for about, line in describe_mosaic(delivery).items():
+        if about in ("size", "light", "contradiction"):
+            session.warn(f"{path}: {line}")
+        elif about in ("warp", "cut off", "bands", "range", "map"):
+            session.show(f"{about}: {line}")
+    if not delivery.georeference and delivery.path.suffix.lower() in GEOTIFF_SUFFIXES:
+        session.warn(explain_absence(path, delivery.composition.place))
+    # Who asks for a picture of two photographs expects no map.
+    elif delivery.map_note and (delivery.georeference or delivery.flight.pair is None):
+        session.tell(f"note: {delivery.map_note}")
 
 
 def report_absent(absent: Mapping[int, str], *, strict: bool) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.live import report_absent
+from skymosaic.cli.live import report_absent, show_notes
 from skymosaic.cli.options import (
     OverwriteOption,
     PhotographsArgument,
@@ -24,8 +24,7 @@ from skymosaic.cli.session import STDOUT, session
 from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.options import MAP, OUTPUT
 from skymosaic.flight.check import check_flight, describe_moving, doubts, layout_errors
-from skymosaic.flight.mapping.place import explain_absence
-from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm
+from skymosaic.flight.picture.output import Delivery, OutputForm
 from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
 from skymosaic.maps.geotiff import COMPRESSIONS
 from skymosaic.maps.tiles import OWN_NAMES as TILE_NAMES
@@ -35,7 +34,6 @@ from skymosaic.mosaicking.outputs import check_outputs, list_numbered
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.reports.flight import flight_numbers, write_report
 from skymosaic.reports.pages import OWN_NAMES as REPORT_NAMES
-from skymosaic.reports.summary import describe_mosaic
 
 
 def _list_groups(output: Path | None, typed: Typed) -> list[Path]:
@@ -188,13 +186,4 @@ def _show_mosaic(delivery: Delivery, path: Path) -> None:
     if delivery.tiles:
         session.wrote(delivery.tiles)
         session.show(f"tiles {delivery.tiles / 'index.html'}")
-    for about, line in describe_mosaic(delivery).items():
-        if about in ("size", "light", "contradiction"):
-            session.warn(f"{path}: {line}")
-        elif about in ("warp", "cut off", "bands", "range", "map"):
-            session.show(f"{about}: {line}")
-    if not delivery.georeference and delivery.path.suffix.lower() in GEOTIFF_SUFFIXES:
-        session.warn(explain_absence(path, delivery.composition.place))
-    # Who asks for a picture of two photographs expects no map.
-    elif delivery.map_note and (delivery.georeference or flight.pair is None):
-        session.tell(f"note: {delivery.map_note}")
+    show_notes(delivery, path)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from numbers import Integral, Real
-from typing import Any, Concatenate, Literal, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from skymosaic.common.errors import InputError
 
@@ -19,7 +19,6 @@ Class = TypeVar("Class", bound=type[Any])
 Function = TypeVar("Function", bound=Callable[..., Any])
 Default = TypeVar("Default")
 Chosen = TypeVar("Chosen", bound="Checked")
-About = ParamSpec("About")
 
 
 _NUMBERS = {int: Integral, float: Real}
@@ -103,17 +102,10 @@ def _members(annotation: Any) -> tuple[Any, ...]:
     return (annotation, *get_args(annotation))
 
 
-def _field_of(describe: Callable[About, Option]) -> Callable[Concatenate[Default, About], Default]:
-    """Make a dataclass field of a default and what `Option` takes, so that type checkers know the arguments."""
-
-    def describe_field(default: Default, /, *args: About.args, **kwargs: About.kwargs) -> Default:
-        described: Default = field(default=default, metadata={"option": describe(*args, **kwargs)})
-        return described
-
-    return describe_field
-
-
-option = _field_of(Option)
+def option(default: Default, *about: Any, **details: Any) -> Default:
+    """A dataclass field with a default, and what `Option` takes beside the field's own name and type."""
+    described: Default = field(default=default, metadata={"option": Option(*about, **details)})
+    return described
 
 
 def options_of(cls: type[Any]) -> list[Option]:

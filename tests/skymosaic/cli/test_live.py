@@ -53,10 +53,10 @@ def test_a_name_that_nothing_has_is_found(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "on_map", "left_out", "warned"),
     [
-        ("m.tif", True, True, []),
-        ("m.tif", False, True, ["m.tif: no place"]),
-        ("m.png", False, True, []),
-        ("m.png", False, False, ["still moves"]),
+        ("m.tif", True, True, ["m.tif: small"]),
+        ("m.tif", False, True, ["m.tif: small", "m.tif: no place"]),
+        ("m.png", False, True, ["m.png: small"]),
+        ("m.png", False, False, ["still moves", "m.png: small"]),
     ],
 )
 def test_a_live_mosaic_is_described(
@@ -69,12 +69,11 @@ def test_a_live_mosaic_is_described(
     left_out: bool,
 ) -> None:
     monkeypatch.setattr(live, "describe_moving", lambda _: "still moves")
+    monkeypatch.setattr(live, "describe_mosaic", lambda _: {"size": "small", "map": "UTM"})
     monkeypatch.setattr(live, "explain_absence", lambda path, _: f"{path}: no place")
     grown: Any = SimpleNamespace(left_out_moving=left_out)
     pace: Any = SimpleNamespace(numbers={})
     live._show(delivered(name, pair=False, on_map=on_map), {3: "dark"}, grown, pace)
     printed = capsys.readouterr()
-    assert printed.out == f"mosaic {name} (30x40): 2 frames, 1 left out\n"
-    small = f"{name}: small"
-    expected = [*(line for line in warned if "moves" in line), small, *warned, "two places"]
-    assert printed.err.splitlines() == [f"warning: {line}" for line in dict.fromkeys(expected)]
+    assert printed.out == f"mosaic {name} (30x40): 2 frames, 1 left out\nmap: UTM\n"
+    assert printed.err.splitlines() == [f"warning: {line}" for line in warned]

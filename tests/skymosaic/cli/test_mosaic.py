@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from skymosaic.cli import mosaic
+from skymosaic.cli import live, mosaic
 from skymosaic.cli.session import session
 from tests.conftest import Run
 from tests.system.command_line import only_error
@@ -33,8 +33,8 @@ def delivered(name: str, *, pair: bool, on_map: bool, note: str = "", tiles: boo
 def _fake(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mosaic, "layout_errors", lambda *_: SimpleNamespace(description="0.3 px"))
     monkeypatch.setattr(mosaic, "doubts", lambda *_: ["odd"])
-    monkeypatch.setattr(mosaic, "describe_mosaic", lambda _: {about: f"the {about}" for about in ABOUT})
-    monkeypatch.setattr(mosaic, "explain_absence", lambda path, _: f"{path}: no place")
+    monkeypatch.setattr(live, "describe_mosaic", lambda _: {about: f"the {about}" for about in ABOUT})
+    monkeypatch.setattr(live, "explain_absence", lambda path, _: f"{path}: no place")
     session.begin("", started_s=0, quiet=False, verbose=False, as_json=False)
 
 
