@@ -48,18 +48,14 @@ def _read_record(folder: Path) -> dict[str, str]:
 
 def _known_digest(path: Path) -> str:
     """The digest of a picture, computed once: a watched folder is listed several times a second."""
-    try:
+    with contextlib.suppress(OSError):
         state = path.stat()
-    except OSError:
-        return ""
-    return _digest_of(path, state.st_size, state.st_mtime_ns)
+        return _digest_of(path, state.st_size, state.st_mtime_ns)
+    # No recorded digest is empty, so an unreadable file is not taken for a mosaic.
+    return ""
 
 
 @lru_cache(maxsize=64)
 def _digest_of(path: Path, _size_bytes: int, _changed_ns: int) -> str:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    # No recorded digest is empty, so an unreadable file is not taken for a mosaic.
-    except OSError:
-        return ""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -108,12 +108,7 @@ class BackendOptions(Checked):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrontEndOptions(ConfigOptions, BackendOptions):
-    """How features and matches are computed."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PhotographOptions(FrontEndOptions):
+class PhotographOptions(ConfigOptions, BackendOptions):
     """How photographs come to the front end."""
 
     working_width_px: int = option(

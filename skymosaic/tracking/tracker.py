@@ -20,14 +20,14 @@ from skymosaic.common.errors import InputError
 from skymosaic.common.options import choose_options, document_options, list_options
 from skymosaic.imagery.images import load
 from skymosaic.registration.extraction import extract_within_capacity
-from skymosaic.registration.options import FrontEndOptions, Seeded
+from skymosaic.registration.options import BackendOptions, ConfigOptions, Seeded
 from skymosaic.tracking.template import MIN_ROI_PX, Roi, Template, TemplatePose
 from skymosaic.tracking.track import Track
 
 
 @document_options
 @dataclass(frozen=True, kw_only=True)
-class TrackerOptions(Seeded, FrontEndOptions):
+class TrackerOptions(Seeded, ConfigOptions, BackendOptions):
     """How an object is followed."""
 
 

@@ -1,6 +1,5 @@
 """Live numbers: how many frames come and are used per second, and what the accelerator takes for each of them."""
 
-import importlib
 import time
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -12,6 +11,7 @@ from golden_model.config import Config
 from golden_model.geometry.estimator import MAX_CYCLES
 from golden_model.matching.matcher import match
 from golden_model.timing import FrameWork, steady_pace
+from hdl.build import Build
 from skymosaic.geometry.estimators import FABRIC
 from skymosaic.imagery.live_frames import LiveFrame
 from skymosaic.mosaicking.live.update import LiveUpdate
@@ -52,28 +52,25 @@ class Pace:
         """Count a frame as used or dropped: unreadable, with too few features, or beyond the canvas limit."""
         self._used += not update.reason
         self._dropped += bool(update.reason)
-        if self._has_clocks and update.features is not None:
-            self._add_clocks(update.features, update.size_px)
-            self._before = update.features
-
-    def _add_clocks(self, features: Records, size_px: tuple[int, int]) -> None:
-        """The first frame has nothing to match."""
-        if self._before is None:
+        left, right = self._before, update.features
+        if not self._has_clocks or right is None:
             return
-        matches = match(self._before, features, self._config.front_end.pattern, self._config.matcher)
+        self._before = right
+        # The first frame has nothing to match.
+        if left is None:
+            return
+        matches = match(left, right, self._config.front_end.pattern, self._config.matcher)
         # The accelerator walks over the left features in their order.
         rows = np.sort(matches["left_index"]).astype(int)
         work = FrameWork(
-            *size_px,
+            *update.size_px,
             good=True,
-            left=len(self._before),
-            right=len(features),
+            left=len(left),
+            right=len(right),
             rows=rows,
             estimate_cycles=self._estimate_cycles,
         )
-        # Imported late: the help of `mosaic` imports this module, and needs no hardware.
-        lanes = importlib.import_module("hdl.build").Build.lanes
-        pace = steady_pace(work, self._config, lanes=lanes)
+        pace = steady_pace(work, self._config, lanes=Build.lanes)
         self._paces += [pace] if pace else []
 
     @property
@@ -100,16 +97,15 @@ class Pace:
     def __str__(self) -> str:
         """One line of all numbers."""
         numbers = self.numbers
-        line = "{seen} frames seen, {used} used, {dropped} dropped".format(**numbers)
+        line = "{seen} frames seen, {used} used, {dropped} dropped"
         if self._work_seconds:
             line += (
                 "; {used_per_second_of_work:g} used per second of work ({work_seconds:.1f} s), "
                 "{seen_per_second_of_clock:g} seen per second of the clock ({clock_seconds:.1f} s)"
-            ).format(**numbers)
-        if "accelerator" in numbers:
-            accelerator = numbers["accelerator"]
-            line += (
-                f"; the accelerator at {CLOCK_HZ / 1e6:g} MHz: {accelerator['frames_per_second']:g} per second, last "
-                f"pixel to last match {accelerator['latency_ms']:g} ms"
             )
-        return line
+        if self._paces:
+            line += (
+                "; the accelerator at {mhz:g} MHz: {frames_per_second:g} per second, "
+                "last pixel to last match {latency_ms:g} ms"
+            )
+        return line.format(**numbers, **numbers.get("accelerator", {}), mhz=CLOCK_HZ / 1e6)

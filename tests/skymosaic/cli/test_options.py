@@ -15,9 +15,9 @@ from skymosaic.cli.options import with_options
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import GROUPS, command_words, options_of
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.registration.options import FrontEndOptions
+from skymosaic.registration.options import PhotographOptions
 
-read: list[FrontEndOptions] = []
+read: list[PhotographOptions] = []
 
 
 @with_options
@@ -27,7 +27,7 @@ def everything(*, options: MosaicOptions) -> None:
 
 
 @with_options
-def some(*, options: FrontEndOptions = FrontEndOptions(backend="rtl")) -> None:
+def some(*, options: PhotographOptions = PhotographOptions(backend="rtl")) -> None:
     """A command with few options, one of which has another default."""
     read.append(options)
 
@@ -41,7 +41,7 @@ def run(*words: object) -> Result:
     return CliRunner(env={"COLUMNS": "200"}).invoke(app, [str(word) for word in words])
 
 
-def typed(*words: object) -> FrontEndOptions:
+def typed(*words: object) -> PhotographOptions:
     result = run(*words)
     assert result.exit_code == 0, result.output
     return read.pop()
@@ -71,8 +71,8 @@ def test_the_help_says_what_is_typed() -> None:
 
 
 def test_a_command_has_the_options_of_its_class() -> None:
-    assert typed("some") == FrontEndOptions(backend="rtl")
-    assert typed("some", "--preset", "thesis") == FrontEndOptions(preset="thesis", backend="rtl")
+    assert typed("some") == PhotographOptions(backend="rtl")
+    assert typed("some", "--preset", "thesis") == PhotographOptions(preset="thesis", backend="rtl")
     assert run("some", "--detector", "fast").exit_code == 2
 
 
