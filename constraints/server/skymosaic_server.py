@@ -11,6 +11,7 @@ from using the board; nothing is encrypted.
 import argparse
 import hashlib
 import hmac
+import io
 import ipaddress
 import json
 import pathlib
@@ -33,14 +34,13 @@ MAX_FRAMES = 64
 IDLE_SECONDS = 30
 REQUEST_SECONDS = 120
 """Total time that the server waits for one client, since all others wait meanwhile."""
-CHUNK_BYTES = 1 << 16
 
 
 class ClientGoneError(Exception):
     """The client closed the connection, or was too slow, so no answer can be sent."""
 
 
-class Client:
+class Client(io.RawIOBase):
     """The connection to a client, with limits on the time spent waiting for it.
 
     Parameters
@@ -51,44 +51,38 @@ class Client:
     """
 
     def __init__(self, connection, idle_seconds, request_seconds):
+        super().__init__()
         self._connection = connection
         self._idle_seconds = idle_seconds
         self._seconds_left = request_seconds
-        self._received = b""
+        self._received = io.BufferedReader(self)
 
     def line(self):
         """The next line, without its end."""
-        while b"\n" not in self._received:
-            if len(self._received) > MAX_LINE_BYTES:
-                raise ValueError(f"the request is malformed: its line is longer than {MAX_LINE_BYTES} bytes")
-            more = self._wait_for(self._connection.recv, CHUNK_BYTES)
-            if not more:
-                # The rest may be a request without a line end: report it as malformed instead of hanging up.
-                return self._take(len(self._received))
-            self._received += more
-        return self._take(self._received.index(b"\n") + 1)[:-1]
+        line = self._received.readline(MAX_LINE_BYTES + 1).removesuffix(b"\n")
+        if len(line) > MAX_LINE_BYTES:
+            raise ValueError(f"the request is malformed: its line is longer than {MAX_LINE_BYTES} bytes")
+        return line
 
     def bytes(self, length):
         """The next ``length`` bytes, in a new array."""
-        data = bytearray(length)
-        have = self._take(min(length, len(self._received)))
-        data[: len(have)] = have
-        view, filled = memoryview(data), len(have)
-        while filled < length:
-            count = self._wait_for(self._connection.recv_into, view[filled : filled + CHUNK_BYTES])
-            if not count:
-                raise ClientGoneError
-            filled += count
-        return np.frombuffer(data, np.uint8)
+        data = np.empty(length, np.uint8)
+        if self._received.readinto(data) < length:
+            raise ClientGoneError
+        return data
+
+    def readable(self):
+        """Whether bytes can be read, for the buffer."""
+        return True
+
+    def readinto(self, buffer):
+        """Receive some bytes, for the buffer."""
+        return self._wait_for(self._connection.recv_into, buffer)
 
     def answer(self, header, *parts):
         """Send a line of JSON and bytes."""
         for part in (json.dumps(header).encode() + b"\n", *parts):
             self._wait_for(self._connection.sendall, part)
-
-    def _take(self, length):
-        taken, self._received = self._received[:length], self._received[length:]
-        return taken
 
     def _wait_for(self, call, argument):
         # Never 0, which would mean not to wait at all.
