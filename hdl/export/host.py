@@ -1,9 +1,7 @@
 """The host's programs, as an export has them: copies of ``constraints/``, and the build that they are for."""
 
 import shutil
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +17,7 @@ from hdl.registers.register_map import Access, Field, built_constants, fields
 from hdl.registers.shell_register_map import list_registers
 from hdl.settings import ESTIMATION, ESTIMATOR, FLAG, PAGE_BYTES, REQUESTED, SETTINGS, SHELL
 from hdl.shell.slot import HEADER, HEADER_BYTES
+from hdl.templates import render
 
 WRITABLE = (Access.SETTING, Access.REQUEST, Access.COMMAND)
 HOST_FOLDERS = {
@@ -40,57 +39,33 @@ def write_host(folder: Path, build: Build) -> None:
 
 def driver_map(build: Build) -> str:
     """The Python module ``skymosaic_map``: registers, records and build constants for the driver."""
-    title = f'"""Registers and records of the {NAME} accelerator. Generated; do not edit."""'
-    head = [title, "", "import numpy as np", ""]
-    return "\n".join([*head, *_describe_registers(build), *_describe_packets(build), ""])
-
-
-def _describe_registers(build: Build) -> list[str]:
     registers, constants = list_registers(build), built_constants(build)
     # Patch versions have the same registers and records, so the driver accepts all of them.
     del constants["version_patch"]
-    positions = {f.name: (r.offset, f.low, f.bits) for r in registers for f in r.fields}
     written = sorted(fields(*WRITABLE, registers=registers), key=lambda field: field.name)
     requests = ((r.offset, sum(f.mask for f in r.fields if f.access is Access.REQUEST)) for r in registers)
-    return [
-        *_dictionary("FIELDS", positions, "Field: (byte offset of its register, lowest bit, bits)"),
-        *_dictionary(
-            "WRITABLE", {f.name: _valid_range(f) for f in written}, "Writable field: (smallest, largest valid value)"
-        ),
-        f"CORE = {VLNV!r}",
-        "# The fields in a request to the server.",
-        f"REQUESTED = {REQUESTED!r}",
-        "# What a request for homographies has besides.",
-        f"ESTIMATION = {tuple(setting.name for setting in ESTIMATION)!r}",
-        *_dictionary("BUILT", constants, "Values of the constant fields"),
-        *_dictionary("REQUEST_BITS", {r: bits for r, bits in requests if bits}, "Offset of a register: its requests"),
-    ]
-
-
-def _describe_packets(build: Build) -> list[str]:
+    has_rings = build.shell == "camera"
     records = {"FEATURE": build.config.front_end.pattern.record, "MATCH": MATCH, "STATUS": FRAME_STATUS}
     records |= {"HOMOGRAPHY": HOMOGRAPHY} if build.config.estimator else {}
-    packet_bytes = {output: words * WORD_BYTES for output, words in longest_packets(build).items()}
-    in_memory = []
-    if build.shell == "camera":
-        records |= {"HYPOTHESIS": HYPOTHESIS, "SCORE": SCORE}
-        in_memory = [
-            f"PAGE_BYTES, HEADER_BYTES = {PAGE_BYTES}, {HEADER_BYTES}",
-            f"HEADER = np.dtype({_dtype_text(HEADER)})",
-            f"UNIT_PX, MAX_ELEMENT = {1 << POSITION.integer_bits}, {ENTRY.max_raw}",
-        ]
-    return [
-        *_dictionary("PACKET_BYTES", packet_bytes, "Output: bytes of its longest packet"),
-        "# A DMA's register LENGTH has 26 bits: 2^26 bytes, a frame of 4096x4096 in colour, would be 0.",
-        "MAX_TRANSFER_BYTES = (1 << 26) - 1",
-        *in_memory,
-        *(f"{name}_TAG, {name} = {each.tag:d}, np.dtype({_dtype_text(each.dtype)})" for name, each in records.items()),
-    ]
-
-
-def _dictionary(name: str, entries: Mapping[Any, object], comment: str) -> list[str]:
-    """Source lines of a dictionary, one entry per line."""
-    return [f"# {comment}", f"{name} = {{", *(f"    {key!r}: {value!r}," for key, value in entries.items()), "}"]
+    records |= {"HYPOTHESIS": HYPOTHESIS, "SCORE": SCORE} if has_rings else {}
+    return render(
+        "skymosaic_map.py.jinja",
+        name=NAME,
+        core=VLNV,
+        fields={f.name: (r.offset, f.low, f.bits) for r in registers for f in r.fields},
+        writable={f.name: _valid_range(f) for f in written},
+        requested=REQUESTED,
+        estimation=tuple(setting.name for setting in ESTIMATION),
+        built=constants,
+        request_bits={offset: bits for offset, bits in requests if bits},
+        packet_bytes={output: words * WORD_BYTES for output, words in longest_packets(build).items()},
+        header=_describe_dtype(HEADER) if has_rings else None,
+        header_bytes=HEADER_BYTES,
+        page_bytes=PAGE_BYTES,
+        unit_px=1 << POSITION.integer_bits,
+        max_element=ENTRY.max_raw,
+        records={name: (each.tag.value, _describe_dtype(each.dtype)) for name, each in records.items()},
+    )
 
 
 def _valid_range(field: Field) -> tuple[int, int]:
@@ -99,12 +74,12 @@ def _valid_range(field: Field) -> tuple[int, int]:
     return values[0], values[-1]
 
 
-def _dtype_text(dtype: np.dtype[np.void]) -> str:
-    """Source text of a structured dtype: the dictionary for ``np.dtype``."""
+def _describe_dtype(dtype: np.dtype[np.void]) -> dict[str, object]:
+    """A structured dtype as the dictionary for ``np.dtype``."""
     names = list(dtype.names or ())
     subtypes = [dtype[name] for name in names]
     # A row of bytes is a subarray, whose own str is only "|V16".
     formats = [(sub.base.str, sub.shape) if sub.shape else sub.str for sub in subtypes]
     assert dtype.fields is not None
     offsets = [dtype.fields[name][1] for name in names]
-    return repr({"names": names, "formats": formats, "offsets": offsets, "itemsize": dtype.itemsize})
+    return {"names": names, "formats": formats, "offsets": offsets, "itemsize": dtype.itemsize}
