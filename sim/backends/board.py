@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Records
 from golden_model.config import Config
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, Cause, Tag
 from golden_model.text import one_line
@@ -26,6 +27,8 @@ MAX_HEADER_BYTES = 1 << 16
 MAX_REASON_CHARS = 500
 KEY_VARIABLE = "SKYMOSAIC_BOARD_KEY"
 """Environment variable: the file that holds the key of a board's server."""
+PacketLimit = tuple[np.dtype[np.void], int]
+"""The type of a packet's records, and how many it has at most."""
 
 
 class BoardBackend(Backend):
@@ -76,12 +79,10 @@ class BoardBackend(Backend):
             "hold_reference": reference == "held",
             "rules_digest": config.matcher.rules_digest(config.front_end.pattern),
         }
-        pattern = config.front_end.pattern
-        feature = pattern.record.dtype
-        limits = _limit_packets(config, feature)
-        parts = self._exchange(json.dumps(request).encode(), frames, limits * len(frames))
+        packets = _list_packets(config)
+        parts = self._exchange(json.dumps(request).encode(), frames, packets * len(frames))
         try:
-            results = [_decode_packets(packet, feature) for packet in zip(*[iter(parts)] * len(limits), strict=True)]
+            results = [_join_records(*records) for records in zip(*[iter(parts)] * len(packets), strict=True)]
         except ValueError as error:
             raise BackendError(
                 f"the board was built for other records: {error}; export the design again and rebuild it"
@@ -91,9 +92,9 @@ class BoardBackend(Backend):
         return results
 
     def _exchange(
-        self, header: bytes, frames: Sequence[NDArray[np.uint8]], limits: Sequence[tuple[int, int]]
-    ) -> list[bytes]:
-        """Send a request and return the packets; ``limits`` has each one's largest length and size of a record."""
+        self, header: bytes, frames: Sequence[NDArray[np.uint8]], packets: Sequence[PacketLimit]
+    ) -> list[Records]:
+        """Send a request and return the packets."""
         where = self.where
         try:
             with (
@@ -112,7 +113,7 @@ class BoardBackend(Backend):
                 for frame in frames:
                     link.write(np.ascontiguousarray(frame).data)
                 link.flush()
-                return _read_packets(link, where, limits)
+                return _read_packets(link, where, packets)
         except OSError as error:
             raise BackendError(
                 f"no board answers at {where} ({error.strerror or error}); start serve.py on it, or check the address"
@@ -149,25 +150,23 @@ def _prove_key(challenge: str, header: bytes, frames: Sequence[NDArray[np.uint8]
     return json.dumps({"frames": digest.hexdigest(), "hmac": code}).encode() + b"\n"
 
 
-def _limit_packets(config: Config, feature: np.dtype[np.void]) -> list[tuple[int, int]]:
-    """Largest length, and size of a record, of a frame's packets: features, status, matches, status, homography."""
-    max_features = config.front_end.max_features
-    status = FRAME_STATUS.dtype.itemsize
-    features, matches = (max_features * size for size in (feature.itemsize, MATCH.dtype.itemsize))
-    homographies = [(HOMOGRAPHY.record_bytes, HOMOGRAPHY.record_bytes)] if config.estimator else []
-    packets = [(features, feature.itemsize), (status, status), (matches, MATCH.dtype.itemsize), (status, status)]
-    return packets + homographies
+def _list_packets(config: Config) -> list[PacketLimit]:
+    """A frame's packets: features, status, matches, status, homography."""
+    most, status = config.front_end.max_features, (FRAME_STATUS.dtype, 1)
+    packets = [(config.front_end.pattern.record.dtype, most), status, (MATCH.dtype, most), status]
+    return [*packets, (HOMOGRAPHY.dtype, 1)] if config.estimator else packets
 
 
-def _read_packets(link: BufferedIOBase, where: str, limits: Sequence[tuple[int, int]]) -> list[bytes]:
-    """Read the packets that the server announces; ``limits`` as in `BoardBackend._exchange`."""
+def _read_packets(link: BufferedIOBase, where: str, packets: Sequence[PacketLimit]) -> list[Records]:
+    """Read the packets that the server announces."""
     lengths = _read_header(link, where).get("lengths")
     # Checked before anything is read, so that a false length cannot make us wait or fill the memory.
-    if type(lengths) is not list or [*map(type, lengths)] != [int] * len(limits):
+    if type(lengths) is not list or [*map(type, lengths)] != [int] * len(packets):
         raise BackendError(f"the board at {where} announces other packets than were asked for; check its server")
-    if not all(0 <= length <= longest for length, (longest, _) in zip(lengths, limits, strict=True)):
+    sizes = [dtype.itemsize for dtype, _ in packets]
+    if not all(0 <= length <= most * size for length, size, (_, most) in zip(lengths, sizes, packets, strict=True)):
         raise BackendError(f"the board at {where} announces packets of an invalid length; check its server")
-    if any(length % size for length, (_, size) in zip(lengths, limits, strict=True)):
+    if any(length % size for length, size in zip(lengths, sizes, strict=True)):
         raise BackendError(
             f"the board at {where} was built for other records, whose lengths differ; export the design again and "
             "rebuild it"
@@ -175,21 +174,15 @@ def _read_packets(link: BufferedIOBase, where: str, limits: Sequence[tuple[int, 
     parts = [link.read(length) for length in lengths]
     if [len(part) for part in parts] != lengths:
         raise BackendError(f"the board at {where} stopped in the middle of an answer; check its server")
-    return parts
+    return [np.frombuffer(part, dtype) for part, (dtype, _) in zip(parts, packets, strict=True)]
 
 
-def _decode_packets(parts: tuple[bytes, ...], feature: np.dtype[np.void]) -> FrameResult:
-    features, status, matches, match_status, *homographies = parts
-    (status_record,) = np.frombuffer(status, FRAME_STATUS.dtype)
-    (match_record,) = np.frombuffer(match_status, FRAME_STATUS.dtype)
-    return FrameResult(
-        features=np.frombuffer(features, feature),
-        matches=np.frombuffer(matches, MATCH.dtype),
-        status=status_record,
-        match_status=match_record,
-        cycles=int(status_record["cycles"]),
-        homography=np.frombuffer(homographies[0], HOMOGRAPHY.dtype)[0] if homographies else None,
-    )
+def _join_records(
+    features: Records, status: Records, matches: Records, match_status: Records, *homographies: Records
+) -> FrameResult:
+    (status_record,), (match_record,) = status, match_status
+    (homography,) = homographies[0] if homographies else (None,)
+    return FrameResult(features, matches, status_record, match_record, int(status_record["cycles"]), None, homography)
 
 
 def _check_status(result: FrameResult, number: int, shape: tuple[int, ...], where: str) -> None:

@@ -171,9 +171,8 @@ def _records(_folder: Path, rng: np.random.Generator) -> str:
     parts = [np.zeros(3, feature).tobytes(), status.tobytes(), np.zeros(2, MATCH.dtype).tobytes(), status.tobytes()]
     header, body = json.dumps({"lengths": [*map(len, parts)]}).encode() + b"\n", b"".join(parts)
     answer = mutated(header, rng) + body if rng.random() < 0.5 else header + mutated(body, rng)
-    limits = board._limit_packets(config, feature)
-    packets = board._read_packets(io.BytesIO(answer), "board", limits)
-    result = board._decode_packets(tuple(packets), feature)
+    packets = board._read_packets(io.BytesIO(answer), "board", board._list_packets(config))
+    result = board._join_records(*packets)
     board._check_status(result, 0, (64, 96), "board")
     return "read"
 

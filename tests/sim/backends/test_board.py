@@ -8,7 +8,7 @@ import pytest
 
 from golden_model.config import EstimatorConfig, preset_config
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, Cause, Tag
-from sim.backends.board import PORT, BoardBackend, _check_status, _limit_packets
+from sim.backends.board import PORT, BoardBackend, _check_status, _list_packets
 from sim.backends.errors import BackendError
 from sim.backends.interface import FrameResult
 
@@ -71,9 +71,10 @@ def test_an_answer_has_to_be_of_the_frame_that_was_sent(where: str, changed: dic
 @pytest.mark.parametrize("estimator", [None, EstimatorConfig()])
 def test_packets_are_as_long_as_all_records_that_fit(estimator: EstimatorConfig | None) -> None:
     aerial = preset_config("aerial")
-    found = _limit_packets(replace(aerial, estimator=estimator), aerial.front_end.pattern.record.dtype)
+    packets = _list_packets(replace(aerial, estimator=estimator))
     feature, status = aerial.front_end.pattern.record.record_bytes, FRAME_STATUS.record_bytes
     most = aerial.front_end.max_features
     expected = [(most * feature, feature), (status, status), (most * MATCH.record_bytes, MATCH.record_bytes)]
     homography = [(HOMOGRAPHY.record_bytes, HOMOGRAPHY.record_bytes)] if estimator else []
+    found = [(most * dtype.itemsize, dtype.itemsize) for dtype, most in packets]
     assert found == [*expected, (status, status), *homography]
