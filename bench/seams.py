@@ -47,7 +47,7 @@ def main(json_file: JsonFile = None) -> None:
     """Measure."""
     flight = make_lawnmower(7, FRAMES, SIZE_PX, forward_overlap=0.9, side_overlap=0.5, exposure_step=0)
     extracted = (extract(image, CONFIG.front_end, frame=n) for n, image in enumerate(flight.images))
-    frames = list(add_matches(((each.features, each.status, None) for each in extracted), CONFIG, "previous"))
+    frames = list(add_matches(extracted, CONFIG, "previous"))
     anchors, place_s, layout_s = find_anchors(frames)
     # The ground, as large as on the canvas and as it is turned there.
     to_ground = invert(flight.homographies[0])

@@ -30,7 +30,7 @@ class GoldenBackend(Backend):
     ) -> list[FrameResult]:
         """See `sim.backends.interface.Backend.run`."""
         extracted = (self._extract(image, config.front_end, number) for number, image in enumerate(frames))
-        return list(add_matches(((frame.features, frame.status, None) for frame in extracted), config, reference))
+        return list(add_matches(extracted, config, reference))
 
     def _extract(self, image: NDArray[np.uint8], config: FrontEndConfig, number: int) -> FrameFeatures:
         """Extract the features, or take those of the same frame before."""
@@ -44,17 +44,16 @@ class GoldenBackend(Backend):
         return FrameFeatures(features, status)
 
 
-def add_matches(
-    frames: Iterable[tuple[NDArray[np.void], np.void, int | None]], config: Config, reference: Reference
-) -> Iterator[FrameResult]:
-    """Add the golden matches, and the homography if there is an estimator, to each frame's features and status."""
+def add_matches(frames: Iterable[FrameFeatures], config: Config, reference: Reference) -> Iterator[FrameResult]:
+    """Add the golden matches, and the homography if there is an estimator, to each frame."""
     references: ReferenceFrame[Records] = ReferenceFrame()
-    for features, status, cycles in frames:
+    for frame in frames:
+        features, status = frame.features, frame.status
         left = references.for_frame(features, good=bool(status["good"]), held=reference == "held")
         matches = np.zeros(0, MATCH.dtype)
         if left is not None:
             matches = match(left, features, config.front_end.pattern, config.matcher)
-        result = FrameResult.count_matches(features, matches, status, cycles)
+        result = FrameResult.count_matches(features, matches, status)
         if config.estimator:
             result = replace(result, homography=frame_homography(matches, status, config)[0])
         if result.accepted is not None:

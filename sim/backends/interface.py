@@ -57,7 +57,7 @@ class FrameResult:
     """The FrameStatus record at the end of the features."""
     match_status: np.void
     """The FrameStatus record at the end of the matches."""
-    cycles: int | None
+    cycles: int | None = None
     """Clocks from the first pixel in to the last word of features out; None for backends without a clock."""
     clocks: FrameClocks | None = None
     """None unless the result was simulated."""
@@ -70,13 +70,11 @@ class FrameResult:
         return None if self.homography is None or not self.status["good"] else not self.homography["causes"]
 
     @classmethod
-    def count_matches(
-        cls, features: NDArray[np.void], matches: NDArray[np.void], status: np.void, cycles: int | None = None
-    ) -> FrameResult:
+    def count_matches(cls, features: NDArray[np.void], matches: NDArray[np.void], status: np.void) -> FrameResult:
         """A result whose match status is ``status`` with the numbers of all matches and of those kept."""
         match_status = status.copy()
         match_status["matches"], match_status["kept"] = len(matches), np.count_nonzero(matches["verdict"])
-        return cls(features, matches, status, match_status, cycles)
+        return cls(features, matches, status, match_status)
 
 
 @dataclass(frozen=True)

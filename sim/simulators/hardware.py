@@ -102,7 +102,6 @@ def decode_frame(feature_words: NDArray[np.uint64], match_words: NDArray[np.uint
         matches=match_words.view(MATCH.dtype)[:-1],
         status=decode_status(feature, feature_words),
         match_status=decode_status(MATCH, match_words),
-        cycles=None,
     )
 
 

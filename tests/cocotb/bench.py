@@ -192,7 +192,7 @@ def render_scene(size_px: tuple[int, int], *, gray: bool) -> list[Pixels]:
 def compute_golden(images: Mapping[int, Pixels], reference: Reference) -> list[FrameResult]:
     """The golden model's results for good frames, by their numbers since reset."""
     extracted = (extract(image, CONFIG.front_end, frame=number) for number, image in images.items())
-    results = list(add_matches(((frame.features, frame.status, None) for frame in extracted), CONFIG, reference))
+    results = list(add_matches(extracted, CONFIG, reference))
     assert all(len(frame.features) for frame in results)
     assert any(len(frame.matches) for frame in results)
     return results

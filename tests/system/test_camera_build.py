@@ -60,7 +60,7 @@ def check(
     """Every delivered frame equals the golden model, and every other one is counted as dropped."""
     front_end = config.front_end.for_size(*SIZE_PX)
     golden = [extract(frames[number - 1], front_end, frame=n) for n, (number, *_) in enumerate(delivered)]
-    results = add_matches(((each.features, each.status, None) for each in golden), config, "previous")
+    results = add_matches(golden, config, "previous")
     for (_, features, matches, homography), expected in zip(delivered, results, strict=True):
         np.testing.assert_array_equal(features, expected.features)
         np.testing.assert_array_equal(matches, expected.matches)

@@ -2,6 +2,7 @@
 """Match records of whole sequences equal the golden model word for word."""
 
 from collections.abc import Iterator, Sequence
+from itertools import starmap
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from bench.rules import largest_rules
 from golden_model.config import Config, FrontEndConfig, MatcherConfig
 from golden_model.feature.ilbp import ILBP_128, PATTERNS, DescriptorPattern
+from golden_model.front_end import FrameFeatures
 from golden_model.fuzzy.rules import MatchRules, read_shipped
 from golden_model.matching.matcher import ReferenceFrame, match
 from golden_model.records import FRAME_STATUS, MATCH, Cause, Tag
@@ -109,7 +111,7 @@ def expected_packets(
     reference: Reference,
 ) -> tuple[list[list[int]], list[FrameResult]]:
     config = Config(front_end=FrontEndConfig(descriptor=pattern.name, border_px=20), matcher=matcher)
-    results = list(add_matches(((features, status, None) for features, status in frames), config, reference))
+    results = list(add_matches(starmap(FrameFeatures, frames), config, reference))
     return list(packets_of((result.matches, result.match_status) for result in results)), results
 
 

@@ -27,7 +27,7 @@ def test_the_homography_of_a_good_frame_is_accepted_without_causes(
     status, homography = np.zeros(1, FRAME_STATUS.dtype)[0], np.zeros(1, HOMOGRAPHY.dtype)[0]
     matches = np.zeros(5, MATCH.dtype)
     status["good"], homography["causes"], matches["verdict"] = good, causes or 0, (1, 0, 1, 1, 0)
-    result = FrameResult.count_matches(matches[:0], matches, status, 7)
+    result = FrameResult.count_matches(matches[:0], matches, status)
     result = replace(result, homography=None if causes is None else homography)
     assert result.accepted is accepted
     assert (result.match_status["matches"], result.match_status["kept"], result.status["kept"]) == (5, 3, 0)
