@@ -7,7 +7,6 @@ from amaranth import Cat, Module, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.config import check_range
 from hdl.lib.delay import delayed
 
 LAYERS_PER_STAGE = 2
@@ -42,7 +41,6 @@ class Popcount(wiring.Component):
     """A count for each lane."""
 
     def __init__(self, *, bits: int, lanes: int) -> None:
-        check_range("bits", bits, 3)
         self.bits = bits
         self.lanes = lanes
         # The layers are counted without hardware: the latency has to be known before elaboration.

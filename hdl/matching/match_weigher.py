@@ -9,7 +9,6 @@ from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import WEIGHT
 from golden_model.matching import rule_bases
-from golden_model.matching.matcher import check_rule_base
 from hdl.matching.correlation import SumOfAbsoluteDifferences
 from hdl.matching.feature_banks import READ_CYCLES, BankedFeature
 from hdl.matching.fuzzy import RESULT, Sugeno
@@ -32,11 +31,6 @@ class MatchWeigher(wiring.Component):
         The rule base.
     pattern : DescriptorPattern
     max_features : int
-
-    Raises
-    ------
-    ValueError
-        If the rule base needs a window that the pattern does not carry.
     """
 
     i: stream.Interface
@@ -54,7 +48,6 @@ class MatchWeigher(wiring.Component):
     """Stream of `WEIGHED`."""
 
     def __init__(self, *, config: MatcherConfig, pattern: DescriptorPattern, max_features: int) -> None:
-        check_rule_base(pattern, config)
         self.rules = config.rules
         self.pattern = pattern
         self.max_features = max_features
