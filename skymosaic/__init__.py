@@ -6,45 +6,30 @@ import importlib
 import time
 from typing import TYPE_CHECKING
 
+# `as` tells type checkers that a name is meant to be imported from here.
 if TYPE_CHECKING:
-    from golden_model.config import Config
-    from skymosaic.imagery.key_frames import select_key_frames
-    from skymosaic.mosaicking.api import mosaic, mosaics
-    from skymosaic.mosaicking.live.mosaic import LiveMosaic
-    from skymosaic.mosaicking.live.update import LiveUpdate
-    from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
-    from skymosaic.mosaicking.pairs import register_pairs, table_of_pairs
-    from skymosaic.mosaicking.result import Mosaic
-    from skymosaic.registration.extraction import Features, extract
-    from skymosaic.registration.options import FeatureOptions, RegistrationOptions
-    from skymosaic.registration.pair import Pair
-    from skymosaic.registration.register import register
-    from skymosaic.tracking.template import Roi
-    from skymosaic.tracking.tracker import TrackedFrame, Tracker, TrackerOptions
+    from golden_model.config import Config as Config
+    from skymosaic.imagery.key_frames import select_key_frames as select_key_frames
+    from skymosaic.mosaicking.api import mosaic as mosaic
+    from skymosaic.mosaicking.api import mosaics as mosaics
+    from skymosaic.mosaicking.live.mosaic import LiveMosaic as LiveMosaic
+    from skymosaic.mosaicking.live.update import LiveUpdate as LiveUpdate
+    from skymosaic.mosaicking.options import LiveOptions as LiveOptions
+    from skymosaic.mosaicking.options import MosaicOptions as MosaicOptions
+    from skymosaic.mosaicking.pairs import register_pairs as register_pairs
+    from skymosaic.mosaicking.pairs import table_of_pairs as table_of_pairs
+    from skymosaic.mosaicking.result import Mosaic as Mosaic
+    from skymosaic.registration.extraction import Features as Features
+    from skymosaic.registration.extraction import extract as extract
+    from skymosaic.registration.options import FeatureOptions as FeatureOptions
+    from skymosaic.registration.options import RegistrationOptions as RegistrationOptions
+    from skymosaic.registration.pair import Pair as Pair
+    from skymosaic.registration.register import register as register
+    from skymosaic.tracking.template import Roi as Roi
+    from skymosaic.tracking.tracker import TrackedFrame as TrackedFrame
+    from skymosaic.tracking.tracker import Tracker as Tracker
+    from skymosaic.tracking.tracker import TrackerOptions as TrackerOptions
 
-__all__ = [
-    "Config",
-    "FeatureOptions",
-    "Features",
-    "LiveMosaic",
-    "LiveOptions",
-    "LiveUpdate",
-    "Mosaic",
-    "MosaicOptions",
-    "Pair",
-    "RegistrationOptions",
-    "Roi",
-    "TrackedFrame",
-    "Tracker",
-    "TrackerOptions",
-    "extract",
-    "mosaic",
-    "mosaics",
-    "register",
-    "register_pairs",
-    "select_key_frames",
-    "table_of_pairs",
-]
 IMPORTED_S = time.perf_counter()
 """When the program began, for times that add up to its wall time."""
 _MODULES = {
@@ -70,6 +55,7 @@ _MODULES = {
     "select_key_frames": "skymosaic.imagery.key_frames",
     "table_of_pairs": "skymosaic.mosaicking.pairs",
 }
+__all__ = list(_MODULES)
 
 
 def __getattr__(name: str) -> object:

@@ -112,9 +112,15 @@ class Cluster:
                     self._await_workers(RegistrationError, "restart it; what was computed is in the cache")
             except asyncio.CancelledError:
                 raise self._gone() from None
+            # The package that defines them is an extra.
             except Exception as error:
                 if _kind(error) == "KilledWorker":
-                    raise RegistrationError(f"{what}: {_describe_death(error)}") from None
+                    killed: Any = error
+                    last = killed.last_worker
+                    raise RegistrationError(
+                        f"{what}: ended {killed.allowed_failures + 1} workers, the last one {last.address} with "
+                        f"{last.memory_limit >> 20} MB of memory; give the workers more, or reduce the photographs"
+                    ) from None
                 if _kind(error) in ("FutureCancelledError", "CancelledError", "CommClosedError"):
                     raise self._gone() from None
                 raise
@@ -145,7 +151,12 @@ class Cluster:
         # What this process cannot read either is left out later.
         paths = {content.parent: str(content) for content in contents if os.access(content, os.R_OK)}
         mine = describe_environment()
-        for worker, found in self._ask(inspect_worker, list(paths.values())).items():
+        try:
+            # An exception for each that cannot answer.
+            answers = self._within_limit(self._client.run, inspect_worker, list(paths.values()), on_error="return")
+        except TimeoutError:
+            raise InputError(f"{self._name}: a worker does not answer within {self._limit_s:g} s; end it") from None
+        for worker, found in answers.items():
             if _kind(found) == "CommClosedError":
                 # Lost before it answered, perhaps still starting, as it may be at any time later.
                 continue
@@ -172,14 +183,6 @@ class Cluster:
                     f"{worker}: has {limit >> 20} MB of memory for {facts['nthreads']} threads, and the largest step "
                     f"needs {needed >> 20}; give it more, or lower `memory_bytes`"
                 )
-
-    def _ask(self, function: Callable[..., Any], *arguments: Any) -> Mapping[str, Any]:
-        """What each worker answers; an exception where it cannot."""
-        try:
-            answers: Mapping[str, Any] = self._within_limit(self._client.run, function, *arguments, on_error="return")
-        except TimeoutError:
-            raise InputError(f"{self._name}: a worker does not answer within {self._limit_s:g} s; end it") from None
-        return answers
 
     def _within_limit(self, method: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
         """Call a method of the client, most of which would wait for a process that hangs for ever."""
@@ -233,14 +236,6 @@ def inspect_worker(paths: Sequence[str]) -> tuple[dict[str, str], list[str]]:
 def _kind(error: object) -> str:
     """Name of an error's class; the package that defines it is an extra."""
     return type(error).__name__
-
-
-def _describe_death(error: Any) -> str:
-    limit = getattr(error.last_worker, "memory_limit", 0)
-    return (
-        f"ended {error.allowed_failures + 1} workers, the last one {error.last_worker.address} with "
-        f"{limit >> 20} MB of memory; give the workers more, or reduce the photographs"
-    )
 
 
 def _connect(address: str) -> Any:

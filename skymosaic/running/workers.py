@@ -57,6 +57,21 @@ def silent(_stage: str, _done: int, _total: int) -> None:
     """No-op progress callback."""
 
 
+class _Threads:
+    """The threads of this process, one for each core, with the methods of `Cluster`."""
+
+    def __init__(self) -> None:
+        self.threads = _cores()
+        self._executor = ThreadPoolExecutor(self.threads)
+        self.close = self._executor.shutdown
+
+    def submit(self, function: Callable[..., Any], arguments: tuple[Any, ...], _kept: Sequence[str]) -> Any:
+        return self._executor.submit(function, *arguments)
+
+    def result(self, future: Any, _what: str) -> Any:
+        return future.result()
+
+
 class Workers:
     """Threads of this process, or the workers of a Dask cluster; a context manager.
 
@@ -86,12 +101,9 @@ class Workers:
         memory_bytes: int = 0,
     ) -> None:
         self.progress = progress
-        self._cluster: Cluster | None = None
-        self._executor: ThreadPoolExecutor | None = None
-        if address:
-            self._cluster = Cluster(address, lambda line: progress(line, 0, 0), sources, memory_bytes)
-        else:
-            self._executor = ThreadPoolExecutor(_cores())
+        self._pool: Cluster | _Threads = (
+            Cluster(address, lambda line: progress(line, 0, 0), sources, memory_bytes) if address else _Threads()
+        )
         # Each core has a thread of ours. More of them would wait in turns, and a BLAS spins while it waits.
         _blas_limit.acquire()
 
@@ -99,16 +111,13 @@ class Workers:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, _: TracebackType | None) -> None:
-        if self._cluster is not None:
-            self._cluster.close()
-        if self._executor is not None:
-            self._executor.shutdown()
+        self._pool.close()
         _blas_limit.release()
 
     @property
     def are_elsewhere(self) -> bool:
         """Whether they may see other files than this process."""
-        return self._cluster is not None
+        return isinstance(self._pool, Cluster)
 
     def run(
         self,
@@ -129,30 +138,16 @@ class Workers:
             for done, each in enumerate(arguments, start=1):
                 # Counted again: workers of a cluster come and go.
                 if done % CALLS_PER_WORKER == 1:
-                    ahead = CALLS_PER_WORKER * max(self._count(), 1)
+                    ahead = CALLS_PER_WORKER * max(self._pool.threads, 1)
                 for later in arguments[submitted : done - 1 + ahead]:
-                    pending.append(self._submit(function, later, kept))
+                    pending.append(self._pool.submit(function, later, kept))
                 submitted = max(submitted, min(done - 1 + ahead, len(arguments)))
-                yield self._result(pending.popleft(), stage, each)
+                names = [str(argument.name) for argument in each if hasattr(argument, "name")]
+                yield self._pool.result(pending.popleft(), f"{stage} of {', '.join(names)}" if names else stage)
                 self.progress(stage, done, len(arguments))
         finally:
             for future in pending:
                 future.cancel()
-
-    def _submit(self, function: Callable[..., Result], arguments: tuple[Any, ...], kept: Sequence[str]) -> Any:
-        if self._cluster is not None:
-            return self._cluster.submit(function, arguments, kept)
-        assert self._executor is not None
-        return self._executor.submit(function, *arguments)
-
-    def _result(self, future: Any, stage: str, arguments: tuple[Any, ...]) -> Any:
-        if self._cluster is None:
-            return future.result()
-        names = [str(each.name) for each in arguments if hasattr(each, "name")]
-        return self._cluster.result(future, f"{stage} of {', '.join(names)}" if names else stage)
-
-    def _count(self) -> int:
-        return self._cluster.threads if self._cluster is not None else _cores()
 
 
 def _cores() -> int:

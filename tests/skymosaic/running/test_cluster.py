@@ -257,7 +257,7 @@ def test_lost_workers_cost_their_calls_and_all_of_them_end_the_run(cluster: Proc
     lines: list[str] = []
     both = [cluster.worker() for _ in range(2)]
     with connect(cluster, lines) as workers:
-        while workers._count() < 2:
+        while workers._pool.threads < 2:
             time.sleep(0.1)
         results: Any = workers.run("sleeping", time.sleep, [(0.05,) for _ in range(60)])
         next(results)
@@ -305,7 +305,7 @@ def add(left: Any, right: Any) -> int:
 def test_what_is_kept_stays_with_the_workers_and_outlives_them(cluster: Processes, tmp_path: Path) -> None:
     both = [cluster.worker() for _ in range(2)]
     with connect(cluster) as workers:
-        while workers._count() < 2:
+        while workers._pool.threads < 2:
             time.sleep(0.1)
         calls = [(number, tmp_path) for number in range(8)]
         none, *described = workers.run("described", describe, calls, kept=("heavy",))
