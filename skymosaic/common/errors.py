@@ -30,6 +30,15 @@ class RegistrationError(_OneLineError):
 
 
 @contextlib.contextmanager
+def reading(path: object, advice: str) -> Iterator[None]:
+    """Context in which a file or folder is read; where that is not possible, the line ends in ``advice``."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}); {advice}") from None
+
+
+@contextlib.contextmanager
 def noting(failures: list[str]) -> Iterator[None]:
     """Context of one output of several: where it cannot be written, ``failures`` gets the line, and others follow."""
     try:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.arrays import Array
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import InputError, reading
 
 LIST_NAME = "pairs.csv"
 ELEMENTS = tuple(f"h{row}{column}" for row in range(3) for column in range(3))
@@ -41,15 +41,12 @@ def read_pairs(folder: Path) -> list[KnownPair]:
         If the list is missing, has no pairs, lacks a column, or contains a homography that is not nine numbers.
     """
     path = folder / LIST_NAME
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            reader = csv.DictReader(file)
-            missing = [column for column in COLUMNS if column not in (reader.fieldnames or ())]
-            if missing:
-                raise InputError(f"{path}: lacks {', '.join(missing)}; its columns are {', '.join(COLUMNS)}")
-            pairs = [_parse_row(folder, row, reader.line_num) for row in reader]
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); name a folder with a {LIST_NAME}") from None
+    with reading(path, f"name a folder with a {LIST_NAME}"), path.open(newline="", encoding="utf-8") as file:
+        reader = csv.DictReader(file)
+        missing = [column for column in COLUMNS if column not in (reader.fieldnames or ())]
+        if missing:
+            raise InputError(f"{path}: lacks {', '.join(missing)}; its columns are {', '.join(COLUMNS)}")
+        pairs = [_parse_row(folder, row, reader.line_num) for row in reader]
     if not pairs:
         raise InputError(f"{path}: lists no pair; add a line for each")
     return pairs

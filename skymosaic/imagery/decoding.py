@@ -19,7 +19,7 @@ from PIL.ExifTags import Base
 from golden_model.arrays import Pixels
 from golden_model.config import MIN_FRAME_PX
 from golden_model.small_files import open_regular, read_small_file
-from skymosaic.common.errors import DamagedError, InputError
+from skymosaic.common.errors import DamagedError, InputError, reading
 from skymosaic.imagery.jpeg import END, TURNS, decode_strictly
 from skymosaic.imagery.tiff import check_tiff
 from skymosaic.imagery.validity import fill_hidden, find_visible
@@ -246,10 +246,8 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
     InputError
         For a truncated, damaged or unsupported file; `DamagedError` if ``keep_damaged`` would help.
     """
-    try:
+    with reading(path, "check the file"):
         data = read_small_file(path, MAX_DECODED_BYTES)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({_reason(error)}); check the file") from None
     decoded, damage = _decode_data(path, header, data, keep_damaged=keep_damaged)
     visible = find_visible(decoded, header.nodata)
     pixels = np.ascontiguousarray(decoded[..., :3] if decoded.ndim == 3 else decoded)

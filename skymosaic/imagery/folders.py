@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import InputError, reading
 from skymosaic.common.temporary import PAGE
 from skymosaic.imagery.images import PICTURE_SUFFIXES
 from skymosaic.imagery.own_outputs import exclude_recorded
@@ -104,7 +104,5 @@ def list_folder(folder: Path) -> list[Path]:
     InputError
         If it cannot be read.
     """
-    try:
+    with reading(folder, "check its permissions"):
         return list(folder.iterdir())
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be read ({error.strerror}); check its permissions") from None

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Intensities, Pixels
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX
-from skymosaic.common.errors import InputError, OutputError
+from skymosaic.common.errors import InputError, OutputError, reading
 from skymosaic.common.replaced import refuse_inputs
 from skymosaic.common.temporary import existing_parent, temporary_file
 from skymosaic.geometry.homography import resize_matrix
@@ -217,10 +217,8 @@ def check_unused(path: Path, *, overwrite: bool) -> None:
     InputError
         If something would be overwritten, or the folder cannot be read.
     """
-    try:
+    with reading(path, "choose another folder"):
         exists = any(path.iterdir()) if path.is_dir() else os.path.lexists(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); choose another folder") from None
     if exists and not overwrite:
         kind = "is a folder with files in it" if path.is_dir() else "exists"
         raise InputError(f"{path}: {kind}; choose another name, or add `overwrite` to replace what is there")

@@ -12,7 +12,7 @@ import numpy as np
 
 from golden_model.arrays import Array, Intensities, Pixels, Points
 from golden_model.small_files import read_small_file
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import InputError, reading
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.images import load
 
@@ -169,9 +169,8 @@ def lens_of(numbers: Mapping[str, float], mask: Pixels | None = None) -> Lens:
 
 def _read_numbers(path: Path) -> dict[str, float]:
     try:
-        table = tomllib.loads(read_small_file(path).decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); give a TOML file") from None
+        with reading(path, "give a TOML file"):
+            table = tomllib.loads(read_small_file(path).decode("utf-8-sig"))
     # RecursionError: arrays nested hundreds of levels deep.
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{path}: not valid TOML: {error}") from None

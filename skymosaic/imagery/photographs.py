@@ -16,7 +16,7 @@ import numpy as np
 
 from golden_model.arrays import Intensities, Pixels
 from golden_model.small_files import open_regular
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import InputError, reading
 from skymosaic.imagery.decoding import check_file
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.folders import is_folder, list_pictures
@@ -76,12 +76,9 @@ class Source:
         """The digest of a file, and by what one sees without reading it that it may have changed since."""
         assert isinstance(self.content, Path)
         check_file(self.content, "an image")
-        try:
-            with open(self.content, "rb", opener=open_regular) as file:
-                state = _state_of(os.fstat(file.fileno()))
-                return hashlib.file_digest(file, "sha256").hexdigest(), state
-        except OSError as error:
-            raise InputError(f"{self.name}: cannot be read ({error.strerror}); check the file") from None
+        with reading(self.name, "check the file"), open(self.content, "rb", opener=open_regular) as file:
+            state = _state_of(os.fstat(file.fileno()))
+            return hashlib.file_digest(file, "sha256").hexdigest(), state
 
     @property
     def change(self) -> str:

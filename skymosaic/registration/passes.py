@@ -32,7 +32,6 @@ from skymosaic.geometry import acceptance
 from skymosaic.geometry.held_out import clearly_better, held_out_agreement
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, Estimate, estimate_homography
-from skymosaic.registration.evidence import Evidence
 from skymosaic.registration.front_end_runs import (
     INVERTED,
     LADDER,
@@ -64,6 +63,36 @@ SCAN_SCALE = 0.5
 SCAN_SAMPLES = 300
 PROMISING_PLACES = 5
 MAX_PROMISING = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Features and matches of all passes so far, in pixels of the working images.
+
+    Attributes
+    ----------
+    features : tuple of structured arrays
+        Left and right, pass by pass.
+    matches : structured array
+        Their indices refer to ``features``.
+    """
+
+    features: tuple[Records, Records]
+    matches: Records
+
+    def with_pass(self, other: Evidence) -> Evidence:
+        """This evidence and that of a further pass, whose features are appended."""
+        matches = other.matches.copy()
+        for side, features in zip(("left", "right"), self.features, strict=True):
+            matches[f"{side}_index"] += len(features)
+        left, right = (np.concatenate(sides) for sides in zip(self.features, other.features, strict=True))
+        return Evidence((left, right), np.concatenate((self.matches, matches)))
+
+    @property
+    def kept(self) -> Records:
+        """The matches that the fuzzy stage keeps."""
+        kept: Records = self.matches[self.matches["verdict"] == 1]
+        return kept
 
 
 @dataclass(frozen=True, eq=False)

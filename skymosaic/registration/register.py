@@ -25,11 +25,10 @@ from skymosaic.imagery.lens import Lens
 from skymosaic.registration.confidence import fits_throughout
 from skymosaic.registration.dense import refit_pair
 from skymosaic.registration.display import DELIVER, look_behind_display
-from skymosaic.registration.evidence import Evidence
 from skymosaic.registration.extraction import Features, extract_within_capacity, share_features
 from skymosaic.registration.options import RegistrationOptions
 from skymosaic.registration.pair import Pair, map_to_originals
-from skymosaic.registration.passes import Search, SearchState, explain_refusal
+from skymosaic.registration.passes import Evidence, Search, SearchState, explain_refusal
 
 INVERTED_NOTE = "it matches only as its negative, as thermal and infrared photographs may"
 

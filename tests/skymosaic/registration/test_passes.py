@@ -19,9 +19,8 @@ from skymosaic.features.frames import Change, DescribedImage
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.registration import front_end_runs as runs
-from skymosaic.registration.evidence import Evidence
 from skymosaic.registration.front_end_runs import LARGER_OF_SMALL, FrontEndRun
-from skymosaic.registration.passes import MIN_PLACES, Search, SearchState, explain_refusal, is_coarse
+from skymosaic.registration.passes import MIN_PLACES, Evidence, Search, SearchState, explain_refusal, is_coarse
 from tests.skymosaic.registration.rendering import CAMERA, view
 
 SIZE = (CAMERA.width_px, CAMERA.height_px)
