@@ -5,7 +5,7 @@ import hashlib
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 
@@ -109,14 +109,13 @@ def _build_in_place(folder: Path, build: Callable[[Path], None], what: str, prog
     started = time.monotonic()
     try:
         build(part)
-        (part / CHECKSUMS).write_text(_checksums(part, sorted(_files(part))), encoding="utf-8")
-        # A damaged folder is moved away first: a rename replaces empty folders only.
-        if folder.exists():
-            folder.rename(part.with_name(f"{part.name}.damaged.part"))
+        built = sorted(path for path in part.rglob("*") if path.is_file())
+        (part / CHECKSUMS).write_text(_checksums(part, built), encoding="utf-8")
+        # A damaged one, since a rename replaces empty folders only.
+        shutil.rmtree(folder, ignore_errors=True)
         part.rename(folder)
     finally:
         shutil.rmtree(part, ignore_errors=True)
-        shutil.rmtree(part.with_name(f"{part.name}.damaged.part"), ignore_errors=True)
     progress(f"built {what} in {time.monotonic() - started:.0f} s")
 
 
@@ -136,10 +135,6 @@ def _checksums(folder: Path, paths: Iterable[Path]) -> str:
         with path.open("rb") as file:
             lines.append(f"{hashlib.file_digest(file, 'sha256').hexdigest()} {path.relative_to(folder).as_posix()}\n")
     return "".join(lines)
-
-
-def _files(folder: Path) -> Iterator[Path]:
-    return (path for path in folder.rglob("*") if path.is_file())
 
 
 def _lock(path: Path, what: str, progress: Progress) -> AcquireReturnProxy:
