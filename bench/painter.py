@@ -16,7 +16,6 @@ import math
 from collections.abc import Sequence
 from itertools import product
 
-import cv2
 import numpy as np
 import typer
 from numpy.typing import NDArray
@@ -87,7 +86,7 @@ def fly(
 
 def fit_canvas(flight: Flight) -> tuple[Matrix, tuple[int, int]]:
     """Canvas to ground, so that all frames are on the canvas; and its size in tiles."""
-    corners = [cv2.perspectiveTransform(flight.camera.corners[None], np.linalg.inv(H))[0] for H in flight.homographies]
+    corners = [pose.footprint(flight.camera) for pose in flight.poses]
     low, high = np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
     move = np.eye(3)
     move[:2, 2] = low

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from golden_model.arrays import Matrix, Pixels, Points
 from sim.scene import Camera, CameraPose, Photometry, render_ground, render_view
 from sim.scene.camera import find_visible_box
+from sim.scene.flight import FOCAL_WIDTHS
 
 STEPS = {
     "zoom": (1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0),
@@ -30,8 +31,6 @@ STEPS = {
     "dark": (2, 3, 4),
 }
 """Factors of height, degrees, percent of the width, and gray levels of noise."""
-FOCAL_WIDTHS = 0.8
-"""Focal length in image widths, a common drone's."""
 TILTED_FOCAL_WIDTHS = {60: 1.6, 75: 3.2}
 """Of tilts up to so many degrees: a wider view would show the horizon."""
 HEIGHTS_PX = (4.0, 12.0, 25.0, 45.0)

@@ -7,8 +7,8 @@ CLOCK, RESET, INTERRUPT = "aclk", "aresetn", "interrupt"
 BUS_VENDOR, BUS_VERSION = "xilinx.com", "1.0"
 """Vendor and version of AMD's bus definitions; IP-XACT names them, too, because Vivado knows no others."""
 _LIBRARY = {"axis": ("interface", "axis"), "axi": ("interface", "aximm")}
-_SIGNALS = {CLOCK: "clock", RESET: "reset", INTERRUPT: "interrupt"}
-_SIGNAL_PORTS = {CLOCK: "CLK", RESET: "RST", INTERRUPT: "INTERRUPT"}
+_SIGNALS = {CLOCK: ("clock", "CLK"), RESET: ("reset", "RST"), INTERRUPT: ("interrupt", "INTERRUPT")}
+"""AMD's definition of each signal, and the name of the signal in it."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ def bus_interfaces(ports: Iterable[str]) -> list[BusInterface]:
         INTERRUPT: {"SENSITIVITY": "LEVEL_HIGH"},
     }
     return interfaces + [
-        BusInterface(port, "signal", bus, port == INTERRUPT, {_SIGNAL_PORTS[port]: port}, parameters[port])
-        for port, bus in _SIGNALS.items()
+        BusInterface(port, "signal", bus, port == INTERRUPT, {signal: port}, parameters[port])
+        for port, (bus, signal) in _SIGNALS.items()
     ]
 
 

@@ -31,22 +31,16 @@ def choose_build(config: Config, frames: Sequence[NDArray[np.uint8]]) -> Build:
     return replace(build, max_width_px=MAX_FRAME_PX, max_height_px=MAX_FRAME_PX)
 
 
-TOPS: dict[Shell, Callable[[Build], wiring.Component]] = {
-    "streams": AcceleratorTop,
-    "camera": CameraTop,
-    "serial": Ulx3s,
-}
-
-
 def design_accelerator(build: Build) -> Design:
     """The whole accelerator in its shell."""
     build = strip_settings(build)
-    ports = {
-        "streams": Ports(outputs=tuple(f"m_axis_{output}" for output in build.outputs), control=CONTROL),
-        "camera": camera_ports(build),
-        "serial": Ports(outputs=(), video="ftdi"),
-    }[build.shell]
-    return Design(f"the accelerator with {build.shell}", ports, lambda: TOPS[build.shell](build), str(build))
+    shells: dict[Shell, tuple[Callable[[Build], wiring.Component], Ports]] = {
+        "streams": (AcceleratorTop, Ports(tuple(f"m_axis_{output}" for output in build.outputs), control=CONTROL)),
+        "camera": (CameraTop, camera_ports(build)),
+        "serial": (Ulx3s, Ports(outputs=(), video="ftdi")),
+    }
+    top, ports = shells[build.shell]
+    return Design(f"the accelerator with {build.shell}", ports, lambda: top(build), str(build))
 
 
 def camera_ports(build: Build) -> Ports:
