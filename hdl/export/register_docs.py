@@ -4,9 +4,8 @@ from collections.abc import Sequence
 
 from golden_model.version import VERSION
 from hdl.axi.axi_lite import ADDRESS_BITS
-from hdl.registers.painter_register_map import PAINTER_OFFSET
-from hdl.registers.register_map import ESTIMATOR_OFFSET, REGISTER_BITS, REGISTERS, Access, Register
-from hdl.registers.shell_register_map import ALL_REGISTERS, HOMOGRAPHY_RING_OFFSET, SHELL_OFFSET
+from hdl.registers.register_map import REGISTER_BITS, REGISTERS, Access, Register
+from hdl.registers.shell_register_map import ALL_REGISTERS
 from hdl.templates import render
 
 NAME = "skymosaic"
@@ -24,13 +23,8 @@ _COMMON = {"name": NAME, "version": VERSION, "register_bits": REGISTER_BITS, "ad
 
 def markdown(registers: Sequence[Register] = ALL_REGISTERS) -> str:
     """The register map as a Markdown page; `docs/reference/register_map.md` is that of all builds."""
-    offsets = {
-        "estimator_offset": ESTIMATOR_OFFSET,
-        "shell_offset": SHELL_OFFSET,
-        "homography_ring_offset": HOMOGRAPHY_RING_OFFSET,
-        "painter_offset": PAINTER_OFFSET,
-    }
-    return render("register_map.md", registers=registers, **_COMMON, **offsets)
+    offsets = {register.name: register.offset for register in ALL_REGISTERS}
+    return render("register_map.md", registers=registers, offsets=offsets, **_COMMON)
 
 
 def svd(registers: Sequence[Register] = REGISTERS) -> str:

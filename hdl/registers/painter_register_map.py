@@ -6,8 +6,6 @@ from golden_model.painting.pose import PoseCause
 from hdl.registers.register_map import Access, Field, Register, list_values, setting_field, status_word
 from hdl.settings import POSE_ELEMENTS
 
-PAINTER_OFFSET = 0x1A0
-_POSE_OFFSET = 0x200
 _STATUS = Access.STATUS
 
 
@@ -32,7 +30,7 @@ def _counts(name: str, offset: int, description: str, **meanings: str) -> Regist
 
 PAINTER_REGISTERS = (
     Register(
-        "PAINTER", PAINTER_OFFSET,
+        "PAINTER", 0x1A0,
         "The painter. When it is switched on, it takes the settings of this register, of the next ones and SIZE, and "
         "keeps them until it is off and idle. Switched off, it finishes the frame that is being painted, and gives up "
         "all others; the canvas and what is known of poses stay. The numbers of frames in its registers are the lower "
@@ -109,7 +107,7 @@ PAINTER_REGISTERS = (
         ),
     ),
     *(
-        Register(name.upper(), _POSE_OFFSET + 4 * n, "An element, in two's complement.", setting_field(name, 0))
+        Register(name.upper(), 0x200 + 4 * n, "An element, in two's complement.", setting_field(name, 0))
         for n, name in enumerate(POSE_ELEMENTS)
     ),
 )  # fmt: skip

@@ -196,10 +196,9 @@ REGISTERS = (
 )  # fmt: skip
 """Every register that all builds have, in rising offset."""
 
-ESTIMATOR_OFFSET = 0x80
 ESTIMATOR_REGISTERS = (
     Register(
-        "ESTIMATOR", ESTIMATOR_OFFSET,
+        "ESTIMATOR", 0x80,
         "The estimator of homographies. It takes its settings when a frame's matches are complete. With passes or seed "
         "0, its records have a cause instead of a homography.",
         setting_field("homographies_enable", 0),

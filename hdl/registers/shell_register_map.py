@@ -15,7 +15,6 @@ from hdl.registers.register_map import (
     status_word,
 )
 
-SHELL_OFFSET, HOMOGRAPHY_RING_OFFSET = 0x100, 0x180
 _STATUS = Access.STATUS
 
 
@@ -79,7 +78,7 @@ def _ring_registers(ring: str, offset: int) -> tuple[Register, ...]:
 
 SHELL_REGISTERS = (
     Register(
-        "SHELL_STATUS", SHELL_OFFSET, "Whether frames can be taken.",
+        "SHELL_STATUS", 0x100, "Whether frames can be taken.",
         Field("refused", 0, 8, _STATUS, f"Every frame is dropped because of: {list_values(Refusal)}."),
         Field("camera_stopped", 8, 1, _STATUS, "No pixel came for longer than camera_timeout."),
         Field("features_active", 9, 1, _STATUS, "The ring of features is on, or still writes a packet."),
@@ -131,7 +130,7 @@ SHELL_REGISTERS = (
 """The shell's registers that every camera build has, by offset."""
 
 HOMOGRAPHY_RING = (
-    *_ring_registers("homographies", HOMOGRAPHY_RING_OFFSET),
+    *_ring_registers("homographies", 0x180),
     Register(
         "HOMOGRAPHIES_STATUS", 0x198, "The state of the ring of homographies, as SHELL_STATUS has it of the others.",
         Field("homographies_refused", 0, 3, _STATUS, f"Every frame is dropped because of: {list_values(RingFault)}."),
