@@ -73,8 +73,8 @@ def to_verilog(
     name : str
         Name of the top module.
     platform : object
-        Passed to components. A `hdl.lib.technology.Technology` instantiates the multipliers and block RAMs of its
-        family; without one, the tools infer them.
+        Passed to components. `hdl.lib.ecp5.Ecp5` instantiates the multipliers and block RAMs of its family; without
+        it, the tools infer them.
     flat : bool
         Make one module, for simulation: names are prefixed with those of their modules; second names and lines of the
         Python source are omitted.

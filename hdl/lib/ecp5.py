@@ -4,12 +4,15 @@ Yosys infers both, but without the registers inside: a structure tensor on an EC
 half the clock. `ecp5_models.v` beside this file has a model of the multiplier for simulation.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from amaranth import Cat, ClockSignal, Const, Instance, Module, Shape, Signal, Value
 
-from hdl.lib.line_memory import LineMemory
-from hdl.lib.technology import Loads
+if TYPE_CHECKING:
+    from hdl.lib.line_memory import LineMemory
 
 MODELS = Path(__file__).with_name("ecp5_models.v")
 """A model of the multiplier, for simulation."""
@@ -31,13 +34,18 @@ _BLOCK_MODES = {
 }
 
 
-class Ecp5:
-    """The `Technology` of the ECP5 family: MULT18X18D and DP16KD."""
+Loads = tuple[Value | None, Value | None, Value]
+"""Enables of a multiplier's operand, multiplier and product registers; None: it has no such register."""
 
-    factor_bits = FACTOR_BITS
+
+class Ecp5:
+    """The platform of an elaboration for the ECP5 family: ``to_verilog(component, platform=Ecp5())``.
+
+    Multipliers become MULT18X18Ds and memories DP16KDs, with the same latency as those that tools infer without it.
+    """
 
     def multiplier(self, m: Module, *, a: Value, b: Value, loads: Loads, product: Signal) -> None:
-        """Add a MULT18X18D with its input, pipeline and output registers, or some of them.
+        """Add ``product`` = ``a`` × ``b``, a MULT18X18D with its input, pipeline and output registers, or some of them.
 
         Raises
         ------
@@ -72,6 +80,8 @@ class Ecp5:
 
     def memory(self, m: Module, memory: LineMemory, *, load: Value) -> None:
         """Add DP16KDs side by side for the width of a word, with output registers; port A writes and port B reads.
+
+        ``load`` passes the word of the last ``memory.i_read`` on to ``memory.o_word``.
 
         Raises
         ------

@@ -5,14 +5,14 @@ from amaranth.lib import memory, wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.lib.delay import delayed, port_register
-from hdl.lib.technology import Technology
+from hdl.lib.ecp5 import Ecp5
 
 
 class LineMemory(wiring.Component):
     """A memory with a port to read and one to write, and a register behind the read port.
 
     The output of a block RAM is slow, hence the register, which tools may take from the block RAM itself. Where they
-    do not, a technology instantiates its block RAM. Reading a word that is being written may return anything.
+    do not, `Ecp5` instantiates its block RAM. Reading a word that is being written may return anything.
 
     Parameters
     ----------
@@ -54,10 +54,10 @@ class LineMemory(wiring.Component):
         )
 
     def elaborate(self, platform: object) -> Module:
-        """Add the memory and its output register, inferred or in the technology's block RAMs."""
+        """Add the memory and its output register, inferred or in the platform's block RAMs."""
         m = Module()
         load = self.i_load if self.loads else delayed(m, self.i_read, 1, reset_less=False)
-        if isinstance(platform, Technology):
+        if isinstance(platform, Ecp5):
             platform.memory(m, self, load=load)
             return m
         words: memory.Memory

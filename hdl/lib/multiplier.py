@@ -5,14 +5,14 @@ from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.lib.delay import delayed, port_register
-from hdl.lib.technology import Technology
+from hdl.lib.ecp5 import FACTOR_BITS, Ecp5
 
 
 class Multiplier(wiring.Component):
     """``o_product`` = ``i_a`` × ``i_b``, with operand, multiplier and product register; one product per clock.
 
     Yosys and Vivado move all three registers into a DSP48 of xc7. Tools that leave them outside let the wires to and
-    from the multiplier limit the clock; a `Technology` for these instantiates its multiplier. No register has a reset.
+    from the multiplier limit the clock; `Ecp5` instantiates its multiplier for these. No register has a reset.
 
     Parameters
     ----------
@@ -34,11 +34,11 @@ class Multiplier(wiring.Component):
         super().__init__({"i_valid": In(1), "i_a": In(a), "i_b": In(b), "o_product": Out(product)})
 
     def elaborate(self, platform: object) -> Module:
-        """Add the multiplier and its registers, inferred or in the technology's multiplier."""
+        """Add the multiplier and its registers, inferred or in the platform's multiplier."""
         m = Module()
         operands_valid = delayed(m, self.i_valid, 1, reset_less=False)
         multiplied = delayed(m, operands_valid, 1, reset_less=False)
-        if isinstance(platform, Technology):
+        if isinstance(platform, Ecp5):
             loads = (self.i_valid, operands_valid, multiplied)
             platform.multiplier(m, a=self.i_a, b=self.i_b, loads=loads, product=self.o_product)
             return m
@@ -65,12 +65,12 @@ def multiply(m: Module, name: str, a: Value, b: Value, *, valid: Value | int = 1
 def multiply_wide(m: Module, platform: object, wide: Value, narrow: Value) -> Value:
     """Return ``wide`` × ``narrow``, two clocks later; a product per clock, no resets. The factors come from registers.
 
-    A factor of 25 bits fits a DSP48 of xc7. For a `Technology` with narrower multipliers it is cut in two: the
+    A factor of 25 bits fits a DSP48 of xc7. For an ECP5 with its narrower multipliers it is cut in two: the
     multipliers' own registers follow their products, and one the sum, since an adder right behind a multiplier limits
     the clock there.
     """
-    if isinstance(platform, Technology) and len(wide) > platform.factor_bits:
-        low_bits = platform.factor_bits - 1
+    if isinstance(platform, Ecp5) and len(wide) > FACTOR_BITS:
+        low_bits = FACTOR_BITS - 1
         low, high = (
             _multiply_at_once(m, platform, each, narrow) for each in (wide[:low_bits], wide[low_bits:].as_signed())
         )
@@ -81,7 +81,7 @@ def multiply_wide(m: Module, platform: object, wide: Value, narrow: Value) -> Va
     return product
 
 
-def _multiply_at_once(m: Module, technology: Technology, a: Value, b: Value) -> Signal:
+def _multiply_at_once(m: Module, technology: Ecp5, a: Value, b: Value) -> Signal:
     """Add a multiplier with a product register alone."""
     product = Signal((a * b).shape())
     part = Module()
