@@ -41,16 +41,6 @@ class Channel:
         return self.prefix.rstrip("_")
 
     @property
-    def valid(self) -> str:
-        """The port that is high with a row."""
-        return f"{self.prefix}valid"
-
-    @property
-    def ready(self) -> str:
-        """The port that accepts a row; only with ``has_ready``."""
-        return f"{self.prefix}ready"
-
-    @property
     def bits(self) -> int:
         """Width of a row."""
         return sum(self.fields.values())

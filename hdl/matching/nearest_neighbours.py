@@ -27,7 +27,7 @@ class NearestNeighbours(wiring.Component):
 
     A group of ``lanes`` left descriptors is loaded, and all right ones pass it; between groups the columns are kept in
     a memory. Addresses follow each other without gaps, so a search takes left * right / lanes clocks plus a constant
-    (`search_cycles`). Ties go to the lowest index.
+    (``drain_cycles``). Ties go to the lowest index.
 
     Parameters
     ----------
@@ -92,13 +92,6 @@ class NearestNeighbours(wiring.Component):
                 "o_column": Out(self._nearest),
             }
         )
-
-    def search_cycles(self, left_count: int, right_count: int) -> int:
-        """Number of clocks for which ``o_busy`` is high."""
-        if not left_count or not right_count:
-            return 0
-        groups = -(-left_count // self.lanes)
-        return groups * max(right_count, self.shortest_pass_cycles) + self.drain_cycles
 
     def elaborate(self, platform: object) -> Module:
         """Addresses, distances, the chain of lanes between both ports of the column memory, and the row memory."""

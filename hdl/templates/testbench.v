@@ -29,19 +29,19 @@ module {{ module }}_tb;
   integer {{ name }}_wait = 0;
   initial begin
     $readmemh("{{ name }}.hex", {{ name }}_rows);
-    {{ each.valid }} = 0;
+    {{ each.prefix }}valid = 0;
     {{ each.data }} = {{ each.bits }}'bx;
   end
   always @(posedge {{ each.clock }}) if (running) begin
     if ({{ name }}_wait > 0) {{ name }}_wait <= {{ name }}_wait - 1;
-    if (!{{ each.valid }} || ({{ each.valid }}{{ " && " ~ each.ready if each.has_ready }})) begin
+    if (!{{ each.prefix }}valid || ({{ each.prefix }}valid{{ " && " ~ each.prefix ~ "ready" if each.has_ready }})) begin
       if ({{ name }}_next < {{ count }} && {{ name }}_wait == 0 && cycle % 7 != 3 && {{ each.condition }}) begin
-        {{ each.valid }} <= 1;
+        {{ each.prefix }}valid <= 1;
         {{ each.data }} <= {{ name }}_rows[{{ name }}_next];
         {{ name }}_next <= {{ name }}_next + 1;
         {{ name }}_wait <= {{ spacing_cycles - 1 }};
       end else begin
-        {{ each.valid }} <= 0;
+        {{ each.prefix }}valid <= 0;
         {{ each.data }} <= {{ each.bits }}'bx;
       end
     end
@@ -59,13 +59,13 @@ module {{ module }}_tb;
     $readmemh("{{ name }}_specified.hex", {{ name }}_specified);
   end
 {% if each.has_ready %}
-  initial {{ each.ready }} = 0;
-  always @(posedge {{ each.clock }}) {{ each.ready }} <= cycle % 5 != 2;
+  initial {{ each.prefix }}ready = 0;
+  always @(posedge {{ each.clock }}) {{ each.prefix }}ready <= cycle % 5 != 2;
 {% endif %}
-  wire {{ name }}_taken = {{ each.valid }} === 1'b1{{ " && " ~ each.ready if each.has_ready }};
+  wire {{ name }}_taken = {{ each.prefix }}valid === 1'b1{{ " && " ~ each.prefix ~ "ready" if each.has_ready }};
   always @(posedge {{ each.clock }}) if (running) begin
-    if ({{ each.valid }} === 1'bx) begin
-      $display("FAIL: {{ each.valid }} is unknown in cycle %0d", cycle);
+    if ({{ each.prefix }}valid === 1'bx) begin
+      $display("FAIL: {{ each.prefix }}valid is unknown in cycle %0d", cycle);
       $fatal(1);
     end
     if ({{ name }}_taken) begin

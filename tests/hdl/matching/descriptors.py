@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hdl.matching.nearest_neighbours import NearestNeighbours
+
 
 def some_equal(rng: np.random.Generator, count: Any, bits: Any) -> Any:
     return rng.integers(0, 256, (4, bits // 8), dtype=np.uint8)[rng.integers(0, 4, count)]
@@ -37,3 +39,10 @@ def nearest(distance: NDArray[np.integer], empty: int) -> list[tuple[int, int, i
         others = np.delete(row, index)
         result.append((int(row[index]), int(others.min()) if len(others) else empty, index))
     return result
+
+
+def search_cycles(search: NearestNeighbours, left: int, right: int) -> int:
+    """Clocks of a search through so many features."""
+    if not left or not right:
+        return 0
+    return -(-left // search.lanes) * max(right, search.shortest_pass_cycles) + search.drain_cycles

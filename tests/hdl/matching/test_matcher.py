@@ -23,6 +23,7 @@ from sim.backends.golden import add_matches
 from sim.backends.interface import FrameResult, Reference
 from sim.simulators.recording import NO_PAUSES, Pauses
 from tests.hdl.block_bench import BlockBench
+from tests.hdl.matching.descriptors import search_cycles
 
 ILBP_32 = PATTERNS["thesis-ilbp-4"]
 LANES, MAX_FEATURES = 4, 16
@@ -232,7 +233,7 @@ def test_records_of_a_sequence_equal_the_golden_model(reference: Reference, paus
         # Of those that need not wait for their features; a bad frame is no reference.
         for number, left in ((1, 13), (3, 11), (4, 1), (7, 16)):
             right = sizes[number]
-            cycles = bench.ends[number] - bench.ends[number - 1] - search.search_cycles(left, right)
+            cycles = bench.ends[number] - bench.ends[number - 1] - search_cycles(search, left, right)
             assert 0 < cycles <= 2 * left + 47 * len(results[number].matches) + 90
 
 
