@@ -13,6 +13,8 @@ from functools import cached_property
 import numpy as np
 
 WORD_BYTES = 8
+ELEMENTS = tuple(f"h{row}{column}" for row, column in np.ndindex(3, 3))
+"""Names of a homography's elements, row by row."""
 
 
 class Tag(enum.IntEnum):
@@ -164,7 +166,7 @@ from the frame's first pixel to its last feature; the golden model has no clock 
 
 HYPOTHESIS = Record(
     Tag.HYPOTHESIS,
-    (Field("reserved", 8), Field("number", 16), *(Field(f"h{row}{column}", 32) for row, column in np.ndindex(3, 3))),
+    (Field("reserved", 8), Field("number", 16), *(Field(name, 32) for name in ELEMENTS)),
 )
 """A homography to score: its elements as `golden_model.geometry.scoring.quantise` gives them, in two's complement;
 ``number`` comes back with the score."""
@@ -185,7 +187,7 @@ HOMOGRAPHY = Record(
         Field("cycles", 32),
         Field("cells", 16),
         Field("reference", 16),
-        *(Field(f"h{row}{column}", 32) for row, column in np.ndindex(3, 3)),
+        *(Field(name, 32) for name in ELEMENTS),
     ),
 )
 """What the matches of ``frame`` give (`golden_model.geometry.estimator.Estimate`); elements in two's complement.

@@ -23,6 +23,7 @@ from golden_model.formats import RESPONSE_CODE, WEIGHT, encode_response
 from golden_model.geometry.acceptance import CELLS
 from golden_model.painting.pose import MAX_LINKS
 from golden_model.painting.tiles import MAX_TILES
+from golden_model.records import ELEMENTS
 
 FLAG = range(2)
 _CELL_LOG2 = range(CELL_SIZES_PX[0].bit_length() - 1, CELL_SIZES_PX[-1].bit_length())
@@ -128,7 +129,7 @@ def _ring_settings(ring: str) -> tuple[Setting, ...]:
     )
 
 
-POSE_ELEMENTS = tuple(f"pose_h{row}{column}" for row, column in np.ndindex(3, 3))
+POSE_ELEMENTS = tuple(f"pose_{name}" for name in ELEMENTS)
 _PAINTER = (
     Setting("painter_enable", FLAG, 0, "Frames are painted onto the canvas."),
     Setting("painter_replace", FLAG, 0, "Every frame makes a new canvas, as stabilised video needs it."),

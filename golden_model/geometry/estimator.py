@@ -28,7 +28,7 @@ from golden_model.geometry.floating import MANTISSA_BITS, Floats
 from golden_model.geometry.program import LANES
 from golden_model.geometry.refit import BANDS, MAX_INLIERS, SUMS, factors, solve_sums
 from golden_model.geometry.solving import MIN_CHECKED_EXPONENT, areas, solve
-from golden_model.records import HOMOGRAPHY, Tag
+from golden_model.records import ELEMENTS, HOMOGRAPHY, Tag
 
 Integers = NDArray[np.int64]
 
@@ -108,10 +108,10 @@ CYCLES = EstimatorCycles()
 class FrameMatches(NamedTuple):
     """The kept matches of a frame, in the order of their records."""
 
-    left: NDArray[np.integer]
+    left: Integers
     """Positions x, y (N, 2), `golden_model.formats.POSITION`."""
-    right: NDArray[np.integer]
-    weight: NDArray[np.integer]
+    right: Integers
+    weight: Integers
     """(N,), `golden_model.formats.WEIGHT`."""
     size: tuple[int, int]
     """Width and height of the right frame, px."""
@@ -122,9 +122,24 @@ class FrameMatches(NamedTuple):
     def from_records(cls, matches: Records, status: np.void) -> FrameMatches:
         """Take the kept ones of Match records, and the frame's status."""
         kept = matches[matches["verdict"] == 1]
-        left = np.stack((kept["left_x"], kept["left_y"]), axis=1)
-        right = np.stack((kept["right_x"], kept["right_y"]), axis=1)
-        return cls(left, right, kept["weight"], (int(status["width"]), int(status["height"])), bool(status["good"]))
+        left = np.stack((kept["left_x"], kept["left_y"]), axis=1, dtype=np.int64)
+        right = np.stack((kept["right_x"], kept["right_y"]), axis=1, dtype=np.int64)
+        weight = kept["weight"].astype(np.int64)
+        return cls(left, right, weight, (int(status["width"]), int(status["height"])), bool(status["good"]))
+
+    def in_order(self) -> FrameMatches:
+        """The same matches by falling weight."""
+        order = ordering.order(self.weight)
+        return self._replace(left=self.left[order], right=self.right[order], weight=self.weight[order])
+
+    def gain(self, homography: Integers) -> Integers:
+        """Gain (N,) of each match under a homography."""
+        gains: Integers = scoring.gain(homography[np.newaxis], self.left, self.right)[0]
+        return gains
+
+    def score(self, homography: Integers) -> int:
+        """Sum of weight times gain."""
+        return int(self.gain(homography) @ self.weight)
 
 
 def estimate(frame: FrameMatches, settings: EstimatorConfig, *, max_matches: int = scoring.MAX_MATCHES) -> Estimate:
@@ -133,7 +148,7 @@ def estimate(frame: FrameMatches, settings: EstimatorConfig, *, max_matches: int
     refused = _refusal(count, settings, max_matches, good=frame.good)
     if refused:
         return _none(refused, CYCLES.accept)
-    matches = _Matches.sort(frame)
+    matches = frame.in_order()
     best, score, cycles = _search(matches, settings)
     cycles += CYCLES.accept + CYCLES.sort + CYCLES.place * count
     if score == 0:
@@ -148,38 +163,14 @@ def estimate(frame: FrameMatches, settings: EstimatorConfig, *, max_matches: int
     return Estimate(best, score, support, int(inliers.sum()), cells, int(few | narrow), cycles)
 
 
-@dataclass(frozen=True, eq=False)
-class _Matches:
-    """Matches in falling order of their weights."""
-
-    left: Integers
-    right: Integers
-    weight: Integers
-    size: tuple[int, int]
-
-    @classmethod
-    def sort(cls, frame: FrameMatches) -> _Matches:
-        """The matches of a frame in their order."""
-        order = ordering.order(frame.weight)
-        left, right, weight = (np.asarray(each, dtype=np.int64)[order] for each in frame[:3])
-        return cls(left, right, weight, frame.size)
-
-    def gain(self, homography: Integers) -> Integers:
-        gains: Integers = scoring.gain(homography[np.newaxis], self.left, self.right)[0]
-        return gains
-
-    def score(self, homography: Integers) -> int:
-        return int(self.gain(homography) @ self.weight)
-
-
 def homography_record(result: Estimate, frame: int = 0, reference: int = 0) -> Records:
     """Make the record (`golden_model.records.HOMOGRAPHY`) of a frame's estimate, (1,)."""
     record = np.zeros(1, HOMOGRAPHY.dtype)
     record["tag"], record["frame"], record["reference"] = Tag.HOMOGRAPHY, frame, reference
     for name in ("causes", "inliers", "score", "support", "cycles", "cells"):
         record[name] = getattr(result, name)
-    for row, column in np.ndindex(3, 3):
-        record[f"h{row}{column}"] = result.homography[row, column] & 0xFFFF_FFFF
+    for name, element in zip(ELEMENTS, result.homography.ravel(), strict=True):
+        record[name] = element & 0xFFFF_FFFF
     return record
 
 
@@ -206,7 +197,7 @@ def _none(causes: EstimateCause, cycles: int) -> Estimate:
     return Estimate(np.zeros((3, 3), dtype=np.int64), 0, 0, 0, 0, int(causes), cycles)
 
 
-def _search(matches: _Matches, settings: EstimatorConfig) -> tuple[Integers, int, int]:
+def _search(matches: FrameMatches, settings: EstimatorConfig) -> tuple[Integers, int, int]:
     """Best homography of all samples and of the refits, its score, and the clocks."""
     best, best_score, refitted_score = np.zeros((3, 3), dtype=np.int64), 0, 0
     state, cycles = settings.seed, 0
@@ -254,7 +245,7 @@ def _draw(state: int, size: int, passes: int) -> tuple[Integers, list[int]]:
     return np.array(ranks), states
 
 
-def _solve(matches: _Matches, ranks: Integers) -> tuple[Integers, NDArray[np.bool_]]:
+def _solve(matches: FrameMatches, ranks: Integers) -> tuple[Integers, NDArray[np.bool_]]:
     """Homographies (M, 3, 3) of samples (M, 4), and which of them are valid."""
     zero, one = _constants()
 
@@ -290,7 +281,7 @@ def quantise(rows: list[list[Floats]]) -> Integers:
     return np.asarray(np.where(numbers.negative, -elements, elements).reshape(-1, 3, 3))
 
 
-def _refit(matches: _Matches, best: Integers, score: int) -> tuple[Integers, int, int]:
+def _refit(matches: FrameMatches, best: Integers, score: int) -> tuple[Integers, int, int]:
     """Refit a homography: the one that stays, its score, and the clocks."""
     newest = best
     sweep_cycles = len(matches.weight) + CYCLES.sweep
@@ -307,7 +298,7 @@ def _refit(matches: _Matches, best: Integers, score: int) -> tuple[Integers, int
     return best, score, cycles
 
 
-def _fit(matches: _Matches, inliers: Integers) -> tuple[Integers, bool]:
+def _fit(matches: FrameMatches, inliers: Integers) -> tuple[Integers, bool]:
     """Least squares over inliers; whether the result preserves orientation."""
     zero, one = _constants()
     centre = [zero.plus(one, Floats.from_integers(np.array([side << 3]), 16)) for side in matches.size]

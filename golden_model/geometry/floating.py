@@ -70,11 +70,6 @@ class Floats:
         mantissa = np.floor(fraction * float(1 << MANTISSA_BITS)).astype(np.int64)
         return cls(mantissa, np.where(mantissa, exponent, MIN_EXPONENT).astype(np.int64), np.asarray(values) < 0)
 
-    def to_real(self) -> NDArray[np.float64]:
-        """The values in double precision."""
-        magnitude = np.ldexp(self.mantissa.astype(np.float64), self.exponent - MANTISSA_BITS)
-        return np.where(self.negative, -magnitude, magnitude)
-
     @classmethod
     def stack(cls, numbers: Sequence[Floats]) -> Floats:
         """Join numbers along a new last axis, after broadcasting."""

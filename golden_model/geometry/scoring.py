@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Records
-from golden_model.formats import POSITION, SQ, WEIGHT, round_shift
-from golden_model.records import HYPOTHESIS, SCORE, Tag
+from golden_model.formats import POSITION, SQ, round_shift
+from golden_model.records import ELEMENTS, HYPOTHESIS, SCORE, Tag
 
 ENTRY = SQ(25)
 """An element of a hypothesis. With an unsigned position of 16 bits it fits one multiplier of 25 x 18 bits."""
@@ -134,20 +134,9 @@ def score(
         Weights that the fuzzy rules gave, `golden_model.formats.WEIGHT`.
     max_matches : int
         Matches that the memory holds. With more, no hypothesis has a score.
-
-    Raises
-    ------
-    ValueError
-        For wrong shapes, or positions and weights out of their range.
     """
     h = np.asarray(hypotheses, dtype=np.int64)
     x, y, w = (np.asarray(values, dtype=np.int64) for values in (left, right, weight))
-    if h.ndim != 3 or h.shape[1:] != (3, 3) or x.ndim != 2 or x.shape[1] != 2 or y.shape != x.shape:
-        raise ValueError(f"shapes are {h.shape}, {x.shape} and {y.shape}; need (M, 3, 3), (N, 2) and (N, 2)")
-    if w.shape != x.shape[:1]:
-        raise ValueError(f"weights have shape {w.shape}; need ({len(x)},)")
-    if not (POSITION.holds(x) and POSITION.holds(y) and WEIGHT.holds(w)):
-        raise ValueError(f"positions must be {POSITION} and weights {WEIGHT}, as match records hold them")
     causes = _causes(h, len(x), max_matches)
     gains = np.zeros((len(h), len(x)), dtype=np.int64)
     # The widths are bounded for these only.
@@ -160,14 +149,14 @@ def hypothesis_records(hypotheses: NDArray[np.integer]) -> Records:
     """Make records (`golden_model.records.HYPOTHESIS`) of hypotheses (M, 3, 3), numbered from 0."""
     records = np.zeros(len(hypotheses), HYPOTHESIS.dtype)
     records["tag"], records["number"] = Tag.HYPOTHESIS, np.arange(len(hypotheses))
-    for row, column in np.ndindex(3, 3):
-        records[f"h{row}{column}"] = hypotheses[:, row, column].astype(np.int32).view(np.uint32)
+    for name, elements in zip(ELEMENTS, hypotheses.reshape(-1, 9).T, strict=True):
+        records[name] = elements.astype(np.int32).view(np.uint32)
     return records
 
 
 def homography_elements(record: np.void) -> NDArray[np.int64]:
     """The elements (3, 3) of a record of one homography, with their signs."""
-    stored = np.array([record[f"h{row}{column}"] for row, column in np.ndindex(3, 3)], np.uint32)
+    stored = np.array([record[name] for name in ELEMENTS], np.uint32)
     return stored.view(np.int32).astype(np.int64).reshape(3, 3)
 
 

@@ -49,25 +49,18 @@ class HomographyEstimator(wiring.Component):
         Matches that each of the two memories holds, 4 to 2048.
     """
 
-    i: stream.Interface
-    """Stream of `hdl.geometry.ordering.FRAME_MATCH`."""
-    i_settings: data.View
+    i: In(stream.Signature(FRAME_MATCH))
+    i_settings: In(ESTIMATOR_SETTINGS)
     """Taken when the last match of a frame has come."""
-    o: stream.Interface
-    """Stream of `ESTIMATE`, one per frame."""
+    o: Out(stream.Signature(ESTIMATE))
+    """One per frame."""
 
     def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
         self._parts = Parts(MatchOrdering(max_matches=max_matches), SampleDraws(), Processor(), Quantiser(), Sweep())
         self._matches = LineMemory(shape=WEIGHED_PAIR, depth=max_matches)
         self._list = LineMemory(shape=range(max_matches), depth=MAX_INLIERS)
         self._slots = LineMemory(shape=WEIGHED_PAIR, depth=SLOTS)
-        super().__init__(
-            {
-                "i": In(stream.Signature(FRAME_MATCH)),
-                "i_settings": In(ESTIMATOR_SETTINGS),
-                "o": Out(stream.Signature(ESTIMATE)),
-            }
-        )
+        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
         """Connect the parts, and lead them through search, refit and acceptance."""

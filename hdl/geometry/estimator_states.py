@@ -28,7 +28,6 @@ from typing import NamedTuple
 from amaranth import Module, Mux, Signal, Value
 from amaranth.lib import data, stream
 
-from golden_model.geometry.acceptance import CELLS
 from golden_model.geometry.estimator import MAX_REFITTED_OFTEN, SEARCH_CYCLES, EstimateCause
 from golden_model.geometry.program import LANES, Program
 from golden_model.geometry.programs import ADD, AREAS, CLEAR, FIT, GROUP, PROGRAMS, SOLVE
@@ -42,8 +41,9 @@ from hdl.geometry.sampling import COUNT, DRAWS, SampleDraws
 from hdl.geometry.sweep import SCORE, Sweep
 from hdl.lib.line_memory import LineMemory
 from hdl.lib.views import view_signal
+from hdl.settings import ESTIMATION
 
-ESTIMATOR_SETTINGS = data.StructLayout({"passes": 8, "seed": 32, "min_inliers": 12, "min_cells": range(CELLS**2 + 1)})
+ESTIMATOR_SETTINGS = data.StructLayout({setting.name: setting.bits for setting in ESTIMATION})
 """See `golden_model.config.EstimatorConfig`."""
 BEST = 1 << LANES
 """Bit of the best homography so far among those to score; the others are those of the lanes."""

@@ -5,21 +5,8 @@ from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import POSITION, WEIGHT
-from golden_model.geometry.scoring import (
-    DEPTH_SHIFT,
-    ENTRY,
-    ERROR,
-    ERROR_SHIFT,
-    LEVEL_BITS,
-    LEVELS,
-    MAX_DEPTH,
-    MAX_MISS,
-    MAX_SQUARED_DEPTH,
-    MAX_SQUARED_ERROR,
-    MAX_SUM,
-    MAX_TERM,
-    TERM_SHIFT,
-)
+from golden_model.geometry import scoring
+from golden_model.geometry.scoring import ENTRY, ERROR, LEVEL_BITS, LEVELS, TERM_SHIFT
 from hdl.lib.delay import delayed, port_register
 from hdl.lib.multiplier import multiply_wide
 
@@ -28,8 +15,6 @@ PAIR = data.StructLayout(dict.fromkeys(("left_x", "left_y", "right_x", "right_y"
 WEIGHED_PAIR = data.StructLayout({"pair": PAIR, "weight": WEIGHT.bits})
 HYPOTHESIS = data.ArrayLayout(signed(ENTRY.bits), 9)
 """A homography row by row, see `golden_model.geometry.scoring.quantise`."""
-ELEMENTS = tuple(f"h{row}{column}" for row in range(3) for column in range(3))
-"""Names of its elements in records."""
 PRODUCT_CYCLES = 2
 """A product passes the multiplier's own M and P registers; its operands come from registers."""
 TERM_CYCLES = PRODUCT_CYCLES + 2
@@ -62,13 +47,13 @@ class MatchGain(wiring.Component):
         right = [delayed(m, self.i_match[name], TERM_CYCLES) for name in ("right_x", "right_y")]
         error_x = self._error(m, platform, x, right[0], depth)
         error_y = self._error(m, platform, y, right[1], depth)
-        in_front = Signal(range(MAX_DEPTH + 1), reset_less=True)
+        in_front = Signal(range(scoring.MAX_DEPTH + 1), reset_less=True)
         # A depth of 0 makes every error too large: behind the camera no match counts.
-        m.d.sync += in_front.eq(Mux(depth < 0, 0, depth >> DEPTH_SHIFT))
+        m.d.sync += in_front.eq(Mux(depth < 0, 0, depth >> scoring.DEPTH_SHIFT))
         distance = delayed(m, in_front, ERROR_CYCLES - 1)
         square_x, square_y, square = (delayed(m, side * side, PRODUCT_CYCLES) for side in (error_x, error_y, distance))
-        squared_error = Signal(range(MAX_SQUARED_ERROR + 1), reset_less=True)
-        squared_depth = Signal(range(MAX_SQUARED_DEPTH + 1), reset_less=True)
+        squared_error = Signal(range(scoring.MAX_SQUARED_ERROR + 1), reset_less=True)
+        squared_depth = Signal(range(scoring.MAX_SQUARED_DEPTH + 1), reset_less=True)
         m.d.sync += [
             # Times 8 and times 9, see `golden_model.geometry.scoring.DEPTH_FACTOR`.
             squared_error.eq((square_x + square_y) << 3),
@@ -85,8 +70,8 @@ class MatchGain(wiring.Component):
         linear = delayed(m, product_x + product_y, 1)
         constant = delayed(m, h2, PRODUCT_CYCLES + 1)
         half = 1 << TERM_SHIFT - 1
-        rounded = Signal(_shape(MAX_SUM + half), name=f"rounded{row}")
-        term = Signal(_shape(MAX_TERM), name=f"term{row}", reset_less=True)
+        rounded = Signal(_shape(scoring.MAX_SUM + half), name=f"rounded{row}")
+        term = Signal(_shape(scoring.MAX_TERM), name=f"term{row}", reset_less=True)
         m.d.comb += rounded.eq(linear + (constant << POSITION.bits) + half)
         m.d.sync += term.eq(rounded >> TERM_SHIFT)
         return term
@@ -96,9 +81,9 @@ class MatchGain(wiring.Component):
         """Compute the error of one coordinate times the depth, limited."""
         product = multiply_wide(m, platform, depth, right)
         waiting = delayed(m, term, PRODUCT_CYCLES)
-        miss = Signal(_shape(MAX_MISS), reset_less=True)
+        miss = Signal(_shape(scoring.MAX_MISS), reset_less=True)
         m.d.sync += miss.eq((waiting << POSITION.bits) - product)
-        shifted = miss >> ERROR_SHIFT
+        shifted = miss >> scoring.ERROR_SHIFT
         error = Signal(signed(ERROR.bits), reset_less=True)
         # It fits where all bits above the format's are copies of its sign.
         excess = shifted[ERROR.bits - 1 :]

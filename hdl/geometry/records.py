@@ -6,10 +6,10 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.geometry.estimator import EstimateCause
 from golden_model.geometry.scoring import MAX_MATCHES
-from golden_model.records import FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, WORD_BYTES, Record, Tag
+from golden_model.records import ELEMENTS, FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, WORD_BYTES, Record, Tag
 from hdl.geometry.estimator import HomographyEstimator
 from hdl.geometry.estimator_states import ESTIMATOR_SETTINGS
-from hdl.geometry.match_gain import ELEMENTS, PAIR
+from hdl.geometry.match_gain import PAIR
 from hdl.geometry.ordering import FRAME_MATCH
 from hdl.geometry.scoring import HomographyScoring
 from hdl.lib.views import view_signal

@@ -4,8 +4,7 @@ from amaranth import Cat, Module, Mux, Signal
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.records import HOMOGRAPHY, WORD_BYTES, Tag
-from hdl.geometry.match_gain import ELEMENTS
+from golden_model.records import ELEMENTS, HOMOGRAPHY, WORD_BYTES, Tag
 from hdl.geometry.records import RECORD_WORDS, RecordCollector
 from hdl.lib.views import view_signal
 from hdl.painting.frame_writer import FRAME_NUMBER

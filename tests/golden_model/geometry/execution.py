@@ -3,13 +3,20 @@
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
-from golden_model.geometry.floating import Floats
+from golden_model.geometry.floating import MANTISSA_BITS, Floats
 from golden_model.geometry.program import LATENCY_CYCLES, ONE, ZERO, Program, Source
 
 
 def number(value: float) -> Floats:
     return Floats.from_real(np.array([value]))
+
+
+def to_real(numbers: Floats) -> NDArray[np.float64]:
+    """The values in double precision."""
+    magnitude = np.ldexp(numbers.mantissa.astype(np.float64), numbers.exponent - MANTISSA_BITS)
+    return np.where(numbers.negative, -magnitude, magnitude)
 
 
 def executed(program: Program, registers: Mapping[int, Floats], loads: Mapping[int, Floats]) -> dict[int, Floats]:

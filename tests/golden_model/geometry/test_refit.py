@@ -8,6 +8,7 @@ from golden_model.geometry.program import Value, constants, held
 from golden_model.geometry.refit import BANDS, SUMS, factors, solve_sums
 from golden_model.geometry.scoring import LEVELS, TOLERANCE_PX
 from skymosaic.geometry.homography import apply, transfer_error
+from tests.golden_model.geometry.execution import to_real
 
 TRUTH = np.array([[1.02, 0.05, 30.0], [-0.04, 0.97, 10.0], [5e-5, 2e-5, 1.0]])
 SIZE = (640, 480)
@@ -25,8 +26,8 @@ def fitted(left: np.ndarray, right: np.ndarray, weight: np.ndarray) -> tuple[np.
         sums = sums.plus(first[n], second[n])
     rows, determinant = solve_sums(zero, one, centre, [sums[n : n + 1] for n in range(SUMS)])
     units = np.array([4096.0, 4096, 1])
-    H = np.array([[each.to_real()[0] for each in row] for row in rows]) * units[:, np.newaxis] / units
-    return H, float(determinant.to_real()[0])
+    H = np.array([[to_real(each)[0] for each in row] for row in rows]) * units[:, np.newaxis] / units
+    return H, float(to_real(determinant)[0])
 
 
 def in_double(left: np.ndarray, right: np.ndarray, weight: np.ndarray) -> np.ndarray:
