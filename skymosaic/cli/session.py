@@ -37,17 +37,7 @@ def _open_terminal(*, stderr: bool) -> "Terminal":
 
 
 class Session:
-    """One command's conversation with its user.
-
-    Attributes
-    ----------
-    numbers : dict
-        The command's own keys of the JSON object.
-    seconds : dict of str to float
-        Wall time of the command's stages; `end` adds what they leave over.
-    status : int
-        Exit status of a command that ends without an error.
-    """
+    """One command's conversation with its user."""
 
     def __init__(self) -> None:
         self.begin("", started_s=time.perf_counter(), quiet=False, verbose=False, as_json=False)
@@ -66,8 +56,11 @@ class Session:
         self._notes: list[str] = []
         self._outputs: list[str] = []
         self.numbers: dict[str, Any] = {}
+        """The command's own keys of the JSON object."""
         self.seconds: dict[str, float] = {}
+        """Wall time of the command's stages; `end` adds what they leave over."""
         self.status = 0
+        """Exit status of a command that ends without an error."""
         if verbose:
             self._errors.print_line(f"skymosaic {VERSION}, Python {platform.python_version()}, {platform.platform()}")
 

@@ -59,15 +59,6 @@ class VideoReader:
     path : str or Path
         A file, or the address of a stream (``rtsp://...``).
 
-    Attributes
-    ----------
-    frame_rate : Fraction
-        Mean frames per second.
-    seconds : float
-        When the latest frame is shown, after the first. Telephones and screen recorders vary the rate.
-    notes : list of str
-        Changes to the frames, and faults of the file.
-
     Raises
     ------
     InputError
@@ -77,7 +68,9 @@ class VideoReader:
     def __init__(self, path: str | Path) -> None:
         self.name = str(path)
         self.notes: list[str] = []
+        """Changes to the frames, and faults of the file."""
         self.seconds = 0.0
+        """When the latest frame is shown, after the first. Telephones and screen recorders vary the rate."""
         self._is_stream = "://" in self.name
         if not self._is_stream:
             check_file(Path(path), "a video")
@@ -103,6 +96,7 @@ class VideoReader:
         if self._container.format.name == "avi" and self._stream.duration == self._stream.frames:
             self._declared = len(self._stream.index_entries)
         self.frame_rate = self._stream.average_rate or self._stream.guessed_rate or DEFAULT_RATE
+        """Mean frames per second."""
 
     def __iter__(self) -> Iterator[Pixels]:
         quarter_turns, frames, other_size = 0, 0, 0

@@ -68,8 +68,8 @@ def register_pairs(
         raise InputError(f"pairs: give the numbers of two photographs for each, 0 to {len(sources) - 1}") from None
     with Workers(progress=progress) as workers:
         sides = list(workers.run("features", _describe, [(source, options) for source in sources]))
-        wanted = [(sides[left], sides[right], options) for left, right in sides_of]
-        return list(workers.run("pairs", _register, wanted))
+        wanted = [(sides[left], sides[right]) for left, right in sides_of]
+        return list(workers.run("pairs", lambda left, right: register(left, right, options).without_pixels(), wanted))
 
 
 def _describe(source: Source, options: RegistrationOptions) -> Path | Pixels | Features:
@@ -79,10 +79,6 @@ def _describe(source: Source, options: RegistrationOptions) -> Path | Pixels | F
     features = extract(source.content, options)
     photograph = dataclasses.replace(features.photograph, name=source.name, pixels=NO_PIXELS)
     return dataclasses.replace(features, photograph=photograph)
-
-
-def _register(left: Path | Pixels | Features, right: Path | Pixels | Features, options: RegistrationOptions) -> Pair:
-    return register(left, right, options).without_pixels()
 
 
 def table_of_pairs(pairs: Sequence[Pair]) -> Table:

@@ -67,18 +67,12 @@ MAX_PROMISING = 2
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Features and matches of all passes so far, in pixels of the working images.
-
-    Attributes
-    ----------
-    features : tuple of structured arrays
-        Left and right, pass by pass.
-    matches : structured array
-        Their indices refer to ``features``.
-    """
+    """Features and matches of all passes so far, in pixels of the working images."""
 
     features: tuple[Records, Records]
+    """Left and right, pass by pass."""
     matches: Records
+    """Their indices refer to ``features``."""
 
     def with_pass(self, other: Evidence) -> Evidence:
         """This evidence and that of a further pass, whose features are appended."""
@@ -97,29 +91,19 @@ class Evidence:
 
 @dataclass(frozen=True, eq=False)
 class SearchState:
-    """How far a search has come.
-
-    Attributes
-    ----------
-    evidence : Evidence
-    homography : (3, 3) ndarray or None
-        Left to right, working px; None where none is accepted.
-    inliers : (N,) bool ndarray
-        Among all matches of the evidence.
-    places : int
-        Different places that the inliers show.
-    passes : int
-        Pairs of frames that were matched.
-    inverted : bool
-        The right image matches only as its negative.
-    """
+    """How far a search has come."""
 
     evidence: Evidence
     homography: Matrix | None
+    """(3, 3): left to right, working px; None where none is accepted."""
     inliers: Mask
+    """(N,): among all matches of the evidence."""
     places: int
+    """Different places that the inliers show."""
     passes: int
+    """Pairs of frames that were matched."""
     inverted: bool = False
+    """The right image matches only as its negative."""
 
     @property
     def inlier_points(self) -> tuple[Points, Points]:

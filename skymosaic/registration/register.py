@@ -76,18 +76,17 @@ def register(
     """
     options = choose_options(RegistrationOptions, options, changes)
     options.check()
-    clock = Stopwatch()
+    clock, features = Stopwatch(), None
     if isinstance(left, Features) or isinstance(right, Features):
         features = share_features(left, options, progress), share_features(right, options, progress)
-        clock.lap("reading and features")
         photographs = features[0].photograph, features[1].photograph
-        return register_photographs(photographs, options, seconds=clock.seconds, features=features, progress=progress)
-    photographs = (
-        load(left, "left image", keep_damaged=options.keeps_damaged),
-        load(right, "right image", keep_damaged=options.keeps_damaged),
-    )
-    clock.lap("reading")
-    return register_photographs(photographs, options, seconds=clock.seconds, progress=progress)
+    else:
+        photographs = (
+            load(left, "left image", keep_damaged=options.keeps_damaged),
+            load(right, "right image", keep_damaged=options.keeps_damaged),
+        )
+    clock.lap("reading and features" if features else "reading")
+    return register_photographs(photographs, options, seconds=clock.seconds, features=features, progress=progress)
 
 
 def register_photographs(

@@ -134,8 +134,8 @@ class Settings:
         return dataclasses.replace(self, backend="golden", config=dataclasses.replace(self.config, front_end=more))
 
 
-def describe(source: Source, settings: Settings) -> View:
-    """Decode a photograph, compute its features and keep what the layout needs.
+def describe(source: Source, settings: Settings, features: Records | None = None) -> View:
+    """Decode a photograph, compute its features, unless they are given, and keep what the layout needs.
 
     Raises
     ------
@@ -148,7 +148,8 @@ def describe(source: Source, settings: Settings) -> View:
             # Read here, a damaged band leaves out its capture; later, it would end the run.
             load(band.content, band.name, keep_damaged=band.keep_damaged)
     working, to_original = reduce_for_front_end(photograph.pixels, settings.working_width_px, source.name)
-    features = _extract_from_ground(working, settings, source.name, photograph.visible)
+    if features is None:
+        features = _extract_from_ground(working, settings, source.name, photograph.visible)
     return make_view(source, photograph, settings, working=working, to_original=to_original, features=features)
 
 

@@ -7,10 +7,9 @@ from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.linked_group import groups
 from skymosaic.flight.linking.links import Link, valid_links
-from skymosaic.flight.linking.view import Settings, View, make_view
+from skymosaic.flight.linking.view import Settings, View, describe
 from skymosaic.flight.mapping.anchoring import fit_layout
 from skymosaic.flight.survey import lay_out_all
-from skymosaic.imagery.images import reduce_for_front_end
 from skymosaic.imagery.photographs import Source
 from skymosaic.mosaicking.live.kept_frames import KeptFrames
 from skymosaic.mosaicking.live.submap import Frame
@@ -68,8 +67,6 @@ def flight_of_frames(
 def _view(source: Source, frame: Frame, settings: Settings) -> View | str:
     """The view of a frame, or why it cannot be read."""
     try:
-        photograph = source.read_photograph(settings.lens)
-        working, to_original = reduce_for_front_end(photograph.pixels, settings.working_width_px, source.name)
+        return describe(source, settings, frame.features)
     except InputError as error:
         return str(error)
-    return make_view(source, photograph, settings, working=working, to_original=to_original, features=frame.features)
