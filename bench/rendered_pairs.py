@@ -15,9 +15,8 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from golden_model.arrays import Matrix, Pixels, Points
+from golden_model.arrays import Array, Float32, Matrix, Pixels, Points
 from sim.scene import Camera, CameraPose, Photometry, render_ground, render_view
 from sim.scene.camera import find_visible_box
 from sim.scene.flight import FOCAL_WIDTHS
@@ -52,7 +51,7 @@ MARGIN_PX = 400
 RAY_STEPS = 25
 GRID_POINTS = 20
 
-Ground = NDArray[np.float64]
+Ground = Array
 """Ground positions of each pixel, (H, W, 2)."""
 
 
@@ -156,10 +155,10 @@ class _Surface:
     """Ground texture and height over the ground plane, with the ground position of their first pixel."""
 
     texture: Pixels
-    height_px: NDArray[np.float32]
-    origin: NDArray[np.float64]
+    height_px: Float32
+    origin: Array
 
-    def height_at(self, ground: Ground) -> NDArray[np.float64]:
+    def height_at(self, ground: Ground) -> Array:
         """Height at ground positions (H, W, 2)."""
         x, y = np.moveaxis((ground - self.origin).astype(np.float32), -1, 0)
         return cv2.remap(self.height_px, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT).astype(np.float64)
@@ -202,9 +201,7 @@ def relief_pair(height_px: float, overlap: float, number: int) -> ReliefPair:
     return ReliefPair(left, right, left_points[inside], right_points[inside])
 
 
-def _surface(
-    landscape: int, one: NDArray[np.float64], other: NDArray[np.float64], height_px: float, rng: np.random.Generator
-) -> _Surface:
+def _surface(landscape: int, one: Array, other: Array, height_px: float, rng: np.random.Generator) -> _Surface:
     low = np.floor(np.minimum(one, other)).astype(int) - MARGIN_PX
     width, height = (np.ceil(np.maximum(one, other)).astype(int) + MARGIN_PX - low).tolist()
     texture = cv2.cvtColor(render_ground(landscape, width, height, (int(low[0]), int(low[1]))), cv2.COLOR_BGR2GRAY)
@@ -234,7 +231,7 @@ def _ground_positions(pose: CameraPose, camera: Camera, surface: _Surface) -> Gr
     return ground
 
 
-def _project(pose: CameraPose, camera: Camera, ground: Points, height_px: NDArray[np.float64]) -> Points:
+def _project(pose: CameraPose, camera: Camera, ground: Points, height_px: Array) -> Points:
     """Project surface points, given by ground positions (N, 2) and heights (N,), to image positions (N, 2)."""
     offset = np.column_stack([ground - [pose.x_px, pose.y_px], pose.altitude_px - height_px])
     mapped = offset @ pose.rotation @ camera.matrix.T

@@ -18,7 +18,7 @@ import typer
 from numpy.typing import NDArray
 
 from bench.report import JsonFile, Row, report
-from golden_model.arrays import Matrix
+from golden_model.arrays import Array, Matrix
 from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.front_end import extract
 from golden_model.geometry.scoring import quantise
@@ -125,7 +125,7 @@ def place_frames(frames: Sequence[FrameResult], anchors: Mapping[int, Matrix]) -
 
 def find_seams(
     camera: Camera, poses: Mapping[int, Matrix], homographies: Sequence[Matrix]
-) -> dict[tuple[int, int], NDArray[np.float64]]:
+) -> dict[tuple[int, int], Array]:
     """How far the ground is misaligned, in pixels of the canvas, at each place where two frames meet.
 
     Of the frames that cover a pixel of the canvas, the mosaic shows the one whose border is farthest. Where neighbours
@@ -138,7 +138,7 @@ def find_seams(
         For two frames that meet, the distance at each pixel where they do; one in `STEP_PX` is looked at.
     """
     owners, low = find_owners(camera, poses)
-    found: dict[tuple[int, int], list[NDArray[np.float64]]] = defaultdict(list)
+    found: dict[tuple[int, int], list[Array]] = defaultdict(list)
     for rows, columns in ((0, 1), (1, 0)):
         first = owners[: owners.shape[0] - rows, : owners.shape[1] - columns]
         second = owners[rows:, columns:]
@@ -152,7 +152,7 @@ def find_seams(
     return {pair: np.concatenate(distances) for pair, distances in found.items()}
 
 
-def find_owners(camera: Camera, poses: Mapping[int, Matrix]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def find_owners(camera: Camera, poses: Mapping[int, Matrix]) -> tuple[NDArray[np.int64], Array]:
     """Which frame the mosaic shows at each pixel, (H, W), -1 for none; and where on the canvas the first pixel is."""
     outlines = {number: apply(invert(pose), camera.corners) for number, pose in poses.items()}
     low = np.floor(np.min([*outlines.values()], axis=(0, 1)))

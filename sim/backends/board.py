@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from golden_model.arrays import Records
+from golden_model.arrays import Pixels, Records
 from golden_model.config import Config
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, Cause, Tag
 from golden_model.text import one_line
@@ -56,9 +55,7 @@ class BoardBackend(Backend):
         self.address = host, int(port or PORT)
         self.where = one_line(f"{host}:{port or PORT}")
 
-    def run(
-        self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
-    ) -> list[FrameResult]:
+    def run(self, frames: Sequence[Pixels], config: Config, *, reference: Reference = "held") -> list[FrameResult]:
         """See `sim.backends.interface.Backend.run`; all frames must have one shape.
 
         Raises
@@ -91,9 +88,7 @@ class BoardBackend(Backend):
             _check_status(result, int(results[0].status["frame"]) + index, shape, self.where)
         return results
 
-    def _exchange(
-        self, header: bytes, frames: Sequence[NDArray[np.uint8]], packets: Sequence[PacketLimit]
-    ) -> list[Records]:
+    def _exchange(self, header: bytes, frames: Sequence[Pixels], packets: Sequence[PacketLimit]) -> list[Records]:
         """Send a request and return the packets."""
         where = self.where
         try:
@@ -134,7 +129,7 @@ def _read_header(link: BufferedIOBase, where: str) -> dict[str, Any]:
     return answer
 
 
-def _prove_key(challenge: str, header: bytes, frames: Sequence[NDArray[np.uint8]], where: str) -> bytes:
+def _prove_key(challenge: str, header: bytes, frames: Sequence[Pixels], where: str) -> bytes:
     """Make the line that proves to a server that we know its key, for this request alone."""
     name = os.environ.get(KEY_VARIABLE)
     if not name:

@@ -5,9 +5,8 @@ from dataclasses import replace
 from hashlib import blake2b
 
 import numpy as np
-from numpy.typing import NDArray
 
-from golden_model.arrays import Records
+from golden_model.arrays import Pixels, Records
 from golden_model.config import Config, FrontEndConfig
 from golden_model.front_end import FrameFeatures, extract
 from golden_model.geometry.estimator import frame_homography
@@ -25,14 +24,12 @@ class GoldenBackend(Backend):
     def __init__(self) -> None:
         self._extracted: dict[Hashable, FrameFeatures] = {}
 
-    def run(
-        self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
-    ) -> list[FrameResult]:
+    def run(self, frames: Sequence[Pixels], config: Config, *, reference: Reference = "held") -> list[FrameResult]:
         """See `sim.backends.interface.Backend.run`."""
         extracted = (self._extract(image, config.front_end, number) for number, image in enumerate(frames))
         return list(add_matches(extracted, config, reference))
 
-    def _extract(self, image: NDArray[np.uint8], config: FrontEndConfig, number: int) -> FrameFeatures:
+    def _extract(self, image: Pixels, config: FrontEndConfig, number: int) -> FrameFeatures:
         """Extract the features, or take those of the same frame before."""
         key = blake2b(image.tobytes()).digest(), image.shape, repr(config)
         if key not in self._extracted:

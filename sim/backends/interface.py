@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels, Records
 from golden_model.config import Config
 from golden_model.text import how_to_install
 from sim.backends.errors import BackendError
@@ -49,9 +49,9 @@ class FrameClocks:
 class FrameResult:
     """The result for one frame."""
 
-    features: NDArray[np.void]
+    features: Records
     """Feature records (`golden_model.records.feature_record`) in the order in which the hardware sends them."""
-    matches: NDArray[np.void]
+    matches: Records
     """Match records (`golden_model.records.MATCH`): left is the reference, right is this frame. Empty without one."""
     status: np.void
     """The FrameStatus record at the end of the features."""
@@ -70,7 +70,7 @@ class FrameResult:
         return None if self.homography is None or not self.status["good"] else not self.homography["causes"]
 
     @classmethod
-    def count_matches(cls, features: NDArray[np.void], matches: NDArray[np.void], status: np.void) -> FrameResult:
+    def count_matches(cls, features: Records, matches: Records, status: np.void) -> FrameResult:
         """A result whose match status is ``status`` with the numbers of all matches and of those kept."""
         match_status = status.copy()
         match_status["matches"], match_status["kept"] = len(matches), np.count_nonzero(matches["verdict"])
@@ -108,9 +108,7 @@ class Backend(Protocol):
 
     takes_one_size: ClassVar[bool] = False
 
-    def run(
-        self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
-    ) -> list[FrameResult]:
+    def run(self, frames: Sequence[Pixels], config: Config, *, reference: Reference = "held") -> list[FrameResult]:
         """Compute the features of each frame, and its matches with its reference; the first frame has no reference.
 
         Parameters
@@ -132,7 +130,7 @@ class Backend(Protocol):
         """
         ...
 
-    def locate(self, image: NDArray[np.uint8], config: Config, *, frame: int) -> Mismatch | None:
+    def locate(self, image: Pixels, config: Config, *, frame: int) -> Mismatch | None:
         """Find the first stage of the front end that differs from the golden model.
 
         Parameters

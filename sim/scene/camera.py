@@ -7,6 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Float32, Matrix, Pixels, Points
+
 _RESAMPLING_MARGIN_PX = 4
 _MARCH_PX = 0.5
 """Step of a ray over the ground on its way to the surface."""
@@ -30,18 +32,18 @@ class Camera:
                 raise ValueError(f"camera {name} is {getattr(self, name)}; it must be positive")
 
     @property
-    def matrix(self) -> NDArray[np.float64]:
+    def matrix(self) -> Matrix:
         """The calibration matrix K, shape (3, 3); pixel centres at integers."""
         middle_x, middle_y = (self.width_px - 1) / 2, (self.height_px - 1) / 2
         return np.array([[self.focal_px, 0, middle_x], [0, self.focal_px, middle_y], [0, 0, 1]])
 
     @property
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Points:
         """Outer corners of the image, shape (4, 2), clockwise from the top left."""
         right, bottom = self.width_px - 0.5, self.height_px - 0.5
         return np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
 
-    def undistort(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def undistort(self, points: Points) -> Points:
         """Where a pinhole would see what appears at ``points``, (N, 2)."""
         if self.k1 == 0:
             return points
@@ -74,15 +76,14 @@ class CameraPose:
             raise ValueError(f"altitude_px is {self.altitude_px}; it must be positive")
 
     @property
-    def rotation(self) -> NDArray[np.float64]:
+    def rotation(self) -> Matrix:
         """Camera axes (right, down, forward) as columns in ground axes (x, y, downwards), shape (3, 3)."""
         heading, pitch, roll = np.radians([self.heading_deg, self.pitch_deg, self.roll_deg])
         turns = ([0, 0, heading], [0, roll, 0], [pitch, 0, 0])
         about_z, about_y, about_x = (cv2.Rodrigues(np.array(turn, np.float64))[0] for turn in turns)
-        rotation: NDArray[np.float64] = about_z @ about_y @ about_x
-        return rotation
+        return np.asarray(about_z @ about_y @ about_x, np.float64)
 
-    def homography(self, camera: Camera) -> NDArray[np.float64]:
+    def homography(self, camera: Camera) -> Matrix:
         """Ground pixels to image pixels, shape (3, 3), scaled to a last element of 1.
 
         Raises
@@ -91,7 +92,7 @@ class CameraPose:
             If part of the image shows the horizon or the sky.
         """
         to_ground_plane = np.array([[1, 0, -self.x_px], [0, 1, -self.y_px], [0, 0, self.altitude_px]])
-        ground_to_image: NDArray[np.float64] = camera.matrix @ self.rotation.T @ to_ground_plane
+        ground_to_image: Matrix = camera.matrix @ self.rotation.T @ to_ground_plane
         rays = np.column_stack([camera.corners, np.ones(4)]) @ np.linalg.inv(camera.matrix).T @ self.rotation.T
         if rays[:, 2].min() <= 0.05:
             raise ValueError(
@@ -100,7 +101,7 @@ class CameraPose:
         ground_to_image /= ground_to_image[2, 2]
         return ground_to_image
 
-    def footprint(self, camera: Camera) -> NDArray[np.float64]:
+    def footprint(self, camera: Camera) -> Points:
         """Ground positions of the corners of the image, shape (4, 2), clockwise from the image's top left."""
         return project(np.linalg.inv(self.homography(camera)), camera.undistort(camera.corners))
 
@@ -121,7 +122,7 @@ class Photometry:
     vignetting: float = 0.0
     balance: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
-    def apply(self, image: NDArray[np.uint8] | NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.uint8]:
+    def apply(self, image: Pixels | Float32, rng: np.random.Generator) -> Pixels:
         """Return the picture as the camera takes it; ``image`` has shape (H, W, 3) and is not modified."""
         if self.blur_sigma_px > 0:
             image = cv2.GaussianBlur(image, (0, 0), self.blur_sigma_px)
@@ -130,17 +131,16 @@ class Photometry:
         falloff = 1 - np.float32(self.vignetting / 2) * (x[np.newaxis, :] ** 2 + y[:, np.newaxis] ** 2)
         gains = np.array(self.balance, dtype=np.float32) * np.float32(self.gain / 255)
         exposed = np.clip(np.asarray(image * (falloff[..., np.newaxis] * gains), dtype=np.float32), 0, 1)
-        value: NDArray[np.float32] = 255 * exposed ** np.float32(self.gamma)
+        value: Float32 = 255 * exposed ** np.float32(self.gamma)
         if self.noise_sigma > 0:
             value += np.float32(self.noise_sigma) * rng.standard_normal(value.shape, dtype=np.float32)
         return np.clip(np.rint(value), 0, 255).astype(np.uint8)
 
 
-def project(homography: NDArray[np.floating[Any]], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def project(homography: NDArray[np.floating[Any]], points: Points) -> Points:
     """Map points, shape (n, 2), by a homography."""
     batch = np.asarray(points, np.float64)[np.newaxis]
-    projected: NDArray[np.float64] = cv2.perspectiveTransform(batch, homography)[0]
-    return projected
+    return np.asarray(cv2.perspectiveTransform(batch, homography)[0], np.float64)
 
 
 def find_visible_box(pose: CameraPose, camera: Camera) -> tuple[int, int, int, int]:
@@ -153,15 +153,15 @@ def find_visible_box(pose: CameraPose, camera: Camera) -> tuple[int, int, int, i
 
 
 def render_view(
-    ground: NDArray[np.uint8],
+    ground: Pixels,
     pose: CameraPose,
     camera: Camera,
     photometry: Photometry,
     rng: np.random.Generator,
     *,
     origin: tuple[int, int] = (0, 0),
-    heights: NDArray[np.float16] | NDArray[np.float32] | None = None,
-) -> NDArray[np.uint8]:
+    heights: NDArray[np.float16] | Float32 | None = None,
+) -> Pixels:
     """Render one picture of the ground.
 
     Parameters
@@ -209,9 +209,7 @@ def render_view(
     return photometry.apply(cv2.remap(visible, at, None, cv2.INTER_CUBIC), rng)
 
 
-def _follow_rays(
-    at: NDArray[np.float32], heights: NDArray[np.float32], under: NDArray[np.float32], altitude_px: float
-) -> NDArray[np.float32]:
+def _follow_rays(at: Float32, heights: Float32, under: Float32, altitude_px: float) -> Float32:
     """Where rays towards positions ``at`` (H, W, 2) of the flat ground meet the surface first.
 
     A ray to ``at`` from above ``under`` is at height t over ``at + (under - at) t / altitude``.

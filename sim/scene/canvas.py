@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from golden_model.arrays import Mask
+from golden_model.arrays import Float32, Mask, Points
 
-Plane = NDArray[np.float32]
+Plane = Float32
 
 MARGIN_PX = 96
 """Margin painted around a tile: the longest shadow and the widest edge strip reach so far."""
@@ -59,11 +58,11 @@ class Canvas:
         down = np.arange(top + rows.start, top + rows.stop, dtype=np.float32) + np.float32(corner_y - y)
         return across[np.newaxis, :], down[:, np.newaxis]
 
-    def local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def local(self, points: Points) -> Points:
         """Points of the plane, shape (n, 2), relative to the canvas."""
         return points - (self.x_px, self.y_px)
 
-    def meets(self, points: NDArray[np.float64]) -> bool:
+    def meets(self, points: Points) -> bool:
         """Whether the bounding box of points of the plane, with a margin of 64 px, overlaps the canvas."""
         (left, top), (right, bottom) = self.local(points.min(0)) - 64, self.local(points.max(0)) + 64
         height, width = self.relief.shape

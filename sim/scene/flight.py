@@ -8,8 +8,8 @@ from typing import overload
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Float32, Matrix, Pixels
 from sim.scene.camera import Camera, CameraPose, Photometry, find_visible_box, project, render_view
 from sim.scene.ground import render_ground, render_heights
 from sim.scene.noise import Stream, make_rng
@@ -36,20 +36,20 @@ class Flight:
     """What shape the land has, a key of `sim.scene.terrain.TERRAINS`; empty: flat."""
 
     @property
-    def images(self) -> Sequence[NDArray[np.uint8]]:
+    def images(self) -> Sequence[Pixels]:
         """The pictures, (H, W, 3) uint8 BGR; each is rendered when it is read, and not kept."""
         return RenderedImages(len(self.poses), self._render)
 
     @property
-    def homographies(self) -> tuple[NDArray[np.float64], ...]:
+    def homographies(self) -> tuple[Matrix, ...]:
         """Ground pixels to pixels of each picture, as a lens without distortion would have taken it."""
         return tuple(pose.homography(self.camera) for pose in self.poses)
 
-    def homography_between(self, left: int, right: int) -> NDArray[np.float64]:
+    def homography_between(self, left: int, right: int) -> Matrix:
         """Pixels of picture ``left`` to pixels of picture ``right``, shape (3, 3), last element 1."""
         to_left = self.poses[left].homography(self.camera)
         to_right = self.poses[right].homography(self.camera)
-        between: NDArray[np.float64] = to_right @ np.linalg.inv(to_left)
+        between: Matrix = to_right @ np.linalg.inv(to_left)
         between /= between[2, 2]
         return between
 
@@ -60,12 +60,12 @@ class Flight:
         area, _ = cv2.intersectConvexConvex(corners.astype(np.float32), outline.astype(np.float32))
         return float(area) / (self.camera.width_px * self.camera.height_px)
 
-    def _render(self, number: int) -> NDArray[np.uint8]:
+    def _render(self, number: int) -> Pixels:
         pose, photometry = self.poses[number], self.photometries[number]
         left, top, width_px, height_px = find_visible_box(pose, self.camera)
         ground = render_ground(self.seed, width_px, height_px, (left, top))
         rng = make_rng(self.seed, Stream.SENSOR, number)
-        parts = list[NDArray[np.float32]]()
+        parts = list[Float32]()
         if self.relief:
             parts.append(render_heights(self.seed, width_px, height_px, (left, top)).astype(np.float32))
         if self.terrain:
@@ -74,7 +74,7 @@ class Flight:
         return render_view(ground, pose, self.camera, photometry, rng, origin=(left, top), heights=heights)
 
 
-class RenderedImages(Sequence[NDArray[np.uint8]]):
+class RenderedImages(Sequence[Pixels]):
     """Pictures that are rendered each time they are read, and not kept; a slice renders none.
 
     Parameters
@@ -85,7 +85,7 @@ class RenderedImages(Sequence[NDArray[np.uint8]]):
         Renders the picture of the given number, (H, W, 3) uint8 BGR.
     """
 
-    def __init__(self, count: int, render: Callable[[int], NDArray[np.uint8]]) -> None:
+    def __init__(self, count: int, render: Callable[[int], Pixels]) -> None:
         self._count = count
         self._render = render
 
@@ -93,10 +93,10 @@ class RenderedImages(Sequence[NDArray[np.uint8]]):
         return self._count
 
     @overload
-    def __getitem__(self, index: int) -> NDArray[np.uint8]: ...
+    def __getitem__(self, index: int) -> Pixels: ...
     @overload
     def __getitem__(self, index: slice) -> RenderedImages: ...
-    def __getitem__(self, index: int | slice) -> NDArray[np.uint8] | RenderedImages:
+    def __getitem__(self, index: int | slice) -> Pixels | RenderedImages:
         numbers = range(self._count)
         if isinstance(index, slice):
             chosen = numbers[index]
@@ -133,9 +133,7 @@ def make_pair(seed: int, size: tuple[int, int] = (640, 480), overlap: float = 0.
     return Flight(seed, camera, tuple(poses), (left, right))
 
 
-def _aim_at(
-    target: NDArray[np.float64], altitude_px: float, heading_deg: float, rng: np.random.Generator
-) -> CameraPose:
+def _aim_at(target: Array, altitude_px: float, heading_deg: float, rng: np.random.Generator) -> CameraPose:
     """A pose, tilted by up to 2 degrees, with ``target`` at the image centre."""
     pitch, roll = rng.uniform(-2, 2, 2)
     pose = CameraPose(x_px=0, y_px=0, altitude_px=altitude_px, heading_deg=heading_deg, pitch_deg=pitch, roll_deg=roll)

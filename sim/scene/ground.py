@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Float32, Pixels
 from sim.scene.canvas import MARGIN_PX, Canvas, Plane
 from sim.scene.layout import plan_sections
 from sim.scene.noise import Stream, make_noise, make_rng
@@ -23,7 +24,7 @@ _SUN, _SKY, _HAZE = (0.74, 0.82, 0.86), (0.21, 0.17, 0.14), (0.050, 0.046, 0.042
 """Light of the sun and of the sky, and the haze between ground and camera; blue, green, red."""
 
 
-def render_ground(seed: int, width_px: int, height_px: int, origin: tuple[int, int] = (0, 0)) -> NDArray[np.uint8]:
+def render_ground(seed: int, width_px: int, height_px: int, origin: tuple[int, int] = (0, 0)) -> Pixels:
     """An aerial photograph of a generated landscape, at about 0.15 m per pixel.
 
     The landscape is an endless plane that depends on the seed only; this is the part that starts at ``origin``.
@@ -64,7 +65,7 @@ def _assemble_tiles(part: int, whole: NDArray[Any], seed: int, origin: tuple[int
 
 
 @lru_cache(maxsize=CACHED_TILES)
-def _paint_tile(seed: int, column: int, row: int) -> tuple[NDArray[np.uint8], NDArray[np.float16]]:
+def _paint_tile(seed: int, column: int, row: int) -> tuple[Pixels, NDArray[np.float16]]:
     """Colours and heights of one tile: painted and lit with its margin, which is then cut off."""
     x_px, y_px = column * TILE_PX - MARGIN_PX, row * TILE_PX - MARGIN_PX
     size = TILE_PX + 2 * MARGIN_PX
@@ -85,7 +86,7 @@ def _paint_tile(seed: int, column: int, row: int) -> tuple[NDArray[np.uint8], ND
     return colours, heights
 
 
-def _light(canvas: Canvas, rng: np.random.Generator) -> NDArray[np.uint8]:
+def _light(canvas: Canvas, rng: np.random.Generator) -> Pixels:
     """Light the canvas by sun and blue sky: Lambert shading, cast shadows, darker hollows; returns display values."""
     azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(40, 54))
     toward_sun = np.array([np.cos(azimuth), np.sin(azimuth)], np.float32)
@@ -100,11 +101,10 @@ def _light(canvas: Canvas, rng: np.random.Generator) -> NDArray[np.uint8]:
     for reflectance, sun, sky, haze in zip(canvas.reflectance, _SUN, _SKY, _HAZE, strict=True):
         lit = reflectance * np.sqrt(sunlit * sun + open_sky * sky) + haze
         channels.append(cv2.convertScaleAbs(cv2.GaussianBlur(lit, (0, 0), 0.5), alpha=255))
-    lit_ground: NDArray[np.uint8] = cv2.merge(channels)
-    return lit_ground
+    return np.asarray(cv2.merge(channels), np.uint8)
 
 
-def _cast_shadows(relief: Plane, toward_sun: NDArray[np.float32], rise: float) -> Plane:
+def _cast_shadows(relief: Plane, toward_sun: Float32, rise: float) -> Plane:
     """Share of the sun that is hidden, 0..1.
 
     The height of the shadow above each pixel is the largest relief towards the sun, lowered by ``rise`` for each pixel
@@ -116,5 +116,4 @@ def _cast_shadows(relief: Plane, toward_sun: NDArray[np.float32], rise: float) -
         shift = np.array([[1, 0, -dx], [0, 1, -dy]], np.float32)
         moved = cv2.warpAffine(shade, shift, relief.shape[::-1], flags=cv2.INTER_NEAREST, borderMode=_EDGE)
         shade = np.maximum(shade, moved - np.float32(rise * np.hypot(dx, dy)))
-    shadow: Plane = cv2.GaussianBlur(np.clip((shade - relief - 0.3) / 1.5, 0, 1), (0, 0), 0.9)
-    return shadow
+    return np.asarray(cv2.GaussianBlur(np.clip((shade - relief - 0.3) / 1.5, 0, 1), (0, 0), 0.9), np.float32)

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from golden_model.arrays import Points
+from golden_model.arrays import Array, Points
 from sim.scene.noise import Stream, make_rng
 
 SECTION_PX = 1500
@@ -79,8 +79,8 @@ class Section:
     parcels: tuple[Parcel, ...]
     roads: tuple[Road, ...]
     boxes: tuple[Box, ...]
-    plants: NDArray[np.float64]
-    ponds: NDArray[np.float64]
+    plants: Array
+    ponds: Array
 
 
 def plan_sections(seed: int, x_px: int, y_px: int, width_px: int, height_px: int) -> list[Section]:
@@ -125,8 +125,7 @@ class _Land:
         return float(np.arctan2(*(far - near)[::-1]))
 
     def _middle(self, axis: int) -> Points:
-        middle: Points = self.corners.mean(axis=1 - axis)
-        return middle
+        return np.asarray(self.corners.mean(axis=1 - axis))
 
     def lengthwise(self) -> _Land:
         """The same land with u along its longer side."""
@@ -263,7 +262,7 @@ def _park_car(place: Points, angle: float, rng: np.random.Generator) -> Box:
     return Box(centre, rng.uniform(27, 32), 13, angle, 9, "car", _draw_number(rng))
 
 
-def _scatter_plants(land: _Land, use: str, rng: np.random.Generator) -> NDArray[np.float64]:
+def _scatter_plants(land: _Land, use: str, rng: np.random.Generator) -> Array:
     """Trees and bushes on a parcel; its use sets their mean spacing and radii. Orchards are planted in rows."""
     spacing, smallest, largest = {
         "wood": (27.0, 15, 36), "scrub": (38.0, 4, 16), "orchard": (34.0, 10, 14), "pasture": (150.0, 8, 30),
@@ -282,7 +281,7 @@ def _scatter_plants(land: _Land, use: str, rng: np.random.Generator) -> NDArray[
     return _grow_plants(land.at(u, v), smallest, largest, rng)
 
 
-def _plant_hedges(land: _Land, rng: np.random.Generator, *, often: bool) -> list[NDArray[np.float64]]:
+def _plant_hedges(land: _Land, rng: np.random.Generator, *, often: bool) -> list[Array]:
     """Rows of bushes, with gaps and sometimes trees, along some edges."""
     hedges = []
     for side, length_px in enumerate(land.size_px):
@@ -295,7 +294,7 @@ def _plant_hedges(land: _Land, rng: np.random.Generator, *, often: bool) -> list
     return hedges
 
 
-def _grow_plants(where: Points, smallest: float, largest: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def _grow_plants(where: Points, smallest: float, largest: float, rng: np.random.Generator) -> Array:
     count = len(where)
     radius = smallest + (largest - smallest) * rng.random(count) ** 1.7
     height = radius * rng.uniform(0.9, 1.7, count) + 2

@@ -4,7 +4,8 @@ import enum
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+
+from golden_model.arrays import Float32
 
 OCTAVES = 9
 """Band k has a lattice of 2**k px: from pixel grain to patches of 256 px."""
@@ -30,7 +31,7 @@ def make_rng(seed: int, purpose: Stream, *indices: int) -> np.random.Generator:
     return np.random.default_rng([seed, purpose, *(index & 0xFFFFFFFF for index in indices)])
 
 
-def make_noise(seed: int, x_px: int, y_px: int, width_px: int, height_px: int) -> NDArray[np.float32]:
+def make_noise(seed: int, x_px: int, y_px: int, width_px: int, height_px: int) -> Float32:
     """Band-limited noise of a window, one band per octave: (OCTAVES, height_px, width_px).
 
     The plane follows from ``seed``, which is not negative; the window's top left pixel in it is ``x_px``, ``y_px``. The
@@ -56,7 +57,7 @@ def _find_lattice(start_px: int, size_px: int, spacing_px: int) -> tuple[int, in
     return first - 1, last - first + 4
 
 
-def _lattice(key: np.uint32, column: int, row: int, columns: int, rows: int) -> NDArray[np.float32]:
+def _lattice(key: np.uint32, column: int, row: int, columns: int, rows: int) -> Float32:
     """White noise of unit variance at integer lattice points: a 32-bit integer hash of column, row and key."""
     x = np.arange(column, column + columns).astype(np.uint32) * np.uint32(0x9E3779B1)
     y = (np.arange(row, row + rows).astype(np.uint32) ^ key) * np.uint32(0x85EBCA77)

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from sim.scene.canvas import Canvas, Plane, bgr, lay_over
 from sim.scene.layout import Box
 
@@ -78,7 +78,7 @@ def _paint_car(box: Box, u: Plane, v: Plane, noise: Plane) -> tuple[Plane, Plane
     return (box.height_px * (0.62 + 0.38 * cabin) - 1.5 * v**2 - 0.8 * u**2).astype(np.float32), painted
 
 
-def paint_plants(canvas: Canvas, plants: NDArray[np.float64]) -> None:
+def paint_plants(canvas: Canvas, plants: Array) -> None:
     """Crowns with lobes and clumps of leaves: domes, cut and roughened by the noise at their position."""
     # Most are far away.
     from_edge = canvas.local(plants[:, :2]), canvas.relief.shape[::-1] - canvas.local(plants[:, :2])

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Points
 from sim.scene.canvas import BLOCK_PX, MARGIN_PX, Canvas, Plane, bgr, lay_over
 from sim.scene.layout import Parcel, Road
 
@@ -157,7 +158,7 @@ def _lay_over_at(canvas: Canvas, where: tuple[NDArray[np.intp], ...], over: Plan
         plane[where] = under
 
 
-def paint_ponds(canvas: Canvas, ponds: NDArray[np.float64]) -> None:
+def paint_ponds(canvas: Canvas, ponds: Array) -> None:
     """Paint still water with an irregular, muddy shore."""
     for x, y, radius in ponds.tolist():
         window = canvas.window(x, y, 1.8 * radius)
@@ -201,7 +202,7 @@ def _pave(canvas: Canvas, paving: Paving, aside: Plane) -> None:
     canvas.relief[near] *= 1 - 0.9 * roadway
 
 
-def _paint_markings(canvas: Canvas, centre_lines: Sequence[NDArray[np.float64]]) -> None:
+def _paint_markings(canvas: Canvas, centre_lines: Sequence[Points]) -> None:
     """Paint a dashed centre line and two edge lines, worn by noise."""
     paint = np.zeros(canvas.relief.shape, np.uint8)
     half_width_px = PAVINGS["street"].width_px / 2
@@ -222,5 +223,5 @@ def _paint_markings(canvas: Canvas, centre_lines: Sequence[NDArray[np.float64]])
     _lay_over_at(canvas, painted, np.broadcast_to(_MARKING[..., 0], (3, worn.size)), worn)
 
 
-def _to_fixed_point(canvas: Canvas, points: NDArray[np.float64]) -> NDArray[np.int32]:
+def _to_fixed_point(canvas: Canvas, points: Points) -> NDArray[np.int32]:
     return np.rint(canvas.local(points) * (1 << _FIXED_POINT_BITS)).astype(np.int32)

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Array, Pixels
+from golden_model.arrays import Array, Float32, Pixels
 from sim.scene.camera import Camera, CameraPose, Photometry, project
 from sim.scene.flight import FOCAL_WIDTHS, Flight, RenderedImages
 from sim.scene.noise import Stream, make_noise, make_rng
@@ -38,7 +38,7 @@ _WINDOWS_AND_LAMPS = (
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _LENS = Photometry(blur_sigma_px=0.4, noise_sigma=2.0, vignetting=0.1)
 
-Layer = NDArray[np.float32]
+Layer = Float32
 """Opacity, and BGR times opacity, shape (H, W, 4)."""
 
 
@@ -141,7 +141,7 @@ def _outline(size_px: tuple[float, float]) -> Array:
     return np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]]) / 2 * size_px
 
 
-def _lay_over(image: NDArray[np.float32], layer: Layer, to_image: Array) -> None:
+def _lay_over(image: Float32, layer: Layer, to_image: Array) -> None:
     """Draw a layer on the image, in place; ``to_image`` maps ground pixels, counted from the layer's centre."""
     height, width = layer.shape[:2]
     to_ground = np.array([[1, 0, (1 - width) / 2], [0, 1, (1 - height) / 2], [0, 0, _DETAIL]])

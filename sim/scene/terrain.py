@@ -3,9 +3,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Plane = NDArray[np.float32]
+from sim.scene.canvas import Plane
 
 TERRACE_PX, TERRACE_WIDTH_PX, BANK_PX = 14, 260, 24
 SLOPE, VALLEY_PX = 0.2, 700

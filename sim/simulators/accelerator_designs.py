@@ -3,10 +3,9 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
 from amaranth.lib import wiring
-from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from golden_model.config import MAX_FRAME_PX, Config, EstimatorConfig
 from hdl.accelerator import AcceleratorTop
 from hdl.axi.axi_read import AXI_READ
@@ -22,7 +21,7 @@ FEATURES, MATCHES, HOMOGRAPHIES = "m_axis_features", "m_axis_matches", "m_axis_h
 CONTROL = "s_axi_ctrl"
 
 
-def choose_build(config: Config, frames: Sequence[NDArray[np.uint8]]) -> Build:
+def choose_build(config: Config, frames: Sequence[Pixels]) -> Build:
     """The build in which ``frames`` are simulated: the usual one, or that for frames of any size."""
     build = Build(config=config)
     height_px, width_px = (max(sides) for sides in zip(*(image.shape[:2] for image in frames), strict=True))

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from golden_model.config import Config
 from golden_model.geometry.estimator import MAX_CYCLES
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, WORD_BYTES, Record
@@ -28,22 +29,20 @@ class HardwareBackend(Backend):
         self._progress = progress
         self._waves = waves
 
-    def run(
-        self, frames: Sequence[NDArray[np.uint8]], config: Config, *, reference: Reference = "held"
-    ) -> list[FrameResult]:
+    def run(self, frames: Sequence[Pixels], config: Config, *, reference: Reference = "held") -> list[FrameResult]:
         """See `sim.backends.interface.Backend.run`."""
         segments = make_segments(frames, config, reference)
         design = design_accelerator(choose_build(config, frames))
         recordings = simulate(design, segments, progress=self._progress, waves=self._waves)
         return decode_recordings(recordings, config)
 
-    def locate(self, image: NDArray[np.uint8], config: Config, *, frame: int) -> Mismatch | None:
+    def locate(self, image: Pixels, config: Config, *, frame: int) -> Mismatch | None:
         """See `sim.backends.interface.Backend.locate`; the first call builds a front end that outputs its stages."""
         self._progress("looking for the first stage that differs")
         return locate_mismatch(image, config.front_end, frame=frame, progress=self._progress)
 
 
-def make_segments(frames: Sequence[NDArray[np.uint8]], config: Config, reference: Reference) -> list[Segment]:
+def make_segments(frames: Sequence[Pixels], config: Config, reference: Reference) -> list[Segment]:
     """Frames as segments for the accelerator; consecutive frames of one shape share a segment and follow without a gap.
 
     Raises
@@ -55,7 +54,7 @@ def make_segments(frames: Sequence[NDArray[np.uint8]], config: Config, reference
     return [_make_segment(group, config, reference, first=number == 0) for number, group in enumerate(groups)]
 
 
-def _make_segment(frames: list[NDArray[np.uint8]], config: Config, reference: Reference, *, first: bool) -> Segment:
+def _make_segment(frames: list[Pixels], config: Config, reference: Reference, *, first: bool) -> Segment:
     height_px, width_px = frames[0].shape[:2]
     data, flags = (np.concatenate(parts) for parts in zip(*map(flatten_frame, frames), strict=True))
     held = int(reference == "held")

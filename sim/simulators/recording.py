@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from sim.backends.errors import BackendError
 
 START_OF_FRAME = 1
@@ -107,7 +108,7 @@ class Recording:
     """Words of the debugging outputs, by port prefix."""
 
 
-def flatten_frame(image: NDArray[np.uint8], *, pair_bits: int = 0) -> tuple[NDArray[np.uint64], NDArray[np.uint8]]:
+def flatten_frame(image: Pixels, *, pair_bits: int = 0) -> tuple[NDArray[np.uint64], NDArray[np.uint8]]:
     """Turn a frame into beats in raster order: data and flags for a `Segment`.
 
     Parameters

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from golden_model import timing
+from golden_model.arrays import Records
 from golden_model.config import FrontEndConfig
 from golden_model.feature.orientation import SECTORS
 from golden_model.front_end import FrontEndTrace, Plane
@@ -100,7 +100,7 @@ def find_clock_mismatch(timelines: Sequence[Timeline], simulated: Sequence[Frame
 
 
 def _compare_records(
-    frame: int, kind: str, expected: NDArray[np.void], actual: NDArray[np.void], position: tuple[str, str]
+    frame: int, kind: str, expected: Records, actual: Records, position: tuple[str, str]
 ) -> Mismatch | None:
     common = min(len(expected), len(actual))
     wrong = np.zeros(common, bool)

@@ -1,8 +1,8 @@
 """Finds the stage where hardware and golden model differ, with a build of the front end that outputs every stage."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels, Records
 from golden_model.config import Config, FrontEndConfig
 from golden_model.front_end import trace
 from hdl.settings import frame_settings
@@ -15,7 +15,7 @@ from sim.simulators.verilator import simulate
 
 
 def locate_mismatch(
-    image: NDArray[np.uint8], config: FrontEndConfig, *, frame: int = 0, progress: Progress = silent
+    image: Pixels, config: FrontEndConfig, *, frame: int = 0, progress: Progress = silent
 ) -> Mismatch | None:
     """The first stage of the front end, level by level, whose plane differs from `golden_model.front_end.trace`.
 
@@ -37,7 +37,7 @@ def locate_mismatch(
     return find_stage_mismatch(golden, planes, frame=frame)
 
 
-def _place_values(words: NDArray[np.void], shape: tuple[int, int]) -> np.ma.MaskedArray:
+def _place_values(words: Records, shape: tuple[int, int]) -> np.ma.MaskedArray:
     """The values at their pixels; the other pixels are masked, since the hardware sent no value for them."""
     plane: np.ma.MaskedArray = np.ma.MaskedArray(np.zeros(shape, np.int64), mask=True)
     x, y = words["x"], words["y"]
