@@ -22,7 +22,7 @@ CORNER_TICKS = (300, 1000, 3000, 10000)
 def plot_corners(m: Measurements) -> bytes:
     """Plot the number of corners against the threshold, published and measured."""
     figure, (plot,) = _make_plots(1)
-    _, ours = tables.calibrate_corners(m)
+    ours = tables.calibrate_corners(m)
     thresholds = list(published.CORNERS)
     plot.plot(thresholds, [np.mean(pair) for pair in published.CORNERS.values()], label="thesis", **THESIS)
     plot.plot(thresholds, [np.mean(ours[t]) for t in thresholds], label="here", **HERE)

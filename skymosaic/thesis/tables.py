@@ -10,19 +10,11 @@ from skymosaic.thesis.corners import THRESHOLDS
 from skymosaic.thesis.measurements import Measurements
 from skymosaic.thesis.rejection import DESCRIPTORS, OURS, STAGES
 
+Sheet = list[dict[str, str]]
+"""A table: the text of each row's cells, by their headings. The last row has all; a cell that a row lacks is empty."""
 MISSING = "-"
 MAX_TREND_WINDOW_PX = 25
 """The published number of good matches rises up to this window and falls beyond."""
-
-
-@dataclass(frozen=True)
-class Sheet:
-    """A table: headings, and rows of cells as text; the first column names the row."""
-
-    headings: Sequence[str]
-    rows: Sequence[Sequence[str]]
-
-
 LEVEL_GROWTH = 1.1
 """A count levels off if it grows by less than this factor while the threshold is halved; the published ones do."""
 
@@ -36,8 +28,8 @@ class Trend:
     numbers: str
 
 
-def calibrate_corners(m: Measurements) -> tuple[float, dict[int, tuple[float, float]]]:
-    """Find the factor from published thresholds to ours, and our mean corners in both images at each of them.
+def calibrate_corners(m: Measurements) -> dict[int, tuple[float, float]]:
+    """Find our mean corners in both images at each published threshold, which is scaled to our measure.
 
     The factor is chosen so that the mean number of corners at the highest published threshold is that of the thesis.
     """
@@ -47,162 +39,156 @@ def calibrate_corners(m: Measurements) -> tuple[float, dict[int, tuple[float, fl
     both = (np.array(left) + right) / 2
     # Counts fall as thresholds rise, but np.interp needs rising values: hence the reversed order.
     factor = float(np.exp(np.interp(np.mean(published.CORNERS[highest]), both[::-1], logs[::-1]))) / highest
-    ours = {
+    return {
         t: (float(np.interp(np.log(factor * t), logs, left)), float(np.interp(np.log(factor * t), logs, right)))
         for t in published.CORNERS
     }
-    return factor, ours
 
 
 def tabulate_corners(m: Measurements) -> Sheet:
     """Number of corners by threshold, Table IV-1."""
-    _, ours = calibrate_corners(m)
-    rows = [
-        (str(t), f"{first} / {second}", f"{ours[t][0]:.0f} / {ours[t][1]:.0f}")
+    ours = calibrate_corners(m)
+    return [
+        {
+            "threshold, as published": str(t),
+            "thesis, image 1 / 2": f"{first} / {second}",
+            "here, image 1 / 2": f"{ours[t][0]:.0f} / {ours[t][1]:.0f}",
+        }
         for t, (first, second) in published.CORNERS.items()
     ]
-    return Sheet(("threshold, as published", "thesis, image 1 / 2", "here, image 1 / 2"), rows)
 
 
 def tabulate_adaptive_threshold(m: Measurements) -> Sheet:
     """Corners at the first and last value of the adaptive threshold."""
-    rows = [
-        (
-            setting,
-            f"{m.mean('adaptive', setting, 'left'):.0f} / {m.mean('adaptive', setting, 'right'):.0f}",
-            _format_percent(m.mean("adaptive", setting, "quality")),
-            _format_percent(m.mean("adaptive", setting, "repeatability")),
-        )
+    return [
+        {
+            "threshold": setting,
+            "corners, image 1 / 2": " / ".join(
+                f"{m.mean('adaptive', setting, side):.0f}" for side in ("left", "right")
+            ),
+            "quality of matches": _percent(m.mean("adaptive", setting, "quality")),
+            "repeatability in the overlap": _percent(m.mean("adaptive", setting, "repeatability")),
+        }
         for setting in m.settings("adaptive")
     ]
-    return Sheet(("threshold", "corners, image 1 / 2", "quality of matches", "repeatability in the overlap"), rows)
 
 
 def tabulate_windows(m: Measurements) -> Sheet:
     """Good matches by window, Table IV-2."""
-    rows = [
-        (
-            f"{size}x{size}",
-            str(good),
-            _format_decimal(m.mean("IV-2", str(size), "good")),
-            _format_decimal(m.mean("IV-2", str(size), "matches")),
-            _format_percent(1 - m.ratio("IV-2", str(size), "good", "matches")),
-            f"{seconds:.2f}",
-            f"{m.mean('IV-2', str(size), 'seconds'):.3f}",
-        )
+    return [
+        {
+            "window": f"{size}x{size}",
+            "good, thesis": str(good),
+            "good, here": _decimal(m.mean("IV-2", str(size), "good")),
+            "matches": _decimal(m.mean("IV-2", str(size), "matches")),
+            "share of false": _percent(1 - m.ratio("IV-2", str(size), "good", "matches")),
+            "seconds, thesis": f"{seconds:.2f}",
+            "seconds, here": f"{m.mean('IV-2', str(size), 'seconds'):.3f}",
+        }
         for size, (good, seconds) in published.CORRELATION.items()
     ]
-    headings = ("window", "good, thesis", "good, here", "matches", "share of false", "seconds, thesis", "seconds, here")
-    return Sheet(headings, rows)
 
 
 def tabulate_rings(m: Measurements) -> Sheet:
     """Good and false matches by rings, Table IV-3."""
-    rows = [
-        (
-            f"{n} ({8 * n} bits)",
-            str(good),
-            _format_decimal(m.mean("IV-3", str(n), "good")),
-            str(matches - good),
-            _format_decimal(m.mean("IV-3", str(n), "matches") - m.mean("IV-3", str(n), "good")),
-            _format_percent(1 - good / matches),
-            _format_percent(1 - m.ratio("IV-3", str(n), "good", "matches")),
-        )
+    return [
+        {
+            "rings": f"{n} ({8 * n} bits)",
+            "good, thesis": str(good),
+            "good, here": _decimal(m.mean("IV-3", str(n), "good")),
+            "false, thesis": str(matches - good),
+            "false, here": _decimal(m.mean("IV-3", str(n), "matches") - m.mean("IV-3", str(n), "good")),
+            "share of false, thesis": _percent(1 - good / matches),
+            "here": _percent(1 - m.ratio("IV-3", str(n), "good", "matches")),
+        }
         for n, (matches, good, _) in published.ILBP.items()
     ]
-    headings = ("good, thesis", "good, here", "false, thesis", "false, here", "share of false, thesis", "here")
-    return Sheet(("rings", *headings), rows)
 
 
 def tabulate_groups(m: Measurements, table: str, unit: str) -> Sheet:
     """Good matches and all matches of a table, by group of pairs."""
-    rows = [
-        (
-            f"{setting} {unit}",
-            *(
-                f"{m.mean(table, setting, 'good', group):.1f} of {m.mean(table, setting, 'matches', group):.1f}"
-                for group in m.groups
-            ),
-        )
+    return [
+        {"good of all matches": f"{setting} {unit}"}
+        | {
+            group: f"{m.mean(table, setting, 'good', group):.1f} of {m.mean(table, setting, 'matches', group):.1f}"
+            for group in m.groups
+        }
         for setting in m.settings(table)
     ]
-    return Sheet(("good of all matches", *m.groups), rows)
 
 
 def tabulate_fuzzy_ransac(m: Measurements) -> Sheet:
     """Matches that pass each check of fuzzy RANSAC, Table IV-4."""
     columns = ("features 1", "features 2", "matched", "bidirectional", "RANSAC", "inliers")
     rows = [(f"thesis, {name}", *map(str, figures)) for name, figures in published.FUZZY_RANSAC.items()]
-    rows += [(f"here, {name}", *(_format_decimal(m.mean("IV-4", name, c)) for c in columns)) for name in DESCRIPTORS]
-    return Sheet(("method", "features 1", "features 2", "matched", "bidirectional", "RANSAC ≤ τ", "inliers"), rows)
+    rows += [(f"here, {name}", *(_decimal(m.mean("IV-4", name, c)) for c in columns)) for name in DESCRIPTORS]
+    headings = ("method", *columns[:4], "RANSAC ≤ τ", "inliers")
+    return [dict(zip(headings, row, strict=True)) for row in rows]
 
 
 def tabulate_errors(m: Measurements) -> Sheet:
     """RMSE of the inliers, Table IV-5."""
     rows = [
-        (f"thesis, {name}", MISSING, ", ".join(f"{value:g}" for value in values), MISSING)
+        {"method": f"thesis, {name}", "RMSE of inliers, px": ", ".join(f"{value:g}" for value in values)}
         for name, values in published.RMSE_PX.items()
     ]
-    rows += [
-        (
-            f"here, {name}",
-            _format_percent(m.mean("IV-5", name, "registered")),
-            _format_decimal(m.mean("IV-5", name, "RMSE"), 2),
-            _format_decimal(float(np.median(m.values("IV-5", name, "error") or [np.nan])), 2),
-        )
+    return rows + [
+        {
+            "method": f"here, {name}",
+            "pairs registered": _percent(m.mean("IV-5", name, "registered")),
+            "RMSE of inliers, px": _decimal(m.mean("IV-5", name, "RMSE"), 2),
+            "median distance from the truth, px": _decimal(np.median(m.values("IV-5", name, "error") or [np.nan]), 2),
+        }
         for name in (*DESCRIPTORS, OURS)
     ]
-    return Sheet(("method", "pairs registered", "RMSE of inliers, px", "median distance from the truth, px"), rows)
 
 
 def tabulate_recall(m: Measurements) -> Sheet:
     """Recall and precision, Table IV-6."""
     rows = [
-        (f"thesis, {name}", ", ".join(f"{value:.2f}" for value in values), MISSING, MISSING)
+        {"method": f"thesis, {name}", "as published: inliers / matched": ", ".join(f"{value:.2f}" for value in values)}
         for name, values in published.RECALL.items()
     ]
-    rows += [
-        (
-            f"here, {name}",
-            _format_decimal(m.ratio("IV-4", name, "inliers", "matched"), 2),
-            _format_decimal(pool_recall(m, stage), 2),
-            _format_decimal(1 - pool_precision(m, stage), 2),
-        )
+    return rows + [
+        {
+            "method": f"here, {name}",
+            "as published: inliers / matched": _decimal(m.ratio("IV-4", name, "inliers", "matched"), 2),
+            "recall": _decimal(pool_recall(m, stage), 2),
+            "1 - precision": _decimal(1 - pool_precision(m, stage), 2),
+        }
         for name, stage in STAGES.items()
     ]
-    return Sheet(("method", "as published: inliers / matched", "recall", "1 - precision"), rows)
 
 
 def tabulate_seconds(m: Measurements) -> Sheet:
     """Seconds for a mosaic, Table IV-7."""
-    rows = [(f"thesis, {name}", f"{value:.2f}", MISSING) for name, value in published.MOSAIC_SECONDS.items()]
-    rows += [
-        (
-            f"here, {name}",
-            f"{m.mean('IV-7', name, 'whole'):.2f}",
-            f"{len(m.values('IV-7', name, 'whole'))} of {len(m.pairs)}",
-        )
+    rows = [
+        {"method": f"thesis, {name}", "seconds for a mosaic": f"{value:.2f}"}
+        for name, value in published.MOSAIC_SECONDS.items()
+    ]
+    return rows + [
+        {
+            "method": f"here, {name}",
+            "seconds for a mosaic": f"{m.mean('IV-7', name, 'whole'):.2f}",
+            "pairs registered": f"{len(m.values('IV-7', name, 'whole'))} of {len(m.pairs)}",
+        }
         for name in m.settings("IV-7")
     ]
-    return Sheet(("method", "seconds for a mosaic", "pairs registered"), rows)
 
 
 def tabulate_stages(m: Measurements) -> Sheet:
     """Matches that each fuzzy stage kept and rejected, correctly and wrongly."""
-    rows = [
-        (
-            stage,
-            *(_format_decimal(m.mean("stages", stage, count)) for count in ("TP", "FP", "TN", "FN")),
-            _format_percent(pool_good_share(m, stage)),
-            _format_percent(pool_precision(m, stage)),
-            _format_percent(pool_recall(m, stage)),
-            f"{sum(m.values('stages', stage, 'registered before')):.0f} → "
-            f"{sum(m.values('stages', stage, 'registered after')):.0f}",
-        )
+    return [
+        {
+            "stage": stage,
+            **{count: _decimal(m.mean("stages", stage, count)) for count in ("TP", "FP", "TN", "FN")},
+            "good before": _percent(pool_good_share(m, stage)),
+            "good after (precision)": _percent(pool_precision(m, stage)),
+            "good kept (recall)": _percent(pool_recall(m, stage)),
+            "registered": _arrows([sum(m.values("stages", stage, f"registered {x}")) for x in ("before", "after")]),
+        }
         for stage in m.settings("stages")
     ]
-    headings = ("good before", "good after (precision)", "good kept (recall)", "registered")
-    return Sheet(("stage", "TP", "FP", "TN", "FN", *headings), rows)
 
 
 def pool_good_share(m: Measurements, stage: str) -> float:
@@ -222,8 +208,8 @@ def pool_recall(m: Measurements, stage: str) -> float:
 
 def check_trends(m: Measurements) -> list[Trend]:
     """Check the thesis's trends in the means over all pairs."""
-    _, corners = calibrate_corners(m)
-    corner_counts = [sum(corners[t]) / 2 for t in sorted(corners, reverse=True)]
+    ours = calibrate_corners(m)
+    corners = [sum(ours[t]) / 2 for t in sorted(ours, reverse=True)]
     sizes = [str(size) for size in published.CORRELATION if size <= MAX_TREND_WINDOW_PX]
     good = [m.mean("IV-2", size, "good") for size in sizes]
     seconds = [m.mean("IV-2", size, "seconds") for size in sizes]
@@ -233,30 +219,24 @@ def check_trends(m: Measurements) -> list[Trend]:
     shares = [pool_good_share(m, stage), pool_precision(m, stage)]
     sift, harris = (m.mean("figure IV-6", f"{name} 4", "repeatability") for name in ("SIFT", "Harris"))
     return [
-        Trend(
-            "a lower threshold gives more corners (IV-1)",
-            _rises(corner_counts),
-            _join_by_arrows(corner_counts, "{:.0f}"),
-        ),
+        Trend("a lower threshold gives more corners (IV-1)", _rises(corners), _arrows(corners)),
         Trend(
             f"the number of corners levels off, at {max(published.CORNERS[min(published.CORNERS)])} (IV-1)",
-            corner_counts[-1] < LEVEL_GROWTH * corner_counts[-2],
-            _join_by_arrows(corner_counts[-2:], "{:.0f}") + " where the threshold is halved",
+            corners[-1] < LEVEL_GROWTH * corners[-2],
+            _arrows(corners[-2:]) + " where the threshold is halved",
         ),
-        Trend(
-            "25x25 windows give more good matches than 3x3 (IV-2)", good[-1] > good[0], _join_by_arrows(good, "{:.1f}")
-        ),
-        Trend("larger windows take more time (IV-2)", _rises(seconds), _join_by_arrows(seconds, "{:.3f}") + " s"),
-        Trend("more rings give more good matches (IV-3)", _rises(ring_good), _join_by_arrows(ring_good, "{:.1f}")),
+        Trend("25x25 windows give more good matches than 3x3 (IV-2)", good[-1] > good[0], _arrows(good, ".1f")),
+        Trend("larger windows take more time (IV-2)", _rises(seconds), _arrows(seconds, ".3f") + " s"),
+        Trend("more rings give more good matches (IV-3)", _rises(ring_good), _arrows(ring_good, ".1f")),
         Trend(
             "more rings give a smaller share of false matches (IV-3)",
             _rises(ring_false[::-1]),
-            _join_by_arrows(ring_false, "{:.0%}"),
+            _arrows(ring_false, ".0%"),
         ),
-        Trend("fuzzy ILBP raises the share of good matches", _rises(shares), _join_by_arrows(shares, "{:.0%}")),
+        Trend("fuzzy ILBP raises the share of good matches", _rises(shares), _arrows(shares, ".0%")),
         Trend(
             "SIFT is more repeatable than Harris in a picture reduced by 4 (figure IV-6)",
-            _rises([harris, sift]),
+            sift > harris,
             f"{sift:.2f} against {harris:.2f}",
         ),
     ]
@@ -271,13 +251,13 @@ def _rises(values: Sequence[float]) -> bool:
     return bool((np.diff(values) > 0).all())
 
 
-def _join_by_arrows(values: Sequence[float], form: str) -> str:
-    return " → ".join(form.format(value) for value in values)
+def _arrows(values: Sequence[float], form: str = ".0f") -> str:
+    return " → ".join(f"{value:{form}}" for value in values)
 
 
-def _format_decimal(value: float, places: int = 1) -> str:
+def _decimal(value: float, places: int = 1) -> str:
     return MISSING if np.isnan(value) else f"{value:.{places}f}"
 
 
-def _format_percent(share: float) -> str:
+def _percent(share: float) -> str:
     return MISSING if np.isnan(share) else f"{100 * share:.0f} %"

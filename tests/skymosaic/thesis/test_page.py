@@ -33,8 +33,9 @@ def made_up(measured: Measurements) -> Measurements:
 
 def write_out(m: Measurements) -> Iterator[str]:
     for name, sheet in ((name, getattr(tables, f"tabulate_{name}")(m)) for name in SHEETS):
-        yield from (f"table {name}: {' | '.join(row)}" for row in (sheet.headings, *sheet.rows))
-    yield from (f"groups: {' | '.join(row)}" for row in tables.tabulate_groups(m, "IV-2", "px").rows)
+        rows = ([row.get(heading, tables.MISSING) for heading in sheet[-1]] for row in sheet)
+        yield from (f"table {name}: {' | '.join(row)}" for row in (sheet[-1], *rows))
+    yield from (f"groups: {' | '.join(row.values())}" for row in tables.tabulate_groups(m, "IV-2", "px"))
     yield from (f"trend: {trend.statement} | {trend.holds} | {trend.numbers}" for trend in tables.check_trends(m))
     drawn: list[Figure] = []
     with pytest.MonkeyPatch.context() as patch:
