@@ -6,7 +6,7 @@ from nicegui import ui
 
 from skymosaic.panel.explain import classify_matches, explain
 from skymosaic.panel.pages import drawings
-from skymosaic.panel.pages.explanation import write_html
+from skymosaic.panel.pages.page_layout import fill_in
 from skymosaic.panel.results import Picture
 from skymosaic.panel.widgets.slider import Slider
 from skymosaic.panel.widgets.viewer import Pointer, Viewer
@@ -129,4 +129,4 @@ class MatchesTab:
         self._viewer.highlight(drawings.draw_chosen_match(self._lines[index], self._verdicts[index]))
         pinned = ", pinned" if self._pinned else ""
         self._number.set_text(f"match {index + 1} of {len(self._verdicts)}{pinned}")
-        self._explanation.set_content(write_html(explain(self._pair, index)))
+        self._explanation.set_content(fill_in("explanation.html", explanation=explain(self._pair, index)))

@@ -21,7 +21,7 @@ from skymosaic.features.methods import choose_method
 from skymosaic.imagery.images import Photograph
 from skymosaic.panel.explain import FiredRule, Input, explain
 from skymosaic.panel.options import Options
-from skymosaic.panel.pages.explanation import write_html
+from skymosaic.panel.pages.page_layout import fill_in
 from skymosaic.panel.results import (
     Decoded,
     HardwareResult,
@@ -164,14 +164,14 @@ def explanations() -> Iterator[tuple[str, list[str]]]:
     by_rules = pair("a.png", "b.png", aerial)
     for made, index in ((by_rules, 0), (by_rules, 5), (by_rules, 6), (method, 0)):
         explained = explain(made, index)
-        yield f"match {index}", write_html(explained).splitlines()
+        yield f"match {index}", fill_in("explanation.html", explanation=explained).splitlines()
     many = replace(explained, rules=(FiredRule("if near then sure", 0.5, 0.0, dominant=False),) * 9)
     table = np.array([0, 64, 256])
     distance = Variable("distance", {"far": table, "near": 256 - table})
     many = replace(many, inputs=(Input(distance, 7, {"far": 0.75, "near": 0.25}),))
     few = replace(many, rules=many.rules[:8])
     for name, each in (("nine rules", many), ("eight rules", few)):
-        yield name, write_html(each).splitlines()
+        yield name, fill_in("explanation.html", explanation=each).splitlines()
 
 
 def describe(element: Element, depth: int = 0) -> Iterator[str]:

@@ -8,7 +8,7 @@ from golden_model.formats import WEIGHT
 from sim.scene import make_pair
 from skymosaic import register
 from skymosaic.panel.explain import classify_matches, explain
-from skymosaic.panel.pages.explanation import write_html
+from skymosaic.panel.pages.page_layout import fill_in
 from skymosaic.registration.pair import Pair
 
 METHODS = {
@@ -65,7 +65,7 @@ def test_every_verdict_has_a_reason_that_agrees(pair: Pair) -> None:
 
 def test_the_html_shows_values_and_degrees(pair: Pair) -> None:
     index = int(np.argmin(pair.matches["verdict"]))
-    explanation, page = explain(pair, index), write_html(explain(pair, index))
+    explanation, page = explain(pair, index), fill_in("explanation.html", explanation=explain(pair, index))
     for item in explanation.inputs:
         assert f"{item.variable.name} {item.value}" in page
         for name, degree in item.degrees.items():
