@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,7 @@ from skymosaic.panel.runs import Runs
 from skymosaic.panel.session_files import SessionFiles
 from skymosaic.panel.tasks import mosaic_tasks, tracking_tasks, upload_tasks
 from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits, Task
-from skymosaic.panel.uploads import Arrivals, UploadRefusedError
+from skymosaic.panel.uploads import MAX_UPLOADS_AT_ONCE, UploadRefusedError
 
 DECODING_LIMITS = Limits(seconds=120, processor_seconds=60, memory_bytes=2 << 30)
 
@@ -54,7 +54,7 @@ class Session:
         self.boards = boards
         """Backends that are boards."""
         self._queues = queues
-        self._arrivals = Arrivals(queues.arriving)
+        self._arriving = 0
         self.files = SessionFiles(partial(make_folder, self))
         self.last_active = time.monotonic()
         """When the last job or upload ended, s of the monotonic clock."""
@@ -86,7 +86,7 @@ class Session:
     @property
     def is_busy(self) -> bool:
         """Whether a job or an upload is running."""
-        return self.job is not None or self._arrivals.count > 0
+        return self.job is not None or self._arriving > 0
 
     @property
     def results(self) -> dict[str, MosaicResult | TrackingResult]:
@@ -105,23 +105,28 @@ class Session:
         Raises
         ------
         UploadRefusedError
-            If the file is refused; it is removed completely.
+            If the file is refused, or too many are under way; it is removed completely.
         """
-        async with self._arrivals.admit():
-            path = await self.files.receive(slot, body, name)
-            try:
+        if self._arriving >= MAX_UPLOADS_AT_ONCE:
+            raise UploadRefusedError(f"{MAX_UPLOADS_AT_ONCE} files are arriving already; wait for them", 429)
+        if self._queues.arriving.locked():
+            raise UploadRefusedError("too many files are arriving from all visitors; try again", 503)
+        self._arriving += 1
+        try:
+            async with self._queues.arriving:
+                path = await self.files.receive(slot, body, name)
                 decoded = await self._decode(path, slot, self.files.folder("pictures/uploads"))
-            except JobFailedError as error:
-                path.unlink()
-                raise UploadRefusedError(str(error)) from None
+        except JobFailedError as error:
+            path.unlink()
+            raise UploadRefusedError(str(error)) from None
+        finally:
+            self._arriving -= 1
         self.last_active = time.monotonic()
         uploaded = InputFile.of_upload(decoded)
         if slot == "photograph":
             self.set_photographs((*(each for each in self.photographs if each.is_upload), uploaded))
-        elif slot == "template":
-            self._set_film((uploaded, self.video))
         else:
-            self._set_film((self.template, uploaded))
+            self._set_film({slot: uploaded})
 
     async def open_folder(self, path: str) -> None:
         """Load the photographs of a folder of this machine in place of those that are loaded; nothing is copied.
@@ -311,7 +316,10 @@ class Session:
         self.mosaic_result, self.hardware_result = result, None
         self.rules_edit = RulesEdit(result) if RulesEdit.applies_to(result) else None
 
-    def _set_film(self, film: Iterable[InputFile | None]) -> None:
-        before, (self.template, self.video) = (self.template, self.video), film
-        self.files.remove(each for each in before if each and each not in (self.template, self.video))
+    def _set_film(self, film: Mapping[str, InputFile]) -> None:
+        """Replace the template, the video, or both."""
+        for slot, file in film.items():
+            before = getattr(self, slot)
+            self.files.remove([before] if before else [])
+            setattr(self, slot, file)
         self.changed.emit()

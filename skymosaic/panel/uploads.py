@@ -8,8 +8,7 @@ import asyncio
 import itertools
 import re
 import unicodedata
-from collections.abc import AsyncGenerator, AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -82,35 +81,6 @@ KINDS = {"photograph": PHOTOGRAPH, "template": PHOTOGRAPH, "video": VIDEO}
 """What a file may be uploaded as."""
 
 
-class Arrivals:
-    """Limits the uploads of one session that are under way, and those of all sessions together."""
-
-    def __init__(self, of_all: asyncio.Semaphore) -> None:
-        self._of_all = of_all
-        self.count = 0
-        """How many of the session's are under way."""
-
-    @asynccontextmanager
-    async def admit(self) -> AsyncGenerator[None]:
-        """Count an upload in while the context lasts.
-
-        Raises
-        ------
-        UploadRefusedError
-            If too many are under way.
-        """
-        if self.count >= MAX_UPLOADS_AT_ONCE:
-            raise UploadRefusedError(f"{MAX_UPLOADS_AT_ONCE} files are arriving already; wait for them", 429)
-        if self._of_all.locked():
-            raise UploadRefusedError("too many files are arriving from all visitors; try again", 503)
-        self.count += 1
-        try:
-            async with self._of_all:
-                yield
-        finally:
-            self.count -= 1
-
-
 def sanitise_stem(name: str) -> str:
     """Make a harmless stem of a file name: its letters of any script, digits, dashes and underscores, at most 40."""
     # Some browsers send a letter and its accent as two characters, and the accent is no letter.
@@ -146,36 +116,23 @@ async def receive(body: AsyncIterator[bytes], name: str, kind: Kind, part: Path,
         part.unlink(missing_ok=True)
 
 
-async def _without_stalls(body: AsyncIterator[bytes], stem: str) -> AsyncIterator[bytes]:
-    """Pass on the body; refuse it when less than `PROGRESS_BYTES` arrive in `STALLED_SECONDS`."""
-    chunks, awaited_bytes, deadline = aiter(body), 0, 0.0
-    while True:
-        if awaited_bytes <= 0:
-            awaited_bytes, deadline = PROGRESS_BYTES, anyio.current_time() + STALLED_SECONDS
-        try:
-            with anyio.fail_after(deadline - anyio.current_time()):
-                chunk = await anext(chunks)
-        except StopAsyncIteration:
-            return
-        except TimeoutError:
-            raise UploadRefusedError(
-                f"{stem}: hardly anything arrived for {STALLED_SECONDS:g} s; check the connection and load it again",
-                408,
-            ) from None
-        awaited_bytes -= len(chunk)
-        yield chunk
-
-
 async def _store(body: AsyncIterator[bytes], path: Path, limit_bytes: int, stem: str) -> bytes:
     """Write the body to ``path`` as it arrives; return its first bytes."""
-    head, size = b"", 0
-    async with await anyio.open_file(path, "wb") as file:
-        async for chunk in _without_stalls(body, stem):
-            size += len(chunk)
-            if size > limit_bytes:
-                raise UploadRefusedError(
-                    f"{stem}: larger than the {limit_bytes // MEBIBYTE} MB allowed; reduce it first", 413
-                )
-            head = (head + chunk)[:_HEAD_BYTES] if len(head) < _HEAD_BYTES else head
-            await file.write(chunk)
+    head, size, awaited_bytes = b"", 0, PROGRESS_BYTES
+    try:
+        async with asyncio.timeout(STALLED_SECONDS) as patience, await anyio.open_file(path, "wb") as file:
+            async for chunk in body:
+                size += len(chunk)
+                if size > limit_bytes:
+                    raise UploadRefusedError(
+                        f"{stem}: larger than the {limit_bytes // MEBIBYTE} MB allowed; reduce it first", 413
+                    )
+                if size >= awaited_bytes:
+                    awaited_bytes = size + PROGRESS_BYTES
+                    patience.reschedule(asyncio.get_running_loop().time() + STALLED_SECONDS)
+                head = (head + chunk)[:_HEAD_BYTES] if len(head) < _HEAD_BYTES else head
+                await file.write(chunk)
+    except TimeoutError:
+        fault = f"hardly anything arrived for {STALLED_SECONDS:g} s; check the connection and load it again"
+        raise UploadRefusedError(f"{stem}: {fault}", 408) from None
     return head

@@ -91,8 +91,8 @@ def render_photographs(folder: Path, names: Sequence[str], pictures: Path, *, pr
     return [InputFile.of_upload(each) for each in decoded]
 
 
-def render_pursuit(folder: Path, names: Sequence[str], pictures: Path, *, progress: Progress) -> list[InputFile]:
-    """Render the built-in film of a car, and cut the template out of its first frame."""
+def render_pursuit(folder: Path, names: Sequence[str], pictures: Path, *, progress: Progress) -> dict[str, InputFile]:
+    """Render the built-in film of a car, and cut the template out of its first frame; both by what they are."""
     template, video = names
     film = make_pursuit(BUILT_IN_SEED, PURSUIT_FRAMES, magnification=CAR_MAGNIFICATION)
     with write_video(folder / video, DEFAULT_RATE) as write:
@@ -104,7 +104,7 @@ def render_pursuit(folder: Path, names: Sequence[str], pictures: Path, *, progre
     save(folder / template, film.images[0][top:bottom, left:right])
     seen = inspect_photograph(folder, template, pictures, progress=progress)
     first = inspect_video(folder, video, pictures, progress=progress)
-    return [InputFile.of_upload(seen), InputFile.of_upload(first)]
+    return {"template": InputFile.of_upload(seen), "video": InputFile.of_upload(first)}
 
 
 def _describe(name: str, pixels: Pixels, notes: tuple[str, ...], pictures: Path) -> Decoded:

@@ -80,7 +80,7 @@ def test_the_examples_take_the_places_of_photographs_and_of_the_film(sessions: S
     assert [name.partition("_")[2] for name in (*names, *film_names)] == ["built-in.png"] * 3 + ["car.png", "film.mp4"]
     inputs = [InputFile.of_upload(Decoded((64, 64), (), Path(name), (64, 64))) for name in "abc"]
     show(inputs)
-    show_film(inputs[:2])
+    show_film({"template": inputs[0], "video": inputs[1]})
     assert any_session.photographs == inputs
     assert [any_session.template, any_session.video] == inputs[:2]
 
@@ -285,7 +285,7 @@ def test_uploads_leave_room_on_the_disk(
 def test_a_session_has_a_limited_number_of_uploads_under_way(
     sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("skymosaic.panel.uploads.MAX_UPLOADS_AT_ONCE", 1)
+    monkeypatch.setattr("skymosaic.panel.session.MAX_UPLOADS_AT_ONCE", 1)
     one, two = sessions.get("one"), sessions.get("two")
 
     async def slow() -> AsyncIterator[bytes]:

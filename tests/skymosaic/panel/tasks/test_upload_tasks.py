@@ -110,10 +110,10 @@ def test_the_template_is_cut_out_around_the_car(
 
     monkeypatch.setattr(upload_tasks, "make_pursuit", film)
     steps: Steps = []
-    template, video = upload_tasks.render_pursuit(
+    rendered = upload_tasks.render_pursuit(
         tmp_path, ["car.png", "film.mp4"], pictures, progress=lambda *step: steps.append(step)
     )
     assert asked == [(9, 60, 3.0)]
     assert steps[:2] == [("rendering", 1, 60), ("rendering", 2, 60)]
-    assert (template.name, video.name) == ("car.png", "film.mp4")
+    assert {slot: file.name for slot, file in rendered.items()} == {"template": "car.png", "video": "film.mp4"}
     np.testing.assert_array_equal(np.asarray(cv2.imread(str(tmp_path / "car.png"))), frames[0][24:90, 6:106])
