@@ -97,14 +97,12 @@ def follow_video(
 
 def save_corners(path: Path, rows: Sequence[TrackedCorners]) -> None:
     """Write the rows as CSV or JSON, according to the suffix."""
-    as_json = path.suffix.lower() == ".json"
-    save_bytes(path, to_json({"corners": list(map(vars, rows))}) if as_json else _csv(rows).encode())
-
-
-def _csv(rows: Sequence[TrackedCorners]) -> str:
+    if path.suffix.lower() == ".json":
+        save_bytes(path, to_json({"corners": list(map(vars, rows))}))
+        return
     names = [f"{axis}{corner}" for corner in range(4) for axis in "xy"]
     table = []
     for each in rows:
         values = [""] * 8 if each.corners is None else [value for point in each.corners for value in point]
         table.append([each.frame, each.seconds, *values, each.model, each.inliers, each.reason])
-    return to_csv(["frame", "seconds", *names, "model", "inliers", "reason"], table)
+    save_bytes(path, to_csv(["frame", "seconds", *names, "model", "inliers", "reason"], table).encode())

@@ -72,13 +72,6 @@ class TemplatePose(NamedTuple):
     view: View
 
 
-class Look(NamedTuple):
-    """What was found in a frame: the template, or not, and whether what surrounded it in the reference was seen."""
-
-    pose: TemplatePose | None
-    sees_surroundings: bool
-
-
 @dataclass(frozen=True, eq=False)
 class Template:
     """A rectangle of a picture, and the front end that finds it in frames."""
@@ -127,12 +120,12 @@ class Template:
         moves: bool,
         min_inliers: int,
         rng: np.random.Generator,
-    ) -> Look:
+    ) -> tuple[TemplatePose | None, bool]:
         """Look for the template within about a quarter of its size from the expected pose, template to frame pixels.
 
         The features of the first view are sought, with a ``weight`` (F,) that is 0 for those that are not trusted; or
         blocks of a ``reference``, the first view or a recent one. ``moves`` says that the object is known to move
-        otherwise than its surroundings.
+        otherwise than its surroundings. Returns also whether what surrounded it in the reference was seen.
         """
         view = self._view(frame, expected)
         find: Find = fit_similarity
@@ -154,13 +147,13 @@ class Template:
             matches, still, around and around.matrix, ahead if moves else None, find, fewest=min_inliers
         )
         if best is None:
-            return Look(None, around is not None)
+            return None, around is not None
         agreeing = inside & (transfer_error(best.matrix, left, right) <= TOLERANCE_PX)
         homography = rescale(np.linalg.inv(scaled) @ best.matrix @ self._to_view)
         followed, others = (index[each & (index >= 0)] for each in (agreeing, left_out & ~agreeing))
         seen = view._replace(in_frame=homography)
         pose = TemplatePose(homography, best.model, best.inliers, followed, others, bool(left_out.any()), seen)
-        return Look(pose, around is not None)
+        return pose, around is not None
 
     def guess_within(
         self, frame: Pixels, part: Canvas, zoom: float, weight: Array, *, min_inliers: int

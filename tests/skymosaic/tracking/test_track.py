@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from skymosaic.compositing.warp import Canvas
 from skymosaic.geometry.homography import apply
-from skymosaic.tracking.template import Look, TemplatePose, View
+from skymosaic.tracking.template import TemplatePose, View
 from skymosaic.tracking.track import COASTED_FRAMES, SEARCH_SCALES, Track, _parts
 
 VIEW = View(np.zeros((64, 64), np.uint8), np.eye(3), np.eye(3))
@@ -37,22 +37,22 @@ class Seen:
 
     def look_near(
         self, _frame: Any, expected: Any, weight: Any, reference: Any = None, *, moves: bool, min_inliers: int, rng: Any
-    ) -> Look:
+    ) -> tuple[TemplatePose | None, bool]:
         assert rng is not None
         if reference is not None:
             assert min_inliers == 10
             self.by_blocks.append(reference)
-            return Look(None, self.sees_surroundings)
+            return None, self.sees_surroundings
         self.moves.append(moves)
         self.fewest.append(min_inliers)
         self.expected.append(apply(expected, self.corners))
         self.weights.append(weight)
         found = next(self._poses)
         if found is None:
-            return Look(None, self.sees_surroundings)
+            return None, self.sees_surroundings
         view, others = VIEW._replace(in_frame=found), self.left_out
         pose = TemplatePose(found, "similarity", min_inliers, self.followed, others, len(others) > 0, view)
-        return Look(pose, True)
+        return pose, True
 
     def guess_within(self, _frame: Any, part: Any, zoom: float, weight: Any, *, min_inliers: int) -> Any:
         assert min_inliers == 4
