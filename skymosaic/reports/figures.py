@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from golden_model.arrays import Array, Pixels, Records
+from golden_model.arrays import Pixels, Records
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import POSITION
 from skymosaic.features.positions import match_points
@@ -60,30 +60,20 @@ def rule_color(rule: int) -> Color:
 
 def _draw_panel(pair: Pair, shown: Records, ringed: Records, title: str, rule_names: Sequence[str]) -> Pixels:
     left, right = (_dim(image) for image in pair.working)
-    height = max(left.shape[0], right.shape[0])
-    panel = np.full((height, left.shape[1] + _PANEL_GAP_PX + right.shape[1], 3), 24, np.uint8)
+    offset_px = left.shape[1] + _PANEL_GAP_PX
+    panel = np.full((max(left.shape[0], right.shape[0]), offset_px + right.shape[1], 3), 24, np.uint8)
     panel[: left.shape[0], : left.shape[1]] = left
-    panel[: right.shape[0], _right_offset(pair) :] = right
-    shift = _right_offset(pair) * POSITION.one
+    panel[: right.shape[0], offset_px:] = right
     for match in shown:
         start = (int(match["left_x"]), int(match["left_y"]))
-        end = (int(match["right_x"]) + shift, int(match["right_y"]))
+        end = (int(match["right_x"]) + offset_px * POSITION.one, int(match["right_y"]))
         cv2.line(panel, start, end, rule_color(int(match["rule"])), 1, cv2.LINE_AA, _SUBPIXEL_SHIFT)
-    for left_point, right_point in zip(*match_points(ringed), strict=True):
-        _draw_ring(panel, left_point, 0)
-        _draw_ring(panel, right_point, _right_offset(pair))
+    for points, first_px in zip(match_points(ringed), (0, offset_px), strict=True):
+        for x, y in points:
+            cv2.circle(panel, (round(x) + first_px, round(y)), 3, INLIER_COLOR, 1, cv2.LINE_AA)
     count = np.bincount(shown["rule"], minlength=len(rule_names))
     legend = [(f"{name} {count[rule]}", rule_color(rule)) for rule, name in enumerate(rule_names) if count[rule]]
     return add_header(panel, title, legend)
-
-
-def _right_offset(pair: Pair) -> int:
-    return int(pair.working[0].shape[1]) + _PANEL_GAP_PX
-
-
-def _draw_ring(panel: Pixels, point: Array, offset_px: int) -> None:
-    center = (round(point[0]) + offset_px, round(point[1]))
-    cv2.circle(panel, center, 3, INLIER_COLOR, 1, cv2.LINE_AA)
 
 
 def _dim(image: Pixels) -> Pixels:

@@ -18,7 +18,14 @@ from skymosaic.maps.georeference import map_to_globe
 
 def write_footprints(path: Path, delivery: Delivery) -> None:
     """Write the outlines to ``path`` with the suffixes ``.geojson`` and ``.kml``; the mosaic must be georeferenced."""
-    places = [Place(name, "Polygon", ring) for name, ring in _outlines_on_globe(delivery).items()]
+    on_map, composition = delivery.georeference, delivery.composition
+    assert on_map is not None
+    names = short_names([placement.source.name for placement in composition.placements])
+    places = []
+    for name, corners in zip(names, outline_photographs(composition), strict=True):
+        # GeoJSON asks for closed rings, counter-clockwise.
+        ring = apply(on_map.to_map, np.concatenate([corners, corners[:1]])[::-1])
+        places.append(Place(name, "Polygon", map_to_globe(ring, on_map.crs)))
     for suffix in SUFFIXES:
         write_places(path.with_suffix(suffix), delivery.path.name, places)
 
@@ -40,14 +47,3 @@ def outline_photographs(composition: Composition) -> list[Points]:
         corners = (placement.outline - centre) * (np.array(placement.size) / (2 * centre)) + centre
         outlines.append(apply(transform, corners))
     return outlines
-
-
-def _outlines_on_globe(delivery: Delivery) -> dict[str, Points]:
-    """Longitudes and latitudes (N, 2) of the corners of each photograph; the last repeats the first."""
-    on_map, composition = delivery.georeference, delivery.composition
-    assert on_map is not None
-    # GeoJSON asks for counter-clockwise rings.
-    closed = (np.concatenate([corners, corners[:1]])[::-1] for corners in outline_photographs(composition))
-    rings = [apply(on_map.to_map, corners) for corners in closed]
-    names = short_names([placement.source.name for placement in composition.placements])
-    return {name: map_to_globe(ring, on_map.crs) for name, ring in zip(names, rings, strict=True)}

@@ -36,34 +36,24 @@ def write_pair_report(folder: Path, pair: Pair, mosaic: Pixels | None) -> Path:
 
 def collect_pair_numbers(pair: Pair) -> dict[str, Any]:
     """Collect all numbers and texts of the report, ready for JSON."""
-    return {
-        **pair.summary(),
-        "left": _photograph_numbers(pair, 0),
-        "right": _photograph_numbers(pair, 1),
-        "configuration": dataclasses.asdict(pair.config),
+    photographs = {
+        side: {
+            "name": photograph.name,
+            "size": list(photograph.size),
+            "working_size": [working.shape[1], working.shape[0]],
+            "notes": list(photograph.notes),
+        }
+        for side, photograph, working in zip(("left", "right"), (pair.left, pair.right), pair.working, strict=True)
     }
-
-
-def _photograph_numbers(pair: Pair, side: int) -> dict[str, Any]:
-    photograph = (pair.left, pair.right)[side]
-    working = pair.working[side]
-    return {
-        "name": photograph.name,
-        "size": list(photograph.size),
-        "working_size": [working.shape[1], working.shape[0]],
-        "notes": list(photograph.notes),
-    }
+    return {**pair.summary(), **photographs, "configuration": dataclasses.asdict(pair.config)}
 
 
 def _table_rows(pair: Pair) -> list[tuple[str, str]]:
     """What the page says about a pair, as names and words."""
-    rows = [
-        (
-            side,
-            "; ".join([f"{Path(photograph.name).name}, {'x'.join(map(str, photograph.size))} px", *photograph.notes]),
-        )
-        for side, photograph in (("left", pair.left), ("right", pair.right))
-    ]
+    rows = []
+    for side, photograph in (("left", pair.left), ("right", pair.right)):
+        size = "x".join(map(str, photograph.size))
+        rows.append((side, "; ".join([f"{Path(photograph.name).name}, {size} px", *photograph.notes])))
     rows.append(("verdict", "accepted" if pair.accepted else f"refused: {respell(pair.reason)}"))
     if pair.confidence is not None:
         rows.append(("confidence", f"{pair.confidence.verdict}: {pair.confidence.reason}"))
