@@ -51,7 +51,7 @@ class Explanation:
     """An inlier is kept and on the homography; an outlier is kept, but off it or without one; else "rejected"."""
     reason: str
     """The verdict and its cause in words."""
-    facts: tuple[tuple[str, str], ...]
+    facts: dict[str, str]
     """Measured quantities and their values."""
     inputs: tuple[Input, ...] = ()
     rules: tuple[FiredRule, ...] = ()
@@ -81,9 +81,11 @@ def explain(pair: Pair, index: int) -> Explanation:
         return Explanation(verdict, f"{beginning} {rule_names[match['rule']].capitalize()}.{end}", facts)
     system, values = weighing
     strengths = system.strengths(*(np.array([value]) for value in values))[0] / system.strength_one
-    # Beyond the end of a table its last degree applies, as in the hardware.
-    degrees = ({name: table[min(v, len(table) - 1)] / ONE for name, table in variable.sets.items()}
-               for variable, v in zip(system.inputs, values, strict=True))  # fmt: skip
+    inputs = (
+        # Beyond the end of a table its last degree applies, as in the hardware.
+        Input(variable, value, {name: table[min(value, len(table) - 1)] / ONE for name, table in variable.sets.items()})
+        for variable, value in zip(system.inputs, values, strict=True)
+    )
     weight = int(match["weight"])
     limit = GOOD_MATCH_ABOVE if pair.method.descriptor in WINDOWS_PX else pair.config.matcher.keep_above
     comparison = "above" if weight > limit else "not above"
@@ -95,7 +97,7 @@ def explain(pair: Pair, index: int) -> Explanation:
         FiredRule(words, rule.output, float(strength), dominant=number == match["rule"])
         for number, (words, rule, strength) in enumerate(zip(rule_names, system.rules, strengths, strict=True))
     )
-    return Explanation(verdict, reason, facts, tuple(map(Input, system.inputs, values, degrees)), tuple(rules))
+    return Explanation(verdict, reason, facts, tuple(inputs), tuple(rules))
 
 
 def _find_weighing(pair: Pair, index: int) -> tuple[SugenoSystem, tuple[int, ...]] | None:
@@ -114,24 +116,21 @@ def _find_weighing(pair: Pair, index: int) -> tuple[SugenoSystem, tuple[int, ...
     return tables, tuple(int(value[0]) for value in values)
 
 
-def _list_facts(pair: Pair, index: int) -> tuple[tuple[str, str], ...]:
+def _list_facts(pair: Pair, index: int) -> dict[str, str]:
     """Measured quantities of a match and their values; positions in working pixels."""
-    match = pair.matches[index]
-    positions = [f"{match[f'{side}_x'] / POSITION.one:.2f}, {match[f'{side}_y'] / POSITION.one:.2f}"
-              for side in ("left", "right")]  # fmt: skip
-    facts = [("left x, y", positions[0]), ("right x, y", positions[1])]
-    pattern = PATTERNS.get(pair.method.descriptor)
+    match, pattern = pair.matches[index], PATTERNS.get(pair.method.descriptor)
+    facts = {}
+    for side in ("left", "right"):
+        facts[f"{side} x, y"] = ", ".join(f"{match[f'{side}_{axis}'] / POSITION.one:.2f}" for axis in "xy")
     if pattern is None:
-        facts += [("distance", str(match["distance"])), ("margin", str(match["margin"]))]
+        facts |= {"distance": str(match["distance"]), "margin": str(match["margin"])}
     else:
-        facts += [
-            ("distance", f"{match['distance']} of {pattern.bits} bits"),
-            ("margin to the second best", f"{match['margin']} bits"),
-        ]
+        facts["distance"] = f"{match['distance']} of {pattern.bits} bits"
+        facts["margin to the second best"] = f"{match['margin']} bits"
         if pattern.oriented:
             angles = (match[name] * _DEGREES_PER_SECTOR for name in ("turn", "peak_turn"))
-            facts.append(("orientation, most common", ", ".join(f"{angle:.1f}°" for angle in angles)))
-    return (*facts, ("weight", f"{match['weight'] / WEIGHT.one:.3f}"))
+            facts["orientation, most common"] = ", ".join(f"{angle:.1f}°" for angle in angles)
+    return facts | {"weight": f"{match['weight'] / WEIGHT.one:.3f}"}
 
 
 def _describe_residual(pair: Pair, index: int) -> str:

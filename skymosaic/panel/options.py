@@ -11,7 +11,6 @@ from golden_model.config import Config, preset_config
 from golden_model.fuzzy.rules import MatchRules
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import INPUT, options_of, respell
-from skymosaic.features.detectors import FRONT_END_DETECTORS
 from skymosaic.features.methods import choose_method
 from skymosaic.mosaicking.options import MosaicOptions
 
@@ -31,9 +30,10 @@ OPTION_VALUES |= {"blending": (AUTOMATIC, *OPTION_VALUES["blending"]), "backend"
 
 @dataclass(frozen=True)
 class SliderScale:
-    """What the slider sets for a detector: a title, and the value at each position, rising."""
+    """What the slider sets for a detector: a field of the front end, with a title and rising values by position."""
 
     title: str
+    field: str
     values: Mapping[int, int]
 
     def position(self, value: int) -> int:
@@ -46,11 +46,12 @@ class SliderScale:
 # slider has the range between, and below it the presets' 2.
 HARRIS_THRESHOLDS = {19: 2} | {position: round(2 ** (position / 2)) for position in range(20, 49)}
 SCALES = {
-    "harris": SliderScale("Harris threshold", HARRIS_THRESHOLDS),
-    "fast": SliderScale("FAST threshold, gray levels", {level: level for level in range(1, 121)}),
+    "harris": SliderScale("Harris threshold", "threshold", HARRIS_THRESHOLDS),
+    "fast": SliderScale("FAST threshold, gray levels", "threshold", {level: level for level in range(1, 121)}),
 }
 # The other detectors have no threshold in common.
-STRONGEST = SliderScale("Strongest key points", {position: round(2 ** (position / 2)) for position in range(14, 23)})
+KEY_POINTS = {position: round(2 ** (position / 2)) for position in range(14, 23)}
+STRONGEST = SliderScale("Strongest key points", "max_features", KEY_POINTS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,10 +106,8 @@ class Options(MosaicOptions):
         """The preset's configuration with the fuzzy rules and the slider's value."""
         # Detector and descriptor first: choosing another detector resets the threshold, which the slider sets.
         _, config = choose_method(super().base_config, self.detector, self.descriptor)
-        value = self.slider_scale.values[self.position]
-        if self.detector in FRONT_END_DETECTORS:
-            return dataclasses.replace(config, front_end=dataclasses.replace(config.front_end, threshold=value))
-        return dataclasses.replace(config, front_end=dataclasses.replace(config.front_end, max_features=value))
+        set_by_slider: Any = {self.slider_scale.field: self.slider_scale.values[self.position]}
+        return dataclasses.replace(config, front_end=dataclasses.replace(config.front_end, **set_by_slider))
 
 
 def fault_of(options: Options, photographs: int = 2) -> str:
@@ -134,6 +133,5 @@ def backend_options(shown: str) -> dict[str, Any]:
 def _default_position(preset: Config, detector: str) -> int:
     """The slider's position for the preset's threshold, or its number of key points."""
     _, config = choose_method(preset, detector, preset.front_end.descriptor)
-    own = config.front_end
-    value = own.threshold if detector in FRONT_END_DETECTORS else own.max_features
-    return SCALES.get(detector, STRONGEST).position(value)
+    scale = SCALES.get(detector, STRONGEST)
+    return scale.position(getattr(config.front_end, scale.field))
