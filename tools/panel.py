@@ -93,11 +93,6 @@ def make_mosaic(page: Page) -> None:
     expect(mosaic_viewer(page)).to_be_visible()
 
 
-def open_tab(page: Page, name: str) -> None:
-    page.get_by_role("tab", name=name).click()
-    expect(page.get_by_role("tabpanel", name=name)).to_be_visible()
-
-
 def open_advanced(page: Page) -> None:
     """Show every option."""
     advanced = page.get_by_role("button", name="Advanced")

@@ -11,8 +11,8 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from sim.scene import make_lawnmower
-from tests.skymosaic.panel.visitor import choose, names_reached_by_tab, photographs_loaded, repeat_archive
-from tools.panel import corner_counts, make_mosaic, mosaic_viewer, open_tab
+from tests.skymosaic.panel.visitor import choose, names_reached_by_tab, open_tab, photographs_loaded, repeat_archive
+from tools.panel import corner_counts, make_mosaic, mosaic_viewer
 
 PHOTOGRAPHS = 8
 

@@ -34,7 +34,6 @@ class HardwareTab:
             enable_while_idle(button.props("outline no-caps"), session)
             ui.label("The first run builds a simulation, which takes minutes; later ones take seconds.").classes("hint")
         self._container = ui.element("div")
-        self.update()
 
     def update(self) -> None:
         """Show the latest comparison."""

@@ -30,12 +30,16 @@ class MatchesTab:
 
     def __init__(self, pair: Pair, pictures: Sequence[Picture]) -> None:
         self._pictures = pictures
-        self._take(pair)
         self._density = DEFAULT_DENSITY
         self._chosen: int | None = None
         self._pinned = False
+        # Without a homography there are no inliers: show what there is.
+        drawn = ["inlier"] if len(pair.inliers) else [*KINDS]
         with ui.element("div").classes("bar"):
-            self._filters = {kind: self._build_filter(kind) for kind in KINDS}
+            self._filters = {
+                kind: ui.checkbox(value=kind in drawn, on_change=self._draw).props("dense").classes(f"kind {kind}")
+                for kind in KINDS
+            }
             with ui.element("div").classes("density"):
                 self._density_words = ui.label().classes("hint")
                 self._slider = Slider(self._set_density)
@@ -52,30 +56,16 @@ class MatchesTab:
         self._viewer.on_pointer("hover", self._hover)
         self._viewer.on_pointer("pick", self._pick)
         self._explanation = ui.html(sanitize=False).classes("explanation").props('aria-live="polite"')
-        self._draw()
-        self._choose(None)
+        self.show(pair)
 
     def show(self, pair: Pair) -> None:
-        """Show the same pair with other verdicts; the chosen match stays."""
-        self._take(pair)
+        """Show the pair, or the same with other verdicts; the chosen match stays."""
+        self._pair, self._verdicts = pair, classify_matches(pair)
+        self._lines = drawings.locate_matches(pair.matches, self._pictures[1].x)
         for kind, checkbox in self._filters.items():
-            checkbox.set_text(self._words(kind))
+            checkbox.set_text(f"{self._verdicts.count(kind)} {KINDS[kind]}")
         self._draw()
         self._choose(self._chosen if self._chosen is not None and self._chosen < len(self._verdicts) else None)
-
-    def _take(self, pair: Pair) -> None:
-        self._pair = pair
-        self._lines = drawings.locate_matches(pair.matches, self._pictures[1].x)
-        self._verdicts = classify_matches(pair)
-
-    def _words(self, kind: str) -> str:
-        return f"{self._verdicts.count(kind)} {KINDS[kind]}"
-
-    def _build_filter(self, kind: str) -> ui.checkbox:
-        # Without a homography there are no inliers: show what there is.
-        shown = kind == "inlier" or "inlier" not in self._verdicts
-        checkbox = ui.checkbox(self._words(kind), value=shown, on_change=self._draw)
-        return checkbox.props("dense").classes(f"kind {kind}")
 
     def _set_density(self, position: int) -> None:
         self._density = position

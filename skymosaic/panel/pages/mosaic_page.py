@@ -28,23 +28,13 @@ def build_mosaic_page(session: Session) -> None:
         count = len(session.photographs)
         return count > 1 and not fault_of(session.options, count)
 
-    with page_layout(session, "/"):
+    with page_layout(session, "/") as updates:
         with ui.element("section").classes("stack").props('aria-label="Photographs and options"'):
-            cards = (
-                PhotographsCard(session),
-                OptionsCard(session),
-                RunCard(session, "Make the mosaic", session.make_mosaic, is_ready),
-            )
+            updates.append(PhotographsCard(session).update)
+            updates.append(OptionsCard(session).update)
+            updates.append(RunCard(session, "Make the mosaic", session.make_mosaic, is_ready).update)
         with ui.element("section").classes("stack").props('aria-label="Results"'):
-            tabs = ResultTabs(session)
-
-    def update() -> None:
-        for card in cards:
-            card.update()
-        tabs.update()
-
-    session.changed.subscribe(update)
-    update()
+            updates.append(ResultTabs(session).update)
 
 
 class ResultTabs:

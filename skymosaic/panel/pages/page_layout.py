@@ -1,6 +1,6 @@
 """What all pages share: style, header, columns, and the display of files and command lines."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -44,8 +44,11 @@ def show_files(address: str, folder: Path) -> None:
 
 
 @contextmanager
-def page_layout(session: Session, path: str) -> Iterator[None]:
-    """Build style and header of the page at ``path``; the context builds the two columns below."""
+def page_layout(session: Session, path: str) -> Iterator[list[Callable[[], object]]]:
+    """Build style and header of the page at ``path``; the context builds the two columns below.
+
+    What it appends to the list is called then, and whenever something that the page shows has changed.
+    """
     ui.add_css(Path(__file__).with_name("style.css"))
     ui.colors(primary="#0f6e78")
     with ui.element("header").classes("top"):
@@ -61,11 +64,13 @@ def page_layout(session: Session, path: str) -> Iterator[None]:
         ui.element("div").classes("grow")
         download = ui.button("Download everything", icon="download")
         download.props('outline dense no-caps color=white href="/archive"')
+    updates: list[Callable[[], object]] = [lambda: download.set_visibility(bool(session.results))]
     with ui.element("div").classes("layout"):
-        yield
+        yield updates
 
     def update() -> None:
-        download.set_visibility(bool(session.results))
+        for each in updates:
+            each()
 
     session.changed.subscribe(update)
     update()

@@ -53,7 +53,6 @@ class RulesEditor:
                 self._text.classes("rules-text")
         self._shown: Pair | None = None
         self._written = ""
-        self.update()
 
     def update(self) -> None:
         """Show rules, matches and counts as they are now."""

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 from nicegui import ui
 from nicegui.elements.mixins.disableable_element import DisableableElement
+from nicegui.events import ValueChangeEventArguments
 
-from skymosaic.panel.options import LABELLED, OPTION_VALUES, OWN, fault_of
+from skymosaic.panel.options import LABELLED, OPTION_VALUES, fault_of
 from skymosaic.panel.pages.folder_picker import FolderPicker
 from skymosaic.panel.results import InputFile, picture_address
 from skymosaic.panel.session import Session
@@ -70,7 +72,6 @@ class PhotographsCard:
                 )
         # A folder is read without an event for each photograph, so that is polled.
         ui.timer(0.25, self._tick)
-        self.update()
 
     def update(self) -> None:
         """Show the photographs as they are now."""
@@ -130,34 +131,25 @@ class OptionsCard:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._selects: dict[str, ui.select] = {}
         with ui.element("section").classes("card"):
             build_heading("2", "Options")
             # Above the options: the lower end of the card may lie behind the button that starts the run.
             self._fault = ui.label().classes("fault").props('role="status"')
-            self._selects["preset"] = build_option_select(session, "preset")
+            preset, *others = sorted(LABELLED, key=lambda name: name not in OPTION_VALUES)
+            self._show_options = [build_option(session, preset)]
             with ui.expansion("Advanced").classes("advanced"), ui.element("div").classes("options"):
-                for name in OPTION_VALUES:
-                    if name not in self._selects:
-                        self._selects[name] = build_option_select(session, name)
-                switches = [name for name in LABELLED if name not in OPTION_VALUES]
-                self._switches = {name: build_option_switch(session, name) for name in switches}
+                self._show_options += [build_option(session, name) for name in others]
                 with ui.element("div").classes("threshold"):
                     with ui.element("div").classes("threshold-head"):
                         self._slider_title = ui.label()
                         self._slider_value = ui.label().classes("value").props('aria-live="polite"')
                     self._slider = Slider(lambda position: session.set_option("position", position))
-        self.update()
 
     def update(self) -> None:
         """Show the session's options, which another tab or a preset may have changed."""
         options = self._session.options
-        rules = self._selects["rules"]
-        rules.set_options([*OPTION_VALUES["rules"], *([OWN] if options.shown("rules") == OWN else [])])
-        for name, select in self._selects.items():
-            select.set_value(options.shown(name))
-        for name, switch in self._switches.items():
-            switch.set_value(options.shown(name))
+        for show in self._show_options:
+            show()
         scale = options.slider_scale
         self._slider_title.set_text(scale.title)
         # A thin space separates thousands.
@@ -173,19 +165,28 @@ class OptionsCard:
         self._fault.set_text(fault_of(options, len(self._session.photographs)))
 
 
-def build_option_select(session: Session, name: str) -> ui.select:
-    """Build the drop-down list of an option's values."""
+def build_option(session: Session, name: str) -> Callable[[], object]:
+    """Build the list of an option's values, or the switch of one that is on or off; returns what shows it anew."""
+
+    def change(event: ValueChangeEventArguments[Any]) -> None:
+        session.set_option(name, event.value)
+
+    label = LABELLED[name].label
+    if name not in OPTION_VALUES:
+        switch = ui.switch(label, on_change=change).props("dense")
+        return lambda: switch.set_value(session.options.shown(name))
     values = [*OPTION_VALUES[name], *(session.boards if name == "backend" else ())]
-    select = ui.select(
-        values, label=LABELLED[name].label, on_change=lambda event: session.set_option(name, event.value)
-    )
-    return select.props("outlined dense options-dense").classes("option")
+    select = ui.select(values, label=label, on_change=change).props("outlined dense options-dense").classes("option")
 
+    def show() -> None:
+        shown = session.options.shown(name)
+        # Rules of one's own are none of the names.
+        offered = values if shown in values else [*values, shown]
+        if offered != select.options:
+            select.set_options(offered)
+        select.set_value(shown)
 
-def build_option_switch(session: Session, name: str) -> ui.switch:
-    """Build the switch of an option that is on or off."""
-    switch = ui.switch(LABELLED[name].label, on_change=lambda event: session.set_option(name, event.value))
-    return switch.props("dense")
+    return show
 
 
 class RunCard:
@@ -206,7 +207,6 @@ class RunCard:
             self._fault = ui.label().classes("fault").props('role="alert"')
         # A job's line and seconds change without an event, so they are polled.
         ui.timer(0.25, self._tick)
-        self.update()
 
     def update(self) -> None:
         """Show whether a job runs, and why the last one failed."""

@@ -3,7 +3,7 @@
 from nicegui import ui
 
 from skymosaic.panel.pages.page_layout import page_layout, show_command, show_files
-from skymosaic.panel.pages.sidebar import RunCard, build_heading, build_input, build_option_select, enable_while_idle
+from skymosaic.panel.pages.sidebar import RunCard, build_heading, build_input, build_option, enable_while_idle
 from skymosaic.panel.results import InputFile, TrackingResult, picture_address
 from skymosaic.panel.session import Session
 from skymosaic.panel.widgets.drop_zone import DropZone
@@ -13,36 +13,27 @@ CORNERS = ("top left", "top right", "bottom right", "bottom left")
 
 def build_tracking_page(session: Session) -> None:
     """Build the page of a session, with the files and results it already has."""
-    with page_layout(session, "/tracking"):
+
+    def is_ready() -> bool:
+        return session.template is not None and session.video is not None
+
+    with page_layout(session, "/tracking") as updates:
         with ui.element("section").classes("stack").props('aria-label="Object, video and options"'):
-            cards = (
-                _UploadCard(session, "template", number="1", title="Object", hint="a picture of it, cut out"),
-                _UploadCard(session, "video", number="2", title="Video", hint="MP4, MOV, MKV, WebM or AVI"),
-            )
+            updates.append(_UploadCard(session, "template", "1", "Object", "a picture of it, cut out").update)
+            updates.append(_UploadCard(session, "video", "2", "Video", "MP4, MOV, MKV, WebM or AVI").update)
             with ui.element("section").classes("card"):
                 build_heading("3", "Options")
                 with ui.element("div").classes("options"):
-                    selects = {name: build_option_select(session, name) for name in ("preset", "backend")}
-            run = RunCard(session, "Follow the object", session.track, lambda: bool(session.template and session.video))
+                    updates += [build_option(session, name) for name in ("preset", "backend")]
+            updates.append(RunCard(session, "Follow the object", session.track, is_ready).update)
         with ui.element("section").classes("stack").props('aria-label="Results"'):
-            result_card = _ResultCard(session)
-
-    def update() -> None:
-        for card in cards:
-            card.update()
-        for name, select in selects.items():
-            select.set_value(session.options.shown(name))
-        run.update()
-        result_card.update()
-
-    session.changed.subscribe(update)
-    update()
+            updates.append(_ResultCard(session).update)
 
 
 class _UploadCard:
     """A drop zone for one file, and the file that is loaded; ``slot`` is its name in the session."""
 
-    def __init__(self, session: Session, slot: str, *, number: str, title: str, hint: str) -> None:
+    def __init__(self, session: Session, slot: str, number: str, title: str, hint: str) -> None:
         self._session, self._slot = session, slot
         self._shown: InputFile | None = None
         with ui.element("section").classes("card"):
@@ -105,9 +96,8 @@ class _ResultCard:
 
 
 def _show_corners(result: TrackingResult) -> None:
-    columns = [{"name": "frame", "label": "frame", "field": "frame", "align": "right"}]
-    columns += [{"name": name, "label": f"{name} x, y", "field": name, "align": "right"} for name in CORNERS]
-    columns.append({"name": "matches", "label": "matches", "field": "matches", "align": "right"})
+    labels = {"frame": "frame", **{name: f"{name} x, y" for name in CORNERS}, "matches": "matches"}
+    columns = [{"name": name, "label": label, "field": name, "align": "right"} for name, label in labels.items()]
     rows = []
     for each in result.rows:
         corners = each.corners or ()

@@ -7,8 +7,8 @@ from pathlib import Path
 from playwright.sync_api import Page, expect
 
 from tests.skymosaic.panel.states import flight, shoot, tracked
-from tests.skymosaic.panel.visitor import middle_of
-from tools.panel import chromium, load_built_in_pair, make_mosaic, open_page, open_tab, running_panel
+from tests.skymosaic.panel.visitor import middle_of, open_tab
+from tools.panel import chromium, load_built_in_pair, make_mosaic, open_page, running_panel
 
 
 def visit_pair(page: Page, folder: Path) -> None:

@@ -16,8 +16,8 @@ from playwright.sync_api import Browser, Page, ViewportSize, expect
 
 from sim.scene import make_lawnmower
 from skymosaic.imagery.images import save
-from tests.skymosaic.panel.visitor import choose, photographs_loaded
-from tools.panel import PHONE, WINDOW, chromium, load_built_in_pair, make_mosaic, open_page, open_tab, running_panel
+from tests.skymosaic.panel.visitor import choose, open_tab, photographs_loaded
+from tools.panel import PHONE, WINDOW, chromium, load_built_in_pair, make_mosaic, open_page, running_panel
 
 SIZES: tuple[ViewportSize, ...] = (WINDOW, {"width": 1920, "height": 1080}, PHONE)
 SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from playwright.sync_api import CDPSession, Locator, Page
+from playwright.sync_api import CDPSession, Locator, Page, expect
 
 from skymosaic.panel.session import Session
 from tools.panel import open_advanced
@@ -36,6 +36,11 @@ async def idle(session: Session) -> None:
 
 def photographs_loaded(page: Page) -> Locator:
     return page.get_by_role("list", name="Photographs loaded").locator("li")
+
+
+def open_tab(page: Page, name: str) -> None:
+    page.get_by_role("tab", name=name).click()
+    expect(page.get_by_role("tabpanel", name=name)).to_be_visible()
 
 
 def choose(page: Page, option: str, value: str) -> None:

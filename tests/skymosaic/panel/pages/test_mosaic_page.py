@@ -13,7 +13,7 @@ from playwright.sync_api import Locator, Page, expect
 from hdl.build import Build
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
-from tests.skymosaic.panel.visitor import choose, middle_of, names_reached_by_tab, photographs_loaded
+from tests.skymosaic.panel.visitor import choose, middle_of, names_reached_by_tab, open_tab, photographs_loaded
 from tools.panel import (
     PHONE,
     WINDOW,
@@ -22,7 +22,6 @@ from tools.panel import (
     make_mosaic,
     mosaic_viewer,
     open_advanced,
-    open_tab,
     threshold_to_corners_ms,
 )
 
