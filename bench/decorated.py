@@ -88,7 +88,7 @@ def draw_window(image: Pixels, camera: np.random.Generator, _photograph: np.rand
 
 
 def draw_watermarks(image: Pixels, _camera: np.random.Generator, _other: np.random.Generator) -> tuple[Pixels, Array]:
-    """A grid of bright words all over the picture, as agencies sell them: nothing can tell them from the ground."""
+    """A grid of bright words all over the picture, as agencies draw them: they look like ground that stands still."""
     shown = image.copy()
     for y in range(30, SIZE_PX[1], 55):
         for x in range(-60, SIZE_PX[0], 190):

@@ -47,6 +47,9 @@ lamps at night."""
 STILL, FAR = 0.01, STILL_SHARE / SHARE_PER_SIDE
 """Below the first motion the camera stood still, or a sensor's pattern is what agrees; from the second on, nothing must
 agree."""
+UNMOVED = 0.0005
+"""Below this motion, half a pixel of a thousand, no camera in the air stood still: one on a tripod, or a watermark over
+the whole picture is what agrees. A pair is not good then."""
 DOUBT, DECISIVE_DOUBT = 0.2, 0.15
 """What lacks more of the share is refused, in the first pictures or in those that decide; what lacks less is in doubt.
 Displays reach 62 and 49 % where a camera stands still, a shore with 45 % of water 56 and 57 %."""
@@ -143,7 +146,8 @@ class GroundAgreement:
     @property
     def is_good(self) -> bool:
         """Whether a pair may be good."""
-        return self.share >= max(GOOD_SHARE, self.required) and not self.may_be_display
+        agrees = self.share >= max(GOOD_SHARE, self.required)
+        return agrees and self.motion >= UNMOVED and not self.may_be_display
 
     @property
     def may_be_display(self) -> bool:
@@ -162,6 +166,8 @@ class GroundAgreement:
         if self.suffices and self.may_be_display:
             shown = f"what agrees covers {100 * self.covered:.0f} % of the picture, which may be a display"
             return f"{shown}: most must agree to show that the camera stood still"
+        if self.suffices and self.motion < UNMOVED:
+            return "nothing has moved: the camera stands on a tripod, or a watermark is what agrees"
         if self.suffices:
             return covers
         moved = f"a camera that moved by {100 * self.motion:.0f} % of the picture needs {100 * self.required:.0f} %"

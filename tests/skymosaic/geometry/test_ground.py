@@ -23,6 +23,7 @@ from tests.skymosaic.geometry.covered import (
     with_display,
     with_jittering_display,
     with_lines,
+    with_watermarks,
 )
 
 
@@ -81,14 +82,30 @@ def test_copies_of_one_photograph_are_told(sites: list[NDArray[np.uint8]]) -> No
     assert pair.right.notes == ("the same picture as left image",)
 
 
-def test_a_camera_that_hovers_sees_the_ground(sites: list[NDArray[np.uint8]]) -> None:
-    rng = np.random.default_rng(1)
-    left, right = (np.clip(sites[0] + rng.normal(0, 4, sites[0].shape), 0, 255).astype(np.uint8) for _ in range(2))
+def test_a_camera_that_hovers_sees_the_ground() -> None:
+    rng, place = np.random.default_rng(1), ground(5)
+    left, right = (
+        np.clip(seen(place, x, y) + rng.normal(0, 4, (480, 640, 3)), 0, 255).astype(np.uint8)
+        for x, y in ((300, 200), (301, 201))
+    )
     pair = register(left, right)
     assert pair.confidence is not None
     assert pair.confidence.verdict == "good"
     assert pair.confidence.ground.covered > 0.95
     assert not pair.right.notes
+
+
+@pytest.mark.parametrize("other", [0, 1])
+def test_where_nothing_has_moved_a_watermark_may_be_what_agrees(sites: list[NDArray[np.uint8]], other: int) -> None:
+    """Of two places as of one: the picture does not tell them apart."""
+    hazy = (np.asarray(80 + 0.3 * sites[n].astype(np.float64), np.uint8) for n in (0, other))
+    left, right = (with_watermarks(image) for image in hazy)
+    pair = register(left, right)
+    assert pair.accepted
+    assert pair.confidence is not None
+    assert pair.confidence.ground.suffices
+    assert pair.confidence.verdict == "check"
+    assert pair.confidence.reason.startswith("nothing has moved: the camera stands on a tripod, or a watermark is ")
 
 
 @pytest.mark.parametrize("gravel", [0, 3, 20])
@@ -227,7 +244,11 @@ MASK_IT = ": mask what moves with it (display, border, dirt); or water or cars m
             agreeing(0.75, 12, motion=0.009, covered=0.69), "suffices wins",
             "69 % of the picture, which may be a display: most must agree to show that the camera stood still",
         ),
-        (agreeing(0.7, motion=0.0), "suffices wins good", "70 % of the ground"),
+        (agreeing(0.7, motion=0.0005), "suffices wins good", "70 % of the ground"),
+        (
+            agreeing(1.0, motion=0.0004), "suffices wins",
+            "nothing has moved: the camera stands on a tripod, or a watermark is what agrees",
+        ),
         (agreeing(0.75, motion=0.009, covered=0.7), "suffices wins good", "75 % of the ground"),
         (agreeing(0.75, motion=0.01, covered=0.1), "suffices wins good", "75 % of the ground"),
         (agreeing(0.6, motion=0.009, covered=0.1), "wins", "60 % of the ground, and a camera"),
