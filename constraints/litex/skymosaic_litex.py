@@ -45,26 +45,18 @@ class Skymosaic(LiteXModule):
         ports = {
             "i_aclk": ClockSignal(),
             "i_aresetn": ~ResetSignal(),
-            "i_s_axis_video_tdata": self.video.data,
-            "i_s_axis_video_tuser": self.video.user,
-            "i_s_axis_video_tlast": self.video.last,
-            "i_s_axis_video_tvalid": self.video.valid,
-            "o_s_axis_video_tready": self.video.ready,
             # LiteX's buses have these signals, too, but nothing drives them.
             "i_s_axi_ctrl_awprot": Constant(0, 3),
             "i_s_axi_ctrl_arprot": Constant(0, 3),
             "o_interrupt": self.interrupt,
         }
+        streams = [("i", "o", "s_axis_video", self.video, "user")]
         for name in self.OUTPUTS:
-            packets = stream.Endpoint([("data", 64), ("keep", 8)])
-            setattr(self, name, packets)
-            ports |= {
-                f"o_m_axis_{name}_tdata": packets.data,
-                f"o_m_axis_{name}_tkeep": packets.keep,
-                f"o_m_axis_{name}_tlast": packets.last,
-                f"o_m_axis_{name}_tvalid": packets.valid,
-                f"i_m_axis_{name}_tready": packets.ready,
-            }
+            setattr(self, name, stream.Endpoint([("data", 64), ("keep", 8)]))
+            streams.append(("o", "i", f"m_axis_{name}", getattr(self, name), "keep"))
+        for way, back, port, endpoint, beside in streams:
+            ports |= {f"{way}_{port}_t{name}": getattr(endpoint, name) for name in ("data", beside, "last", "valid")}
+            ports[f"{back}_{port}_tready"] = endpoint.ready
         inputs = {"aw": ("addr", "valid"), "w": ("data", "strb", "valid"), "b": ("ready",)}
         inputs |= {"ar": ("addr", "valid"), "r": ("ready",)}
         outputs = {"aw": ("ready",), "w": ("ready",), "b": ("resp", "valid"), "ar": ("ready",)}

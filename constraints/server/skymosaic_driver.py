@@ -152,29 +152,17 @@ def as_words(frame, video_bits=32):
     Bytes are returned as they are: only an input of 32 bits drops what fills the last word; on a narrower one it would
     begin the next frame.
     """
-    if video_bits in (16, 48):
-        return _as_pairs(frame, video_bits)
-    if frame.ndim == 2:
+    count = 2 if video_bits in (16, 48) else 1
+    if frame.shape[1] % count:
+        frame = np.pad(frame, [(0, 0), (0, 1), (0, 0)][: frame.ndim])
+    if frame.ndim == 2 and video_bits not in (24, 48):
         pixels = frame.reshape(-1)
-        if video_bits == 8:
+        if video_bits != 32:
             return pixels
-        if video_bits == 24:
-            return pixels.astype(np.uint32)
         return np.concatenate((pixels, np.zeros(-pixels.size % 4, np.uint8))).view(np.uint32)
-    rgbx = np.zeros((*frame.shape[:2], 4), np.uint8)
-    rgbx[..., :3] = frame[..., ::-1]
-    return rgbx.reshape(-1).view(np.uint32)
-
-
-def _as_pairs(frame, video_bits):
-    """Convert a frame for an input that takes two pixels at once."""
     height, width = frame.shape[:2]
-    if video_bits == 16:
-        pairs = np.zeros((height, -(-width // 2) * 2), np.uint8)
-        pairs[:, :width] = frame
-        return pairs.reshape(-1)
-    pixels = np.zeros((height, -(-width // 2) * 2, 3), np.uint8)
-    pixels[:, :width, : 1 if frame.ndim == 2 else 3] = frame.reshape(height, width, -1)[..., ::-1]
-    pairs = np.zeros((height, pixels.shape[1] // 2, 8), np.uint8)
-    pairs[..., :6] = pixels.reshape(height, -1, 6)
-    return pairs.reshape(-1).view(np.uint32)
+    words = np.zeros((height, width // count, 4 * count), np.uint8)
+    # A view: the pixels of each word or pair.
+    pixels = words[..., : 3 * count].reshape(height, -1, count, 3)
+    pixels[..., : 1 if frame.ndim == 2 else 3] = frame.reshape(height, -1, count, frame[0, 0].size)[..., ::-1]
+    return words.reshape(-1).view(np.uint32)
