@@ -115,10 +115,10 @@ def homography(
         size = int(right.status["width"]), int(right.status["height"])
         counts = len(left.features), len(right.features)
         work = FrameWork(*size, good=True, left=counts[0], right=counts[1], rows=right.matches["left_index"])
-        for line in timelines([work], AERIAL, lanes=max(LANES)):
-            result = estimate(FrameMatches.from_records(right.matches, right.status), EstimatorConfig())
-            stages["last pixel to last match"].append(line.matches_end - line.last_pixel)
-            stages["last match to homography"].append(result.cycles + CYCLES.records)
+        (line,) = timelines([work], AERIAL, lanes=max(LANES))
+        result = estimate(FrameMatches.from_records(right.matches, right.status), EstimatorConfig())
+        stages["last pixel to last match"].append(line.matches_end - line.last_pixel)
+        stages["last match to homography"].append(result.cycles + CYCLES.records)
     stages["last pixel to homography"] = [sum(each) for each in zip(*stages.values(), strict=True)]
     rows: list[Row] = [
         {

@@ -20,6 +20,7 @@ from bench.pair_sets import public_folder
 from bench.report import Flights, JsonFile, Row, report
 from golden_model.arrays import Array, Matrix, Pixels
 from skymosaic.compositing.warp import magnification
+from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.lens import Lens, lens_of
 
 COMPARED_AT_PX = 1600
@@ -109,12 +110,10 @@ def measure_photograph(mosaic: Pixels, photograph: Pixels, to_mosaic: Matrix) ->
     """The measures of one photograph; None where the mosaic shows less than half of it."""
     scale = COMPARED_WIDTH_PX / photograph.shape[1]
     small = cv2.resize(photograph, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    to_small = np.array([[scale, 0, (scale - 1) / 2], [0, scale, (scale - 1) / 2], [0, 0, 1]])
     # Reduced first: warping down by a large factor without it would alias.
     factor = max(1, round(1 / scale / magnification((photograph.shape[1], photograph.shape[0]), to_mosaic)))
     reduced = cv2.resize(mosaic, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
-    shrink = np.array([[1 / factor, 0, (1 / factor - 1) / 2], [0, 1 / factor, (1 / factor - 1) / 2], [0, 0, 1]])
-    back = to_small @ np.linalg.inv(to_mosaic) @ np.linalg.inv(shrink)
+    back = resize_matrix(scale) @ np.linalg.inv(to_mosaic) @ np.linalg.inv(resize_matrix(1 / factor))
     warped = cv2.warpPerspective(reduced, back, small.shape[1::-1], flags=cv2.INTER_LINEAR)
     valid = warped.sum(axis=2) > 0
     if valid.mean() < 0.5:

@@ -81,8 +81,7 @@ def run_stitcher(method: str, folder: Path) -> Result:
     finished = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
     if finished.returncode:
         return {"transforms": {}, "failure": finished.stderr.strip()[-200:], "cpu_seconds": 0.0, "peak_mb": 0.0}
-    result: Result = json.loads(finished.stdout.splitlines()[-1])
-    return result
+    return json.loads(finished.stdout.splitlines()[-1])
 
 
 def stitcher_python(method: str) -> str:

@@ -13,8 +13,8 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from collections import Counter
-from collections.abc import Callable, Collection, Iterator
+from collections import Counter, defaultdict
+from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from graphlib import TopologicalSorter
@@ -120,36 +120,23 @@ def logic_levels(module: dict[str, Any]) -> int:
     graphlib.CycleError
         For a combinational loop.
     """
-    drivers: dict[int, str] = {}
-    sources: dict[str, set[int]] = {}
+    drivers, sources = dict[int, str](), defaultdict[str, set[int]](set)
     for name, cell in module["cells"].items():
-        inputs = set(_combinational_inputs(cell))
-        if inputs:
-            sources[name] = inputs
-            for pin, direction in cell["port_directions"].items():
-                if direction == "output":
-                    drivers |= dict.fromkeys(_nets(cell, pin), name)
-    graph = {name: {drivers[net] for net in nets if net in drivers} for name, nets in sources.items()}
+        is_ram = cell["type"] in LUTRAM_LUTS
+        if not is_ram and not cell["type"].startswith(LOGIC):
+            continue
+        for pin, direction in cell["port_directions"].items():
+            # Without constants.
+            nets = [net for net in cell["connections"][pin] if isinstance(net, int)]
+            if direction == "output":
+                drivers |= dict.fromkeys(nets, name)
+            elif nets and (not is_ram or pin.startswith(LUTRAM_ADDRESSES)):
+                sources[name].update(nets)
+    graph = {name: {drivers[net] for net in nets if drivers.get(net) in sources} for name, nets in sources.items()}
     levels: dict[str, int] = {}
     for name in TopologicalSorter(graph).static_order():
         levels[name] = 1 + max((levels[source] for source in graph[name]), default=0)
     return max(levels.values(), default=0)
-
-
-def _combinational_inputs(cell: dict[str, Any]) -> Iterator[int]:
-    """Nets that the cell's outputs depend on within the same clock."""
-    kind = cell["type"]
-    is_ram = kind in LUTRAM_LUTS
-    if not is_ram and not kind.startswith(LOGIC):
-        return
-    for pin, direction in cell["port_directions"].items():
-        if direction == "input" and (not is_ram or pin.startswith(LUTRAM_ADDRESSES)):
-            yield from _nets(cell, pin)
-
-
-def _nets(cell: dict[str, Any], pin: str) -> Iterator[int]:
-    """Numbers of the nets at a pin, without constants."""
-    return (net for net in cell["connections"][pin] if isinstance(net, int))
 
 
 def place(design: Design, folder: Path) -> Row:

@@ -121,12 +121,11 @@ def _read_header(link: BufferedIOBase, where: str) -> dict[str, Any]:
         header: Any = json.loads(link.readline(MAX_HEADER_BYTES))
     except (ValueError, RecursionError):  # JSON that is nested thousands of times exhausts the stack
         header = None
-    if type(header) is not dict:
+    if not isinstance(header, dict):
         raise BackendError(f"the answer from {where} does not come from a board's server; check the address") from None
     if "error" in header:
         raise BackendError(f"the board at {where} reports: {one_line(str(header['error'])[:MAX_REASON_CHARS])}")
-    answer: dict[str, Any] = header
-    return answer
+    return header
 
 
 def _prove_key(challenge: str, header: bytes, frames: Sequence[Pixels], where: str) -> bytes:
