@@ -1,7 +1,5 @@
 """The whole accelerator: AXI4-Stream video in, features, matches and homographies out, registers on AXI4-Lite."""
 
-from typing import Any
-
 from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, Signal
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
@@ -15,6 +13,7 @@ from hdl.axi.video_input import video_payload
 from hdl.build import Build
 from hdl.front_end import FrontEnd
 from hdl.geometry.records import RecordEstimator
+from hdl.lib.component import Component
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
 from hdl.matching.matcher import Matcher
@@ -31,7 +30,7 @@ ENDED_FRAMES = 4
 status without features in the buffers between them."""
 
 
-class Accelerator(wiring.Component):
+class Accelerator(Component):
     """Front end and matcher behind registers, in the domain ``sync``.
 
     Resets take effect one clock later, through one register for the data path and one for registers and outputs. A
@@ -52,19 +51,19 @@ class Accelerator(wiring.Component):
         sees one packet per frame.
     """
 
-    i_reset: Signal
+    i_reset: In(1)
     """Synchronous reset of everything."""
     i_video: stream.Interface
     """Stream of `hdl.axi.video_input.video_payload`."""
-    o_features: stream.Interface
+    o_features: Out(stream.Signature(WordPayload))
     """Stream of `hdl.streams.WordPayload`, one packet per frame: its Feature records, then its FrameStatus."""
-    o_matches: stream.Interface
+    o_matches: Out(stream.Signature(WordPayload))
     """Stream of `hdl.streams.WordPayload`, one packet per frame: its Match records, then its FrameStatus."""
     o_homographies: stream.Interface
     """Stream of `hdl.streams.WordPayload`, one Homography record per frame; only with ``config.estimator``."""
-    control: Any
+    control: In(AXI_LITE)
     """`hdl.registers.register_map`."""
-    o_interrupt: Signal
+    o_interrupt: Out(1)
     """Active high, level; software clears an event by writing 1."""
 
     registers: RegisterFile
@@ -90,13 +89,8 @@ class Accelerator(wiring.Component):
             self._estimator = RecordEstimator(max_matches=min(config.front_end.max_features, MAX_MATCHES))
         super().__init__(
             {
-                "i_reset": In(1),
                 "i_video": In(stream.Signature(video_payload(build.video_bits))),
-                "o_features": Out(stream.Signature(WordPayload)),
-                "o_matches": Out(stream.Signature(WordPayload)),
                 **({"o_homographies": Out(stream.Signature(WordPayload))} if config.estimator else {}),
-                "control": In(AXI_LITE),
-                "o_interrupt": Out(1),
             }
         )
 

@@ -1,18 +1,19 @@
 """Frame admission: tags pixels with (x, y), flags frames of the wrong size, and refuses impossible settings."""
 
 from amaranth import Cat, Module, Mux, Signal, Value
-from amaranth.lib import data, stream, wiring
+from amaranth.lib import data, stream
 from amaranth.lib.wiring import In, Out
 
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX
 from golden_model.records import FRAME_STATUS, Cause
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed, port_register
 from hdl.streams import COORDINATE, beat, pixel_payload
 
 CAUSES = next(field.bits for field in FRAME_STATUS.fields if field.name == "causes")
 
 
-class FrameAdmission(wiring.Component):
+class FrameAdmission(Component):
     """Admits pixels, numbers them, and checks ``first`` and ``last`` against the configured size.
 
     In video mode a frame starts with ``first``, and each line ends with ``last``. In memory mode nothing marks frames
@@ -42,31 +43,31 @@ class FrameAdmission(wiring.Component):
 
     i: stream.Interface
     """Stream of `hdl.streams.pixel_payload`."""
-    i_memory_mode: Signal
+    i_memory_mode: In(1)
     """Memory mode; 0: video mode."""
-    i_width_px: Signal
+    i_width_px: In(range(MAX_FRAME_PX + 1))
     """Width of the frame, at least 4 beats."""
-    i_height_px: Signal
+    i_height_px: In(range(MAX_FRAME_PX + 1))
     """Height of the frame."""
-    i_acceptable: Signal
+    i_acceptable: In(1)
     """The settings are within what was built. Like size and mode, stable 2 clocks before ``i_may_start``."""
-    i_may_start: Signal
+    i_may_start: In(1)
     """A frame may start; pixels outside of a frame may be dropped."""
-    i_may_end: Signal
+    i_may_end: In(1)
     """A frame may end from the next clock on. Ignored in the clock of ``o_end`` and the one before."""
-    i_hold: Signal
+    i_hold: In(1)
     """Admit nothing."""
     o: data.View
     """Beats of ``data``, one clock after the pixel."""
-    o_running: Signal
+    o_running: Out(1)
     """A frame has started and has not ended."""
-    o_frame_ends: Signal
+    o_frame_ends: Out(1)
     """The next beat will be the last of its frame."""
-    o_start: Signal
+    o_start: Out(1)
     """With the first beat of a frame."""
-    o_end: Signal
+    o_end: Out(1)
     """With the last beat of a frame, or where one without beats is reported."""
-    o_causes: Signal
+    o_causes: Out(CAUSES)
     """With ``o_end``: the first fault of the frame (`Cause`), or 0."""
 
     def __init__(self, *, closing_lines: int, closing_px: int = MIN_FRAME_PX, pixels_per_clock: int = 1) -> None:
@@ -76,19 +77,7 @@ class FrameAdmission(wiring.Component):
         super().__init__(
             {
                 "i": In(stream.Signature(pixel_payload(pixels_per_clock))),
-                "i_memory_mode": In(1),
-                "i_width_px": In(range(MAX_FRAME_PX + 1)),
-                "i_height_px": In(range(MAX_FRAME_PX + 1)),
-                "i_acceptable": In(1),
-                "i_may_start": In(1),
-                "i_may_end": In(1),
-                "i_hold": In(1),
                 "o": Out(beat(pixels_per_clock, data=24)),
-                "o_running": Out(1),
-                "o_frame_ends": Out(1),
-                "o_start": Out(1),
-                "o_end": Out(1),
-                "o_causes": Out(CAUSES),
             }
         )
 

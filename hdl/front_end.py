@@ -10,6 +10,7 @@ from hdl.build import Build
 from hdl.frame_admission import FrameAdmission
 from hdl.level import Level
 from hdl.level_merge import LevelMerge
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
@@ -20,7 +21,7 @@ from hdl.settings import FRONT_END
 from hdl.streams import FRONT_END_SETTINGS, WordPayload
 
 
-class FrontEnd(wiring.Component):
+class FrontEnd(Component):
     """Features of one or two levels, at one or two pixels per clock; of a build, matcher and shell play no part.
 
     Nothing stalls inside: pixels wait only at frame admission. They wait in three cases: a cell row would end before
@@ -30,15 +31,15 @@ class FrontEnd(wiring.Component):
 
     i_video: stream.Interface
     """Stream of `hdl.axi.video_input.video_payload`."""
-    settings: data.View
+    settings: In(FRONT_END_SETTINGS)
     """`hdl.streams.FRONT_END_SETTINGS`, sampled where a frame may start. A change takes effect once the previous frame
     has left completely. A frame whose settings are out of range, or beyond what was built, is refused
     (`Cause.INVALID_SETTINGS`)."""
-    o_frame_starts: Signal
+    o_frame_starts: Out(1)
     """A frame has been admitted."""
-    o_frame_ends: Signal
+    o_frame_ends: Out(1)
     """A frame has ended. A frame without pixels ends without a start."""
-    o_features: stream.Interface
+    o_features: Out(stream.Signature(WordPayload))
     """Stream of `hdl.streams.WordPayload`: Feature records in the golden order of emission, then the frame's
     FrameStatus."""
 
@@ -58,15 +59,7 @@ class FrontEnd(wiring.Component):
         self._closing_lines = max(level.closing_lines for level in self.levels)
         # `FrameAdmission` begins at even coordinates, one line and one column early in a frame of odd sides.
         self.closing_clocks = (self._closing_lines + 1) * (MIN_FRAME_PX + 1)
-        super().__init__(
-            {
-                "i_video": In(stream.Signature(video_payload(build.video_bits))),
-                "settings": In(FRONT_END_SETTINGS),
-                "o_frame_starts": Out(1),
-                "o_frame_ends": Out(1),
-                "o_features": Out(stream.Signature(WordPayload)),
-            }
-        )
+        super().__init__({"i_video": In(stream.Signature(video_payload(build.video_bits)))})
 
     def elaborate(self, platform: object) -> Module:
         """Admission, gray, levels and merge; settings and threshold, which change only between frames."""

@@ -8,6 +8,7 @@ from golden_model.config import DETECTORS, FrontEndConfig
 from golden_model.formats import RESPONSE_CODE
 from hdl.feature.extractor import CandidateFeatures
 from hdl.feature.ring_window import RingWindow
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.lib.views import view_signal
 from hdl.pixel.corners import Corners, Stage
@@ -24,7 +25,7 @@ RASTER_DEPTH = 512
 """Depth of the queue of features where there is no selection."""
 
 
-class Level(wiring.Component):
+class Level(Component):
     """Corners, descriptors and selection of one level.
 
     One memory of gray lines serves corners and descriptors. The path with the smaller lag takes its gray from further
@@ -43,18 +44,17 @@ class Level(wiring.Component):
 
     i: data.View
     """Beats of gray ``pixel``, at most one per clock."""
-    i_settings: data.View
+    i_settings: In(FRONT_END_SETTINGS)
     """`hdl.streams.FRONT_END_SETTINGS`, stable from 2 clocks before a frame's first beat. Width and height are those of
     the full size."""
-    i_threshold_code: Signal
+    i_threshold_code: In(RESPONSE_CODE.bits)
     """Smallest response code that survives. Stable during a frame."""
-    o_hold: Signal
+    o_hold: Out(1)
     """Admit no more pixels: a cell row would end before the previous one has left. It rises `WARNING_BEATS` beats
     early, to leave room for the pixels that are already in the pipeline."""
-    o_added: Signal
+    o_added: Out(1)
     """The frame has one more feature."""
-    o: stream.Interface
-    """Stream of `hdl.streams.RowPayload`."""
+    o: Out(stream.Signature(RowPayload))
 
     lag_px: int
     """From the scan position to the candidate's pixel."""
@@ -105,16 +105,7 @@ class Level(wiring.Component):
             # The distance between features limits how many may still come after the hold.
             in_flight = (INGRESS_CYCLES + self.latency_cycles) // spacing_cycles + 1
             self._selection = RasterSelection(pattern=pattern, depth=RASTER_DEPTH, in_flight=in_flight)
-        super().__init__(
-            {
-                "i": In(beat(self.pixels_per_clock, pixel=8)),
-                "i_settings": In(FRONT_END_SETTINGS),
-                "i_threshold_code": In(RESPONSE_CODE.bits),
-                "o_hold": Out(1),
-                "o_added": Out(1),
-                "o": Out(stream.Signature(RowPayload)),
-            }
-        )
+        super().__init__({"i": In(beat(self.pixels_per_clock, pixel=8))})
         self._candidate = view_signal(CANDIDATE)
 
     @property

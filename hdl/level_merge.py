@@ -9,6 +9,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.formats import RESPONSE_CODE
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, Record, Tag
 from hdl.frame_admission import CAUSES
+from hdl.lib.component import Component
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
 from hdl.streams import FRONT_END_SETTINGS, WORD, RowPayload, WordPayload, record_layout, words
@@ -20,7 +21,7 @@ WITHOUT_PIXELS = Cause.MISSING_START | Cause.INVALID_SETTINGS
 """Causes of frames that never reach the levels."""
 
 
-class LevelMerge(wiring.Component):
+class LevelMerge(Component):
     """Sends two cell rows of level 0, then one of level 1, and so on; then the FrameStatus.
 
     This is the order in which cell rows become complete. Features get their index and frame number here. Features
@@ -36,37 +37,25 @@ class LevelMerge(wiring.Component):
 
     i_levels: Sequence[stream.Interface]
     """Per level, a stream of `hdl.streams.RowPayload`."""
-    i_settings: data.View
+    i_settings: In(FRONT_END_SETTINGS)
     """`hdl.streams.FRONT_END_SETTINGS` of the frame whose features arrive."""
-    i_starts: Signal
+    i_starts: In(1)
     """The first pixel of a frame has been admitted."""
-    i_ends: Signal
+    i_ends: In(1)
     """The last pixel of a frame has been admitted, or a frame without pixels (`WITHOUT_PIXELS`) must be reported."""
-    i_causes: Signal
+    i_causes: In(CAUSES)
     """Valid with ``i_ends``: the causes that make the frame bad."""
-    i_threshold_code: Signal
+    i_threshold_code: In(RESPONSE_CODE.bits)
     """Valid with ``i_ends``: the frame's threshold."""
-    o_pending: Signal
+    o_pending: Out(1)
     """A frame has ended and its status has not been sent yet: no other frame may end."""
-    o: stream.Interface
-    """Stream of `hdl.streams.WordPayload`."""
+    o: Out(stream.Signature(WordPayload))
 
     def __init__(self, *, record: Record, levels: int, max_features: int) -> None:
         self.record = record
         self.levels = levels
         self.max_features = max_features
-        super().__init__(
-            {
-                "i_levels": In(stream.Signature(RowPayload)).array(levels),
-                "i_settings": In(FRONT_END_SETTINGS),
-                "i_starts": In(1),
-                "i_ends": In(1),
-                "i_causes": In(CAUSES),
-                "i_threshold_code": In(RESPONSE_CODE.bits),
-                "o_pending": Out(1),
-                "o": Out(stream.Signature(WordPayload)),
-            }
-        )
+        super().__init__({"i_levels": In(stream.Signature(RowPayload)).array(levels)})
 
     def elaborate(self, platform: object) -> Module:
         """Pass rows on until every level has ended, then send the status."""

@@ -1,10 +1,11 @@
 """Video ingress: pixels from AXI4-Stream video, or from the plain stream of a DMA."""
 
 from amaranth import Array, Cat, Module, Mux, Signal
-from amaranth.lib import data, stream, wiring
+from amaranth.lib import data, stream
 from amaranth.lib.wiring import In, Out
 
 from hdl.build import pixels_per_clock
+from hdl.lib.component import Component
 from hdl.streams import each_pixel, pixel_payload
 
 GRAY_PER_WORD = 4
@@ -32,7 +33,7 @@ VideoPayload = video_payload(DMA_BITS)
 """A beat of one pixel."""
 
 
-class VideoInput(wiring.Component):
+class VideoInput(Component):
     """Converts the beats of the input stream to one or two pixels per clock.
 
     In memory mode, ``last`` of a pixel ends the transfer, and pixels left in a beat at the end of a frame are dropped.
@@ -48,11 +49,11 @@ class VideoInput(wiring.Component):
 
     i: stream.Interface
     """Stream of `video_payload`."""
-    i_memory_mode: Signal
+    i_memory_mode: In(1)
     """1: memory mode, 0: video mode. May change only between frames."""
-    i_gray_input: Signal
+    i_gray_input: In(1)
     """1: gray, 0: colour. May change only between frames."""
-    i_frame_ends: Signal
+    i_frame_ends: In(1)
     """The pixel at ``o`` is the last of its frame."""
     o: stream.Interface
     """Stream of `hdl.streams.pixel_payload`."""
@@ -66,9 +67,6 @@ class VideoInput(wiring.Component):
         super().__init__(
             {
                 "i": In(stream.Signature(video_payload(video_bits))),
-                "i_memory_mode": In(1),
-                "i_gray_input": In(1),
-                "i_frame_ends": In(1),
                 "o": Out(stream.Signature(pixel_payload(self.pixels_per_clock))),
             }
         )

@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 
 from amaranth import Cat, Module, Signal, Value
-from amaranth.lib import data, wiring
+from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.ilbp import RingDescriptor
 from hdl.feature.subpixel import SubPixel
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.streams import CANDIDATE, COORDINATE
 
@@ -34,7 +35,7 @@ def feature_or_end(pattern: DescriptorPattern) -> data.StructLayout:
     return data.StructLayout({"feature": feature_layout(pattern), "ends_row": 1, "ends_level": 1})
 
 
-class CandidateFeatures(wiring.Component):
+class CandidateFeatures(Component):
     """Computes position, orientation sector and descriptor of every candidate.
 
     Parameters
@@ -47,8 +48,7 @@ class CandidateFeatures(wiring.Component):
         How far the candidate's pixel is left of and above the scan position.
     """
 
-    i: data.View
-    """`hdl.streams.CANDIDATE`."""
+    i: In(CANDIDATE)
     i_pixels: Sequence[Sequence[Signal]]
     """`hdl.feature.ring_window.RingWindow.o_pixels` of the same scan position, by ring and angle, one clock after
     ``i``."""
@@ -63,7 +63,6 @@ class CandidateFeatures(wiring.Component):
         self.latency_cycles = max(self._descriptor.latency_cycles, self._position.latency_cycles)
         super().__init__(
             {
-                "i": In(CANDIDATE),
                 "i_pixels": In(8).array(len(pattern.radii_px), pattern.angles),
                 "o": Out(feature_beat(pattern)),
             }

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
-from amaranth.lib import wiring
 from amaranth.lib.data import ArrayLayout, View
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.orientation import RingMoments, Sector
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.lib.views import view_signal
 
@@ -16,7 +16,7 @@ Ring = Sequence[Value]
 """Pixels of a ring by angle."""
 
 
-class RingDescriptor(wiring.Component):
+class RingDescriptor(Component):
     """Orientation sector and descriptor of each candidate.
 
     The rings of a candidate are copied and then rotated by a group of ``angles // spacing_cycles`` angles per clock.
@@ -31,14 +31,14 @@ class RingDescriptor(wiring.Component):
         Smallest distance of two candidates in clocks: the time that one candidate may take.
     """
 
-    i_candidate: Signal
+    i_candidate: In(1)
     """The pixels of the next clock belong to a candidate. One clock early, because this signal enables all ring
     registers."""
     i_pixels: Sequence[Sequence[Signal]]
     """Ring pixels by ring and angle, in the order of `DescriptorPattern.offsets`."""
-    o_valid: Signal
+    o_valid: Out(1)
     """``latency_cycles`` after ``i_candidate``, for one clock."""
-    o_sector: Signal
+    o_sector: Out(4)
     """0..15 sixteenths of a full circle."""
     o_descriptor: Signal
     """Bit 8 j + i is bit i of byte j."""
@@ -57,10 +57,7 @@ class RingDescriptor(wiring.Component):
         self.latency_cycles = 1 + 1 + 1 + self._wait_cycles + self.groups
         super().__init__(
             {
-                "i_candidate": In(1),
                 "i_pixels": In(8).array(len(pattern.radii_px), pattern.angles),
-                "o_valid": Out(1),
-                "o_sector": Out(4),
                 "o_descriptor": Out(pattern.bits),
             }
         )

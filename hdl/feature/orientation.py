@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 
 from amaranth import Cat, Module, Mux, Shape, Signal, Value, signed, unsigned
-from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.orientation import COSINES, HALF_SECTOR_TANGENTS, SECTORS, SINES, TANGENT_ONE
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed, port_register
 from hdl.lib.weighted_sum import WeightedSum
 
 
-class RingMoments(wiring.Component):
+class RingMoments(Component):
     """Moments Mx, My of rings whose 16 angles arrive in groups, the last group first.
 
     Relative to its first angle, every group has the same weights, so that one set of adders serves all groups:
@@ -26,9 +26,9 @@ class RingMoments(wiring.Component):
         Groups of a candidate; each takes one clock.
     """
 
-    i_valid: Signal
+    i_valid: In(1)
     """A group is at ``i_pixels``."""
-    i_first: Signal
+    i_first: In(1)
     """The group is the first of its candidate."""
     i_pixels: Sequence[Sequence[Signal]]
     """Pixels of the group by ring and angle."""
@@ -50,8 +50,6 @@ class RingMoments(wiring.Component):
         moment = signed(bound.bit_length() + 1)
         super().__init__(
             {
-                "i_valid": In(1),
-                "i_first": In(1),
                 "i_pixels": In(8).array(len(radii_px), group_angles),
                 "o_mx": Out(moment),
                 "o_my": Out(moment),
@@ -86,7 +84,7 @@ class RingMoments(wiring.Component):
         return m
 
 
-class Sector(wiring.Component):
+class Sector(Component):
     """Sector round(16 atan2(My, Mx) / 2 pi) mod 16 by two integer comparisons in the first octant; (0, 0) gives 0.
 
     Parameters
@@ -97,11 +95,11 @@ class Sector(wiring.Component):
         Smallest distance of two moments in clocks.
     """
 
-    i_valid: Signal
+    i_valid: In(1)
     i_mx: Signal
     i_my: Signal
     """Mx and My, where ``i_valid``."""
-    o_sector: Signal
+    o_sector: Out(4)
     """Valid ``latency_cycles`` after ``i_valid``, until the next result."""
 
     def __init__(self, *, moment: Shape, spacing_cycles: int = 2) -> None:
@@ -109,7 +107,7 @@ class Sector(wiring.Component):
         length = unsigned(moment.width - 1)
         self._borders = [WeightedSum(weights=(tangent, -TANGENT_ONE), shape=length) for tangent in HALF_SECTOR_TANGENTS]
         self.latency_cycles = 3 + self._borders[0].latency_cycles + 1
-        super().__init__({"i_valid": In(1), "i_mx": In(moment), "i_my": In(moment), "o_sector": Out(4)})
+        super().__init__({"i_mx": In(moment), "i_my": In(moment)})
 
     def elaborate(self, platform: object) -> Module:
         """Fold into the first octant, compare with the two sector borders inside it, unfold."""

@@ -100,7 +100,6 @@ class SubPixel(wiring.Component):
     """
 
     i: In(CANDIDATE)
-    """`hdl.streams.CANDIDATE`."""
     o_x: Out(POSITION.bits)
     """UQ(12, 4), 1/16 px; valid ``latency_cycles`` after the candidate, for at least one clock."""
     o_y: Out(POSITION.bits)

@@ -1,12 +1,13 @@
 """Stores the matches of a frame as they arrive, and hands them on in the order of their weights."""
 
 from amaranth import Module, Mux, Signal
-from amaranth.lib import data, stream, wiring
+from amaranth.lib import data, stream
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import WEIGHT
 from golden_model.geometry.ordering import BINS
 from hdl.geometry.match_gain import WEIGHED_PAIR
+from hdl.lib.component import Component
 from hdl.lib.line_memory import LineMemory
 
 FRAME = data.StructLayout({"frame": 32, "reference": 16, "width": 16, "height": 16, "good": 1})
@@ -19,7 +20,7 @@ PHASES = 2 * LineMemory.latency_cycles + 1
 """Clocks to place a match: it is read, then the rank of its weight."""
 
 
-class MatchOrdering(wiring.Component):
+class MatchOrdering(Component):
     """Counting sort by falling weight, equal weights in their order; see `golden_model.geometry.ordering`.
 
     Matches are counted by weight as they arrive, one in four clocks. After the last one the block waits for
@@ -31,46 +32,31 @@ class MatchOrdering(wiring.Component):
         Matches that are stored; that there were more is only noted.
     """
 
-    i: stream.Interface
-    """Stream of `FRAME_MATCH`."""
-    o_complete: Signal
+    i: In(stream.Signature(FRAME_MATCH))
+    o_complete: Out(1)
     """All matches of a frame are there."""
     o_count: Signal
     """How many are stored."""
-    o_too_many: Signal
+    o_too_many: Out(1)
     """There were more."""
-    o_frame: data.View
-    i_sort: Signal
+    o_frame: Out(FRAME)
+    i_sort: In(1)
     """While ``o_complete``: write all to ``o_address``."""
-    i_discard: Signal
+    i_discard: In(1)
     """While ``o_complete``: forget them."""
-    o_sorted: Signal
+    o_sorted: Out(1)
     """The last match is written in this clock."""
-    o_write: Signal
+    o_write: Out(1)
     o_address: Signal
     """Rank of ``o_match``, from 0."""
-    o_match: data.View
+    o_match: Out(WEIGHED_PAIR)
 
     def __init__(self, *, max_matches: int) -> None:
         self._max_matches = max_matches
         self._matches = LineMemory(shape=WEIGHED_PAIR, depth=max_matches)
         # First counts, then ranks.
         self._ranks = LineMemory(shape=range(max_matches + 1), depth=BINS)
-        super().__init__(
-            {
-                "i": In(stream.Signature(FRAME_MATCH)),
-                "o_complete": Out(1),
-                "o_count": Out(range(max_matches + 1)),
-                "o_too_many": Out(1),
-                "o_frame": Out(FRAME),
-                "i_sort": In(1),
-                "i_discard": In(1),
-                "o_sorted": Out(1),
-                "o_write": Out(1),
-                "o_address": Out(range(max_matches)),
-                "o_match": Out(WEIGHED_PAIR),
-            }
-        )
+        super().__init__({"o_count": Out(range(max_matches + 1)), "o_address": Out(range(max_matches))})
 
     def elaborate(self, platform: object) -> Module:
         """Store and count; sum the counts up to first ranks; place every match at the next rank of its weight."""

@@ -12,6 +12,7 @@ from hdl.geometry.estimator_states import ESTIMATOR_SETTINGS
 from hdl.geometry.match_gain import PAIR
 from hdl.geometry.ordering import FRAME_MATCH
 from hdl.geometry.scoring import HomographyScoring
+from hdl.lib.component import Component
 from hdl.lib.views import view_signal
 from hdl.streams import WordPayload, record_layout, words
 
@@ -234,7 +235,7 @@ class KeptMatches(wiring.Component):
         return m
 
 
-class RecordCollector(wiring.Component):
+class RecordCollector(Component):
     """Assembles records of one length from their words.
 
     A record takes one clock more than it has words. After ``last`` the next word begins a record, whatever came before.
@@ -245,8 +246,7 @@ class RecordCollector(wiring.Component):
         Gives the length.
     """
 
-    i: stream.Interface
-    """Stream of `hdl.streams.WordPayload`."""
+    i: In(stream.Signature(WordPayload))
     o: stream.Interface
     """Stream of ``record``, ``last`` (the record's last word had it) and ``cut`` (``last`` came too early, and the
     record means nothing)."""
@@ -254,7 +254,7 @@ class RecordCollector(wiring.Component):
     def __init__(self, *, record: Record) -> None:
         self._words = record.record_bytes // WORD_BYTES
         collected = data.StructLayout({"record": 8 * record.record_bytes, "last": 1, "cut": 1})
-        super().__init__({"i": In(stream.Signature(WordPayload)), "o": Out(stream.Signature(collected))})
+        super().__init__({"o": Out(stream.Signature(collected))})
 
     def elaborate(self, platform: object) -> Module:
         """A shift register; it stands still while its record waits."""

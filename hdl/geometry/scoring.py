@@ -10,6 +10,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.formats import WEIGHT
 from golden_model.geometry.scoring import ENTRY, IN_FLIGHT, LEVELS, MAX_MATCHES, ScoreCause
 from hdl.geometry.match_gain import HYPOTHESIS, PRODUCT_CYCLES, WEIGHED_PAIR, MatchGain
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
@@ -35,7 +36,7 @@ class _Marks(NamedTuple):
     last: Value
 
 
-class HomographyScoring(wiring.Component):
+class HomographyScoring(Component):
     """Score and support of every hypothesis; equal to `golden_model.geometry.scoring.score`.
 
     A set of matches is stored; hypotheses follow, any number of them. The next set is taken as soon as the hypotheses
@@ -52,12 +53,12 @@ class HomographyScoring(wiring.Component):
         Matches that the memory holds, 1 to 2048. A larger set is not scored, see `ScoreCause.TOO_MANY_MATCHES`.
     """
 
-    i_matches: stream.Interface
+    i_matches: In(stream.Signature(SENT_MATCH))
     """Stream of `SENT_MATCH`. A set ends with a payload with ``ends``, which holds no match but the frame's number."""
-    i_hypotheses: stream.Interface
+    i_hypotheses: In(stream.Signature(SENT_HYPOTHESIS))
     """Stream of `SENT_HYPOTHESIS`, with elements as from `golden_model.geometry.scoring.quantise`; what does not fit 25
     bits, or is too small, is refused with a cause."""
-    i_hold: Signal
+    i_hold: In(1)
     """No hypothesis is started."""
     o: stream.Interface
     """Stream of ``score``, ``support``, ``causes``, ``number``, ``last`` and ``frame``: one per hypothesis, in their
@@ -73,14 +74,7 @@ class HomographyScoring(wiring.Component):
         self._result = data.StructLayout(
             {"score": range(support * LEVELS + 1), "support": range(support + 1), **_NOTE.members}
         )
-        super().__init__(
-            {
-                "i_matches": In(stream.Signature(SENT_MATCH)),
-                "i_hypotheses": In(stream.Signature(SENT_HYPOTHESIS)),
-                "i_hold": In(1),
-                "o": Out(stream.Signature(self._result)),
-            }
-        )
+        super().__init__({"o": Out(stream.Signature(self._result))})
 
     def elaborate(self, platform: object) -> Module:
         """Store matches, read them for each hypothesis, sum their gains."""

@@ -1,1 +1,1 @@
-"""Building blocks for any design: delays, skid buffer, adder trees, counts, views; multiplier and line memory."""
+"""Building blocks for any design: components, delays, skid buffer, adder trees, counts, views; multiplier, memory."""

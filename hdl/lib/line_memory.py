@@ -1,14 +1,15 @@
 """A memory with an output register, for lines of pixels and for features."""
 
 from amaranth import Module, ShapeLike, Signal
-from amaranth.lib import memory, wiring
+from amaranth.lib import memory
 from amaranth.lib.wiring import In, Out
 
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed, port_register
 from hdl.lib.ecp5 import Ecp5
 
 
-class LineMemory(wiring.Component):
+class LineMemory(Component):
     """A memory with a port to read and one to write, and a register behind the read port.
 
     The output of a block RAM is slow, hence the register, which tools may take from the block RAM itself. Where they
@@ -24,13 +25,13 @@ class LineMemory(wiring.Component):
         A word waits in the memory until ``i_load`` moves it into the output register, once for each ``i_read``.
     """
 
-    i_read: Signal
+    i_read: In(1)
     i_read_address: Signal
     i_load: Signal
     """Only with ``loads``: the output register takes the word of the last ``i_read`` before this clock."""
     o_word: Signal
     """The word read last."""
-    i_write: Signal
+    i_write: In(1)
     i_write_address: Signal
     i_word: Signal
 
@@ -43,11 +44,9 @@ class LineMemory(wiring.Component):
         self.loads = loads
         super().__init__(
             {
-                "i_read": In(1),
                 "i_read_address": In(range(depth)),
                 **({"i_load": In(1)} if loads else {}),
                 "o_word": Out(shape),
-                "i_write": In(1),
                 "i_write_address": In(range(depth)),
                 "i_word": In(shape),
             }

@@ -1,14 +1,14 @@
 """A multiplier with the registers that a DSP slice has."""
 
 from amaranth import Const, Module, Shape, Signal, Value
-from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed, port_register
 from hdl.lib.ecp5 import FACTOR_BITS, Ecp5
 
 
-class Multiplier(wiring.Component):
+class Multiplier(Component):
     """``o_product`` = ``i_a`` × ``i_b``, with operand, multiplier and product register; one product per clock.
 
     Yosys and Vivado move all three registers into a DSP48 of xc7. Tools that leave them outside let the wires to and
@@ -22,7 +22,7 @@ class Multiplier(wiring.Component):
         Shape of the product; it must hold every product.
     """
 
-    i_valid: Signal
+    i_valid: In(1)
     """There are factors. Stages without valid data keep their value."""
     i_a: Signal
     i_b: Signal
@@ -31,7 +31,7 @@ class Multiplier(wiring.Component):
     latency_cycles = 3
 
     def __init__(self, *, a: Shape, b: Shape, product: Shape) -> None:
-        super().__init__({"i_valid": In(1), "i_a": In(a), "i_b": In(b), "o_product": Out(product)})
+        super().__init__({"i_a": In(a), "i_b": In(b), "o_product": Out(product)})
 
     def elaborate(self, platform: object) -> Module:
         """Add the multiplier and its registers, inferred or in the platform's multiplier."""

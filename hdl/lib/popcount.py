@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from amaranth import Cat, Module, Signal, Value
-from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 
 LAYERS_PER_STAGE = 2
@@ -17,7 +17,7 @@ Columns = list[list[Plane]]
 """``columns[w]`` holds the planes of weight ``2**w`` that still have to be added."""
 
 
-class Popcount(wiring.Component):
+class Popcount(Component):
     """``o_counts[k]`` = number of ``i_planes`` with bit k set: one count per lane and clock.
 
     A plane holds one bit of every lane, side by side. Counters replace six planes of one weight by three of rising
@@ -33,7 +33,7 @@ class Popcount(wiring.Component):
         Width of a plane.
     """
 
-    i_valid: Signal
+    i_valid: In(1)
     """The planes are valid. Stages without valid data keep their value, which saves power and simulation time."""
     i_planes: Sequence[Signal]
     """``bits`` planes of ``lanes`` bits."""
@@ -49,9 +49,7 @@ class Popcount(wiring.Component):
         while _max_height(columns) > 2:
             columns = _stage(columns, _count_bits)
             self.latency_cycles += 1
-        super().__init__(
-            {"i_valid": In(1), "i_planes": In(lanes).array(bits), "o_counts": Out(range(bits + 1)).array(lanes)}
-        )
+        super().__init__({"i_planes": In(lanes).array(bits), "o_counts": Out(range(bits + 1)).array(lanes)})
 
     def elaborate(self, platform: object) -> Module:
         """Layers of counters between registers, then the adders."""

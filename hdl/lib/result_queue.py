@@ -4,13 +4,14 @@ from amaranth import Module, ShapeLike, Signal, Value
 from amaranth.lib import fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 
 RETURN_CYCLES = 1
 """Clocks from a result that is taken to the start that its place allows."""
 
 
-class ResultQueue(wiring.Component):
+class ResultQueue(Component):
     """Keeps the results of a pipeline until they are taken; there is a place for each that has been started.
 
     Registers of multipliers and block RAMs run on in every clock, and a signal that stops a long pipeline would limit
@@ -25,11 +26,11 @@ class ResultQueue(wiring.Component):
         Clocks from a start to its result.
     """
 
-    i_start: Signal
+    i_start: In(1)
     """Something enters the pipeline; only while ``o_ready``."""
     i_result: Signal
     """What has been started ``pipeline_cycles`` before."""
-    o_ready: Signal
+    o_ready: Out(1)
     """The pipeline may start something in this clock."""
     o: stream.Interface
     """The results, in their order."""
@@ -40,9 +41,7 @@ class ResultQueue(wiring.Component):
     def __init__(self, *, shape: ShapeLike, pipeline_cycles: int) -> None:
         self.shape = shape
         self.pipeline_cycles = pipeline_cycles
-        super().__init__(
-            {"i_start": In(1), "i_result": In(shape), "o_ready": Out(1), "o": Out(stream.Signature(shape))}
-        )
+        super().__init__({"i_result": In(shape), "o": Out(stream.Signature(shape))})
 
     def elaborate(self, platform: object) -> Module:
         """Count what has been started and not taken."""

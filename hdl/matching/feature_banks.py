@@ -1,13 +1,14 @@
 """Three banks of features: reference and current frame are matched while the next frame fills the third."""
 
 from amaranth import Array, Cat, Module, Mux, Signal
-from amaranth.lib import data, stream, wiring
+from amaranth.lib import data, stream
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import POSITION
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Tag
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
 from hdl.streams import WordPayload, record_layout
@@ -32,7 +33,7 @@ class BankedFeature(data.StructLayout):
         )
 
 
-class FeatureBanks(wiring.Component):
+class FeatureBanks(Component):
     """Stores frames of Feature records, and provides the features of the two frames to match.
 
     Features are written to the filling bank. When the FrameStatus of a good frame is accepted from ``o_status``, the
@@ -50,13 +51,13 @@ class FeatureBanks(wiring.Component):
         Features that a bank holds; a frame with more must be marked bad, or it would overwrite itself.
     """
 
-    i: stream.Interface
+    i: In(stream.Signature(WordPayload))
     """Stream of `hdl.streams.WordPayload`: records of one length; each frame ends with its FrameStatus."""
     o_status: stream.Interface
     """Stream of FrameStatus records. Accepting one changes the roles; ``i`` stalls until then."""
-    i_hold_reference: Signal
+    i_hold_reference: In(1)
     """The reference stays the same. Sampled when the roles change."""
-    i_take_reference: Signal
+    i_take_reference: In(1)
     """The frame becomes the reference, and there is no current frame to match. Sampled when the roles change."""
     i_left_address: Signal
     i_right_address: Signal
@@ -68,7 +69,7 @@ class FeatureBanks(wiring.Component):
     """Number of features of the reference."""
     o_right_count: Signal
     """Number of features of the current frame; 0 if there is nothing to match."""
-    o_reference: Signal
+    o_reference: Out(16)
     """Lower half of the reference's frame number."""
 
     def __init__(self, *, pattern: DescriptorPattern, max_features: int) -> None:
@@ -83,17 +84,13 @@ class FeatureBanks(wiring.Component):
         address, count = range(max_features), range(max_features + 1)
         super().__init__(
             {
-                "i": In(stream.Signature(WordPayload)),
                 "o_status": Out(stream.Signature(self._status)),
-                "i_hold_reference": In(1),
-                "i_take_reference": In(1),
                 "i_left_address": In(address),
                 "i_right_address": In(address),
                 "o_left": Out(self._feature),
                 "o_right": Out(self._feature),
                 "o_left_count": Out(count),
                 "o_right_count": Out(count),
-                "o_reference": Out(16),
             }
         )
 

@@ -5,13 +5,14 @@ from typing import Any
 
 import numpy as np
 from amaranth import Array, Cat, Const, Module, Mux, ShapeLike, Signal, Value
-from amaranth.lib import data, stream, wiring
+from amaranth.lib import data, stream
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import ceil_log2, exact_log2
 
 from golden_model.formats import MEMBERSHIP, WEIGHT
 from golden_model.matching.fuzzy import MAX_RULES, SugenoSystem
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed, port_register
 from hdl.lib.multiplier import Multiplier, multiply
 
@@ -25,7 +26,7 @@ RESULT = data.StructLayout({"weight": WEIGHT.bits, "rule": range(MAX_RULES)})
 """Weight in UQ0.8, and the strongest rule, ties to the lowest."""
 
 
-class Sugeno(wiring.Component):
+class Sugeno(Component):
     """Weight and dominant rule of a set of inputs, one rule per clock; equal to `SugenoSystem.evaluate`.
 
     Membership tables are ROMs. A product system multiplies all degrees but the last and folds the last one into the
@@ -47,8 +48,7 @@ class Sugeno(wiring.Component):
 
     i: stream.Interface
     """Stream of the values, ``ArrayLayout(value_bits, inputs)``. Accepted one clock after the result."""
-    o: stream.Interface
-    """Stream of `RESULT`."""
+    o: Out(stream.Signature(RESULT))
 
     latency_cycles: int
     """From ``i.valid`` to ``o.valid``."""
@@ -65,7 +65,7 @@ class Sugeno(wiring.Component):
         rounding = 2 if self._is_product else 2 + QUOTIENT_BITS
         self.latency_cycles = 2 + len(system.rules) + self._term_cycles + rounding
         values = data.ArrayLayout(value_bits, inputs)
-        super().__init__({"i": In(stream.Signature(values)), "o": Out(stream.Signature(RESULT))})
+        super().__init__({"i": In(stream.Signature(values))})
 
     def elaborate(self, platform: object) -> Module:
         """Look up the degrees, evaluate one rule per clock, sum, round; a minimum system divides before rounding."""

@@ -9,6 +9,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.matching import rule_bases
 from golden_model.matching.correlation import NCC, SAD_PER_PIXEL, ZSSD_PER_PIXEL
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.matching.correlation import PIXELS, WINDOWS, WindowCorrelation
 from hdl.matching.fuzzy import Sugeno
@@ -19,13 +20,13 @@ _ENTRIES = 256
 """Scaled scores saturate here; the tables of SAD and of ZSSD are shorter."""
 
 
-class FuzzyCorrelation(wiring.Component):
+class FuzzyCorrelation(Component):
     """The 27 rules over SAD, ZSSD and NCC of two windows, equal to `golden_model.matching.rule_bases.correlation`.
 
     SAD and ZSSD are taken per pixel, as `golden_model.matching.correlation.fuzzy_inputs` does.
     """
 
-    i: stream.Interface
+    i: In(stream.Signature(WINDOWS))
     """Stream of `hdl.matching.correlation.WINDOWS`. Accepted one clock after the result."""
     o: stream.Interface
     """Stream of `hdl.matching.fuzzy.RESULT`."""
@@ -37,7 +38,7 @@ class FuzzyCorrelation(wiring.Component):
         self._correlation = WindowCorrelation()
         self._rules = Sugeno(system=rule_bases.correlation(), value_bits=NCC.bits)
         self.latency_cycles = self._correlation.latency_cycles + SCALE_CYCLES + self._rules.latency_cycles
-        super().__init__({"i": In(stream.Signature(WINDOWS)), "o": Out(self._rules.o.signature)})
+        super().__init__({"o": Out(self._rules.o.signature)})
 
     def elaborate(self, platform: object) -> Module:
         """Window scores, scaled to table indices, then the rules."""

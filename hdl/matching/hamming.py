@@ -3,14 +3,15 @@
 from collections.abc import Sequence
 
 from amaranth import Cat, Const, Module, Mux, Shape, Signal
-from amaranth.lib import data, wiring
+from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed, port_register
 from hdl.lib.popcount import Popcount
 
 
-class Distances(wiring.Component):
+class Distances(Component):
     """Hamming distances in a chain of lanes: each lane holds a left descriptor, right ones advance one lane per clock.
 
     Lane k sees a right descriptor k clocks after lane 0. Descriptors are stored as bit planes: one signal for bit n of
@@ -23,15 +24,15 @@ class Distances(wiring.Component):
     lanes : int
     """
 
-    i_run: Signal
+    i_run: In(1)
     """High from the first right descriptor until the last one has left the lanes; the lanes hold otherwise."""
-    i_valid: Signal
+    i_valid: In(1)
     i_right: Signal
     """A right descriptor for lane 0, where ``i_valid``; it should not change otherwise."""
-    i_load: Signal
+    i_load: In(1)
     i_lane: Signal
     i_left: Signal
-    i_left_valid: Signal
+    i_left_valid: In(1)
     """With ``i_load``, lane ``i_lane`` takes ``i_left`` for the right descriptor that
     reaches it in this clock, and later ones; without ``i_left_valid`` the lane gives no distances until its next
     load."""
@@ -50,13 +51,9 @@ class Distances(wiring.Component):
         self.latency_cycles = 1 + self._popcount.latency_cycles
         super().__init__(
             {
-                "i_run": In(1),
-                "i_valid": In(1),
                 "i_right": In(bits),
-                "i_load": In(1),
                 "i_lane": In(range(lanes)),
                 "i_left": In(bits),
-                "i_left_valid": In(1),
                 "o_valid": Out(lanes),
                 "o_distances": Out(range(bits + 1)).array(lanes),
             }
@@ -128,7 +125,7 @@ class LaneBus(data.StructLayout):
         )
 
 
-class Lane(wiring.Component):
+class Lane(Component):
     """Nearest right descriptor of one left descriptor; also updates the column of each passing right descriptor.
 
     Parameters
@@ -138,14 +135,14 @@ class Lane(wiring.Component):
     bits, max_features : int
     """
 
-    i_valid: Signal
+    i_valid: In(1)
     i_distance: Signal
     """Distance to the right descriptor of ``i_bus``, where ``i_valid``."""
     i_bus: data.View
     """`LaneBus` from the previous lane."""
     o_bus: data.View
     """`LaneBus` to the next lane, one clock later."""
-    o_row_valid: Signal
+    o_row_valid: Out(1)
     o_row: data.View
     """The finished row, one clock after its last right descriptor."""
 
@@ -154,11 +151,9 @@ class Lane(wiring.Component):
         bus = LaneBus(bits=bits, lanes=lanes, max_features=max_features)
         super().__init__(
             {
-                "i_valid": In(1),
                 "i_distance": In(range(bits + 1)),
                 "i_bus": In(bus),
                 "o_bus": Out(bus),
-                "o_row_valid": Out(1),
                 "o_row": Out(Nearest(bits=bits, max_features=max_features)),
             }
         )

@@ -1,7 +1,7 @@
 """Weighs matches by a fuzzy rule base and the relative orientation that most of them share."""
 
 from amaranth import Cat, Module, Mux, Signal, Value
-from amaranth.lib import data, stream, wiring
+from amaranth.lib import data, stream
 from amaranth.lib.wiring import In, Out
 
 from golden_model.config import MatcherConfig
@@ -9,6 +9,7 @@ from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import WEIGHT
 from golden_model.matching import rule_bases
+from hdl.lib.component import Component
 from hdl.matching.correlation import SumOfAbsoluteDifferences
 from hdl.matching.feature_banks import READ_CYCLES, BankedFeature
 from hdl.matching.fuzzy import RESULT, Sugeno
@@ -19,7 +20,7 @@ WEIGHED = data.StructLayout({**RESULT.members, "turn": range(SECTORS), "peak_tur
 """Weight and rule of a match, its relative orientation, and the most common one."""
 
 
-class MatchWeigher(wiring.Component):
+class MatchWeigher(Component):
     """Weight of each match; the rule base compares its relative orientation with the most common one.
 
     All pairs pass twice: first for the histogram of relative orientations, then to be weighed. Patterns without
@@ -38,14 +39,13 @@ class MatchWeigher(wiring.Component):
     i_left: data.View
     i_right: data.View
     """The pair's `BankedFeature` on each side, ``READ_CYCLES`` after it is valid."""
-    i_count: Signal
+    i_count: In(1)
     """Count the pairs instead of weighing them."""
-    i_find: Signal
+    i_find: In(1)
     """Find the most common relative orientation, see `OrientationHistogram`."""
-    o_busy: Signal
+    o_busy: Out(1)
     """It is being searched for."""
-    o: stream.Interface
-    """Stream of `WEIGHED`."""
+    o: Out(stream.Signature(WEIGHED))
 
     def __init__(self, *, config: MatcherConfig, pattern: DescriptorPattern, max_features: int) -> None:
         self.rules = config.rules
@@ -57,10 +57,6 @@ class MatchWeigher(wiring.Component):
                 "i": In(stream.Signature(Pair(bits=pattern.bits, max_features=max_features))),
                 "i_left": In(feature),
                 "i_right": In(feature),
-                "i_count": In(1),
-                "i_find": In(1),
-                "o_busy": Out(1),
-                "o": Out(stream.Signature(WEIGHED)),
             }
         )
 

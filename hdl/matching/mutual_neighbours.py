@@ -4,6 +4,7 @@ from amaranth import Cat, Module, Mux, Shape, Signal
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
@@ -19,7 +20,7 @@ class Pair(data.StructLayout):
         super().__init__({"left": index, "right": index, "distance": distance, "margin": distance})
 
 
-class MutualNearestNeighbours(wiring.Component):
+class MutualNearestNeighbours(Component):
     """Pairs of features that are each other's nearest, in rising left index; one row per clock while ``o`` accepts.
 
     Parameters
@@ -28,15 +29,15 @@ class MutualNearestNeighbours(wiring.Component):
         As in the `NearestNeighbours` whose results it reads.
     """
 
-    i_start: Signal
+    i_start: In(1)
     """Starts a walk over the rows; the previous one must have ended."""
     i_left_count: Signal
     """Must not change during the walk and one clock before it."""
-    o_busy: Signal
+    o_busy: Out(1)
     """High from the clock after ``i_start`` until the last pair has been accepted."""
     o_row_index: Signal
     o_column_index: Signal
-    o_read: Signal
+    o_read: Out(1)
     i_row: data.View
     i_column: data.View
     """To and from `NearestNeighbours`, which gives the `Nearest` of a row and of a column."""
@@ -50,12 +51,9 @@ class MutualNearestNeighbours(wiring.Component):
         nearest, index = Nearest(bits=bits, max_features=max_features), range(max_features)
         super().__init__(
             {
-                "i_start": In(1),
                 "i_left_count": In(range(max_features + 1)),
-                "o_busy": Out(1),
                 "o_row_index": Out(index),
                 "o_column_index": Out(index),
-                "o_read": Out(1),
                 "i_row": In(nearest),
                 "i_column": In(nearest),
                 "o": Out(stream.Signature(Pair(bits=bits, max_features=max_features))),

@@ -6,10 +6,11 @@ from itertools import pairwise
 from operator import or_
 
 from amaranth import Cat, Module, Mux, Signal, Value
-from amaranth.lib import data, wiring
+from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import exact_log2
 
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
 from hdl.lib.views import view_signal
@@ -22,7 +23,7 @@ COLUMN_CYCLES = RESULT_CYCLES + 1
 """Clocks from a column's index to the first lane: a register stands on the long way from the block RAM."""
 
 
-class NearestNeighbours(wiring.Component):
+class NearestNeighbours(Component):
     """Nearest right feature of every left feature, and nearest left feature of every right one.
 
     A group of ``lanes`` left descriptors is loaded, and all right ones pass it; between groups the columns are kept in
@@ -39,12 +40,12 @@ class NearestNeighbours(wiring.Component):
         Largest number of features of either frame.
     """
 
-    i_start: Signal
+    i_start: In(1)
     """Starts a search; the previous one must have ended."""
     i_left_count: Signal
     i_right_count: Signal
     """Both must not change during the search. If either is 0, the search ends at once and leaves no result."""
-    o_busy: Signal
+    o_busy: Out(1)
     """High from the clock after ``i_start`` until the results are readable."""
     o_left_address: Signal
     o_right_address: Signal
@@ -53,7 +54,7 @@ class NearestNeighbours(wiring.Component):
     """Addresses for the feature banks, which answer with the descriptors ``READ_CYCLES`` later."""
     i_row_index: Signal
     i_column_index: Signal
-    i_read: Signal
+    i_read: In(1)
     """Advances the reading of results."""
     o_row: data.View
     """The `Nearest` of row ``i_row_index``, readable while not busy, ``RESULT_CYCLES`` clocks with ``i_read`` later."""
@@ -77,17 +78,14 @@ class NearestNeighbours(wiring.Component):
         index, count = range(max_features), range(max_features + 1)
         super().__init__(
             {
-                "i_start": In(1),
                 "i_left_count": In(count),
                 "i_right_count": In(count),
-                "o_busy": Out(1),
                 "o_left_address": Out(index),
                 "o_right_address": Out(index),
                 "i_left": In(bits),
                 "i_right": In(bits),
                 "i_row_index": In(index),
                 "i_column_index": In(index),
-                "i_read": In(1),
                 "o_row": Out(self._nearest),
                 "o_column": Out(self._nearest),
             }

@@ -1,12 +1,13 @@
 """Histogram of the relative orientations of matches, and its peak."""
 
 from amaranth import Module, Signal, Value
-from amaranth.lib import data, stream, wiring
+from amaranth.lib import data, stream
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import WEIGHT
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.lib.multiplier import Multiplier, multiply
 
@@ -15,7 +16,7 @@ FIND_CYCLES = 5
 """Clocks from the address of the preceding bin to the smoothed bin."""
 
 
-class OrientationHistogram(wiring.Component):
+class OrientationHistogram(Component):
     """Adds up squared weights by relative orientation, then finds the most common one.
 
     Equals `golden_model.matching.matcher.common_orientation`.
@@ -32,19 +33,17 @@ class OrientationHistogram(wiring.Component):
     i: stream.Interface
     """Stream of ``relative_orientation`` and ``weight`` of a match. Not accepted while busy; each takes
     ``SQUARE_CYCLES`` + 1 clocks."""
-    i_find: Signal
+    i_find: In(1)
     """Starts the search for the peak; no match may be pending."""
-    o_busy: Signal
+    o_busy: Out(1)
     """High from the clock after ``i_find`` until the peak is known and the bins are cleared."""
-    o_peak: Signal
+    o_peak: Out(range(SECTORS))
     """Relative orientation of the last peak."""
 
     def __init__(self, *, max_matches: int) -> None:
         self._bin = range(max_matches * WEIGHT.max_raw**2 + 1)
         match = data.StructLayout({"relative_orientation": range(SECTORS), "weight": WEIGHT.bits})
-        super().__init__(
-            {"i": In(stream.Signature(match)), "i_find": In(1), "o_busy": Out(1), "o_peak": Out(range(SECTORS))}
-        )
+        super().__init__({"i": In(stream.Signature(match))})
 
     def elaborate(self, platform: object) -> Module:
         """A memory that is cleared bin by bin, updated by each match, and read in order to find the peak."""

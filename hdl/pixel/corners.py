@@ -2,12 +2,13 @@
 
 from typing import NamedTuple
 
-from amaranth import Module, Mux, Signal
-from amaranth.lib import data, wiring
+from amaranth import Module, Mux
+from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
 from golden_model.config import FrontEndConfig
 from golden_model.formats import PIXEL, RESPONSE_CODE
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.pixel.fast import Fast
 from hdl.pixel.gradients import GradientColumns
@@ -27,7 +28,7 @@ class Stage(NamedTuple):
     lag_px: int
 
 
-class Corners(wiring.Component):
+class Corners(Component):
     """Responses of the chosen detector, Harris or FAST, and their suppression.
 
     Both detectors are built; the one that is not chosen gets no valid beats, so that its registers hold still.
@@ -42,9 +43,9 @@ class Corners(wiring.Component):
 
     i: data.View
     """Beats of ``column``: 3 gray pixels, the newest line first."""
-    i_fast: Signal
+    i_fast: In(1)
     """1: FAST; 0: Harris. Stable during a frame."""
-    i_threshold_code: Signal
+    i_threshold_code: In(RESPONSE_CODE.bits)
     """Smallest response code that survives. Stable during a frame."""
     o: data.View
     """Beats of `hdl.pixel.nms.NEIGHBOURHOOD`: corners, including unspecified ones near the border, which the level
@@ -70,8 +71,6 @@ class Corners(wiring.Component):
         super().__init__(
             {
                 "i": In(beat(pixels_per_clock, column=data.ArrayLayout(PIXEL.bits, 3))),
-                "i_fast": In(1),
-                "i_threshold_code": In(RESPONSE_CODE.bits),
                 "o": Out(beat(pixels_per_clock, **NEIGHBOURHOOD)),
             }
         )

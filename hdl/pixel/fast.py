@@ -2,12 +2,13 @@
 
 from typing import Any
 
-from amaranth import Cat, Const, Module, Mux, Signal, Value
-from amaranth.lib import data, wiring
+from amaranth import Cat, Const, Module, Mux, Value
+from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import PIXEL, RESPONSE_CODE
 from golden_model.pixel.fast import CIRCLE, MARGIN_PX
+from hdl.lib.component import Component
 from hdl.lib.delay import Pipe, delayed
 from hdl.pixel.window import Window
 from hdl.streams import beat, carry_scan, each_pixel
@@ -17,7 +18,7 @@ _EVENS_THEN_ODDS = (*CIRCLE[0::2], *CIRCLE[1::2])
 """The order of the circle's pixels in a word: every arc is then a combination of rotations of the two halves."""
 
 
-class Fast(wiring.Component):
+class Fast(Component):
     """The largest threshold at which a pixel passes the segment test.
 
     The score follows from a single pixel of the circle, called *decisive* here: take the darkest pixel of each arc of
@@ -37,7 +38,7 @@ class Fast(wiring.Component):
 
     i: data.View
     """Beats of ``column``: ``lines`` gray pixels, the newest line first."""
-    i_threshold_code: Signal
+    i_threshold_code: In(RESPONSE_CODE.bits)
     """Smallest score that survives, in gray levels. Stable during a frame."""
     o: data.View
     """Beats of ``code``, `golden_model.pixel.fast.response_code`."""
@@ -56,7 +57,6 @@ class Fast(wiring.Component):
         super().__init__(
             {
                 "i": In(beat(pixels_per_clock, column=column)),
-                "i_threshold_code": In(RESPONSE_CODE.bits),
                 "o": Out(beat(pixels_per_clock, code=PIXEL.bits)),
             }
         )

@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator
 
-from amaranth import Cat, Module, Mux, Signal, Value
-from amaranth.lib import data, wiring
+from amaranth import Cat, Module, Mux, Value
+from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import PIXEL
+from hdl.lib.component import Component
 from hdl.lib.delay import Pipe, delayed
 from hdl.pixel.harris import GRADIENTS, TENSOR_LINES
 from hdl.pixel.smooth import Binomial
@@ -15,7 +16,7 @@ from hdl.pixel.window import LineBuffer
 from hdl.streams import beat, carry_scan, pixel_beats
 
 
-class GradientColumns(wiring.Component):
+class GradientColumns(Component):
     """Columns of gradients for Harris or of gray pixels for FAST, from the same line memories.
 
     Sharing saves FAST's own line memories. While FAST is chosen, the smoother passes its middle pixel unchanged, and
@@ -32,7 +33,7 @@ class GradientColumns(wiring.Component):
 
     i: data.View
     """Beats of ``column``: 3 gray pixels, the newest line first."""
-    i_fast: Signal
+    i_fast: In(1)
     """FAST is chosen. Stable during a frame."""
     o: data.View
     """Beats of ``gradients`` (`hdl.pixel.harris.GRADIENTS` of `TENSOR_LINES`) and ``pixels`` (of ``pixel_lines``), the
@@ -61,7 +62,6 @@ class GradientColumns(wiring.Component):
         super().__init__(
             {
                 "i": In(beat(pixels_per_clock, column=data.ArrayLayout(PIXEL.bits, 3))),
-                "i_fast": In(1),
                 "o": Out(
                     beat(
                         pixels_per_clock,

@@ -1,21 +1,22 @@
 """Gray from colour."""
 
 from amaranth import Module, Mux, Signal, unsigned
-from amaranth.lib import data, wiring
+from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
 from golden_model.pixel.gray import BLUE, GREEN, RED
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.lib.weighted_sum import WeightedSum
 from hdl.streams import add_submodules, beat, carry_scan, pixelwise
 
 
-class Gray(wiring.Component):
+class Gray(Component):
     """``(77 R + 150 G + 29 B + 128) >> 8`` (thesis, equation IV-1), or the input unchanged where it is gray already."""
 
     i: data.View
     """Beats of ``data``, as in `hdl.streams.pixel_payload`."""
-    i_gray_input: Signal
+    i_gray_input: In(1)
     """The input is gray. Stable during a frame."""
     o: data.View
     """Beats of ``pixel``, 8 bits."""
@@ -26,9 +27,7 @@ class Gray(wiring.Component):
         weights = (GREEN, BLUE, RED)
         self._lumas = [WeightedSum(weights=weights, shape=unsigned(8)) for _ in range(pixels_per_clock)]
         self.latency_cycles = self._lumas[0].latency_cycles + 1
-        super().__init__(
-            {"i": In(beat(pixels_per_clock, data=24)), "i_gray_input": In(1), "o": Out(beat(pixels_per_clock, pixel=8))}
-        )
+        super().__init__({"i": In(beat(pixels_per_clock, data=24)), "o": Out(beat(pixels_per_clock, pixel=8))})
 
     def elaborate(self, platform: object) -> Module:
         """Weighted sum; gray input bypasses it with the same delay."""

@@ -1,15 +1,16 @@
 """The half-size level of the pyramid."""
 
 from amaranth import Const, Module, Signal, Value
-from amaranth.lib import data, wiring
+from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
 from hdl.streams import beat
 
 
-class Half(wiring.Component):
+class Half(Component):
     """Mean of each 2x2 block, ``(a + b + c + d + 2) >> 2``, as soon as the block's last pixel has arrived.
 
     An odd last row or column is dropped.
@@ -24,7 +25,7 @@ class Half(wiring.Component):
 
     i: data.View
     """Beats of ``pixel`` at full size."""
-    o: data.View
+    o: Out(beat(pixel=8))
     """Beats of one ``pixel`` at half size, with the half-size scan position."""
 
     latency_cycles = LineMemory.latency_cycles + 1
@@ -33,7 +34,7 @@ class Half(wiring.Component):
     def __init__(self, *, width_px: int, pixels_per_clock: int = 1) -> None:
         self.width_px = width_px
         self.pixels_per_clock = pixels_per_clock
-        super().__init__({"i": In(beat(pixels_per_clock, pixel=8)), "o": Out(beat(pixel=8))})
+        super().__init__({"i": In(beat(pixels_per_clock, pixel=8))})
 
     def elaborate(self, platform: object) -> Module:
         """Store the pair sums of even lines; add them to those of odd lines."""

@@ -7,6 +7,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.formats import RESPONSE_CODE
 from hdl.feature.extractor import feature_beat, feature_layout
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed, port_register
 from hdl.lib.views import view_signal
 from hdl.settings import SETTINGS
@@ -107,7 +108,7 @@ class Insertion(wiring.Component):
         return m
 
 
-class CellRanking(wiring.Component):
+class CellRanking(Component):
     """Ranks the features of the cell row that is being filled.
 
     Parameters
@@ -121,23 +122,23 @@ class CellRanking(wiring.Component):
 
     i: data.View
     """`hdl.feature.extractor.feature_beat`."""
-    i_cell_log2: Signal
+    i_cell_log2: In(range(MAX_CELL_LOG2 + 1))
     """log2 of the cell's side, 5 to 8."""
-    i_per_cell: Signal
+    i_per_cell: In(range(MAX_PER_CELL + 1))
     """1 to 8."""
-    i_clear: Signal
+    i_clear: In(1)
     """Empties every ranking."""
-    o_kept: Signal
+    o_kept: Out(1)
     """A feature has been given a place; ``latency_cycles`` after its beat."""
     o_cell: Signal
     """Cell of the feature."""
-    o_slot: Signal
+    o_slot: Out(range(MAX_PER_CELL))
     """Slot of the feature in the cell."""
     o_feature: data.View
     """The feature."""
-    o_order: data.View
+    o_order: Out(ORDER)
     """The current places of its cell."""
-    o_added: Signal
+    o_added: Out(1)
     """Valid with ``o_kept``: no other feature has lost its place."""
     o_touched: Signal
     """The cells that have a feature."""
@@ -150,15 +151,8 @@ class CellRanking(wiring.Component):
         super().__init__(
             {
                 "i": In(feature_beat(pattern)),
-                "i_cell_log2": In(range(MAX_CELL_LOG2 + 1)),
-                "i_per_cell": In(range(MAX_PER_CELL + 1)),
-                "i_clear": In(1),
-                "o_kept": Out(1),
                 "o_cell": Out(range(cells)),
-                "o_slot": Out(range(MAX_PER_CELL)),
                 "o_feature": Out(feature_layout(pattern)),
-                "o_order": Out(ORDER),
-                "o_added": Out(1),
                 "o_touched": Out(cells),
             }
         )

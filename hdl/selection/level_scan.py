@@ -1,10 +1,11 @@
 """Marks each scan position of a level: may a feature be there, and does a cell row end?"""
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
-from amaranth.lib import data, wiring
+from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
 from golden_model.config import CELL_SIZES_PX, MAX_FRAME_PX, MIN_FRAME_PX
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.streams import COORDINATE, beat, carry_scan
 
@@ -15,7 +16,7 @@ WARNING_BEATS = 24
 MIN_LEVEL_PX = MIN_FRAME_PX // 2
 
 
-class LevelScan(wiring.Component):
+class LevelScan(Component):
     """Marks each beat, for the pixel ``lag_px`` left of and above the scan position.
 
     A cell row ends with the scan line that completes its lowest line; the level ends with the scan line of its lowest
@@ -38,16 +39,16 @@ class LevelScan(wiring.Component):
 
     i: data.View
     """Beats of ``pixel``; only the scan position matters."""
-    i_width_px: Signal
+    i_width_px: In(range(MAX_FRAME_PX + 1))
     """Width of the level, at least 32 px per pixel of a beat. Stable from one clock before a frame's first beat."""
-    i_height_px: Signal
+    i_height_px: In(range(MAX_FRAME_PX + 1))
     """Height of the level, likewise."""
-    i_cell_log2: Signal
+    i_cell_log2: In(4)
     """log2 of the cell's side, 5 to 8."""
     o: data.View
     """Beats of ``inside`` (a feature may be at the pixel; one bit per pixel of the beat), ``ends_row`` (the beat is the
     last of a cell row) and ``ends_level`` (it is the last of the level)."""
-    o_row_closes: Signal
+    o_row_closes: Out(1)
     """The latest beat is one of the last ``WARNING_BEATS`` before the end of a cell row."""
 
     latency_cycles = 3
@@ -70,11 +71,7 @@ class LevelScan(wiring.Component):
         super().__init__(
             {
                 "i": In(beat(pixels_per_clock, pixel=8)),
-                "i_width_px": In(range(MAX_FRAME_PX + 1)),
-                "i_height_px": In(range(MAX_FRAME_PX + 1)),
-                "i_cell_log2": In(4),
                 "o": Out(beat(inside=pixels_per_clock, ends_row=1, ends_level=1)),
-                "o_row_closes": Out(1),
             }
         )
 

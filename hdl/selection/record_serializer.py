@@ -1,17 +1,18 @@
 """Converts the features of a level into the words of their records."""
 
 from amaranth import Array, Module, Mux, Signal
-from amaranth.lib import stream, wiring
+from amaranth.lib import stream
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.records import Tag
 from hdl.feature.extractor import feature_or_end
+from hdl.lib.component import Component
 from hdl.lib.views import view_signal
 from hdl.streams import RowPayload, record_layout, words
 
 
-class FeatureWords(wiring.Component):
+class FeatureWords(Component):
     """Feature records of one level, one word per clock; index and frame number are still 0.
 
     The path from the selection is combinational: the selection holds a feature until its last word has been taken.
@@ -24,13 +25,12 @@ class FeatureWords(wiring.Component):
 
     i: stream.Interface
     """Stream of `hdl.feature.extractor.feature_or_end`."""
-    o: stream.Interface
-    """Stream of `hdl.streams.RowPayload`."""
+    o: Out(stream.Signature(RowPayload))
 
     def __init__(self, *, pattern: DescriptorPattern, level: int) -> None:
         self.level = level
         self._record = record_layout(pattern.record)
-        super().__init__({"i": In(stream.Signature(feature_or_end(pattern))), "o": Out(stream.Signature(RowPayload))})
+        super().__init__({"i": In(stream.Signature(feature_or_end(pattern)))})
 
     def elaborate(self, platform: object) -> Module:
         """Lay out the record and send its words one after another."""

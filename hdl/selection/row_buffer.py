@@ -1,16 +1,17 @@
 """Buffer of two cell rows: one is filled while the other is read out in order."""
 
 from amaranth import Cat, Module, Mux, Signal, Value
-from amaranth.lib import data, memory, stream, wiring
+from amaranth.lib import data, memory, stream
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.extractor import feature_layout, feature_or_end
+from hdl.lib.component import Component
 from hdl.lib.line_memory import LineMemory
 from hdl.selection.cell_ranking import MAX_PER_CELL, ORDER
 
 
-class CellRows(wiring.Component):
+class CellRows(Component):
     """Features by cell and slot, and the order of each cell's slots, in two banks.
 
     Parameters
@@ -20,20 +21,20 @@ class CellRows(wiring.Component):
         Largest number of cells in a row.
     """
 
-    i_write: Signal
+    i_write: In(1)
     """Writes ``i_feature`` into slot ``i_slot`` of cell ``i_cell``, and ``i_order`` for the cell."""
     i_cell: Signal
-    i_slot: Signal
+    i_slot: In(range(MAX_PER_CELL))
     i_feature: data.View
-    i_order: data.View
-    i_close: Signal
+    i_order: In(ORDER)
+    i_close: In(1)
     """With or after the row's last write: the banks change roles. Allowed only when the closed row has been read
     out."""
     i_touched: Signal
     """Valid with ``i_close``: the cells of the row that were written."""
-    i_ends_level: Signal
+    i_ends_level: In(1)
     """Valid with ``i_close``: it is the last row of the level."""
-    o_drained: Signal
+    o_drained: Out(1)
     """The closed row has been read out; high for one clock."""
     o: stream.Interface
     """Stream of `hdl.feature.extractor.feature_or_end`."""
@@ -49,15 +50,9 @@ class CellRows(wiring.Component):
         )
         super().__init__(
             {
-                "i_write": In(1),
                 "i_cell": In(range(cells)),
-                "i_slot": In(range(MAX_PER_CELL)),
                 "i_feature": In(self._feature),
-                "i_order": In(ORDER),
-                "i_close": In(1),
                 "i_touched": In(cells),
-                "i_ends_level": In(1),
-                "o_drained": Out(1),
                 "o": Out(stream.Signature(feature_or_end(pattern))),
             }
         )

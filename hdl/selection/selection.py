@@ -9,13 +9,14 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.extractor import feature_beat, feature_or_end
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.selection.cell_ranking import MAX_CELL_LOG2, MAX_PER_CELL, MIN_CELL_LOG2, CellRanking
 from hdl.selection.level_scan import LevelScan
 from hdl.selection.row_buffer import CellRows
 
 
-class CellSelection(wiring.Component):
+class CellSelection(Component):
     """The best features of each cell of one level, cell row by cell row.
 
     Features are ranked as they arrive. At its end a cell row is sent in order while the next one is filled.
@@ -31,15 +32,15 @@ class CellSelection(wiring.Component):
 
     i: data.View
     """`hdl.feature.extractor.feature_beat`."""
-    i_cell_log2: Signal
+    i_cell_log2: In(range(MAX_CELL_LOG2 + 1))
     """log2 of the cell's side, 5 to 8."""
-    i_per_cell: Signal
+    i_per_cell: In(range(MAX_PER_CELL + 1))
     """1 to 8."""
-    i_reserve: Signal
+    i_reserve: In(1)
     """The pixel that will end a cell row has been admitted and can no longer be stopped."""
-    o_busy: Signal
+    o_busy: Out(1)
     """A cell row is about to end, or has not left yet: another ``i_reserve`` must wait."""
-    o_added: Signal
+    o_added: Out(1)
     """The frame has one more feature."""
     o: stream.Interface
     """Stream of `hdl.feature.extractor.feature_or_end`: cell by cell, within a cell by falling response, equal
@@ -53,17 +54,7 @@ class CellSelection(wiring.Component):
         self.pattern = pattern
         self.spacing_cycles = spacing_cycles
         self.cells = -(-width_px >> MIN_CELL_LOG2)
-        super().__init__(
-            {
-                "i": In(feature_beat(pattern)),
-                "i_cell_log2": In(range(MAX_CELL_LOG2 + 1)),
-                "i_per_cell": In(range(MAX_PER_CELL + 1)),
-                "i_reserve": In(1),
-                "o_busy": Out(1),
-                "o_added": Out(1),
-                "o": Out(stream.Signature(feature_or_end(pattern))),
-            }
-        )
+        super().__init__({"i": In(feature_beat(pattern)), "o": Out(stream.Signature(feature_or_end(pattern)))})
 
     def connect_hold(self, m: Module, settings: data.View, scan: LevelScan) -> Value:
         """Connect the settings and the scan in the level's module; return whether pixels must wait.
@@ -115,7 +106,7 @@ class CellSelection(wiring.Component):
         return m
 
 
-class RasterSelection(wiring.Component):
+class RasterSelection(Component):
     """Every feature of the level in raster order.
 
     Parameters
@@ -129,9 +120,9 @@ class RasterSelection(wiring.Component):
 
     i: data.View
     """`hdl.feature.extractor.feature_beat`."""
-    o_busy: Signal
+    o_busy: Out(1)
     """No pixel may be admitted."""
-    o_added: Signal
+    o_added: Out(1)
     """The frame has one more feature."""
     o: stream.Interface
     """Stream of `hdl.feature.extractor.feature_or_end`. The end of the level is the end of its only row."""
@@ -142,18 +133,12 @@ class RasterSelection(wiring.Component):
     def __init__(self, *, pattern: DescriptorPattern, depth: int, in_flight: int) -> None:
         self.depth = depth
         self.in_flight = in_flight
-        super().__init__(
-            {
-                "i": In(feature_beat(pattern)),
-                "o_busy": Out(1),
-                "o_added": Out(1),
-                "o": Out(stream.Signature(feature_or_end(pattern))),
-            }
-        )
+        super().__init__({"i": In(feature_beat(pattern)), "o": Out(stream.Signature(feature_or_end(pattern)))})
 
     def connect_hold(self, m: Module, settings: data.View, scan: LevelScan) -> Value:
         """Return whether pixels must wait: while the queue is nearly full. Settings and scan are not needed."""
-        return self.o_busy
+        hold: Value = self.o_busy
+        return hold
 
     def elaborate(self, platform: object) -> Module:
         """A queue. The end of the level enters one clock after its last beat, when no feature can arrive."""

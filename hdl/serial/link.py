@@ -2,15 +2,15 @@
 
 import enum
 from collections.abc import Sequence
-from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
-from amaranth.lib import stream, wiring
+from amaranth.lib import stream
 from amaranth.lib.wiring import In, Out
 
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_lite import AXI_LITE
 from hdl.axi.video_input import VideoPayload
+from hdl.lib.component import Component
 from hdl.streams import WordPayload
 
 FORGET_CLOCKS = 1 << 20
@@ -63,7 +63,7 @@ class _CommandState:
         self.written = Signal()
 
 
-class SerialLink(wiring.Component):
+class SerialLink(Component):
     """Obeys commands byte by byte, and sends answers and the words of all packets, answers first.
 
     A byte that begins no command is ignored; an incomplete command is dropped after `FORGET_CLOCKS`. While the
@@ -76,32 +76,21 @@ class SerialLink(wiring.Component):
         the first come first.
     """
 
-    i: stream.Interface
+    i: In(stream.Signature(8))
     """Bytes from the port."""
-    o: stream.Interface
+    o: Out(stream.Signature(8))
     """Bytes to the port."""
-    i_lost: Signal
+    i_lost: In(1)
     """High for a clock when a byte is lost; the next answer reports it."""
-    o_video: stream.Interface
+    o_video: Out(stream.Signature(VideoPayload))
     """Gray pixels, for an 8-bit input in memory mode."""
-    control: Any
-    """`hdl.axi.axi_lite.AXI_LITE`."""
-    o_has_lost: Signal
+    control: Out(AXI_LITE)
+    o_has_lost: Out(1)
     """Bytes were lost since the last answer."""
 
     def __init__(self, outputs: Sequence[str] = ("features", "matches")) -> None:
         self.outputs = tuple(outputs)
-        super().__init__(
-            {
-                "i": In(stream.Signature(8)),
-                "o": Out(stream.Signature(8)),
-                "i_lost": In(1),
-                "o_video": Out(stream.Signature(VideoPayload)),
-                **{f"i_{output}": In(stream.Signature(WordPayload)) for output in self.outputs},
-                "control": Out(AXI_LITE),
-                "o_has_lost": Out(1),
-            }
-        )
+        super().__init__({f"i_{output}": In(stream.Signature(WordPayload)) for output in self.outputs})
 
     def elaborate(self, platform: object) -> Module:
         """Connect the receiving and the sending half."""
