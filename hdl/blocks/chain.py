@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from amaranth import Module
+from amaranth import Cat, Module
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -109,7 +109,6 @@ class Descriptor(wiring.Component):
             self.o.valid.eq(block.o_valid),
             self.o.sector.eq(block.o_sector),
             self.o.descriptor.eq(block.o_descriptor),
+            Cat(block.i_pixels).eq(rings),
         ]
-        for pixels, ring in zip(block.i_pixels, rings, strict=True):
-            m.d.comb += [pixel.eq(value) for pixel, value in zip(pixels, ring, strict=True)]
         return m

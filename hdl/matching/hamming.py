@@ -83,9 +83,7 @@ class Distances(Component):
                 m.d.sync += left.bit_select(self.i_lane, 1).eq(self.i_left[n])
             m.d.comb += unequal.eq(left ^ right)
         valid = delayed(m, left_valid & right_valid, popcount.latency_cycles, reset_less=False)
-        m.d.comb += self.o_valid.eq(valid)
-        for distance, count in zip(self.o_distances, popcount.o_counts, strict=True):
-            m.d.comb += distance.eq(count)
+        m.d.comb += [self.o_valid.eq(valid), Cat(self.o_distances).eq(Cat(popcount.o_counts))]
         return m
 
 
