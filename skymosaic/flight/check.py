@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skymosaic.flight.flight import BLURRED, Flight
+from skymosaic.flight.layout.accuracy import Errors
 from skymosaic.flight.layout.extent import outline, overlap
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.layout.linked_group import groups
@@ -56,13 +57,9 @@ class PhotographCheck:
 
 
 @dataclass(frozen=True)
-class LayoutErrors:
-    """Errors of the matches that a layout did not use, by name."""
+class LayoutErrors(Errors):
+    """Errors of the matches that a layout did not use, with the worst by name."""
 
-    matches: int
-    median_px: float
-    ninety_px: float
-    """Median and 90th percentile, working px."""
     width_px: int
     """Width of the working images."""
     worst_photographs: dict[str, float]
@@ -99,27 +96,15 @@ class FlightCheck:
 def check_flight(flight: Flight) -> FlightCheck:
     """Find the problems of a flight that was laid out."""
     overlaps = _best_overlaps(flight)
-    sharpness = flight.relative_sharpness.tolist()
     measured = [layout.accuracy.photographs for layout in flight.layouts if layout.accuracy is not None]
     errors = {view: each for photographs in measured for view, each in photographs.items()}
     links = Counter(end for link in flight.links if link.holds for end in (link.left, link.right))
     photographs = []
-    for index, view in enumerate(flight.views):
-        problems = _problems(links[index], overlaps[index], sharpness[index], view.clipped)
-        error = errors.get(index)
-        photographs.append(
-            PhotographCheck(
-                name=view.name,
-                links=links[index],
-                overlap=overlaps[index],
-                sharpness=sharpness[index],
-                clipped=view.clipped,
-                gps=view.gps is not None,
-                problems=problems,
-                error_px=None if error is None else error.median_px,
-                error_90_px=None if error is None else error.ninety_px,
-            )
-        )
+    for index, (view, sharpness) in enumerate(zip(flight.views, flight.relative_sharpness.tolist(), strict=True)):
+        measures = links[index], overlaps[index], sharpness, view.clipped
+        error_px = (errors[index].median_px, errors[index].ninety_px) if index in errors else (None, None)
+        has_gps = view.gps is not None
+        photographs.append(PhotographCheck(view.name, *measures, has_gps, _problems(*measures), *error_px))
     whole = len(flight.layouts) == 1 and len(flight.layouts[0].members) == len(flight.views)
     by_layout = tuple(each for layout in flight.layouts if (each := layout_errors(flight, layout)) is not None)
     return FlightCheck(whole, tuple(photographs), tuple(_problems_of_all(flight)), by_layout)
@@ -132,9 +117,7 @@ def layout_errors(flight: Flight, layout: Layout) -> LayoutErrors | None:
     names = short_names([view.name for view in flight.views])
     photographs, pairs = list(accuracy.photographs.items()), list(accuracy.pairs.items())
     return LayoutErrors(
-        matches=accuracy.whole.matches,
-        median_px=accuracy.whole.median_px,
-        ninety_px=accuracy.whole.ninety_px,
+        **vars(accuracy.whole),
         width_px=max(flight.views[member].working_size[0] for member in layout.members),
         worst_photographs={names[view]: error.median_px for view, error in photographs[:WORST_NAMED]},
         worst_pairs={f"{names[left]}-{names[right]}": error.median_px for (left, right), error in pairs[:WORST_NAMED]},
@@ -183,7 +166,7 @@ def _problems_of_all(flight: Flight) -> Iterator[str]:
         )
     narrow, wide = (choose((view.working_size[0] for view in flight.views), default=0) for choose in (min, max))
     if wide > MAX_REDUCED * narrow and len({view.taken.focal_half_diagonals for view in flight.views}) == 1:
-        yield f"photographs are registered at {narrow} to {wide} px wide: `working_width_px` {narrow} makes them alike"
+        yield f"photographs are registered at {narrow} to {wide} px wide: --working-width {narrow} makes them alike"
     for layout in flight.layouts:
         yield from doubts(flight, layout)
         yield from _weakly_linked(flight, layout)
@@ -222,31 +205,29 @@ def doubts(flight: Flight, layout: Layout) -> Iterator[str]:
         ends = Counter(end for link in false for end in (link.left, link.right))
         worst = ", ".join(names[view] for view, _ in ends.most_common(WORST_NAMED))
         yield f"{len(false)} of {count} links contradict the layout (most at {worst}): look at the mosaic there"
-    if layout.accuracy is not None and layout.relief > MAX_RELIEF:
-        whole = layout.accuracy.whole
+    if (accuracy := layout.accuracy) is None:
+        return
+    if layout.relief > MAX_RELIEF:
+        whole = accuracy.whole
         yield (
             f"the scene is no plane: {layout.relief:.0%} of the matches lie 3 to 12 px off it, and those that the "
             f"layout did not use are off by {whole.median_px:.1f} px, one in ten beyond {whole.ninety_px:.0f} px; "
             "what rises above the ground is displaced or doubled"
         )
-    errors = {} if layout.accuracy is None else layout.accuracy.photographs
     far_off = [
-        f"{names[view]} by {each.median_px:.0f} px" for view, each in errors.items() if each.median_px > MAX_ERROR_PX
+        f"{names[view]} by {each.median_px:.0f} px"
+        for view, each in accuracy.photographs.items()
+        if each.median_px > MAX_ERROR_PX
     ]
     if far_off:
         more = f" and {len(far_off) - WORST_NAMED} more" if len(far_off) > WORST_NAMED else ""
         yield f"photographs are off: {', '.join(far_off[:WORST_NAMED])}{more}: look at the mosaic there"
 
 
-def find_weak_links(flight: Flight, layout: Layout) -> list[tuple[Link, float]]:
-    """The best link of each part of a layout that only weak links join to the rest, with its overlap."""
-    return [(best, overlap) for _, _, best, overlap in _weak_parts(flight, layout)]
-
-
 def _weakly_linked(flight: Flight, layout: Layout) -> Iterator[str]:
     """A line for each part of a layout that only weak links join to the rest."""
     names = short_names([view.name for view in flight.views])
-    for photographs, links, best, share in _weak_parts(flight, layout):
+    for photographs, links, best, share in weak_parts(flight, layout):
         left, right = names[best.left], names[best.right]
         shared = f"{best.ties} matches and {share:.0%} overlap"
         several = f"{links} weak links, the best between " if links > 1 else ""
@@ -254,8 +235,11 @@ def _weakly_linked(flight: Flight, layout: Layout) -> Iterator[str]:
         yield f"{photographs} {are} joined only by {several}{left} and {right} with {shared}: fly again there"
 
 
-def _weak_parts(flight: Flight, layout: Layout) -> Iterator[tuple[int, int, Link, float]]:
-    """How many photographs such a part has and how many links join it, with the best of these and its overlap."""
+def weak_parts(flight: Flight, layout: Layout) -> Iterator[tuple[int, int, Link, float]]:
+    """The parts of a layout that only weak links join to the rest.
+
+    Of each, how many photographs it has and how many links join it, the best of these, and its overlap.
+    """
     overlaps = _overlaps(flight, layout)
     strong = [link for link in layout.links if link.ties >= WEAK_TIES and overlaps[link] >= WEAK_OVERLAP]
     inside = set(layout.members)

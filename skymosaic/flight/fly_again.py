@@ -9,7 +9,7 @@ from rasterio import Affine
 
 from golden_model.arrays import Points
 from skymosaic.common.errors import InputError
-from skymosaic.flight.check import find_weak_links
+from skymosaic.flight.check import weak_parts
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.extent import outline
 from skymosaic.flight.layout.layout import Layout
@@ -52,7 +52,7 @@ def plan_again(flight: Flight, control: ControlPoints | None = None) -> list[Pla
         places.append(Place(f"hole {number}", "Polygon", map_to_globe(ring, crs), {"area_m2": round(area_m2, 2)}))
     for (layout, _), rings in zip(placed, outlines, strict=True):
         middles = {view: ring.mean(axis=0) for view, ring in rings.items()}
-        for link, overlap in find_weak_links(flight, layout):
+        for _, _, link, overlap in weak_parts(flight, layout):
             ends = map_to_globe(np.array([middles[link.left], middles[link.right]]), crs)
             name = f"weak link {names[link.left]} - {names[link.right]}"
             places.append(Place(name, "LineString", ends, {"matches": link.ties, "overlap": round(overlap, 3)}))

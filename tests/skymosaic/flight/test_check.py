@@ -15,8 +15,8 @@ from skymosaic.flight.check import (
     check_flight,
     describe_moving,
     doubts,
-    find_weak_links,
     layout_errors,
+    weak_parts,
 )
 from skymosaic.flight.flight import BLURRED
 from skymosaic.flight.layout.accuracy import Errors
@@ -72,7 +72,7 @@ def test_what_many_photographs_lack_is_counted() -> None:
     assert gps == "2 of 5 photographs have no GPS"
     flight.layouts = flight.layouts[:1]
     assert not check_flight(flight).complete
-    advice = "photographs are registered at 400 to {} px wide: `working_width_px` 400 makes them alike"
+    advice = "photographs are registered at 400 to {} px wide: --working-width 400 makes them alike"
     for width_px, other_focal, said in ((801, 2, True), (801, 3, False), (800, 2, False)):
         for view in views:
             view.taken = SimpleNamespace(focal_half_diagonals=other_focal if view is views[1] else 2)
@@ -170,7 +170,7 @@ def test_halves_that_only_weak_links_join_are_named_with_their_number() -> None:
             found_mask=None,
         )
         lines = check_flight(flight).problems
-        lefts = [link.left for link, _ in find_weak_links(flight, flight.layouts[0])]
+        lefts = [link.left for _, _, link, _ in weak_parts(flight, flight.layouts[0])]
         assert lefts == [int(number) for line in lines for number in re.findall(r"(\d).jpg and", line)]
         return "; ".join(lines)
 
