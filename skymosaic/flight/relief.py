@@ -1,6 +1,6 @@
 """Warps the photographs of a flight over relief, where matches that had no part in it agree better then."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -12,9 +12,6 @@ from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
 from skymosaic.geometry.homography import transfer_error
-
-Moves = Mapping[int, Callable[[Points], Points]]
-"""By view, how the points of a photograph move; others stay."""
 
 
 def follow_relief(flight: Flight, warp: str) -> Flight:
@@ -35,8 +32,8 @@ def follow_relief(flight: Flight, warp: str) -> Flight:
     moves = {view: mesh.find for layout in layouts for view, mesh in layout.meshes.items()}
     if not moves:
         return flight
-    links, bent = _move(flight.links, moves), tuple(_move_links(layout, moves) for layout in layouts)
-    return replace(flight, links=links, layouts=bent)
+    links = tuple(link.move(moves) for link in flight.links)
+    return replace(flight, links=links, layouts=tuple(_move_links(layout, moves) for layout in layouts))
 
 
 def _ties(link: Link) -> Ties:
@@ -44,20 +41,12 @@ def _ties(link: Link) -> Ties:
     return Ties(link.left, link.right, np.concatenate(left), np.concatenate(right))
 
 
-def _stay(points: Points) -> Points:
-    return points
-
-
-def _move(links: Iterable[Link], moves: Moves) -> tuple[Link, ...]:
-    return tuple(link.move(moves.get(link.left, _stay), moves.get(link.right, _stay)) for link in links)
-
-
-def _move_links(layout: Layout, moves: Moves) -> Layout:
-    links, errors_px = _move(layout.links, moves), []
+def _move_links(layout: Layout, moves: Mapping[int, Callable[[Points], Points]]) -> Layout:
+    links, contradicting = (tuple(link.move(moves) for link in each) for each in (layout.links, layout.contradicting))
+    errors_px = []
     for link in links:
         to_right = np.linalg.inv(layout.transforms[link.right]) @ layout.transforms[link.left]
         errors_px.append(transfer_error(to_right, link.left_points, link.right_points))
-    contradicting = _move(layout.contradicting, moves)
     return replace(layout, links=links, contradicting=contradicting, errors_px=tuple(errors_px))
 
 

@@ -103,5 +103,6 @@ def _pairs_between_groups(links: Mapping[Candidate, Link], votes: NDArray[np.int
 
 def _in_working_px(link: Link, mixed: Sequence[View], views: Sequence[View]) -> Link:
     """Convert the points of a link from working px of the ``mixed`` views to those of ``views``."""
-    to_views = (np.linalg.inv(views[end].to_original) @ mixed[end].to_original for end in (link.left, link.right))
-    return link.move(*(partial(apply, matrix) for matrix in to_views))
+    ends = link.left, link.right
+    to_views = {end: np.linalg.inv(views[end].to_original) @ mixed[end].to_original for end in ends}
+    return link.move({end: partial(apply, matrix) for end, matrix in to_views.items()})

@@ -182,7 +182,7 @@ def straighten_links(
         member: partial(_straighten_pixels, view=view, distortion=distortion.get(member, NO_DISTORTION))
         for member, view in enumerate(views)
     }
-    return {(link.left, link.right): link.move(moves[link.left], moves[link.right]) for link in links}
+    return {(link.left, link.right): link.move(moves) for link in links}
 
 
 def _straighten_pixels(points: Array, *, view: View, distortion: Array) -> Array:

@@ -97,11 +97,10 @@ class Link:
         points = {name: arrays[name].astype(np.float64) for name in _POINTS}
         return cls(left, right, inliers=inliers, near=near, **points)
 
-    def move(self, left: Callable[[Points], Points], right: Callable[[Points], Points]) -> Link:
-        """The same link with the points of both views moved."""
-        moved: dict[str, Any] = {
-            name: (left if name.startswith("left") else right)(getattr(self, name)) for name in _POINTS
-        }
+    def move(self, moves: Mapping[int, Callable[[Points], Points]]) -> Link:
+        """The same link with the points of some views moved."""
+        view_of = {name: self.left if name.startswith("left") else self.right for name in _POINTS}
+        moved: dict[str, Any] = {name: moves[v](getattr(self, name)) for name, v in view_of.items() if v in moves}
         return replace(self, **moved)
 
 
@@ -160,23 +159,27 @@ def link_views(
 
     (left_points, right_points, weight, estimate), agreement, left_out = find_ground(search, lambda _fit: sights)
     inliers, nothing = int(np.count_nonzero(estimate.inliers)), np.zeros((0, 2))
-    link = Link(*pair, nothing, nothing, inliers, near=0)
+    moving: dict[str, Any] = {}
     if left_out.rejected:
-        _, left_moving, right_moving = left_out.rejected[0]
-        link = replace(link, left_moving=left_moving, right_moving=right_moving)
+        _, moving["left_moving"], moving["right_moving"] = left_out.rejected[0]
     if estimate.homography is None or not (agreement is None or agreement.suffices):
-        return link
+        return Link(*pair, nothing, nothing, inliers, near=0, **moving)
     checks = np.zeros(len(left_points), np.bool_)
     checks[::CHECKED] = True
-    tied = tie_views(pair, left_points[~checks], right_points[~checks], estimate.homography, inliers)
-    link = replace(link, left_points=tied.left_points, right_points=tied.right_points, near=tied.near)
+    link = tie_views(pair, left_points[~checks], right_points[~checks], estimate.homography, inliers)
     sound = are_right(left_points, right_points, estimate.homography)
     if predicted is not None:
         sound &= weight > SURE_WEIGHT * WEIGHT.one
     relief = sound & ~checks & (transfer_error(estimate.homography, left_points, right_points) > TIE_PX)
-    link = replace(link, left_relief=left_points[relief], right_relief=right_points[relief])
     checks &= sound
-    return replace(link, left_checks=left_points[checks], right_checks=right_points[checks])
+    return replace(
+        link,
+        left_checks=left_points[checks],
+        right_checks=right_points[checks],
+        left_relief=left_points[relief],
+        right_relief=right_points[relief],
+        **moving,
+    )
 
 
 def match_nearby(left: Records, right: Records, predicted: Matrix, config: Config) -> Records:

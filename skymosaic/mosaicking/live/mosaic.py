@@ -270,7 +270,7 @@ class LiveMosaic:
         sights = Sight(pictures[0]), Sight(pictures[1])
         pair, seed = (left.number, right.number), self._options.seed
         link = link_views(pair, one.features, other.features, config=config, seed=seed, sights=sights)
-        return link.move(partial(apply, left.from_thumbnail), partial(apply, right.from_thumbnail))
+        return link.move({frame.number: partial(apply, frame.from_thumbnail) for frame in (left, right)})
 
     def _describe(self, pixels: Pixels, features: Records | None, name: str, taken: Metadata) -> Frame:
         """Reduce a frame to the working width, and compute its features unless they are given."""
