@@ -61,7 +61,7 @@ class Frame(NamedTuple):
 
 
 class Ties(NamedTuple):
-    """Two images, and matches between them, (N, 2) px each, wrong ones included."""
+    """Two images, by their numbers, and matches between them, (N, 2) each; px, and wrong ones included, for meshes."""
 
     left: int
     right: int

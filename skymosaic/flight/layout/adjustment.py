@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Array
-from skymosaic.flight.layout.expected_shape import Prior, are_possible
+from skymosaic.compositing.mesh import Ties
+from skymosaic.flight.layout.expected_shape import are_possible, differences, expect
 from skymosaic.flight.layout.motions import (
     NO_DISTORTION,
     bending_of,
@@ -58,18 +59,6 @@ MAX_DISTORTION = np.array([0.25, 0.05, 0.1, 0.1])
 would fold the picture, need a calibration."""
 MAX_DISTORTION_CHANGE = 0.03
 """Bound of one step: far from the solution the ties are not nearly linear in the distortion."""
-
-
-@dataclass(frozen=True, eq=False)
-class Ties:
-    """Point pairs of one link in normalised coordinates of its views."""
-
-    left: int
-    right: int
-    """Rows of the views."""
-    left_points: Array
-    right_points: Array
-    """(N, 2)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +142,8 @@ class Network:
     Parameters
     ----------
     ties : iterable of Ties
-        Copied link by link, so that they need not be in memory together.
+        By the rows of the views, in normalised coordinates. Copied link by link, so that they need not be in memory
+        together.
     units_px : sequence of float
         Half diagonal of each view, in working px.
     reference : int
@@ -188,7 +178,7 @@ class Network:
 
     def cost(self, model: str, transforms: Array) -> float:
         """How badly transformations (V, 3, 3) explain the ties, and how far they are from what a camera would see."""
-        prior = Prior.of(transforms, MODELS[model] - MODELS["similarity"])
+        prior = expect(transforms, MODELS[model] - MODELS["similarity"])
         return _cost(transforms, np.concatenate(self.errors_px(transforms)), MIN_SCALE_PX, prior, anchors=None)
 
     def adjust(
@@ -244,7 +234,7 @@ class Network:
         It is damped (Levenberg-Marquardt) where it fails: views that it would make impossible, and all of them where it
         would raise the cost. ``damping`` (V,) is that of the last step, and becomes that of this one.
         """
-        prior = Prior.of(start, free - MODELS["similarity"])
+        prior = expect(start, free - MODELS["similarity"])
         system = self._linearise(start, free, scale_px, prior, anchors)
         cost = _cost(start, errors_px, scale_px, prior, anchors)
         distortion, allowed = self.distortion, np.minimum(MIN_DEPTH, self._least_depths(start))
@@ -266,7 +256,7 @@ class Network:
         return start, errors_px, 0.0
 
     def _linearise(
-        self, transforms: Array, free: int, scale_px: float, prior: Prior, anchors: Anchors | None
+        self, transforms: Array, free: int, scale_px: float, prior: Array, anchors: Anchors | None
     ) -> BlockSystem:
         """Set up the normal equations of a Gauss-Newton step, each tie weighted by its error."""
         blocks, downhill, curvature = [], np.zeros(len(self.distortion)), np.zeros([len(self.distortion)] * 2)
@@ -281,7 +271,7 @@ class Network:
         if anchors is not None:
             system.add_observations(anchors.views, *_anchor_rows(transforms, anchors, free))
         if free > MODELS["similarity"]:
-            system.add_prior(prior.differences(transforms), prior.weights)
+            system.add_prior(differences(transforms, prior.shape[1]), prior)
         return system
 
     def _set_distortion(self, distortion: Array) -> None:
@@ -298,9 +288,9 @@ class Network:
         return least
 
 
-def _cost(transforms: Array, errors_px: Array, scale_px: float, prior: Prior, anchors: Anchors | None) -> float:
+def _cost(transforms: Array, errors_px: Array, scale_px: float, prior: Array, anchors: Anchors | None) -> float:
     """What a step should lower: the robust errors of ties and anchors, squared, and what the prior does not expect."""
-    cost = _robust(errors_px**2, scale_px) + float((prior.differences(transforms) ** 2 * prior.weights).sum())
+    cost = _robust(errors_px**2, scale_px) + float((differences(transforms, prior.shape[1]) ** 2 * prior).sum())
     if anchors is not None:
         cost += _robust(squared_lengths(_anchor_errors(transforms, anchors)[0]), ANCHOR_SCALE)
     return cost

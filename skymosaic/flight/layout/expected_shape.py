@@ -5,10 +5,6 @@ ground a camera that looks down sees a similarity, except for a little tilt and 
 The stretch and tilt of all views thereby define the ground plane.
 """
 
-from __future__ import annotations
-
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,26 +23,23 @@ MIN_AREA = 1e-6
 """Smallest area of a view on the ground, where that of the reference is 1; its inverse is the largest."""
 
 
-class Prior(NamedTuple):
-    """How exactly stretch and tilt of views are expected, as many of them as a model leaves free."""
+def expect(transforms: Array, count: int) -> Array:
+    """How exactly the first ``count`` of stretch and tilt are expected at transformations: one over the variances.
 
-    weights: Array
-    """(V, k): one over their variances."""
+    (V, 3, 3) to (V, count), of which a model leaves so many free.
+    """
+    measured = shapes(transforms)
+    explained = np.linalg.norm(stretch_of_tilt(measured[:, 2:]), axis=1)
+    sigma = np.maximum(TILT_SIGMA, np.abs(measured))
+    sigma[:, :2] = np.hypot(STRETCH_SIGMA, STRETCH_ERROR * explained)[:, None]
+    return np.asarray(1 / sigma[:, :count] ** 2)
 
-    @classmethod
-    def of(cls, transforms: Array, count: int) -> Prior:
-        """The prior of the first ``count`` of stretch and tilt, at transformations (V, 3, 3)."""
-        measured = shapes(transforms)
-        explained = np.linalg.norm(stretch_of_tilt(measured[:, 2:]), axis=1)
-        sigma = np.maximum(TILT_SIGMA, np.abs(measured))
-        sigma[:, :2] = np.hypot(STRETCH_SIGMA, STRETCH_ERROR * explained)[:, None]
-        return cls(1 / sigma[:, :count] ** 2)
 
-    def differences(self, transforms: Array) -> Array:
-        """Stretch beside what the tilt explains, and tilt, (V, k)."""
-        measured = shapes(transforms)
-        measured[:, :2] -= stretch_of_tilt(measured[:, 2:])
-        return np.asarray(measured[:, : self.weights.shape[1]])
+def differences(transforms: Array, count: int) -> Array:
+    """The first ``count`` of stretch beside what the tilt explains, and of tilt, (V, count)."""
+    measured = shapes(transforms)
+    measured[:, :2] -= stretch_of_tilt(measured[:, 2:])
+    return np.asarray(measured[:, :count])
 
 
 def are_possible(transforms: Array) -> NDArray[np.bool_]:

@@ -9,7 +9,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
 from golden_model.arrays import Array
-from skymosaic.flight.layout.adjustment import WIDEST_SCALE_PX, Network, Ties
+from skymosaic.compositing.mesh import Ties
+from skymosaic.flight.layout.adjustment import WIDEST_SCALE_PX, Network
 from skymosaic.flight.layout.expected_shape import are_possible
 from skymosaic.flight.layout.motions import NO_DISTORTION
 from skymosaic.flight.linking.links import Link

@@ -14,9 +14,10 @@ import numpy as np
 
 from golden_model.arrays import Array, Float32, Pixels, Records
 from golden_model.config import Config
+from skymosaic.compositing.mesh import Ties
 from skymosaic.compositing.warp import Canvas, CanvasError, footprint
 from skymosaic.flight.candidates import MIN_VOTES, MOST_SIMILAR
-from skymosaic.flight.layout.adjustment import MODELS, Network, Ties
+from skymosaic.flight.layout.adjustment import MODELS, Network
 from skymosaic.flight.layout.linked_group import LinkedGroup, normalisation
 from skymosaic.flight.layout.motions import shapes
 from skymosaic.flight.linking.links import TIE_PX, Link, link_views

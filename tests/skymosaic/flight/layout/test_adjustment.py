@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from skymosaic.flight.layout.adjustment import Network, Ties
+from skymosaic.compositing.mesh import Ties
+from skymosaic.flight.layout.adjustment import Network
 from skymosaic.flight.layout.expected_shape import are_possible
 from skymosaic.flight.layout.motions import shapes
 from skymosaic.geometry.homography import apply
