@@ -29,38 +29,31 @@ reach."""
 class SeamMask:
     """Pixels that seams assign to a photograph, on a reduced canvas."""
 
-    mask: Pixels
-    """(h, w): 255 where the photograph shows, else 0."""
+    mask: Parcel
+    """(h, w): 255 where the photograph shows, else 0; compressed on its way to the workers."""
     canvas: Canvas
     """The part of the reduced reference frame that the mask covers."""
     scale: float
     """Pixels of the reduced frame per pixel of the reference frame."""
-
-    def __reduce__(self) -> tuple[Callable[..., SeamMask], tuple[Parcel, Canvas, float]]:
-        return _unpack_seam, (Parcel(self.mask), self.canvas, self.scale)
 
     def touches(self, part: Canvas) -> bool:
         """Whether the photograph shows in ``part`` of the reference frame, or within a mask pixel of it."""
         first, last = apply(self._to_mask, part.corners[[0, 2]])
         x, y = np.maximum(np.floor(first) - 1, 0).astype(int)
         last_x, last_y = np.maximum(np.ceil(last) + 2, 0).astype(int)
-        return bool(self.mask[y:last_y, x:last_x].any())
+        return bool(self.mask.pixels[y:last_y, x:last_x].any())
 
     def share(self, part: Canvas) -> Pixels:
         """Interpolate the mask to ``part`` of the reference frame, 0..255, which smooths the seams."""
         matrix = self._to_mask @ np.linalg.inv(part.translation)
         size = (part.width_px, part.height_px)
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        enlarged = cv2.warpAffine(self.mask, matrix[:2], size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        enlarged = cv2.warpAffine(self.mask.pixels, matrix[:2], size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(enlarged, dtype=np.uint8)
 
     @property
     def _to_mask(self) -> Array:
         return self.canvas.translation @ resize_matrix(self.scale)
-
-
-def _unpack_seam(mask: Parcel, canvas: Canvas, scale: float) -> SeamMask:
-    return SeamMask(mask.pixels, canvas, scale)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from golden_model.arrays import Mask
 from skymosaic.compositing.layer import Layer, SeamMask
 from skymosaic.compositing.warp import Canvas, enclosing
 from skymosaic.imagery.depth import ValueRange, show_in_8_bit
+from skymosaic.imagery.parcel import Parcel
 
 NEARLY_FARTHEST = 0.6
 """A photograph may show a pixel if its claim is at least this share of the strongest claim to it."""
@@ -48,7 +49,7 @@ def find_seams(thumbnails: Sequence[Layer], scale: float, values: ValueRange | N
         pixels.append(to_opencv(show_in_8_bit(layer.pixels(part, cv2.INTER_LINEAR), values)))
     corners = [(part.x_px, part.y_px) for part in parts]
     masks = finder.find(pixels, corners, allowed)
-    return [SeamMask(mask.get(), part, scale) for mask, part in zip(masks, parts, strict=True)]
+    return [SeamMask(Parcel(mask.get()), part, scale) for mask, part in zip(masks, parts, strict=True)]
 
 
 def _surround(mask: Mask, canvas: Canvas) -> Canvas:

@@ -49,7 +49,7 @@ def _seams(composition: Composition) -> Iterator[Array]:
         seam = placement.seam
         if seam is None:
             continue
-        lines, _ = cv2.findContours(seam.mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+        lines, _ = cv2.findContours(seam.mask.pixels, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
         corner = seam.canvas.x_px, seam.canvas.y_px
         for line in lines:
             simple = cv2.approxPolyDP(line, SEAM_ERROR_PX, closed=True)[:, 0] + corner

@@ -8,6 +8,7 @@ from skymosaic.compositing.layer import Layer, SeamMask
 from skymosaic.compositing.mesh import Mesh
 from skymosaic.compositing.warp import Canvas, CanvasError, footprint, nearness, outline
 from skymosaic.geometry.homography import apply
+from skymosaic.imagery.parcel import Parcel
 
 IMAGE = np.full((300, 400), 90, np.uint8)
 # Looks along y: rows above 60 show the sky.
@@ -43,7 +44,7 @@ def test_a_mask_and_the_border_bend_with_the_photograph(with_seam: bool) -> None
     # Each pixel is read 7 px to the right, so all that is seen moves to the left.
     mesh = Mesh((200, 150), np.broadcast_to([7.0, 0.0], (3, 4, 2)).copy())
     part = Canvas(0, 0, 200, 150)
-    seam = SeamMask(np.full((150, 200), 255, np.uint8), part, 1.0) if with_seam else None
+    seam = SeamMask(Parcel(np.full((150, 200), 255, np.uint8)), part, 1.0) if with_seam else None
     masked, whole = (Layer(image, np.eye(3), visible=mask, seam=seam, mesh=mesh) for mask in (visible, None))
     assert (masked.pixels(part)[:, :190] == image[:, :190] + 7).all()
     assert np.flatnonzero(masked.claim(part)[75]).tolist() == list(range(113))
@@ -87,7 +88,7 @@ def test_nothing_is_shown_that_is_too_far_from_the_camera() -> None:
 def test_a_seam_touches_the_parts_in_which_it_shows_and_none_far_from_them() -> None:
     mask = np.zeros((30, 40), np.uint8)
     mask[10:14, 20:25] = 255
-    seam = SeamMask(mask, Canvas(-10, 5, 40, 30), 0.1)
+    seam = SeamMask(Parcel(mask), Canvas(-10, 5, 40, 30), 0.1)
     shown, found = Canvas(100, 150, 50, 40), set()
     for x, y in itertools.product(range(-60, 300, 7), range(0, 350, 7)):
         part = Canvas(x, y, 90, 70)

@@ -12,6 +12,7 @@ from skymosaic.compositing.layer import SeamMask
 from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.picture.composition import Composition, Placement
 from skymosaic.imagery.lens import Lens
+from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import Source
 from skymosaic.panel.tasks import mosaic_picture
 from skymosaic.panel.tasks.mosaic_picture import show_mosaic
@@ -23,7 +24,7 @@ def delivery(image: np.ndarray) -> Any:
     """A mosaic whose canvas begins at (-100, 50); one photograph shows in a rectangle of it."""
     mask = np.zeros((40, 60), np.uint8)
     mask[10:20, 30:50] = 255
-    seam = SeamMask(mask, Canvas(-10, 5, 60, 40), 0.1)
+    seam = SeamMask(Parcel(mask), Canvas(-10, 5, 60, 40), 0.1)
     source = Source(0, "a.jpg", Path("a.jpg"))
     placements = (Placement(source, (200, 100), np.eye(3), seam=seam), Placement(source, (200, 100), np.eye(3)))
     canvas = Canvas(-100, 50, image.shape[1], image.shape[0])
