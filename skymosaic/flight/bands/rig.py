@@ -111,18 +111,16 @@ def _search_patches(reference: Float32, edges: Float32, matrix: Matrix, reach_px
     margin = half + reach_px
     columns = np.linspace(margin, width - 1 - margin, PATCHES_ACROSS).round().astype(int)
     rows = np.linspace(margin, height - 1 - margin, PATCHES_DOWN).round().astype(int)
-    here, there, correlation = [], [], []
+    found = []
     for y in rows.tolist():
         for x in columns.tolist():
             patch = reference[y - half : y + half + 1, x - half : x + half + 1]
             field = moved[y - margin : y + margin + 1, x - margin : x + margin + 1]
             peak = _peak(cv2.matchTemplate(field, patch, cv2.TM_CCOEFF_NORMED))
             if peak is not None:
-                here.append((x, y))
-                there.append((x + peak[0] - reach_px, y + peak[1] - reach_px))
-                correlation.append(peak[2])
-    points = apply(matrix, np.array(there, dtype=np.float64).reshape(-1, 2))
-    return np.array(here, dtype=np.float64).reshape(-1, 2), points, np.array(correlation)
+                found.append((x, y, x + peak[0] - reach_px, y + peak[1] - reach_px, peak[2]))
+    places = np.array(found, dtype=np.float64).reshape(-1, 5)
+    return places[:, :2], apply(matrix, places[:, 2:4]), places[:, 4]
 
 
 def _peak(scores: Float32) -> tuple[float, float, float] | None:

@@ -14,12 +14,13 @@ from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.bands.rig import Alignment, align_bands
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.linking.view import THUMBNAIL_WIDTH_PX, Settings, View, reduce_mask
+from skymosaic.flight.linking.view import THUMBNAIL_WIDTH_PX, Settings, View
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.preparation import equalise, thumbnail_layers
 from skymosaic.imagery.depth import measure_common_range
 from skymosaic.imagery.exif import read_metadata
 from skymosaic.imagery.images import reduce_to_width
+from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.running.workers import Workers
 
@@ -103,7 +104,7 @@ def _describe_band(source: Source, reference: View, settings: Settings) -> View:
         reference,
         name=source.name,
         thumbnail=thumbnail,
-        mask=reduce_mask(photograph.visible, thumbnail),
+        visible=Lens().visible_mask((thumbnail.shape[1], thumbnail.shape[0]), photograph.visible),
         sample=photograph.sample,
         value_range=photograph.value_range,
         taken=read_metadata(source.content),

@@ -54,8 +54,8 @@ class View:
     strongest: Records
     """The strongest of them, see `skymosaic.flight.linking.resemblance`."""
     thumbnail: Pixels
-    mask: Pixels
-    """(h, w): 0 where the thumbnail's pixels have no data or are transparent; empty where none are."""
+    visible: Pixels | None
+    """(h, w): 0 where the thumbnail's pixels have no data or are transparent; None where none are."""
     sample: NDArray[np.generic]
     """Values of a photograph of more than 8 bits, at evenly spaced places; else empty."""
     value_range: ValueRange | None
@@ -91,11 +91,6 @@ class View:
     def gps(self) -> Position | None:
         """Where the camera was."""
         return self.taken.position
-
-    @property
-    def visible(self) -> Pixels | None:
-        """The mask, None for an empty one."""
-        return self.mask if self.mask.size else None
 
     @property
     def light(self) -> View:
@@ -216,7 +211,7 @@ def make_view(
         features=features,
         strongest=compact(features),
         thumbnail=thumbnail,
-        mask=reduce_mask(photograph.visible, thumbnail),
+        visible=Lens().visible_mask((thumbnail.shape[1], thumbnail.shape[0]), photograph.visible),
         sample=photograph.sample,
         value_range=photograph.value_range,
         sharpness=float(cv2.Laplacian(to_gray(working), cv2.CV_32F).var()),
@@ -224,9 +219,3 @@ def make_view(
         taken=read_metadata(source.content) if isinstance(source.content, Path) else Metadata(),
         notes=photograph.notes,
     )
-
-
-def reduce_mask(visible: Pixels | None, thumbnail: Pixels) -> Pixels:
-    """The mask of a thumbnail, as `View.mask`, from that of its photograph."""
-    mask = Lens().visible_mask((thumbnail.shape[1], thumbnail.shape[0]), visible)
-    return np.zeros((0, 0), np.uint8) if mask is None else mask
