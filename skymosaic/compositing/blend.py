@@ -1,7 +1,7 @@
 """Blending registered images into one (thesis, section III.6.4)."""
 
 from collections.abc import Iterator, Sequence
-from typing import Literal, get_args
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -12,14 +12,13 @@ from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.warp import Canvas
 
 Blending = Literal["average", "distance", "multiband"]
-METHODS: tuple[Blending, ...] = get_args(Blending)
 BANDS = 5
 DETAIL_PX = 32
 """Fine detail farther from a tile than this reaches it only in coarse bands, which contain none of it."""
 TINY = float(np.finfo(np.float32).tiny)
 
 
-def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: str) -> tuple[Intensities, Mask]:
+def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: Blending) -> tuple[Intensities, Mask]:
     """Warp layers onto a canvas and blend them where they overlap.
 
     The layers are all gray or all BGR, and all of uint8 or all of uint16; they may have masks and seams. Returns also
@@ -31,14 +30,7 @@ def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: str) -> tup
         The plain average; the average weighted by the distance to each image's own border (thesis, equation III-10),
         which fades images out towards their borders; or the image with the largest distance in each pixel, blended in
         frequency bands (Burt and Adelson 1983), which keeps detail where the registration is not perfect.
-
-    Raises
-    ------
-    ValueError
-        For an unknown method.
     """
-    if method not in METHODS:
-        raise ValueError(f"blending method is {method!r}; valid: {', '.join(METHODS)}")
     mosaic = np.zeros((canvas.height_px, canvas.width_px, *layers[0].image.shape[2:]), dtype=layers[0].image.dtype)
     shown = np.zeros(mosaic.shape[:2], dtype=np.bool_)
     for tile in canvas.tiles():

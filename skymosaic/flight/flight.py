@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from golden_model.arrays import Array, Pixels
+from skymosaic.compositing.blend import Blending
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.layout.self_calibration import Calibration
 from skymosaic.flight.linking.links import Link
@@ -23,7 +24,7 @@ BLURRED = 0.25
 class Treatment:
     """How photographs become a picture."""
 
-    blending: str
+    blending: Blending
     """The usual method, see `skymosaic.compositing.blend.blend_layers`."""
     own_frame: bool
     """Whether the canvas has a frame of its own, level and with north up, without ground far beyond the ties; or that

@@ -8,6 +8,7 @@ import numpy as np
 
 from golden_model.arrays import Array, Matrix
 from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.compositing.blend import Blending
 from skymosaic.compositing.warp import Canvas, CanvasError, enclosing_canvas, magnification
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.extent import least_nearness
@@ -23,7 +24,7 @@ MIN_GSD = 0.99
 
 
 def place_on_canvas(
-    flight: Flight, layout: Layout, blending: str, *, scale: float, room: Room, place: MapPlace
+    flight: Flight, layout: Layout, blending: Blending, *, scale: float, room: Room, place: MapPlace
 ) -> Composition:
     """Lay the photographs of a layout on a canvas, without tones and seams; parameters as of `compose`."""
     views = [flight.views[member] for member in layout.members]

@@ -14,7 +14,7 @@ import numpy as np
 
 from golden_model.arrays import Array, Intensities, Mask, Pixels
 from skymosaic.common.memory import release_free_memory
-from skymosaic.compositing.blend import blend_layers
+from skymosaic.compositing.blend import Blending, blend_layers
 from skymosaic.compositing.layer import Layer, SeamMask
 from skymosaic.compositing.mesh import Mesh
 from skymosaic.compositing.tone import NEUTRAL, Tone
@@ -106,8 +106,7 @@ class Composition:
     """The part of the reference frame that the mosaic fills."""
     coloured: bool
     """BGR, or gray where every photograph is gray."""
-    blending: str
-    """One of `skymosaic.compositing.blend.METHODS`."""
+    blending: Blending
     lens: Lens
     values: ValueRange | None = None
     """The range of photographs of more than 8 bits, one for all; where it is deep, the mosaic has 16 bits."""

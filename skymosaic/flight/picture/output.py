@@ -21,7 +21,7 @@ from skymosaic.imagery.band_writer import write_bands
 from skymosaic.imagery.images import save
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.maps.georeference import Georeference
-from skymosaic.maps.geotiff import COMPRESSIONS, tee_to_raster, write_cog
+from skymosaic.maps.geotiff import tee_to_raster, write_cog
 from skymosaic.maps.tiles import write_tiles
 
 PREVIEW_WIDTH_PX = 1600
@@ -48,14 +48,12 @@ class OutputForm:
         Raises
         ------
         InputError
-            For an unknown or unsuitable compression, a file that cannot be a map, or bands that do not fit.
+            For an unsuitable compression, a file that cannot be a map, or bands that do not fit.
         """
         if bands and not _is_tiff(path):
             raise InputError(f"{path}: a mosaic of {bands} bands must be a .tif")
         if bands and (self.compress != "deflate" or self.tiles):
             raise InputError("compression and tiles are for photographs, not for multi-band sets; leave them out")
-        if self.compress not in COMPRESSIONS:
-            raise InputError(f"compress is {self.compress!r}; valid: {', '.join(COMPRESSIONS)}")
         if self.compress != "deflate" and not _is_tiff(path):
             raise InputError(f"{path}: {self.compress} compression is for .tif; leave it out, or end the name in .tif")
         if self.require_map and not _is_tiff(path) and self.tiles is None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from golden_model.arrays import Intensities
 from skymosaic.common.memory import release_free_memory
+from skymosaic.compositing.blend import Blending
 from skymosaic.compositing.exposure import describe_uneven, estimate_levels, estimate_tones, measure_toned_range
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.palette import have_palette
@@ -34,7 +35,7 @@ def compose(
     flight: Flight,
     layout: Layout,
     *,
-    blending: str | None = None,
+    blending: Blending | None = None,
     scale: float = 1.0,
     room: Room | None = None,
     place: MapPlace = NOWHERE,

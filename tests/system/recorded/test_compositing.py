@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from skymosaic.compositing.blend import blend_layers
+from skymosaic.compositing.blend import Blending, blend_layers
 from skymosaic.compositing.exposure import estimate_levels, estimate_tones, measure_toned_range
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.mesh import Frame, Ties, fit_meshes
@@ -56,7 +56,7 @@ def bent(given: list[Layer]) -> list[Layer]:
     return [replace(layer, mesh=meshes.get(number)) for number, layer in enumerate(given)]
 
 
-def check_blended(name: str, given: list[Layer], method: str, unit: float = 1.0) -> None:
+def check_blended(name: str, given: list[Layer], method: Blending, unit: float = 1.0) -> None:
     picture, shown = blend_layers(given, enclosing([each.footprint for each in given]), method=method)
     check_picture(name, picture / unit, shown)
 
@@ -67,7 +67,7 @@ def toned(given: list[Layer], tones: list[Tone], values: ValueRange | None = Non
 
 
 @pytest.mark.parametrize("method", ["average", "distance", "multiband"])
-def test_photographs_as_they_are(method: str) -> None:
+def test_photographs_as_they_are(method: Blending) -> None:
     check_blended(method, layers(), method)
 
 

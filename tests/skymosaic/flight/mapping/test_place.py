@@ -156,13 +156,9 @@ def test_control_points_of_another_site_are_refused(tmp_path: Path) -> None:
         place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt"))
 
 
-@pytest.mark.parametrize(
-    ("form", "name", "says"),
-    [(OutputForm("lzw"), "m.tif", "valid: deflate, jpeg"), (OutputForm("jpeg"), "m.png", "is for .tif")],
-)
-def test_forms_that_cannot_apply_are_refused(form: OutputForm, name: str, says: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=says):
-        form.check(tmp_path / name)
+def test_forms_that_cannot_apply_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is for .tif"):
+        OutputForm("jpeg").check(tmp_path / "m.png")
 
 
 def test_a_compass_that_is_wrong_by_half_a_turn_is_said_so() -> None:

@@ -66,7 +66,6 @@ TILES = Path("tiles")
         ("m.TIFF", OutputForm(), 5, ""),
         ("m.tif", OutputForm("jpeg"), 5, "compression and tiles are for photographs, not for multi-band sets"),
         ("m.tif", OutputForm(tiles=TILES), 5, "compression and tiles are for photographs, not for multi-band sets"),
-        ("m.tif", OutputForm("zip"), 0, "compress is 'zip'; valid: deflate, jpeg"),
         ("m.png", OutputForm("jpeg"), 0, "m.png: jpeg compression is for .tif; leave it out, or end the name in .tif"),
         ("m.tif", OutputForm("jpeg", TILES), 0, ""),
         ("m.png", OutputForm(require_map=True), 0, "m.png: .png files are no maps, and a map is required"),
