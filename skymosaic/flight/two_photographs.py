@@ -38,7 +38,7 @@ def register_two(
     clock = Stopwatch()
     left, right = (source.read_photograph(lens) for source in sources)
     for photograph in (left, right):
-        lens.check((photograph.pixels.shape[1], photograph.pixels.shape[0]), photograph.name)
+        lens.check(photograph.size, photograph.name)
     clock.lap("reading")
     pair = register_photographs(
         (left, right), options, lens=lens, seconds=clock.seconds, progress=lambda line: progress(line, 0, 0)

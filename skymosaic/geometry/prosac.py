@@ -116,21 +116,17 @@ class _Matches:
         return rescale(np.linalg.inv(self._to_right) @ vectors[:, 0].reshape(3, 3) @ self._to_left)
 
     def polish(self, H: Matrix | None, samples: int) -> Estimate:
-        """Refine the best homography; its inliers are in the order in which the matches were given."""
-        best = None if H is None else self._refine(H)
+        """Refine the best homography over all matches; its inliers are in the order in which these were given."""
         inliers = np.zeros(len(self.left), dtype=bool)
-        if best is None:
+        if H is None:
+            return Estimate(None, inliers, samples)
+        finite = np.isfinite(self.squared_error(H))
+        try:
+            best = refine_robustly(H, self.left[finite], self.right[finite])
+        except DegenerateError:
             return Estimate(None, inliers, samples)
         inliers[self.order] = self.squared_error(best) <= INLIER_PX**2
         return Estimate(best if inliers.sum() >= MIN_INLIERS else None, inliers, samples)
-
-    def _refine(self, H: Matrix) -> Matrix | None:
-        """Reweighted Gauss-Newton over all matches; None where that does not give a homography."""
-        finite = np.isfinite(self.squared_error(H))
-        try:
-            return refine_robustly(H, self.left[finite], self.right[finite])
-        except DegenerateError:
-            return None
 
 
 def estimate_homography(
