@@ -157,7 +157,7 @@ def test_control_points_of_another_site_are_refused(tmp_path: Path) -> None:
 
 
 def test_forms_that_cannot_apply_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is for .tif"):
+    with pytest.raises(InputError, match=r"is for \.tif"):
         OutputForm("jpeg").check(tmp_path / "m.png")
 
 
