@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -43,18 +42,6 @@ _HARMLESS = "unknown Adobe color transform"
 """A warning of libjpeg that does not concern the picture."""
 
 
-@dataclass(frozen=True)
-class _Structure:
-    """Structure of a file's first picture: kinds of frames, number of scans, and offset of its end.
-
-    Cameras append previews and films to the first picture, which are ignored.
-    """
-
-    kinds: frozenset[int]
-    scans: int
-    end: int | None
-
-
 def decode_strictly(data: bytes, path: Path, *, area_px: int, orientation: int) -> NDArray[np.uint8]:
     """Decode a JPEG in which libjpeg finds no fault, and turn it upright.
 
@@ -82,19 +69,17 @@ def decode_strictly(data: bytes, path: Path, *, area_px: int, orientation: int) 
         For more scans than a photograph has, and for arithmetic coding, which no camera writes. Both take long, and a
         decoder cannot be interrupted.
     """
-    structure = _parse(data, path)
-    if not structure.kinds.issubset(_KINDS):
+    kinds, scans, end = _parse(data, path)
+    if not kinds.issubset(_KINDS):
         raise InputError(
             f"{path}: a JPEG with arithmetic coding, lossless or hierarchical; store it again as baseline JPEG"
         )
-    if structure.end is None:
+    if end is None:
         raise DamagedError(f"{path}: the file is truncated; copy it again from the camera")
-    if structure.scans > MAX_SCANS or structure.scans * area_px > MAX_SCANNED_AREA_PX:
-        raise InputError(
-            f"{path}: a JPEG of {structure.scans} scans takes too long to decode; store it again as baseline JPEG"
-        )
+    if scans > MAX_SCANS or scans * area_px > MAX_SCANNED_AREA_PX:
+        raise InputError(f"{path}: a JPEG of {scans} scans takes too long to decode; store it again as baseline JPEG")
     fault = ""
-    for candidate in _variants(_with_known_revision(data), structure.end):
+    for candidate in _variants(_with_known_revision(data), end):
         try:
             pixels = _decode(candidate)
         except ValueError as error:
@@ -104,17 +89,21 @@ def decode_strictly(data: bytes, path: Path, *, area_px: int, orientation: int) 
     raise DamagedError(f"{path}: the JPEG is damaged ({fault}); copy it again from the camera")
 
 
-def _parse(data: bytes, path: Path) -> _Structure:
+def _parse(data: bytes, path: Path) -> tuple[set[int], int, int | None]:
+    """Kinds of frames, number of scans, and offset of the end of a file's first picture, None if it has none.
+
+    Cameras append previews and films to the first picture, which are ignored.
+    """
     kinds: set[int] = set()
     scans = 0
     for number, (marker, offset) in enumerate(_segments(data)):
         if number > MAX_SEGMENTS:
             raise InputError(f"{path}: a JPEG of more than {MAX_SEGMENTS} segments; store it again")
         if marker == _END_OF_IMAGE:
-            return _Structure(frozenset(kinds), scans, offset)
+            return kinds, scans, offset
         scans += marker == _START_OF_SCAN
         kinds |= _STARTS_OF_FRAME & {marker}
-    return _Structure(frozenset(kinds), scans, None)
+    return kinds, scans, None
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, int]]:

@@ -13,11 +13,7 @@ from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.maps.control_points import ControlPoints, load_control_points
 from skymosaic.maps.positions import Positions, load_positions
 from skymosaic.mosaicking.result import Mosaic
-from skymosaic.registration.options import (
-    PhotographOptions,
-    RegistrationOptions,
-    Seeded,
-)
+from skymosaic.registration.options import PhotographOptions, RegistrationOptions, Seeded
 
 MEGABYTE = 1 << 20
 MEGAPIXEL = 1_000_000

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from golden_model.config import MIN_FRAME_PX
-from skymosaic.common.errors import InputError, RegistrationError
-from skymosaic.flight.mapping.place import MapPlace, explain_absence
+from skymosaic.common.errors import InputError
+from skymosaic.flight.mapping.place import MapPlace, require_place
 from skymosaic.flight.picture.canvas import check_scale
-from skymosaic.flight.picture.composition import Composition, Room
+from skymosaic.flight.picture.composition import Room
 from skymosaic.flight.picture.output import OutputForm, room_for, too_deep_for_jpeg
 from skymosaic.imagery.decoding import read_header
 from skymosaic.imagery.exif import Metadata, explain_missing_gps, read_metadata
@@ -51,7 +51,7 @@ def check_outputs(
     if options.canvas_limit_px is None and not computed:
         check_room(output, room_of(output, sources, options))
     if form.require_map and (note := _explain_no_place(sources, options)):
-        raise RegistrationError(f"{explain_absence(output, MapPlace(note=note))}; nothing was written")
+        require_place(output, MapPlace(note=note))
     if options.all_groups:
         for path in list_numbered(output):
             check_output(path, inputs, overwrite=overwrite)
@@ -66,13 +66,6 @@ def check_room(output: Path, room: Room) -> None:
     """Raise InputError for a disk that is too full to begin."""
     if room.area_px < MIN_ROOM_PX:
         raise InputError(f"{output}: {room.reason}, too little for a mosaic; free some, or choose another folder")
-
-
-def refuse_without_place(output: Path, compositions: Sequence[Composition]) -> None:
-    """Raise RegistrationError if one of several mosaics has no place on the map."""
-    for composition in compositions:
-        if composition.place.georeference is None:
-            raise RegistrationError(f"{explain_absence(output, composition.place)}; nothing was written")
 
 
 def room_of(path: Path | None, sources: Sequence[Source], options: MosaicOptions) -> Room:

@@ -13,7 +13,7 @@ from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.flight.bands.spectrum import in_all_bands
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.mapping.place import MapPlace, place_on_map
+from skymosaic.flight.mapping.place import MapPlace, place_on_map, require_place
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import PLAIN, PREVIEW_WIDTH_PX, Delivery, OutputForm, deliver, numbered
 from skymosaic.flight.picture.preparation import compose
@@ -25,7 +25,7 @@ from skymosaic.imagery.images import FIRST_PAGE
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.mosaicking.options import MosaicOptions, SurveyOptions
-from skymosaic.mosaicking.outputs import check_outputs, refuse_without_place, room_of
+from skymosaic.mosaicking.outputs import check_outputs, room_of
 from skymosaic.mosaicking.result import Mosaic
 from skymosaic.running.cache import open_cache
 from skymosaic.running.workers import Workers
@@ -97,8 +97,8 @@ class MosaicPlan:
     ) -> list[Delivery]:
         # Canvas, exposure and seams; of all groups, since one that cannot be made leaves no half of the mosaics behind.
         compositions = [self.composition(layout, output) for layout in layouts]
-        if form.require_map:
-            refuse_without_place(output, compositions)
+        for composition in compositions if form.require_map else ():
+            require_place(output, composition.place)
         deliveries, failures = list[Delivery](), list[str]()
         for number, (layout, composition) in enumerate(zip(layouts, compositions, strict=True), start=1):
             # Warped and blended band by band, while the file is written.

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.arrays import Intensities, Matrix
-from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.common.errors import InputError
 from skymosaic.common.tables import Table, tabulate
 from skymosaic.flight.check import PhotographCheck, check_flight
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.mapping.place import explain_absence
+from skymosaic.flight.mapping.place import require_place
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, OutputForm, deliver
 from skymosaic.geometry.homography import apply
@@ -115,12 +115,12 @@ class Mosaic:
         RegistrationError
             If a map is required and the place is not known; the message says why.
         """
-        path, place = Path(path), self.composition.place
+        path = Path(path)
         files = [file for source in self.flight.sources for file in source.files]
         check_output(path, files, overwrite=overwrite)
         OutputForm(require_map=require_map).check(path, len(self.composition.band_names))
-        if require_map and place.georeference is None:
-            raise RegistrationError(f"{explain_absence(path, place)}; nothing was written")
+        if require_map:
+            require_place(path, self.composition.place)
         if path.suffix.lower() not in GEOTIFF_SUFFIXES:
             save(path, self.composition.in_8_bit(self.image))
             record_output(path, files)

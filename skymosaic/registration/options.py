@@ -93,11 +93,6 @@ class BackendOptions(Checked):
             return type(self.backend).__name__
         return self.backend if self.address is None else f"{self.backend}:{self.address}"
 
-    @property
-    def takes_one_size(self) -> bool:
-        """Whether the backend takes frames of one size in a run, as a board does."""
-        return self.backend == "board" if isinstance(self.backend, str) else self.backend.takes_one_size
-
     def open_backend(self, method: Method | None = None, progress: Progress = silent) -> Backend:
         """Load the backend, or the one that computes ``method``; ``progress`` receives lines about a first build."""
         if not isinstance(self.backend, str):
@@ -221,8 +216,8 @@ class RegistrationOptions(Seeded, FeatureOptions):
         InputError
             For more than one pass with a method or a backend that allows only one.
         """
-        if self.takes_one_size:
-            # Frames of further passes have other sizes.
+        # Frames of further passes have other sizes.
+        if self.backend == "board" or getattr(self.backend, "takes_one_size", False):
             if self.effort not in (None, "fast"):
                 raise InputError(
                     f"`effort` {self.effort} needs frames of several sizes, a board takes one; choose fast"

@@ -32,18 +32,8 @@ from skymosaic.geometry import acceptance
 from skymosaic.geometry.held_out import clearly_better, held_out_agreement
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS, Estimate, estimate_homography
-from skymosaic.registration.front_end_runs import (
-    INVERTED,
-    LADDER,
-    LARGER,
-    LARGER_OF_SMALL,
-    QUARTERS,
-    SMALL_PX,
-    SMALLER,
-    TILTS,
-    FrontEndRun,
-    choose_run_between_octaves,
-)
+from skymosaic.registration import front_end_runs
+from skymosaic.registration.front_end_runs import FrontEndRun
 
 # A result above all three thresholds needs no further passes. Where fewer of the overlap's kept matches agree, relief
 # divides them between planes, and more matches settle which plane counts; where half do, fewer places are enough.
@@ -133,35 +123,35 @@ class Search:
         self._remove_masked = remove_masked
         self._shared = shared
         self._sizes = tuple((image.shape[1], image.shape[0]) for image in images)
-        self._are_small = max(max(size) for size in self._sizes) <= SMALL_PX
+        self._are_small = max(max(size) for size in self._sizes) <= front_end_runs.SMALL_PX
 
     def run(self, effort: str, state: SearchState) -> SearchState:
         """Continue after the first pass as far as ``effort`` allows and the pair needs."""
         if effort == "fast" or (effort == "normal" and self._is_strong(state)):
             return state
-        larger = LARGER_OF_SMALL if self._are_small else (LARGER,)
+        larger = front_end_runs.LARGER_OF_SMALL if self._are_small else (front_end_runs.LARGER,)
         if effort == "thorough":
-            state = self._search_together(state, (*larger, SMALLER))
+            state = self._search_together(state, (*larger, front_end_runs.SMALLER))
         else:
-            for scaled in (SMALLER,) if is_coarse(state) else larger:
+            for scaled in (front_end_runs.SMALLER,) if is_coarse(state) else larger:
                 state = state if self._is_strong(state) else self._search_together(state, (scaled,))
             if state.homography is None:
-                state = self._search_together(state, (SMALLER,))
+                state = self._search_together(state, (front_end_runs.SMALLER,))
         if self._is_strong(state):
             return state
         if state.homography is not None:
-            run = choose_run_between_octaves(state.homography, self._sizes[0])
+            run = front_end_runs.choose_run_between_octaves(state.homography, self._sizes[0])
             return self._search_separately(state, (run,)) if run else state
-        state = self._search_separately(state, LADDER)
+        state = self._search_separately(state, front_end_runs.LADDER)
         if state.homography is None:
             state = self._scan_tilts(state)
         if state.homography is None and effort == "thorough":
-            state = self._search_separately(state, TILTS)
+            state = self._search_separately(state, front_end_runs.TILTS)
         if state.homography is None and not self._are_small:
             state = self._search_quarters(state)
         if state.homography is not None:
             return state
-        state = self._search_separately(state, (INVERTED,))
+        state = self._search_separately(state, (front_end_runs.INVERTED,))
         return replace(state, inverted=state.homography is not None)
 
     def accept(self, evidence: Evidence, homography: Matrix | None, inliers: Mask, passes: int) -> SearchState:
@@ -213,7 +203,7 @@ class Search:
         """Search small frames at many tilts, and at full size those where the most matches agree."""
         promising = []
         passes = state.passes
-        for run in TILTS:
+        for run in front_end_runs.TILTS:
             small = [replace(change, scale=SCAN_SCALE) for change in (run.reference, *run.others)]
             scan = FrontEndRun(small[0], tuple(small[1:]), run.swapped)
             for change, further in self._match_frames((scan,)):
@@ -232,7 +222,7 @@ class Search:
 
         Ground that stands still shows in whole frames: what stands still in quarters alone is a display or a watermark.
         """
-        found = self._search_separately(state, QUARTERS)
+        found = self._search_separately(state, front_end_runs.QUARTERS)
         left, right = found.inlier_points
         still = np.linalg.norm(left - right, axis=1) < STILL_IN_QUARTERS * max(self._sizes[0])
         most_stand_still = 2 * np.count_nonzero(still) > len(still)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.arrays import Points
-from skymosaic.common.errors import InputError, noting
+from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.cameras import Camera, cameras_of, measure_turn
@@ -71,6 +71,12 @@ def explain_absence(path: Path, place: MapPlace) -> str:
     """Why a file has no place on the map, and what gives it one."""
     remedy = "photographs with GPS, or mosaic with `positions` or `control_points`, give it one"
     return f"{path} has no place on the map: {place.note}; {remedy}"
+
+
+def require_place(path: Path, place: MapPlace) -> None:
+    """Raise `RegistrationError` for a mosaic that has no place on the map."""
+    if place.georeference is None:
+        raise RegistrationError(f"{explain_absence(path, place)}; nothing was written")
 
 
 def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None = None) -> MapPlace:

@@ -202,7 +202,7 @@ def test_the_zoom_is_that_in_the_middle_of_the_left_photograph(
     weak = SearchState(Evidence(pair.features, pair.matches), np.eye(3), pair.matches["verdict"] == 1, 19, passes=1)
     passes = "skymosaic.registration.passes"
     monkeypatch.setattr(f"{passes}.Search._search_together", lambda _, state, __: state)
-    monkeypatch.setattr(f"{passes}.choose_run_between_octaves", lambda _, size: sizes.append(size))
+    monkeypatch.setattr(f"{passes}.front_end_runs.choose_run_between_octaves", lambda _, size: sizes.append(size))
     search = Search(GoldenBackend(), images, pair.config, np.random.default_rng(0), lambda matches: matches)
     assert search.run("normal", weak) is weak
     assert sizes == [SIZE]
@@ -279,7 +279,7 @@ def test_passes_are_tried_until_one_is_strong_or_none_is_left(
     monkeypatch.setattr(f"{passes}.Search._scan_tilts", lambda self, state: search(self, state, [scan]))
     monkeypatch.setattr(f"{passes}.Search._is_strong", lambda _, state: state.places == 60)
     monkeypatch.setattr(f"{passes}.is_coarse", lambda _: start == "coarse")
-    monkeypatch.setattr(f"{passes}.choose_run_between_octaves", lambda *_: between)
+    monkeypatch.setattr(f"{passes}.front_end_runs.choose_run_between_octaves", lambda *_: between)
     monkeypatch.setitem(NAMES, scan, "scan")
     ended = Search(None, images, None, None, None).run(effort, strength[start])  # type: ignore[arg-type]
     assert " ".join(log) == tried
