@@ -5,7 +5,7 @@ resolve to 127.0.0.1, by forms and scripts, or by a websocket, which browsers do
 header reveals the first, the Origin header the others.
 """
 
-from starlette.datastructures import Headers
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
@@ -54,23 +54,18 @@ class OriginCheck:
         """Why the request is refused; empty if it is accepted."""
         if headers.get("host") not in self._hosts:
             return "the Host is not this panel's; open the address that the panel printed"
-        origin = headers.get("origin")
-        foreign = origin is not None and origin.removeprefix("http://") not in self._hosts
-        if scope["type"] == "websocket":
-            return "the Origin is not this panel's" if foreign or origin is None else ""
         # Socket.IO's polling would let a plain GET act, which no Origin accompanies.
-        if scope["path"].startswith(SOCKET_PATH):
+        if scope["type"] == "http" and scope["path"].startswith(SOCKET_PATH):
             return "this path accepts websockets only"
-        if scope["method"] not in SAFE_METHODS and (foreign or origin is None):
-            return "the Origin is not this panel's"
-        return ""
+        acts = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
+        is_own = headers.get("origin", "").removeprefix("http://") in self._hosts
+        return "the Origin is not this panel's" if acts and not is_own else ""
 
 
 def _with_headers(send: Send) -> Send:
     async def sender(message: Message) -> None:
         if message["type"] == "http.response.start":
-            added = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
-            message = {**message, "headers": [*message["headers"], *added]}
+            MutableHeaders(scope=message).update(HEADERS)
         await send(message)
 
     return sender

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from nicegui import Event, background_tasks
 from nicegui.binding import BindableProperty
@@ -19,14 +19,12 @@ from skymosaic.panel.options import Options, in_labels
 from skymosaic.panel.results import Decoded, HardwareResult, InputFile, MosaicResult, TrackingResult
 from skymosaic.panel.rules_edit import RulesEdit
 from skymosaic.panel.runs import Runs
-from skymosaic.panel.session_files import SessionFiles
+from skymosaic.panel.session_files import MAX_BYTES, SessionFiles
 from skymosaic.panel.tasks import mosaic_tasks, tracking_tasks, upload_tasks
 from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits, Task
-from skymosaic.panel.uploads import MAX_UPLOADS_AT_ONCE, UploadRefusedError
+from skymosaic.panel.uploads import KINDS, MAX_UPLOADS_AT_ONCE, UploadRefusedError, receive
 
 DECODING_LIMITS = Limits(seconds=120, processor_seconds=60, memory_bytes=2 << 30)
-
-AnyRun = TypeVar("AnyRun", MosaicResult, TrackingResult)
 
 
 class Queues(NamedTuple):
@@ -114,7 +112,8 @@ class Session:
         self._arriving += 1
         try:
             async with self._queues.arriving:
-                path = await self.files.receive(slot, body, name)
+                part = self.files.folder("uploads") / f"{self.files.new_number()}.part"
+                path = await receive(body, name, KINDS[slot], part, room_bytes=MAX_BYTES - self.files.size_bytes)
                 decoded = await self._decode(path, slot, self.files.folder("pictures/uploads"))
         except JobFailedError as error:
             path.unlink()
@@ -227,7 +226,7 @@ class Session:
 
         def accept(result: MosaicResult) -> None:
             self._mosaic_inputs = inputs
-            self._show_result(self._keep(result, title))
+            self._show_result(replace(result, folder=self._keep(result.folder, title)))
 
         paths = [each.path for each in self.photographs]
         place = ", ".join(paths[:2]) if self.photographs[0].is_upload else Path(paths[0]).parent
@@ -260,7 +259,7 @@ class Session:
         run, pictures = self.files.new_run([self.template, self.video], self._shown_folders)
 
         def accept(result: TrackingResult) -> None:
-            self.tracking_result = self._keep(result, " in ".join(names))
+            self.tracking_result = replace(result, folder=self._keep(result.folder, " in ".join(names)))
 
         self._start("Tracking", accept, tracking_tasks.follow, run, *names, self.options, pictures)
 
@@ -304,13 +303,13 @@ class Session:
         shown = {result.pictures.name for result in self.results.values()}
         return {"uploads", *shown, *(each.thumbnail.parent.name for each in self.photographs)}
 
-    def _keep(self, result: AnyRun, title: str) -> AnyRun:
-        """Keep a run beyond the session, if it is one of this machine's user."""
+    def _keep(self, run: Path, title: str) -> Path:
+        """Keep a run's folder beyond the session, if it is one of this machine's user; returns where it is now."""
         try:
-            return replace(result, folder=self.runs.keep(result.folder, title)) if self.runs else result
+            return self.runs.keep(run, title) if self.runs else run
         except (InputError, OSError) as error:
             self.fault = f"the run is shown, but could not be kept: {error}"
-            return result
+            return run
 
     def _show_result(self, result: MosaicResult) -> None:
         self.mosaic_result, self.hardware_result = result, None

@@ -2,12 +2,11 @@
 
 import shutil
 import zipfile
-from collections.abc import AsyncIterator, Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
 from skymosaic.panel.results import InputFile, Run, find_inside
-from skymosaic.panel.uploads import KINDS, MIN_FREE_BYTES, UploadRefusedError, receive
 
 MAX_BYTES = 4 << 30
 """Size of all files of one session, results included."""
@@ -37,21 +36,6 @@ class SessionFiles:
         """Two digits or more for a file name, different on every call."""
         self._names_given += 1
         return f"{self._names_given:02}"
-
-    async def receive(self, slot: str, body: AsyncIterator[bytes], name: str) -> Path:
-        """Store an upload as far as the session and the disk have room.
-
-        Raises
-        ------
-        UploadRefusedError
-            If it is refused; it is removed completely.
-        """
-        folder, room_bytes = self.folder("uploads"), max(0, MAX_BYTES - self.size_bytes)
-        free_bytes = shutil.disk_usage(folder).free - MIN_FREE_BYTES
-        if free_bytes < min(room_bytes, KINDS[slot].limit_bytes):
-            raise UploadRefusedError("the panel's disk is almost full; make room on it", 507)
-        part = folder / f"{self.new_number()}.part"
-        return await receive(body, name, KINDS[slot], part, room_bytes=room_bytes)
 
     @property
     def size_bytes(self) -> int:

@@ -7,6 +7,7 @@ mean something to a shell or a file system, and with a number if another file ha
 import asyncio
 import itertools
 import re
+import shutil
 import unicodedata
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
@@ -92,16 +93,18 @@ async def receive(body: AsyncIterator[bytes], name: str, kind: Kind, part: Path,
     """Store an upload under a sanitised, unique name with the suffix of its kind.
 
     Until it is complete it is stored as ``part``; then it is renamed in the same folder. Its size is limited by
-    ``room_bytes`` or by its kind, whichever is less.
+    ``room_bytes``, what is left of a session's, or by its kind, whichever is less.
 
     Raises
     ------
     UploadRefusedError
         If the file is of another kind, too large or empty, or the disk is full; it is removed completely.
     """
-    stem = sanitise_stem(name)
+    stem, limit_bytes = sanitise_stem(name), min(kind.limit_bytes, max(0, room_bytes))
+    if shutil.disk_usage(part.parent).free < MIN_FREE_BYTES + limit_bytes:
+        raise UploadRefusedError("the panel's disk is almost full; make room on it", 507)
     try:
-        head = await _store(body, part, min(kind.limit_bytes, room_bytes), stem)
+        head = await _store(body, part, limit_bytes, stem)
         suffix = kind.suffix_of(head)
         if suffix is None:
             fault = "is not" if head else "is empty, not"

@@ -9,7 +9,7 @@ from skymosaic.panel.pages import drawings
 from skymosaic.panel.pages.page_layout import fill_in
 from skymosaic.panel.results import Picture
 from skymosaic.panel.widgets.slider import Slider
-from skymosaic.panel.widgets.viewer import Pointer, Viewer
+from skymosaic.panel.widgets.viewer import Viewer
 from skymosaic.registration.pair import Pair
 
 KINDS = {"inlier": "kept, on the homography", "outlier": "kept, off it", "rejected": "rejected by the rules"}
@@ -80,9 +80,9 @@ class MatchesTab:
             lowest=0, highest=len(DENSITIES), position=self._density, label="Maximum number of lines", words=words
         )
 
-    def _find_match(self, pointer: Pointer) -> int | None:
+    def _find_match(self, x: float, y: float, scale: float) -> int | None:
         candidates = self._candidates()
-        nearest = drawings.find_nearest(self._lines[candidates], pointer.x, pointer.y, REACH_SCREEN_PX / pointer.scale)
+        nearest = drawings.find_nearest(self._lines[candidates], x, y, REACH_SCREEN_PX / scale)
         return None if nearest is None else candidates[nearest]
 
     def _candidates(self) -> list[int]:
@@ -91,12 +91,12 @@ class MatchesTab:
         limit = DENSITIES[self._density] if self._density < len(DENSITIES) else len(shown)
         return shown if len(shown) <= limit else [shown[step * len(shown) // limit] for step in range(limit)]
 
-    def _hover(self, pointer: Pointer) -> None:
-        if not self._pinned and (index := self._find_match(pointer)) is not None and index != self._chosen:
+    def _hover(self, *pointer: float) -> None:
+        if not self._pinned and (index := self._find_match(*pointer)) is not None and index != self._chosen:
             self._choose(index)
 
-    def _pick(self, pointer: Pointer) -> None:
-        index = self._find_match(pointer)
+    def _pick(self, *pointer: float) -> None:
+        index = self._find_match(*pointer)
         self._pinned = index is not None
         self._choose(index)
 

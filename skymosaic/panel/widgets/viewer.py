@@ -6,20 +6,11 @@ any other picture. What is left is to choose the tiles, a dozen lines.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 from nicegui import ui
 
 from skymosaic.panel.results import Picture
-
-
-@dataclass(frozen=True)
-class Pointer:
-    """The pointer's position in viewer pixels; ``scale`` is screen pixels per viewer pixel."""
-
-    x: float
-    y: float
-    scale: float
 
 
 class Viewer(ui.element, component="viewer.js"):
@@ -45,6 +36,9 @@ class Viewer(ui.element, component="viewer.js"):
         """Replace what is drawn on top, without sending the drawing itself again."""
         self.run_method("showHighlight", drawing)
 
-    def on_pointer(self, event: str, handler: Callable[[Pointer], None]) -> None:
-        """Call ``handler`` on "hover" (at most 25 times per second) or "pick" (a click without dragging)."""
-        self.on(event, lambda sent: handler(Pointer(*(float(sent.args[name]) for name in ("x", "y", "scale")))))
+    def on_pointer(self, event: str, handler: Callable[[float, float, float], None]) -> None:
+        """Call ``handler`` on "hover" (at most 25 times per second) or "pick" (a click without dragging).
+
+        It gets x and y in viewer pixels, and how many pixels of the screen one of these has.
+        """
+        self.on(event, lambda sent: handler(*(float(sent.args[name]) for name in ("x", "y", "scale"))))

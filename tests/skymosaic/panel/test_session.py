@@ -252,7 +252,7 @@ def test_uploads_beyond_the_size_of_a_session_are_refused(
     sessions: Sessions, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     session = sessions.get("one")
-    monkeypatch.setattr("skymosaic.panel.session_files.MAX_BYTES", 1)
+    monkeypatch.setattr("skymosaic.panel.session.MAX_BYTES", 1)
 
     async def scenario() -> None:
         refusals = []

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from skymosaic.panel import uploads
-from skymosaic.panel.session_files import SessionFiles
 from skymosaic.panel.uploads import PHOTOGRAPH, VIDEO, sanitise_stem
 
 
@@ -87,13 +86,12 @@ def test_an_upload_is_refused_where_it_does_not_fit(
     """On the disk, or into the 4 GiB of a session; its kind is known when its first bytes have come one by one."""
     free_bytes, room_bytes = left
     monkeypatch.setattr("shutil.disk_usage", lambda _folder: SimpleNamespace(free=free_bytes))
-    monkeypatch.setattr(SessionFiles, "size_bytes", (4 << 30) - room_bytes)
-    files = SessionFiles(lambda: tmp_path)
+    given = singly(HEADS[slot]), "field.dat", uploads.KINDS[slot], tmp_path / "1.part"
     if status:
         with pytest.raises(uploads.UploadRefusedError) as refused:
-            asyncio.run(files.receive(slot, singly(HEADS[slot]), "field.dat"))
+            asyncio.run(uploads.receive(*given, room_bytes=room_bytes))
         assert refused.value.status == status
-        assert not list((tmp_path / "uploads").iterdir())
+        assert not list(tmp_path.iterdir())
     else:
-        path = asyncio.run(files.receive(slot, singly(HEADS[slot]), "field.dat"))
+        path = asyncio.run(uploads.receive(*given, room_bytes=room_bytes))
         assert (path.stem, path.read_bytes()) == ("field", HEADS[slot])

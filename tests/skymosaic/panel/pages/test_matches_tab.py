@@ -10,7 +10,6 @@ from nicegui.page import page as nicegui_page
 from skymosaic.panel.options import Options
 from skymosaic.panel.pages.matches_tab import MatchesTab
 from skymosaic.panel.results import Picture
-from skymosaic.panel.widgets.viewer import Pointer
 from tests.skymosaic.panel import made_up
 from tests.skymosaic.panel.visitor import Scenario
 
@@ -36,16 +35,16 @@ def state(tab: MatchesTab) -> tuple[str, bool]:
 
 def test_hovering_explains_a_match_and_a_click_keeps_it(tab: MatchesTab) -> None:
     assert state(tab) == ("8 matches", False)
-    tab._hover(Pointer(40, 100.1, 1))
+    tab._hover(40, 100.1, 1)
     assert state(tab) == ("match 1 of 8", True)
     # Nothing is within 10 px of the screen.
-    tab._hover(Pointer(40, 100.3, 1))
-    tab._hover(Pointer(70, 91, 2))
+    tab._hover(40, 100.3, 1)
+    tab._hover(70, 91, 2)
     assert state(tab) == ("match 1 of 8", True)
-    tab._pick(Pointer(70, 85, 1))
-    tab._hover(Pointer(40, 90, 1))
+    tab._pick(70, 85, 1)
+    tab._hover(40, 90, 1)
     assert state(tab) == ("match 2 of 8, pinned", True)
-    tab._pick(Pointer(5, 5, 1))
+    tab._pick(5, 5, 1)
     assert state(tab) == ("8 matches", False)
 
 
@@ -56,7 +55,7 @@ def test_the_buttons_step_through_the_matches_that_are_drawn(tab: MatchesTab) ->
         shown.append(tab._number.text)
     # The sixth is off the homography, the seventh rejected; only inliers are drawn.
     assert shown == [f"match {number} of 8, pinned" for number in (1, 2, 1, 8, 1)]
-    tab._pick(Pointer(5, 5, 1))
+    tab._pick(5, 5, 1)
     tab._step(-1)
     assert tab._number.text == "match 8 of 8, pinned"
     pair = replace(tab._pair, matches=tab._pair.matches[:7])
