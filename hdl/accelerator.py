@@ -161,7 +161,6 @@ class Accelerator(Component):
         ]
 
     def _outputs(self, clear: Signal) -> Module:
-        """A packet gate before each output."""
         m = Module()
         m.submodules.features = features = self._feature_gate
         m.submodules.matches = matches = self._match_gate
@@ -175,7 +174,6 @@ class Accelerator(Component):
         return m
 
     def _settings(self, m: Module) -> None:
-        """Connect the registers to the blocks."""
         registers = self.registers
         m.d.comb += [
             *(self._front_end.settings[each.name].eq(getattr(registers, f"o_{each.name}")) for each in FRONT_END),
@@ -217,7 +215,6 @@ class Accelerator(Component):
         return m
 
     def _estimator_status(self, estimator: RecordEstimator) -> Module:
-        """Connect the estimator to its output and its registers."""
         m = Module()
         registers, o = self.registers, self.o_homographies
         wiring.connect(m, estimator.o, wiring.flipped(o))

@@ -112,7 +112,6 @@ class FrontEnd(Component):
         return m
 
     def _pyramid(self, m: Module, gray: data.View, active: data.View) -> list[data.View]:
-        """Return the pixels of each level."""
         if self.config.levels == 1:
             return [gray]
         m.submodules.half = half = Half(width_px=self.build.max_width_px, pixels_per_clock=self.pixels_per_clock)

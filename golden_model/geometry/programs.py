@@ -38,7 +38,6 @@ def _solve() -> Program:
 
 
 def _sample(lane: int) -> tuple[list[list[Value]], list[list[Value]]]:
-    """Left and right positions of a lane's sample."""
     slots = range(SAMPLE * lane, SAMPLE * (lane + 1))
     left = [[loaded(slot, each) for each in LEFT] for slot in slots]
     right = [[loaded(slot, each) for each in RIGHT] for slot in slots]

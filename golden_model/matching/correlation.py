@@ -118,7 +118,6 @@ def fuzzy_inputs(left: Windows, right: Windows) -> tuple[Scores, Scores, Scores]
 
 
 def _ncc_sums(left: Windows, right: Windows) -> tuple[Scores, Scores, Scores]:
-    """The sums of I1 I2, of I1**2 and of I2**2."""
     wide_left, wide_right = left.astype(np.int64), right.astype(np.int64)
     return (wide_left * wide_right).sum(axis=-1), (wide_left**2).sum(axis=-1), (wide_right**2).sum(axis=-1)
 

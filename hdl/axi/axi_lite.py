@@ -99,7 +99,6 @@ class AxiLiteSubordinate(wiring.Component):
             m.d.sync += [has_address.eq(0), has_data.eq(0), bus.bvalid.eq(1)]
 
     def _reads(self, m: Module) -> None:
-        """Accept an address, read, respond."""
         bus = self.bus
         has_address = Signal()
         running = Signal()

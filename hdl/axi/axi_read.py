@@ -6,7 +6,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_lite import Response
-from hdl.axi.axi_write import BURST_LOG2, BURST_WORDS, INCREMENTING, MODIFIABLE
+from hdl.axi.axi_write import ADDRESS, BURST_LOG2, BURST_WORDS, INCREMENTING, MODIFIABLE
 
 MAX_OPEN_BURSTS = 8
 """As many as a memory port of a Zynq-7000 accepts."""
@@ -21,12 +21,7 @@ READ_WORD = data.StructLayout({"data": 8 * WORD_BYTES, "failed": 1})
 
 AXI_READ = wiring.Signature(
     {
-        "araddr": Out(64),
-        "arlen": Out(8),
-        "arsize": Out(3),
-        "arburst": Out(2),
-        "arcache": Out(4),
-        "arprot": Out(3),
+        **{f"ar{name}": member for name, member in ADDRESS.items()},
         "arvalid": Out(1),
         "arready": In(1),
         "rdata": In(8 * WORD_BYTES),

@@ -23,14 +23,11 @@ BURST_WORD = data.StructLayout({"data": 8 * WORD_BYTES, "kept": 1})
 """A word of a burst; it is written only where ``kept``."""
 
 
+ADDRESS = {"addr": Out(64), "len": Out(8), "size": Out(3), "burst": Out(2), "cache": Out(4), "prot": Out(3)}
+"""What an address channel says of a burst; its signals have the prefix ``aw`` or ``ar``."""
 AXI_WRITE = wiring.Signature(
     {
-        "awaddr": Out(64),
-        "awlen": Out(8),
-        "awsize": Out(3),
-        "awburst": Out(2),
-        "awcache": Out(4),
-        "awprot": Out(3),
+        **{f"aw{name}": member for name, member in ADDRESS.items()},
         "awvalid": Out(1),
         "awready": In(1),
         "wdata": Out(8 * WORD_BYTES),

@@ -42,7 +42,6 @@ def find_block(name: str) -> tuple[str, Block | wiring.Component]:
 
 
 def _make_own(path: str) -> Block | wiring.Component:
-    """Make a block of one's own from its module and its class or function."""
     module, _, maker = path.partition(":")
     try:
         made = getattr(importlib.import_module(module), maker)()

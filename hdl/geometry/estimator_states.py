@@ -143,7 +143,6 @@ def lead(m: Module, parts: Parts, frame: FrameInWork, settings: data.View, o: st
 
 
 def _accept(m: Module, parts: Parts, frame: FrameInWork, settings: data.View) -> None:
-    """Take a frame's matches, or refuse them."""
     ordering = parts.ordering
     with m.State("Wait"):
         m.d.sync += [

@@ -88,7 +88,6 @@ class MatchOrdering(Component):
         return m
 
     def _take(self, m: Module, phase: Signal) -> None:
-        """Store a match, and count its weight."""
         ranks, sent = self._ranks, self.i.payload
         weight = Signal(WEIGHT.bits)
         with m.State("Take"):

@@ -76,7 +76,6 @@ class SampleDraws(wiring.Component):
 
     @staticmethod
     def _advance(m: Module, state: Signal) -> Value:
-        """Next state of the generator."""
         left, right, last = SHIFTS
         first = Signal(RANDOM_BITS)
         second = Signal(RANDOM_BITS)

@@ -77,7 +77,6 @@ def later(value: ValueLike, cycles: int = 1) -> str:
 
 
 def _first_name(value: Value) -> str:
-    """Name of the first signal in an expression."""
     if isinstance(value, Signal):
         return str(value.name)
     # Amaranth's kinds of expressions have different names for their operands.

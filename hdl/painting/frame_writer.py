@@ -208,7 +208,6 @@ class FrameWriter(wiring.Component):
         return Mux(~used[0], 0, Mux(~used[1], 1, 2))
 
     def _end(self, m: Module, frame: data.View, broken: Value, failed: Value, gives_up: Signal) -> None:
-        """Offer the frame, or say why not."""
         with m.If(broken):
             # A frame that starts in this clock is counted first.
             m.d.comb += gives_up.eq(~(self.i.valid & self.i.first))

@@ -236,7 +236,6 @@ class Poses(wiring.Component):
         m.d.comb += work.is_singular.eq(total[-1] | ~total[MIN_DETERMINANT.bit_length() - 1 :].any())
 
     def _lead(self, m: Module, work: PoseInWork) -> None:
-        """From a placement to its columns."""
         with m.FSM():
             with m.State("idle"), m.If(self.i.valid):
                 m.next = "copy"
@@ -260,7 +259,6 @@ class Poses(wiring.Component):
                 m.next = "idle"
 
     def _add_sums(self, m: Module, work: PoseInWork) -> None:
-        """States from the first sum to the verdict."""
         number, left = work.number, Signal.like(work.headroom)
         has_sum = delayed(m, work.has_read_sum, SUM_CYCLES, reset_less=False)
         is_second_pass = Signal()
@@ -302,7 +300,6 @@ class Poses(wiring.Component):
             m.next = "read sum"
 
     def _send(self, m: Module, work: PoseInWork) -> None:
-        """States of the three columns."""
         has_column = delayed(m, work.has_read_column, READ_CYCLES + 1, reset_less=False)
         with m.State("read column"):
             m.d.comb += work.reads.eq(1)

@@ -171,7 +171,6 @@ class SerialLink(Component):
                 m.next = "COMMAND"
 
     def _access(self, m: Module, command: _CommandState, has_answer: Signal, answer: Signal) -> None:
-        """Read or write a register."""
         bus = self.control
         with m.State("READ"):
             m.d.comb += bus.arvalid.eq(~command.addressed)
