@@ -143,7 +143,10 @@ class Session:
         if self._ended or not self._command:
             return
         self._ended = True
-        times = self._times()
+        # The stages, what they leave over, and their sum: the wall time since the program began.
+        total = time.perf_counter() - self._started_s
+        times = {"starting": self._begun_s - self._started_s, **self.seconds}
+        times |= {"other": total - sum(times.values()), "total": total}
         # Commands without stages, and failed ones, have no times worth reading.
         if self.seconds and error is None:
             shown = ", ".join(f"{stage} {value:.2f}" for stage, value in times.items())
@@ -160,12 +163,6 @@ class Session:
             }
             numbers = {**common, **self.numbers, "seconds": {name: round(value, 4) for name, value in times.items()}}
             print(json.dumps(finite(numbers)))
-
-    def _times(self) -> dict[str, float]:
-        """The stages, what they leave over, and their sum: the wall time since the program began."""
-        total = time.perf_counter() - self._started_s
-        stages = {"starting": self._begun_s - self._started_s, **self.seconds}
-        return {**stages, "other": total - sum(stages.values()), "total": total}
 
 
 # A process runs one command.

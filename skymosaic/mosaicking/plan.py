@@ -140,14 +140,14 @@ class MosaicPlan:
     def flight(self) -> Flight:
         """Features, links, lens and layouts; computed when they are first needed."""
         options, progress = self.options, self._workers.progress
-        if options.repeat is None and len(self.sources) == 2:
+        if options.repeat is not None:
+            cache = open_cache(options.cache, self._tell)
+            return repeat_flight(options.repeat.flight, self.sources, options.seed, self._workers, cache)
+        if len(self.sources) == 2:
             lens = options.lens or Lens()
             return register_two(
                 self.sources, options, lens, warp=options.warp, memory_bytes=options.memory_bytes, progress=progress
             )
-        if options.repeat is not None:
-            cache = open_cache(options.cache, self._tell)
-            return repeat_flight(options.repeat.flight, self.sources, options.seed, self._workers, cache)
         flight = lay_out(self.sources, options, self._workers, self._tell)
         if options.warp == "mesh" and (flight.lens.mask is not None or self.sources[0].bands):
             self._tell("note: `warp`: a mask or other bands would not be bent as well, so photographs keep their shape")
