@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from nicegui import Event, background_tasks
 from nicegui.binding import BindableProperty
@@ -22,21 +22,20 @@ from skymosaic.panel.runs import Runs
 from skymosaic.panel.session_files import MAX_BYTES, SessionFiles
 from skymosaic.panel.tasks import mosaic_tasks, tracking_tasks, upload_tasks
 from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits, Task
-from skymosaic.panel.uploads import KINDS, MAX_UPLOADS_AT_ONCE, UploadRefusedError, receive
+from skymosaic.panel.uploads import KINDS, MAX_UPLOADS_AT_ONCE, MAX_UPLOADS_OF_ALL, UploadRefusedError, receive
 
 DECODING_LIMITS = Limits(seconds=120, processor_seconds=60, memory_bytes=2 << 30)
 
 
-class Queues(NamedTuple):
+class Queues:
     """Limits for all sessions together: workers that run at once, for jobs, uploads and folders, and uploads under way.
 
     Uploads and folders have queues of their own and never wait for long jobs.
     """
 
-    jobs: asyncio.Semaphore
-    uploads: asyncio.Semaphore
-    folders: asyncio.Semaphore
-    arriving: asyncio.Semaphore
+    def __init__(self) -> None:
+        self.jobs, self.uploads, self.folders = map(asyncio.Semaphore, (2, 2, 1))
+        self.arriving = asyncio.Semaphore(MAX_UPLOADS_OF_ALL)
 
 
 class Session:

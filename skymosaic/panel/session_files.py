@@ -1,5 +1,6 @@
 """The files of one session."""
 
+import itertools
 import shutil
 import zipfile
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -22,7 +23,7 @@ class SessionFiles:
     def __init__(self, make_root: Callable[[], Path]) -> None:
         self._make_root = make_root
         self._root: Path | None = None
-        self._names_given = 0
+        self._numbers = itertools.count(1)
 
     def folder(self, name: str) -> Path:
         """A folder below the session's; it is made where it does not exist."""
@@ -34,8 +35,7 @@ class SessionFiles:
 
     def new_number(self) -> str:
         """Two digits or more for a file name, different on every call."""
-        self._names_given += 1
-        return f"{self._names_given:02}"
+        return f"{next(self._numbers):02}"
 
     @property
     def size_bytes(self) -> int:

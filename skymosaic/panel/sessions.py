@@ -1,6 +1,5 @@
 """The sessions of all browsers, each kept apart from every other one."""
 
-import asyncio
 import tempfile
 from contextlib import ExitStack
 from pathlib import Path
@@ -11,7 +10,6 @@ from skymosaic.common.temporary import temporary_folder
 from skymosaic.panel.folders import Roots
 from skymosaic.panel.runs import Runs
 from skymosaic.panel.session import Queues, Session
-from skymosaic.panel.uploads import MAX_UPLOADS_OF_ALL
 
 MAX_SESSIONS = 64
 """Sessions with files; beyond this number, the one that has been idle the longest loses its files."""
@@ -31,12 +29,7 @@ class Sessions:
 
     def __init__(self, boards: tuple[str, ...] = (), roots: Roots | None = None, runs: Path | None = None) -> None:
         self._boards, self._roots = boards, roots or Roots()
-        self._queues = Queues(
-            jobs=asyncio.Semaphore(2),
-            uploads=asyncio.Semaphore(2),
-            folders=asyncio.Semaphore(1),
-            arriving=asyncio.Semaphore(MAX_UPLOADS_OF_ALL),
-        )
+        self._queues = Queues()
         self._stack = ExitStack()
         try:
             if runs:
