@@ -88,10 +88,8 @@ class Accelerator(Component):
         if config.estimator:
             self._estimator = RecordEstimator(max_matches=min(config.front_end.max_features, MAX_MATCHES))
         super().__init__(
-            {
-                "i_video": In(stream.Signature(video_payload(build.video_bits))),
-                **({"o_homographies": Out(stream.Signature(WordPayload))} if config.estimator else {}),
-            }
+            i_video=In(stream.Signature(video_payload(build.video_bits))),
+            **({"o_homographies": Out(stream.Signature(WordPayload))} if config.estimator else {}),
         )
 
     def elaborate(self, platform: object) -> Module:

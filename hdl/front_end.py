@@ -59,7 +59,7 @@ class FrontEnd(Component):
         self._closing_lines = max(level.closing_lines for level in self.levels)
         # `FrameAdmission` begins at even coordinates, one line and one column early in a frame of odd sides.
         self.closing_clocks = (self._closing_lines + 1) * (MIN_FRAME_PX + 1)
-        super().__init__({"i_video": In(stream.Signature(video_payload(build.video_bits)))})
+        super().__init__(i_video=In(stream.Signature(video_payload(build.video_bits))))
 
     def elaborate(self, platform: object) -> Module:
         """Admission, gray, levels and merge; settings and threshold, which change only between frames."""

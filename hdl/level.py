@@ -105,7 +105,7 @@ class Level(Component):
             # The distance between features limits how many may still come after the hold.
             in_flight = (INGRESS_CYCLES + self.latency_cycles) // spacing_cycles + 1
             self._selection = RasterSelection(pattern=pattern, depth=RASTER_DEPTH, in_flight=in_flight)
-        super().__init__({"i": In(beat(self.pixels_per_clock, pixel=8))})
+        super().__init__(i=In(beat(self.pixels_per_clock, pixel=8)))
         self._candidate = view_signal(CANDIDATE)
 
     @property

@@ -55,7 +55,7 @@ class LevelMerge(Component):
         self.record = record
         self.levels = levels
         self.max_features = max_features
-        super().__init__({"i_levels": In(stream.Signature(RowPayload)).array(levels)})
+        super().__init__(i_levels=In(stream.Signature(RowPayload)).array(levels))
 
     def elaborate(self, platform: object) -> Module:
         """Pass rows on until every level has ended, then send the status."""

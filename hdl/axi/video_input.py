@@ -65,10 +65,8 @@ class VideoInput(Component):
         self.pixels_per_clock = pixels_per_clock(video_bits)
         self.gray_per_beat = GRAY_PER_WORD if video_bits == DMA_BITS else 1
         super().__init__(
-            {
-                "i": In(stream.Signature(video_payload(video_bits))),
-                "o": Out(stream.Signature(pixel_payload(self.pixels_per_clock))),
-            }
+            i=In(stream.Signature(video_payload(video_bits))),
+            o=Out(stream.Signature(pixel_payload(self.pixels_per_clock))),
         )
 
     def elaborate(self, platform: object) -> Module:

@@ -10,6 +10,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.ilbp import RingDescriptor
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.streams import carry_scan
 
@@ -79,7 +80,7 @@ class Chain(wiring.Component):
         return m
 
 
-class Descriptor(wiring.Component):
+class Descriptor(Component):
     """`RingDescriptor` that takes a candidate's pixels together with its valid bit.
 
     Candidates come at least 4 clocks apart.
@@ -96,7 +97,7 @@ class Descriptor(wiring.Component):
         self._block = RingDescriptor(pattern=pattern, spacing_cycles=self.spacing_cycles)
         rings = data.ArrayLayout(data.ArrayLayout(8, pattern.angles), len(pattern.radii_px))
         result = data.StructLayout({"valid": 1, "sector": 4, "descriptor": pattern.bits})
-        super().__init__({"i": In(data.StructLayout({"valid": 1, "rings": rings})), "o": Out(result)})
+        super().__init__(i=In(data.StructLayout({"valid": 1, "rings": rings})), o=Out(result))
 
     def elaborate(self, platform: object) -> Module:
         """Delay the pixels for the block."""

@@ -61,12 +61,7 @@ class CandidateFeatures(Component):
         self._descriptor = RingDescriptor(pattern=pattern, spacing_cycles=spacing_cycles)
         self._position = SubPixel(level=level, lag_px=lag_px, spacing_cycles=spacing_cycles)
         self.latency_cycles = max(self._descriptor.latency_cycles, self._position.latency_cycles)
-        super().__init__(
-            {
-                "i_pixels": In(8).array(len(pattern.radii_px), pattern.angles),
-                "o": Out(feature_beat(pattern)),
-            }
-        )
+        super().__init__(i_pixels=In(8).array(len(pattern.radii_px), pattern.angles), o=Out(feature_beat(pattern)))
 
     def elaborate(self, platform: object) -> Module:
         """Compute descriptor and position side by side, and delay the faster one to the other's latency."""

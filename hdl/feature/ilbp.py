@@ -55,12 +55,7 @@ class RingDescriptor(Component):
             self._wait_cycles = self.groups - 1 + self._moments.latency_cycles + self._sector.latency_cycles - 1
         # Early candidate, copy of the rings, first comparison, wait for the sector, collection of all groups.
         self.latency_cycles = 1 + 1 + 1 + self._wait_cycles + self.groups
-        super().__init__(
-            {
-                "i_pixels": In(8).array(len(pattern.radii_px), pattern.angles),
-                "o_descriptor": Out(pattern.bits),
-            }
-        )
+        super().__init__(i_pixels=In(8).array(len(pattern.radii_px), pattern.angles), o_descriptor=Out(pattern.bits))
 
     def elaborate(self, platform: object) -> Module:
         """Rotate the rings, compare, find the sector, collect the bits."""

@@ -48,13 +48,7 @@ class RingMoments(Component):
         # The largest moment has all pixels at 255 where the cosine is positive, and 0 elsewhere.
         bound = self._radial[0].high * sum(cosine for cosine in COSINES if cosine > 0)
         moment = signed(bound.bit_length() + 1)
-        super().__init__(
-            {
-                "i_pixels": In(8).array(len(radii_px), group_angles),
-                "o_mx": Out(moment),
-                "o_my": Out(moment),
-            }
-        )
+        super().__init__(i_pixels=In(8).array(len(radii_px), group_angles), o_mx=Out(moment), o_my=Out(moment))
 
     def elaborate(self, platform: object) -> Module:
         """Radial sum per angle, projections of the sums on x and y, and the accumulator that rotates."""
@@ -107,7 +101,7 @@ class Sector(Component):
         length = unsigned(moment.width - 1)
         self._borders = [WeightedSum(weights=(tangent, -TANGENT_ONE), shape=length) for tangent in HALF_SECTOR_TANGENTS]
         self.latency_cycles = 3 + self._borders[0].latency_cycles + 1
-        super().__init__({"i_mx": In(moment), "i_my": In(moment)})
+        super().__init__(i_mx=In(moment), i_my=In(moment))
 
     def elaborate(self, platform: object) -> Module:
         """Fold into the first octant, compare with the two sector borders inside it, unfold."""

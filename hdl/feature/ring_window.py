@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 
 from amaranth import Cat, Module, Mux, Signal, Value
-from amaranth.lib import data, wiring
+from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
 from golden_model.feature.ilbp import DescriptorPattern
+from hdl.lib.component import Component
 from hdl.lib.delay import WORD_BITS
 from hdl.lib.views import view_signal
 from hdl.pixel.window import LineBuffer
@@ -15,7 +16,7 @@ from hdl.streams import beat, each_pixel
 LINES_PER_REGISTER = WORD_BITS // 8
 
 
-class RingWindow(wiring.Component):
+class RingWindow(Component):
     """Ring pixels around the pixel ``lag_px`` left of and above the scan position.
 
     One memory holds ``2 * lag_px`` lines. Each line with ring pixels feeds a chain of places, as long as its leftmost
@@ -48,11 +49,9 @@ class RingWindow(wiring.Component):
         self._lines = LineBuffer(shape=8, lines=2 * self.lag_px, width_px=width_px, pixels_per_clock=pixels_per_clock)
         self.latency_cycles = self._lines.latency_cycles + 1
         super().__init__(
-            {
-                "i": In(beat(pixels_per_clock, pixel=8)),
-                **({"i_second": In(1)} if pixels_per_clock == 2 else {}),
-                "o_pixels": Out(8).array(len(pattern.radii_px), pattern.angles),
-            }
+            i=In(beat(pixels_per_clock, pixel=8)),
+            **({"i_second": In(1)} if pixels_per_clock == 2 else {}),
+            o_pixels=Out(8).array(len(pattern.radii_px), pattern.angles),
         )
 
     def elaborate(self, platform: object) -> Module:

@@ -56,7 +56,7 @@ class MatchOrdering(Component):
         self._matches = LineMemory(shape=WEIGHED_PAIR, depth=max_matches)
         # First counts, then ranks.
         self._ranks = LineMemory(shape=range(max_matches + 1), depth=BINS)
-        super().__init__({"o_count": Out(range(max_matches + 1)), "o_address": Out(range(max_matches))})
+        super().__init__(o_count=Out(range(max_matches + 1)), o_address=Out(range(max_matches)))
 
     def elaborate(self, platform: object) -> Module:
         """Store and count; sum the counts up to first ranks; place every match at the next rank of its weight."""

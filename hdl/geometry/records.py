@@ -254,7 +254,7 @@ class RecordCollector(Component):
     def __init__(self, *, record: Record) -> None:
         self._words = record.record_bytes // WORD_BYTES
         collected = data.StructLayout({"record": 8 * record.record_bytes, "last": 1, "cut": 1})
-        super().__init__({"o": Out(stream.Signature(collected))})
+        super().__init__(o=Out(stream.Signature(collected)))
 
     def elaborate(self, platform: object) -> Module:
         """A shift register; it stands still while its record waits."""

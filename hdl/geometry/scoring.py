@@ -74,7 +74,7 @@ class HomographyScoring(Component):
         self._result = data.StructLayout(
             {"score": range(support * LEVELS + 1), "support": range(support + 1), **_NOTE.members}
         )
-        super().__init__({"o": Out(stream.Signature(self._result))})
+        super().__init__(o=Out(stream.Signature(self._result)))
 
     def elaborate(self, platform: object) -> Module:
         """Store matches, read them for each hypothesis, sum their gains."""

@@ -1,6 +1,5 @@
 """Components of which some ports have fixed shapes, and others shapes that parameters decide."""
 
-from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from amaranth.lib import wiring
@@ -9,8 +8,8 @@ from amaranth.lib import wiring
 class Component(wiring.Component):
     """A component that declares ports in both ways of Amaranth's own, which takes one of them alone.
 
-    Ports with fixed shapes are annotations, ``i_enable: In(1)``; the others are arguments of ``super().__init__``, and
-    their plain annotations say for people and type checkers what they are. The order is that of the annotations.
+    Ports with fixed shapes are annotations, ``i_enable: In(1)``; the others are arguments, ``o=Out(bits)``, and their
+    plain annotations say for people and type checkers what they are. The order is that of the annotations.
     """
 
     _annotations: ClassVar[dict[str, Any]] = {}
@@ -21,7 +20,7 @@ class Component(wiring.Component):
         # Where Amaranth finds ports here, it takes no others.
         cls.__annotations__ = {}
 
-    def __init__(self, ports: Mapping[str, wiring.Member]) -> None:
+    def __init__(self, **ports: wiring.Member) -> None:
         declared = {**self._annotations, **ports}
         members = {name: port for name, port in declared.items() if isinstance(port, wiring.Member)}
         # The ports' source is the line that calls this. The stubs do not know the argument.

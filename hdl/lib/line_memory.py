@@ -43,13 +43,11 @@ class LineMemory(Component):
         self.depth = depth
         self.loads = loads
         super().__init__(
-            {
-                "i_read_address": In(range(depth)),
-                **({"i_load": In(1)} if loads else {}),
-                "o_word": Out(shape),
-                "i_write_address": In(range(depth)),
-                "i_word": In(shape),
-            }
+            i_read_address=In(range(depth)),
+            **({"i_load": In(1)} if loads else {}),
+            o_word=Out(shape),
+            i_write_address=In(range(depth)),
+            i_word=In(shape),
         )
 
     def elaborate(self, platform: object) -> Module:

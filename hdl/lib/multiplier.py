@@ -31,7 +31,7 @@ class Multiplier(Component):
     latency_cycles = 3
 
     def __init__(self, *, a: Shape, b: Shape, product: Shape) -> None:
-        super().__init__({"i_a": In(a), "i_b": In(b), "o_product": Out(product)})
+        super().__init__(i_a=In(a), i_b=In(b), o_product=Out(product))
 
     def elaborate(self, platform: object) -> Module:
         """Add the multiplier and its registers, inferred or in the platform's multiplier."""

@@ -49,7 +49,7 @@ class Popcount(Component):
         while _max_height(columns) > 2:
             columns = _stage(columns, _count_bits)
             self.latency_cycles += 1
-        super().__init__({"i_planes": In(lanes).array(bits), "o_counts": Out(range(bits + 1)).array(lanes)})
+        super().__init__(i_planes=In(lanes).array(bits), o_counts=Out(range(bits + 1)).array(lanes))
 
     def elaborate(self, platform: object) -> Module:
         """Layers of counters between registers, then the adders."""

@@ -41,7 +41,7 @@ class ResultQueue(Component):
     def __init__(self, *, shape: ShapeLike, pipeline_cycles: int) -> None:
         self.shape = shape
         self.pipeline_cycles = pipeline_cycles
-        super().__init__({"i_result": In(shape), "o": Out(stream.Signature(shape))})
+        super().__init__(i_result=In(shape), o=Out(stream.Signature(shape)))
 
     def elaborate(self, platform: object) -> Module:
         """Count what has been started and not taken."""

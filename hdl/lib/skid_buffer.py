@@ -1,11 +1,13 @@
 """A register stage for a stream that breaks every combinational path."""
 
 from amaranth import Module, Mux, ShapeLike, Signal
-from amaranth.lib import stream, wiring
+from amaranth.lib import stream
 from amaranth.lib.wiring import In, Out
 
+from hdl.lib.component import Component
 
-class SkidBuffer(wiring.Component):
+
+class SkidBuffer(Component):
     """Passes a stream on; neither side's signals depend on the other side in the same clock.
 
     Two places are written and read in turn. ``ready`` and ``valid`` are registers, and a register selects the payload:
@@ -25,7 +27,7 @@ class SkidBuffer(wiring.Component):
 
     def __init__(self, *, shape: ShapeLike) -> None:
         self.shape = shape
-        super().__init__({"i": In(stream.Signature(shape)), "o": Out(stream.Signature(shape))})
+        super().__init__(i=In(stream.Signature(shape)), o=Out(stream.Signature(shape)))
 
     def elaborate(self, platform: object) -> Module:
         """Two places, the pointers to them, and the registers for ``ready`` and ``valid``."""

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from amaranth import Module, Shape, Signal, Value
-from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
+
+from hdl.lib.component import Component
 
 
 def signed_digits(constant: int) -> list[tuple[int, int]]:
@@ -44,7 +45,7 @@ class _Term:
         return _Term(plus.value - minus.value, plus.low - minus.high, plus.high - minus.low, 1)
 
 
-class WeightedSum(wiring.Component):
+class WeightedSum(Component):
     """``o_sum`` = sum of ``weights[n] * i_values[n]``, one set of values per clock.
 
     Parameters
@@ -78,12 +79,10 @@ class WeightedSum(wiring.Component):
         terms = sum(len(signed_digits(weight)) for weight in weights)
         self.latency_cycles = max((terms - 1).bit_length(), 1)
         super().__init__(
-            {
-                "i_valid": In(1),
-                "i_values": In(shape).array(len(weights)),
-                "o_valid": Out(1),
-                "o_sum": Out(Shape.cast(range(self.low, self.high + 1))),
-            }
+            i_valid=In(1),
+            i_values=In(shape).array(len(weights)),
+            o_valid=Out(1),
+            o_sum=Out(Shape.cast(range(self.low, self.high + 1))),
         )
 
     def elaborate(self, platform: object) -> Module:

@@ -11,6 +11,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import PIXEL
 from golden_model.matching.correlation import NCC
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 
 ADDENDS = 3
@@ -36,7 +37,7 @@ SCORES = data.StructLayout(
 """Units as in `golden_model.matching.correlation`: ``sad``, ``zssd`` (9 times equation III-2), ``ncc`` (UQ1.8)."""
 
 
-class SumOfAbsoluteDifferences(wiring.Component):
+class SumOfAbsoluteDifferences(Component):
     """``o_sum`` = sum of ``|i_left[n] - i_right[n]|``; one pair of windows per clock.
 
     Parameters
@@ -59,7 +60,7 @@ class SumOfAbsoluteDifferences(wiring.Component):
             terms = -(-terms // ADDENDS)
             self.latency_cycles += 1
         window = In(PIXEL.bits).array(pixels)
-        super().__init__({"i_left": window, "i_right": window, "o_sum": Out(range(PIXEL.max_raw * pixels + 1))})
+        super().__init__(i_left=window, i_right=window, o_sum=Out(range(PIXEL.max_raw * pixels + 1)))
 
     def elaborate(self, platform: object) -> Module:
         """Absolute differences, then a tree of adders with a register after each level."""

@@ -83,15 +83,13 @@ class FeatureBanks(Component):
         self._record_words = record.record_bytes // WORD_BYTES
         address, count = range(max_features), range(max_features + 1)
         super().__init__(
-            {
-                "o_status": Out(stream.Signature(self._status)),
-                "i_left_address": In(address),
-                "i_right_address": In(address),
-                "o_left": Out(self._feature),
-                "o_right": Out(self._feature),
-                "o_left_count": Out(count),
-                "o_right_count": Out(count),
-            }
+            o_status=Out(stream.Signature(self._status)),
+            i_left_address=In(address),
+            i_right_address=In(address),
+            o_left=Out(self._feature),
+            o_right=Out(self._feature),
+            o_left_count=Out(count),
+            o_right_count=Out(count),
         )
 
     def elaborate(self, platform: object) -> Module:

@@ -65,7 +65,7 @@ class Sugeno(Component):
         rounding = 2 if self._is_product else 2 + QUOTIENT_BITS
         self.latency_cycles = 2 + len(system.rules) + self._term_cycles + rounding
         values = data.ArrayLayout(value_bits, inputs)
-        super().__init__({"i": In(stream.Signature(values))})
+        super().__init__(i=In(stream.Signature(values)))
 
     def elaborate(self, platform: object) -> Module:
         """Look up the degrees, evaluate one rule per clock, sum, round; a minimum system divides before rounding."""

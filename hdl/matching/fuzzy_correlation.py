@@ -38,7 +38,7 @@ class FuzzyCorrelation(Component):
         self._correlation = WindowCorrelation()
         self._rules = Sugeno(system=rule_bases.correlation(), value_bits=NCC.bits)
         self.latency_cycles = self._correlation.latency_cycles + SCALE_CYCLES + self._rules.latency_cycles
-        super().__init__({"o": Out(self._rules.o.signature)})
+        super().__init__(o=Out(self._rules.o.signature))
 
     def elaborate(self, platform: object) -> Module:
         """Window scores, scaled to table indices, then the rules."""

@@ -50,13 +50,11 @@ class Distances(Component):
         self._popcount = Popcount(bits=bits, lanes=lanes)
         self.latency_cycles = 1 + self._popcount.latency_cycles
         super().__init__(
-            {
-                "i_right": In(bits),
-                "i_lane": In(range(lanes)),
-                "i_left": In(bits),
-                "o_valid": Out(lanes),
-                "o_distances": Out(range(bits + 1)).array(lanes),
-            }
+            i_right=In(bits),
+            i_lane=In(range(lanes)),
+            i_left=In(bits),
+            o_valid=Out(lanes),
+            o_distances=Out(range(bits + 1)).array(lanes),
         )
 
     def elaborate(self, platform: object) -> Module:
@@ -148,12 +146,10 @@ class Lane(Component):
         self.lane = Const(lane, range(lanes))
         bus = LaneBus(bits=bits, lanes=lanes, max_features=max_features)
         super().__init__(
-            {
-                "i_distance": In(range(bits + 1)),
-                "i_bus": In(bus),
-                "o_bus": Out(bus),
-                "o_row": Out(Nearest(bits=bits, max_features=max_features)),
-            }
+            i_distance=In(range(bits + 1)),
+            i_bus=In(bus),
+            o_bus=Out(bus),
+            o_row=Out(Nearest(bits=bits, max_features=max_features)),
         )
 
     def elaborate(self, platform: object) -> Module:

@@ -53,11 +53,9 @@ class MatchWeigher(Component):
         self.max_features = max_features
         feature = BankedFeature(pattern=pattern)
         super().__init__(
-            {
-                "i": In(stream.Signature(Pair(bits=pattern.bits, max_features=max_features))),
-                "i_left": In(feature),
-                "i_right": In(feature),
-            }
+            i=In(stream.Signature(Pair(bits=pattern.bits, max_features=max_features))),
+            i_left=In(feature),
+            i_right=In(feature),
         )
 
     def elaborate(self, platform: object) -> Module:

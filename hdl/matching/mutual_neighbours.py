@@ -50,14 +50,12 @@ class MutualNearestNeighbours(Component):
         self.max_features = max_features
         nearest, index = Nearest(bits=bits, max_features=max_features), range(max_features)
         super().__init__(
-            {
-                "i_left_count": In(range(max_features + 1)),
-                "o_row_index": Out(index),
-                "o_column_index": Out(index),
-                "i_row": In(nearest),
-                "i_column": In(nearest),
-                "o": Out(stream.Signature(Pair(bits=bits, max_features=max_features))),
-            }
+            i_left_count=In(range(max_features + 1)),
+            o_row_index=Out(index),
+            o_column_index=Out(index),
+            i_row=In(nearest),
+            i_column=In(nearest),
+            o=Out(stream.Signature(Pair(bits=bits, max_features=max_features))),
         )
 
     def elaborate(self, platform: object) -> Module:

@@ -77,18 +77,16 @@ class NearestNeighbours(Component):
         self._column_wait_cycles = READ_CYCLES + self._distances.latency_cycles - COLUMN_CYCLES
         index, count = range(max_features), range(max_features + 1)
         super().__init__(
-            {
-                "i_left_count": In(count),
-                "i_right_count": In(count),
-                "o_left_address": Out(index),
-                "o_right_address": Out(index),
-                "i_left": In(bits),
-                "i_right": In(bits),
-                "i_row_index": In(index),
-                "i_column_index": In(index),
-                "o_row": Out(self._nearest),
-                "o_column": Out(self._nearest),
-            }
+            i_left_count=In(count),
+            i_right_count=In(count),
+            o_left_address=Out(index),
+            o_right_address=Out(index),
+            i_left=In(bits),
+            i_right=In(bits),
+            i_row_index=In(index),
+            i_column_index=In(index),
+            o_row=Out(self._nearest),
+            o_column=Out(self._nearest),
         )
 
     def elaborate(self, platform: object) -> Module:

@@ -43,7 +43,7 @@ class OrientationHistogram(Component):
     def __init__(self, *, max_matches: int) -> None:
         self._bin = range(max_matches * WEIGHT.max_raw**2 + 1)
         match = data.StructLayout({"relative_orientation": range(SECTORS), "weight": WEIGHT.bits})
-        super().__init__({"i": In(stream.Signature(match))})
+        super().__init__(i=In(stream.Signature(match)))
 
     def elaborate(self, platform: object) -> Module:
         """A memory that is cleared bin by bin, updated by each match, and read in order to find the peak."""

@@ -69,10 +69,8 @@ class Corners(Component):
         self.lag_px = self.response_lag_px + self._suppression.lag_px
         self.latency_cycles = self._columns.latency_cycles + self._response_cycles + self._suppression.latency_cycles
         super().__init__(
-            {
-                "i": In(beat(pixels_per_clock, column=data.ArrayLayout(PIXEL.bits, 3))),
-                "o": Out(beat(pixels_per_clock, **NEIGHBOURHOOD)),
-            }
+            i=In(beat(pixels_per_clock, column=data.ArrayLayout(PIXEL.bits, 3))),
+            o=Out(beat(pixels_per_clock, **NEIGHBOURHOOD)),
         )
 
     @property

@@ -54,12 +54,7 @@ class Fast(Component):
         self.lines = lag_px + MARGIN_PX + 1
         column = data.ArrayLayout(PIXEL.bits, self.lines)
         self._window = Window(shape=column, columns=self.lines, pixels_per_clock=pixels_per_clock)
-        super().__init__(
-            {
-                "i": In(beat(pixels_per_clock, column=column)),
-                "o": Out(beat(pixels_per_clock, code=PIXEL.bits)),
-            }
-        )
+        super().__init__(i=In(beat(pixels_per_clock, column=column)), o=Out(beat(pixels_per_clock, code=PIXEL.bits)))
 
     def elaborate(self, platform: object) -> Module:
         """Find the decisive pixel of the circle, subtract the centre, apply the threshold."""

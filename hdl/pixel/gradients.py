@@ -60,16 +60,14 @@ class GradientColumns(Component):
             self._smoothed_lines = LineBuffer(shape=PIXEL.bits, lines=2, width_px=width_px, **rate)
             self.latency_cycles += self.smooth.latency_cycles + self._smoothed_lines.latency_cycles
         super().__init__(
-            {
-                "i": In(beat(pixels_per_clock, column=data.ArrayLayout(PIXEL.bits, 3))),
-                "o": Out(
-                    beat(
-                        pixels_per_clock,
-                        gradients=data.ArrayLayout(GRADIENTS, TENSOR_LINES),
-                        pixels=data.ArrayLayout(PIXEL.bits, self.pixel_lines),
-                    )
-                ),
-            }
+            i=In(beat(pixels_per_clock, column=data.ArrayLayout(PIXEL.bits, 3))),
+            o=Out(
+                beat(
+                    pixels_per_clock,
+                    gradients=data.ArrayLayout(GRADIENTS, TENSOR_LINES),
+                    pixels=data.ArrayLayout(PIXEL.bits, self.pixel_lines),
+                )
+            ),
         )
 
     def elaborate(self, platform: object) -> Module:

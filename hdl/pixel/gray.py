@@ -27,7 +27,7 @@ class Gray(Component):
         weights = (GREEN, BLUE, RED)
         self._lumas = [WeightedSum(weights=weights, shape=unsigned(8)) for _ in range(pixels_per_clock)]
         self.latency_cycles = self._lumas[0].latency_cycles + 1
-        super().__init__({"i": In(beat(pixels_per_clock, data=24)), "o": Out(beat(pixels_per_clock, pixel=8))})
+        super().__init__(i=In(beat(pixels_per_clock, data=24)), o=Out(beat(pixels_per_clock, pixel=8)))
 
     def elaborate(self, platform: object) -> Module:
         """Weighted sum; gray input bypasses it with the same delay."""

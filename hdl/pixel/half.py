@@ -34,7 +34,7 @@ class Half(Component):
     def __init__(self, *, width_px: int, pixels_per_clock: int = 1) -> None:
         self.width_px = width_px
         self.pixels_per_clock = pixels_per_clock
-        super().__init__({"i": In(beat(pixels_per_clock, pixel=8))})
+        super().__init__(i=In(beat(pixels_per_clock, pixel=8)))
 
     def elaborate(self, platform: object) -> Module:
         """Store the pair sums of even lines; add them to those of odd lines."""

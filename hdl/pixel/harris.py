@@ -14,6 +14,7 @@ from golden_model.formats import (
     TENSOR_TRACE,
 )
 from golden_model.pixel.harris import TENSOR_SHIFT
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.lib.multiplier import Multiplier, multiply
 from hdl.lib.weighted_sum import signed_digits
@@ -27,7 +28,7 @@ TENSOR = {"a": TENSOR_DIAGONAL.bits, "b": TENSOR_DIAGONAL.bits, "c": signed(TENS
 """The structure tensor: sums of Ix**2, Iy**2 and Ix Iy."""
 
 
-class StructureTensor(wiring.Component):
+class StructureTensor(Component):
     """Sums of gradient products over a box, ``>> 8`` (floor).
 
     The line memories in front of this block store gradients (22 bits per pixel), and the products are formed again
@@ -52,7 +53,7 @@ class StructureTensor(wiring.Component):
         self._sums = [self._box_sum(shape) for shape in (square, square, mixed)]
         self.latency_cycles = Multiplier.latency_cycles + self._sums[0].latency_cycles
         column = data.ArrayLayout(GRADIENTS, TENSOR_LINES)
-        super().__init__({"i": In(beat(pixels_per_clock, column=column)), "o": Out(beat(pixels_per_clock, **TENSOR))})
+        super().__init__(i=In(beat(pixels_per_clock, column=column)), o=Out(beat(pixels_per_clock, **TENSOR)))
 
     def _box_sum(self, product: Shape) -> SeparableSum:
         # Zero weights around a smaller window keep its centre, and so the lag, the same.

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from amaranth import Cat, Module, Mux, Signal, Value
-from amaranth.lib import data, wiring
+from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import PIXEL, RESPONSE_CODE
+from hdl.lib.component import Component
 from hdl.lib.delay import Pipe, delayed
 from hdl.pixel.window import LineBuffer
 from hdl.streams import beat, carry_scan, each_pixel, pixel_beats
@@ -19,7 +20,7 @@ NEIGHBOURHOOD = {"code": CODE, "left": CODE, "right": CODE, "up": CODE, "down": 
 """The code where it survives, else 0; and in any case the codes of the four neighbours."""
 
 
-class Suppression(wiring.Component):
+class Suppression(Component):
     """Keeps a response only where it is the largest in the window around it.
 
     Harris: a response survives if it is greater than every response before it in raster order and not smaller than any
@@ -52,11 +53,9 @@ class Suppression(wiring.Component):
         # Maxima of columns and of runs; then of both sides, the comparison, the choice.
         self.latency_cycles = self._lines.latency_cycles + self._column_cycles + self._run_cycles + 3
         super().__init__(
-            {
-                "i": In(beat(pixels_per_clock, code=CODE)),
-                "i_fast": In(1),
-                "o": Out(beat(pixels_per_clock, **NEIGHBOURHOOD)),
-            }
+            i=In(beat(pixels_per_clock, code=CODE)),
+            i_fast=In(1),
+            o=Out(beat(pixels_per_clock, **NEIGHBOURHOOD)),
         )
 
     def elaborate(self, platform: object) -> Module:

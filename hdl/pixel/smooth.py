@@ -3,14 +3,15 @@
 from math import comb
 
 from amaranth import Module, Signal, unsigned
-from amaranth.lib import data, wiring
+from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
+from hdl.lib.component import Component
 from hdl.pixel.window import SeparableSum
 from hdl.streams import beat, carry_scan, pixelwise
 
 
-class Binomial(wiring.Component):
+class Binomial(Component):
     """``[1 2 1]`` or ``[1 4 6 4 1]`` in x and y, divided by 16 or 256 with halves rounded up.
 
     Parameters
@@ -34,10 +35,8 @@ class Binomial(wiring.Component):
         )
         self.latency_cycles = self._sum.latency_cycles + 1
         super().__init__(
-            {
-                "i": In(beat(pixels_per_clock, column=data.ArrayLayout(8, window_px))),
-                "o": Out(beat(pixels_per_clock, pixel=8)),
-            }
+            i=In(beat(pixels_per_clock, column=data.ArrayLayout(8, window_px))),
+            o=Out(beat(pixels_per_clock, pixel=8)),
         )
 
     def elaborate(self, platform: object) -> Module:

@@ -1,10 +1,11 @@
 """Sobel gradients."""
 
 from amaranth import Module, signed, unsigned
-from amaranth.lib import data, wiring
+from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import GRADIENT
+from hdl.lib.component import Component
 from hdl.pixel.window import SeparableSum
 from hdl.streams import beat, carry_scan
 
@@ -13,7 +14,7 @@ DERIVE = (1, 0, -1)
 """Weights, newest pixel first: the rightmost or the lowest."""
 
 
-class Sobel(wiring.Component):
+class Sobel(Component):
     """Horizontal and vertical 3x3 gradients, positive where the image brightens to the right and downwards."""
 
     i: data.View
@@ -32,10 +33,8 @@ class Sobel(wiring.Component):
         self.latency_cycles = self._along_x.latency_cycles
         gradient = signed(GRADIENT.bits)
         super().__init__(
-            {
-                "i": In(beat(pixels_per_clock, column=data.ArrayLayout(8, 3))),
-                "o": Out(beat(pixels_per_clock, gradient_x=gradient, gradient_y=gradient)),
-            }
+            i=In(beat(pixels_per_clock, column=data.ArrayLayout(8, 3))),
+            o=Out(beat(pixels_per_clock, gradient_x=gradient, gradient_y=gradient)),
         )
 
     def elaborate(self, platform: object) -> Module:

@@ -3,16 +3,17 @@
 from typing import Any
 
 from amaranth import Cat, Module, Shape, ShapeLike, Signal, Value
-from amaranth.lib import data, wiring
+from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
+from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
 from hdl.lib.weighted_sum import WeightedSum
 from hdl.streams import add_submodules, beat, carry_scan, each_pixel, pixels, pixelwise
 
 
-class LineBuffer(wiring.Component):
+class LineBuffer(Component):
     """The column of pixels above each pixel, from one memory that holds the previous lines.
 
     Parameters
@@ -40,10 +41,8 @@ class LineBuffer(wiring.Component):
         self.width_px = width_px
         self.pixels_per_clock = pixels_per_clock
         super().__init__(
-            {
-                "i": In(beat(pixels_per_clock, pixel=shape)),
-                "o": Out(beat(pixels_per_clock, column=data.ArrayLayout(shape, lines + 1))),
-            }
+            i=In(beat(pixels_per_clock, pixel=shape)),
+            o=Out(beat(pixels_per_clock, column=data.ArrayLayout(shape, lines + 1))),
         )
 
     def elaborate(self, platform: object) -> Module:
@@ -76,7 +75,7 @@ class LineBuffer(wiring.Component):
         return m
 
 
-class Window(wiring.Component):
+class Window(Component):
     """The most recent columns side by side.
 
     Parameters
@@ -100,10 +99,8 @@ class Window(wiring.Component):
         self.columns = columns
         self.pixels_per_clock = pixels_per_clock
         super().__init__(
-            {
-                "i": In(beat(pixels_per_clock, column=shape)),
-                "o": Out(beat(columns=data.ArrayLayout(shape, columns + pixels_per_clock - 1))),
-            }
+            i=In(beat(pixels_per_clock, column=shape)),
+            o=Out(beat(columns=data.ArrayLayout(shape, columns + pixels_per_clock - 1))),
         )
 
     @property
@@ -125,7 +122,7 @@ class Window(wiring.Component):
         return m
 
 
-class OffsetColumns(wiring.Component):
+class OffsetColumns(Component):
     """Takes columns from further up and left, which adds ``distance_px`` to the lag of the blocks behind it.
 
     Parameters
@@ -152,10 +149,8 @@ class OffsetColumns(wiring.Component):
         column = data.ArrayLayout(shape, rows)
         self._window = Window(shape=column, columns=distance_px + 1, pixels_per_clock=pixels_per_clock)
         super().__init__(
-            {
-                "i": In(beat(pixels_per_clock, column=data.ArrayLayout(shape, distance_px + rows))),
-                "o": Out(beat(pixels_per_clock, column=column)),
-            }
+            i=In(beat(pixels_per_clock, column=data.ArrayLayout(shape, distance_px + rows))),
+            o=Out(beat(pixels_per_clock, column=column)),
         )
 
     def elaborate(self, platform: object) -> Module:
@@ -171,7 +166,7 @@ class OffsetColumns(wiring.Component):
         return m
 
 
-class SeparableSum(wiring.Component):
+class SeparableSum(Component):
     """Weighted sum over a window: first down each column, then along the line.
 
     Parameters
@@ -199,10 +194,8 @@ class SeparableSum(wiring.Component):
         sums = (self._down[0], self._along[0])
         self.latency_cycles = self._window.latency_cycles + sum(each.latency_cycles for each in sums)
         super().__init__(
-            {
-                "i": In(beat(pixels_per_clock, column=data.ArrayLayout(shape, len(vertical)))),
-                "o": Out(beat(pixels_per_clock, sum=self._along[0].o_sum.shape())),
-            }
+            i=In(beat(pixels_per_clock, column=data.ArrayLayout(shape, len(vertical)))),
+            o=Out(beat(pixels_per_clock, sum=self._along[0].o_sum.shape())),
         )
 
     def elaborate(self, platform: object) -> Module:

@@ -149,12 +149,10 @@ class CellRanking(Component):
         self.cells = cells
         self.spacing_cycles = spacing_cycles
         super().__init__(
-            {
-                "i": In(feature_beat(pattern)),
-                "o_cell": Out(range(cells)),
-                "o_feature": Out(feature_layout(pattern)),
-                "o_touched": Out(cells),
-            }
+            i=In(feature_beat(pattern)),
+            o_cell=Out(range(cells)),
+            o_feature=Out(feature_layout(pattern)),
+            o_touched=Out(cells),
         )
 
     def elaborate(self, platform: object) -> Module:

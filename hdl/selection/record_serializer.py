@@ -30,7 +30,7 @@ class FeatureWords(Component):
     def __init__(self, *, pattern: DescriptorPattern, level: int) -> None:
         self.level = level
         self._record = record_layout(pattern.record)
-        super().__init__({"i": In(stream.Signature(feature_or_end(pattern)))})
+        super().__init__(i=In(stream.Signature(feature_or_end(pattern))))
 
     def elaborate(self, platform: object) -> Module:
         """Lay out the record and send its words one after another."""

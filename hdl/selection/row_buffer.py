@@ -49,12 +49,10 @@ class CellRows(Component):
             {"cell": range(cells), "slot": range(MAX_PER_CELL), "ends_row": 1, "ends_level": 1}
         )
         super().__init__(
-            {
-                "i_cell": In(range(cells)),
-                "i_feature": In(self._feature),
-                "i_touched": In(cells),
-                "o": Out(stream.Signature(feature_or_end(pattern))),
-            }
+            i_cell=In(range(cells)),
+            i_feature=In(self._feature),
+            i_touched=In(cells),
+            o=Out(stream.Signature(feature_or_end(pattern))),
         )
 
     def elaborate(self, platform: object) -> Module:

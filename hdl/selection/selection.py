@@ -54,7 +54,7 @@ class CellSelection(Component):
         self.pattern = pattern
         self.spacing_cycles = spacing_cycles
         self.cells = -(-width_px >> MIN_CELL_LOG2)
-        super().__init__({"i": In(feature_beat(pattern)), "o": Out(stream.Signature(feature_or_end(pattern)))})
+        super().__init__(i=In(feature_beat(pattern)), o=Out(stream.Signature(feature_or_end(pattern))))
 
     def connect_hold(self, m: Module, settings: data.View, scan: LevelScan) -> Value:
         """Connect the settings and the scan in the level's module; return whether pixels must wait.
@@ -133,7 +133,7 @@ class RasterSelection(Component):
     def __init__(self, *, pattern: DescriptorPattern, depth: int, in_flight: int) -> None:
         self.depth = depth
         self.in_flight = in_flight
-        super().__init__({"i": In(feature_beat(pattern)), "o": Out(stream.Signature(feature_or_end(pattern)))})
+        super().__init__(i=In(feature_beat(pattern)), o=Out(stream.Signature(feature_or_end(pattern))))
 
     def connect_hold(self, m: Module, settings: data.View, scan: LevelScan) -> Value:
         """Return whether pixels must wait: while the queue is nearly full. Settings and scan are not needed."""

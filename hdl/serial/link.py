@@ -90,7 +90,7 @@ class SerialLink(Component):
 
     def __init__(self, outputs: Sequence[str] = ("features", "matches")) -> None:
         self.outputs = tuple(outputs)
-        super().__init__({f"i_{output}": In(stream.Signature(WordPayload)) for output in self.outputs})
+        super().__init__(**{f"i_{output}": In(stream.Signature(WordPayload)) for output in self.outputs})
 
     def elaborate(self, platform: object) -> Module:
         """Connect the receiving and the sending half."""

@@ -18,7 +18,7 @@ class Sum(Component):
 
     def __init__(self, *, bits: int) -> None:
         self.bits = bits
-        super().__init__({"i_b": In(bits), "o": Out(bits + 1), "i_a": In(bits)})
+        super().__init__(i_b=In(bits), o=Out(bits + 1), i_a=In(bits))
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
