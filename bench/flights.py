@@ -23,7 +23,7 @@ from bench.report import Flights, JsonFile, Row, program, report
 from bench.stitcher_runs import peers
 from golden_model.arrays import Points
 from skymosaic.flight.mapping.cameras import cameras_of
-from skymosaic.geometry.homography import DegenerateError, apply, estimate
+from skymosaic.geometry.homography import DegenerateError, apply, estimate_similarity
 from skymosaic.maps.georeference import fit_to_map, project_to_utm
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
@@ -67,7 +67,7 @@ def residuals(places: Points, metres: Points) -> str:
     """Median and root mean square distance after the best similarity, in words."""
     upright = places * [1.0, -1.0]
     try:
-        offsets = np.linalg.norm(apply(estimate(upright, metres, model="similarity"), upright) - metres, axis=1)
+        offsets = np.linalg.norm(apply(estimate_similarity(upright, metres), upright) - metres, axis=1)
     except DegenerateError:
         return "none"
     return f"{np.median(offsets):.2f} / {np.sqrt(np.mean(offsets**2)):.2f} m"

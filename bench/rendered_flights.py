@@ -20,7 +20,7 @@ from bench.report import JsonFile, PartsOfNames, Row, report
 from bench.stitcher_runs import run_stitcher
 from golden_model.arrays import Array, Pixels
 from sim.scene import Flight, make_lawnmower
-from skymosaic.geometry.homography import apply, estimate
+from skymosaic.geometry.homography import apply, estimate_similarity
 
 LIGHT: dict[str, Any] = {"vignetting": 0.35, "exposure_step": 0.06, "balance_sigma": 0.03}
 GRID_POINTS = 5
@@ -126,7 +126,7 @@ def position_errors(transforms: dict[str, Any], truth: Flight, names: Sequence[s
     estimated = np.array([apply(transform, grid) for _, transform in placed])
     to_ground = [np.linalg.inv(homography).astype(np.float64) for homography in truth.homographies]
     true = np.array([apply(to_ground[index], grid) for index, _ in placed])
-    alignment = estimate(estimated.reshape(-1, 2), true.reshape(-1, 2), model="similarity")
+    alignment = estimate_similarity(estimated.reshape(-1, 2), true.reshape(-1, 2))
     return np.linalg.norm(apply(alignment, estimated) - true, axis=-1).mean(axis=1), true.mean(axis=1)
 
 

@@ -5,9 +5,6 @@ integers, x points to the right and y down. It is scaled to H[2, 2] = 1. Where t
 positive, the point lies on the same side of the camera as the left image's first pixel.
 """
 
-from collections.abc import Callable
-from functools import partial
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -57,17 +54,15 @@ def transfer_error(H: Array, left: ArrayLike, right: ArrayLike) -> Array:
     return np.asarray(np.linalg.norm(apply(H, left) - np.asarray(right, dtype=np.float64), axis=-1))
 
 
-def estimate(left: ArrayLike, right: ArrayLike, *, model: str = "projective") -> Array:
-    """Fit one transformation model that maps ``left`` to ``right`` (thesis, equations II-12 to II-15).
+def dlt(left: ArrayLike, right: ArrayLike) -> Array:
+    """Normalised direct linear transformation: the smallest singular vector of A h = 0 (thesis, equation III-8).
+
+    Both point sets are first centred and scaled to a mean distance of sqrt(2) from their centroid (Hartley 1997).
 
     Parameters
     ----------
     left, right : (N, 2) array_like
-        Corresponding points, px.
-    model : {"isometry", "similarity", "affine", "projective"}
-        An isometry is a rotation and a translation, a similarity also has a scale; neither mirrors. The models
-        need 2, 2, 3 and 4 pairs. Isometry, similarity and affine minimise the transfer error, projective the
-        algebraic error.
+        Corresponding points, px; at least 4.
 
     Returns
     -------
@@ -79,18 +74,7 @@ def estimate(left: ArrayLike, right: ArrayLike, *, model: str = "projective") ->
     DegenerateError
         If there are too few pairs, or they are coincident or collinear.
     ValueError
-        For arrays of wrong shape or an unknown model.
-    """
-    if model not in _MODELS:
-        raise ValueError(f"model is {model!r}; valid: {', '.join(_MODELS)}")
-    return _MODELS[model](left, right)
-
-
-def dlt(left: ArrayLike, right: ArrayLike) -> Array:
-    """Normalised direct linear transformation: the smallest singular vector of A h = 0 (thesis, equation III-8).
-
-    Parameters, result and errors as in `estimate`. Both point sets are first centred and scaled to a mean distance
-    of sqrt(2) from their centroid (Hartley 1997).
+        For arrays of wrong shape, or values that are not finite.
     """
     x, y = check_pairs(left, right, minimum=4)
     to_x, to_y = normalisation(x), normalisation(y)
@@ -147,43 +131,17 @@ def design_matrix(x: Array, y: Array) -> Array:
     return rows.reshape(-1, 9)
 
 
-def _fit_similarity(left: ArrayLike, right: ArrayLike, *, with_scale: bool) -> Array:
-    """Fit in closed form with complex numbers: about the centroids, x' = a x with a = sum(x' x*) / sum(|x|^2)."""
+def estimate_similarity(left: ArrayLike, right: ArrayLike) -> Array:
+    """Fit turn, scale and translation with the least transfer error; parameters as of `dlt`, of at least 2 pairs.
+
+    With complex numbers, about the centroids, x' = a x with a = sum(x' x*) / sum(|x|^2).
+    """
     x, y = check_pairs(left, right, minimum=2)
     centre_x, centre_y = x.mean(axis=0), y.mean(axis=0)
     z, target = (x - centre_x) @ [1, 1j], (y - centre_y) @ [1, 1j]
     spread, rotation = np.sum(np.abs(z) ** 2), np.sum(target * z.conj())
     if abs(rotation) <= RANK_TOLERANCE * spread:
         raise DegenerateError("the points coincide, or no rotation relates them")
-    a = rotation / spread if with_scale else rotation / abs(rotation)
+    a = rotation / spread
     linear = np.array([[a.real, -a.imag], [a.imag, a.real]])
     return np.block([[linear, (centre_y - linear @ centre_x)[:, None]], [np.zeros((1, 2)), np.ones((1, 1))]])
-
-
-def _fit_affine(left: ArrayLike, right: ArrayLike) -> Array:
-    x, y = check_pairs(left, right, minimum=3)
-    # Normalising the left points suffices: the right ones are only on the other side of the equations.
-    to_x = normalisation(x)
-    return np.vstack([solve_least_squares(homogeneous(apply(to_x, x)), y).T, [0.0, 0.0, 1.0]]) @ to_x
-
-
-def solve_least_squares(rows: Array, target: Array) -> Array:
-    """Solve ``rows @ h = target`` by least squares.
-
-    Raises
-    ------
-    DegenerateError
-        If the system is rank-deficient.
-    """
-    solution, _, rank, _ = np.linalg.lstsq(rows, target, rcond=RANK_TOLERANCE)
-    if rank < rows.shape[1]:
-        raise DegenerateError("the points do not determine the transformation: too many are collinear")
-    return np.asarray(solution)
-
-
-_MODELS: dict[str, Callable[[ArrayLike, ArrayLike], Array]] = {
-    "isometry": partial(_fit_similarity, with_scale=False),
-    "similarity": partial(_fit_similarity, with_scale=True),
-    "affine": _fit_affine,
-    "projective": dlt,
-}

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from golden_model.arrays import Array
-from skymosaic.geometry.homography import DegenerateError, estimate, transfer_error
+from skymosaic.geometry.homography import DegenerateError, estimate_similarity, transfer_error
 from skymosaic.geometry.prosac import estimate_homography
 
 TOLERANCE_PX = 3.0
@@ -60,7 +60,7 @@ def fit_similarity(left: Array, right: Array, weight: Array, *, fewest: int) -> 
     best = np.argmax(np.maximum(0, 1 - (error / TOLERANCE_PX) ** 2) @ weight)
     support = error[best] <= TOLERANCE_PX
     try:
-        matrix = estimate(left[support], right[support], model="similarity")
+        matrix = estimate_similarity(left[support], right[support])
     except DegenerateError:
         return None
     inliers = int(np.count_nonzero(transfer_error(matrix, left, right) <= TOLERANCE_PX))

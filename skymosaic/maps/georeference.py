@@ -19,7 +19,7 @@ from scipy.special import stdtrit
 
 from golden_model.arrays import Array, Matrix, Points
 from skymosaic.common.errors import InputError
-from skymosaic.geometry.homography import DegenerateError, estimate, transfer_error
+from skymosaic.geometry.homography import DegenerateError, estimate_similarity, transfer_error
 from skymosaic.imagery.exif import Position
 
 MIN_POSITIONS = 3
@@ -195,7 +195,7 @@ def _fit_agreeing(points: Points, targets: Points) -> tuple[NDArray[np.bool_], A
     """
     if len(points) <= MIN_POSITIONS:
         # Any two agree exactly, so that noise would make an outlier of the third.
-        return np.ones(len(points), dtype=bool), estimate(points, targets, model="similarity")
+        return np.ones(len(points), dtype=bool), estimate_similarity(points, targets)
     # On complex numbers, w = a + b z is a similarity.
     z, w = points @ [1, 1j], targets @ [1, 1j]
     pairs = _pairs(len(points))
@@ -206,11 +206,11 @@ def _fit_agreeing(points: Points, targets: Points) -> tuple[NDArray[np.bool_], A
     offsets = np.abs(w[first, None] + slope[:, None] * (z - z[first, None]) - w)
     start = int(np.argmin(np.median(offsets, axis=1)))
     chosen = [first[start], second[start]]
-    best = estimate(points[chosen], targets[chosen], model="similarity")
+    best = estimate_similarity(points[chosen], targets[chosen])
     # Of few positions, the best pair fits half closer than the noise (Rousseeuw and Leroy 1987).
     far_off = FAR_OFF * (1 + 5 / max(len(points) - 2, 1))
     for _ in range(REFITS):
         offsets = transfer_error(best, points, targets)
         agreeing = offsets <= max(far_off * float(np.median(offsets)), NEGLIGIBLE * _spread(targets))
-        best = estimate(points[agreeing], targets[agreeing], model="similarity")
+        best = estimate_similarity(points[agreeing], targets[agreeing])
     return agreeing, best

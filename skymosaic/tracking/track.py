@@ -10,7 +10,7 @@ from golden_model.arrays import Array, Pixels
 from golden_model.config import MIN_FRAME_PX
 from skymosaic.common.errors import RegistrationError
 from skymosaic.compositing.warp import Canvas
-from skymosaic.geometry.homography import DegenerateError, apply, dlt, estimate
+from skymosaic.geometry.homography import DegenerateError, apply, dlt, estimate_similarity
 from skymosaic.tracking.template import MIN_ROI_PX, Template, TemplatePose, View
 
 MIN_FEATURES = 12
@@ -110,7 +110,7 @@ class Track:
         if self.corners is None or self._lost_frames > COASTED_FRAMES:
             return None
         # An object keeps its shape: the corners' velocities together are a similarity.
-        step = estimate(self.corners, self.corners + self._velocity, model="similarity")
+        step = estimate_similarity(self.corners, self.corners + self._velocity)
         self.corners = apply(step, self.corners)
         expected = dlt(self.template.corners, self.corners)
         pose = self._verify(frame, expected, MIN_TO_STAY)

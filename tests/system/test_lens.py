@@ -17,7 +17,7 @@ from skymosaic.flight.flight import Flight as SurveyedFlight
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.picture.preparation import compose
 from skymosaic.flight.survey import survey
-from skymosaic.geometry.homography import apply, estimate
+from skymosaic.geometry.homography import apply, estimate_similarity
 from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.running.cache import ResultCache
@@ -75,7 +75,7 @@ def mean_position_error_px(flight: SurveyedFlight, truth: Flight) -> float:
     true = np.array(
         [apply(np.asarray(np.linalg.inv(matrix), np.float64), grid) for matrix in truth.homographies[: len(found)]]
     )
-    alignment = estimate(found.reshape(-1, 2), true.reshape(-1, 2), model="similarity")
+    alignment = estimate_similarity(found.reshape(-1, 2), true.reshape(-1, 2))
     return float(np.linalg.norm(apply(alignment, found) - true, axis=-1).mean())
 
 

@@ -20,7 +20,7 @@ from skymosaic.common.errors import InputError
 from skymosaic.flight.flight import Flight as SurveyedFlight
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import survey
-from skymosaic.geometry.homography import apply, estimate
+from skymosaic.geometry.homography import apply, estimate_similarity
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.running.cache import ResultCache
 from skymosaic.running.workers import Workers
@@ -47,7 +47,7 @@ def position_errors_px(transforms: Mapping[int, NDArray[np.float64]], flight: Fl
     true = np.array(
         [apply(np.asarray(np.linalg.inv(flight.homographies[index]), np.float64), grid) for index in sorted(transforms)]
     )
-    alignment = estimate(found.reshape(-1, 2), true.reshape(-1, 2), model="similarity")
+    alignment = estimate_similarity(found.reshape(-1, 2), true.reshape(-1, 2))
     return np.linalg.norm(apply(alignment, found) - true, axis=-1).mean(axis=1)
 
 

@@ -15,7 +15,7 @@ from skymosaic.flight.layout.expected_shape import are_possible
 from skymosaic.flight.layout.motions import NO_DISTORTION
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
-from skymosaic.geometry.homography import DegenerateError, apply, estimate
+from skymosaic.geometry.homography import DegenerateError, apply, estimate_similarity
 
 ROUGH_STEPS = 4
 OPEN_LOOP = 0.1
@@ -78,7 +78,7 @@ class LinkedGroup:
         for motion, tie in zip(motions, self._ties(), strict=True):
             # Ties that coincide tell nothing of turn and size.
             with suppress(DegenerateError):
-                motion[:] = estimate(tie.left_points, tie.right_points, model="similarity")
+                motion[:] = estimate_similarity(tie.left_points, tie.right_points)
         motions[~are_possible(motions)] = np.eye(3)
         pairs = {pair: row for row, pair in enumerate(self._pairs)}
         # The spanning tree is that of the least cost: one false link in it would displace all that hangs on it.

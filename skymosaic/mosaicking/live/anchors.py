@@ -11,7 +11,7 @@ import numpy as np
 from golden_model.arrays import Array, Matrix, Records
 from golden_model.config import Config
 from skymosaic.compositing.warp import Canvas, CanvasError
-from skymosaic.geometry.homography import apply, estimate, rescale
+from skymosaic.geometry.homography import apply, estimate_similarity, rescale
 from skymosaic.imagery.exif import Metadata
 from skymosaic.mosaicking.live.submap import Frame, Submap, likely_neighbours, link_by_features
 
@@ -75,7 +75,7 @@ class Anchors:
         if self._to_canvas is None:
             self._to_canvas = np.eye(3)
             return
-        self._to_canvas = self._to_canvas @ estimate(self._corners(), before, model="similarity")
+        self._to_canvas = self._to_canvas @ estimate_similarity(self._corners(), before)
 
     def _corners(self) -> Array:
         """Corners of all frames in the submap's reference frame, (N, 2)."""

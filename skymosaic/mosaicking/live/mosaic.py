@@ -30,7 +30,7 @@ from skymosaic.flight.mapping.place import MapPlace, place_cameras
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.estimators import FABRIC
 from skymosaic.geometry.ground import Sight
-from skymosaic.geometry.homography import apply, estimate
+from skymosaic.geometry.homography import apply, estimate_similarity
 from skymosaic.imagery.exif import Metadata, read_metadata
 from skymosaic.imagery.folders import is_folder
 from skymosaic.imagery.images import check_given, load, reduce_for_front_end, reduce_to_width
@@ -327,6 +327,6 @@ class LiveMosaic:
         mapped = {submap: apply(frame.transform, corners), other: apply(placement.transform, corners)}
         # The frame lies in both submaps, so its corners relate them.
         larger, smaller = (other, submap) if len(other.frames) >= len(submap.frames) else (submap, other)
-        larger.absorb(smaller, estimate(mapped[smaller], mapped[larger], model="similarity"))
+        larger.absorb(smaller, estimate_similarity(mapped[smaller], mapped[larger]))
         self._submaps.remove(smaller)
         return larger

@@ -23,7 +23,7 @@ from skymosaic.flight.layout.motions import shapes
 from skymosaic.flight.linking.links import TIE_PX, Link, link_views
 from skymosaic.flight.linking.resemblance import compact, count_votes
 from skymosaic.geometry.ground import Sight
-from skymosaic.geometry.homography import apply, estimate, rescale
+from skymosaic.geometry.homography import apply, estimate_similarity, rescale
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.exif import Metadata
 
@@ -129,7 +129,7 @@ class Submap:
         first = self._link_frames(similar, frame)
         if not first.holds:
             return None
-        guess = frame.moved(estimate(first.right_points, self._ground_points(first), model="similarity"))
+        guess = frame.moved(estimate_similarity(first.right_points, self._ground_points(first)))
         others = (self._link_frames(other, frame) for other in self._neighbours(guess, similar))
         links = [first, *(link for link in others if link.holds)]
         # If the neighbours contradict each other, too few ties agree; then only the first neighbour is used.
@@ -231,7 +231,7 @@ def _check(frames: Iterable[Frame]) -> None:
 def _nearest_similarity(transform: Array) -> Array:
     """The similarity closest to a transformation (3, 3) of normalised coordinates."""
     corners = np.array([[-0.8, -0.6], [0.8, -0.6], [0.8, 0.6], [-0.8, 0.6]])
-    return estimate(corners, apply(transform, corners), model="similarity")
+    return estimate_similarity(corners, apply(transform, corners))
 
 
 def _fit(guess: Frame, ground: Array, points: Array, levelling: Sequence[float]) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ from skymosaic.flight.layout.extent import least_nearness
 from skymosaic.flight.layout.layout import Layout, lay_out
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.picture.composition import Room
-from skymosaic.geometry.homography import apply, estimate, resize_matrix
+from skymosaic.geometry.homography import apply, estimate_similarity, resize_matrix
 from tests.skymosaic.flight.layout import cameras
 from tests.skymosaic.flight.layout.ties import tie_pictures
 
@@ -37,7 +37,7 @@ def position_errors_px(flight: Flight, layout: Layout) -> NDArray[np.float64]:
     true = np.array(
         [apply(np.asarray(np.linalg.inv(flight.homographies[member]), np.float64), grid) for member in layout.members]
     )
-    alignment = estimate(estimated.reshape(-1, 2), true.reshape(-1, 2), model="similarity")
+    alignment = estimate_similarity(estimated.reshape(-1, 2), true.reshape(-1, 2))
     return np.linalg.norm(apply(alignment, estimated) - true, axis=-1).mean(axis=1)
 
 
@@ -179,7 +179,7 @@ def test_cameras_that_all_look_ahead_make_no_skew_ground() -> None:
     near = [(x, y) for x in (60, 320, 580) for y in (240, 350, 460)]
     places = np.array([apply(layout.transforms[view], near) for view in range(24)]).reshape(-1, 2)
     true = np.array([apply(np.asarray(np.linalg.inv(pose), np.float64), near) for pose in ahead]).reshape(-1, 2)
-    off = np.linalg.norm(apply(estimate(places, true, model="similarity"), places) - true, axis=1)
+    off = np.linalg.norm(apply(estimate_similarity(places, true), places) - true, axis=1)
     # The ground that they show is 900 by 1,200.
     assert off.mean() < 10
 

@@ -14,7 +14,7 @@ from golden_model.config import preset_config
 from sim.backends.interface import load_backend
 from sim.scene.flight import Flight
 from skymosaic.common.errors import InputError
-from skymosaic.geometry.homography import apply, estimate
+from skymosaic.geometry.homography import apply, estimate_similarity
 from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.imagery.live_frames import LiveFrame
 from skymosaic.maps.georeference import project_to_utm
@@ -53,7 +53,7 @@ def test_every_frame_is_registered_on_arrival_and_adjusted_in_the_end(
     true = np.concatenate(
         [apply(np.asarray(np.linalg.inv(flight.homographies[index]), np.float64), grid) for index in range(IMAGES)]
     )
-    aligned = apply(estimate(found, true, model="similarity"), found)
+    aligned = apply(estimate_similarity(found, true), found)
     assert np.linalg.norm(aligned - true, axis=1).mean() < 0.3
 
 
