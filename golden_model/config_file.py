@@ -29,7 +29,10 @@ def load_config(path: str | Path, preset: str = "aerial") -> Config:
     try:
         tables = tomllib.loads(read_small_file(path).decode("utf-8-sig"))
         _read_rules(tables, Path(path))
-        return _replace_tables(preset_config(tables.pop("preset", preset)), tables)
+        config = preset_config(tables.pop("preset", preset))
+        _check_keys("", tables, ("preset", *TABLES))
+        changed = {name: _replace_values(name, getattr(config, name), values) for name, values in tables.items()}
+        return dataclasses.replace(config, **changed)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror}); give a TOML file") from error
     # RecursionError: arrays that are nested hundreds of times.
@@ -59,12 +62,6 @@ def _read_rules(tables: dict[str, Any], path: Path) -> None:
         matcher["rule_base"] = MatchRules(written, "matcher.rule_base")
     elif written.endswith(".fll"):
         matcher["rule_base"] = load_rules(path.parent / written)
-
-
-def _replace_tables(config: Config, tables: dict[str, Any]) -> Config:
-    _check_keys("", tables, ("preset", *TABLES))
-    changed: dict[str, Any] = {name: _replace_values(name, getattr(config, name), tables[name]) for name in tables}
-    return dataclasses.replace(config, **changed)
 
 
 def _replace_values(table: str, defaults: Any, values: Any) -> Any:

@@ -109,8 +109,13 @@ class Accelerator(Component):
             m.submodules.estimator_status = ResetInserter(clear)(self._estimator_status(self._estimator))
             m.d.comb += self._estimator.i_clear.eq(clear)
         wiring.connect(m, wiring.flipped(self.control), registers.bus)
-        m.d.comb += self.o_interrupt.eq(registers.o_interrupt)
-        self._settings(m)
+        m.d.comb += [
+            self.o_interrupt.eq(registers.o_interrupt),
+            *(self._front_end.settings[each.name].eq(getattr(registers, f"o_{each.name}")) for each in FRONT_END),
+            # The shell of a camera build discards packets itself and needs to see them.
+            self._feature_gate.i_enable.eq(registers.o_features_enable | self._has_shell),
+            self._match_gate.i_enable.eq(registers.o_matches_enable | self._has_shell),
+        ]
         return m
 
     def _data_path(self) -> Module:
@@ -170,15 +175,6 @@ class Accelerator(Component):
             closing = features.o_closing | matches.o_closing
             m.d.comb += self.registers.i_clearing.eq(self.registers.o_clear | clear | closing)
         return m
-
-    def _settings(self, m: Module) -> None:
-        registers = self.registers
-        m.d.comb += [
-            *(self._front_end.settings[each.name].eq(getattr(registers, f"o_{each.name}")) for each in FRONT_END),
-            # The shell of a camera build discards packets itself and needs to see them.
-            self._feature_gate.i_enable.eq(registers.o_features_enable | self._has_shell),
-            self._match_gate.i_enable.eq(registers.o_matches_enable | self._has_shell),
-        ]
 
     def _status(self) -> Module:
         """Connect the blocks to the registers; events and counters change when a packet has left."""

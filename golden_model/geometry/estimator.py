@@ -13,7 +13,6 @@ It takes as long as the longer of these. Each of the 16 steps ends after a numbe
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -305,15 +304,10 @@ def _fit(matches: FrameMatches, inliers: Integers) -> tuple[Integers, bool]:
     match = [
         Floats.from_integers(side[inliers, axis], 16) for side in (matches.left, matches.right) for axis in range(2)
     ]
+    pairs = factors(zero, one, centre, match, Floats.from_integers(matches.weight[inliers], 8))
+    first, second = (Floats.stack([pair[n] for pair in pairs]) for n in range(2))
     sums = Floats.from_real(np.zeros(SUMS))
-    for first, second in _added(factors(zero, one, centre, match, Floats.from_integers(matches.weight[inliers], 8))):
-        sums = sums.plus(first, second)
+    for n in range(len(inliers)):
+        sums = sums.plus(first[n], second[n])
     rows, determinant = solve_sums(zero, one, centre, [sums[n : n + 1] for n in range(SUMS)])
     return quantise(rows)[0], bool(passes(determinant)[0])
-
-
-def _added(pairs: list[tuple[Floats, Floats]]) -> Iterator[tuple[Floats, Floats]]:
-    """The factors of all sums, match by match."""
-    first = Floats.stack([pair[0] for pair in pairs])
-    second = Floats.stack([pair[1] for pair in pairs])
-    return ((first[n], second[n]) for n in range(len(first.mantissa)))

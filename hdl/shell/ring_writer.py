@@ -143,7 +143,13 @@ class RingWriter(wiring.Component):
                 self._header(m, packet, bursts)
             with m.State("ANSWER"), m.If(bursts.o_all_answered):
                 m.d.comb += self.o_ended.eq(1)
-                self._next_slot(m, packet)
+                m.d.sync += [
+                    self.o_written.eq(self.o_written + 1),
+                    packet.slot.eq(packet.slot + 1),
+                    packet.page.eq(packet.page + self.i_slot_pages),
+                ]
+                with m.If(packet.slot == self.i_slots - 1):
+                    m.d.sync += [packet.slot.eq(0), packet.page.eq(self.i_base_page)]
                 m.next = "IDLE"
         return m
 
@@ -234,15 +240,6 @@ class RingWriter(wiring.Component):
             m.d.sync += beat.eq(beat + 1)
         with m.If(bursts.o_sent):
             m.next = "ANSWER"
-
-    def _next_slot(self, m: Module, packet: _Packet) -> None:
-        m.d.sync += [
-            self.o_written.eq(self.o_written + 1),
-            packet.slot.eq(packet.slot + 1),
-            packet.page.eq(packet.page + self.i_slot_pages),
-        ]
-        with m.If(packet.slot == self.i_slots - 1):
-            m.d.sync += [packet.slot.eq(0), packet.page.eq(self.i_base_page)]
 
 
 def count_up(count: Signal) -> Value:

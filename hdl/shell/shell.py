@@ -98,7 +98,13 @@ class Shell(wiring.Component):
         m.d.sync += time.eq(time + 1)
         clearing, forgets = self._clear(m)
         if self._painting is not None:
-            self._paint(m, self._painting, clearing, forgets)
+            # The painter sees each pixel that the accelerator takes; a clear begins anew.
+            m.submodules.painting = ResetInserter(forgets)(self._painting)
+            m.d.comb += [
+                self._painting.i_valid.eq(self.o_video.valid & self.o_video.ready),
+                self._painting.i.eq(self.o_video.payload),
+                self._painting.i_stop.eq(clearing),
+            ]
         has_room, faults = {}, {}
         for ring in self.rings:
             has_room[ring], faults[ring] = self._ring(m, ring, time, forgets)
@@ -149,15 +155,6 @@ class Shell(wiring.Component):
         with m.Elif(clocks != CLEARING_CLOCKS - 1):
             m.d.sync += clocks.eq(clocks + 1)
         return clearing | self._registers.o_clear, forgets
-
-    def _paint(self, m: Module, painting: Painting, clearing: Value, forgets: Value) -> None:
-        """Show the painter each pixel that the accelerator takes; a clear begins anew."""
-        m.submodules.painting = ResetInserter(forgets)(painting)
-        m.d.comb += [
-            painting.i_valid.eq(self.o_video.valid & self.o_video.ready),
-            painting.i.eq(self.o_video.payload),
-            painting.i_stop.eq(clearing),
-        ]
 
     def _ring(self, m: Module, ring: str, time: Value, forgets: Value) -> tuple[Value, Value]:
         """Add a ring; returns whether it has room for another frame, and the faults of its settings (`Refusal`)."""
