@@ -27,10 +27,10 @@ from golden_model.timing import FrameWork, steady_pace
 from hdl.build import BUILDS, Build
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends.golden import add_matches
+from sim.benches.camera import CameraBench, CameraTiming
+from sim.benches.exported import host_programs
+from sim.benches.memory import MemoryRules
 from sim.scene import make_lawnmower
-from tests.sim.benches.camera import CameraBench, CameraTiming
-from tests.sim.benches.exported import host_programs
-from tests.sim.benches.memory import MemoryRules
 
 CONFIG = dataclasses.replace(PRESETS["aerial"], estimator=EstimatorConfig())
 SLOTS = 8

@@ -29,9 +29,9 @@ from golden_model.painting.tiles import TILE_PX
 from golden_model.painting.timing import painting_cycles
 from hdl.painting.frame_writer import BUFFERS, frame_pages
 from hdl.settings import PAGE_BYTES
+from sim.benches.memory import MemoryRules
+from sim.benches.painter import PainterBench
 from sim.scene import Camera, CameraPose, Flight, Photometry
-from tests.sim.benches.memory import MemoryRules
-from tests.sim.benches.painter import PainterBench
 
 RULES = MemoryRules(waits=43, latency_clocks=119, seed=1)
 CLOCK_MHZ = 150

@@ -29,11 +29,11 @@ from golden_model.painting.pose import Placement, Poses, placement_of
 from golden_model.painting.tiles import TILE_PX
 from hdl.build import BUILDS
 from hdl.settings import REQUESTED, matched_frame_settings
+from sim.benches.camera import CameraBench, CameraTiming
+from sim.benches.exported import host_programs
 from sim.scene import make_lawnmower
 from skymosaic.geometry.homography import apply
 from skymosaic.mosaicking.live.anchors import Anchors
-from tests.sim.benches.camera import CameraBench, CameraTiming
-from tests.sim.benches.exported import host_programs
 
 SIZE_PX, FRAMES, ANCHOR_EVERY = (320, 240), 60, 10
 BUILD = dataclasses.replace(

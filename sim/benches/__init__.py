@@ -1,1 +1,1 @@
-"""Test benches for blocks."""
+"""Test benches for blocks and for the ports of whole designs."""

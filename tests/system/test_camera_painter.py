@@ -16,10 +16,10 @@ from golden_model.painting.tiles import TILE_PX
 from hdl.build import BUILDS
 from hdl.painting.frame_writer import BUFFERS, frame_pages
 from hdl.settings import PAGE_BYTES, REQUESTED, matched_frame_settings
+from sim.benches.camera import CameraBench, CameraTiming
+from sim.benches.exported import host_programs
+from sim.benches.memory import MemoryRules
 from sim.scene import make_pair
-from tests.sim.benches.camera import CameraBench, CameraTiming
-from tests.sim.benches.exported import host_programs
-from tests.sim.benches.memory import MemoryRules
 
 SIZE_PX, COLUMNS, ROWS, SLOTS = (128, 96), 8, 6, 4
 CONFIG = dataclasses.replace(BUILDS["tiny"].config, estimator=EstimatorConfig(passes=4, min_cells=2, min_inliers=8))

@@ -23,12 +23,12 @@ from hdl.build import Build
 from hdl.export.accelerator_bench import make_accelerator_bench
 from hdl.lib.ecp5 import Ecp5
 from hdl.netlist import to_verilog
+from sim.benches.painter import PainterTop
 from sim.simulators import verilator
 from sim.simulators.design import Design
 from tests.hdl.lib.test_ecp5 import raw_response
 from tests.hdl.netlists import SYNTHESIS, models, run_bench, run_compiled_bench, synthesise
 from tests.hdl.painting import test_painter
-from tests.sim.benches.painter import PainterTop
 
 Recorder = Callable[[str, object], None]
 

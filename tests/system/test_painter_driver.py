@@ -8,8 +8,8 @@ from golden_model.geometry.scoring import quantise
 from golden_model.painting import painter as golden
 from golden_model.painting.pose import Placement, Poses, placement_of
 from hdl.settings import REQUESTED, matched_frame_settings
-from tests.sim.benches.camera import CameraBench
-from tests.sim.benches.exported import host_programs
+from sim.benches.camera import CameraBench
+from sim.benches.exported import host_programs
 from tests.system.test_camera_painter import BUILD, COLUMNS, CONFIG, PACE, ROWS, SIZE_PX, SLOTS, SLOW, THRESHOLD, views
 
 FRAMES = 9

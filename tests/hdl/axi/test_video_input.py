@@ -12,8 +12,8 @@ from amaranth.sim import Simulator
 from hdl.axi.video_input import VideoInput
 from hdl.build import VIDEO_BITS, Build, pixels_per_clock
 from hdl.frame_admission import FrameAdmission
+from sim.benches.exported import host_programs
 from tests.hdl.block_bench import CLOCK_S, BlockBench
-from tests.sim.benches.exported import host_programs
 
 PIXELS = [0x11, 0x22, 0x33, 0x44, 0x55, 0x66]
 

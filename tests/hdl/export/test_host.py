@@ -14,7 +14,7 @@ from golden_model.records import HOMOGRAPHY, MATCH
 from hdl.build import BUILDS, Build, Shell
 from hdl.export.host import write_host
 from hdl.registers.register_map import REGISTERS
-from tests.sim.benches.exported import host_programs
+from sim.benches.exported import host_programs
 
 TINY = BUILDS["tiny"]
 WITH_ESTIMATOR = dataclasses.replace(TINY, config=dataclasses.replace(TINY.config, estimator=EstimatorConfig()))

@@ -15,10 +15,10 @@ from golden_model.painting import painter as golden
 from golden_model.painting.pose import Placement, Poses
 from golden_model.painting.timing import painting_cycles
 from hdl.blocks.export import find_block, write_block
+from sim.benches.memory import MemoryRules
+from sim.benches.painter import PainterBench, Report
 from tests.golden_model.painting import tilted
 from tests.golden_model.painting.test_painter import integers
-from tests.sim.benches.memory import MemoryRules
-from tests.sim.benches.painter import PainterBench, Report
 
 SIZE, COLUMNS, ROWS = (75, 58), 5, 4
 LARGE = (170, 150)

@@ -8,7 +8,7 @@ from golden_model.painting.tiles import MAX_TILES
 from hdl.build import BUILDS
 from hdl.registers.painter_register_map import PAINTER_REGISTERS, PainterFault
 from hdl.registers.register_map import Access
-from tests.sim.benches.exported import host_programs
+from sim.benches.exported import host_programs
 
 FIELDS = {field.name: field for register in PAINTER_REGISTERS for field in register.fields}
 

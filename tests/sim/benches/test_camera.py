@@ -11,8 +11,8 @@ from golden_model.geometry.scoring import answers, homography_elements, quantise
 from golden_model.records import HYPOTHESIS, MATCH
 from hdl.build import BUILDS
 from hdl.settings import PAGE_BYTES
-from tests.sim.benches.camera import POLL_CLOCKS, CameraBench
-from tests.sim.benches.exported import host_programs
+from sim.benches.camera import POLL_CLOCKS, CameraBench
+from sim.benches.exported import host_programs
 
 MATCHES, FRAME = 30, 7
 

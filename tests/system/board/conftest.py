@@ -13,7 +13,7 @@ import pytest
 from golden_model.config import Config, FrontEndConfig
 from golden_model.records import FRAME_STATUS, MATCH, Tag
 from hdl.build import Build
-from tests.sim.benches.exported import host_programs
+from sim.benches.exported import host_programs
 
 CONFIG = Config(front_end=FrontEndConfig(max_features=256))
 PATTERN = CONFIG.front_end.pattern

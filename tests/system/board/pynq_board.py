@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from hdl.build import BUILDS, Build
 from hdl.export.ip_xact import VLNV
 from hdl.settings import PAGE_BYTES
+from sim.benches.camera import CameraBench
+from sim.benches.memory import BASE
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
 from sim.simulators.compiled import Bench
 from sim.simulators.recording import END_OF_LINE, NO_PAUSES, Segment
-from tests.sim.benches.camera import CameraBench
-from tests.sim.benches.memory import BASE
 from tests.system.board.axi_dma import Dma, MemoryFaultError, ReceiveChannel, SendChannel, Status
 from tests.system.board.pynq_package import NEWEST, import_pynq
 

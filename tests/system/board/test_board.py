@@ -25,10 +25,10 @@ from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends import board
 from sim.backends.errors import BackendError
 from sim.backends.interface import FrameResult, Reference, load_backend
+from sim.benches.exported import host_programs
 from sim.scene import make_pair
 from sim.simulators.accelerator_designs import MATCHES
 from skymosaic.cli import main
-from tests.sim.benches.exported import host_programs
 from tests.system.board.pynq_board import AcceleratorSystem, open_board
 from tests.system.board.pynq_package import OLDER, remove_pynq
 from tests.system.command_line import only_error

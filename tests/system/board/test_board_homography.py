@@ -13,8 +13,8 @@ import pytest
 from sim.backends import board
 from sim.backends.errors import BackendError
 from sim.backends.interface import load_backend
+from sim.benches.exported import host_programs
 from tests.hdl.test_accelerator import BUILD, CONFIG, views
-from tests.sim.benches.exported import host_programs
 from tests.system.board.pynq_board import AcceleratorSystem, open_board
 from tests.system.board.pynq_package import remove_pynq
 

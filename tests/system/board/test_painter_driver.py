@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from golden_model.geometry.scoring import quantise
 from golden_model.records import HOMOGRAPHY
 from hdl.registers.painter_register_map import PainterFault
-from tests.sim.benches.exported import host_programs
+from sim.benches.exported import host_programs
 from tests.system.board.test_rings import ESTIMATING, Memory
 
 PAINTING = dataclasses.replace(ESTIMATING, painter=True)

@@ -11,9 +11,9 @@ import pytest
 from golden_model.config import PRESETS
 from golden_model.geometry.scoring import answers, quantise
 from hdl.settings import REQUESTED
-from tests.sim.benches.camera import CameraBench, CameraTiming
-from tests.sim.benches.exported import host_programs
-from tests.sim.benches.memory import MemoryRules
+from sim.benches.camera import CameraBench, CameraTiming
+from sim.benches.exported import host_programs
+from sim.benches.memory import MemoryRules
 from tests.system import test_camera_build
 from tests.system.board.pynq_board import ACCELERATOR_ADDRESS, CameraSystem
 from tests.system.board.pynq_package import NEWEST, OLDER, import_pynq, remove_pynq

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from golden_model.config import EstimatorConfig
 from hdl.build import BUILDS
 from hdl.settings import REQUESTED, matched_frame_settings
-from tests.sim.benches.exported import host_programs
+from sim.benches.exported import host_programs
 
 PLAIN = dataclasses.replace(BUILDS["tiny"], shell="camera", video_bits=24)
 ESTIMATING = dataclasses.replace(PLAIN, config=dataclasses.replace(PLAIN.config, estimator=EstimatorConfig()))

@@ -2,7 +2,6 @@
 
 import ctypes
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,15 +9,15 @@ from numpy.typing import NDArray
 from hdl.build import Build
 from hdl.settings import PAGE_BYTES
 from sim.backends.interface import Progress, silent
+from sim.benches.memory import ADDRESS, BASE, WIDE, WORD, WORDS, MemoryBench, MemoryRules
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
 from sim.simulators.compiled import COMMON_FUNCTIONS
-from tests.sim.benches.memory import ADDRESS, BASE, WIDE, WORD, WORDS, MemoryBench, MemoryRules
 
 WAIT_CLOCKS = 20_000
 POLL_CLOCKS = 500
 MAX_SCORING_CLOCKS = 5_000_000
-HARNESS = Path(__file__).with_name("camera.cpp")
+HARNESS = verilator.HARNESS / "camera.cpp"
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ class MemoryRules:
 
 
 class MemoryBench(Model):
-    """A running design that a camera feeds and that uses the memory of `memory.hpp`.
+    """A running design that a camera feeds and that uses the memory of `sim/harness/memory.hpp`.
 
     Parameters
     ----------

@@ -2,7 +2,6 @@
 
 import ctypes
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from amaranth.hdl import Module, Signal
@@ -16,9 +15,9 @@ from hdl.painting.frame_writer import BUFFERS, frame_pages
 from hdl.painting.painter import Painter
 from hdl.settings import PAGE_BYTES
 from sim.backends.interface import silent
+from sim.benches.memory import ADDRESS, BASE, WIDE, WORD, WORDS, MemoryBench, MemoryRules
 from sim.simulators import verilator
 from sim.simulators.design import Design, Ports
-from tests.sim.benches.memory import ADDRESS, BASE, WIDE, WORD, WORDS, MemoryBench, MemoryRules
 
 SETTINGS = (
     *("enable", "replace", "clear", "width_px", "height_px", "frames_page", "buffer_pages", "canvas_page"),
@@ -30,7 +29,7 @@ PORTS = Ports(
     writers=("frames", "new_tiles"),
     readers=("windows", "old_tiles"),
 )
-HARNESS = Path(__file__).with_name("painter.cpp")
+HARNESS = verilator.HARNESS / "painter.cpp"
 
 
 @dataclass(frozen=True)
