@@ -28,10 +28,11 @@ def check_choice(what: str, value: object, allowed: tuple[object, ...]) -> None:
         raise ValueError(f"{what} is {value!r}; valid: {', '.join(str(choice).lower() for choice in allowed)}")
 
 
-def check_range(what: str, value: object, low: int, high: int) -> None:
-    """Raise ValueError unless ``value`` is an int from ``low`` to ``high``."""
-    if type(value) is not int or not low <= value <= high:
-        raise ValueError(f"{what} is {value!r}; it must be a whole number from {low} to {high}")
+def check_range(what: str, value: object, low: int, high: int | None = None) -> None:
+    """Raise ValueError unless ``value`` is an int from ``low`` to ``high``, or to any without ``high``."""
+    if type(value) is not int or value < low or (high is not None and value > high):
+        allowed = f"from {low} on" if high is None else f"from {low} to {high}"
+        raise ValueError(f"{what} is {value!r}; it must be a whole number {allowed}")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,8 +17,14 @@ clock, 32 for the words of a DMA."""
 LANES = (2, 4, 8, 16, 32, 64, 128)
 
 
+def check_lanes(lanes: int, max_features: int) -> None:
+    """Raise ValueError unless the matcher can have so many lanes."""
+    check_choice("`lanes`", lanes, tuple(each for each in LANES if each <= max_features))
+
+
 def pixels_per_clock(video_bits: int) -> int:
-    """Pixels in a beat of a video input."""
+    """Pixels in a beat of a video input, or ValueError for a width that no input has."""
+    check_choice("video_bits", video_bits, VIDEO_BITS["streams"])
     return 2 if video_bits in {48, 16} else 1
 
 
@@ -55,8 +61,7 @@ class Build:
         """Raise ValueError for what cannot be built."""
         check_range("`max_width_px`", self.max_width_px, MIN_FRAME_PX, MAX_FRAME_PX)
         check_range("`max_height_px`", self.max_height_px, MIN_FRAME_PX, MAX_FRAME_PX)
-        max_features = self.config.front_end.max_features
-        check_choice("`lanes`", self.lanes, tuple(each for each in LANES if each <= max_features))
+        check_lanes(self.lanes, self.config.front_end.max_features)
         check_rule_base(self.config.front_end.pattern, self.config.matcher)
         check_choice("shell", self.shell, tuple(VIDEO_BITS))
         check_choice(f"`video_bits` with shell {self.shell!r}", self.video_bits, VIDEO_BITS[self.shell])

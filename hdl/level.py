@@ -9,7 +9,7 @@ from golden_model.formats import RESPONSE_CODE
 from hdl.feature.extractor import CandidateFeatures
 from hdl.feature.ring_window import RingWindow
 from hdl.lib.component import Component
-from hdl.lib.delay import delayed
+from hdl.lib.delay import delayed, wait_cycles
 from hdl.lib.views import view_signal
 from hdl.pixel.corners import Corners, Stage
 from hdl.pixel.smooth import Binomial
@@ -95,8 +95,8 @@ class Level(Component):
         ring_cycles = gray_cycles + self._smooth.latency_cycles + self._rings.latency_cycles
         # `inside` meets the corner in front of the candidate's register, the other marks behind it; the ring pixels
         # come one clock after their candidate.
-        self._scan_wait_cycles = candidate_cycles - 1 - self._scan.latency_cycles
-        self._ring_wait_cycles = candidate_cycles + 1 - ring_cycles
+        self._scan_wait_cycles = wait_cycles("marks of the scan", self._scan.latency_cycles, until=candidate_cycles - 1)
+        self._ring_wait_cycles = wait_cycles("ring pixels", ring_cycles, until=candidate_cycles + 1)
         self.latency_cycles = candidate_cycles + self._features.latency_cycles
         self._selection: CellSelection | RasterSelection
         if config.selection:

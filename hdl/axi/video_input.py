@@ -45,6 +45,11 @@ class VideoInput(Component):
         Width of the port that the beats come from. Only a 32-bit beat holds more gray pixels in memory mode than in
         video mode. An 8 or 16-bit port has no colour. A beat of 48 or 16 bits holds two pixels; every line begins with
         a new beat in both modes, and the upper pixel of an odd line's last beat is ignored.
+
+    Raises
+    ------
+    ValueError
+        For another width.
     """
 
     i: stream.Interface

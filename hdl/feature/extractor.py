@@ -46,6 +46,11 @@ class CandidateFeatures(Component):
     level : {0, 1}
     lag_px : int
         How far the candidate's pixel is left of and above the scan position.
+
+    Raises
+    ------
+    ValueError
+        For a smoothed pattern that carries a gray window.
     """
 
     i: In(CANDIDATE)
@@ -56,6 +61,8 @@ class CandidateFeatures(Component):
     """`feature_beat`, ``latency_cycles`` after the candidate."""
 
     def __init__(self, *, pattern: DescriptorPattern, spacing_cycles: int, level: int, lag_px: int) -> None:
+        if pattern.carries_window and pattern.smoothed:
+            raise ValueError(f"{pattern.name} carries a gray window, but its rings are smoothed")
         self.pattern = pattern
         self.lag_px = lag_px
         self._descriptor = RingDescriptor(pattern=pattern, spacing_cycles=spacing_cycles)

@@ -6,6 +6,7 @@ from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib.data import ArrayLayout, View
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_choice
 from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.orientation import RingMoments, Sector
 from hdl.lib.component import Component
@@ -44,6 +45,7 @@ class RingDescriptor(Component):
     """Bit 8 j + i is bit i of byte j."""
 
     def __init__(self, *, pattern: DescriptorPattern, spacing_cycles: int) -> None:
+        check_choice("spacing_cycles", spacing_cycles, (1, 2, 4))
         self.pattern = pattern
         self.groups = spacing_cycles
         self.group_angles = pattern.angles // spacing_cycles

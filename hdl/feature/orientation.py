@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from amaranth import Cat, Module, Mux, Shape, Signal, Value, signed, unsigned
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_choice
 from golden_model.feature.orientation import COSINES, HALF_SECTOR_TANGENTS, SECTORS, SINES, TANGENT_ONE
 from hdl.lib.component import Component
-from hdl.lib.delay import delayed, port_register
+from hdl.lib.delay import check_aligned, delayed, port_register
 from hdl.lib.weighted_sum import WeightedSum
 
 
@@ -38,12 +39,14 @@ class RingMoments(Component):
     candidate's first group is added."""
 
     def __init__(self, *, radii_px: tuple[int, ...], groups: int) -> None:
+        check_choice("groups", groups, (1, 2, 4))
         self.groups = groups
         group_angles = SECTORS // groups
         self._radial = [WeightedSum(weights=radii_px, shape=unsigned(8)) for _ in range(group_angles)]
         radial_shape = self._radial[0].o_sum.shape()
         self._along_x = WeightedSum(weights=COSINES[:group_angles], shape=radial_shape)
         self._along_y = WeightedSum(weights=SINES[:group_angles], shape=radial_shape)
+        check_aligned("latency_cycles of the moments", x=self._along_x.latency_cycles, y=self._along_y.latency_cycles)
         self.latency_cycles = self._radial[0].latency_cycles + self._along_x.latency_cycles + 1
         # The largest moment has all pixels at 255 where the cosine is positive, and 0 elsewhere.
         bound = self._radial[0].high * sum(cosine for cosine in COSINES if cosine > 0)
@@ -100,7 +103,9 @@ class Sector(Component):
         self.spacing_cycles = spacing_cycles
         length = unsigned(moment.width - 1)
         self._borders = [WeightedSum(weights=(tangent, -TANGENT_ONE), shape=length) for tangent in HALF_SECTOR_TANGENTS]
-        self.latency_cycles = 3 + self._borders[0].latency_cycles + 1
+        first, second = self._borders
+        check_aligned("latency_cycles of the borders", first=first.latency_cycles, second=second.latency_cycles)
+        self.latency_cycles = 3 + first.latency_cycles + 1
         super().__init__(i_mx=In(moment), i_my=In(moment))
 
     def elaborate(self, platform: object) -> Module:

@@ -4,11 +4,13 @@ from amaranth import Array, Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_range
 from golden_model.geometry.acceptance import CELLS
 from golden_model.geometry.estimator import REFIT_MARGIN_LOG2, EstimateCause
 from golden_model.geometry.program import LANES, SLOTS
 from golden_model.geometry.programs import GROUP
 from golden_model.geometry.refit import BANDS, MAX_INLIERS
+from golden_model.geometry.sampling import SAMPLE
 from golden_model.geometry.scoring import MAX_MATCHES
 from hdl.geometry.estimator_states import ESTIMATOR_SETTINGS, FrameInWork, Parts, lead
 from hdl.geometry.match_gain import HYPOTHESIS, WEIGHED_PAIR
@@ -56,6 +58,7 @@ class HomographyEstimator(wiring.Component):
     """One per frame."""
 
     def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
+        check_range("max_matches", max_matches, SAMPLE, MAX_MATCHES)
         self._parts = Parts(MatchOrdering(max_matches=max_matches), SampleDraws(), Processor(), Quantiser(), Sweep())
         self._matches = LineMemory(shape=WEIGHED_PAIR, depth=max_matches)
         self._list = LineMemory(shape=range(max_matches), depth=MAX_INLIERS)

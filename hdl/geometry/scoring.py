@@ -7,6 +7,7 @@ from amaranth.lib import data, stream, wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_range
 from golden_model.formats import WEIGHT
 from golden_model.geometry.scoring import ENTRY, IN_FLIGHT, LEVELS, MAX_MATCHES, ScoreCause
 from hdl.geometry.match_gain import HYPOTHESIS, PRODUCT_CYCLES, WEIGHED_PAIR, MatchGain
@@ -69,6 +70,7 @@ class HomographyScoring(Component):
     """From a hypothesis at the input of an idle block to its score, with one match; each further match adds a clock."""
 
     def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
+        check_range("max_matches", max_matches, 1, MAX_MATCHES)
         self.max_matches = max_matches
         support = max_matches * WEIGHT.max_raw
         self._result = data.StructLayout(

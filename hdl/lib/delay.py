@@ -57,6 +57,32 @@ def delayed(m: Module, value: Delayed, cycles: int, *, reset_less: bool = True) 
     return result
 
 
+def check_aligned(what: str, **paths: int) -> None:
+    """Compare the lags, or the latencies, of paths that meet.
+
+    Raises
+    ------
+    ValueError
+        If they differ; with the number of each path.
+    """
+    if len(set(paths.values())) > 1:
+        numbers = ", ".join(f"{name} has {number}" for name, number in paths.items())
+        raise ValueError(f"{what} must be equal where paths meet: {numbers}")
+
+
+def wait_cycles(path: str, cycles: int, *, until: int) -> int:
+    """Clocks for which a path of ``cycles`` waits to meet a path of ``until`` clocks.
+
+    Raises
+    ------
+    ValueError
+        If it is the longer one.
+    """
+    if cycles > until:
+        raise ValueError(f"{path} take {cycles} clocks, but the path that they meet only {until}")
+    return until - cycles
+
+
 def port_register(m: Module, port: Delayed) -> Delayed:
     """Drive the output ``port`` of a component by a register without reset, named after the variable it is assigned to.
 

@@ -6,6 +6,7 @@ from typing import TypeVar
 from amaranth import Cat, Module, Signal, Value
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_range
 from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 
@@ -41,6 +42,7 @@ class Popcount(Component):
     """A count for each lane."""
 
     def __init__(self, *, bits: int, lanes: int) -> None:
+        check_range("bits", bits, 3)
         self.bits = bits
         self.lanes = lanes
         # The layers are counted without hardware: the latency has to be known before elaboration.

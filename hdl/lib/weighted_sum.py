@@ -51,9 +51,14 @@ class WeightedSum(Component):
     Parameters
     ----------
     weights : sequence of int
-        Constant weight of each value, positive or negative; 0 leaves the value out. Not all are 0.
+        Constant weight of each value, positive or negative; 0 leaves the value out.
     shape : Shape
         Shape of the values.
+
+    Raises
+    ------
+    ValueError
+        If every weight is 0.
     """
 
     i_valid: Signal
@@ -71,6 +76,8 @@ class WeightedSum(Component):
     """Largest sum."""
 
     def __init__(self, *, weights: Sequence[int], shape: Shape) -> None:
+        if not any(weights):
+            raise ValueError(f"weights are {list(weights)}; at least one must not be 0")
         self.weights = tuple(weights)
         lowest = -(1 << shape.width - 1) if shape.signed else 0
         self._extremes = extremes = (lowest, lowest + (1 << shape.width) - 1)

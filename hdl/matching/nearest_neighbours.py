@@ -10,8 +10,9 @@ from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import exact_log2
 
+from hdl.build import check_lanes
 from hdl.lib.component import Component
-from hdl.lib.delay import delayed
+from hdl.lib.delay import delayed, wait_cycles
 from hdl.lib.line_memory import LineMemory
 from hdl.lib.views import view_signal
 from hdl.matching.feature_banks import READ_CYCLES
@@ -35,9 +36,14 @@ class NearestNeighbours(Component):
     bits : int
         Length of a descriptor.
     lanes : int
-        Left descriptors compared at a time, one of `hdl.build.LANES`.
+        Left descriptors compared at a time.
     max_features : int
         Largest number of features of either frame.
+
+    Raises
+    ------
+    ValueError
+        If lanes is not a power of two from 2 to max_features.
     """
 
     i_start: In(1)
@@ -67,6 +73,7 @@ class NearestNeighbours(Component):
     """Clocks from the last address until the results are readable."""
 
     def __init__(self, *, bits: int, lanes: int, max_features: int) -> None:
+        check_lanes(lanes, max_features)
         self.bits, self.lanes, self.max_features = bits, lanes, max_features
         self._distances = Distances(bits=bits, lanes=lanes)
         self._nearest = Nearest(bits=bits, max_features=max_features)
@@ -74,7 +81,8 @@ class NearestNeighbours(Component):
         self.shortest_pass_cycles = lanes + COLUMN_CYCLES + 1
         self.drain_cycles = READ_CYCLES + self._distances.latency_cycles + lanes + 2
         # The column must reach the first lane with the distance, which is later than the descriptor.
-        self._column_wait_cycles = READ_CYCLES + self._distances.latency_cycles - COLUMN_CYCLES
+        distance_cycles = READ_CYCLES + self._distances.latency_cycles
+        self._column_wait_cycles = wait_cycles("columns", COLUMN_CYCLES, until=distance_cycles)
         index, count = range(max_features), range(max_features + 1)
         super().__init__(
             i_left_count=In(count),

@@ -7,7 +7,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.painting.positions import POSITION
 from golden_model.painting.sampling import WEIGHT_BITS
 from golden_model.painting.windows import WINDOW_PX
-from hdl.lib.delay import delayed
+from hdl.lib.delay import delayed, wait_cycles
 from hdl.lib.line_memory import LineMemory
 from hdl.lib.multiplier import Multiplier, multiply
 from hdl.lib.result_queue import ResultQueue, queue_results
@@ -79,7 +79,8 @@ class Sampling(wiring.Component):
             between = _interpolate(m, f"channel{n}", start, lower - upper, down)
             m.d.comb += result.colour[n].eq(between[2 * POSITION.fraction_bits :])
         weight, cycles = self._weigh(m)
-        m.d.comb += result.weight.eq(delayed(m, weight, PIPELINE_CYCLES - cycles))
+        waiting = wait_cycles("weights", cycles, until=PIPELINE_CYCLES)
+        m.d.comb += result.weight.eq(delayed(m, weight, waiting))
         return m
 
     def _read(self, m: Module) -> list[list[data.View]]:

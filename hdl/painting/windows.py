@@ -4,6 +4,7 @@ from amaranth import Array, Cat, Module, Mux, Signal, Value, signed
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_range
 from golden_model.painting.blending import FADE
 from golden_model.painting.corners import CORNER
 from golden_model.painting.positions import POSITION
@@ -91,6 +92,7 @@ class WindowPlanner(wiring.Component):
     """From a tile to its plan."""
 
     def __init__(self, *, place_bits: int = PLACE_BITS) -> None:
+        check_range("place_bits", place_bits, 1, PLACE_BITS)
         self.place_bits = place_bits
         super().__init__()
 

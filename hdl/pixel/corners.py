@@ -63,6 +63,9 @@ class Corners(Component):
         # Both detectors describe the same pixel: FAST's window lies as far up and left as Harris's needs it.
         self.response_lag_px = self._columns.gradient_lag_px + self._tensor.lag_px
         self._fast = Fast(lag_px=self.response_lag_px - self._columns.pixel_lag_px, **rate)
+        needed, stored = self._fast.lines, self._columns.pixel_lines
+        if needed > stored:
+            raise ValueError(f"FAST needs {needed} lines of pixels, but {stored} are stored")
         harris = (self._tensor, self._raw_responses[0], self._response_codes[0])
         self._harris_cycles = sum(block.latency_cycles for block in harris)
         self._response_cycles = max(self._harris_cycles, self._fast.latency_cycles)

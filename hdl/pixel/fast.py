@@ -6,10 +6,11 @@ from amaranth import Cat, Const, Module, Mux, Value
 from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_range
 from golden_model.formats import PIXEL, RESPONSE_CODE
 from golden_model.pixel.fast import CIRCLE, MARGIN_PX
 from hdl.lib.component import Component
-from hdl.lib.delay import Pipe, delayed
+from hdl.lib.delay import Pipe, check_aligned, delayed
 from hdl.pixel.window import Window
 from hdl.streams import beat, carry_scan, each_pixel
 
@@ -34,6 +35,11 @@ class Fast(Component):
     ----------
     lag_px : int
         At least 3. With more, the window lies further up and left, so that results meet those of a larger window.
+
+    Raises
+    ------
+    ValueError
+        For a smaller lag.
     """
 
     i: data.View
@@ -49,6 +55,7 @@ class Fast(Component):
     latency_cycles = Window.latency_cycles + 3 + 2 * PIXEL.bits + 2
 
     def __init__(self, *, lag_px: int = MARGIN_PX, pixels_per_clock: int = 1) -> None:
+        check_range("lag_px", lag_px, MARGIN_PX)
         self.lag_px = lag_px
         self.pixels_per_clock = pixels_per_clock
         self.lines = lag_px + MARGIN_PX + 1
@@ -71,6 +78,8 @@ class Fast(Component):
         """Compute the response code of the pixel ``lag_px`` left of and above the newest one."""
         centre, *circle = (columns[self.lag_px - x][self.lag_px - y] for x, y in ((0, 0), *_EVENS_THEN_ODDS))
         decisive, darker, cycles = self._decisive(m, pipe, circle, centre)
+        codes_cycles = self._window.latency_cycles + cycles + 2
+        check_aligned("latency_cycles of FAST", scan=self.latency_cycles, codes=codes_cycles)
         reference = delayed(m, pipe.registered(centre, 0), cycles - 1) ^ darker.replicate(PIXEL.bits)
         # decisive - reference - 1; the carry out is 1 where the result is not negative.
         difference = decisive + ~reference

@@ -8,12 +8,15 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import PIXEL
 from hdl.lib.component import Component
-from hdl.lib.delay import Pipe, delayed
+from hdl.lib.delay import Pipe, check_aligned, delayed
 from hdl.pixel.harris import GRADIENTS, TENSOR_LINES
 from hdl.pixel.smooth import Binomial
 from hdl.pixel.sobel import Sobel
 from hdl.pixel.window import LineBuffer
 from hdl.streams import beat, carry_scan, pixel_beats
+
+PASSED_LAG_PX = 1
+"""What the smoother passes for FAST is one line and one column behind the newest pixel."""
 
 
 class GradientColumns(Component):
@@ -57,6 +60,7 @@ class GradientColumns(Component):
         self._lines = LineBuffer(shape=GRADIENTS, lines=TENSOR_LINES - 1, width_px=width_px, **rate)
         self.latency_cycles = self.sobel.latency_cycles + self._lines.latency_cycles
         if self.smooth:
+            check_aligned("lag_px of the gray", smoothed=self.smooth.lag_px, passed=PASSED_LAG_PX)
             self._smoothed_lines = LineBuffer(shape=PIXEL.bits, lines=2, width_px=width_px, **rate)
             self.latency_cycles += self.smooth.latency_cycles + self._smoothed_lines.latency_cycles
         super().__init__(

@@ -4,6 +4,7 @@ from amaranth import Cat, Const, Module, Mux, Shape, Value, signed, unsigned
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_choice
 from golden_model.formats import (
     GRADIENT,
     RAW_RESPONSE,
@@ -47,6 +48,7 @@ class StructureTensor(Component):
     lag_px = TENSOR_LINES // 2
 
     def __init__(self, *, window_px: int, pixels_per_clock: int = 1) -> None:
+        check_choice("window_px", window_px, (3, 5))
         self.window_px = window_px
         self.pixels_per_clock = pixels_per_clock
         square, mixed = unsigned(2 * GRADIENT.bits - 2), signed(2 * GRADIENT.bits - 1)

@@ -9,9 +9,10 @@ from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_choice
 from golden_model.formats import PIXEL, RESPONSE_CODE
 from hdl.lib.component import Component
-from hdl.lib.delay import Pipe, delayed
+from hdl.lib.delay import Pipe, check_aligned, delayed
 from hdl.pixel.window import LineBuffer
 from hdl.streams import beat, carry_scan, each_pixel, pixel_beats
 
@@ -44,6 +45,7 @@ class Suppression(Component):
     """Beats of `NEIGHBOURHOOD`."""
 
     def __init__(self, *, radius_px: int, width_px: int, pixels_per_clock: int = 1) -> None:
+        check_choice("radius_px", radius_px, (1, 3))
         self.radius_px = radius_px
         self.pixels_per_clock = pixels_per_clock
         self.lag_px = radius_px
@@ -80,6 +82,10 @@ class Suppression(Component):
             besides.append(beside)
         before, _ = pipe.largest([above[0], pipe.earlier(besides, cycles, radius + 1)[-1]], cycles)
         after, cycles = pipe.largest([below[0], besides], cycles)
+        # The comparison and the choice follow.
+        codes_cycles = lines.latency_cycles + cycles + 2
+        check_aligned("latency_cycles of the suppression", scan=self.latency_cycles, codes=codes_cycles)
+
         lines_around = []
         for offset in (1, 0, -1):
             now = [delayed(m, value, cycles) for value in column[radius + offset]]

@@ -6,6 +6,7 @@ from amaranth import Module, Signal, unsigned
 from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_choice
 from hdl.lib.component import Component
 from hdl.pixel.window import SeparableSum
 from hdl.streams import beat, carry_scan, pixelwise
@@ -26,6 +27,7 @@ class Binomial(Component):
     """Beats of ``pixel``."""
 
     def __init__(self, *, window_px: int, pixels_per_clock: int = 1) -> None:
+        check_choice("window_px", window_px, (1, 3, 5))
         self.window_px = window_px
         self.pixels_per_clock = pixels_per_clock
         self.lag_px = window_px // 2

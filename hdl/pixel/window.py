@@ -6,6 +6,7 @@ from amaranth import Cat, Module, Shape, ShapeLike, Signal, Value
 from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_range
 from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
@@ -26,6 +27,11 @@ class LineBuffer(Component):
         Largest width of a line, at least 5 beats.
     pixels_per_clock : {1, 2}
         Pixels of a beat. Two share a word of the memory, which then has half as many words.
+
+    Raises
+    ------
+    ValueError
+        For a width below 5 beats.
     """
 
     i: data.View
@@ -36,6 +42,9 @@ class LineBuffer(Component):
     latency_cycles = LineMemory.latency_cycles + 1
 
     def __init__(self, *, shape: ShapeLike, lines: int, width_px: int, pixels_per_clock: int = 1) -> None:
+        check_range("lines", lines, 1)
+        # A column is written back after it has been read, and before it is read again.
+        check_range("width_px", width_px, 5 * pixels_per_clock)
         self.shape = shape
         self.lines = lines
         self.width_px = width_px
@@ -95,6 +104,7 @@ class Window(Component):
     latency_cycles = 1
 
     def __init__(self, *, shape: ShapeLike, columns: int, pixels_per_clock: int = 1) -> None:
+        check_range("columns", columns, 1)
         self.shape = shape
         self.columns = columns
         self.pixels_per_clock = pixels_per_clock

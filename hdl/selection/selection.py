@@ -7,6 +7,7 @@ from amaranth import Cat, Module, Signal, Value
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_range
 from golden_model.feature.ilbp import DescriptorPattern
 from hdl.feature.extractor import feature_beat, feature_or_end
 from hdl.lib.component import Component
@@ -51,6 +52,7 @@ class CellSelection(Component):
     adds one clock."""
 
     def __init__(self, *, pattern: DescriptorPattern, width_px: int, spacing_cycles: int = 2) -> None:
+        check_range("width_px", width_px, 1)
         self.pattern = pattern
         self.spacing_cycles = spacing_cycles
         self.cells = -(-width_px >> MIN_CELL_LOG2)
@@ -131,6 +133,7 @@ class RasterSelection(Component):
     """From a feature at ``i`` to the same feature at ``o``."""
 
     def __init__(self, *, pattern: DescriptorPattern, depth: int, in_flight: int) -> None:
+        check_range("in_flight", in_flight, 0, depth - 1)
         self.depth = depth
         self.in_flight = in_flight
         super().__init__(i=In(feature_beat(pattern)), o=Out(stream.Signature(feature_or_end(pattern))))

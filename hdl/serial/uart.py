@@ -4,7 +4,10 @@ from amaranth import Cat, Module, Mux, Signal
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.config import check_range
+
 DATA_BITS = 8
+MIN_CLOCKS_PER_BIT = 4
 
 
 class UartReceiver(wiring.Component):
@@ -29,6 +32,7 @@ class UartReceiver(wiring.Component):
     """High for one clock where a byte has no stop bit; it is dropped."""
 
     def __init__(self, *, clocks_per_bit: int) -> None:
+        check_range("clocks_per_bit", clocks_per_bit, MIN_CLOCKS_PER_BIT)
         self.clocks_per_bit = clocks_per_bit
         super().__init__()
 
@@ -74,6 +78,7 @@ class UartTransmitter(wiring.Component):
     """High when idle."""
 
     def __init__(self, *, clocks_per_bit: int) -> None:
+        check_range("clocks_per_bit", clocks_per_bit, MIN_CLOCKS_PER_BIT)
         self.clocks_per_bit = clocks_per_bit
         super().__init__()
 

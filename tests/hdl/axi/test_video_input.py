@@ -76,6 +76,11 @@ def test_two_coloured_pixels_a_clock(memory_mode: int, colour: int) -> None:
     assert [list(pair) for pair in found] == [[colour + (p << shift), colour + (p + 1 << shift)] for p in PIXELS]
 
 
+def test_other_widths_are_refused() -> None:
+    with pytest.raises(ValueError, match="32, 24, 8, 48, 16"):
+        VideoInput(video_bits=12)
+
+
 def admitted(video_bits: int, transfers: list[bytes], size_px: tuple[int, int]) -> list[tuple[int, int]]:
     """For each frame that the admission makes of gray transfers: the causes, and how many beats it has."""
     m = Module()

@@ -89,3 +89,8 @@ def test_reset_drops_the_candidates_in_the_pipeline() -> None:
     after = range(dut.latency_cycles + 1, 3 * dut.latency_cycles)
     offered = {cycle for cycle in after if cycle % 4 == 0 and cycle <= 2 * dut.latency_cycles}
     assert {cycle for cycle in after if valids[cycle]} == {cycle + dut.latency_cycles for cycle in offered}
+
+
+def test_impossible_spacing_is_refused() -> None:
+    with pytest.raises(ValueError, match="spacing_cycles is 3; valid: 1, 2, 4"):
+        RingDescriptor(pattern=PATTERNS["ilbp-128"], spacing_cycles=3)

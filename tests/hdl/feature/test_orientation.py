@@ -1,10 +1,12 @@
 """Sectors equal the golden model at every border; sums that would meet in the wrong clock are refused."""
 
 import numpy as np
+import pytest
 from amaranth import signed
 
 from golden_model.feature.orientation import HALF_SECTOR_TANGENTS, TANGENT_ONE, sector_of
-from hdl.feature.orientation import Sector
+from hdl.feature import orientation
+from hdl.feature.orientation import RingMoments, Sector
 from tests.hdl.drivers import run_clocks
 
 LARGEST = (1 << 15) - 1
@@ -23,3 +25,17 @@ def test_sectors_at_the_borders_equal_the_golden_model() -> None:
     sectors = [sector for (sector,) in run_clocks(dut, inputs, [dut.o_sector])[dut.latency_cycles :]]
     assert sectors == sector_of(mx, my).tolist()
     assert set(sectors) == set(range(16))
+
+
+@pytest.mark.usefixtures("unused_blocks")
+def test_moments_of_different_latencies_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(orientation, "SINES", (1,) + (0,) * 15)
+    with pytest.raises(ValueError, match=r"latency_cycles of the moments .* x has 6, y has 1"):
+        RingMoments(radii_px=(3,), groups=1)
+
+
+@pytest.mark.usefixtures("unused_blocks")
+def test_borders_of_different_latencies_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(orientation, "HALF_SECTOR_TANGENTS", (1, 0b10101))
+    with pytest.raises(ValueError, match=r"latency_cycles of the borders .* first has 1, second has 2"):
+        Sector(moment=signed(12))

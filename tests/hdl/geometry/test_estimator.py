@@ -7,7 +7,7 @@ import pytest
 from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.geometry import estimator as golden
 from golden_model.geometry.estimator import CYCLES, EstimateCause, FrameMatches
-from hdl.geometry.estimator import GATHER_CYCLES
+from hdl.geometry.estimator import GATHER_CYCLES, HomographyEstimator
 from hdl.geometry.sweep import Sweep
 from sim.backends.golden import GoldenBackend
 from sim.scene import make_pair
@@ -43,6 +43,12 @@ def test_estimates_equal_the_golden_model(monkeypatch: pytest.MonkeyPatch) -> No
 def test_the_model_of_time_knows_the_parts() -> None:
     assert CYCLES.sweep == Sweep.latency_cycles + 2
     assert CYCLES.gather == GATHER_CYCLES + 3
+
+
+@pytest.mark.parametrize("max_matches", [3, 2049])
+def test_an_impossible_memory_is_refused(max_matches: int) -> None:
+    with pytest.raises(ValueError, match=f"max_matches is {max_matches}; it must be a whole number from 4 to 2048"):
+        HomographyEstimator(max_matches=max_matches)
 
 
 @pytest.mark.slow

@@ -145,3 +145,9 @@ def test_reset_in_any_phase_leaves_nothing_behind() -> None:
     empty = [array[:0] for array in given]
     for matches_of, answered in zip((empty, given) * len(phases), results, strict=True):
         assert_equal(golden.Scores(*np.array(answered).T), score(hypotheses, *matches_of))
+
+
+@pytest.mark.parametrize("max_matches", [0, golden.MAX_MATCHES + 1])
+def test_an_impossible_memory_is_refused(max_matches: int) -> None:
+    with pytest.raises(ValueError, match=f"max_matches is {max_matches}; it must be a whole number from 1 to 2048"):
+        HomographyScoring(max_matches=max_matches)

@@ -10,7 +10,7 @@ from amaranth.hdl import Fragment, ResetInserter, Shape
 from amaranth.lib import data
 from amaranth.sim import Simulator
 
-from hdl.lib.delay import MIN_SHARED_STAGES, WORD_BITS, delayed
+from hdl.lib.delay import MIN_SHARED_STAGES, WORD_BITS, check_aligned, delayed, wait_cycles
 
 CLOCKS = 160
 
@@ -102,3 +102,16 @@ def test_a_view_keeps_its_layout() -> None:
 def test_a_negative_delay_is_refused() -> None:
     with pytest.raises(ValueError, match="cycles is -1"):
         delayed(Module(), Signal(), -1)
+
+
+def test_paths_that_meet_are_compared() -> None:
+    check_aligned("lag_px", harris=4, fast=4)
+    with pytest.raises(ValueError, match="lag_px must be equal where paths meet: harris has 5, fast has 4"):
+        check_aligned("lag_px", harris=5, fast=4)
+
+
+def test_a_path_waits_for_a_longer_one_only() -> None:
+    assert wait_cycles("marks", 3, until=5) == 2
+    assert wait_cycles("marks", 3, until=3) == 0
+    with pytest.raises(ValueError, match="marks take 3 clocks, but the path that they meet only 2"):
+        wait_cycles("marks", 3, until=2)

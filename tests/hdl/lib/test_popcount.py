@@ -26,3 +26,8 @@ def test_popcount_counts_the_ones_of_each_lane(bits: int, lanes: int) -> None:
     # A count stays until the next valid input.
     last_valid = np.maximum.accumulate(np.where(valid, np.arange(25), 0))
     np.testing.assert_array_equal(counts, inputs.sum(axis=1)[last_valid])
+
+
+def test_popcount_refuses_too_few_bits() -> None:
+    with pytest.raises(ValueError, match="bits is 2"):
+        Popcount(bits=2, lanes=1)

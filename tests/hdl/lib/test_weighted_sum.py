@@ -50,3 +50,8 @@ def test_sum_is_exact_at_its_latency(weights: tuple[Any, ...], shape: Any, laten
     sums = [total for valid, total in outputs if valid]
     assert sums == (vectors @ np.array(weights))[valids].tolist()
     assert (dut.low, dut.high) == (sums[1], sums[0])
+
+
+def test_weights_that_are_all_zero_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"weights are \[0, 0\]"):
+        WeightedSum(weights=(0, 0), shape=unsigned(8))

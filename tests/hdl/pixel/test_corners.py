@@ -40,3 +40,18 @@ def test_corners_of_a_larger_window_equal_the_golden_model(check_block: Callable
     settings = {"i_fast": DETECTORS.index("fast"), "i_threshold_code": config.threshold}
     expected = {"code": [survivors], "left": [np.roll(codes, 1, axis=1)]}
     check_block(dut, [{"column": columns(frame, 3)}], expected, margin_px=dut.lag_px, settings=settings)
+
+
+@pytest.mark.usefixtures("unused_blocks")
+def test_detectors_of_different_lags_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """FAST waits for Harris; nothing makes Harris wait."""
+    monkeypatch.setattr(StructureTensor, "lag_px", 1)
+    with pytest.raises(ValueError, match="lag_px is 2; it must be a whole number from 3 on"):
+        Corners(config=CONFIG, width_px=WIDTH_PX)
+
+
+@pytest.mark.usefixtures("unused_blocks")
+def test_lines_that_end_above_the_window_of_fast_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(GradientColumns, "pixel_lines", 6)
+    with pytest.raises(ValueError, match=r"FAST needs \d lines of pixels, but 6 are stored"):
+        Corners(config=CONFIG, width_px=WIDTH_PX)

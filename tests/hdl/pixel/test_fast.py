@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from amaranth.hdl import Fragment
 from numpy.typing import NDArray
 
 from golden_model.pixel import fast
@@ -49,3 +50,15 @@ def test_scores_equal_the_golden_model(
         margin_px=lag_px,
         settings={"i_threshold_code": threshold},
     )
+
+
+def test_a_lag_that_the_window_cannot_have_is_refused() -> None:
+    with pytest.raises(ValueError, match="lag_px is 2; it must be a whole number from 3 on"):
+        Fast(lag_px=2)
+
+
+@pytest.mark.usefixtures("unused_blocks")
+def test_codes_that_do_not_come_with_their_scan_position_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Fast, "latency_cycles", Fast.latency_cycles + 1)
+    with pytest.raises(ValueError, match=r"latency_cycles of FAST .* scan has 23, codes has 22"):
+        Fragment.get(Fast(), None)

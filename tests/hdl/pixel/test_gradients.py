@@ -41,3 +41,10 @@ def test_gradient_columns_equal_the_golden_model(
         plane_values = part.plane(field, frame.shape, lag_px=lag_px)
         inside = (slice(7, len(frame) - lag_px - 1), slice(2, frame.shape[1] - lag_px - 1))
         np.testing.assert_array_equal(plane_values[inside], expected[inside])
+
+
+@pytest.mark.usefixtures("unused_blocks")
+def test_smoothed_and_passed_pixels_of_different_lags_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hdl.pixel.gradients.PASSED_LAG_PX", 2)
+    with pytest.raises(ValueError, match=r"lag_px of the gray .* smoothed has 1, passed has 2"):
+        GradientColumns(smoothed=True, width_px=WIDTH_PX)

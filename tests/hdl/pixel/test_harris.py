@@ -50,3 +50,8 @@ def test_response_code_equals_the_golden_model(check_block: Callable[..., None],
     expected = [harris.response_code(frame, threshold) for frame in raw]
     settings = {"i_threshold_code": int(encode_response(np.array(threshold)))}
     check_block(ResponseCode(), [{"raw": frame} for frame in raw], {"code": expected}, settings=settings)
+
+
+def test_impossible_parameters_are_named() -> None:
+    with pytest.raises(ValueError, match="window_px is 4"):
+        StructureTensor(window_px=4)

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from amaranth.hdl import Fragment
 
 from golden_model.pixel import nms
 from hdl.pixel.nms import Suppression
@@ -41,3 +42,16 @@ def test_suppression_equals_the_golden_model(
     dut = Suppression(radius_px=radius_px, width_px=WIDTH_PX, pixels_per_clock=pixels_per_clock)
     settings = {"i_fast": int(is_fast)}
     check_block(dut, [{"code": frame} for frame in codes], expected, margin_px=radius_px, settings=settings)
+
+
+def test_impossible_parameters_are_named() -> None:
+    with pytest.raises(ValueError, match="radius_px is 2"):
+        Suppression(radius_px=2, width_px=64)
+
+
+@pytest.mark.usefixtures("unused_blocks")
+def test_codes_that_do_not_come_with_their_scan_position_are_refused() -> None:
+    dut = Suppression(radius_px=1, width_px=64)
+    dut.latency_cycles += 1
+    with pytest.raises(ValueError, match=r"latency_cycles of the suppression .* scan has 9, codes has 8"):
+        Fragment.get(dut, None)

@@ -43,3 +43,18 @@ def test_offset_columns_gives_columns_from_further_up_and_left(
         moved = part.plane("column", frame.shape, lag_px=distance_px)
         inside = (slice(1, len(frame) - distance_px), slice(frame.shape[1] - distance_px))
         np.testing.assert_array_equal(moved[inside], columns(frame, 2)[inside])
+
+
+@pytest.mark.parametrize(
+    ("block", "parameters", "message"),
+    [
+        (LineBuffer, {"shape": 8, "lines": 0, "width_px": 64}, "lines is 0"),
+        (LineBuffer, {"shape": 8, "lines": 1, "width_px": 3}, "width_px is 3"),
+        (Window, {"shape": 8, "columns": 0}, "columns is 0"),
+    ],
+)
+def test_impossible_parameters_are_named(
+    block: type[LineBuffer] | type[Window], parameters: dict[str, int], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        block(**parameters)

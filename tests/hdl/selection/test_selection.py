@@ -233,3 +233,10 @@ def test_reset_in_the_middle_of_a_frame_leaves_nothing_behind(planes: list[NDArr
 
     bench.run(play)
     assert bench.received == golden(planes[0], 32, 4)
+
+
+def test_impossible_parameters_are_refused() -> None:
+    with pytest.raises(ValueError, match="width_px is 0; it must be a whole number from 1 on"):
+        CellSelection(pattern=PATTERN, width_px=0)
+    with pytest.raises(ValueError, match="in_flight is 16; it must be a whole number from 0 to 15"):
+        RasterSelection(pattern=PATTERN, depth=16, in_flight=16)

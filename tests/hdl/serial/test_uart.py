@@ -80,3 +80,9 @@ def test_a_pin_shows_each_bit_for_its_clocks_and_ones_between_bytes() -> None:
     for byte in SENT:
         expected += [1, *(bit for bit in bits(byte) for _ in range(clocks_per_bit))]
     assert levels[: len(expected)] == expected
+
+
+@pytest.mark.parametrize("block", [UartReceiver, UartTransmitter])
+def test_too_few_clocks_for_a_bit_are_refused(block: type[UartReceiver] | type[UartTransmitter]) -> None:
+    with pytest.raises(ValueError, match="clocks_per_bit is 3"):
+        block(clocks_per_bit=3)
