@@ -32,7 +32,7 @@ class DescriptorPattern:
     radii_px: tuple[int, ...]
     """Radii of the rings; radius 0 is the centre pixel."""
     angles: int
-    """Pixels per ring: 16 (circle) or, where it is not oriented, 8 (the square of equation III-4)."""
+    """Pixels per ring: 16 (circle) or 8 (the square of equation III-4)."""
     comparisons: tuple[tuple[int, int, int], ...]
     """``(a, b, k)`` of each descriptor byte."""
     smoothed: bool
@@ -41,6 +41,15 @@ class DescriptorPattern:
     """The compared angles rotate with the orientation sector."""
     carries_window: bool = False
     """The feature record also holds the 3x3 gray window around the feature, whose SAD the fuzzy ILBP needs."""
+
+    def __post_init__(self) -> None:
+        if self.angles not in (8, 16):
+            raise ValueError(f"a ring has 8 or 16 angles, not {self.angles}")
+        if self.oriented and self.angles != 16:
+            raise ValueError("an oriented pattern needs rings of 16 angles")
+        for a, b, k in self.comparisons:
+            if not (0 <= a < len(self.radii_px) and 0 <= b < len(self.radii_px) and 0 <= k < self.angles):
+                raise ValueError(f"comparison {(a, b, k)} is outside the rings of {self.name}")
 
     @property
     def descriptor_bytes(self) -> int:

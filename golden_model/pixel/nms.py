@@ -4,6 +4,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+TIES = ("first", "lose")
+
 
 def suppress(code: NDArray[np.uint16], radius_px: int, ties: str = "first") -> NDArray[np.uint16]:
     """Keep a response only where it is the largest in the window around it.
@@ -23,7 +25,14 @@ def suppress(code: NDArray[np.uint16], radius_px: int, ties: str = "first") -> N
     -------
     ndarray of uint16, shape (H, W)
         The code where it survives, else 0.
+
+    Raises
+    ------
+    ValueError
+        For an unknown value of ``ties``.
     """
+    if ties not in TIES:
+        raise ValueError(f"ties is {ties!r}; valid: {', '.join(TIES)}")
     side_px = 2 * radius_px + 1
     before = np.zeros((side_px, side_px), np.uint8)
     before.flat[: side_px * side_px // 2] = 1

@@ -135,3 +135,27 @@ def test_feature_too_near_the_border_is_named(x: int, y: int) -> None:
     with pytest.raises(ValueError, match=rf"feature 1 at \({x}, {y}\) reaches outside the 64x64 image"):
         ilbp.describe(flat, flat, np.array([30, x]), np.array([30, y]), ILBP_128)
     ilbp.describe(flat, flat, np.array([15, 48]), np.array([15, 48]), ILBP_128)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"angles": 12}, "8 or 16 angles, not 12"),
+        ({"angles": 8, "oriented": True}, "oriented pattern needs rings of 16"),
+        *(
+            ({"comparisons": (each,)}, rf"comparison \({', '.join(map(str, each))}\) is outside the rings")
+            for each in ((2, 0, 0), (0, 2, 0), (0, 0, 16), (-1, 0, 0), (0, -1, 0), (0, 0, -1))
+        ),
+    ],
+)
+def test_impossible_pattern_is_refused(arguments: dict[str, Any], message: str) -> None:
+    fields: dict[str, Any] = {
+        "name": "p",
+        "radii_px": (0, 1),
+        "angles": 16,
+        "comparisons": (),
+        "smoothed": False,
+        "oriented": False,
+    }
+    with pytest.raises(ValueError, match=message):
+        ilbp.DescriptorPattern(**(fields | arguments))

@@ -50,7 +50,11 @@ RULES = (Rule(("s0",), 1.0), Rule(("s1",), 0.0))
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        ({"conjunction": "max"}, "conjunction is 'max'; valid: product, minimum"),
         ({"rules": ()}, "has 0 rules; it must have 1 to 32"),
+        ({"rules": (Rule(("s9",), 1.0),)}, "a has no set 's9'; it has s0, s1"),
+        ({"rules": (Rule(("s0", "s0"), 1.0),)}, "names 2 sets for 1 inputs"),
+        ({"rules": (*RULES, Rule(("s0",), 1.5))}, "rule 2: output is 1.5; it must be 0 to 1"),
         ({"rules": (Rule(("s0",), 1.0),)}, r"strengths sum to 0.0000 at a 1; make the sets complementary"),
         ({"inputs": (crisp("a", [256, 100], [0, 150]),)}, r"strengths sum to 0.9766 at a 1"),
         ({"rules": (*RULES, Rule(("s1",), 0.0, joins=True))}, "rule 2: OR needs conjunction 'minimum'"),
@@ -81,5 +85,10 @@ def test_impossible_variable_is_refused(tables: tuple[Any, ...], message: str) -
         crisp("a", *tables)
 
 
-def test_no_inputs_have_no_weights() -> None:
-    assert [each.size for each in aerial(128).evaluate(*[np.zeros(0, int)] * 3)] == [0, 0]
+def test_wrong_inputs_are_refused() -> None:
+    system = aerial(128)
+    assert [each.size for each in system.evaluate(*[np.zeros(0, int)] * 3)] == [0, 0]
+    with pytest.raises(ValueError, match="takes 3 inputs, not 1"):
+        system.evaluate(np.array([1]))
+    with pytest.raises(ValueError, match="margin: value -2 is negative"):
+        system.evaluate(np.array([1]), np.array([-2]), np.array([0]))

@@ -46,3 +46,8 @@ def test_suppression_equals_the_loop(code: Any, radius_px: int, ties: str) -> No
 @pytest.mark.parametrize(("ties", "kept"), [("first", [[7, 0, 0, 0, 0]]), ("lose", [[0, 0, 0, 0, 0]])])
 def test_a_suppressed_response_still_suppresses(ties: str, kept: list[list[int]]) -> None:
     np.testing.assert_array_equal(suppress(np.array([[7, 7, 7, 7, 7]], np.uint16), 3, ties), kept)
+
+
+def test_an_unknown_tie_rule_is_refused() -> None:
+    with pytest.raises(ValueError, match="ties is 'last'; valid: first, lose"):
+        suppress(np.zeros((4, 4), np.uint16), 1, "last")
