@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Records
-from golden_model.formats import POSITION, SQ, round_shift
+from golden_model.formats import POSITION, SQ, WEIGHT, round_shift
 from golden_model.records import ELEMENTS, HYPOTHESIS, SCORE, Tag
 
 ENTRY = SQ(25)
@@ -134,9 +134,20 @@ def score(
         Weights that the fuzzy rules gave, `golden_model.formats.WEIGHT`.
     max_matches : int
         Matches that the memory holds. With more, no hypothesis has a score.
+
+    Raises
+    ------
+    ValueError
+        For wrong shapes, or positions and weights out of their range.
     """
     h = np.asarray(hypotheses, dtype=np.int64)
     x, y, w = (np.asarray(values, dtype=np.int64) for values in (left, right, weight))
+    if h.ndim != 3 or h.shape[1:] != (3, 3) or x.ndim != 2 or x.shape[1] != 2 or y.shape != x.shape:
+        raise ValueError(f"shapes are {h.shape}, {x.shape} and {y.shape}; need (M, 3, 3), (N, 2) and (N, 2)")
+    if w.shape != x.shape[:1]:
+        raise ValueError(f"weights have shape {w.shape}; need ({len(x)},)")
+    if not (POSITION.holds(x) and POSITION.holds(y) and WEIGHT.holds(w)):
+        raise ValueError(f"positions must be {POSITION} and weights {WEIGHT}, as match records hold them")
     causes = _causes(h, len(x), max_matches)
     gains = np.zeros((len(h), len(x)), dtype=np.int64)
     # The widths are bounded for these only.

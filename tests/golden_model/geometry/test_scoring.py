@@ -141,6 +141,20 @@ def test_sets_of_no_and_of_too_many_matches_have_a_cause() -> None:
     assert (result.causes.tolist(), result.score.tolist()) == ([ScoreCause.TOO_MANY_MATCHES], [0])
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"left": [[-1, 0]]}, {"right": [[0, 1 << 16]]}, {"weight": [256]}, {"weight": [1, 2]},
+        {"right": [[3, 4, 5]]}, {"left": [1, 2], "right": [3, 4]}, {"left": [[1, 2, 3]], "right": [[3, 4, 5]]},
+    ],
+)  # fmt: skip
+def test_matches_out_of_range_are_refused(wrong: dict[str, Any]) -> None:
+    given = {"left": [[1, 2]], "right": [[3, 4]], "weight": [5], **wrong}
+    left, right, weight = map(np.array, given.values())
+    with pytest.raises(ValueError, match=r"must be|shape"):
+        score(quantise(IDENTITY[np.newaxis]), left, right, weight)
+
+
 def test_eighty_thousand_hypotheses_a_second() -> None:
     """At 1850 matches and 150 MHz, with everything that a hypothesis takes: 500 of them within 6.2 ms."""
     cycles = finish_cycles(1850, 500)
