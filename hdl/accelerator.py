@@ -67,15 +67,12 @@ class Accelerator(Component):
     """Active high, level; software clears an event by writing 1."""
 
     registers: RegisterFile
-    closing_clocks: int
-    """See `hdl.front_end.FrontEnd`."""
 
     def __init__(self, build: Build) -> None:
         self.build, config = build, build.config
         self._has_shell = build.shell == "camera"
         self.registers = RegisterFile(constants=built_constants(build), registers=list_registers(build))
         self._front_end = FrontEnd(build)
-        self.closing_clocks = self._front_end.closing_clocks
         self._matcher = Matcher(
             config=config.matcher,
             pattern=config.front_end.pattern,
@@ -91,6 +88,11 @@ class Accelerator(Component):
             i_video=In(stream.Signature(video_payload(build.video_bits))),
             **({"o_homographies": Out(stream.Signature(WordPayload))} if config.estimator else {}),
         )
+
+    @property
+    def closing_clocks(self) -> int:
+        """See `hdl.front_end.FrontEnd`."""
+        return self._front_end.closing_clocks
 
     def elaborate(self, platform: object) -> Module:
         """The data path and the status, which ``clear`` resets; registers and outputs, which it does not."""

@@ -1,5 +1,6 @@
 """Live numbers: how many frames come and are used per second, and what the accelerator takes for each of them."""
 
+import importlib
 import time
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -11,7 +12,6 @@ from golden_model.config import Config
 from golden_model.geometry.estimator import MAX_CYCLES
 from golden_model.matching.matcher import match
 from golden_model.timing import FrameWork, steady_pace
-from hdl.build import Build
 from skymosaic.geometry.estimators import FABRIC
 from skymosaic.imagery.live_frames import LiveFrame
 from skymosaic.mosaicking.live.update import LiveUpdate
@@ -70,7 +70,9 @@ class Pace:
             rows=rows,
             estimate_cycles=self._estimate_cycles,
         )
-        pace = steady_pace(work, self._config, lanes=Build.lanes)
+        # Imported late: the help of `mosaic` imports this module, and needs no hardware.
+        lanes = importlib.import_module("hdl.build").Build.lanes
+        pace = steady_pace(work, self._config, lanes=lanes)
         self._paces += [pace] if pace else []
 
     @property
