@@ -48,8 +48,8 @@ STILL, FAR = 0.01, STILL_SHARE / SHARE_PER_SIDE
 """Below the first motion the camera stood still, or a sensor's pattern is what agrees; from the second on, nothing must
 agree."""
 UNMOVED = 0.0005
-"""Below this motion, half a pixel of a thousand, no camera in the air stood still: one on a tripod, or a watermark over
-the whole picture is what agrees. A pair is not good then."""
+"""Below this motion, half a pixel of a thousand, a pair is not good. No camera in the air stands so still: it is on a
+tripod, or a watermark over the whole picture is what agrees."""
 DOUBT, DECISIVE_DOUBT = 0.2, 0.15
 """What lacks more of the share is refused, in the first pictures or in those that decide; what lacks less is in doubt.
 Displays reach 62 and 49 % where a camera stands still, a shore with 45 % of water 56 and 57 %."""
