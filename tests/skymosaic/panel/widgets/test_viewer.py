@@ -12,7 +12,7 @@ from tools.panel import make_mosaic, mosaic_viewer
 def test_the_page_loads_the_tiles_that_are_zoomed_into(page: Page, photographs: list[Path], tmp_path: Path) -> None:
     larger = [tmp_path / path.name for path in photographs]
     for path, target in zip(photographs, larger, strict=True):
-        cv2.imwrite(str(target), cv2.resize(cv2.imread(str(path)), None, fx=5, fy=5))
+        cv2.imwrite(str(target), cv2.resize(cv2.imread(str(path)), None, fx=8, fy=8))
     page.get_by_label("Choose photographs").set_input_files(larger)
     expect(photographs_loaded(page)).to_have_count(2)
     loaded: list[str] = []
