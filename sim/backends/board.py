@@ -176,7 +176,8 @@ def _join_records(
 ) -> FrameResult:
     (status_record,), (match_record,) = status, match_status
     (homography,) = homographies[0] if homographies else (None,)
-    return FrameResult(features, matches, status_record, match_record, int(status_record["cycles"]), None, homography)
+    cycles = int(status_record["cycles"])
+    return FrameResult(features, matches, status_record, match_record, cycles=cycles, homography=homography)
 
 
 def _check_status(result: FrameResult, number: int, shape: tuple[int, ...], where: str) -> None:
