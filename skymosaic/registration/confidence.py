@@ -207,4 +207,6 @@ def _explain(quality: FitQuality, correlation: float, verdict: str) -> str:
     if quality.held_out_share < FLAT_SHARE:
         # What lies higher or lower than its matches, as a roof, is farther off.
         return f"relief: {held_out}; expect ghosting of {quality.held_out_px:.0f} px and more"
-    return f"the overlap correlates by only {correlation:.2f}"
+    if correlation < SURE_CORRELATION:
+        return f"the overlap correlates by only {correlation:.2f}"
+    return f"{held_out}, and inliers on {100 * quality.hull_share:.0f} % of the overlap"

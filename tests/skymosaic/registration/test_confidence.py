@@ -154,6 +154,7 @@ def test_flat_is_where_many_matches_and_the_ground_agree(
         (FitQuality(0.2, 0.9, 1, 0.9, 99), 0.9, ground(0.39), "check, what agrees covers 39 % of the ground, and "),
         (FitQuality(0.2, 0.9, 1, 0.9, 99), 0.9, ground(0.1), "poor, what agrees covers 10 % of the ground, and "),
         (FitQuality(2, 0.75, 4, 0.9, 20), 0.2, ground(), "check, the overlap correlates by only 0.20; expected "),
+        (FitQuality(2, 0.75, 4, 0.5, 20), 0.96, ground(), "check, 75 % of held-out matches within 2 px, and inliers "),
         (
             FitQuality(8, 0.74, 4, 0.25, 20), 0.2, ground(),
             "poor, relief: 74 % of held-out matches within 2 px; expect ghosting of 4 px and more; expected error 12.6",
