@@ -3,10 +3,11 @@
 import dataclasses
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 
 from skymosaic.common.errors import InputError
-from skymosaic.imagery.decoding import read_header
+from skymosaic.imagery.decoding import Header, read_header
 from skymosaic.imagery.photographs import Source
 
 # GRE, RED, REG and NIR are Parrot's endings, MS_G to MS_NIR DJI's; MicaSense numbers its files.
@@ -39,13 +40,14 @@ def group_band_sets(
     """Group a flight's files by capture: each gets the file of one band as its content, and has those of all bands.
 
     The band that registers the flight is ``band``; None: green, else the second of numbered bands, else the first.
-    Sources that are photographs, not sets, are returned as they are. ``tell`` receives a line about pictures without a
-    band.
+    Sources that are photographs, not sets, are returned as they are. A capture that lacks a band has a fault. ``tell``
+    receives a line about pictures without a band, and one about numbers that might be those of photographs.
 
     Raises
     ------
     InputError
-        For a band that most captures lack, bands of different sizes, photographs among sets, and an unknown band.
+        For a band that most captures lack, bands in colour or of different sizes, photographs among sets, and an
+        unknown band.
     """
     captures, others = _group_by_capture(sources)
     if not _are_sets(captures):
@@ -59,11 +61,15 @@ def group_band_sets(
         raise InputError(f"{stray.name}: belongs to no multi-band set, as the others do; put it into another folder")
     if colour:
         tell(f"note {colour[0].name}: {len(colour)} colour pictures belong to no band and are not used")
+    if band is None and (photographs := _if_photographs(captures)):
+        count = sum(map(len, captures.values()))
+        read_as = f"{count} such files are read as {len(captures)} captures of bands {', '.join(bands)}"
+        tell(f"note {sources[0].name}: {read_as}{photographs}")
     registering = _choose_band(band, bands)
     grouped = []
     for index, (capture, files) in enumerate(captures.items()):
         by_band = {name: files.get(name) or _absent(capture, name, captures) for name in bands}
-        _check_sizes(files, bands)
+        _check_alike(files, bands)
         grouped.append(dataclasses.replace(by_band[registering], index=index, bands=by_band))
     return grouped
 
@@ -87,7 +93,7 @@ def select_band(sources: Sequence[Source], band: str | None) -> list[Source]:
         bands = _list_bands(captures)
         raise InputError(
             f"{Path(sources[0].name).parent}: multi-band sets ({', '.join(bands)}); name the band to show: "
-            f"`band` {_choose_band(None, bands)}"
+            f"`band` {_choose_band(None, bands)}{_if_photographs(captures)}"
         )
     return list(sources)
 
@@ -114,9 +120,31 @@ def _parse_name(path: Path) -> tuple[_Capture, str] | None:
     """The capture and the band of a file; None without a band in its name."""
     if named := _NAMED.fullmatch(path.stem):
         return (path.parent, named[1]), _NAMES[named[2].upper()]
-    # Cameras write bands as TIFF; other numbered files are photographs.
+    # Cameras write bands as TIFF of one channel; other numbered files are photographs.
     numbered = _NUMBERED.fullmatch(path.stem) if path.suffix.lower() in (".tif", ".tiff") else None
-    return ((path.parent, numbered[1]), str(int(numbered[2]))) if numbered else None
+    return ((path.parent, numbered[1]), str(int(numbered[2]))) if numbered and _may_be_gray(path) else None
+
+
+def _may_be_gray(path: Path) -> bool:
+    """Whether a file is gray, or cannot be read, which is said when it is."""
+    try:
+        return _is_gray(path, path.stat().st_mtime_ns)
+    except (InputError, OSError, ValueError):
+        return True
+
+
+# Cached, because a live mosaic lists its folder several times a second.
+@lru_cache(maxsize=1 << 16)
+def _is_gray(path: Path, _changed_ns: int) -> bool:
+    return read_header(path).gray
+
+
+def _if_photographs(captures: Mapping[_Capture, Mapping[str, Source]]) -> str:
+    """What to do with files that a number makes bands, if they are photographs; empty where names say more."""
+    numbered = (files[name] for files in captures.values() for name in files if name.isdecimal())
+    if (first := next(numbered, None)) is None:
+        return ""
+    return f"; if the files are photographs, rename them, as {'-'.join(Path(first.name).name.rsplit('_', 1))}"
 
 
 def _is_colour(source: Source, captures: dict[_Capture, dict[str, Source]]) -> bool:
@@ -143,33 +171,33 @@ def _choose_band(band: str | None, bands: Sequence[str]) -> str:
 
 
 def _absent(capture: _Capture, band: str, captures: Mapping[_Capture, Mapping[str, Source]]) -> Source:
-    """The file that a capture lacks, by its name: as a damaged one, it leaves out the capture when it is read."""
-    having = [(other, files[band].name) for other, files in captures.items() if band in files]
+    """Stands for the file that a capture lacks: a file of it, with the fault that leaves out the capture."""
+    having = [files[band] for files in captures.values() if band in files]
     if len(having) <= len(captures) / 2:
         raise InputError(
-            f"{having[0][1]}: {len(captures) - len(having)} of {len(captures)} captures have no band {band}; put the "
+            f"{having[0].name}: {len(captures) - len(having)} of {len(captures)} captures have no band {band}; put the "
             "files of this band into another folder"
         )
-    other, name = having[0]
-    path = capture[0] / Path(name).name.replace(other[1], capture[1], 1)
-    return Source(0, str(path), path)
+    own = next(iter(captures[capture].values()))
+    fault = f"{own.name}: its capture has no band {band}, which {len(having)} of {len(captures)} have"
+    return dataclasses.replace(own, fault=fault + _if_photographs({capture: captures[capture]}))
 
 
-def _check_sizes(files: Mapping[str, Source], bands: Sequence[str]) -> None:
-    """Check that the bands of a capture have one size."""
-    bands = [band for band in bands if band in files]
-    sizes = {band: _size_px(files[band]) for band in bands}
-    other = next((band for band in bands if sizes[band] != sizes[bands[0]]), None)
-    if other is not None:
-        raise InputError(
-            f"{files[other].name}: {sizes[other][0]}x{sizes[other][1]} pixels, but band {bands[0]} has "
-            f"{sizes[bands[0]][0]}x{sizes[bands[0]][1]}; all bands need one size: remove the files of this one"
-        )
+def _check_alike(files: Mapping[str, Source], bands: Sequence[str]) -> None:
+    """Check that the bands of a capture are gray and have one size."""
+    headers = {band: _header_of(files[band]) for band in bands if band in files}
+    first = next(iter(headers))
+    for band, header in headers.items():
+        if not header.gray:
+            raise InputError(f"{files[band].name}: in colour, but a band is gray; put it into another folder")
+        if header.size != headers[first].size:
+            sizes = "{}x{} pixels, but band {} has {}x{}".format(*header.size, first, *headers[first].size)
+            raise InputError(f"{files[band].name}: {sizes}; all bands need one size: remove the files of this one")
 
 
-def _size_px(source: Source) -> tuple[int, int]:
+def _header_of(source: Source) -> Header:
     assert isinstance(source.content, Path)
     try:
-        return read_header(source.content).size
+        return read_header(source.content)
     except InputError as error:
         raise InputError(f"{error}, or remove all files of this capture") from None

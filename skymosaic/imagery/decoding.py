@@ -65,6 +65,8 @@ class Header:
     """Size of the decoded pixels."""
     transparent: bool
     """It has an alpha channel or a transparent colour."""
+    gray: bool
+    """It has one value for each pixel, which is no colour of a palette."""
     nodata: float | None = None
     """The value that pixels without data have, as GDAL writes it into TIFF; the transparent level of a gray PNG."""
     pages: int = 1
@@ -136,9 +138,10 @@ def read_header(path: Path, min_side_px: int = MIN_FRAME_PX) -> Header:
             # Pillow parses some chunks of PNG and WebP while it opens the file, but EXIF only on request.
             orientation, sizes = _orientation(header), _decoded_sizes(header, path)
             transparent, nodata = header.has_transparency_data, _nodata(header)
+            gray = len(header.getbands()) == 1 and header.mode != "P"
             kind, size, pages = str(header.format), header.size, _count_pages(header)
             premultiplied = _tiff_tag(header, EXTRA_SAMPLES, 0) == (ASSOCIATED_ALPHA,)
-            declared = Header(kind, size, orientation, *sizes, transparent, nodata, pages, premultiplied)
+            declared = Header(kind, size, orientation, *sizes, transparent, gray, nodata, pages, premultiplied)
     except UnidentifiedImageError:
         raise InputError(f"{path}: not an image that can be read; give PNG, JPEG, or TIFF of gray or RGB") from None
     except (PillowImage.DecompressionBombError, PillowImage.DecompressionBombWarning):

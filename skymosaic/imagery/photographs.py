@@ -46,6 +46,8 @@ class Source:
     """Use a damaged file as far as it can be decoded."""
     bands: Mapping[str, Source] = field(default_factory=dict)
     """All bands of a multi-band set, in the order of the output; empty for a photograph."""
+    fault: str = ""
+    """Why it cannot be used, where that is known before it is read; else empty."""
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -65,8 +67,10 @@ class Source:
         Raises
         ------
         InputError
-            For a file that cannot be read.
+            For a file that cannot be read, or a source with a fault.
         """
+        if self.fault:
+            raise InputError(self.fault)
         if isinstance(self.content, Path):
             return self._first_read[0]
         return hashlib.sha256(repr(self.content.shape).encode() + self.content.tobytes()).hexdigest()

@@ -57,7 +57,7 @@ def in_all_bands(composition: Composition, flight: Flight, layout: Layout, worke
     Raises
     ------
     InputError
-        For files that cannot be read, are in colour, or differ in depth from one band to another.
+        For files that cannot be read, or differ in depth from one band to another.
     RegistrationError
         If a band cannot be aligned.
     """
@@ -65,7 +65,6 @@ def in_all_bands(composition: Composition, flight: Flight, layout: Layout, worke
     views = [flight.views[member] for member in layout.members]
     names = tuple(captures[0].bands)
     reference = next(name for name in names if captures[0].bands[name].content == captures[0].content)
-    _check_gray(views)
     settings = dataclasses.replace(flight.settings, lens=flight.lens)
     alignments = align_bands(captures, reference, flight.lens, workers)
     each = {reference: composition}
@@ -73,7 +72,6 @@ def in_all_bands(composition: Composition, flight: Flight, layout: Layout, worke
         sources = [capture.bands[name] for capture in captures]
         calls = [(source, view, settings) for source, view in zip(sources, views, strict=True)]
         band_views = list(workers.run(f"band {name}", _describe_band, calls))
-        _check_gray(band_views)
         band = _replace_band(composition, sources, band_views, alignment)
         # Two captures keep their exposures, as two photographs do; each band of more has exposures of its own.
         each[name] = (
@@ -121,9 +119,3 @@ def _check_one_type(each: Mapping[str, Composition]) -> None:
             f"band {other} is written as {types[other]} and band {first} as {types[first]}; one file holds one type: "
             "leave out the files of either"
         )
-
-
-def _check_gray(views: Sequence[View]) -> None:
-    coloured = next((view for view in views if view.thumbnail.ndim == 3), None)
-    if coloured is not None:
-        raise InputError(f"{coloured.name}: in colour; a file of a multi-band set has one band")

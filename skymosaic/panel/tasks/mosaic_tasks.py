@@ -58,8 +58,8 @@ def make_mosaic(
     by_name = {Path(path).name: path for path in paths}
     photographs = [Source(index, name, folder / path) for index, (name, path) in enumerate(by_name.items())]
     words = _shorten(paths)
-    unused: list[str] = []
-    sources = group_band_sets(photographs, tell=unused.append)
+    notes: list[str] = []
+    sources = group_band_sets(photographs, tell=notes.append)
     deliveries, reason, output = [], "", [MOSAIC]
     with open_plan_of_sources(sources, options, progress) as plan:
         try:
@@ -92,7 +92,7 @@ def make_mosaic(
         seconds=flight.seconds,
         reason=reason,
     )
-    return _add_mosaic(result, flight, deliveries[0], unused) if deliveries else result
+    return _add_mosaic(result, flight, deliveries[0], notes) if deliveries else result
 
 
 def _describe_run(flight: Flight) -> dict[str, str]:
@@ -115,7 +115,7 @@ def _choose_output(plan: MosaicPlan) -> list[str]:
     return [MAP, "--tiles", TILES] if on_map >= min(len(views), MIN_POSITIONS) else [MOSAIC]
 
 
-def _add_mosaic(result: MosaicResult, flight: Flight, delivery: Delivery, unused: list[str]) -> MosaicResult:
+def _add_mosaic(result: MosaicResult, flight: Flight, delivery: Delivery, notes: list[str]) -> MosaicResult:
     """Add the mosaic, what is to be said of it and what is not in it; of a flight, links, problems and numbers."""
     layout = delivery.layout
     result = replace(
@@ -133,7 +133,7 @@ def _add_mosaic(result: MosaicResult, flight: Flight, delivery: Delivery, unused
         "error": "unknown" if errors is None else errors.description,
         "model": f"{layout.model}: {layout.reason}",
     }
-    facts |= {"not used": "; ".join(unused)} if unused else {}
+    facts |= {"notes": "; ".join(notes)} if notes else {}
     return replace(
         result,
         seconds=flight.seconds | {"blending and writing": delivery.seconds},
