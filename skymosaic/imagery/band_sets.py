@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.decoding import Header, read_header
@@ -46,14 +47,15 @@ def group_band_sets(
     Raises
     ------
     InputError
-        For a band that most captures lack, bands in colour or of different sizes, photographs among sets, and an
-        unknown band.
+        For a band that most captures lack, two files of one band, bands in colour or of different sizes, photographs
+        among sets, and an unknown band.
     """
-    captures, others = _group_by_capture(sources)
+    captures, others, repeated = _group_by_capture(sources)
     if not _are_sets(captures):
         if band is not None:
             raise InputError(f"`band` {band}: the photographs are not multi-band sets; leave it out")
         return list(sources)
+    _refuse(repeated)
     bands = _list_bands(captures)
     colour = [source for source in others if _is_colour(source, captures)]
     if len(colour) < len(others):
@@ -80,14 +82,15 @@ def select_band(sources: Sequence[Source], band: str | None) -> list[Source]:
     Raises
     ------
     InputError
-        For an unknown band, and for sets if no band is named.
+        For an unknown band, two files of the band, and for sets if no band is named.
     """
-    captures, _ = _group_by_capture(sources)
+    captures, _, repeated = _group_by_capture(sources)
     if band is not None:
         name = _NAMES.get(band.upper(), band.lower())
         if name not in BANDS and not name.isdecimal():
             raise InputError(f"`band` {band}: valid: {', '.join(BANDS)}, or the number in the files' names")
         wanted = name if name in BANDS else str(int(name))
+        _refuse([each for each in repeated if each.band == wanted])
         return [files[wanted] for files in captures.values() if wanted in files]
     if _are_sets(captures):
         bands = _list_bands(captures)
@@ -102,18 +105,40 @@ def _are_sets(captures: Mapping[_Capture, Mapping[str, Source]]) -> bool:
     return len(captures) >= MIN_CAPTURES and max(map(len, captures.values())) > 1
 
 
-def _group_by_capture(sources: Sequence[Source]) -> tuple[dict[_Capture, dict[str, Source]], list[Source]]:
-    """The files of each capture by band, and the files without a band in their names."""
+class _Repeated(NamedTuple):
+    """Two files of one band of a capture."""
+
+    band: str
+    first: Source
+    second: Source
+
+
+def _group_by_capture(
+    sources: Sequence[Source],
+) -> tuple[dict[_Capture, dict[str, Source]], list[Source], list[_Repeated]]:
+    """The files of each capture by band, the files without a band in their names, and those whose band has another."""
     captures: dict[_Capture, dict[str, Source]] = {}
-    others = []
+    others, repeated = [], []
     for source in sources:
         parsed = _parse_name(source.content) if isinstance(source.content, Path) else None
         if parsed is None:
             others.append(source)
         else:
             capture, band = parsed
-            captures.setdefault(capture, {})[band] = source
-    return captures, others
+            first = captures.setdefault(capture, {}).setdefault(band, source)
+            # The same file may be given twice.
+            if first.name != source.name:
+                repeated.append(_Repeated(band, first, source))
+    return captures, others, repeated
+
+
+def _refuse(repeated: Sequence[_Repeated]) -> None:
+    """Raise InputError if there are any."""
+    if repeated:
+        band, first, second = repeated[0]
+        raise InputError(
+            f"{first.name} and {second.name}: both are band {band} of one capture; put one of them into another folder"
+        )
 
 
 def _parse_name(path: Path) -> tuple[_Capture, str] | None:

@@ -145,6 +145,24 @@ def test_a_capture_that_lacks_a_band_is_left_out_by_a_file_that_it_has(tmp_path:
     assert all(file.exists() for capture in captures for file in capture.files)
 
 
+@pytest.mark.parametrize(
+    ("names", "second", "band"),
+    [(three("GRE.TIF", "NIR.TIF"), "IMG_0011_GRE.jpg", "green"), (three("1.tif", "2.tif"), "IMG_0011_01.tif", "1")],
+)
+def test_two_files_of_one_band_are_refused(tmp_path: Path, names: list[str], second: str, band: str) -> None:
+    sources = sources_of(tmp_path, *names, second)
+    says = rf"{names[2]} and .*{second}: both are band {band} of one capture; put one of them"
+    with pytest.raises(InputError, match=says):
+        group_band_sets(sources)
+    with pytest.raises(InputError, match=says):
+        select_band(sources, band)
+    other = "nir" if band == "green" else "2"
+    assert [Path(source.name).name for source in select_band(sources, other)] == names[1::2]
+    # One file given twice is one file, and two captures are no sets.
+    assert len(group_band_sets([*sources[:-1], sources[2]])) == 3
+    assert len(group_band_sets([*sources[:4], sources[-1]])) == 5
+
+
 def test_a_band_that_most_captures_lack_is_refused(tmp_path: Path) -> None:
     names = three("1.tif", "2.tif")
     with pytest.raises(InputError, match=r"IMG_0010_3\.tif: 2 of 3 captures have no band 3; put the files"):
