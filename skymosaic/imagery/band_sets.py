@@ -30,6 +30,7 @@ _NAMED = re.compile(rf"(.+?)_({'|'.join(_NAMES)})", re.IGNORECASE)
 _NUMBERED = re.compile(r"(.*\d)_(\d{1,2})")
 _COLOUR = re.compile(r"(.+)_(RGB|D)", re.IGNORECASE)
 """Pictures that such cameras take with another sensor, beside the bands."""
+_NO_SETS = "`band` {}: the photographs are not multi-band sets; leave it out"
 
 _Capture = tuple[Path, str]
 """The folder and the common part of the names."""
@@ -53,7 +54,7 @@ def group_band_sets(
     captures, others, repeated = _group_by_capture(sources)
     if not _are_sets(captures):
         if band is not None:
-            raise InputError(f"`band` {band}: the photographs are not multi-band sets; leave it out")
+            raise InputError(_NO_SETS.format(band))
         return list(sources)
     _refuse(repeated)
     bands = _list_bands(captures)
@@ -82,15 +83,19 @@ def select_band(sources: Sequence[Source], band: str | None) -> list[Source]:
     Raises
     ------
     InputError
-        For an unknown band, two files of the band, and for sets if no band is named.
+        For an unknown band, two files of the band, photographs none of which is a band, and for sets if no band is
+        named.
     """
-    captures, _, repeated = _group_by_capture(sources)
+    captures, others, repeated = _group_by_capture(sources)
     if band is not None:
         name = _NAMES.get(band.upper(), band.lower())
         if name not in BANDS and not name.isdecimal():
             raise InputError(f"`band` {band}: valid: {', '.join(BANDS)}, or the number in the files' names")
         wanted = name if name in BANDS else str(int(name))
         _refuse([each for each in repeated if each.band == wanted])
+        # Of a capture, the colour picture may come first.
+        if not captures and not all(_COLOUR.fullmatch(Path(source.name).stem) for source in others):
+            raise InputError(_NO_SETS.format(band))
         return [files[wanted] for files in captures.values() if wanted in files]
     if _are_sets(captures):
         bands = _list_bands(captures)
