@@ -2,8 +2,8 @@
 
 import contextlib
 import dataclasses
-import itertools
 from collections.abc import Callable, Iterable, Iterator
+from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from skymosaic.common.temporary import temporary_folder
 from skymosaic.imagery.decoding import check_file
 from skymosaic.imagery.images import check_given, reduce_to_width, save
 from skymosaic.imagery.photographs import Images, Source, list_images, list_sources
-from skymosaic.imagery.video import VIDEO_SUFFIXES, VideoReader
+from skymosaic.imagery.video import DEFAULT_RATE, VIDEO_SUFFIXES, VideoReader
 
 KEY_OVERLAP = 0.65
 """Share of its area that a key frame has in common with the next, or slightly more: enough for reliable registration,
@@ -32,6 +32,8 @@ STILL_SHARE = 0.25
 display, dirt on the lens."""
 MIN_SHARE_MOVING = 0.2
 """If fewer of the corners move, the camera hovers above something that moves."""
+BLIND_SECONDS = 1.0
+"""Time between key frames in which nothing can be tracked: darkness, fog, smooth water."""
 
 
 @contextlib.contextmanager
@@ -71,7 +73,7 @@ def flight_sources(
 
 def _store_key_frames(video: str | Path, folder: Path, tell: Callable[[str], None]) -> Iterator[Source]:
     reader = VideoReader(video)
-    for frame in select_key_frames(reader):
+    for frame in select_key_frames(reader, reader.frame_rate, reader.notes.append):
         path = folder / f"{frame.number}.jpg"
         save(path, frame.pixels)
         yield Source(0, name_frame(video, frame.number), path)
@@ -91,56 +93,92 @@ class KeyFrame(NamedTuple):
     pixels: Pixels
 
 
-def select_key_frames(frames: Iterable[Pixels]) -> Iterator[KeyFrame]:
+def select_key_frames(
+    frames: Iterable[Pixels],
+    frame_rate: Fraction | float = DEFAULT_RATE,
+    tell: Callable[[str], None] = lambda _line: None,
+) -> Iterator[KeyFrame]:
     """Select the first frame, then repeatedly the last one that still shows `KEY_OVERLAP` of the previous key frame.
 
     The video's last frame is a key frame too. A hovering camera gives two key frames; a steady flight gives frames that
-    overlap by slightly more than that. Where the view moves farther between two frames, both are key frames.
+    overlap by slightly more than that. Where the view moves farther between two frames, both are key frames. Where
+    nothing can be tracked, one is at most every `BLIND_SECONDS`.
 
     Parameters
     ----------
     frames : iterable of (H, W, 3) or (H, W) uint8 ndarray
         All of one shape; anything else is an `InputError`. A key frame is yielded only once a later frame is known.
+    frame_rate : Fraction or float
+        Frames per second.
+    tell : callable
+        Receives a line at the end if nothing could be tracked in some frames.
     """
-    flow, candidate = None, None
-    first: tuple[int, ...] = ()
-    for current in map(KeyFrame, itertools.count(), frames):
-        check_given(current.pixels, f"frame {current.number}")
-        # A path has no shape.
-        first = first or np.shape(current.pixels)
-        if not first or np.shape(current.pixels) != first:
-            raise InputError(f"frame {current.number}: no array of the first frame's shape; read it, or resize it")
-        gray = _small_gray(current.pixels)
-        if flow is not None and flow.common_share(gray) >= KEY_OVERLAP:
+    flow, candidate, blind = None, None, 0
+    for current in _check_frames(frames):
+        if flow is not None and flow.is_blind:
+            now = _Flow(current)
+            blind += now.is_blind
+            if now.is_blind and current.number < flow.number + BLIND_SECONDS * frame_rate:
+                candidate = current
+            else:
+                yield current
+                flow, candidate = now, None
+        elif flow is not None and flow.common_share(current) >= KEY_OVERLAP:
             candidate = current
         elif candidate is None:
             yield current
-            flow = _Flow(gray)
+            flow = _Flow(current)
+            blind += flow.is_blind
         else:
             yield candidate
             # The current frame follows the new key frame, and is its first candidate.
-            flow, candidate = _Flow(_small_gray(candidate.pixels)), current
-            flow.common_share(gray)
+            flow, candidate = _Flow(candidate), current
+            blind += flow.is_blind
+            flow.common_share(current)
     if candidate is not None:
         yield candidate
+    if blind:
+        tell(f"frames in which nothing can be tracked (dark, fog, smooth water?): {blind}; one a second is used")
+
+
+def _check_frames(frames: Iterable[Pixels]) -> Iterator[KeyFrame]:
+    """Number the frames, and check that all have one shape."""
+    first: tuple[int, ...] = ()
+    for number, pixels in enumerate(frames):
+        check_given(pixels, f"frame {number}")
+        # A path has no shape.
+        first = first or np.shape(pixels)
+        if not first or np.shape(pixels) != first:
+            raise InputError(f"frame {number}: no array of the first frame's shape; read it, or resize it")
+        yield KeyFrame(number, pixels)
 
 
 class _Flow:
     """Tracks a key frame's corners by pyramidal Lucas-Kanade (thesis, equations II-8 to II-11)."""
 
-    def __init__(self, key: Pixels) -> None:
-        self._last = key
-        corners = cv2.goodFeaturesToTrack(key, FLOW_CORNERS, qualityLevel=MIN_QUALITY, minDistance=7)
-        self._key_points = np.zeros((0, 1, 2), np.float32) if corners is None else corners
-        self._points = self._key_points
+    def __init__(self, key: KeyFrame) -> None:
+        self.number = key.number
+        self._last = _small_gray(key.pixels)
+        corners = cv2.goodFeaturesToTrack(self._last, FLOW_CORNERS, qualityLevel=MIN_QUALITY, minDistance=7)
+        self._points = np.zeros((0, 1, 2), np.float32) if corners is None else corners
+        self._key_points = self._points
+        # The strongest corners of fog are too weak to be found even where they are.
+        self._track(self._last)
+        self.is_blind = len(self._points) < MIN_CORNERS
+        """Whether too few corners can be tracked, wherever the camera moves."""
 
-    def common_share(self, gray: Pixels) -> float:
+    def _track(self, gray: Pixels) -> None:
+        """Find the points in the next frame, and drop those that are lost."""
+        if len(self._points):
+            points, status, _ = cv2.calcOpticalFlowPyrLK(self._last, gray, self._points, None)
+            tracked = status[:, 0] == 1
+            self._points, self._key_points = points[tracked], self._key_points[tracked]
+        self._last = gray
+
+    def common_share(self, frame: KeyFrame) -> float:
         """Share of the key frame's area that the next frame shows; 0 if tracking fails."""
-        if len(self._points) < MIN_CORNERS:
-            return 0.0
-        points, status, _ = cv2.calcOpticalFlowPyrLK(self._last, gray, self._points, None)
-        tracked = status[:, 0] == 1
-        self._last, self._points, self._key_points = gray, points[tracked], self._key_points[tracked]
+        gray = _small_gray(frame.pixels)
+        self._track(gray)
         if len(self._points) < MIN_CORNERS:
             return 0.0
         motion = _motion(self._key_points, self._points)
@@ -148,8 +186,8 @@ class _Flow:
             return 0.0
         # The area of the key frame's outline, clipped to the new frame. The determinant undoes the change of scale.
         height, width = gray.shape
-        frame = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
-        common, _ = cv2.intersectConvexConvex(frame, cv2.transform(frame[None], motion)[0])
+        border = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
+        common, _ = cv2.intersectConvexConvex(border, cv2.transform(border[None], motion)[0])
         return float(common / (np.linalg.det(motion[:, :2]) * width * height))
 
 

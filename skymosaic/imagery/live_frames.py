@@ -88,7 +88,7 @@ def read_live_frames(
         yield from _watch_folder(read, idle_seconds, tell, own, band, keep_damaged=keep_damaged)
     else:
         reader = VideoReader(source)
-        for frame in select_key_frames(reader):
+        for frame in select_key_frames(reader, reader.frame_rate, reader.notes.append):
             yield LiveFrame(name_frame(source, frame.number), frame.pixels, frame.number + 1)
         for note in reader.notes:
             tell(f"{source}: {note}")

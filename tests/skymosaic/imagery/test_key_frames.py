@@ -43,9 +43,23 @@ def test_a_hovering_camera_gives_its_first_and_its_last_frame() -> None:
 def test_every_frame_is_a_key_frame_where_the_flow_is_lost() -> None:
     flight = _flight([CameraPose(x_px=x, y_px=0, altitude_px=260) for x in (0, 200, 400)])
     assert [frame.number for frame in select_key_frames(flight.images)] == [0, 1, 2]
-    flat = [np.full((240, 320, 3), 90, np.uint8)] * 3
-    assert [frame.number for frame in select_key_frames(flat)] == [0, 1, 2]
     assert list(select_key_frames([])) == []
+
+
+@pytest.mark.parametrize("noise", [0, 0.5])
+def test_one_frame_a_second_is_a_key_frame_where_nothing_can_be_tracked(noise: float) -> None:
+    rng = np.random.default_rng(1)
+    fog = [np.clip(rng.normal(190, noise, (240, 320)), 0, 255).astype(np.uint8) for _ in range(25)]
+    told: list[str] = []
+    assert [frame.number for frame in select_key_frames(fog, 10, told.append)] == [0, 10, 20, 24]
+    assert told == ["frames in which nothing can be tracked (dark, fog, smooth water?): 25; one a second is used"]
+    # What comes out of the fog is a key frame at once.
+    ground = list(_flight([CameraPose(x_px=x, y_px=0, altitude_px=260) for x in (0, 2, 4)]).images)
+    frames = [np.dstack([frame] * 3) for frame in fog[:13]]
+    assert [frame.number for frame in select_key_frames([*ground, *frames, *ground], 10)] == [0, 2, 3, 13, 16, 18]
+    told.clear()
+    list(select_key_frames(ground, 10, told.append))
+    assert not told
 
 
 @pytest.mark.parametrize(
