@@ -4,6 +4,7 @@ import contextlib
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -43,6 +44,8 @@ class Photograph:
     """Values of a file of more than 8 bits, from `skymosaic.imagery.depth.sample_values`; else empty."""
     visible: Pixels | None = None
     """0 where the file has no data or is transparent, else 255, (H, W); None: 255 everywhere."""
+    orientation: int = UPRIGHT
+    """The EXIF orientation by which it was turned upright."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -106,30 +109,32 @@ def _read(path: Path, *, keep_damaged: bool, min_side_px: int) -> Photograph:
     hidden = "" if visible is None else f"{np.mean(visible == 0):.1%} has no data or is transparent, and no ground"
     paged = f"{FIRST_PAGE} of {header.pages} pages is read" if header.pages > 1 else ""
     kept = f"kept although {damage.removeprefix(f'{path}: ')}" if damage else ""
+    whole = partial(Photograph, str(path), visible=visible, orientation=header.orientation)
     if decoded.dtype == np.uint8:
         notes = tuple(filter(None, (turned, hidden, paged, kept)))
-        return Photograph(str(path), decoded.astype(np.uint8, copy=False), notes, visible=visible)
+        return whole(decoded.astype(np.uint8, copy=False), notes)
     values = measure_range(decoded, str(path))
     mapping = f"{decoded.dtype}: {values.low:g}..{values.high:g} mapped to 0..255"
     notes = tuple(filter(None, (turned, hidden, paged, mapping, kept)))
-    return Photograph(str(path), values.to_8_bit(decoded), notes, values, sample_values(decoded), visible)
+    return whole(values.to_8_bit(decoded), notes, values, sample_values(decoded))
 
 
 def load_intensities(
     source: str | Path | Pixels, name: str, values: ValueRange | None, *, keep_damaged: bool = False
-) -> tuple[Intensities, Pixels | None]:
+) -> tuple[Intensities, Pixels | None, int]:
     """As `load`, but more than 8 bits are mapped by the range of a whole flight, or kept where that is deep.
 
-    Returns the pixels, and which of them show something, as `Photograph.visible`.
+    Returns the pixels, and as `Photograph` which of them show something, and the orientation.
     """
     if values is None or not isinstance(source, str | Path):
         photograph = load(source, name, keep_damaged=keep_damaged)
-        return photograph.pixels, photograph.visible
+        return photograph.pixels, photograph.visible, photograph.orientation
     path = Path(source)
-    decoded, visible, _ = decode(path, read_header(path), keep_damaged=keep_damaged)
+    header = read_header(path)
+    decoded, visible, _ = decode(path, header, keep_damaged=keep_damaged)
     if decoded.dtype == np.uint8 or (values.deep and decoded.dtype == np.uint16):
-        return np.asarray(decoded), visible
-    return values.to_8_bit(decoded), visible
+        return np.asarray(decoded), visible, header.orientation
+    return values.to_8_bit(decoded), visible, header.orientation
 
 
 def reduce_to_width(pixels: Pixels, width_px: int) -> tuple[Pixels, Array]:

@@ -3,7 +3,7 @@
 import hashlib
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from golden_model.arrays import Array, Intensities, Pixels, Points
 from golden_model.small_files import read_small_file
 from skymosaic.common.errors import InputError, reading
 from skymosaic.geometry.homography import resize_matrix
+from skymosaic.imagery.decoding import UPRIGHT
 from skymosaic.imagery.images import load
 
 _REQUIRED = ("width_px", "height_px", "focal_x_px", "focal_y_px", "centre_x_px", "centre_y_px")
@@ -22,6 +23,20 @@ MAX_NUMBER = 1e9
 """Limit of the numbers in a camera file; it excludes infinities, and integers too large for a float."""
 SAME_SHAPE = 0.02
 """Shapes (shorter side / longer side) that differ by less are the same, but for rounding."""
+_MIRROR = 5
+_AXES = {
+    UPRIGHT: ((1, 0), (0, 1)),
+    2: ((-1, 0), (0, 1)),
+    3: ((-1, 0), (0, -1)),
+    4: ((1, 0), (0, -1)),
+    _MIRROR: ((0, 1), (1, 0)),
+    6: ((0, -1), (1, 0)),
+    7: ((0, -1), (-1, 0)),
+    8: ((0, 1), (-1, 0)),
+}
+"""How EXIF's orientations turn directions in stored photographs, x and y, to those in upright ones."""
+_Camera = tuple[tuple[int, int], Array, Array]
+"""Size, calibration matrix and distortion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,22 +44,35 @@ class Lens:
     """Removes distortion from photographs and masks the pixels that do not show the ground."""
 
     size: tuple[int, int] | None = None
-    """Width and height of the calibration images; photographs of another size are assumed to be resized, and to have
-    been turned if they are upright."""
+    """Width and height of the calibration images, as the camera stores them; photographs of another size are assumed to
+    be resized, and to have been turned if they are upright."""
     matrix: Array | None = None
     """Calibration matrix K at that size, pixel centres at integers; None: no distortion."""
     distortion: Array | None = None
     """Coefficients k1, k2, p1, p2, k3 of OpenCV's model."""
     mask: Pixels | None = None
-    """0 where photographs do not show the ground, (H, W); resized to each photograph."""
+    """0 where photographs do not show the ground, (H, W); resized to each photograph once that is upright."""
+    orientation: int = UPRIGHT
+    """EXIF orientation by which the photographs have been turned upright, see `turned`."""
 
     @cached_property
     def key(self) -> str:
         """Hash of everything on which `straighten` and `visible_mask` depend."""
-        state = hashlib.sha256(repr(self.size).encode())
+        state = hashlib.sha256(repr((self.size, self.orientation)).encode())
         for part in (self.matrix, self.distortion, self.mask):
             state.update(b"none" if part is None else repr(part.shape).encode() + part.tobytes())
         return state.hexdigest()
+
+    def turned(self, orientation: int) -> "Lens":
+        """The lens of photographs that have been turned upright by this EXIF orientation."""
+        return _turned(self, orientation)
+
+    def turned_back(self, orientation: int) -> "Lens":
+        """The lens of stored photographs, where this one is of those turned upright by this EXIF orientation."""
+        if self._camera is None:
+            return self
+        size, matrix, distortion = _turn_axes(self._camera, np.transpose(_AXES[orientation]))
+        return replace(self, size=size, matrix=matrix, distortion=distortion)
 
     def fits(self, size: tuple[int, int]) -> bool:
         """Whether a photograph of ``size`` (width, height) has the shape of the calibration images, upright or not."""
@@ -92,10 +120,10 @@ class Lens:
     @property
     def numbers(self) -> dict[str, float]:
         """What a camera file that `load_lens` reads has, but for what is 0; empty without a calibration matrix."""
-        if self.size is None or self.matrix is None or self.distortion is None:
+        if self._camera is None:
             return {}
-        focal, centre = self.matrix[[0, 1], [0, 1]].tolist(), self.matrix[:2, 2].tolist()
-        values = (*self.size, *focal, *centre, *self.distortion.tolist())
+        size, matrix, distortion = self._camera
+        values = (*size, *matrix[[0, 1], [0, 1]].tolist(), *matrix[:2, 2].tolist(), *distortion.tolist())
         return {key: value for key, value in zip(_REQUIRED + _DISTORTION, values, strict=True) if value}
 
     def __eq__(self, other: object) -> bool:
@@ -108,14 +136,39 @@ class Lens:
 
     def camera_at(self, size: tuple[int, int]) -> tuple[Array, Array] | None:
         """Calibration matrix and distortion for a photograph of ``size``, reduced or upright, if known."""
-        if self.size is None or self.matrix is None or self.distortion is None or not self.fits(size):
+        if self._camera is None or not self.fits(size):
             return None
-        (width, height), matrix, distortion = self.size, self.matrix, self.distortion
-        if (size[0] > size[1]) != (width > height):
-            # The axes change places: x and y of the matrix, and p1 and p2 of the distortion.
-            width, height, distortion = height, width, distortion[[0, 1, 3, 2, 4]]
-            matrix = matrix[np.ix_([1, 0, 2], [1, 0, 2])]
+        (width, height), *_ = self._camera
+        axes = np.array(_AXES[self.orientation])
+        sideways = (size[0] > size[1]) != (width > height)
+        if width != height and sideways == bool(axes[0, 0]):
+            # The calibration is of upright photographs, or EXIF does not tell which way this one was turned.
+            axes = np.array(_AXES[_MIRROR if sideways else UPRIGHT])
+        (width, height), matrix, distortion = _turn_axes(self._camera, axes)
         return np.asarray(resize_matrix(size[0] / width, size[1] / height) @ matrix), distortion
+
+    @property
+    def _camera(self) -> _Camera | None:
+        if self.size is None or self.matrix is None or self.distortion is None:
+            return None
+        return self.size, self.matrix, self.distortion
+
+
+def _turn_axes(camera: _Camera, axes: Array) -> _Camera:
+    """Size, calibration matrix and distortion of photographs that have been turned."""
+    (width, height), matrix, (k1, k2, p1, p2, k3) = camera
+    width, height = np.abs(axes) @ (width, height)
+    turned, back = np.eye(3), np.eye(3)
+    turned[:2, :2], back[:2, :2] = axes, axes.T
+    turned[:2, 2] = np.where(axes.sum(axis=1) < 0, (width - 1, height - 1), 0)
+    p2, p1 = axes @ (p2, p1)
+    return (int(width), int(height)), np.asarray(turned @ matrix @ back), np.array([k1, k2, p1, p2, k3])
+
+
+# Cached with its key, for which a mask is read.
+@lru_cache(maxsize=16)
+def _turned(lens: Lens, orientation: int) -> Lens:
+    return replace(lens, orientation=orientation)
 
 
 # Cached, because each tile asks for it once per photograph.
@@ -134,8 +187,8 @@ def load_lens(camera: Path | None, mask: Path | None) -> Lens:
     """Read a camera file and a mask picture; either may be None.
 
     The camera file is TOML with ``width_px``, ``height_px``, ``focal_x_px``, ``focal_y_px``, ``centre_x_px``,
-    ``centre_y_px`` and any of ``k1``, ``k2``, ``p1``, ``p2``, ``k3`` of OpenCV's distortion. The mask is black where
-    photographs show no ground.
+    ``centre_y_px`` and any of ``k1``, ``k2``, ``p1``, ``p2``, ``k3`` of OpenCV's distortion, of photographs as they are
+    stored. The mask is black where upright photographs show no ground.
 
     Raises
     ------

@@ -107,13 +107,17 @@ class Source:
             As in `skymosaic.imagery.images.load`.
         """
         decoded = load(self.content, self.name, keep_damaged=self.keep_damaged)
+        lens = lens.turned(decoded.orientation)
         pixels = np.asarray(lens.straighten(decoded.pixels), dtype=np.uint8)
         visible = _straighten_mask(decoded.visible, lens)
         return dataclasses.replace(decoded, name=self.name, pixels=pixels, visible=visible)
 
     def read_intensities(self, lens: Lens, values: ValueRange | None) -> Shown:
         """Read the straightened pixels as a mosaic shows them, see `skymosaic.imagery.images.load_intensities`."""
-        decoded, visible = load_intensities(self.content, self.name, values, keep_damaged=self.keep_damaged)
+        decoded, visible, orientation = load_intensities(
+            self.content, self.name, values, keep_damaged=self.keep_damaged
+        )
+        lens = lens.turned(orientation)
         return lens.straighten(decoded), _straighten_mask(visible, lens)
 
 

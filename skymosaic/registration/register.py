@@ -111,7 +111,7 @@ def register_photographs(
         if features is None
         else [(each.working.image, each.to_original) for each in features]
     )
-    masks = _mask(lens, left, photographs[0].visible), _mask(lens, right, photographs[1].visible)
+    masks = _mask(lens, left, photographs[0]), _mask(lens, right, photographs[1])
     masked = any(mask is not None for mask in masks)
     first = _match_first(front_end, (left, right), config, options, features=features, masked=masked)
     clock.lap("features and matches")
@@ -265,8 +265,9 @@ def _what_else(effort: str) -> str:
     return "; `effort` thorough tries more" if effort == "normal" else ""
 
 
-def _mask(lens: Lens | None, image: Pixels, own: Pixels | None) -> Pixels | None:
-    return (lens or Lens()).visible_mask((image.shape[1], image.shape[0]), own)
+def _mask(lens: Lens | None, image: Pixels, photograph: Photograph) -> Pixels | None:
+    turned = (lens or Lens()).turned(photograph.orientation)
+    return turned.visible_mask((image.shape[1], image.shape[0]), photograph.visible)
 
 
 def _with_notes(

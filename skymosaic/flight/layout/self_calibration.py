@@ -15,7 +15,7 @@ import dataclasses
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS, NO_DISTORTION,
 from skymosaic.flight.linking.links import Candidate, Link
 from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply
+from skymosaic.imagery.decoding import UPRIGHT
 from skymosaic.imagery.lens import Lens
 from skymosaic.running.cache import NO_CACHE, ResultCache, key_of
 
@@ -48,12 +49,19 @@ class Calibration:
     before_px: float
     after_px: float
     """Median error of the held-out ties without and with it, working px."""
-    lens: Lens
-    """The same as a camera file describes it, for photographs of the flight's size."""
+    upright: Lens
+    """The same for photographs of the flight's size, upright."""
+    orientation: int = UPRIGHT
+    """EXIF orientation of the photographs."""
+
+    @cached_property
+    def lens(self) -> Lens:
+        """The same as a camera file describes it, for photographs as they are stored."""
+        return self.upright.turned_back(self.orientation)
 
     def with_remaining(self, distortion: Array) -> Calibration:
         """Add the distortion (1,) or (2,) that is left once ``lens`` has straightened the photographs."""
-        assert self.lens.size is not None
+        assert self.upright.size is not None
         whole = self.distortion.copy()
         whole[: len(distortion)] += distortion
         if len(distortion) > 1:
@@ -62,7 +70,7 @@ class Calibration:
             first = straight + straight ** [3, 5] @ distortion[:, None]
             moved = first + first ** [3, 5] @ self.distortion[:2, None] - straight
             whole[:2] = np.linalg.lstsq(straight ** [3, 5], moved[:, 0])[0]
-        return dataclasses.replace(self, distortion=whole, lens=_lens(whole, self.lens.size, self.lens.mask))
+        return dataclasses.replace(self, distortion=whole, upright=_lens(whole, self.upright.size, self.upright.mask))
 
     @property
     def camera_file(self) -> str:
@@ -88,13 +96,14 @@ def calibrate(
     if len(members) < MIN_VIEWS or len(sizes) > 1:
         return None
     group = linked_group(views, members, links)
-    # Of an upright photograph, nobody knows which way the camera was turned, nor so where the centre is.
-    most = 4 if len({views[member].size for member in members}) == 1 else 1
+    # Where photographs were turned in several ways, the centre of the lens is in several places.
+    most = 4 if len({(views[member].size, views[member].orientation) for member in members}) == 1 else 1
     before_px, after_px, *distortion = _load_or_measure(_measure, group, most, cache).tolist()
     if not distortion:
         return None
     distortion = np.array(distortion)
-    return Calibration(distortion, before_px, after_px, _lens(distortion, views[members[0]].size, mask))
+    first = views[members[0]]
+    return Calibration(distortion, before_px, after_px, _lens(distortion, first.size, mask), first.orientation)
 
 
 def measure_remaining_distortion(

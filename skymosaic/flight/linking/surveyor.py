@@ -21,7 +21,7 @@ from skymosaic.imagery.photographs import Source
 from skymosaic.running.cache import ResultCache, key_of
 from skymosaic.running.workers import Workers
 
-_LINKED_BY = attrgetter("features", "thumbnail", "to_thumbnail", "visible")
+_LINKED_BY = attrgetter("features", "thumbnail", "to_thumbnail", "visible", "orientation")
 LOOKED_UP_AT_ONCE = 16
 """Views in one call: neighbours share most of the photographs that they are compared with."""
 
@@ -140,18 +140,18 @@ def _link(
     lens: Lens,
     cache: ResultCache,
 ) -> Link:
-    """Load or compute a link; ``sides`` are features, thumbnail, its map and mask, of the left, then the right view."""
+    """Load or compute a link; ``sides`` are `_LINKED_BY` of the left, then of the right view."""
     if arrays := cache.load(key):
         return Link.unpack(arrays, *pair)
-    (left, *left_picture), (right, *right_picture) = sides[:4], sides[4:]
+    (left, *left_picture), (right, *right_picture) = sides[:5], sides[5:]
     sights = _see(lens, *left_picture), _see(lens, *right_picture)
     link = compute(pair, left, right, sights=sights, predicted=predicted)
     cache.save(key, link.pack())
     return link
 
 
-def _see(lens: Lens, thumbnail: Pixels, to_thumbnail: Matrix, own: Pixels | None) -> Sight:
-    visible = lens.visible_mask((thumbnail.shape[1], thumbnail.shape[0]), own)
+def _see(lens: Lens, thumbnail: Pixels, to_thumbnail: Matrix, own: Pixels | None, orientation: int) -> Sight:
+    visible = lens.turned(orientation).visible_mask((thumbnail.shape[1], thumbnail.shape[0]), own)
     return Sight(thumbnail, visible, np.linalg.inv(to_thumbnail).astype(np.float64))
 
 

@@ -66,6 +66,8 @@ class View:
     """Share of thumbnail pixels that are black or white."""
     taken: Metadata
     """How it was taken, from EXIF and XMP."""
+    orientation: int
+    """The EXIF orientation by which it was turned upright."""
     notes: tuple[str, ...]
     """What was done to the file's pixels."""
 
@@ -144,7 +146,7 @@ def describe(source: Source, settings: Settings, features: Records | None = None
             load(band.content, band.name, keep_damaged=band.keep_damaged)
     working, to_original = reduce_for_front_end(photograph.pixels, settings.working_width_px, source.name)
     if features is None:
-        features = _extract_from_ground(working, settings, source.name, photograph.visible)
+        features = _extract_from_ground(working, settings, photograph)
     return make_view(source, photograph, settings, working=working, to_original=to_original, features=features)
 
 
@@ -158,7 +160,7 @@ def describe_thumbnail(
     if even:
         thumbnail = even_contrast(thumbnail, pattern)
     try:
-        features = _extract_from_ground(thumbnail, settings, view.name, view.visible)
+        features = _extract_from_ground(thumbnail, settings, view)
     except InputError:
         features = np.zeros(0, settings.config.front_end.pattern.record.dtype)
     from_thumbnail = np.linalg.inv(view.to_thumbnail).astype(np.float64)
@@ -174,15 +176,16 @@ def describe_thumbnail(
     )
 
 
-def _extract_from_ground(working: Pixels, settings: Settings, name: str, visible: Pixels | None) -> Records:
+def _extract_from_ground(working: Pixels, settings: Settings, shown: Photograph | View) -> Records:
     """Compute the features of an image, without those on what the lens or the photograph's own mask hides."""
     backend = load_backend(settings.backend)
     try:
         results, _ = extract_within_capacity(backend, [working], settings.config)
     except ValueError as error:  # for instance, more cells than features
-        raise InputError(f"{name}: the front end cannot take it: {error}") from None
+        raise InputError(f"{shown.name}: the front end cannot take it: {error}") from None
     features: Records = results[0].features
-    visible = settings.lens.visible_mask((working.shape[1], working.shape[0]), visible)
+    lens = settings.lens.turned(shown.orientation)
+    visible = lens.visible_mask((working.shape[1], working.shape[0]), shown.visible)
     return features[are_on_ground(feature_points(features), visible)]
 
 
@@ -217,5 +220,6 @@ def make_view(
         sharpness=float(cv2.Laplacian(to_gray(working), cv2.CV_32F).var()),
         clipped=float(np.mean((gray <= 2) | (gray >= 253))),
         taken=read_metadata(source.content) if isinstance(source.content, Path) else Metadata(),
+        orientation=photograph.orientation,
         notes=photograph.notes,
     )

@@ -58,7 +58,7 @@ def cameras_of(flight: Flight, layout: Layout) -> list[Camera]:
     cameras = []
     for member in layout.members:
         view, focal, centre = flight.views[member], None, None
-        if (known := flight.lens.camera_at(view.size)) is not None:
+        if (known := flight.lens.turned(view.orientation).camera_at(view.size)) is not None:
             centre = known[0][:2, 2]
             # That of an estimated lens is only what its coefficients refer to.
             if flight.settings.lens.matrix is not None:

@@ -196,7 +196,8 @@ def sightings_of(control: ControlPoints, flight: Flight, layout: Layout) -> Iter
             raise InputError(f"{control.name}: {sighting.photograph} is {len(members)} photographs; add their folders")
         for member in members:
             view, mesh = flight.views[member], layout.meshes.get(member)
-            pixel = flight.lens.straighten_points(np.array([[sighting.x_px, sighting.y_px]]), view.size)
+            lens = flight.lens.turned(view.orientation)
+            pixel = lens.straighten_points(np.array([[sighting.x_px, sighting.y_px]]), view.size)
             if mesh is not None:
                 to_working = np.asarray(np.linalg.inv(view.to_original))
                 pixel = apply(view.to_original, mesh.find(apply(to_working, pixel)))

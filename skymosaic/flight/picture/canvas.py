@@ -62,7 +62,14 @@ def place_on_canvas(
         transforms = [canvas.translation @ transform for transform in transforms]
         canvas = Canvas(0, 0, canvas.width_px, canvas.height_px)
     placements = tuple(
-        Placement(flight.sources[member], view.size, transform, least_nearness=nearest, mesh=layout.meshes.get(member))
+        Placement(
+            flight.sources[member],
+            view.size,
+            transform,
+            least_nearness=nearest,
+            mesh=layout.meshes.get(member),
+            orientation=view.orientation,
+        )
         for member, view, transform, nearest in zip(layout.members, views, transforms, least, strict=True)
     )
     coloured = any(view.thumbnail.ndim == 3 for view in views)

@@ -20,6 +20,7 @@ from skymosaic.compositing.mesh import Mesh
 from skymosaic.compositing.tone import NEUTRAL, Tone
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, TILE_PX, Canvas, footprint, outline, shrink
 from skymosaic.flight.mapping.place import NOWHERE, MapPlace
+from skymosaic.imagery.decoding import UPRIGHT
 from skymosaic.imagery.depth import ValueRange, show_in_8_bit
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.parcel import Parcel
@@ -73,6 +74,8 @@ class Placement:
     """Ground farther from the camera is not shown, see `skymosaic.compositing.warp.nearness`; 0 shows all."""
     mesh: Mesh | None = None
     """Warps it before ``transform``; None where it keeps its shape."""
+    orientation: int = UPRIGHT
+    """The EXIF orientation by which it was turned upright."""
 
     @cached_property
     def footprint(self) -> Canvas:
@@ -161,7 +164,7 @@ class Composition:
             image, transform = shrink(pixels, each.transform)
             if self.coloured and image.ndim == 2:
                 image = np.dstack([image] * 3)
-            visible = self.lens.visible_mask((image.shape[1], image.shape[0]), own)
+            visible = self.lens.turned(each.orientation).visible_mask((image.shape[1], image.shape[0]), own)
             shown = each.tone, visible, each.favour, each.seam, each.least_nearness, each.mesh
             layers.append(Layer(image, transform, *shown))
         return blend_layers(layers, tile, method=self.blending)

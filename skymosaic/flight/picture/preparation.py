@@ -117,11 +117,12 @@ def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[l
     layers = []
     for view, placement in zip(views, composition.placements, strict=True):
         from_thumbnail = view.to_original @ np.linalg.inv(view.to_thumbnail)
+        lens, size = composition.lens.turned(view.orientation), (view.thumbnail.shape[1], view.thumbnail.shape[0])
         layers.append(
             Layer(
                 image=_coloured_thumbnail(view, composition.values),
                 transform=resize_matrix(reduction) @ placement.transform @ from_thumbnail,
-                visible=composition.lens.visible_mask((view.thumbnail.shape[1], view.thumbnail.shape[0]), view.visible),
+                visible=lens.visible_mask(size, view.visible),
                 # Thumbnails have the same size, whatever detail their photographs show.
                 favour=placement.favour * view.size[0] / view.thumbnail.shape[1],
                 least_nearness=placement.least_nearness,

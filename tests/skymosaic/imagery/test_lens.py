@@ -1,12 +1,18 @@
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from PIL import Image as PillowImage
+from PIL.ExifTags import Base
 
 from skymosaic.common.errors import InputError
-from skymosaic.imagery.lens import Lens, load_lens
+from skymosaic.imagery.depth import ValueRange
+from skymosaic.imagery.jpeg import TURNS
+from skymosaic.imagery.lens import Lens, lens_of, load_lens
+from skymosaic.imagery.photographs import Source
 from skymosaic.mosaicking.api import mosaic
 from skymosaic.mosaicking.options import MosaicOptions
 
@@ -85,6 +91,35 @@ def test_an_upright_photograph_has_the_same_lens(tmp_path: Path, size: tuple[int
     np.testing.assert_allclose(lens.straighten(picture).astype(int), lens.straighten(picture.T).T, atol=1)
 
 
+@pytest.mark.parametrize("orientation", range(2, 9))
+@pytest.mark.parametrize("deep", [False, True])
+def test_a_photograph_turned_by_exif_has_the_lens_turned(tmp_path: Path, orientation: int, deep: bool) -> None:
+    lens = lens_of(tomllib.loads(CAMERA) | {"centre_x_px": 360, "p1": 0.01, "p2": -0.02})
+    noise = np.random.default_rng(1).integers(0, 256, (480, 640), dtype=np.uint8)
+    stored = cv2.GaussianBlur(noise, (0, 0), 3).astype(np.uint16 if deep else np.uint8)
+    exif = PillowImage.Exif()
+    exif[Base.Orientation] = orientation
+    PillowImage.fromarray(stored).save(tmp_path / "a.tif", exif=exif)
+    expected = TURNS[orientation](lens.straighten(stored))
+    values = ValueRange(0, 255, deep=deep)
+    shown, _ = Source(0, "a", tmp_path / "a.tif").read_intensities(lens, values)
+    np.testing.assert_allclose(shown.astype(int), expected, atol=1)
+    if not deep:
+        photograph = Source(0, "a", tmp_path / "a.tif").read_photograph(lens)
+        np.testing.assert_allclose(photograph.pixels.astype(int), expected, atol=1)
+        assert photograph.orientation == orientation
+    turned, size = lens.turned(orientation), (expected.shape[1], expected.shape[0])
+    visible: Any = lens.visible_mask((640, 480))
+    assert np.mean(turned.visible_mask(size) != TURNS[orientation](visible)) < 1e-3
+    # A camera file may be of upright photographs, which is seen where their sides have changed places.
+    camera: Any = turned.camera_at(size)
+    upright = Lens(size, *camera)
+    assert upright.turned_back(orientation).numbers == pytest.approx(lens.numbers)
+    if size != (640, 480):
+        again: Any = upright.turned(orientation).camera_at(size)
+        np.testing.assert_array_equal(again[0], camera[0])
+
+
 def test_photographs_of_another_shape_are_of_another_camera(tmp_path: Path) -> None:
     (tmp_path / "camera.toml").write_text(CAMERA)
     lens = load_lens(tmp_path / "camera.toml", None)
@@ -109,6 +144,7 @@ def test_lenses_that_straighten_or_hide_differently_have_different_keys() -> Non
         Lens((6, 4), matrix, np.zeros(5)),
         Lens((6, 4), 2 * matrix, np.zeros(5)),
         Lens((6, 4), matrix, np.ones(5)),
+        Lens((6, 4), matrix, np.ones(5)).turned(3),
     ]
     assert len({lens.key for lens in lenses}) == len(lenses)
     assert Lens(mask=mask.copy()).key == lenses[1].key

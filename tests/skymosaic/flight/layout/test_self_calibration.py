@@ -55,7 +55,7 @@ def lawnmower(
             if len(both) > 150:
                 chosen = rng.choice(both, 150, replace=False)
                 links.append(Link(left, right, left_points[chosen], right_points[chosen], 150, 150))
-    return [SimpleNamespace(size=SIZE_PX, working_size=SIZE_PX) for _ in poses], links
+    return [SimpleNamespace(size=SIZE_PX, working_size=SIZE_PX, orientation=1) for _ in poses], links
 
 
 @pytest.mark.parametrize("distortion", [-0.08, 0.05])
@@ -76,8 +76,14 @@ def test_a_strong_lens_beside_the_middle_is_found() -> None:
     half_px = np.hypot(*SIZE_PX) / 2
     centre = calibration.lens.numbers["centre_x_px"], calibration.lens.numbers["centre_y_px"]
     assert centre == pytest.approx((np.array(SIZE_PX) - 1) / 2 + half_px * calibration.distortion[2:])
-    upright: Any = SimpleNamespace(size=SIZE_PX[::-1], working_size=SIZE_PX)
+    upright: Any = SimpleNamespace(size=SIZE_PX[::-1], working_size=SIZE_PX, orientation=1)
     assert len(calibrate([*views[:-1], upright], range(len(views)), links).distortion) == 1
+    # A lens is that of the photographs as they are stored; where they are turned in two ways, it has no one centre.
+    turned: list[Any] = [SimpleNamespace(size=SIZE_PX, working_size=SIZE_PX, orientation=3) for _ in views]
+    lens = calibrate(turned, range(len(views)), links).lens
+    assert lens.numbers["centre_x_px"] == pytest.approx(SIZE_PX[0] - 1 - centre[0])
+    assert lens.turned_back(3).numbers == pytest.approx(calibration.lens.numbers)
+    assert len(calibrate([*views[:-1], turned[0]], range(len(views)), links).distortion) == 1
 
 
 def test_what_remains_is_a_second_distortion_on_top_of_the_first() -> None:
@@ -121,7 +127,7 @@ def test_straightened_links_fit_as_well_as_those_of_a_straight_lens() -> None:
 
 def test_different_cameras_and_few_views_are_left_alone() -> None:
     views, links = lawnmower(-0.06)
-    other: Any = SimpleNamespace(size=(640, 480), working_size=SIZE_PX)
+    other: Any = SimpleNamespace(size=(640, 480), working_size=SIZE_PX, orientation=1)
     assert calibrate([*views[:-1], other], range(len(views)), links) is None
     few, few_links = lawnmower(-0.1, rows=1, columns=4)
     assert calibrate(few, range(len(few)), few_links) is None

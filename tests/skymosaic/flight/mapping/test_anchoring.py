@@ -23,7 +23,7 @@ MIDDLE = (np.array(SIZE) - 1) / 2
 def bent_strip() -> tuple[list[Any], Layout]:
     """A strip whose links turn a little, each in the same direction, as an unknown lens makes them."""
     rng = np.random.default_rng(0)
-    views: list[Any] = [SimpleNamespace(size=SIZE, working_size=SIZE)] * STRIP
+    views: list[Any] = [SimpleNamespace(size=SIZE, orientation=1, working_size=SIZE)] * STRIP
     links = []
     for left in range(STRIP - 1):
         for right in (left + 1, left + 2):

@@ -35,7 +35,7 @@ def flown() -> tuple[Any, Any]:
     """Twelve photographs in three strips, 0.1 m per pixel, with exact GPS."""
     middle = (np.array(SIZE) - 1) / 2
     views = [
-        SimpleNamespace(name=f"{number}.jpg", size=SIZE, taken=taken, gps=taken.position)
+        SimpleNamespace(name=f"{number}.jpg", size=SIZE, orientation=1, taken=taken, gps=taken.position)
         for number, taken in enumerate(taken_above(*(step + middle)) for step in STEPS)
     ]
     return lay_out(views, STEPS)

@@ -44,7 +44,7 @@ def test_cameras_that_lean_are_found_above_where_they_were(
         shift[:2, 2] = beside_px
         middle = shift @ [(SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2, 1]
         lens = Lens(SIZE, np.column_stack((np.diag([focal_px, focal_px, 0])[:, :2], middle)), np.zeros(5))
-    view = SimpleNamespace(name="0.jpg", size=SIZE, taken=Metadata(focal_half_diagonals=half_diagonals))
+    view = SimpleNamespace(name="0.jpg", size=SIZE, orientation=1, taken=Metadata(focal_half_diagonals=half_diagonals))
     views, members = (view,) * 4, tuple(range(4))
     to_ground = {m: np.linalg.inv(shift @ flight.homographies[m]) for m in members}
     layout: Any = SimpleNamespace(members=members, to_reference=lambda _views: to_ground)
@@ -125,7 +125,10 @@ def test_a_file_of_positions_puts_a_flight_without_gps_on_the_map(flight: Flight
 def flown(folders: tuple[str, ...], position: Position | None = None) -> tuple[Any, Any]:
     """Photographs of one name in several folders, side by side on the ground, each 100 px wide."""
     taken = Metadata(position=position)
-    views = [SimpleNamespace(name=f"{folder}/1.jpg", size=(100, 100), gps=position, taken=taken) for folder in folders]
+    views = [
+        SimpleNamespace(name=f"{folder}/1.jpg", size=(100, 100), orientation=1, gps=position, taken=taken)
+        for folder in folders
+    ]
     return lay_out(views, [(100 * view, 0) for view in range(len(views))])
 
 
