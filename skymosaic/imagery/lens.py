@@ -86,6 +86,12 @@ class Lens:
         if self.size is not None and not self.fits(size):
             shapes = "{}x{} px, and the camera file is for {}x{} px".format(*size, *self.size)
             raise InputError(f"{name}: {shapes}, which is another shape; give the file of this camera")
+        if self.mask is None:
+            return
+        height, width = self.mask.shape
+        if abs(size[0] * height / (size[1] * width) - 1) >= SAME_SHAPE:
+            shapes = f"{size[0]}x{size[1]} px, and the mask has {width}x{height} px"
+            raise InputError(f"{name}: {shapes}, which is another shape; paint it over a photograph of this shape")
 
     def straighten(self, pixels: Intensities, interpolation: int = cv2.INTER_CUBIC) -> Intensities:
         """Remove distortion, as if a pinhole camera with the same matrix had taken the photograph.

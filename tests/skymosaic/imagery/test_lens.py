@@ -134,6 +134,17 @@ def test_photographs_of_another_shape_are_of_another_camera(tmp_path: Path) -> N
         mosaic([tmp_path / "wide.png"] * 2, MosaicOptions(lens=lens))
 
 
+@pytest.mark.parametrize("size", [(225, 400), (400, 400), (400, 235)])
+def test_a_mask_of_another_shape_is_refused(tmp_path: Path, size: tuple[int, int]) -> None:
+    lens = Lens(mask=np.full((225, 400), 255, np.uint8))
+    # A mask from a report has the size of a thumbnail.
+    for same in ((400, 225), (4000, 2250), (320, 179)):
+        lens.check(same, "a.png")
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros(size[::-1], np.uint8))
+    with pytest.raises(InputError, match=rf"a\.png: {size[0]}x{size[1]} px, and the mask has 400x225 px, which is"):
+        mosaic([tmp_path / "a.png"] * 2, lens=lens)
+
+
 def test_lenses_that_straighten_or_hide_differently_have_different_keys() -> None:
     matrix, mask = np.eye(3), np.zeros((4, 6), np.uint8)
     lenses = [
