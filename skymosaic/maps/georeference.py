@@ -115,7 +115,24 @@ def project_to_utm(positions: Sequence[Position]) -> tuple[str, Points]:
     """Project positions to the UTM zone of most of them; returns its name and (N, 2) metres east and north."""
     # Not of the first: a wrong one, which a fit leaves out, would still stretch the map.
     ((crs, _),) = Counter(map(_utm_zone, positions)).most_common(1)
-    return crs, reproject(np.array([(p.longitude_deg, p.latitude_deg) for p in positions]), "EPSG:4326", crs)
+    return crs, project(positions, crs)
+
+
+def project(positions: Sequence[Position], crs: str) -> Points:
+    """Project positions to metres (N, 2) on the map of most of them; those that it cannot show lie about as far off."""
+    degrees = np.array([position.degrees for position in positions])
+    with contextlib.suppress(InputError):
+        return reproject(degrees, "EPSG:4326", crs)
+    metres = np.full(degrees.shape, np.nan)
+    for index in range(len(positions)):
+        with contextlib.suppress(InputError):
+            metres[index] = reproject(degrees[index], "EPSG:4326", crs)
+    known = np.isfinite(metres).all(axis=1)
+    # A fit names what is far off; NaN would be no position at all.
+    first = int(np.argmax(known))
+    for index in np.flatnonzero(~known).tolist():
+        metres[index] = metres[first] + positions[index].metres_from(positions[first])
+    return metres
 
 
 def _utm_zone(position: Position) -> str:

@@ -22,7 +22,7 @@ from skymosaic.flight.mapping.cameras import cameras_of
 from skymosaic.flight.mapping.place import place_on_map, sightings_of
 from skymosaic.geometry.homography import apply, rescale
 from skymosaic.maps.control_points import ControlPoints
-from skymosaic.maps.georeference import reproject
+from skymosaic.maps.georeference import project
 
 MAX_OUTSIDE = 2.0
 """Points farther from the middle of their view, in half diagonals, are left out, as below a camera that looks ahead."""
@@ -79,14 +79,14 @@ def _observe(flight: Flight, layout: Layout, control: ControlPoints | None) -> I
                 sigma_m = np.hypot(CONTROL_M, CLICK_PX * scales[member] * on_map.metres_per_pixel)
                 yield Observation(member, seen, apply(to_ground, control.metres[point]), float(sigma_m) * px_per_m)
         return
-    for member, camera in zip(layout.members, cameras_of(flight, layout), strict=True):
-        if camera.taken.position is not None:
-            metres = reproject(np.array([camera.taken.position.degrees]), "EPSG:4326", on_map.crs)[0]
-            below = apply(to_ground @ on_map.to_map, camera.position[:2])
-            # Without a recorded accuracy, the misfit is the best estimate of it.
-            sigma_m = max(camera.taken.accuracy_m or on_map.residual_m, MIN_GPS_M)
-            seen = apply(np.asarray(np.linalg.inv(layout.transforms[member]), np.float64), below)
-            yield Observation(member, seen, apply(to_ground, metres), sigma_m * px_per_m)
+    cameras = zip(layout.members, cameras_of(flight, layout), strict=True)
+    known = [(member, camera, gps) for member, camera in cameras if (gps := camera.taken.position) is not None]
+    for (member, camera, _), metres in zip(known, project([gps for *_, gps in known], on_map.crs), strict=True):
+        below = apply(to_ground @ on_map.to_map, camera.position[:2])
+        # Without a recorded accuracy, the misfit is the best estimate of it.
+        sigma_m = max(camera.taken.accuracy_m or on_map.residual_m, MIN_GPS_M)
+        seen = apply(np.asarray(np.linalg.inv(layout.transforms[member]), np.float64), below)
+        yield Observation(member, seen, apply(to_ground, metres), sigma_m * px_per_m)
 
 
 def anchor(layout: Layout, views: Sequence[View], observations: Sequence[Observation]) -> Layout:

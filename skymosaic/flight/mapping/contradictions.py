@@ -33,10 +33,15 @@ def compare_places(one: Georeference, by_one: str, other: Georeference, by_other
     """
     middle = places.mean(axis=0)
     probe = np.stack([middle, middle + np.ptp(places, axis=0) + 1])
-    first, second = (
-        reproject(np.column_stack((probe, np.ones(2))) @ each.to_map[:2].T, each.crs, one.crs) @ [1, 1j]
-        for each in (one, other)
-    )
+    remedy = "check names, pixels, coordinate system and order of the axes (east comes first)"
+    try:
+        first, second = (
+            reproject(np.column_stack((probe, np.ones(2))) @ each.to_map[:2].T, each.crs, one.crs) @ [1, 1j]
+            for each in (one, other)
+        )
+    # The map of one ends before the place of the other.
+    except InputError:
+        raise InputError(f"{by_one} and {by_other} contradict each other: the globe lies between; {remedy}") from None
     ratio = (second[1] - second[0]) / (first[1] - first[0])
     scale, turn_deg, away_m = abs(ratio), -np.degrees(np.angle(ratio)), abs(second[0] - first[0])
     # A first source that fits badly must not excuse itself. Two positions, which fit exactly, may be off by as much.
@@ -51,7 +56,7 @@ def compare_places(one: Georeference, by_one: str, other: Georeference, by_other
     )
     refused = abs(np.log(scale)) > REFUSED_SCALE + unsure, abs(turn_deg) > REFUSED_TURN_DEG + turn_allowed_deg
     if any(refused) or not away_m <= REFUSED_AWAY_M:
-        raise InputError(f"{text}; check names, pixels, coordinate system and order of the axes (east comes first)")
+        raise InputError(f"{text}; {remedy}")
     return f"{text}; the map is by {by_one}: check names, pixels and coordinates"
 
 

@@ -13,10 +13,10 @@ from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.cameras import Camera, cameras_of, measure_turn
 from skymosaic.flight.mapping.contradictions import compare_places, doubt_records
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.exif import explain_missing_gps
+from skymosaic.imagery.exif import Position, explain_missing_gps
 from skymosaic.imagery.photographs import index_names, short_names
 from skymosaic.maps.control_points import ControlPoints
-from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map, project_to_utm, reproject
+from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map, map_to_globe, project_to_utm
 
 MAX_AWAY_M = 10_000.0
 """Control points farther from the photographs are of another site, or their axes are swapped."""
@@ -209,9 +209,9 @@ def _check_site(control: ControlPoints, flight: Flight, layout: Layout) -> None:
     positions = [gps for member in layout.members if (gps := flight.views[member].gps) is not None]
     if not positions:
         return
-    degrees = np.array([gps.degrees for gps in positions])
-    flown = np.median(reproject(degrees, "EPSG:4326", control.crs), axis=0)
-    away_m = float(np.linalg.norm(np.median(control.metres, axis=0) - flown))
+    ((longitude_deg, latitude_deg),) = map_to_globe(np.median(control.metres, axis=0), control.crs).tolist()
+    site = Position(latitude_deg, longitude_deg)
+    away_m = float(np.linalg.norm(np.median([gps.metres_from(site) for gps in positions], axis=0)))
     if not away_m < MAX_AWAY_M:
         raise InputError(
             f"{control.name}: its points lie {away_m / 1000:.0f} km from the photographs' GPS; check the coordinate "

@@ -36,6 +36,18 @@ def test_a_wrong_first_position_does_not_choose_the_zone() -> None:
     assert place.metres_per_pixel == pytest.approx(0.1, rel=1e-6)
 
 
+def test_a_position_that_the_map_cannot_show_is_far_off() -> None:
+    """At the equator, the map of a zone ends before a quarter of the globe; a sign or a zero is enough."""
+    good = [Position(45 + 0.001 * i, 12 + 0.001 * (i % 3)) for i in range(12)]
+    _, metres = project_to_utm(good)
+    zone, targets = project_to_utm([Position(0.0, -78.0), *good])
+    np.testing.assert_array_equal(targets[1:], metres)
+    places = np.vstack([(500, 500), (metres - metres[0]) * [10, -10]])
+    place, _ = fit_to_map(places, targets, zone)
+    assert place.disagreeing == (0,)
+    assert 5e6 < place.offsets_m[0] < 2e7
+
+
 @pytest.mark.parametrize(
     ("latitude_deg", "longitude_deg", "zone"),
     [(0, -180, 32601), (1, 180, 32601), (-0.1, 179.9, 32760), (45, 5.99, 32631), (45, 6, 32632), (-45, -0.1, 32730)],

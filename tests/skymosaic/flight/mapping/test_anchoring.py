@@ -12,7 +12,7 @@ from skymosaic.flight.layout.layout import Layout, lay_out
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.mapping.anchoring import Observation, _observe, anchor
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.exif import Metadata
+from skymosaic.imagery.exif import Metadata, Position
 from tests.skymosaic.flight.mapping.test_contradictions import SIZE as FLOWN_SIZE
 from tests.skymosaic.flight.mapping.test_contradictions import STEPS, flown, taken_above
 
@@ -61,6 +61,19 @@ def test_what_is_known_of_cameras_is_as_exact_as_they_record(accuracy_m: float |
     places = [middle + STEPS[each.view] for each in observed]
     np.testing.assert_allclose([each.place for each in observed], places, atol=0.02)
     assert [each.sigma_px for each in observed] == pytest.approx([sigma_px] * 11, rel=1e-3)
+
+
+def test_one_position_that_the_map_cannot_show_leaves_the_others_their_part() -> None:
+    flight, layout = flown()
+    for view, step in zip(flight.views, STEPS, strict=True):
+        view.taken = taken_above(*((np.array(FLOWN_SIZE) - 1) / 2 + step))
+        view.to_original, view.working_size = np.eye(3), view.size
+    layout.reference, layout.transforms = 0, layout.to_reference(None)
+    places = [each.place for each in _observe(flight, layout, None)]
+    flight.views[0].taken = Metadata(position=Position(0.0, -2.0))
+    far, *others = [each.place for each in _observe(flight, layout, None)]
+    np.testing.assert_allclose(others, places[1:], atol=0.01)
+    assert 1e7 < np.linalg.norm(far - places[0]) < 1e8 * np.sqrt(2)
 
 
 def test_positions_straighten_a_strip_that_ties_bend() -> None:

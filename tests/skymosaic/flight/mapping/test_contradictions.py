@@ -133,6 +133,13 @@ def on_map(scale: float, turn_deg: float = 0, away_m: float = 0, **exactness: fl
     return Georeference("EPSG:32615", to_map, exactness.pop("residual_m", 0.0), **exactness)  # type: ignore[arg-type]
 
 
+def test_sources_that_no_map_shows_together_are_refused_by_name() -> None:
+    to_map = np.array([[METRES, 0, 500_000], [0, -METRES, 0], [0, 0, 1]])
+    one, other = (Georeference(zone, to_map, 0.0) for zone in ("EPSG:32615", "EPSG:32631"))
+    with pytest.raises(InputError, match=r"^positions \(a\.txt\) and GPS contradict each other: .* order of the axes"):
+        compare_places(one, "positions (a.txt)", other, "GPS", np.array([(0.0, 0), (100, 100)]))
+
+
 # In 95 % of cases, the second scale is right within 2 %: that is 1.146 degrees, too.
 @pytest.mark.parametrize(
     ("other", "says"),

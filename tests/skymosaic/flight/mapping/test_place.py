@@ -1,3 +1,4 @@
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -122,7 +123,7 @@ def test_a_file_of_positions_puts_a_flight_without_gps_on_the_map(flight: Flight
         plan.write(tmp_path / "m.tif", OutputForm(require_map=True))
 
 
-def flown(folders: tuple[str, ...], position: Position | None = None) -> tuple[Any, Any]:
+def flown(folders: Sequence[str], position: Position | None = None) -> tuple[Any, Any]:
     """Photographs of one name in several folders, side by side on the ground, each 100 px wide."""
     taken = Metadata(position=position)
     views = [
@@ -156,6 +157,17 @@ def test_control_points_of_another_site_are_refused(tmp_path: Path) -> None:
     assert place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt")).georeference is not None
     (tmp_path / "gcp.txt").write_text("\n".join(["EPSG:32616", *lines]))
     with pytest.raises(InputError, match=r"lie \d+ km from the photographs' GPS; check the coordinate system"):
+        place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt"))
+
+
+def test_gps_that_the_map_cannot_show_refuses_no_control_points(tmp_path: Path) -> None:
+    flight, layout = flown("abc", Position(45.1, -93.0))
+    lines = [f"{500_000 + x} {5_000_000 - y} 0 {x} {y} a/1.jpg" for x, y in ((10, 10), (90, 20), (40, 80))]
+    (tmp_path / "gcp.txt").write_text("\n".join(["EPSG:32615", *lines]))
+    flight.views[0].gps = Position(0.0, -2.0)
+    assert place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt")).georeference is not None
+    flight.views[1].gps = flight.views[0].gps
+    with pytest.raises(InputError, match=r"gcp.txt: its points lie \d+ km from the photographs' GPS"):
         place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt"))
 
 
