@@ -23,6 +23,7 @@ from bench.report import Flights, JsonFile, Row, program, report
 from bench.stitcher_runs import peers
 from golden_model.arrays import Points
 from skymosaic.flight.mapping.cameras import cameras_of
+from skymosaic.flight.mapping.place import tolerance_m
 from skymosaic.geometry.homography import DegenerateError, apply, estimate_similarity
 from skymosaic.maps.georeference import fit_to_map, project_to_utm
 from skymosaic.mosaicking.api import open_plan
@@ -53,7 +54,8 @@ def gps_row(folder: Path) -> Row:
     cameras = np.array([placed[member].position[:2] for member in members])
     crs, metres = project_to_utm([gps for m in members if (gps := flight.views[m].gps) is not None])
     spread = np.sqrt(np.mean(np.sum((metres - metres.mean(axis=0)) ** 2, axis=1)))
-    fit, _ = fit_to_map(cameras, metres, crs)
+    tolerances_m = np.array([tolerance_m(flight.views[member].taken.accuracy_m) for member in members])
+    fit, _ = fit_to_map(cameras, metres, crs, tolerances_m=tolerances_m)
     return {
         "flight": f"{folder.name}, {len(layout.members)} photographs",
         "GPS spread": f"{spread:.0f} m",

@@ -142,12 +142,17 @@ def _utm_zone(position: Position) -> str:
 
 
 def fit_to_map(
-    points: Points, metres: Points, crs: str, names: Sequence[str] | None = None
+    points: Points,
+    metres: Points,
+    crs: str,
+    names: Sequence[str] | None = None,
+    *,
+    tolerances_m: Array | float = 0.0,
 ) -> tuple[Georeference | None, str]:
     """Fit a similarity from pixels (N, 2) to the map (N, 2), metres east and north; what is far off is left out.
 
-    Metres are NaN where they are unknown. Returns also why there is no georeference, with the names of the places;
-    empty if there is one.
+    Metres are NaN where they are unknown. Of few positions, offsets up to ``tolerances_m``, one or (N,), are no
+    disagreement. Returns also why there is no georeference, with the names of the places; empty if there is one.
     """
     known = np.flatnonzero(np.isfinite(metres).all(axis=1))
     # With two photographs there is no third position to check the fit; the caller has to say so.
@@ -157,7 +162,7 @@ def fit_to_map(
     # Rows count downwards and north points up. A similarity cannot mirror, so y is negated before the fit.
     upright, targets = points[known] * [1.0, -1.0], metres[known]
     try:
-        agreeing, similarity = _fit_agreeing(upright, targets)
+        agreeing, similarity = _fit_agreeing(upright, targets, np.broadcast_to(tolerances_m, len(points))[known])
     except DegenerateError:
         return None, "the positions coincide or do not fit the layout at all"
     if not (step_m := math.hypot(*similarity[:2, 0])) > MIN_GSD_M:
@@ -167,13 +172,10 @@ def fit_to_map(
     spread = _spread(targets[agreeing])
     if spread < MIN_SPREAD_M:
         return None, f"the positions spread over {spread:.2g} m, too little for a map; check their unit"
-    if residual > MAX_RESIDUAL * spread or (~agreeing).mean() > MAX_DISAGREEING:
+    if refusal := _explain_refusal(agreeing, offsets, residual, spread):
         farthest = known[np.argsort(-offsets)][:WORST_NAMED].tolist()
         worst = ", ".join(str(index) if names is None else names[index] for index in farthest)
-        return None, (
-            f"positions and layout differ by {np.median(offsets):.1f} m in the median and {offsets.max():.1f} m at "
-            f"most, too much for a spread of {spread:.1f} m; farthest off: {worst}"
-        )
+        return None, f"{refusal}; farthest off: {worst}"
     all_offsets = np.full(len(points), np.nan)
     all_offsets[known] = offsets
     to_map = similarity @ np.diag([1.0, -1.0, 1.0])
@@ -183,6 +185,21 @@ def fit_to_map(
     sigma = residual / spread / math.sqrt(free) if free else math.nan
     scale_error = float(stdtrit(free, 0.975)) * sigma if free else math.nan
     return Georeference(crs, to_map, residual, tuple(all_offsets.tolist()), disagreeing, scale_error), ""
+
+
+def _explain_refusal(agreeing: NDArray[np.bool_], offsets: Array, residual: float, spread: float) -> str:
+    """Why a fit is none; empty if it is one."""
+    if (~agreeing).mean() > MAX_DISAGREEING:
+        return (
+            f"{(~agreeing).sum()} of {len(agreeing)} positions, more than a third, disagree with the others, "
+            f"by {offsets[~agreeing].min():.1f} to {offsets.max():.1f} m"
+        )
+    if residual > MAX_RESIDUAL * spread:
+        return (
+            f"positions and layout differ by {np.median(offsets):.1f} m in the median and {offsets.max():.1f} m at "
+            f"most, too much for a spread of {spread:.1f} m"
+        )
+    return ""
 
 
 def _pairs(count: int) -> Array:
@@ -199,7 +216,7 @@ def _spread(points: Points) -> float:
     return float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
 
 
-def _fit_agreeing(points: Points, targets: Points) -> tuple[NDArray[np.bool_], Array]:
+def _fit_agreeing(points: Points, targets: Points, tolerances_m: Array) -> tuple[NDArray[np.bool_], Array]:
     """Fit the similarity of the positions that agree; returns which do, and the similarity.
 
     It starts from the two positions with the smallest median offset (least median of squares, Rousseeuw 1984). A fit to
@@ -224,10 +241,13 @@ def _fit_agreeing(points: Points, targets: Points) -> tuple[NDArray[np.bool_], A
     start = int(np.argmin(np.median(offsets, axis=1)))
     chosen = [first[start], second[start]]
     best = estimate_similarity(points[chosen], targets[chosen])
-    # Of few positions, the best pair fits half closer than the noise (Rousseeuw and Leroy 1987).
-    far_off = FAR_OFF * (1 + 5 / max(len(points) - 2, 1))
+    # Of few positions, the best pair fits half closer than the noise (Rousseeuw and Leroy 1987). Of four or five, it
+    # fits them almost exactly, so that what is known of the noise counts, too; of many, they say it themselves.
+    few = 5 / (len(points) - 2)
+    far_off, tolerances_m = FAR_OFF * (1 + few), min(few, 1) * tolerances_m
     for _ in range(REFITS):
         offsets = transfer_error(best, points, targets)
-        agreeing = offsets <= max(far_off * float(np.median(offsets)), NEGLIGIBLE * _spread(targets))
+        limit = max(far_off * float(np.median(offsets)), NEGLIGIBLE * _spread(targets))
+        agreeing = offsets <= np.maximum(limit, tolerances_m)
         best = estimate_similarity(points[agreeing], targets[agreeing])
     return agreeing, best

@@ -21,6 +21,9 @@ from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map,
 MAX_AWAY_M = 10_000.0
 """Control points farther from the photographs are of another site, or their axes are swapped."""
 
+TOLERANCE_M, TOLERANCE_SIGMAS = 3.0, 10.0
+"""So far off is no error of ordinary GPS, nor of RTK by its own accuracy: the layout's error at a camera adds to it."""
+
 
 @dataclass(frozen=True, eq=False)
 class MapPlace:
@@ -136,7 +139,8 @@ def place_cameras(cameras: Sequence[Camera]) -> MapPlace:
     names = tuple(short_names([camera.name for camera in cameras]))
     # GPS belongs to the camera, not to what is in the middle of its photograph.
     places = np.array([camera.position for camera in cameras])
-    georeference, note = fit_to_map(places[:, :2], targets, crs, names)
+    tolerances_m = np.array([tolerance_m(camera.taken.accuracy_m) for camera in cameras])
+    georeference, note = fit_to_map(places[:, :2], targets, crs, names, tolerances_m=tolerances_m)
     if georeference is None:
         return MapPlace(note=note)
     turned = measure_turn(cameras, georeference.to_map, np.median(metres, axis=0), crs)
@@ -157,6 +161,11 @@ def place_cameras(cameras: Sequence[Camera]) -> MapPlace:
         turned_deg=turned,
         contradictions=tuple(doubt_records(height_m, recorded_m, turned)),
     )
+
+
+def tolerance_m(accuracy_m: float | None) -> float:
+    """How far off a camera's position may be without being wrong, by the accuracy that is recorded, if any."""
+    return min(TOLERANCE_M, TOLERANCE_SIGMAS * (accuracy_m or np.inf))
 
 
 def _fit_to_control_points(control: ControlPoints, flight: Flight, layout: Layout) -> MapPlace:

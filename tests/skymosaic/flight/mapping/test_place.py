@@ -176,6 +176,21 @@ def test_forms_that_cannot_apply_are_refused(tmp_path: Path) -> None:
         OutputForm("jpeg").check(tmp_path / "m.png")
 
 
+@pytest.mark.parametrize(("accuracy_m", "placed"), [(None, True), (0.2, True), (10.0, True), (0.02, False)])
+def test_of_few_positions_two_may_be_off_by_what_they_are_exact_to(accuracy_m: float | None, placed: bool) -> None:
+    cameras = []
+    for number, off_m in enumerate((0.0, 0.9, 0.0, 0.9, 0.0)):
+        to_reference = np.array([[1.0, 0, 100 * number], [0, 1, 0], [0, 0, 1]])
+        taken = Metadata(Position(45 + off_m / 111_132, 9 + number * 10 / 78_847), accuracy_m=accuracy_m)
+        cameras.append(Camera(f"{number}.jpg", SIZE, to_reference, taken))
+    place = place_cameras(cameras)
+    assert (place.georeference is not None) == placed
+    if placed:
+        assert not place.disagreeing
+        return
+    assert "2 of 5 positions, more than a third, disagree with the others, by 0.9 to 0.9 m; farthest off:" in place.note
+
+
 def test_a_compass_that_is_wrong_by_half_a_turn_is_said_so() -> None:
     """The differences +178 and -179 degrees have no median near 180 degrees."""
     cameras = [
