@@ -100,18 +100,50 @@ def test_a_file_that_cannot_be_read_is_named_with_the_reason(tmp_path: Path) -> 
             load_control_points(tmp_path / name)
 
 
-@pytest.mark.parametrize("header", ["EPSG:2056", "EPSG:2154"], ids=["oblique Mercator", "Lambert"])
-def test_maps_in_metres_on_the_ground_stay(tmp_path: Path, header: str) -> None:
-    assert loaded(tmp_path, header).crs == header
+@pytest.mark.parametrize(
+    ("header", "x", "y"),
+    [("EPSG:2056", 2_600_000, 1_200_000), ("EPSG:2154", 1_222_000, 6_052_000), ("EPSG:5514", -886_000, -1_006_000)],
+    ids=["oblique Mercator", "Lambert, in Corsica", "Krovak, in the west"],
+)
+def test_maps_in_metres_on_the_ground_stay(tmp_path: Path, header: str, x: float, y: float) -> None:
+    points = loaded(tmp_path, header, f"\n{x} {y} 200 10 20 a.jpg\n{x + 50} {y} 200 10 20 b.jpg\n")
+    assert points.crs == header
+    np.testing.assert_array_equal(points.metres, [(x, y), (x + 50, y)])
 
 
 @pytest.mark.parametrize(
     "header",
-    ["EPSG:3857", "EPSG:102100", "EPSG:3395", "EPSG:2264", "+proj=utm +zone=17 +datum=WGS84 +units=us-ft +no_defs"],
+    [
+        "EPSG:3857",
+        "EPSG:102100",
+        "EPSG:3395",
+        "EPSG:2264",
+        "+proj=utm +zone=17 +datum=WGS84 +units=us-ft +no_defs",
+        "EPSG:4087",
+        "EPSG:6933",
+        "EPSG:3347",
+    ],
 )
 def test_feet_and_stretched_metres_become_metres_on_the_ground(tmp_path: Path, header: str) -> None:
     degrees = np.array([(-80.0, 35.5), (-79.99, 35.5)])
     (x1, y1), (x2, y2) = reproject(degrees, "EPSG:4326", CRS.from_user_input(header).to_wkt())
     points = loaded(tmp_path, header, f"\n{x1} {y1} 200 10 20 a.jpg\n{x2} {y2} 200 10 20 b.jpg\n")
     assert points.crs == "EPSG:32617"
-    assert np.hypot(*(points.metres[1] - points.metres[0])) == pytest.approx(907, abs=2)
+    assert points.metres[1] - points.metres[0] == pytest.approx((907, 9), abs=2)
+
+
+@pytest.mark.parametrize(
+    ("header", "place", "utm", "step"),
+    [
+        ("EPSG:2048", (-1000, 3_652_000), "EPSG:32734", (0, 100)),
+        ("EPSG:5513", (1_006_000, 886_000), "EPSG:32633", (99.2, 12.9)),
+    ],
+    ids=["west and south", "south and west"],
+)
+def test_axes_that_point_elsewhere_become_east_and_north(
+    tmp_path: Path, header: str, place: tuple[int, int], utm: str, step: tuple[float, float]
+) -> None:
+    x, y = place
+    points = loaded(tmp_path, header, f"\n{x} {y} 200 10 20 a.jpg\n{x} {y - 100} 200 10 20 b.jpg\n")
+    assert points.crs == utm
+    assert points.metres[1] - points.metres[0] == pytest.approx(step, abs=4)
