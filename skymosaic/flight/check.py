@@ -14,6 +14,7 @@ from skymosaic.flight.layout.linked_group import groups
 from skymosaic.flight.linking.links import Link
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA, STILL
 from skymosaic.geometry.homography import apply
+from skymosaic.imagery.exif import describe_gps_faults
 from skymosaic.imagery.photographs import short_names
 
 MIN_BEST_OVERLAP = 0.3
@@ -172,7 +173,9 @@ def _problems_of_all(flight: Flight) -> Iterator[str]:
         yield from _weakly_linked(flight, layout)
     with_gps = sum(view.gps is not None for view in flight.views)
     if 0 < with_gps < len(flight.views):
-        yield f"{len(flight.views) - with_gps} of {len(flight.views)} photographs have no GPS"
+        faults = describe_gps_faults([view.taken for view in flight.views])
+        missing = f"{len(flight.views) - with_gps} of {len(flight.views)} photographs have no GPS"
+        yield f"{missing} that can be used: {faults}" if faults else missing
 
 
 def describe_moving(flight: Flight) -> str:

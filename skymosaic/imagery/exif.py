@@ -131,9 +131,15 @@ def read_metadata(path: Path) -> Metadata:
 
 def explain_missing_gps(taken: Sequence[Metadata]) -> str:
     """Say that no photograph has a position, and what is wrong with the positions that cameras wrote."""
+    faults = describe_gps_faults(taken)
+    return f"0 of {len(taken)} photographs have GPS{faults and f' that can be used, but {faults}'}"
+
+
+def describe_gps_faults(taken: Sequence[Metadata]) -> str:
+    """How many photographs have GPS that is no position, and what is wrong with most of it; empty if none has."""
     faults = Counter(each.gps_fault for each in taken if each.gps_fault)
-    but = f", but {faults.total()} have GPS {faults.most_common(1)[0][0]}" if faults else ""
-    return f"0 of {len(taken)} photographs have GPS{' that can be used' if faults else ''}{but}"
+    has = "has" if faults.total() == 1 else "have"
+    return f"{faults.total()} {has} GPS {faults.most_common(1)[0][0]}" if faults else ""
 
 
 def _time(written: Any) -> str:

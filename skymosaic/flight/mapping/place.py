@@ -13,7 +13,7 @@ from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.cameras import Camera, cameras_of, measure_turn
 from skymosaic.flight.mapping.contradictions import compare_places, doubt_records
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.exif import Position, explain_missing_gps
+from skymosaic.imagery.exif import Position, describe_gps_faults, explain_missing_gps
 from skymosaic.imagery.photographs import index_names, short_names
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map, map_to_globe, project_to_utm
@@ -142,7 +142,8 @@ def place_cameras(cameras: Sequence[Camera]) -> MapPlace:
     tolerances_m = np.array([tolerance_m(camera.taken.accuracy_m) for camera in cameras])
     georeference, note = fit_to_map(places[:, :2], targets, crs, names, tolerances_m=tolerances_m)
     if georeference is None:
-        return MapPlace(note=note)
+        faults = describe_gps_faults([camera.taken for camera in cameras]) if len(positions) < MIN_POSITIONS else ""
+        return MapPlace(note=f"{note}; {faults}" if faults else note)
     turned = measure_turn(cameras, georeference.to_map, np.median(metres, axis=0), crs)
     if len(cameras) == 2:
         note = "two GPS positions fit exactly, so that nothing checks them"

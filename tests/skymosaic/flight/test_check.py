@@ -24,6 +24,7 @@ from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import survey
+from skymosaic.imagery.exif import Metadata
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.running.cache import NO_CACHE
 from skymosaic.running.workers import Workers
@@ -50,7 +51,7 @@ def test_each_problem_of_a_photograph_is_named() -> None:
 
 
 def test_what_many_photographs_lack_is_counted() -> None:
-    facts = {"working_size": (400, 300), "clipped": 0.0, "sharpness": 1.0}
+    facts = {"working_size": (400, 300), "clipped": 0.0, "sharpness": 1.0, "taken": Metadata()}
     views = [SimpleNamespace(name=f"{view}.jpg", gps=(46, 8) if view < 3 else None, **facts) for view in range(5)]
     links = tuple(Link(*pair, *(np.zeros((90, 2)),) * 2, 90, 90) for pair in ((0, 1), (1, 2), (3, 4)))
     places = [{view: np.diag([1.0, 1 + 0.1 * view, 1]) for view in members} for members in ((0, 1, 2), (3, 4))]
@@ -70,12 +71,14 @@ def test_what_many_photographs_lack_is_counted() -> None:
     assert unusable == "1 of 6 photographs cannot be used or repeat another"
     assert groups.startswith("2 groups that no link joins for sure (3, 2 photographs): fly again between them")
     assert gps == "2 of 5 photographs have no GPS"
+    views[4].taken = Metadata(gps_fault="that is no position")
+    assert check_flight(flight).problems[2] == f"{gps} that can be used: 1 has GPS that is no position"
     flight.layouts = flight.layouts[:1]
     assert not check_flight(flight).complete
     advice = "photographs are registered at 400 to {} px wide: --working-width 400 makes them alike"
     for width_px, other_focal, said in ((801, 2, True), (801, 3, False), (800, 2, False)):
         for view in views:
-            view.taken = SimpleNamespace(focal_half_diagonals=other_focal if view is views[1] else 2)
+            view.taken = Metadata(focal_half_diagonals=other_focal if view is views[1] else 2)
         views[0].working_size = (width_px, 300)
         assert (advice.format(width_px) in check_flight(flight).problems) is said
 

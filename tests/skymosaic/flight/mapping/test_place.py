@@ -191,6 +191,13 @@ def test_of_few_positions_two_may_be_off_by_what_they_are_exact_to(accuracy_m: f
     assert "2 of 5 positions, more than a third, disagree with the others, by 0.9 to 0.9 m; farthest off:" in place.note
 
 
+def test_of_too_few_positions_it_is_said_that_others_are_none() -> None:
+    positions = [Position(45.0, 8.0), Position(45.001, 8.0), None, None]
+    taken = [Metadata(each, gps_fault="" if each else "that is no position") for each in positions]
+    cameras = [Camera(f"{number}.jpg", SIZE, np.eye(3), each) for number, each in enumerate(taken)]
+    assert place_cameras(cameras).note == ("2 of 4 photographs have GPS; 3 are needed; 2 have GPS that is no position")
+
+
 def test_a_compass_that_is_wrong_by_half_a_turn_is_said_so() -> None:
     """The differences +178 and -179 degrees have no median near 180 degrees."""
     cameras = [
