@@ -68,9 +68,10 @@ def check_tiff(data: bytes, path: Path, *, area_px: int, max_bytes: int) -> NDAr
                 picture.load()
                 lab, srgb = (ImageCms.createProfile(space) for space in ("LAB", "sRGB"))
                 return np.asarray(ImageCms.profileToProfile(picture, lab, srgb, outputMode="RGB"))[..., ::-1].copy()
-    except InputError:
+    except (InputError, MemoryError):
         raise
-    except (OSError, ValueError, zlib.error) as error:
+    # Pillow raises KeyError, TypeError, OverflowError and others beside the expected errors, where tags are odd.
+    except Exception as error:
         raise DamagedError(f"{path}: the TIFF is damaged ({error}); copy it again from the camera") from None
     return None
 
@@ -88,8 +89,11 @@ def _check_layout(tags: Mapping[int, Any], bits: tuple[int, ...], path: Path) ->
 def _segments(data: bytes, picture: PillowImage.Image) -> Iterator[bytes]:
     """The compressed strips or tiles; GDAL leaves out empty ones."""
     tags = picture.tag_v2  # type: ignore[attr-defined]
-    kind, counts = ("Tile", "TileByteCounts") if _TAGS["TileOffsets"] in tags else ("Strip", "StripByteCounts")
-    for offset, size in zip(tags[_TAGS[f"{kind}Offsets"]], tags[_TAGS[counts]], strict=True):
+    kind = "Tile" if _TAGS["TileOffsets"] in tags else "Strip"
+    names = f"{kind}Offsets", f"{kind}ByteCounts"
+    if missing := [name for name in names if _TAGS[name] not in tags]:
+        raise ValueError(f"it has no {missing[0]}")
+    for offset, size in zip(*(tags[_TAGS[name]] for name in names), strict=True):
         if size:
             yield data[offset : offset + size]
 

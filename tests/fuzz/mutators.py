@@ -1,5 +1,6 @@
 """Seeded changes to bytes and text, as faulty cards, interrupted copies and hostile senders make them."""
 
+import struct
 from typing import Literal
 
 import numpy as np
@@ -21,6 +22,24 @@ def damage_block(data: bytes, rng: np.random.Generator) -> bytes:
     """Zero 400 bytes in the middle half, away from headers and directories."""
     start = int(rng.integers(len(data) // 4, 3 * len(data) // 4))
     return data[:start] + bytes(400) + data[start + 400 :]
+
+
+_TIFF_TAGS = (254, 256, 257, 258, 259, 262, 266, 273, 274, 277, 278, 279, 284, 317, 322, 323, 324, 325, 338, 339, 347)
+_TIFF_NUMBERS = (0, 1, 2, 3, 5, 8, 16, 32, 64, 255, 65535, 1 << 31)
+_TIFF_FIELDS = (("<H", 0, _TIFF_TAGS), ("<H", 2, range(14)), ("<I", 4, _TIFF_NUMBERS), ("<I", 8, _TIFF_NUMBERS))
+"""Tag, type, count and value of a directory's entry: form, offset, and what they become."""
+
+
+def change_directory(data: bytes, rng: np.random.Generator) -> bytes:
+    """Change tag, type, count or value in one or two entries of a little-endian TIFF's first directory."""
+    changed = bytearray(data)
+    (first,) = struct.unpack_from("<I", changed, 4)
+    (count,) = struct.unpack_from("<H", changed, first)
+    for _ in range(rng.integers(1, 3)):
+        entry = first + 2 + 12 * int(rng.integers(count))
+        form, offset, numbers = _TIFF_FIELDS[rng.integers(len(_TIFF_FIELDS))]
+        struct.pack_into(form, changed, entry + offset, int(rng.choice(numbers)))
+    return bytes(changed)
 
 
 def truncate(data: bytes, rng: np.random.Generator) -> bytes:

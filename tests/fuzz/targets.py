@@ -34,7 +34,7 @@ from skymosaic.imagery.photographs import list_sources
 from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.maps.control_points import load_control_points
 from skymosaic.running.cache import ResultCache
-from tests.fuzz.mutators import damage_block, mutated, mutated_text
+from tests.fuzz.mutators import change_directory, damage_block, mutated, mutated_text
 
 MAX_WRONG_SHARE = 0.01
 """Share of the pixels that may be wrong in a damaged photograph that is read all the same."""
@@ -189,6 +189,13 @@ def _telling() -> list[tuple[str, bytes]]:
     return found
 
 
+def _tiff_directories(folder: Path, rng: np.random.Generator) -> str:
+    tiffs = [data for suffix, data in _telling() if suffix == ".tif"]
+    path = folder / "directory.tif"
+    path.write_bytes(change_directory(tiffs[rng.integers(len(tiffs))], rng))
+    return _read_photograph(path, rng)
+
+
 def _damaged_photographs(folder: Path, rng: np.random.Generator) -> str:
     """400 zeroed bytes, which must not be accepted for a photograph."""
     suffix, whole = _telling()[rng.integers(len(_telling()))]
@@ -266,6 +273,7 @@ TARGETS: dict[str, Target] = {
     "cache entries": _cache_entries,
     "builds": _builds,
     "records": _records,
+    "TIFF directories": _tiff_directories,
     "damaged photographs": _damaged_photographs,
     "videos": _videos,
     "fuzzy systems": _fuzzy_systems,

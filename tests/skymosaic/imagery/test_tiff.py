@@ -141,6 +141,24 @@ def test_16_bits_that_opencv_reads_as_other_pixels_are_refused(tmp_path: Path, k
         images.load(path, keep_damaged=True)
 
 
+@pytest.mark.parametrize(
+    ("compression", "tag", "changed", "fault"),
+    [
+        ("tiff_deflate", 279, struct.pack("<H", 60000), "has no StripByteCounts"),
+        ("jpeg", 273, struct.pack("<H", 60000), "has no StripOffsets"),
+        ("tiff_deflate", 279, struct.pack("<HH", 279, 11), "slice"),
+    ],
+)
+def test_a_missing_or_odd_tag_is_damage(tmp_path: Path, compression: str, tag: int, changed: bytes, fault: str) -> None:
+    path, data = tmp_path / "p.tif", bytearray(encoded(compression))
+    (directory,) = struct.unpack_from("<I", data, 4)
+    at = data.index(struct.pack("<H", tag), directory)
+    data[at : at + len(changed)] = changed
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=rf"p\.tif: the TIFF is damaged .*{fault}"):
+        images.load(path)
+
+
 def test_a_decompression_bomb_in_a_strip_is_refused() -> None:
     data, limits = encoded("tiff_deflate"), {"area_px": SCENE.size // 3}
     check_tiff(data, Path("p.tif"), max_bytes=SCENE.nbytes, **limits)
