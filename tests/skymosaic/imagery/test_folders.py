@@ -83,6 +83,14 @@ def test_a_mosaic_of_folders_inside_is_no_photograph_of_the_next_run(card: Path)
     assert list_pictures(card, recursive=True).pictures == photographs
 
 
+def test_a_mosaic_above_the_only_folder_inside_is_no_photograph_of_the_next_run(card: Path) -> None:
+    (card / "DJI_1.JPG").unlink()
+    photographs = list_pictures(card, recursive=True).pictures
+    (card / "mosaic.jpg").write_bytes(b"a mosaic")
+    record_output(card / "mosaic.jpg", photographs)
+    assert list_pictures(card, recursive=True).pictures == photographs
+
+
 def test_a_link_to_a_folder_is_not_followed(card: Path) -> None:
     (card / "101MEDIA" / "loop").symlink_to(card)
     assert len(list_pictures(card, recursive=True).pictures) == 4

@@ -17,9 +17,10 @@ def test_a_folder_does_not_give_an_earlier_mosaic(tmp_path: Path) -> None:
 
 
 def test_other_folders_of_outputs_stay_as_they_are(tmp_path: Path) -> None:
-    (tmp_path / "mosaic.png").write_bytes(b"x")
-    record_output(tmp_path / "mosaic.png", [tmp_path / "photographs" / "IMG_1.png"])
-    assert [path.name for path in tmp_path.iterdir()] == ["mosaic.png"]
+    (output := tmp_path / "maps" / "mosaic.png").parent.mkdir()
+    output.write_bytes(b"x")
+    record_output(output, [tmp_path / "photographs" / "IMG_1.png"])
+    assert [*output.parent.iterdir()] == [output]
 
 
 def test_a_folder_that_is_listed_again_and_again_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
