@@ -13,7 +13,7 @@ from skymosaic.common.errors import InputError
 from skymosaic.common.options import flag_of
 from skymosaic.common.replaced import find_replaced, refuse_inputs
 from skymosaic.common.temporary import resolved
-from skymosaic.imagery.patterns import expand_pattern
+from skymosaic.imagery.folders import list_matches
 
 Typed = Mapping[str, Any]
 Mark = TypeVar("Mark")
@@ -76,7 +76,7 @@ def _list_files(value: object, reads: Reads | None) -> Iterable[Path]:
     files: list[Path] = []
     # Whoever reads it says what is wrong.
     with contextlib.suppress(InputError, OSError, ValueError):
-        for path in expand_pattern(Path(value)) if isinstance(value, str | Path) else ():
+        for path in list_matches(Path(value)) if isinstance(value, str | Path) else ():
             if path.is_file():
                 files.append(path)
             elif reads and path.is_dir():

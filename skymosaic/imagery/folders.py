@@ -1,4 +1,4 @@
-"""Reads folders by one rule for all commands: which pictures are photographs, and what else might have been."""
+"""Reads folders and patterns by one rule for all commands: which files are photographs, and what else might be."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from skymosaic.common.errors import InputError, reading
 from skymosaic.common.temporary import PAGE
 from skymosaic.imagery.images import PICTURE_SUFFIXES
 from skymosaic.imagery.own_outputs import exclude_recorded
-from skymosaic.imagery.patterns import natural_order
+from skymosaic.imagery.patterns import expand_pattern, natural_order
 from skymosaic.imagery.video import VIDEO_SUFFIXES
 
 RAW_SUFFIXES = (".dng", ".arw", ".cr2", ".cr3", ".nef", ".orf", ".raf", ".rw2")
@@ -62,7 +62,7 @@ def list_pictures(folder: Path, *, recursive: bool = False) -> Listing:
     in_folders: dict[str, int] = {}
     others: Counter[str] = Counter()
     for place, files in _walk(folder, 1 << 30 if recursive else LOOKED_INTO, strict=recursive):
-        found = exclude_recorded(place, [file for file in files if file.suffix.lower() in PICTURE_SUFFIXES])
+        found = exclude_recorded([file for file in files if file.suffix.lower() in PICTURE_SUFFIXES])
         if place == folder or recursive:
             pictures += found
         elif found:
@@ -70,6 +70,12 @@ def list_pictures(folder: Path, *, recursive: bool = False) -> Listing:
         shown = {file.stem for file in found}
         others.update(file.suffix for file in files if file.suffix.lower() in REMEDIES and file.stem not in shown)
     return Listing(tuple(pictures), in_folders, dict(others))
+
+
+def list_matches(path: Path) -> list[Path]:
+    """The files and folders that a name or pattern stands for, without earlier mosaics if there is anything else."""
+    matches = expand_pattern(path)
+    return exclude_recorded(matches) or matches
 
 
 def _walk(folder: Path, depth: int, *, strict: bool) -> Iterator[tuple[Path, list[Path]]]:

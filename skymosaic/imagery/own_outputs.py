@@ -33,14 +33,16 @@ def record_output(output: Path, inputs: Iterable[Path]) -> None:
     save_bytes(folder / RECORD_NAME, text.encode("utf-8", "surrogateescape"))
 
 
-def exclude_recorded(folder: Path, pictures: Collection[Path]) -> list[Path]:
-    """Leave out the recorded mosaics of a folder; a file that has changed since is no mosaic any more."""
-    record = _read_record(folder)
-    return [path for path in pictures if path.name not in record or _known_digest(path) != record[path.name]]
+def exclude_recorded(pictures: Collection[Path]) -> list[Path]:
+    """Leave out recorded mosaics; a file that has changed since is no mosaic any more."""
+    records = {folder: _read_record(folder) for folder in {path.parent for path in pictures}}
+    found = ((path, records[path.parent].get(path.name)) for path in pictures)
+    return [path for path, digest in found if digest is None or _known_digest(path) != digest]
 
 
 def _read_record(folder: Path) -> dict[str, str]:
-    with contextlib.suppress(OSError):
+    # A name may be one that no file can have.
+    with contextlib.suppress(OSError, ValueError):
         text = read_small_file(folder / RECORD_NAME).decode("utf-8", "surrogateescape")
         fields = (line.partition(" ") for line in text.split("\n") if line)
         return {name: digest for digest, _, name in fields}

@@ -19,10 +19,10 @@ from golden_model.small_files import open_regular
 from skymosaic.common.errors import InputError, reading
 from skymosaic.imagery.decoding import check_file
 from skymosaic.imagery.depth import ValueRange
-from skymosaic.imagery.folders import is_folder, list_pictures
+from skymosaic.imagery.folders import is_folder, list_matches, list_pictures
 from skymosaic.imagery.images import PICTURE_SUFFIXES, Image, Photograph, check_given, load, load_intensities
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.patterns import expand_pattern
+from skymosaic.imagery.own_outputs import exclude_recorded
 
 Images = Image | Iterable[Image]
 """Photographs as users give them: files, folders, patterns and arrays, one or several."""
@@ -133,7 +133,7 @@ def _state_of(status: os.stat_result) -> tuple[int, ...]:
 
 
 def list_images(images: Images) -> list[Image]:
-    """What was given, one by one; a pattern such as ``flight/*.jpg`` stands for what it matches.
+    """What was given, one by one; a pattern such as ``flight/*.jpg`` stands for what it matches but earlier mosaics.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def list_images(images: Images) -> list[Image]:
     listed: list[Image] = []
     for image in images if isinstance(images, Iterable) else [images]:
         check_given(image, f"image {len(listed)}")
-        listed += expand_pattern(Path(image)) if isinstance(image, str | Path) else [image]
+        listed += list_matches(Path(image)) if isinstance(image, str | Path) else [image]
     return listed
 
 
@@ -155,7 +155,7 @@ def list_sources(
 ) -> list[Source]:
     """List files, arrays and the pictures of folders, see `skymosaic.imagery.folders.list_pictures`.
 
-    ``tell`` receives a line for each folder with more than is read.
+    ``tell`` receives a line for each folder with more than is read, and for each earlier mosaic that was named.
 
     Raises
     ------
@@ -171,6 +171,8 @@ def list_sources(
             contents += _read_folder(path, tell, recursive=recursive)
         else:
             contents.append(path)
+            if not exclude_recorded([path]):
+                tell(f"note {path}: an earlier mosaic, used because it is named; leave it out to have photographs only")
     return [
         Source(index, str(content) if isinstance(content, Path) else f"image {index}", content)
         for index, content in enumerate(contents)

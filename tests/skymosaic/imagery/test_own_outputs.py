@@ -16,6 +16,22 @@ def test_a_folder_does_not_give_an_earlier_mosaic(tmp_path: Path) -> None:
     assert len(list_sources([tmp_path])) == 3
 
 
+def test_a_pattern_does_not_give_an_earlier_mosaic_but_its_name_does(tmp_path: Path) -> None:
+    for name in ("IMG_1.png", "IMG_2.png", "mosaic.png"):
+        (tmp_path / name).write_bytes(name.encode())
+    record_output(tmp_path / "mosaic.png", [tmp_path / "IMG_1.png"])
+    told: list[str] = []
+    assert [Path(source.name).name for source in list_sources(tmp_path / "*.png", told.append)] == [
+        "IMG_1.png",
+        "IMG_2.png",
+    ]
+    assert told == []
+    for named in ("mosaic.png", "mos*.png"):
+        assert [Path(source.name).name for source in list_sources(tmp_path / named, told.append)] == ["mosaic.png"]
+        assert told.pop().startswith(f"note {tmp_path / 'mosaic.png'}: an earlier mosaic")
+    assert list_sources("no\0folder/x.png")[0].name == "no\0folder/x.png"
+
+
 def test_other_folders_of_outputs_stay_as_they_are(tmp_path: Path) -> None:
     (output := tmp_path / "maps" / "mosaic.png").parent.mkdir()
     output.write_bytes(b"x")
