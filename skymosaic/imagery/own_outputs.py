@@ -28,8 +28,9 @@ def record_output(output: Path, inputs: Iterable[Path]) -> None:
         return
     record = {name: digest for name, digest in _read_record(folder).items() if (folder / name).exists()}
     record[output.name] = _known_digest(output)
-    # File names may be any bytes.
-    text = "".join(f"{digest} {name}\n" for name, digest in sorted(record.items()))
+    # File names may be any bytes but NUL, which stands for a line break here.
+    lines = [f"{digest} {name}".replace("\n", "\0") for name, digest in sorted(record.items())]
+    text = "".join(f"{line}\n" for line in lines)
     save_bytes(folder / RECORD_NAME, text.encode("utf-8", "surrogateescape"))
 
 
@@ -44,7 +45,7 @@ def _read_record(folder: Path) -> dict[str, str]:
     # A name may be one that no file can have.
     with contextlib.suppress(OSError, ValueError):
         text = read_small_file(folder / RECORD_NAME).decode("utf-8", "surrogateescape")
-        fields = (line.partition(" ") for line in text.split("\n") if line)
+        fields = (line.replace("\0", "\n").partition(" ") for line in text.split("\n") if line)
         return {name: digest for digest, _, name in fields}
     return {}
 

@@ -7,12 +7,14 @@ from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import list_sources
 
 
-def test_a_folder_does_not_give_an_earlier_mosaic(tmp_path: Path) -> None:
-    for name in ("IMG_1.png", "IMG_2.png", "mosaic.png"):
-        (tmp_path / name).write_bytes(name.encode())
-    record_output(tmp_path / "mosaic.png", [tmp_path / "IMG_1.png"])
+@pytest.mark.parametrize("mosaic", ["mosaic.png", "two\nlines.png", "no UTF-8 \udcff.png"])
+def test_a_folder_does_not_give_an_earlier_mosaic(tmp_path: Path, mosaic: str) -> None:
+    for name in ("IMG_1.png", "IMG_2.png", mosaic, "another.png"):
+        (tmp_path / name).write_bytes(b"a picture")
+    for name in (mosaic, "another.png"):
+        record_output(tmp_path / name, [tmp_path / "IMG_1.png"])
     assert [source.name.rsplit("/")[-1] for source in list_sources([tmp_path])] == ["IMG_1.png", "IMG_2.png"]
-    (tmp_path / "mosaic.png").write_bytes(b"a photograph of that name")
+    (tmp_path / mosaic).write_bytes(b"a photograph of that name")
     assert len(list_sources([tmp_path])) == 3
 
 
