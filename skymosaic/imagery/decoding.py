@@ -139,8 +139,10 @@ def read_header(path: Path, min_side_px: int = MIN_FRAME_PX) -> Header:
             orientation, sizes = _orientation(header), _decoded_sizes(header, path)
             transparent, nodata = header.has_transparency_data, _nodata(header)
             gray = len(header.getbands()) == 1 and header.mode != "P"
-            kind, size, pages = str(header.format), header.size, _count_pages(header)
+            kind, size = str(header.format), header.size
             premultiplied = _tiff_tag(header, EXTRA_SAMPLES, 0) == (ASSOCIATED_ALPHA,)
+            # Last, because it leaves the first picture.
+            pages = _count_pages(header)
             declared = Header(kind, size, orientation, *sizes, transparent, gray, nodata, pages, premultiplied)
     except UnidentifiedImageError:
         raise InputError(f"{path}: not an image that can be read; give PNG, JPEG, or TIFF of gray or RGB") from None

@@ -1,5 +1,6 @@
 """Pixels that show nothing, transparent ones and those without data, are no ground: from the file to the mosaic."""
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -77,6 +78,23 @@ def test_half_transparent_pixels_have_their_own_colours(
     # Premultiplied values are rounded.
     expected = np.moveaxis(colours, 0, -1)[:60].repeat(3 // channels, 2)
     np.testing.assert_allclose(pixels[:60].astype(float), expected, atol=2)
+
+
+def test_whether_colours_are_premultiplied_is_that_of_the_first_page(tmp_path: Path) -> None:
+    path = tmp_path / "p.tif"
+    shape = {"width": 128, "height": 128, "count": 4, "dtype": "uint16"}
+    with (
+        configured_rasterio(),
+        rasterio.open(path, "w", driver="GTiff", photometric="RGB", alpha="PREMULTIPLIED", **shape) as file,
+    ):
+        file.write(np.full((4, 128, 128), 9, np.uint16))
+        file.build_overviews([2])
+    premultiplied, straight = (struct.pack("<HHII", 338, 3, 1, value) for value in (1, 2))
+    before, entry, after = path.read_bytes().rpartition(premultiplied)
+    path.write_bytes(before + straight + after)
+    assert entry
+    assert premultiplied in before
+    assert read_header(path).premultiplied
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
