@@ -107,6 +107,20 @@ def test_one_string_and_a_pattern_stand_for_files(tmp_path: Path, monkeypatch: p
     assert [source.name for source in list_sources("flight/*.jpg")] == ["flight/*.jpg"]
 
 
+@pytest.mark.parametrize("given", ["flight/**/*.png", "flight/**", "flight/**/*", "**/**/*.png"])
+def test_two_stars_stand_for_folders_at_any_depth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = ["flight/IMG_3.png", "flight/a/IMG_2.png", "flight/a/b/IMG_1.png"]
+    for name in (*names, "flight/.hidden/4.png", "flight/report/index.html", "flight/report/tiles/5.png"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(b"x")
+    for circle in ("one", "two"):
+        (tmp_path / "flight/a" / circle).symlink_to(tmp_path / "flight")
+    for pattern in (given, str(tmp_path / given)):
+        assert [source.name.removeprefix(f"{tmp_path}/") for source in list_sources(pattern)] == names
+    assert [source.name for source in list_sources("**/b")] == ["flight/a/b/IMG_1.png"]
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
