@@ -165,6 +165,8 @@ def _export(output: Path, write: Callable[[Path], None], *, overwrite: bool) -> 
         with session.working("writing Verilog"), temporary_folder(existing_parent(output)) as temporary:
             folder = temporary / "export"
             write(folder)
+            # Another export may have ended meanwhile.
+            check_unused(output, overwrite=overwrite)
             for path in sorted(path for path in folder.rglob("*") if path.is_file()):
                 target = output / path.relative_to(folder)
                 target.parent.mkdir(parents=True, exist_ok=True)

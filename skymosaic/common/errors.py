@@ -21,6 +21,10 @@ class OutputError(InputError):
     """An output cannot be written: no permission, a full disk."""
 
 
+class AppearedError(OutputError):
+    """An output would replace a file that was not there when the run began."""
+
+
 class DamagedError(InputError):
     """A photograph's file is damaged in a part of its picture, but can be decoded."""
 

@@ -1,6 +1,7 @@
 """Temporary files named after their process, so that a later run can remove those of a killed process."""
 
 import contextlib
+import errno
 import functools
 import os
 import re
@@ -13,6 +14,38 @@ from pathlib import Path
 
 PAGE = "index.html"
 """The page of a folder that is made for a browser."""
+_expected_new: set[Path] = set()
+"""Outputs that were not there when they were checked, and may not replace what has appeared under their names."""
+
+
+def expect_new(path: Path, *, new: bool) -> None:
+    """Say whether an output will be new, or may replace what is there; from its first publication on, it may."""
+    (_expected_new.add if new else _expected_new.discard)(_place(path))
+
+
+def publish(temporary: Path, path: Path) -> None:
+    """Give a complete temporary file its name; FileExistsError if another file has it that was not to be replaced."""
+    if not _is_expected_new(path):
+        temporary.replace(path)
+        return
+    try:
+        # Unlike renaming, this replaces nothing.
+        os.link(temporary, path)
+    except FileExistsError:
+        raise
+    # The file system has no hard links.
+    except OSError:
+        path.touch(exist_ok=False)
+        temporary.replace(path)
+    expect_new(path, new=False)
+
+
+def _is_expected_new(path: Path) -> bool:
+    return _place(path) in _expected_new
+
+
+def _place(path: Path) -> Path:
+    return resolved(path.parent) / path.name
 
 
 @contextlib.contextmanager
@@ -43,7 +76,7 @@ def staged_folder(target: Path, own: str) -> Iterator[Path]:
     """Context of a hidden folder beside ``target`` whose content takes the place of the old one at the end.
 
     On any failure ``target`` stays as it is. A new folder appears at once. In an existing one the page, by which
-    readers come in, goes first and comes last.
+    readers come in, goes first and comes last; if it was to be new, there must be nothing to replace.
 
     Parameters
     ----------
@@ -52,6 +85,8 @@ def staged_folder(target: Path, own: str) -> Iterator[Path]:
     own : str
         Regular expression of the names that are ours and go; whatever else is in ``target`` is somebody's work.
     """
+    new = _is_expected_new(target)
+    expect_new(target, new=False)
     target = resolved(target)
     with temporary_folder(existing_parent(target)) as folder:
         staged, old = folder / "new", folder / "old"
@@ -64,6 +99,8 @@ def staged_folder(target: Path, own: str) -> Iterator[Path]:
             return
         # Emptied rather than replaced, because it may be the user's current folder.
         leaving = [path for path in target.iterdir() if re.fullmatch(own, path.name)]
+        if leaving and new:
+            raise FileExistsError(errno.EEXIST, "files have appeared in it", str(target))
         for path in sorted(leaving, key=lambda path: path.name != PAGE):
             path.rename(old / path.name)
         for path in sorted(staged.iterdir(), key=lambda path: path.name == PAGE):

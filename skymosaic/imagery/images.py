@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Intensities, Pixels
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX
-from skymosaic.common.errors import InputError, OutputError, reading
+from skymosaic.common.errors import AppearedError, InputError, OutputError, reading
 from skymosaic.common.replaced import refuse_inputs
-from skymosaic.common.temporary import existing_parent, temporary_file
+from skymosaic.common.temporary import existing_parent, expect_new, publish, temporary_file
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.decoding import UPRIGHT, check_size, decode, read_header
 from skymosaic.imagery.depth import ValueRange, measure_range, sample_values
@@ -217,6 +217,8 @@ def check_output_folder(path: Path, inputs: Sequence[Path] = (), own: str = "", 
 def check_unused(path: Path, *, overwrite: bool) -> None:
     """Check that nothing is overwritten: ``path`` does not exist, is an empty folder, or may be overwritten.
 
+    Unless it may, what appears there later is not overwritten either.
+
     Raises
     ------
     InputError
@@ -227,6 +229,7 @@ def check_unused(path: Path, *, overwrite: bool) -> None:
     if exists and not overwrite:
         kind = "is a folder with files in it" if path.is_dir() else "exists"
         raise InputError(f"{path}: {kind}; choose another name, or add `overwrite` to replace what is there")
+    expect_new(path, new=not overwrite)
 
 
 def save(path: Path, pixels: Intensities) -> None:
@@ -258,10 +261,13 @@ def write_atomically(path: Path) -> Iterator[Path]:
     Raises
     ------
     OutputError
+        `AppearedError` if `check_unused` found no such file, and there is one now.
     """
     try:
         with temporary_file(path.parent) as temporary:
             yield temporary
-            temporary.replace(path)
+            publish(temporary, path)
+    except FileExistsError:
+        raise AppearedError(f"{path}: has appeared since this run began, and stays; choose another name") from None
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror or error}); choose another folder") from None

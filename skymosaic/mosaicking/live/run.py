@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import AppearedError, InputError
 from skymosaic.imagery.images import save
 from skymosaic.imagery.live_frames import LiveFrame
 from skymosaic.mosaicking.live.kept_frames import FullError
@@ -21,6 +21,11 @@ def grow(mosaic: LiveMosaic, frames: Iterable[LiveFrame], preview: Path, tell: C
 
     The preview is written anew while the mosaic grows. It is a convenience: one that cannot be written ends nothing.
     ``tell`` receives a line then, or if no more frames can be kept.
+
+    Raises
+    ------
+    AppearedError
+        If a file has come under the preview's name that must not be replaced.
     """
     due_s = 0.0
     for frame in frames:
@@ -40,6 +45,9 @@ def grow(mosaic: LiveMosaic, frames: Iterable[LiveFrame], preview: Path, tell: C
 def _write_preview(mosaic: LiveMosaic, path: Path, tell: Callable[[str], None]) -> None:
     try:
         save(path, mosaic.preview)
+    # Another picture, perhaps the preview of another run with these names: neither of them is to be lost.
+    except AppearedError:
+        raise
     except InputError as error:
         path.unlink(missing_ok=True)
         tell(f"note: no preview: {error}")

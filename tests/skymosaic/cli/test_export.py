@@ -9,7 +9,8 @@ import pytest
 
 from golden_model.config import PRESETS, EstimatorConfig
 from hdl.build import BUILDS, VIDEO_BITS, Build
-from skymosaic.cli.export import BuildOptions, CameraOptions
+from skymosaic.cli.export import BuildOptions, CameraOptions, _export
+from skymosaic.common.errors import InputError
 from skymosaic.common.options import options_of
 from tests.conftest import Run
 from tests.system.command_line import only_error
@@ -63,3 +64,16 @@ def test_what_cannot_be_built_is_refused_before_anything_is_written(
     assert message in only_error(errors)
     assert "writing" not in errors
     assert not (tmp_path / "made").exists()
+
+
+def test_two_exports_to_one_folder_are_not_mixed(tmp_path: Path) -> None:
+    output = tmp_path / "made"
+
+    def write_as_another_does(folder: Path) -> None:
+        for place, name in ((folder, "ours.v"), (output, "theirs.v")):
+            place.mkdir()
+            (place / name).touch()
+
+    with pytest.raises(InputError, match=r"made: is a folder with files in it"):
+        _export(output, write_as_another_does, overwrite=False)
+    assert [path.name for path in output.iterdir()] == ["theirs.v"]

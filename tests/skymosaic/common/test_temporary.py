@@ -80,6 +80,25 @@ def test_a_staged_folder_leaves_nothing_of_its_old_self_and_all_of_others(
     assert [path.name for path in page_folder.parent.iterdir()] == ["tiles"]
 
 
+def test_a_staged_folder_that_was_to_be_new_replaces_nothing(page_folder: Path) -> None:
+    def write_page(name: str) -> None:
+        with temporary.staged_folder(page_folder, r"\d+|index\.html") as staged:
+            (staged / name).write_text("new")
+
+    temporary.expect_new(page_folder, new=True)
+    with pytest.raises(FileExistsError, match="files have appeared in it"):
+        write_page("index.html")
+    assert (page_folder / "index.html").read_text() == "old"
+    (page_folder / "index.html").unlink()
+    (page_folder / "7/old.webp").rename(page_folder / "old.webp")
+    (page_folder / "7").rmdir()
+    temporary.expect_new(page_folder, new=True)
+    # What is there besides is somebody's, and once it is written, the folder may be written anew.
+    for _ in range(2):
+        write_page("index.html")
+    assert contents(page_folder) == ["index.html", "notes.txt", "old.webp"]
+
+
 @pytest.mark.parametrize("name", ["tiles", "new/tiles"])
 def test_a_staged_folder_that_fails_changes_nothing(page_folder: Path, name: str) -> None:
     def write_half() -> None:

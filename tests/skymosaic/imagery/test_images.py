@@ -1,4 +1,5 @@
 import contextlib
+import errno
 import os
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
 from golden_model.config import MIN_FRAME_PX
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import AppearedError, InputError
 from skymosaic.imagery import images
 
 
@@ -138,6 +139,33 @@ def test_what_an_output_would_replace_is_said(tmp_path: Path) -> None:
         images.check_unused(tmp_path, overwrite=False)
     images.check_unused(tmp_path, overwrite=True)
     images.check_unused(tmp_path / "empty", overwrite=False)
+
+
+@pytest.mark.parametrize("linking", [True, False])
+def test_a_file_that_appears_during_the_run_is_not_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, linking: bool
+) -> None:
+    def refuse_to_link(*_: Path) -> None:
+        raise OSError(errno.EPERM, "no hard links")
+
+    if not linking:
+        monkeypatch.setattr(os, "link", refuse_to_link)
+    monkeypatch.chdir(tmp_path)
+    path, other = tmp_path / "m.png", b"another run's"
+    images.check_output(Path("m.png"))
+    path.write_bytes(other)
+    with pytest.raises(AppearedError, match=r"m\.png: has appeared since this run began, and stays; choose another"):
+        images.save_bytes(path, b"ours")
+    assert (path.read_bytes(), [*tmp_path.iterdir()]) == (other, [path])
+    images.check_output(path, overwrite=True)
+    images.save_bytes(path, b"ours")
+    assert path.read_bytes() == b"ours"
+    path.unlink()
+    # What is ours may change.
+    images.check_output(path)
+    for data in (b"first", b"second"):
+        images.save_bytes(path, data)
+        assert (path.read_bytes(), [*tmp_path.iterdir()]) == (data, [path])
 
 
 def test_a_tall_image_is_reduced_by_its_height() -> None:

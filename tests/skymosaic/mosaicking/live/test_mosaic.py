@@ -13,9 +13,10 @@ from PIL import Image as PillowImage
 from golden_model.config import preset_config
 from sim.backends.interface import load_backend
 from sim.scene.flight import Flight
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import AppearedError, InputError
 from skymosaic.geometry.homography import apply, estimate_similarity
 from skymosaic.imagery.exif import Metadata, Position
+from skymosaic.imagery.images import check_output
 from skymosaic.imagery.live_frames import LiveFrame
 from skymosaic.maps.georeference import project_to_utm
 from skymosaic.mosaicking.live.mosaic import LiveMosaic
@@ -182,6 +183,16 @@ def test_a_full_disk_ends_the_growth_and_not_the_mosaic(
     assert any(line.startswith("stopped: frames take more than") for line in told)
     assert any(line.startswith("note: no preview: ") for line in told)
     assert len(live.save(tmp_path / "m.png").composition.placements) == 3
+
+
+def test_a_preview_takes_no_name_that_another_run_has_taken_meanwhile(
+    frames: list[NDArray[np.uint8]], tmp_path: Path
+) -> None:
+    check_output(preview := tmp_path / "m.preview.jpg")
+    preview.write_bytes(b"another run's")
+    with pytest.raises(AppearedError, match="choose another name"):
+        grow(LiveMosaic(config=CONFIG), [LiveFrame("frame 0", frames[0])], preview, lambda _line: None)
+    assert preview.read_bytes() == b"another run's"
 
 
 def test_what_was_placed_is_written_as_large_as_the_disk_allows(
