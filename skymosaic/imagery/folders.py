@@ -13,10 +13,13 @@ from skymosaic.imagery.patterns import expand_pattern, natural_order
 from skymosaic.imagery.video import VIDEO_SUFFIXES
 
 RAW_SUFFIXES = (".dng", ".arw", ".cr2", ".cr3", ".nef", ".orf", ".raf", ".rw2")
-OTHER_SUFFIXES = (".heic", ".heif", ".avif", ".jp2", ".jxl", ".gif", ".ppm")
+OTHER_SUFFIXES = (".heic", ".heif", ".avif", ".jp2", ".jxl", ".gif", ".pgm", ".pnm", ".ppm")
+JPEG_SUFFIXES = (".jfif", ".jpe", ".mpo")
+"""Other names of JPEG files; MPO is one with further pictures, which cameras write beside a JPEG of the same name."""
 REMEDIES = {
     **dict.fromkeys(RAW_SUFFIXES, "develop them as JPEG or TIFF"),
     **dict.fromkeys(OTHER_SUFFIXES, "convert them to JPEG or TIFF"),
+    **dict.fromkeys(JPEG_SUFFIXES, "end their names in .jpg"),
     **dict.fromkeys(VIDEO_SUFFIXES, "name one by its file"),
 }
 """What to do with files that may be photographs too, by the end of their names."""

@@ -66,7 +66,14 @@ def test_a_folder_of_folders_says_so(card: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "remedy"), [("a.dng", "1 .dng: develop"), ("a.HEIC", "1 .HEIC: convert"), ("a.mov", "1 .mov: name one")]
+    ("name", "remedy"),
+    [
+        ("a.dng", "1 .dng: develop"),
+        ("a.HEIC", "1 .HEIC: convert"),
+        ("a.pgm", "1 .pgm: convert"),
+        ("a.jfif", "1 .jfif: end their names in .jpg"),
+        ("a.mov", "1 .mov: name one"),
+    ],
 )
 def test_a_folder_of_what_cannot_be_read_says_what_to_do(tmp_path: Path, name: str, remedy: str) -> None:
     (tmp_path / name).write_bytes(b"x")
