@@ -71,7 +71,7 @@ def measure_range(decoded: NDArray[Any], name: str) -> ValueRange:
         For other types, or an image without a finite value.
     """
     if decoded.dtype not in (np.uint16, np.float32):
-        raise InputError(f"{name}: pixels of {decoded.dtype} are not supported; convert to 8 or 16 bit")
+        raise InputError(f"{name}: pixels of {decoded.dtype} are not supported; convert them to unsigned 8 or 16 bits")
     tails = np.array((TAIL_PERCENT, 100 - TAIL_PERCENT))
     if decoded.dtype == np.uint16:
         # By a histogram, because sorting would need further copies of the photograph.

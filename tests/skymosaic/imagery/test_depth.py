@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from skymosaic.common.errors import InputError
 from skymosaic.imagery.depth import ValueRange, measure_common_range, measure_range, sample_values, show_in_8_bit
 from skymosaic.imagery.images import load, load_intensities
 
@@ -78,3 +79,10 @@ def test_libtiff_is_silent_about_tags_it_does_not_know(tmp_path: Path) -> None:
         [sys.executable, "-c", code, str(tmp_path / "t.tif")], capture_output=True, text=True, check=True
     )
     assert run.stderr == ""
+
+
+def test_the_error_for_signed_pixels_says_what_can_be_read() -> None:
+    with pytest.raises(
+        InputError, match=r"a\.tif: pixels of int16 are not supported; convert them to unsigned 8 or 16"
+    ):
+        measure_range(np.zeros((64, 64), np.int16), "a.tif")
