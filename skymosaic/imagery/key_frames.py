@@ -14,6 +14,7 @@ from golden_model.arrays import Float32, Pixels
 from skymosaic.common.errors import InputError
 from skymosaic.common.temporary import temporary_folder
 from skymosaic.imagery.decoding import check_file
+from skymosaic.imagery.folders import is_folder
 from skymosaic.imagery.images import check_given, reduce_to_width, save
 from skymosaic.imagery.photographs import Images, Source, list_images, list_sources
 from skymosaic.imagery.video import DEFAULT_RATE, VIDEO_SUFFIXES, VideoReader
@@ -54,7 +55,7 @@ def flight_sources(
         sources: list[Source] = []
         given = list_images(images)
         for image in given:
-            if isinstance(image, str | Path) and Path(image).suffix.lower() in VIDEO_SUFFIXES:
+            if isinstance(image, str | Path) and _is_video(Path(image)):
                 frames = folder / str(len(sources))
                 frames.mkdir()
                 sources += _store_key_frames(image, frames, tell)
@@ -69,6 +70,10 @@ def flight_sources(
         # An array is called by its number among all of them.
         names = [each.name if isinstance(each.content, Path) else f"image {n}" for n, each in enumerate(sources)]
         yield [dataclasses.replace(sources[n], index=n, name=name) for n, name in enumerate(names)]
+
+
+def _is_video(path: Path) -> bool:
+    return path.suffix.lower() in VIDEO_SUFFIXES and not is_folder(path)
 
 
 def _store_key_frames(video: str | Path, folder: Path, tell: Callable[[str], None]) -> Iterator[Source]:

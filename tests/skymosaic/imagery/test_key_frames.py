@@ -1,4 +1,5 @@
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -6,7 +7,7 @@ import pytest
 
 from sim.scene import Camera, CameraPose, Flight, Photometry
 from skymosaic.common.errors import InputError
-from skymosaic.imagery.key_frames import MIN_CORNERS, _motion, select_key_frames
+from skymosaic.imagery.key_frames import MIN_CORNERS, _motion, flight_sources, select_key_frames
 
 
 def _flight(poses: list[CameraPose]) -> Flight:
@@ -85,3 +86,11 @@ def test_gray_frames_are_taken_and_others_are_named() -> None:
             list(select_key_frames([flat, other]))
     with pytest.raises(InputError, match=r"^frame 0: no array"):
         list(select_key_frames(others))
+
+
+def test_a_folder_named_like_a_video_is_a_folder(tmp_path: Path) -> None:
+    (folder := tmp_path / "clip.mov").mkdir()
+    for name in ("1.png", "2.png"):
+        (folder / name).write_bytes(b"a picture")
+    with flight_sources(folder) as sources:
+        assert [source.content for source in sources] == [folder / "1.png", folder / "2.png"]
