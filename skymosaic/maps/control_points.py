@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import rasterio.crs
-import rasterio.errors
 
 from golden_model.arrays import Points
 from golden_model.small_files import read_small_file
@@ -158,8 +157,8 @@ def read_system(path: Path, name: str) -> Any:
         name = f"EPSG:{326 if zone[2].upper() == 'N' else 327}{int(zone[1]):02}"
     try:
         crs = rasterio.crs.CRS.from_user_input(name)
-    # ValueError: "EPSG:" without a number.
-    except (rasterio.errors.RasterioError, rasterio.errors.CRSError, ValueError):
+    # Beside its own errors, rasterio raises ValueError, TypeError, RecursionError and others for what may be JSON.
+    except Exception:
         raise InputError(f"{path}: {name!r} is no coordinate system; begin with a line such as EPSG:32615") from None
     if not crs.is_geographic and not crs.is_projected:
         raise InputError(f"{path}: {name!r} has no map coordinates; begin with a line such as EPSG:32615")

@@ -72,6 +72,8 @@ def test_degrees_of_another_datum_or_unit_are_converted(
     [
         ("EPSG:32610", "", "no control points"),
         ("somewhere", LINES, "'somewhere' is no coordinate system"),
+        ("[1]", LINES, "is no coordinate system"),
+        ('{"init":5}', LINES, "is no coordinate system"),
         ("WGS84 UTM 61N", LINES, "'WGS84 UTM 61N' is no coordinate system"),
         ("UTM 0S", LINES, "'UTM 0S' is no coordinate system"),
         ("EPSG:4978", LINES, "has no map coordinates"),
