@@ -1,6 +1,7 @@
 """One rule for all commands, by what their parameters declare: no output is an input, and no two are the same."""
 
 import contextlib
+import importlib
 import inspect
 import itertools
 from collections.abc import Callable, Iterable, Mapping
@@ -13,7 +14,6 @@ from skymosaic.common.errors import InputError
 from skymosaic.common.options import flag_of
 from skymosaic.common.replaced import find_replaced, refuse_inputs
 from skymosaic.common.temporary import resolved
-from skymosaic.imagery.folders import list_matches
 
 Typed = Mapping[str, Any]
 Mark = TypeVar("Mark")
@@ -73,6 +73,8 @@ def _mark(parameter: inspect.Parameter, kind: type[Mark]) -> Mark | None:
 
 def _list_files(value: object, reads: Reads | None) -> Iterable[Path]:
     """The files of one typed value, which may be a file, a pattern, a folder, an address or a number."""
+    # NumPy is not imported before a command runs, because completion would wait for it.
+    list_matches = importlib.import_module("skymosaic.imagery.folders").list_matches
     files: list[Path] = []
     # Whoever reads it says what is wrong.
     with contextlib.suppress(InputError, OSError, ValueError):
