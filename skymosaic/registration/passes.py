@@ -327,7 +327,7 @@ def explain_refusal(state: SearchState) -> str:
     elif kept < MIN_INLIERS:
         cause = "too few matches (do the images overlap?)"
     elif state.places < MIN_PLACES:
-        cause = f"too few inliers, {MIN_PLACES} needed (do the images overlap?)"
+        cause = f"inliers at too few places, {MIN_PLACES} needed (do the images overlap?)"
     else:
         cause = "the inliers cover too little of the overlap"
     # Inliers at one place, of neighbouring corners, count once: both numbers, as `Pair.inliers` has the first.

@@ -214,7 +214,7 @@ def test_the_zoom_is_that_in_the_middle_of_the_left_photograph(
         ((900, 11), 11, 0, "too few features (flat or blurred image?)"),
         ((11, 900), 11, 0, "too few features (flat or blurred image?)"),
         ((900, 12), 11, 0, "too few matches (do the images overlap?)"),
-        ((900, 800), 12, MIN_PLACES - 1, f"too few inliers, {MIN_PLACES} needed (do the images overlap?)"),
+        ((900, 800), 12, MIN_PLACES - 1, f"inliers at too few places, {MIN_PLACES} needed (do the images overlap?)"),
         ((900, 800), 12, MIN_PLACES, "the inliers cover too little of the overlap"),
     ],
 )
