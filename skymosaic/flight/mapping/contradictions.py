@@ -1,4 +1,7 @@
-"""Holds two sources of a layout's place against each other: each may be wrong while a fit to it alone looks well."""
+"""Doubts the place of a layout: two sources contradict each other, or one does not tell enough.
+
+A source may be wrong while a fit to it alone looks well.
+"""
 
 from collections.abc import Iterator
 
@@ -13,6 +16,8 @@ MAX_SCALE, REFUSED_SCALE = 0.03, 0.4
 MAX_TURN_DEG, REFUSED_TURN_DEG = 3.0, 30.0
 MAX_AWAY_M, REFUSED_AWAY_M = 10.0, 1000.0
 """GPS is off by up to 5 m as a whole; a datum that was mistaken for another one moves a map by a few hundred."""
+UNSURE_SCALE = 0.05
+"""Whoever measures on a map does not expect more than this."""
 MAX_HEIGHT_RATIO = 2.0
 """Heights are recorded above where the flight began, which may lie higher or lower than the ground."""
 MAX_YAW_DEG, MOUNTED_DEG = 30.0, 15.0
@@ -58,6 +63,15 @@ def compare_places(one: Georeference, by_one: str, other: Georeference, by_other
     if any(refused) or not away_m <= REFUSED_AWAY_M:
         raise InputError(f"{text}; {remedy}")
     return f"{text}; the map is by {by_one}: check names, pixels and coordinates"
+
+
+def doubt_scale(on_map: Georeference) -> Iterator[str]:
+    """A line for a scale that the positions or control points do not give well."""
+    if on_map.scale_error > UNSURE_SCALE:
+        yield (
+            f"the scale of the map is known to ± {on_map.scale_error:.0%} only, by too few positions or too inexact "
+            "ones; more photographs or control points give it better"
+        )
 
 
 def doubt_records(height_m: float | None, recorded_m: float | None, turned_deg: float | None) -> Iterator[str]:

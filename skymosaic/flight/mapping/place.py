@@ -11,13 +11,15 @@ from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.cameras import Camera, cameras_of, measure_turn
-from skymosaic.flight.mapping.contradictions import compare_places, doubt_records
+from skymosaic.flight.mapping.contradictions import compare_places, doubt_records, doubt_scale
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Position, describe_gps_faults, explain_missing_gps
 from skymosaic.imagery.photographs import index_names, short_names
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map, map_to_globe, project_to_utm
 
+MAX_SCALE_ERROR = 0.15
+"""A required map, on which somebody may measure, is known better."""
 MAX_AWAY_M = 10_000.0
 """Control points farther from the photographs are of another site, or their axes are swapped."""
 
@@ -46,7 +48,7 @@ class MapPlace:
     checked_m: dict[str, float] = field(default_factory=dict)
     """Distance of each check point from its place on the map. They had no part in the layout or its place."""
     contradictions: tuple[str, ...] = ()
-    """Two sources of the place that contradict each other, a line each."""
+    """What makes it doubtful, a line each: two sources that contradict each other, or a scale known badly."""
 
     @property
     def disagreeing(self) -> list[tuple[str, float]]:
@@ -77,9 +79,12 @@ def explain_absence(path: Path, place: MapPlace) -> str:
 
 
 def require_place(path: Path, place: MapPlace) -> None:
-    """Raise `RegistrationError` for a mosaic that has no place on the map."""
+    """Raise `RegistrationError` for a mosaic that has no place on the map, or none to be trusted."""
     if place.georeference is None:
         raise RegistrationError(f"{explain_absence(path, place)}; nothing was written")
+    if place.georeference.scale_error > MAX_SCALE_ERROR:
+        doubt = next(doubt_scale(place.georeference))
+        raise RegistrationError(f"{path}: {doubt}; a required map needs {MAX_SCALE_ERROR:.0%}; nothing was written")
 
 
 def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None = None) -> MapPlace:
@@ -160,7 +165,7 @@ def place_cameras(cameras: Sequence[Camera]) -> MapPlace:
         height_m=height_m,
         recorded_height_m=recorded_m,
         turned_deg=turned,
-        contradictions=tuple(doubt_records(height_m, recorded_m, turned)),
+        contradictions=(*doubt_scale(georeference), *doubt_records(height_m, recorded_m, turned)),
     )
 
 
@@ -194,7 +199,10 @@ def _fit_to_control_points(control: ControlPoints, flight: Flight, layout: Layou
         for point, mean in means.items()
         if control.checks(point)
     }
-    return MapPlace(georeference=georeference, fitted_to=names, by="control points", checked_m=checked_m)
+    doubts = tuple(doubt_scale(georeference))
+    return MapPlace(
+        georeference=georeference, fitted_to=names, by="control points", checked_m=checked_m, contradictions=doubts
+    )
 
 
 def sightings_of(control: ControlPoints, flight: Flight, layout: Layout) -> Iterator[tuple[int, int, Points]]:

@@ -1,4 +1,5 @@
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,7 +14,7 @@ from sim.scene import make_lawnmower
 from sim.scene.flight import Flight
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.flight.mapping.cameras import Camera, cameras_of, measure_turn
-from skymosaic.flight.mapping.place import place_cameras, place_on_map
+from skymosaic.flight.mapping.place import place_cameras, place_on_map, require_place
 from skymosaic.flight.picture.canvas import scale_for
 from skymosaic.flight.picture.output import OutputForm
 from skymosaic.geometry.homography import apply
@@ -240,3 +241,19 @@ def test_the_compass_shows_true_north_and_not_that_of_the_map() -> None:
         for index in range(9)
     ]
     assert place_cameras(cameras).turned_deg == pytest.approx(0, abs=0.05)
+
+
+@pytest.mark.parametrize(("off_m", "doubted", "refused"), [(0.1, False, False), (0.4, True, False), (1.0, True, True)])
+def test_a_scale_that_few_positions_hardly_give_is_a_warning_or_no_required_map(
+    off_m: float, doubted: bool, refused: bool
+) -> None:
+    cameras = []
+    for number, north_m in enumerate((0.0, off_m, 0.0)):
+        to_reference = np.array([[1.0, 0, 100 * number], [0, 1, 0], [0, 0, 1]])
+        taken = Metadata(Position(45 + north_m / 111_132, 9 + number * 10 / 78_847))
+        cameras.append(Camera(f"{number}.jpg", SIZE, to_reference, taken))
+    place = place_cameras(cameras)
+    assert place.georeference is not None
+    assert [f"± {place.georeference.scale_error:.0%} only" in line for line in place.contradictions] == [True] * doubted
+    with pytest.raises(RegistrationError, match=r"a required map needs 15%") if refused else nullcontext():
+        require_place(Path("m.tif"), place)
