@@ -186,7 +186,8 @@ def describe_moving(flight: Flight) -> str:
     if moving := sum(link.moves_with_camera for link in flight.links):
         return (
             f"{MOVES_WITH_CAMERA}, in {moving} of {len(flight.links)} pairs: --mask hides a display or a border; below "
-            "a camera that hovers, it may be water or cars that move"
+            "a camera that hovers, it may be water or cars that move, and what lies far ahead of one that flies on "
+            "seems to move with it, too"
         )
     if any(_stood_still(flight, layout) for layout in flight.layouts):
         return "all photographs of a group show one place: the camera hovered, or they show nothing but a display"

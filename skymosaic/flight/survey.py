@@ -343,7 +343,8 @@ def _why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:
         return f"{held} links contradict each other or the layout, so its place is unknown"
     best = max(tried, key=lambda link: link.inliers)
     if best.moves_with_camera or (not best.inliers and any(link.moves_with_camera for link in tried)):
-        return f"nothing links it to the others; {MOVES_WITH_CAMERA}; `mask` it, or water below a camera that hovers"
+        others = "it may also be water below a camera that hovers, or what lies far ahead"
+        return f"nothing links it to the others; {MOVES_WITH_CAMERA}; `mask` it; {others}"
     other = views[best.left + best.right - view].name
     best_match = f"at best {best.inliers} matches agree, with {other}; {MIN_INLIERS} are needed"
     return f"nothing links it to the others ({best_match})"

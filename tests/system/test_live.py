@@ -134,7 +134,7 @@ def test_every_frame_is_a_line_of_json_and_named_as_in_a_mosaic(video: Path, tmp
     assert (tmp_path / "m.preview.jpg").exists()
     with flight_sources([video]) as sources:
         assert [frame["name"] for frame in frames] == [source.name for source in sources]
-    with pytest.raises(RegistrationError, match="mosaic with `positions` or `control_points`, give it one; nothing"):
+    with pytest.raises(RegistrationError, match="mosaic with `positions` or `control_points`, gives it one; nothing"):
         live_command(source=str(video), output=tmp_path / "n.tif", require_map=True)
     assert not list(tmp_path.glob("n.*"))
 

@@ -74,7 +74,7 @@ NOWHERE = MapPlace()
 
 def explain_absence(path: Path, place: MapPlace) -> str:
     """Why a file has no place on the map, and what gives it one."""
-    remedy = "photographs with GPS, or mosaic with `positions` or `control_points`, give it one"
+    remedy = "GPS that fits, or mosaic with `positions` or `control_points`, gives it one"
     return f"{path} has no place on the map: {place.note}; {remedy}"
 
 
