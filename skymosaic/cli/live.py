@@ -109,7 +109,7 @@ def live(
     failures = list(delivery.failures)
     for path in written if is_folder(Path(source)) else ():
         with noting(failures):
-            record_output(path, [Path(source) / path.name])
+            record_output(path, [Path(source)])
     if failures:
         raise InputError("; ".join(failures))
 

@@ -15,16 +15,15 @@ RECORD_NAME = ".skymosaic-outputs"
 """File in the folder of photographs, with a line per mosaic: its SHA-256 and its name."""
 
 
-def record_output(output: Path, inputs: Iterable[Path]) -> None:
-    """Record a complete mosaic if it is in the folder of all its photographs, inside or above it; others need none."""
+def record_output(output: Path, folders: Iterable[Path]) -> None:
+    """Record a complete mosaic if a run that reads the folder of all its photographs may find it; others need none."""
     folder = resolved(output).parent
     try:
-        common = os.path.commonpath([resolved(path).parent for path in inputs])
+        common = os.path.commonpath([resolved(each) for each in folders])
     # There is none, as of arrays.
     except ValueError:
         return
-    # Above, because `recursive` reads the folders inside.
-    if not folder.is_relative_to(common) and not Path(common).is_relative_to(folder):
+    if not folder.is_relative_to(common):
         return
     record = {name: digest for name, digest in _read_record(folder).items() if (folder / name).exists()}
     record[output.name] = _known_digest(output)

@@ -48,12 +48,19 @@ class Source:
     """All bands of a multi-band set, in the order of the output; empty for a photograph."""
     fault: str = ""
     """Why it cannot be used, where that is known before it is read; else empty."""
+    folder: Path | None = None
+    """The folder that was given and has it, perhaps in a folder inside; None where it was named itself."""
 
     @property
     def files(self) -> tuple[Path, ...]:
         """All its files; none for an array."""
         contents = [source.content for source in self.bands.values()] or [self.content]
         return tuple(content for content in contents if isinstance(content, Path))
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """Where the next run finds it: the folder that was given, or those of its files."""
+        return tuple(path.parent for path in self.files) if self.folder is None else (self.folder,)
 
     def with_damaged(self, *, keep: bool) -> Source:
         """The same source, which uses damaged files as far as they can be decoded, or refuses them."""
@@ -163,19 +170,19 @@ def list_sources(
         As in `list_images`, and for a folder without pictures. Files are checked later, so that one bad file does not
         stop a flight.
     """
-    contents: list[Path | Pixels] = []
+    found: list[tuple[Path | Pixels, Path | None]] = []
     for image in list_images(images):
         if not isinstance(image, str | Path):
-            contents.append(image)
+            found.append((image, None))
         elif is_folder(path := Path(image)):
-            contents += _read_folder(path, tell, recursive=recursive)
+            found += [(picture, path) for picture in _read_folder(path, tell, recursive=recursive)]
         else:
-            contents.append(path)
+            found.append((path, None))
             if not exclude_recorded([path]):
                 tell(f"note {path}: an earlier mosaic, used because it is named; leave it out to have photographs only")
     return [
-        Source(index, str(content) if isinstance(content, Path) else f"image {index}", content)
-        for index, content in enumerate(contents)
+        Source(index, str(content) if isinstance(content, Path) else f"image {index}", content, folder=folder)
+        for index, (content, folder) in enumerate(found)
     ]
 
 
