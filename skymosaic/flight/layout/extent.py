@@ -7,7 +7,7 @@ import numpy as np
 
 from golden_model.arrays import Array
 from skymosaic.compositing import warp
-from skymosaic.compositing.warp import Canvas, nearness
+from skymosaic.compositing.warp import Canvas, nearest_corner, nearness
 from skymosaic.flight.layout.linked_group import groups
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
@@ -19,6 +19,9 @@ BEYOND_TIES = 0.63
 """Ground is shown if it is at least this near, relative to the farthest ties: there, pixels are twice as large."""
 MAX_STRETCH = 3.0
 """Nor is ground shown where a photograph's pixels become this many times as large as those in its middle."""
+MAX_SLANT = 3.0
+"""A middle whose pixels are longer than this many times their width is far ground, as that of a camera that leans
+by more than 70 degrees. Then the measure is the place where they are this long."""
 AT_HORIZON = 0.05
 """Nearness at which the outline of a view that looks to the horizon ends: a pixel there covers 8,000 times as much."""
 LOST_PX = 30.0
@@ -66,9 +69,23 @@ def least_nearness(
         tied_from = float(np.percentile(nearness(size, transform, points), REMOTE_PERCENTILE))
         corners = nearness(size, transform, Canvas(0, 0, *size).corners)
         # It is linear, so the corners' mean is that of the middle; the area of a pixel grows with its third power.
-        limit = max(BEYOND_TIES * tied_from, float(corners.mean()) * (scale / MAX_STRETCH) ** (2 / 3))
+        measure = max(float(corners.mean()), min(_nearness_of_slant(size, transform, MAX_SLANT), 1.0))
+        limit = max(BEYOND_TIES * tied_from, measure * (scale / MAX_STRETCH) ** (2 / 3))
         least[member] = 0.0 if corners.min() >= limit else limit
     return least
+
+
+def _nearness_of_slant(size: tuple[int, int], transform: Array, slant: float) -> float:
+    """The nearness at which pixels are ``slant`` times as long as wide, from the middle of a view to the horizon.
+
+    Over flat ground, nearness times length by width is the same all along that line, and finite where the middle lies
+    at the horizon or above.
+    """
+    matrix = transform / nearest_corner(size, transform)
+    x, y, depth = matrix @ [(size[0] - 1) / 2, (size[1] - 1) / 2, 1]
+    # That of the transformation times the square of the depth, so that its determinant is the matrix's times the depth.
+    derivative = depth * matrix[:2, :2] - np.outer((x, y), matrix[2, :2])
+    return float(np.linalg.norm(derivative, 2) ** 2 / abs(np.linalg.det(matrix))) / slant
 
 
 def find_misplaced(

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from golden_model.arrays import Points
-from skymosaic.compositing.warp import outline
-from skymosaic.flight.layout.extent import MAX_STRETCH, find_misplaced, least_nearness
+from skymosaic.compositing.warp import nearness, outline
+from skymosaic.flight.layout.extent import MAX_SLANT, MAX_STRETCH, find_misplaced, least_nearness
 from skymosaic.flight.linking.links import Link
 from skymosaic.geometry.homography import apply
 from tests.skymosaic.flight.layout import cameras
@@ -34,6 +34,28 @@ def test_far_ground_is_shown_at_the_resolution_that_it_has(lean_deg: float, whol
     # A canvas of a quarter of the resolution has room for all that a camera at 50 degrees shows.
     coarse = least_nearness(views, transforms, links, scale=0.25)
     assert (max(coarse.values()) == 0) is (lean_deg <= 50)
+
+
+@pytest.mark.parametrize("lean_deg", [75, 85, 90, 95])
+def test_a_middle_near_the_horizon_is_no_measure_of_far_ground(lean_deg: float) -> None:
+    to_ground = np.asarray(np.linalg.inv(cameras.camera(0, 0, lean_deg)), np.float64)
+    # Ties nearly reach the horizon.
+    column = np.array([[cameras.MIDDLE_PX[0], y] for y in np.arange(480.0)])
+    seen = column[nearness(cameras.SIZE_PX, to_ground, column) > 0.02]
+    link = Link(0, 1, seen, seen, len(seen), len(seen))
+    least = least_nearness(cameras.views_of(2), {0: to_ground, 1: to_ground}, [link])[0]
+    x, y = seen[nearness(cameras.SIZE_PX, to_ground, seen) >= least][0]
+    corner, right, below = apply(to_ground, [(x, y), (x + 1e-3, y), (x, y + 1e-3)])
+    slant = np.linalg.norm(below - corner) / np.linalg.norm(right - corner)
+    assert slant == pytest.approx(MAX_SLANT * MAX_STRETCH ** (2 / 3), rel=0.05)
+
+
+def test_a_skew_view_is_not_taken_for_one_of_the_horizon() -> None:
+    """Its pixels are twenty times as long as wide near the camera, too."""
+    skew = np.array([[20, 0, 0], [0, 1, 0], [0, 1e-4, 1]])
+    points = np.random.default_rng(0).uniform(0, 480, (20, 2))
+    link = Link(0, 1, points, points, 20, 20)
+    assert least_nearness(cameras.views_of(2), {0: skew, 1: skew}, [link]) == {0: 0.0, 1: 0.0}
 
 
 def test_two_views_that_hang_together_a_thousand_times_as_large_are_found() -> None:
