@@ -110,5 +110,6 @@ class Floats:
         return Floats(
             np.where(is_zero, 0, magnitude << zeros >> SUM_BITS - MANTISSA_BITS),
             np.where(is_zero, MIN_EXPONENT, np.minimum(exponent, MAX_EXPONENT)),
-            total < 0,
+            # A zero keeps the sign of the product: a reciprocal takes it over.
+            np.where(total == 0, negative, total < 0),
         )
