@@ -45,7 +45,8 @@ def _make_own(path: str) -> Block | wiring.Component:
     module, _, maker = path.partition(":")
     try:
         made = getattr(importlib.import_module(module), maker)()
-    except (ImportError, AttributeError, TypeError, ValueError) as error:
+    # Whatever the user's module raises.
+    except Exception as error:
         raise ValueError(f"{path}: {' '.join(str(error).split())}; give MODULE:CLASS that takes no arguments") from None
     if isinstance(made, Block | wiring.Component):
         return made

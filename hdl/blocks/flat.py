@@ -65,6 +65,8 @@ class FlatBlock(FlatTop):
         for path, member, value in component.signature.flatten(component):
             bits = Value.cast(value)
             for leaf in leaves("_".join(str(part) for part in path if part != PAYLOAD), member.shape):
+                if leaf.name in pins:
+                    raise ValueError(f"two ports would be called {leaf.name}; rename a member of the component")
                 pins[leaf.name] = member.flow(leaf.shape), bits[leaf.low : leaf.low + leaf.shape.width]
         super().__init__(pins)
 

@@ -119,6 +119,7 @@ def test_a_block_of_ones_own_is_exported_by_module_and_class(tmp_path: Path) -> 
         "hdl.pixel.gray:Grey": "no attribute 'Grey'",
         "hdl.blocks.export:module_ports": "missing 1 required positional argument: 'top'",
         "pathlib:Path": "no component",
+        "asyncio:get_running_loop": "no running event loop",
     }.items():
         with pytest.raises(ValueError, match=says):
             write_block(tmp_path / "none", *find_block(name))

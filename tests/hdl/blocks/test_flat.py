@@ -1,7 +1,9 @@
+# amaranth: UnusedElaboratable=no
 """Structures become plain ports, named by their fields, and each port has its own bits."""
 
 from typing import Any
 
+import pytest
 from amaranth.hdl import Fragment, signed, unsigned
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
@@ -50,3 +52,11 @@ def test_a_block_has_a_port_for_each_field_and_its_handshake() -> None:
     inputs = {name for name, member in block.signature.members.items() if member.flow is In}
     assert inputs == {"clk", "rst", "i_low", "i_high", "i_valid", "o_ready", "i_enable"}
     assert set(block.signature.members) - inputs == {"i_ready", "o", "o_valid"}
+
+
+def test_two_ports_of_one_name_are_refused() -> None:
+    both: wiring.Component = wiring.Component({"i": In(stream.Signature(unsigned(4))), "i_valid": In(1)})
+    clocked: wiring.Component = wiring.Component({"clk": In(1)})
+    for component, name in ((both, "i_valid"), (clocked, "clk")):
+        with pytest.raises(ValueError, match=f"two ports would be called {name}; rename"):
+            FlatBlock(component)
