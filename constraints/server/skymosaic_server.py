@@ -9,6 +9,7 @@ from using the board; nothing is encrypted.
 """
 
 import argparse
+import contextlib
 import hashlib
 import hmac
 import io
@@ -262,7 +263,8 @@ def serve(parser, open_accelerator):
         parser.error(str(error))
     with server:
         print(f"serving on {options.host}:{options.port}")
-        server.serve_forever()
+        with contextlib.suppress(KeyboardInterrupt):
+            server.serve_forever()
 
 
 def _is_loopback(host):
