@@ -21,7 +21,7 @@ from golden_model.arrays import Array, Float32, Intensities
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.light import LOG_SIGMA, estimate_light
 from skymosaic.compositing.overlaps import Overlaps, compare_overlaps
-from skymosaic.compositing.tone import NEUTRAL, SHADING_TERMS, SHOULDER_START, Tone
+from skymosaic.compositing.tone import NEUTRAL, SHADING_TERMS, SHOULDER_START, Tone, shading_terms
 from skymosaic.compositing.warp import Canvas
 from skymosaic.imagery.depth import TAIL_PERCENT, ValueRange
 
@@ -52,6 +52,10 @@ CLEARLY_LESS, MAX_LEFT_STEPS = 0.001, 0.5
 exposure from photograph to photograph that a light at one side may leave.
 """
 
+SIDE_CELLS = 8
+MAX_UNSEEN_SIDE = 0.15
+"""Difference of a light at one side from that which photographs show, over half a diagonal: the ground may hide it."""
+
 
 def estimate_levels(samples: Sequence[NDArray[Any]], blacks: Sequence[float | None]) -> tuple[float, float]:
     """Estimate the camera's numbers for black and white, by values of each photograph of 16 bits.
@@ -74,7 +78,7 @@ def estimate_tones(thumbnails: Sequence[Layer], *, black: float = 0.0, white: fl
     """
     number = len(thumbnails)
     overlaps = compare_overlaps(thumbnails, black, white)
-    logs, shading, overlaps = _fit_gains(overlaps, number)
+    logs, shading, overlaps = _fit_gains(overlaps, number, measure_sides(thumbnails, black))
     light = estimate_light(overlaps, number)
     joined = np.unique(np.concatenate((overlaps.i, overlaps.j))).tolist()
     if not joined:
@@ -83,6 +87,21 @@ def estimate_tones(thumbnails: Sequence[Layer], *, black: float = 0.0, white: fl
     tones = [Tone(tuple(gains[k]), common, black, None if light is None else light[k]) for k in joined]
     anchored = dict(zip(joined, _anchor([thumbnails[k] for k in joined], tones), strict=True))
     return [anchored.get(k, NEUTRAL) for k in range(number)]
+
+
+def measure_sides(thumbnails: Sequence[Layer], black: float) -> Array:
+    """The light at one side that photographs show by themselves, ground included: (2, 3), as in `Tone.shading`.
+
+    Single photographs show mostly the ground; the median over all of them is that of the camera, unless the ground
+    grows brighter in one direction of all photographs.
+    """
+    size = (SIDE_CELLS, SIDE_CELLS)
+    places = shading_terms(np.stack(np.meshgrid(*map(np.arange, size)), axis=-1), size)[..., 2:].reshape(-1, 2)
+    slopes = []
+    for layer in thumbnails:
+        cells = cv2.resize(layer.image, size, interpolation=cv2.INTER_AREA).reshape(-1, 3)
+        slopes.append(places.T @ np.log(np.maximum(cells - black, 1.0)) / np.square(places).sum(axis=0)[:, None])
+    return np.asarray(-np.median(slopes, axis=0))
 
 
 def measure_toned_range(
@@ -138,19 +157,22 @@ def _measure_toned(layer: Layer, tone: Tone) -> tuple[float, float]:
     return float(toned.mean() / max(layer.image.mean(), 1e-6)), _white_share(toned)
 
 
-def _fit_gains(overlaps: Overlaps, number: int) -> tuple[Array, Array, Overlaps]:
+def _fit_gains(overlaps: Overlaps, number: int, sides: Array) -> tuple[Array, Array, Overlaps]:
     """Logarithmic gains (number, 3), the shading (4, 3), and the overlaps with what neither explains."""
-    mean = overlaps.difference.mean(axis=1, keepdims=True)
-    exposure, common = _fit_chosen(overlaps, mean, number, EXPOSURE_SIGMA)
-    balance, tint = _fit_chosen(overlaps, overlaps.difference - mean, number, BALANCE_SIGMA)
+    mean, side = overlaps.difference.mean(axis=1, keepdims=True), sides.mean(axis=1, keepdims=True)
+    exposure, common = _fit_chosen(overlaps, mean, number, EXPOSURE_SIGMA, side)
+    balance, tint = _fit_chosen(overlaps, overlaps.difference - mean, number, BALANCE_SIGMA, sides - side)
     logs, shading = exposure + balance, common + tint
     left = overlaps.difference - _explain(overlaps, logs, shading)
     # A tint in the corners alone must not become one of the whole mosaic.
     return logs - MEAN_TERMS @ tint, shading, overlaps._replace(difference=left.astype(np.float32))
 
 
-def _fit_chosen(overlaps: Overlaps, target: Float32, number: int, spread: float) -> tuple[Array, Array]:
-    """Gains (number, C) and shading (4, C) for differences (N, C), with the terms that explain held-out overlaps."""
+def _fit_chosen(overlaps: Overlaps, target: Float32, number: int, spread: float, sides: Array) -> tuple[Array, Array]:
+    """Gains (number, C) and shading (4, C) for differences (N, C), with the terms that explain held-out overlaps.
+
+    A light at one side must not be stronger than photographs show it by themselves, ``sides`` (2, C).
+    """
     # Every second pair is held out, so that both halves cover the whole flight.
     fitted = overlaps.pair % 2 == 0
     ends = sparse.coo_array((np.ones(fitted.sum()), (overlaps.i[fitted], overlaps.j[fitted])), (number, number))
@@ -167,6 +189,7 @@ def _fit_chosen(overlaps: Overlaps, target: Float32, number: int, spread: float)
             steps = float(np.square(gains[used.i] - gains[used.j]).mean())
             # A bright side is hard to tell from exposures that rise along the flight; it has to explain these, or more.
             clear = not any(terms[2:]) or least - left > CLEARLY_LESS or steps < MAX_LEFT_STEPS * fewest
+            clear &= bool((np.abs(shading[2:] - sides) <= np.maximum(MAX_UNSEEN_SIDE, np.abs(sides))).all())
             if left < MAX_HELD_OUT_DIFFERENCE * least and clear:
                 least, fewest, chosen = left, steps, terms
     return _fit_channels(overlaps, target, number, spread, chosen)

@@ -83,7 +83,8 @@ class Tone:
         )
         points = np.stack(np.meshgrid(x, y), axis=-1)
         if to_image is not None:
-            points = apply(to_image, points)
+            # Far outside, and towards a horizon, the shading's powers have no bounds.
+            points = np.clip(np.nan_to_num(apply(to_image, points)), -np.array(size), 2 * np.array(size))
         logs = np.broadcast_to(np.log(self.gain), (*points.shape[:2], len(self.gain)))
         if self.shading is not None:
             logs = logs + shading_terms(points, size) @ self.shading

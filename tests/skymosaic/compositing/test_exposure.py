@@ -107,6 +107,16 @@ def kept_brightness(layers: list[Layer], tones: list[Tone]) -> NDArray[np.float6
 DOWN = np.linspace(-0.5, 0.5, SIZE_PX[1])[:, None, None]
 
 
+@pytest.mark.parametrize("step", [0.9, 1.1])
+def test_an_exposure_that_changes_steadily_is_no_light_that_photographs_do_not_show(step: float) -> None:
+    """Where all photographs head one way, both explain the overlaps; but one of them is lit evenly."""
+    exposures = np.power(step, np.arange(8.0))
+    tones = estimate_tones(lit_strip(np.ones((1, 1, 3)), exposures))
+    assert all(tone.shading is None or abs(tone.shading[2:]).max() < 0.02 for tone in tones)
+    relative = gains(tones).mean(axis=1)[:6] * exposures[:6]
+    np.testing.assert_allclose(relative / relative.mean(), 1, atol=0.05)
+
+
 @pytest.mark.parametrize("lamp", [1 - 0.6 * DOWN * np.ones(3), np.exp(0.6 * DOWN * [1, 0, -1])], ids=["gray", "tinted"])
 def test_light_that_moves_with_the_camera_makes_no_ramp(lamp: NDArray[np.float64]) -> None:
     layers = lit_strip(lamp, np.ones(14))

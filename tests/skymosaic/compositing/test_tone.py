@@ -63,3 +63,13 @@ def test_factors_belong_to_places_of_the_source_image() -> None:
         falloff = np.exp(0.2 * ((at - [319.5, 239.5]) ** 2).sum() / 400**2)
         green = 2 * np.exp(-0.3 + 0.8 * np.clip(at[0] / 639, 0, 1))
         np.testing.assert_allclose(factors[y, x], falloff * np.array([1, green, 1]), rtol=1e-2)
+
+
+def test_far_outside_a_photograph_factors_have_bounds() -> None:
+    """The canvas reaches to the horizon of the photograph, and beyond."""
+    to_image = np.array([[40.0, 0, 0], [0, 40, 0], [0, -1 / 150, 1]])
+    tone = Tone((1.0,), np.array([[0.3], [0.3], [0.1], [0.1]]))
+    with np.errstate(all="raise", divide="ignore", invalid="ignore"):
+        factors = tone.factors((640, 480), Canvas(0, 0, 400, 400), to_image)
+    assert np.isfinite(factors).all()
+    assert factors.dtype == np.float32
