@@ -74,7 +74,7 @@ def test_report_and_geotiff_and_scale(folder: Path, surveyed: Path, tmp_path: Pa
     assert report["mosaics"][0]["placed"] == IMAGES
     assert report["mosaics"][0]["median_error_px"] < 1.0
     assert "0 of 9 photographs have GPS" in report["mosaics"][0]["map_note"]
-    assert "warning: m.tif has no place on the map: 0 of 9 photographs have GPS; photographs with" in result.stderr
+    assert "warning: m.tif has no place on the map: 0 of 9 photographs have GPS; GPS that fits" in result.stderr
     page = (tmp_path / "r" / "index.html").read_text()
     assert page.count("<polygon") == IMAGES
     assert (tmp_path / "r" / "mosaic_1.jpg").exists()
