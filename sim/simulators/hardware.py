@@ -15,6 +15,7 @@ from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, WORD_BYTES, Re
 from hdl.registers.register_map import register_writes
 from hdl.registers.shell_register_map import ALL_REGISTERS
 from hdl.settings import RUNNING, estimator_settings, matched_frame_settings
+from sim.backends.errors import BackendError
 from sim.backends.interface import Backend, FrameClocks, FrameResult, Mismatch, Progress, Reference
 from sim.simulators.accelerator_designs import FEATURES, HOMOGRAPHIES, MATCHES, choose_build, design_accelerator
 from sim.simulators.recording import Recording, Segment, flatten_frame
@@ -30,10 +31,14 @@ class HardwareBackend(Backend):
         self._waves = waves
 
     def run(self, frames: Sequence[Pixels], config: Config, *, reference: Reference = "held") -> list[FrameResult]:
-        """See `sim.backends.interface.Backend.run`."""
+        """See `sim.backends.interface.Backend.run`; a configuration that is not for hardware is a `BackendError`."""
         segments = make_segments(frames, config, reference)
-        design = design_accelerator(choose_build(config, frames))
-        recordings = simulate(design, segments, progress=self._progress, waves=self._waves)
+        try:
+            design = design_accelerator(choose_build(config, frames))
+            recordings = simulate(design, segments, progress=self._progress, waves=self._waves)
+        # As of a border that is too narrow, which only the blocks themselves know.
+        except ValueError as error:
+            raise BackendError(f"the hardware cannot be built: {error}") from None
         return decode_recordings(recordings, config)
 
     def locate(self, image: Pixels, config: Config, *, frame: int) -> Mismatch | None:
