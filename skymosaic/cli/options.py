@@ -63,7 +63,11 @@ StrictOption = Annotated[
 ]
 RequireMapOption = Annotated[
     bool,
-    typer.Option("--require-map", rich_help_panel=MAP, help="Exit with 3 where the mosaic has no place on the map."),
+    typer.Option(
+        "--require-map",
+        rich_help_panel=MAP,
+        help="Exit with 3 where the mosaic has no place on the map, or its scale is hardly known.",
+    ),
 ]
 PhotographsArgument = Annotated[
     list[str],
