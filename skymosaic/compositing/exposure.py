@@ -51,7 +51,6 @@ CLEARLY_LESS, MAX_LEFT_STEPS = 0.001, 0.5
 """Decrease of that difference which is more than that of smaller exposures, and the share of the squared steps of
 exposure from photograph to photograph that a light at one side may leave.
 """
-
 SIDE_CELLS = 8
 MAX_UNSEEN_SIDE = 0.15
 """Difference of a light at one side from that which photographs show, over half a diagonal: the ground may hide it."""
@@ -78,7 +77,7 @@ def estimate_tones(thumbnails: Sequence[Layer], *, black: float = 0.0, white: fl
     """
     number = len(thumbnails)
     overlaps = compare_overlaps(thumbnails, black, white)
-    logs, shading, overlaps = _fit_gains(overlaps, number, measure_sides(thumbnails, black))
+    logs, shading, overlaps = _fit_gains(overlaps, number, _measure_sides(thumbnails, black))
     light = estimate_light(overlaps, number)
     joined = np.unique(np.concatenate((overlaps.i, overlaps.j))).tolist()
     if not joined:
@@ -87,21 +86,6 @@ def estimate_tones(thumbnails: Sequence[Layer], *, black: float = 0.0, white: fl
     tones = [Tone(tuple(gains[k]), common, black, None if light is None else light[k]) for k in joined]
     anchored = dict(zip(joined, _anchor([thumbnails[k] for k in joined], tones), strict=True))
     return [anchored.get(k, NEUTRAL) for k in range(number)]
-
-
-def measure_sides(thumbnails: Sequence[Layer], black: float) -> Array:
-    """The light at one side that photographs show by themselves, ground included: (2, 3), as in `Tone.shading`.
-
-    Single photographs show mostly the ground; the median over all of them is that of the camera, unless the ground
-    grows brighter in one direction of all photographs.
-    """
-    size = (SIDE_CELLS, SIDE_CELLS)
-    places = shading_terms(np.stack(np.meshgrid(*map(np.arange, size)), axis=-1), size)[..., 2:].reshape(-1, 2)
-    slopes = []
-    for layer in thumbnails:
-        cells = cv2.resize(layer.image, size, interpolation=cv2.INTER_AREA).reshape(-1, 3)
-        slopes.append(places.T @ np.log(np.maximum(cells - black, 1.0)) / np.square(places).sum(axis=0)[:, None])
-    return np.asarray(-np.median(slopes, axis=0))
 
 
 def measure_toned_range(
@@ -155,6 +139,21 @@ def _measure_toned(layer: Layer, tone: Tone) -> tuple[float, float]:
     """The share of its brightness that a toned photograph keeps, and the share of it that is white."""
     toned = tone.apply(layer.image, tone.factors(layer.size, Canvas(0, 0, *layer.size)))
     return float(toned.mean() / max(layer.image.mean(), 1e-6)), _white_share(toned)
+
+
+def _measure_sides(thumbnails: Sequence[Layer], black: float) -> Array:
+    """The light at one side that photographs show by themselves, ground included: (2, 3), as in `Tone.shading`.
+
+    Single photographs show mostly the ground; the median over all of them is that of the camera, unless the ground
+    grows brighter in one direction of all photographs.
+    """
+    size = (SIDE_CELLS, SIDE_CELLS)
+    places = shading_terms(np.stack(np.meshgrid(*map(np.arange, size)), axis=-1), size)[..., 2:].reshape(-1, 2)
+    slopes = []
+    for layer in thumbnails:
+        cells = cv2.resize(layer.image, size, interpolation=cv2.INTER_AREA).reshape(-1, 3)
+        slopes.append(places.T @ np.log(np.maximum(cells - black, 1.0)) / np.square(places).sum(axis=0)[:, None])
+    return np.asarray(-np.median(slopes, axis=0))
 
 
 def _fit_gains(overlaps: Overlaps, number: int, sides: Array) -> tuple[Array, Array, Overlaps]:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -78,6 +79,11 @@ class Flight:
     def lens(self) -> Lens:
         """The lens that straightens the photographs: as given, or as estimated from tie points."""
         return self.settings.lens if self.calibration is None else self.calibration.lens
+
+    @property
+    def folders(self) -> list[Path]:
+        """Where the next run finds the photographs: the folders that were given, or those of the files."""
+        return [folder for source in self.sources for folder in source.folders]
 
     def without(self, reasons: Mapping[int, str]) -> "Flight":
         """The same flight without some views in its layouts, by their indices, with the reasons."""

@@ -123,7 +123,7 @@ class Mosaic:
             require_place(path, self.composition.place)
         if path.suffix.lower() not in GEOTIFF_SUFFIXES:
             save(path, self.composition.in_8_bit(self.image))
-            record_output(path, [folder for source in self.flight.sources for folder in source.folders])
+            record_output(path, self.flight.folders)
             return
         try:
             with Workers() as workers:

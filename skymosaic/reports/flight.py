@@ -45,7 +45,7 @@ def write_report(folder: Path, flight: Flight, deliveries: Sequence[Delivery]) -
         write_flight_report(folder, deliveries, check_flight(flight))
     # Among the photographs, the pictures are none of them.
     for path in pages.list_own_pictures(folder):
-        record_output(path, [folder for source in flight.sources for folder in source.folders])
+        record_output(path, flight.folders)
 
 
 def write_flight_report(folder: Path, deliveries: Sequence[Delivery], check: FlightCheck) -> None:

@@ -172,7 +172,7 @@ def deliver(
             write_bands(path, composition.size, 3 if composition.coloured else 1, pictures)
         # At once: if the tiles fail, the next run must not take the mosaic for a photograph.
         with noting(failures):
-            record_output(path, [folder for source in flight.sources for folder in source.folders])
+            record_output(path, flight.folders)
         tiles = None
         with noting(failures):
             if form.tiles is not None:
