@@ -93,7 +93,7 @@ def test_what_cannot_apply_to_a_file_is_refused(name: str, form: OutputForm, ban
 def test_what_is_delivered_is_written_and_previewed(
     tmp_path: Path, name: str, note: str, says: str, in_memory: bool
 ) -> None:
-    flight: Any = SimpleNamespace(treatment=SimpleNamespace(in_memory=in_memory), sources=[])
+    flight: Any = SimpleNamespace(treatment=SimpleNamespace(in_memory=in_memory), sources=[], folders=[])
     composition = Composition((), Canvas(0, 0, 80, 60), False, "distance", Lens(), place=MapPlace(note=note))
     picture, shown = np.full((60, 80), 90, np.uint8), np.ones((60, 80), np.bool_)
     shown[:, :20] = False
@@ -116,7 +116,7 @@ def test_what_is_delivered_is_written_and_previewed(
 
 @pytest.mark.parametrize("values", [None, ValueRange(0, 1), ValueRange(0, 1, deep=True)])
 def test_only_16_bits_are_too_deep_for_jpeg(tmp_path: Path, values: ValueRange | None) -> None:
-    flight: Any = SimpleNamespace(sources=[])
+    flight: Any = SimpleNamespace(sources=[], folders=[])
     composition = Composition((), Canvas(0, 0, 32, 32), True, "distance", Lens(), values)
     bands = [(composition.empty(32, 32), np.ones((32, 32), np.bool_))]
     refused = pytest.raises(InputError, match=r"m\.tif: JPEG holds 8 bits, the photographs have 16; leave out the")
