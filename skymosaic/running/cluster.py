@@ -246,7 +246,7 @@ def _connect(address: str) -> Any:
         raise InputError(f"a cluster needs the package distributed; {how_to_install('cluster')}") from None
     try:
         if Path(address).is_file():
-            address = json.loads(read_small_file(address))["address"]
+            address = _read_address(address)
         # Beforehand: a client that finds no scheduler waits for 20 s when it is removed, and prints a traceback.
         asyncio.run(_reach(distributed, address))
         return distributed.Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
@@ -254,6 +254,14 @@ def _connect(address: str) -> Any:
     except Exception as error:
         reason = one_line(str(error)) or f"nothing that speaks its protocol within {CONNECT_TIMEOUT_S} s"
         raise InputError(f"{address}: no Dask scheduler answers ({reason}); check the address") from None
+
+
+def _read_address(path: str) -> str:
+    """Address in a scheduler's file, which is empty for a moment after the scheduler made it."""
+    deadline = time.monotonic() + CONNECT_TIMEOUT_S
+    while not (text := read_small_file(path)) and time.monotonic() < deadline:
+        time.sleep(POLL_SECONDS / 5)
+    return str(json.loads(text)["address"])
 
 
 async def _reach(distributed: Any, address: str) -> None:

@@ -158,6 +158,16 @@ def test_a_scheduler_without_workers_is_waited_for_and_one_that_dies_is_one_line
     assert time.monotonic() - started < 30
 
 
+def test_a_scheduler_that_is_about_to_write_its_file_is_waited_for(crew: Processes, tmp_path: Path) -> None:
+    path = tmp_path / "scheduler.json"
+    path.touch()
+    writing = threading.Timer(1, lambda: path.write_text(crew.file.read_text()))
+    writing.start()
+    with Workers(str(path)) as workers:
+        assert list(workers.run("powers", pow, [(2, 3)])) == [8]
+    writing.join()
+
+
 def test_the_dashboard_is_named() -> None:
     local: Any = distributed.LocalCluster
     lines: list[str] = []
