@@ -139,6 +139,22 @@ class FrontEndConfig:
         """Smallest border that keeps every pixel a feature depends on, suppression included, inside the frame."""
         return max(self.pattern.support_px, self.response_support_px) + SUPPRESSION_MARGIN_PX
 
+    @property
+    def lag_px(self) -> int:
+        """Pixels from the scan position, left and up, to the pixel whose corner and descriptor hardware has then.
+
+        Alike for both detectors, since it is built in: that of smoothing, Sobel, tensor (5 px, also where only 3 are
+        summed) and suppression, or that of the descriptor's rings, whichever is larger.
+        """
+        return max(self.pattern.support_px, int(self.smoothed_gradients) + 1 + 2 + self.suppression_radius_px)
+
+    def min_hardware_border_px(self, pixels_per_clock: int) -> int:
+        """Smallest border with which hardware counts a frame's last features before the next frame starts.
+
+        That takes two lines; two pixels per clock make lines short, but at most by half.
+        """
+        return self.lag_px + 2 + pixels_per_clock - 1
+
     def for_size(self, width_px: int, height_px: int) -> FrontEndConfig:
         """This configuration with cell size and features per cell chosen for frames of one size.
 

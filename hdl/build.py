@@ -65,6 +65,12 @@ class Build:
         check_rule_base(self.config.front_end.pattern, self.config.matcher)
         check_choice("shell", self.shell, tuple(VIDEO_BITS))
         check_choice(f"`video_bits` with shell {self.shell!r}", self.video_bits, VIDEO_BITS[self.shell])
+        needed_px = self.config.front_end.min_hardware_border_px(self.pixels_per_clock)
+        if self.config.front_end.border_px < needed_px:
+            raise ValueError(
+                f"border_px is {self.config.front_end.border_px}; with this detector and descriptor the hardware needs "
+                f"{needed_px}"
+            )
         if self.painter and (self.shell != "camera" or self.config.estimator is None):
             raise ValueError("painter needs the shell 'camera' and an estimator")
 

@@ -9,7 +9,7 @@ from golden_model.formats import RESPONSE_CODE
 from hdl.feature.extractor import CandidateFeatures
 from hdl.feature.ring_window import RingWindow
 from hdl.lib.component import Component
-from hdl.lib.delay import delayed, wait_cycles
+from hdl.lib.delay import check_aligned, delayed, wait_cycles
 from hdl.lib.views import view_signal
 from hdl.pixel.corners import Corners, Stage
 from hdl.pixel.smooth import Binomial
@@ -75,6 +75,7 @@ class Level(Component):
         # Corners need lines below the pixel as well as above it, and so does the descriptor: the larger lag decides.
         ring_lag_px = self._smooth.lag_px + self._rings.lag_px
         self.lag_px = max(self._corners.lag_px, ring_lag_px)
+        check_aligned("lag_px", blocks=self.lag_px, configured=config.lag_px)
         self._scan = LevelScan(lag_px=self.lag_px, border_px=config.border_px, cells=config.selection, **rate)
         # A half-size line is two lines of the full size, and an odd last line belongs to none.
         self.closing_lines = (self._scan.closing_lines << level) + level

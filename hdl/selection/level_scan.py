@@ -9,8 +9,6 @@ from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.streams import COORDINATE, beat, carry_scan
 
-SPARE_LINES = 2
-"""Lines left at the end of a frame, to count the last features before the next frame starts."""
 WARNING_BEATS = 24
 """How early the end of a cell row is announced; must be less than the width of the smallest level."""
 MIN_LEVEL_PX = MIN_FRAME_PX // 2
@@ -26,15 +24,10 @@ class LevelScan(Component):
     ----------
     lag_px : int
     border_px : int
-        Features keep this distance from the border; at least ``lag_px`` + 2, which leaves two lines in which the last
-        features are counted before the next frame starts.
+        Features keep this distance from the border; at least
+        `golden_model.config.FrontEndConfig.min_hardware_border_px`.
     cells : bool
         Whether there are cell rows; without them the level is a single row.
-
-    Raises
-    ------
-    ValueError
-        For too small a border.
     """
 
     i: data.View
@@ -56,12 +49,6 @@ class LevelScan(Component):
     """Lines from the one that ends the level to the last."""
 
     def __init__(self, *, lag_px: int, border_px: int, cells: bool, pixels_per_clock: int = 1) -> None:
-        # Two pixels per clock make the lines short, but at most by half.
-        needed_px = lag_px + SPARE_LINES + pixels_per_clock - 1
-        if border_px < needed_px:
-            raise ValueError(
-                f"border_px is {border_px}; with this detector and descriptor the hardware needs {needed_px}"
-            )
         self.pixels_per_clock = pixels_per_clock
         self.lag_px = lag_px
         self.border_px = border_px

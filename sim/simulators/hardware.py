@@ -34,11 +34,11 @@ class HardwareBackend(Backend):
         """See `sim.backends.interface.Backend.run`; a configuration that is not for hardware is a `BackendError`."""
         segments = make_segments(frames, config, reference)
         try:
-            design = design_accelerator(choose_build(config, frames))
-            recordings = simulate(design, segments, progress=self._progress, waves=self._waves)
-        # As of a border that is too narrow, which only the blocks themselves know.
+            build = choose_build(config, frames)
+        # As of a border that is too narrow.
         except ValueError as error:
             raise BackendError(f"the hardware cannot be built: {error}") from None
+        recordings = simulate(design_accelerator(build), segments, progress=self._progress, waves=self._waves)
         return decode_recordings(recordings, config)
 
     def locate(self, image: Pixels, config: Config, *, frame: int) -> Mismatch | None:

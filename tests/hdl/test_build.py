@@ -13,6 +13,9 @@ from hdl.build import BUILDS, Build
 from hdl.export.boards import ALL_BOARDS
 
 WITH_ESTIMATOR = Config(estimator=EstimatorConfig())
+# Enough with one pixel per clock.
+NARROW = Config(front_end=FrontEndConfig(descriptor="thesis-ilbp-1", border_px=9))
+NEEDS_10 = "border_px is 9; with this detector and descriptor the hardware needs 10"
 WITH_16_FEATURES = Config(front_end=FrontEndConfig(max_features=16))
 
 
@@ -30,6 +33,7 @@ WITH_16_FEATURES = Config(front_end=FrontEndConfig(max_features=16))
         ({"shell": "shell"}, "shell is 'shell'; valid: streams, camera, serial"),
         ({"painter": True, "config": WITH_ESTIMATOR}, "painter needs the shell 'camera' and an estimator"),
         ({"painter": True, "shell": "camera", "video_bits": 8}, "painter needs the shell 'camera' and an estimator"),
+        ({"config": NARROW, "video_bits": 16}, NEEDS_10),
         ({"config": replace(PRESETS["aerial"], matcher=PRESETS["thesis"].matcher)}, "needs the gray window"),
     ],
 )  # fmt: skip

@@ -83,8 +83,3 @@ def test_a_border_wider_than_the_smallest_level_still_ends_it(run_block: Callabl
     _, part = run_block(dut, [{"pixel": np.zeros(shape, int)}] * 2, settings)
     assert not part.fields["inside"].any()
     assert part.fields["ends_level"].sum() == part.fields["ends_row"].sum() == 1
-
-
-def test_too_small_a_border_is_named() -> None:
-    with pytest.raises(ValueError, match=r"border_px is 5; .* needs 6"):
-        LevelScan(lag_px=LAG_PX, border_px=5, cells=True)
