@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from golden_model.config import (
     CELL_SIZES_PX,
     MAX_FRAME_PX,
-    SUPPRESSION_MARGIN_PX,
+    MIN_FRAME_PX,
     Config,
     FrontEndConfig,
     MatcherConfig,
@@ -65,6 +65,9 @@ class Latencies:
     """How long a match occupies the histogram of orientations."""
     weigh: int
     """How long a match occupies the weigher."""
+    lone_match: int
+    """How much longer a frame's only match does: the estimator takes the first record late, which nothing hides if
+    the status follows it at once."""
     peak: int
     """Search for the peak of the histogram, and clearing it; 0 without orientations."""
 
@@ -81,6 +84,7 @@ class Latencies:
             count=sugeno_cycles(rule_bases.aerial_orientation(pattern.bits)) + 4 + 1,
             # Features read, weight, comparison with the limit, record; with rules, a clock until the next match.
             weigh=_READ_CYCLES + weight_cycles(pattern, config.matcher) + 1 + words + bool(config.matcher.rules),
+            lone_match=int(config.estimator is not None and config.matcher.rules is None),
             # Up and down the 16 bins, and 5 clocks of latency between.
             peak=16 + 5 + 16 if pattern.oriented else 0,
         )
@@ -244,15 +248,14 @@ def _leaves_in_time(work: FrameWork, front_end: FrontEndConfig, pixels_per_clock
         front_end = front_end.for_size(work.width_px, work.height_px)
     assert front_end.cell_px
     assert front_end.per_cell
-    pattern, border_px = front_end.pattern, front_end.border_px
-    record = pattern.record
+    record, border_px = front_end.pattern.record, front_end.border_px
     features, lines = 0, []
     for level in range(front_end.levels):
         features += -(-(work.width_px >> level) // front_end.cell_px) * front_end.per_cell
         # Lines of the last cell row that may have features.
         lines.append(((work.height_px >> level) - border_px - 1) % front_end.cell_px + 1 << level)
-    lag_px = max(pattern.support_px, front_end.response_support_px + SUPPRESSION_MARGIN_PX)
-    lines.append(border_px - lag_px)
+    # The smallest level is lower than the widest border.
+    lines.append(min(border_px - front_end.lag_px, MIN_FRAME_PX // 2 - 1))
     leaving_cycles = _ROW_CYCLES + features * record.record_bytes // WORD_BYTES
     return min(lines) * -(-work.width_px // pixels_per_clock) >= leaving_cycles
 
@@ -266,7 +269,8 @@ def _match_clocks(work: FrameWork, latencies: Latencies, accepted: int) -> tuple
     if latencies.peak:
         counted = _walk_ends(work, latencies.walk, latencies.count, begins)
         begins = counted + latencies.peak + 2
-    return searched, counted, _walk_ends(work, latencies.walk, latencies.weigh, begins)
+    weigh = latencies.weigh + (len(work.rows) == 1) * latencies.lone_match
+    return searched, counted, _walk_ends(work, latencies.walk, weigh, begins)
 
 
 def _search_cycles(work: FrameWork, latencies: Latencies) -> int:

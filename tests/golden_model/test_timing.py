@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from golden_model import timing
-from golden_model.config import Config, FrontEndConfig, MatcherConfig
+from golden_model.config import Config, EstimatorConfig, FrontEndConfig, MatcherConfig
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.geometry.estimator import CYCLES, MAX_CYCLES
 from golden_model.geometry.scoring import MAX_MATCHES
@@ -74,6 +74,16 @@ def test_the_clocks_of_a_frame_are_the_recorded_ones(changes: dict[str, Any], cl
 def test_each_rule_base_has_its_clocks_for_a_match(rule_base: str, clocks: int) -> None:
     config = Config(front_end=FrontEndConfig(descriptor="thesis-ilbp-4"), matcher=MatcherConfig(rule_base=rule_base))
     assert Latencies.compute(config, lanes=LANES).weigh == clocks
+
+
+@pytest.mark.parametrize(("row", "later_cycles"), [(49, 1), (40, 1), (39, 0), (0, 0)])
+def test_the_status_waits_for_a_lone_match_unless_further_rows_follow(row: int, later_cycles: int) -> None:
+    """As simulated: a clock for the estimator, whose first record nothing hides without rules."""
+    config = Config(matcher=MatcherConfig(rule_base="none"))
+    work = FrameWork(640, 480, good=True, left=50, right=60, rows=np.array([row]), estimate_cycles=2000)
+    (alone,) = timelines([work], config, lanes=4)
+    (estimated,) = timelines([work], dataclasses.replace(config, estimator=EstimatorConfig()), lanes=4)
+    assert estimated.matches_end - alone.matches_end == later_cycles
 
 
 def test_two_pixels_a_clock_take_half_the_clocks() -> None:

@@ -17,13 +17,13 @@ from golden_model.config import (
     DETECTORS,
     MAX_PER_CELL,
     MIN_FRAME_PX,
-    PRESETS,
     Config,
     EstimatorConfig,
     FrontEndConfig,
+    MatcherConfig,
 )
 from golden_model.feature.ilbp import PATTERNS
-from hdl.build import Build
+from hdl.build import Build, pixels_per_clock
 from hdl.registers.register_map import register_writes
 from hdl.settings import RUNNING
 from sim.backends.interface import load_backend
@@ -50,11 +50,13 @@ def draw_build(rng: np.random.Generator, video_bits: int) -> Build:
         max_features=MAX_FEATURES,
         descriptor=str(rng.choice(list(PATTERNS))),
     )
-    # Two pixels per clock need three more than the smallest.
-    front_end = dataclasses.replace(smallest, border_px=smallest.min_border_px + int(rng.integers(3, 6)))
+    # Also wider than the smallest level is high.
+    least_px = max(smallest.min_border_px, smallest.min_hardware_border_px(pixels_per_clock(video_bits)))
+    front_end = dataclasses.replace(smallest, border_px=least_px + int(rng.choice([0, 0, 1, 2, 33])))
     width_px, height_px = rng.integers(*BUILT_PX, 2).tolist()
     estimator = EstimatorConfig() if rng.random() < 0.7 else None
-    config = dataclasses.replace(PRESETS["aerial"], front_end=front_end, estimator=estimator)
+    matcher = MatcherConfig(rule_base=str(rng.choice(["aerial", "none"])))
+    config = Config(front_end=front_end, matcher=matcher, estimator=estimator)
     lanes = int(rng.choice([2, 4, 8]))
     return Build(config=config, lanes=lanes, max_width_px=width_px, max_height_px=height_px, video_bits=video_bits)
 
@@ -83,10 +85,14 @@ def draw_settings(rng: np.random.Generator, config: Config, width_px: int, heigh
 def draw_frames(
     rng: np.random.Generator, texture: NDArray[np.uint8], width_px: int, height_px: int
 ) -> list[NDArray[np.uint8]]:
-    """Three views that wander over the texture."""
+    """Three views that wander over the texture, and one with so little of it that few corners have a match."""
     x, y = rng.integers(0, 100, 2)
-    views = (texture[y + 2 * n : y + 2 * n + height_px, x + 3 * n : x + 3 * n + width_px] for n in range(3))
-    return [np.ascontiguousarray(view) for view in views]
+    views = (texture[y + 2 * n : y + 2 * n + height_px, x + 3 * n : x + 3 * n + width_px] for n in range(4))
+    frames = [np.ascontiguousarray(view) for view in views]
+    x, y = rng.integers(0, (width_px - 20, height_px - 20))
+    plain = np.full_like(frames[3], 128)
+    plain[y : y + 20, x : x + 20] = frames[3][y : y + 20, x : x + 20]
+    return [*frames[:3], plain]
 
 
 def cut_off(bench: Bench, segment: Segment, rng: np.random.Generator) -> None:
