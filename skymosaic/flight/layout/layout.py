@@ -95,14 +95,19 @@ class Layout:
 def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> Layout:
     """Lay out one group of linked views; the model is chosen by its error on held-out ties.
 
-    Views that a single link joins to the others while another link contradicts it are left out: either may be false.
-    So are views that cannot lie where the layout puts them. ``members`` are the group, rising; ``links`` are those that
-    hold, of which those outside the group are ignored.
+    Views that a single link joins to the others while another link contradicts it are left out: either may be false,
+    unless one is far surer. So are views that cannot lie where the layout puts them. ``members`` are the group, rising;
+    ``links`` are those that hold, of which those outside the group are ignored.
     """
     misplaced: dict[int, str] = {}
+    overruled: list[Link] = []
     while len(members) > 1:
-        layout = _lay_out_together(views, members, links)
-        absent = _doubtful_part(layout)
+        layout = _lay_out_together(views, members, links, overruled)
+        absent, weaker = _doubtful_part(layout)
+        if weaker:
+            overruled.append(weaker)
+            links = [link for link in links if link is not weaker]
+            continue
         if not absent:
             found = find_misplaced(views, layout.transforms, layout.links, layout.errors_px)
             if not found:
@@ -117,13 +122,15 @@ def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]
     return Layout((alone,), alone, {alone: np.eye(3)}, misplaced=misplaced)
 
 
-def _lay_out_together(views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> Layout:
-    """Lay out a group as a whole; links that contradict the others have no part in it."""
+def _lay_out_together(
+    views: Sequence[View], members: Sequence[int], links: Sequence[Link], overruled: Sequence[Link]
+) -> Layout:
+    """Lay out a group as a whole; links that contradict the others have no part in it, nor have those overruled."""
     group = linked_group(views, members, links)
     model, reason, start = _choose_model(group)
     network = group.network(slice(None))
     model, refined = _refine(network, model, start, group.start)
-    false: list[Link] = []
+    false = [link for link in overruled if {link.left, link.right} <= set(members)]
     while contradicting := _contradicting(group, network.errors_px(refined)):
         false += contradicting
         kept = [link for link in group.links if link not in contradicting]
@@ -200,13 +207,14 @@ def _contradicting(group: LinkedGroup, errors_px: Sequence[Array]) -> list[Link]
     return false
 
 
-def _doubtful_part(layout: Layout) -> set[int]:
-    """The smaller one of two parts of a layout that a single link joins and another contradicts; empty without such.
+def _doubtful_part(layout: Layout) -> tuple[set[int], Link | None]:
+    """The smaller one of two parts that a single link joins and another contradicts; empty without such.
 
-    A link that is far surer than the one that contradicts it joins them as well as two do.
+    A link that is far surer than the one that contradicts it joins them as well as two do. Where it is the one that
+    contradicts, the layout fell for the weaker one, which is returned as well.
     """
     row = {member: index for index, member in enumerate(layout.members)}
-    for link in layout.contradicting:
+    for link in sorted(layout.contradicting, key=lambda each: -each.inliers):
         joined = join(layout.members, layout.links, [1 + (e.inliers >= SURER * link.inliers) for e in layout.links])
         flow = maximum_flow(joined, row[link.left], row[link.right])
         if flow.flow_value > 1:
@@ -218,5 +226,7 @@ def _doubtful_part(layout: Layout) -> set[int]:
             breadth_first_order(residual, row[end], return_predecessors=False)
             for residual, end in ((spare, link.left), (csr_array(spare.T), link.right))
         ]
-        return {layout.members[index] for index in min(sides, key=len).tolist()}
-    return set()
+        part = {layout.members[index] for index in min(sides, key=len).tolist()}
+        joint = next(each for each in layout.links if (each.left in part) != (each.right in part))
+        return part, joint if link.inliers >= SURER * joint.inliers else None
+    return set(), None

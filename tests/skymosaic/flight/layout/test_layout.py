@@ -11,7 +11,7 @@ from sim.scene import make_lawnmower
 from sim.scene.flight import Flight
 from skymosaic.compositing.warp import enclosing_canvas, nearness
 from skymosaic.flight.layout.extent import least_nearness
-from skymosaic.flight.layout.layout import Layout, lay_out
+from skymosaic.flight.layout.layout import Layout, _lay_out_together, lay_out
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.picture.composition import Room
 from skymosaic.geometry.homography import apply, estimate_similarity, resize_matrix
@@ -124,6 +124,25 @@ def test_each_photograph_whose_single_link_is_contradicted_is_left_out() -> None
     layout = lay_out(views[:7], range(7), [*surer, weak])
     assert (layout.members, layout.contradicting) == (tuple(range(7)), (weak,))
     assert lay_out(views[:7], range(7), [*surer, tie(2, 6, 60, inliers=21)]).members == tuple(range(6))
+
+
+@pytest.mark.parametrize(("inliers", "members", "overruled"), [(20, 4, True), (31, 3, False)])
+def test_a_far_surer_link_over_relief_overrules_one_that_fits_better(
+    inliers: int, members: int, overruled: bool
+) -> None:
+    rng = np.random.default_rng(1)
+
+    def tie(left: int, right: int, off_px: float, inliers: int, noise_px: float) -> Link:
+        points = rng.uniform(0, 300, (inliers, 2))
+        return Link(left, right, points, points + off_px + rng.normal(0, noise_px, points.shape), inliers, inliers)
+
+    sure, false = tie(2, 3, 0, 60, 14), tie(1, 3, 40, inliers, 0.3)
+    links = [*(tie(*pair, 0, 40, 0.3) for pair in ((0, 1), (0, 2), (1, 2))), sure, false]
+    views: list[Any] = [SimpleNamespace(size=(400, 300), working_size=(400, 300))] * 4
+    assert _lay_out_together(views, range(4), links, []).contradicting == (sure,)
+    layout = lay_out(views, range(4), links)
+    assert len(layout.members) == members
+    assert layout.contradicting == ((false,) if overruled else ())
 
 
 @pytest.mark.parametrize(
