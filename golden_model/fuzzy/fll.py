@@ -149,6 +149,8 @@ def _choose_output(outputs: list[_Block], name: str | None) -> _Block:
     names = ", ".join(block.name for block in outputs)
     if name is None and len(outputs) == 1:
         return outputs[0]
+    if not outputs:
+        raise ValueError("has no output; add an OutputVariable")
     found = next((block for block in outputs if block.name == (name or MATCH)), None)
     if found is None and name is not None:
         raise ValueError(f"has no output {name}; there are {names}")

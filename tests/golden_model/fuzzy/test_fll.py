@@ -114,6 +114,7 @@ def test_values_are_those_of_fuzzylite(name: str) -> None:
         ("then valve is closed", "then tap is closed", "valve is CONSTANT"),
         ("then valve is closed", "then valve is closed with 0.5", "without with"),
         ("RuleBlock: rules", "", "has 0 rule blocks"),
+        (VALVE, "", "has no output; add an OutputVariable"),
         ("conjunction: Minimum", "conjunction: HamacherProduct", "HamacherProduct; valid: Minimum"),
         ("Ramp 27 3", "Ramp 27", "Ramp takes 2 numbers, not 1"),
         ("Ramp 27 3", "Arc 0.3 0.1", "Arc is not known"),

@@ -42,7 +42,7 @@ def test_an_upload_without_progress_is_given_up(tmp_path: Path, monkeypatch: pyt
 
     async def stalled() -> AsyncIterator[bytes]:
         # A byte now and then is no progress.
-        for _ in range(100):
+        for _ in range(1000):
             yield b"\xff\xd8\xff"
             await asyncio.sleep(0.05)
 
@@ -53,7 +53,7 @@ def test_an_upload_without_progress_is_given_up(tmp_path: Path, monkeypatch: pyt
 
     start = time.monotonic()
     asyncio.run(scenario())
-    assert time.monotonic() - start < 3
+    assert time.monotonic() - start < 30
     assert not list(tmp_path.iterdir())
 
 
