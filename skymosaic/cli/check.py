@@ -78,5 +78,5 @@ def _print_check(flight: Flight, report: FlightCheck) -> None:
         session.show(f"accuracy: {errors.description}")
     for problem in (*flight.left_out.values(), *report.problems):
         session.warn(problem)
-    if report.complete and not report.problems:
-        session.show("complete: the photographs make one mosaic")
+    if report.complete:
+        session.show("complete: the photographs make one mosaic" + "; read the warnings" * bool(report.problems))

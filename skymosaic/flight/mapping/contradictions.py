@@ -87,4 +87,7 @@ def doubt_records(height_m: float | None, recorded_m: float | None, turned_deg: 
                 "height: one of the three is wrong, or the ground lies far from where the flight began"
             )
     if turned_deg is not None and abs(turned_deg) > MAX_YAW_DEG and abs((turned_deg + 45) % 90 - 45) > MOUNTED_DEG:
-        yield f"positions and recorded yaw contradict each other: {abs(turned_deg):.0f} degrees apart"
+        yield (
+            f"positions and recorded yaw contradict each other: {abs(turned_deg):.0f} degrees apart; the map follows "
+            "the positions"
+        )

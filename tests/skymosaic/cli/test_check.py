@@ -65,7 +65,7 @@ def test_where_to_fly_again_is_written_for_a_map(tmp_path: Path, capsys: pytest.
 @pytest.mark.parametrize(
     ("complete", "problems", "left_out"), [(True, (), {}), (True, ("gap",), {}), (False, (), {2: "c.png: dark"})]
 )
-def test_a_flight_is_complete_where_nothing_is_wrong(
+def test_a_complete_flight_is_told_with_or_without_warnings(
     capsys: pytest.CaptureFixture[str], *, complete: bool, problems: tuple[str, ...], left_out: dict[int, str]
 ) -> None:
     photographs = (
@@ -79,6 +79,6 @@ def test_a_flight_is_complete_where_nothing_is_wrong(
     _, first, second, *rest = (line.split() for line in printed.out.splitlines())
     assert first == ["a.png", "3", "61%", "0.3", "px", "0.99", "3%", "yes", "blurred,", "dark"]
     assert second == ["b.png", "0", "0%", "1.00", "0%", "no"]
-    fine = complete and not problems
-    assert [" ".join(words) for words in rest] == ["complete: the photographs make one mosaic"] * fine
+    told = "complete: the photographs make one mosaic" + "; read the warnings" * len(problems)
+    assert [" ".join(words) for words in rest] == [told] * complete
     assert printed.err.splitlines() == [f"warning: {line}" for line in (*left_out.values(), *problems)]

@@ -231,7 +231,7 @@ def cameras(*, focal: float | None = 1.5, height_m: float | None = None, yaw_deg
         ({"focal": None, "height_m": 60.0}, ""),
         ({"yaw_deg": 12.0}, ""),
         ({"yaw_deg": 180.0}, ""),
-        ({"yaw_deg": -50.0}, "positions and recorded yaw contradict each other: 5[01] degrees apart"),
+        ({"yaw_deg": -50.0}, "positions and recorded yaw contradict each other: 5[01] degrees apart; the map follows"),
     ],
 )
 def test_recorded_heights_and_yaw_are_held_against_gps(recorded: dict[str, Any], found: str) -> None:
