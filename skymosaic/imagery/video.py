@@ -9,6 +9,8 @@ import av
 import cv2
 import numpy as np
 from av.error import FFmpegError
+from av.sidedata.sidedata import Type
+from numpy.typing import NDArray
 
 from golden_model.arrays import Pixels
 from skymosaic.common.errors import InputError
@@ -24,6 +26,8 @@ TICKS_PER_SECOND = 90_000
 """Resolution of time in the videos written; the usual rates are whole numbers of it."""
 MIN_STEP_S, MAX_STEP_S = 2 / TICKS_PER_SECOND, 3600.0
 """Shortest and longest time from frame to frame; damaged ones repeat, run back, or on for years."""
+MISSING_S = 1.0
+"""What a file without a count of frames may last longer than they do: the last one may be shown for long."""
 MIN_SHAPE = 0.25
 """Pixels that are said to be longer than this are a mistake; those of film are up to 2:1."""
 CONSTANT_QUALITY = "18"
@@ -49,7 +53,7 @@ UNREADABLE = "not a readable video, or a recording cut off before its index was 
 
 
 class VideoReader:
-    """The frames of a video, one at a time, turned upright by its rotation tag.
+    """The frames of a video, one at a time, turned and mirrored as its display matrix says.
 
     Iterating yields uint8 arrays, shape (H, W, 3) BGR. Damaged packets, such as the last one of a recording that was
     cut off, are skipped, which `notes` states after the last frame.
@@ -91,6 +95,8 @@ class VideoReader:
         # What a telephone trimmed off stays in the file.
         trimmed = sum(entry.is_discard for entry in self._stream.index_entries)
         self._declared = self._stream.frames - trimmed
+        self._length_s = float((self._container.duration or 0) / av.time_base)
+        self._damaged = 0
         # An AVI counts the frames, too, that its camera had no time for; its index does not. A cut one, whose duration
         # FFmpeg shortens, has no index.
         if self._container.format.name == "avi" and self._stream.duration == self._stream.frames:
@@ -99,19 +105,17 @@ class VideoReader:
         """Mean frames per second."""
 
     def __iter__(self) -> Iterator[Pixels]:
-        quarter_turns, frames, other_size = 0, 0, 0
+        frames, other_size = 0, 0
         first: tuple[int, ...] = ()
         usual_s, last = float(1 / self.frame_rate), None
         with self._container:
-            for turns, stored, time in self._decode():
-                square = self._make_square(stored)
-                pixels = np.ascontiguousarray(np.rot90(square, turns), dtype=np.uint8)
+            for matrix, stored, time in self._decode():
+                pixels = self._make_upright(self._make_square(stored), matrix)
                 first = first or pixels.shape
                 # Optical flow, tracking and the encoder need frames of one size.
                 if pixels.shape != first:
                     other_size += 1
                     continue
-                quarter_turns = turns
                 if frames:
                     step_s = usual_s if time is None or last is None else time - last
                     self.seconds += max(step_s, MIN_STEP_S) if step_s < MAX_STEP_S else usual_s
@@ -120,12 +124,30 @@ class VideoReader:
                 yield pixels
         if not frames:
             raise InputError(f"{self.name}: no frame of the video can be decoded; give another file")
-        if quarter_turns:
-            self.notes.append("turned upright by its rotation tag")
         if other_size:
             self.notes.append(f"the size changes; {other_size} frames that are not {first[1]}x{first[0]} are left out")
         if frames + other_size < self._declared:
             self.notes.append(f"{frames} of {self._declared} frames can be decoded; the others are left out")
+        elif self._declared <= 0 and not self._is_stream:
+            self._note_missing(self.seconds + usual_s)
+
+    def _note_missing(self, shown_s: float) -> None:
+        """Note what is missing of a file that does not count its frames, as Matroska and MPEG-TS."""
+        if self._damaged:
+            self.notes.append(f"damaged packets or frames that are left out: {self._damaged}")
+        if self._length_s > shown_s + MISSING_S:
+            self.notes.append(f"the last frame ends at {shown_s:.1f} of {self._length_s:.1f} s; the others are missing")
+
+    def _make_upright(self, stored: Pixels, matrix: NDArray[np.int32]) -> Pixels:
+        """Turn and mirror a frame by the quarter nearest to its display matrix, (2, 2), which row vectors x, y meet."""
+        (right, right_down), (down_right, down) = matrix.tolist()
+        mirrored = right * down < right_down * down_right
+        note = "mirrored as its display matrix says" if mirrored else "turned upright by its rotation tag"
+        if turned := abs(right_down) > abs(right):
+            stored, right, down = stored.swapaxes(0, 1), down_right, right_down
+        if (turned or min(right, down) < 0) and note not in self.notes:
+            self.notes.append(note)
+        return np.ascontiguousarray(stored[:: -1 if down < 0 else 1, :: -1 if right < 0 else 1])
 
     def _make_square(self, stored: Pixels) -> Pixels:
         """Widen frames whose pixels are narrower than they are high, and the other way round."""
@@ -138,21 +160,29 @@ class VideoReader:
             self.notes.append(note)
         return np.asarray(cv2.resize(stored, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
 
-    def _decode(self) -> Iterator[tuple[int, Pixels, float | None]]:
-        """Decode the frames as they are stored; yields the quarter turns, the pixels and the time of each."""
+    def _decode(self) -> Iterator[tuple[NDArray[np.int32], Pixels, float | None]]:
+        """Decode the frames as they are stored; yields the display matrix (2, 2), the pixels and the time of each."""
         packets = self._container.demux(self._stream)
         try:
             for packet in packets:
-                if packet.is_corrupt:
-                    continue
+                try:
+                    frames = [] if packet.is_corrupt else packet.decode()
+                    whole = [each for each in frames if not each.is_corrupt]
+                    yield from [(_matrix(each), each.to_ndarray(format="bgr24"), each.time) for each in whole]
+                    self._damaged += packet.is_corrupt + len(frames) - len(whole)
                 # Besides FFmpeg's errors, PyAV raises ValueError for a pixel format that it cannot convert.
-                with contextlib.suppress(FFmpegError, ValueError):
-                    frames = packet.decode()
-                    yield from [(round(x.rotation / 90) % 4, x.to_ndarray(format="bgr24"), x.time) for x in frames]
+                except (FFmpegError, ValueError):
+                    self._damaged += 1
         # The demuxer raises an error if the file ends in the middle of a packet.
         except FFmpegError as error:
             if self._is_stream:
                 self.notes.append(f"the stream broke off: {error.strerror}")
+
+
+def _matrix(frame: av.VideoFrame) -> NDArray[np.int32]:
+    """The part (2, 2) of a frame's display matrix that turns and mirrors."""
+    data = frame.side_data.get(Type.DISPLAYMATRIX)
+    return np.eye(2, dtype=np.int32) if data is None else np.frombuffer(bytes(data), np.int32).reshape(3, 3)[:2, :2]
 
 
 def _explain(error: Exception) -> str:

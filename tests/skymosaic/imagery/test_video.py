@@ -1,4 +1,5 @@
 import http.server
+import re
 import resource
 import socket
 import threading
@@ -81,6 +82,25 @@ def test_frames_are_upright(tmp_path: Path, frames: list[NDArray[np.uint8]], rot
     assert reader.notes == ["turned upright by its rotation tag"]
 
 
+@pytest.mark.parametrize("mirrored", [(-1, 0, 0, 1), (1, 0, 0, -1), (0, 1, 1, 0), (0, -1, -1, 0)])
+def test_mirrored_frames_are_mirrored_back(
+    tmp_path: Path, frames: list[NDArray[np.uint8]], mirrored: tuple[int, ...]
+) -> None:
+    path = encode(tmp_path / "v.mp4", frames[:3])
+    data = bytearray(path.read_bytes())
+    # The matrix in the track's header, rows of three.
+    start = data.index(b"tkhd") + 44
+    for place, value in zip((0, 4, 12, 16), mirrored, strict=True):
+        data[start + place : start + place + 4] = (value << 16).to_bytes(4, "big", signed=True)
+    path.write_bytes(data)
+    a, b, c, d = mirrored
+    reader = VideoReader(path)
+    for shown, stored in zip(reader, frames, strict=False):
+        expected = stored[::d, ::a] if a else stored.swapaxes(0, 1)[::b, ::c]
+        assert difference(shown, expected) < 3
+    assert reader.notes == ["mirrored as its display matrix says"]
+
+
 @pytest.mark.parametrize("name", ["v.mp4", "v.avi", "v.mkv"])
 def test_a_recording_cut_off_is_used_up_to_its_last_whole_frame(
     tmp_path: Path, frames: list[NDArray[np.uint8]], name: str
@@ -94,6 +114,30 @@ def test_a_recording_cut_off_is_used_up_to_its_last_whole_frame(
     assert all(min(difference(frame, original) for original in frames) < 2.5 for frame in read[-3:])
     if name != "v.mkv":  # Matroska does not say how many frames there should be.
         assert reader.notes == [f"{len(read)} of 30 frames can be decoded; the others are left out"]
+
+
+@pytest.mark.parametrize(
+    ("name", "kept", "note"),
+    [
+        ("v.mkv", 0.4, r"the last frame ends at \d\.\d of 2\.4 s; the others are missing"),
+        ("v.ts", 1, r"damaged packets or frames that are left out: \d+"),
+    ],
+)
+def test_what_is_missing_of_a_file_without_a_count_is_told(
+    tmp_path: Path, frames: list[NDArray[np.uint8]], name: str, kept: float, note: str
+) -> None:
+    path = encode(tmp_path / name, [*frames, *frames])
+    assert len(list(reader := VideoReader(path))) == 60
+    assert reader.notes == []
+    data = path.read_bytes()
+    middle = len(data) // 3
+    damaged = data[:middle] + bytes(1000) + data[middle + 1000 :]
+    path.write_bytes((data if kept < 1 else damaged)[: int(kept * len(data))])
+    reader = VideoReader(path)
+    read = list(reader)
+    assert 10 < len(read) < 60
+    assert all(min(difference(frame, original) for original in frames) < 2.5 for frame in read[-3:])
+    assert re.fullmatch(note, "; ".join(reader.notes)), reader.notes
 
 
 def drop_at_the_end(path: Path, count: int = 5) -> None:
