@@ -48,9 +48,13 @@ def flight_of_frames(
     inside = [(row[link.left], row[link.right], link) for link in links if link.left in row and link.right in row]
     between = {(left, right): replace(link, left=left, right=right) for left, right, link in inside}
     layouts, alone = lay_out_all(views, groups(len(views), valid_links(between)), between, lambda _layout: {})
+    linked = {index for pair in between for index in pair}
     for index, reason in alone.items():
-        unlinked = "what linked it was left out" if between else "nothing links it to the others"
-        left_out[sources[index].index] = f"{views[index].name}: {reason or unlinked}"
+        if index in linked:
+            unknown = "its links contradict each other or the layout, so its place is unknown"
+        else:
+            unknown = "what linked it was left out" if links else "nothing links it to the others"
+        left_out[sources[index].index] = f"{views[index].name}: {reason or unknown}"
     flight = Flight(
         names=tuple(frame.name for frame in frames),
         sources=tuple(sources),

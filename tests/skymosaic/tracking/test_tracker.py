@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.backends.interface import Reference, load_backend
+from sim.backends.interface import Backend, Reference, load_backend
 from sim.scene.target import Pursuit
 from sim.simulators.scoreboard import find_mismatch
 from skymosaic.common.errors import InputError, RegistrationError
@@ -108,7 +108,7 @@ def test_a_rectangle_lies_inside_the_first_frame(roi: Roi, says: str) -> None:
         Tracker(roi).follow(np.full((70, 80, 3), 120, np.uint8))
 
 
-class Recorded:
+class Recorded(Backend):
     """A front end that keeps what it was asked and what it answered."""
 
     def __init__(self, backend: str) -> None:
@@ -122,15 +122,12 @@ class Recorded:
 
 
 @pytest.mark.slow
-def test_hardware_with_a_held_reference_tracks_the_same_corners(
-    film_frames: Any, roi: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_hardware_with_a_held_reference_tracks_the_same_corners(film_frames: Any, roi: Any) -> None:
     """Compiles the accelerator the first time."""
     tracked, recorded = {}, {}
     for backend in ("golden", "rtl"):
         recorded[backend] = Recorded(backend)
-        monkeypatch.setattr("skymosaic.tracking.tracker.load_backend", lambda name: recorded[name])
-        tracked[backend] = list(map(Tracker(roi, backend=backend).follow, film_frames[:6]))
+        tracked[backend] = list(map(Tracker(roi, backend=recorded[backend]).follow, film_frames[:6]))
     assert {reference for _, reference, _ in recorded["rtl"].runs} == {"held"}
     assert sum(len(results[-1].matches) for *_, results in recorded["rtl"].runs) > 100
     for (*_, wanted), (*_, got) in zip(recorded["golden"].runs, recorded["rtl"].runs, strict=True):

@@ -14,6 +14,7 @@ from golden_model.config import preset_config
 from sim.backends.interface import load_backend
 from sim.scene.flight import Flight
 from skymosaic.common.errors import AppearedError, InputError
+from skymosaic.flight.survey import lay_out_all
 from skymosaic.geometry.homography import apply, estimate_similarity
 from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.imagery.images import check_output
@@ -131,10 +132,15 @@ def test_submaps_join_once_a_frame_overlaps_both(
     assert pair_errors_px(placed, flight).max() < 1.0
 
 
+def elsewhere() -> NDArray[np.uint8]:
+    """A frame that overlaps no other."""
+    grain = np.random.default_rng(1).integers(0, 256, (360, 480, 3), dtype=np.uint8)
+    return np.asarray(cv2.GaussianBlur(grain, (0, 0), 2), np.uint8)
+
+
 def test_frames_without_overlap_and_flat_frames_are_left_out(frames: list[NDArray[np.uint8]]) -> None:
-    grain = cv2.GaussianBlur(np.random.default_rng(1).integers(0, 256, (360, 480, 3), dtype=np.uint8), (0, 0), 2)
     live = LiveMosaic(config=CONFIG)
-    for frame in (*frames[:2], grain, np.full((360, 480, 3), 90, np.uint8)):
+    for frame in (*frames[:2], elsewhere(), np.full((360, 480, 3), 90, np.uint8)):
         live.add(frame)
     assert set(live.left_out) == {2, 3}
     assert "does not overlap the mosaic" in live.left_out[2]
@@ -168,6 +174,22 @@ def test_what_happens_to_files_meanwhile_is_said_by_name(frames: list[NDArray[np
     assert sorted(left_out) == [0, 3]
     assert "0.png" in left_out[0]
     assert "3.png: was replaced after it had been read" in left_out[3]
+
+
+def test_a_frame_whose_links_are_disputed_in_the_end_is_left_out_for_that(
+    frames: list[NDArray[np.uint8]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    live = LiveMosaic(config=CONFIG)
+    for frame in frames[:3]:
+        live.add(frame)
+
+    def dispute(views: Any, *given: Any) -> Any:
+        (layout,), _ = lay_out_all(views, *given)
+        return [layout.without({2})], {2: ""}
+
+    monkeypatch.setattr("skymosaic.mosaicking.live.composing.lay_out_all", dispute)
+    with live.open_plan() as plan:
+        assert "its links contradict each other or the layout" in plan.flight.left_out[2]
 
 
 def test_a_full_disk_ends_the_growth_and_not_the_mosaic(
