@@ -247,11 +247,13 @@ def _search(
             return shown
 
         passes = Search(front_end, images, first.config, rng, remove, shared=shared)
-        evidence = Evidence(first.features, remove(first.matches))
-        size = (images[1].shape[1], images[1].shape[0])
-        estimated = None if left_out.rejected else first.homography
-        found = _estimate(options.estimator, size, rng, evidence.matches, estimated)
-        state = passes.run(effort, passes.accept(evidence, *found, passes=1))
+        matches = remove(first.matches)
+        left, right = match_points(matches)
+        weight, verified = matches["weight"].astype(np.float64), matches["verdict"] == 1
+        size, record = (images[1].shape[1], images[1].shape[0]), None if left_out.rejected else first.homography
+        # By any of the estimators; further passes are for PROSAC alone.
+        found = estimate(options.estimator, left, right, weight, verified, size=size, rng=rng, record=record)
+        state = passes.run(effort, passes.accept(Evidence(first.features, matches), *found, passes=1))
         return state, state.homography, state.inlier_points
 
     def see(state: SearchState) -> tuple[Sight, Sight]:
@@ -298,19 +300,3 @@ def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Po
     if confidence is None or options.accept_poor or not confidence.extrapolates:
         return pair
     return pair.refused(f"{confidence.reason}{DELIVER}{_what_else(pair.effort)}")
-
-
-def _estimate(
-    estimator: str,
-    right_size: tuple[int, int],
-    rng: np.random.Generator,
-    matches: Records,
-    estimated: np.void | None = None,
-) -> tuple[Matrix | None, Mask]:
-    """The homography of the first pass, by any of the estimators, unless it is ``estimated`` already.
-
-    Further passes are for PROSAC alone.
-    """
-    left, right = match_points(matches)
-    weight, verified = matches["weight"].astype(np.float64), matches["verdict"] == 1
-    return estimate(estimator, left, right, weight, verified, size=right_size, rng=rng, record=estimated)
