@@ -18,9 +18,9 @@ from skymosaic.flight.mapping.place import explain_absence
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm, numbered, room_for
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA
 from skymosaic.imagery import images
-from skymosaic.imagery.folders import is_folder
 from skymosaic.imagery.live_frames import read_live_frames
 from skymosaic.imagery.own_outputs import record_output
+from skymosaic.imagery.patterns import is_folder
 from skymosaic.mosaicking.live.mosaic import LiveMosaic
 from skymosaic.mosaicking.live.pace import Pace
 from skymosaic.mosaicking.live.run import grow

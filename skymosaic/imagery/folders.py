@@ -1,15 +1,13 @@
 """Reads folders and patterns by one rule for all commands: which files are photographs, and what else might be."""
 
+import math
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from skymosaic.common.errors import InputError, reading
-from skymosaic.common.temporary import PAGE
 from skymosaic.imagery.images import PICTURE_SUFFIXES
 from skymosaic.imagery.own_outputs import exclude_recorded
-from skymosaic.imagery.patterns import expand_pattern, natural_order
+from skymosaic.imagery.patterns import expand_pattern, walk_folders
 from skymosaic.imagery.video import VIDEO_SUFFIXES
 
 RAW_SUFFIXES = (".dng", ".arw", ".cr2", ".cr3", ".nef", ".orf", ".raf", ".rw2")
@@ -64,7 +62,7 @@ def list_pictures(folder: Path, *, recursive: bool = False) -> Listing:
     pictures: list[Path] = []
     in_folders: dict[str, int] = {}
     others: Counter[str] = Counter()
-    for place, files in _walk(folder, 1 << 30 if recursive else LOOKED_INTO, strict=recursive):
+    for place, files in walk_folders(folder, math.inf if recursive else LOOKED_INTO, strict=recursive):
         found = exclude_recorded([file for file in files if file.suffix.lower() in PICTURE_SUFFIXES])
         if place == folder or recursive:
             pictures += found
@@ -79,39 +77,3 @@ def list_matches(path: Path) -> list[Path]:
     """The files and folders that a name or pattern stands for, without earlier mosaics if there is anything else."""
     matches = expand_pattern(path)
     return exclude_recorded(matches) or matches
-
-
-def _walk(folder: Path, depth: int, *, strict: bool) -> Iterator[tuple[Path, list[Path]]]:
-    """A folder and those inside, each with its files in order; where not ``strict``, unreadable ones inside are not."""
-    # File systems and unfinished copies leave files whose names start with a dot.
-    inside = [path for path in list_folder(folder) if not path.name.startswith(".")]
-    inside.sort(key=lambda path: natural_order(path.name))
-    # A link to nothing, or to where nobody may look, is left out by name later.
-    yield folder, [path for path in inside if not is_folder(path)]
-    for path in inside if depth > 0 else ():
-        if is_folder(path) and not path.is_symlink() and not (path / PAGE).exists():
-            try:
-                yield from _walk(path, depth - 1, strict=strict)
-            except InputError:
-                if strict:
-                    raise
-
-
-def is_folder(path: Path) -> bool:
-    """Whether a path names a folder; False for a name that the file system cannot have."""
-    try:
-        return path.is_dir()
-    except (OSError, ValueError):
-        return False
-
-
-def list_folder(folder: Path) -> list[Path]:
-    """List what a folder contains.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read.
-    """
-    with reading(folder, "check its permissions"):
-        return list(folder.iterdir())

@@ -14,8 +14,8 @@ from golden_model.arrays import Float32, Pixels
 from skymosaic.common.errors import InputError
 from skymosaic.common.temporary import temporary_folder
 from skymosaic.imagery.decoding import check_file
-from skymosaic.imagery.folders import is_folder
 from skymosaic.imagery.images import check_given, reduce_to_width, save
+from skymosaic.imagery.patterns import is_folder
 from skymosaic.imagery.photographs import Images, Source, list_images, list_sources
 from skymosaic.imagery.video import DEFAULT_RATE, VIDEO_SUFFIXES, VideoReader
 

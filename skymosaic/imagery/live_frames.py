@@ -15,9 +15,10 @@ from skymosaic.common.errors import InputError
 from skymosaic.common.temporary import resolved
 from skymosaic.imagery.band_sets import select_band
 from skymosaic.imagery.exif import Metadata, read_metadata
-from skymosaic.imagery.folders import is_folder, list_pictures
+from skymosaic.imagery.folders import list_pictures
 from skymosaic.imagery.images import load
 from skymosaic.imagery.key_frames import name_frame, select_key_frames
+from skymosaic.imagery.patterns import is_folder
 from skymosaic.imagery.photographs import Source, list_sources
 from skymosaic.imagery.video import VideoReader
 

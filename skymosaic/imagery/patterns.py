@@ -1,12 +1,17 @@
-"""Files as users name them: a pattern such as ``flight/*.jpg`` stands for what it matches, in the order of numbers."""
+"""Files as users name them: a pattern such as ``flight/*.jpg`` stands for what it matches, in the order of numbers.
 
+All that goes through folders, for a pattern with ``**`` too, walks by the rule of `walk_folders`.
+"""
+
+import contextlib
 import glob
+import math
 import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from skymosaic.common.errors import InputError
+from skymosaic.common.errors import InputError, reading
 from skymosaic.common.temporary import PAGE
 
 
@@ -33,18 +38,52 @@ def _match(path: Path) -> Iterator[Path]:
     # `glob` would follow links to folders, even in circles.
     at = parts.index("**")
     for top in _match(Path(*parts[:at])):
-        for folder in _list_folders(top):
-            yield from _match(Path(glob.escape(folder), *(parts[at + 1 :] or "*")))
+        with contextlib.suppress(InputError):
+            for folder, _ in walk_folders(top):
+                yield from _match(Path(glob.escape(str(folder)), *(parts[at + 1 :] or "*")))
 
 
-def _list_folders(top: Path) -> Iterator[str]:
-    """A folder and those inside; as in `skymosaic.imagery.folders`, no hidden ones, links, reports or tiles."""
-    for place, inside, files in os.walk(top):
-        if PAGE in files and Path(place) != top:
-            inside.clear()
-            continue
-        inside[:] = [name for name in inside if not name.startswith(".")]
-        yield place
+def walk_folders(folder: Path, depth: float = math.inf, *, strict: bool = False) -> Iterator[tuple[Path, list[Path]]]:
+    """A folder and those inside, each with its files in order, without hidden ones, links, and folders with a page.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be read; where ``strict``, also if one inside cannot be.
+    """
+    # File systems and unfinished copies leave files whose names start with a dot.
+    inside = [path for path in list_folder(folder) if not path.name.startswith(".")]
+    inside.sort(key=lambda path: natural_order(path.name))
+    # A link to nothing, or to where nobody may look, is left out by name later.
+    yield folder, [path for path in inside if not is_folder(path)]
+    for path in inside if depth > 0 else ():
+        # A page for a browser is that of a report or of tiles.
+        if is_folder(path) and not path.is_symlink() and not os.path.lexists(path / PAGE):
+            try:
+                yield from walk_folders(path, depth - 1, strict=strict)
+            except InputError:
+                if strict:
+                    raise
+
+
+def is_folder(path: Path) -> bool:
+    """Whether a path names a folder; False for a name that the file system cannot have."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def list_folder(folder: Path) -> list[Path]:
+    """List what a folder contains.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    with reading(folder, "check its permissions"):
+        return list(folder.iterdir())
 
 
 def only_match(path: Path) -> Path:

@@ -19,10 +19,11 @@ from golden_model.small_files import open_regular
 from skymosaic.common.errors import InputError, reading
 from skymosaic.imagery.decoding import check_file
 from skymosaic.imagery.depth import ValueRange
-from skymosaic.imagery.folders import is_folder, list_matches, list_pictures
+from skymosaic.imagery.folders import list_matches, list_pictures
 from skymosaic.imagery.images import PICTURE_SUFFIXES, Image, Photograph, check_given, load, load_intensities
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.own_outputs import exclude_recorded
+from skymosaic.imagery.patterns import is_folder
 
 Images = Image | Iterable[Image]
 """Photographs as users give them: files, folders, patterns and arrays, one or several."""

@@ -5,7 +5,8 @@ from pathlib import Path
 
 from skymosaic.common.errors import InputError
 from skymosaic.common.temporary import resolved
-from skymosaic.imagery.folders import Listing, is_folder, list_folder, list_pictures
+from skymosaic.imagery.folders import Listing, list_pictures
+from skymosaic.imagery.patterns import is_folder, list_folder
 
 OPEN = "open one of them"
 """What to do with the photographs of folders inside a folder."""

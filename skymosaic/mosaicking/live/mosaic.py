@@ -32,9 +32,8 @@ from skymosaic.geometry.estimators import FABRIC
 from skymosaic.geometry.ground import Sight
 from skymosaic.geometry.homography import apply, estimate_similarity
 from skymosaic.imagery.exif import Metadata, read_metadata
-from skymosaic.imagery.folders import is_folder
 from skymosaic.imagery.images import check_given, load, reduce_for_front_end, reduce_to_width
-from skymosaic.imagery.patterns import only_match
+from skymosaic.imagery.patterns import is_folder, only_match
 from skymosaic.imagery.photographs import Images, forget_decoded, list_sources
 from skymosaic.mosaicking.live.composing import flight_of_frames
 from skymosaic.mosaicking.live.kept_frames import FullError, KeptFrames
