@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.arrays import Array, Pixels
-from skymosaic.compositing.blend import Blending
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.layout.self_calibration import Calibration
 from skymosaic.flight.linking.links import Link
@@ -19,27 +18,6 @@ from skymosaic.registration.pair import Pair
 
 BLURRED = 0.25
 """Relative sharpness below which a photograph is blurred: a blur of about 0.8 working px."""
-
-
-@dataclass(frozen=True)
-class Treatment:
-    """How photographs become a picture."""
-
-    blending: Blending
-    """The usual method, see `skymosaic.compositing.blend.blend_layers`."""
-    own_frame: bool
-    """Whether the canvas has a frame of its own, level and with north up, without ground far beyond the ties; or that
-    of the reference photograph."""
-    equalises: bool
-    """Whether exposures are made equal, and blurred photographs stand back."""
-    in_memory: bool
-    """Whether the picture is whole in memory, so that one beyond its limit is refused instead of reduced."""
-
-
-TWO_PHOTOGRAPHS = Treatment(blending="distance", own_frame=False, equalises=False, in_memory=True)
-"""Whoever registers two photographs looks for the right one in the result, as it is."""
-WHOLE_FLIGHT = Treatment(blending="multiband", own_frame=True, equalises=True, in_memory=False)
-"""Averages of the ten photographs that may show the same ground would be blurred."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,18 +40,15 @@ class Flight:
     seconds: dict[str, float]
     """Wall time of each stage."""
     pair: Pair | None = None
-    """The registration of two photographs, see `skymosaic.flight.two_photographs`."""
+    """The registration of two photographs, see `skymosaic.flight.two_photographs`; None of more. Whoever registers two
+    looks for the right one in the picture, as it is; how more become one, `skymosaic.flight.picture.preparation` says.
+    """
     calibration: Calibration | None = None
     """The lens estimated from tie points. Views, links and layouts are then those of straightened photographs."""
     found_mask: Pixels | None = None
     """The lens's mask, where it was found in the photographs, see `skymosaic.flight.own_mask`."""
     positions: str = ""
     """The file that says where the cameras were, instead of their GPS; else empty."""
-
-    @property
-    def treatment(self) -> Treatment:
-        """How it becomes a picture."""
-        return WHOLE_FLIGHT if self.pair is None else TWO_PHOTOGRAPHS
 
     @property
     def lens(self) -> Lens:

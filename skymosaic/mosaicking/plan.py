@@ -181,7 +181,7 @@ class MosaicPlan:
             As in `skymosaic.flight.picture.preparation.compose`.
         """
         options, flight = self.options, self.flight
-        if flight.treatment.equalises:
+        if flight.pair is None:
             self._workers.progress("exposure and seams", 0, 0)
         place = self._place(layout)
         release_free_memory()

@@ -74,9 +74,7 @@ def in_all_bands(composition: Composition, flight: Flight, layout: Layout, worke
         band_views = list(workers.run(f"band {name}", _describe_band, calls))
         band = _replace_band(composition, sources, band_views, alignment)
         # Two captures keep their exposures, as two photographs do; each band of more has exposures of its own.
-        each[name] = (
-            equalise(band, band_views, thumbnail_layers(band, band_views)[0]) if flight.treatment.equalises else band
-        )
+        each[name] = equalise(band, band_views, thumbnail_layers(band, band_views)[0]) if flight.pair is None else band
     ordered = {name: each[name] for name in names}
     _check_one_type(ordered)
     shared = {field.name: getattr(composition, field.name) for field in dataclasses.fields(composition)}

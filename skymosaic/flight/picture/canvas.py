@@ -30,16 +30,16 @@ def place_on_canvas(
     views = [flight.views[member] for member in layout.members]
     check_scale(scale, [view.size for view in views])
     to_reference = layout.to_reference(flight.views).values()
-    treatment, on_map, usual = flight.treatment, place.georeference, usual_magnification(flight, layout)
+    on_map, usual = place.georeference, usual_magnification(flight, layout)
     least = list(least_nearness(flight.views, layout.transforms, layout.links, scale).values())
 
     def lay(scale: float) -> tuple[Array, list[Array], Canvas]:
-        if on_map is not None and treatment.own_frame:
+        if on_map is not None and flight.pair is None:
             to_canvas = north_up(on_map, on_map.metres_per_pixel * usual / scale)
         else:
             to_canvas = resize_matrix(scale / usual)
         transforms = [to_canvas @ transform for transform in to_reference]
-        limit_px = room.area_px if treatment.in_memory else math.inf
+        limit_px = math.inf if flight.pair is None else room.area_px
         return to_canvas, transforms, enclosing_canvas([v.size for v in views], transforms, least, limit_px=limit_px)
 
     try:
@@ -47,7 +47,7 @@ def place_on_canvas(
     except CanvasError as error:
         raise RegistrationError(f"{len(views)} photographs, the first {views[0].name}: {error}") from None
     reduced = ""
-    if not treatment.in_memory and (share := room.share_of(canvas)) < 1:
+    if flight.pair is None and (share := room.share_of(canvas)) < 1:
         full = canvas
         check_scale(scale * share, [view.size for view in views])
         to_canvas, transforms, canvas = lay(scale * share)
@@ -58,7 +58,7 @@ def place_on_canvas(
     if on_map is not None:
         to_layout = np.asarray(np.linalg.inv(canvas.translation @ to_canvas))
         place = replace(place, georeference=on_map.for_pixels(to_layout))
-    if treatment.own_frame:
+    if flight.pair is None:
         transforms = [canvas.translation @ transform for transform in transforms]
         canvas = Canvas(0, 0, canvas.width_px, canvas.height_px)
     placements = tuple(
@@ -94,11 +94,11 @@ def north_up(georeference: Georeference, metres_per_pixel: float) -> Matrix:
 
 
 def usual_magnification(flight: Flight, layout: Layout) -> float:
-    """Pixels of the reference frame per pixel of the median photograph; 1 where the canvas has no frame of its own.
+    """Pixels of the reference frame per pixel of the median photograph; 1 of two, whose frame is the right one's.
 
     The reference may have flown lower or higher than most: a mosaic should neither invent detail nor lose it.
     """
-    if not flight.treatment.own_frame:
+    if flight.pair is not None:
         return 1.0
     transforms = layout.to_reference(flight.views)
     return float(np.median([magnification(flight.views[m].size, each) for m, each in transforms.items()]))

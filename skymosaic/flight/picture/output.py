@@ -164,7 +164,7 @@ def deliver(
             for _ in bands:
                 pass
             write_cog(path, raster, form.compress)
-        elif flight.treatment.in_memory:
+        elif flight.pair is not None:
             # OpenCV's writers compress better than ours that write bands.
             save(path, np.concatenate([composition.in_8_bit(pixels) for pixels, _ in bands]))
         else:

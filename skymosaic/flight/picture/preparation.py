@@ -45,14 +45,14 @@ def compose(
 
     Two photographs are blended as they are, in the frame of the right one. More of them get a canvas that begins at
     (0, 0) of its own frame, in which north is up where there is a map; equal exposure; blurred photographs show only
-    where no other does; and multi-band blending is cut along seams: see `skymosaic.flight.flight.Treatment`.
+    where no other does; and multi-band blending is cut along seams.
 
     Parameters
     ----------
     flight, layout
         The layout is one of the flight's.
     blending : {"average", "distance", "multiband"} or None
-        See `skymosaic.compositing.blend.blend_layers`; None: as photographs are usually treated.
+        See `skymosaic.compositing.blend.blend_layers`; None: distance for two photographs, multiband for more.
     scale : float
         Canvas pixels per pixel of the median photograph; for two photographs, per pixel of the right one.
     room : Room
@@ -69,11 +69,12 @@ def compose(
     RegistrationError
         For two photographs, if the canvas would be too large, or one reaches behind the horizon.
     """
-    blending = blending or flight.treatment.blending
+    # Averages of the ten photographs that may show the same ground would be blurred.
+    blending = blending or ("multiband" if flight.pair is None else "distance")
     if gsd_m is not None:
         scale = scale_for(flight, layout, place.georeference, gsd_m)
     composition = place_on_canvas(flight, layout, blending, scale=scale, room=room or Room(), place=place)
-    if not flight.treatment.equalises:
+    if flight.pair is not None:
         return composition
     sharpness = flight.relative_sharpness[list(layout.members)]
     composition = composition.with_each(favour=[BLURRED_FAVOUR if value < BLURRED else 1.0 for value in sharpness])

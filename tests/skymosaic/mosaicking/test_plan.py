@@ -185,7 +185,7 @@ def test_a_group_without_a_place_has_the_resolution_of_its_photographs(
 ) -> None:
     place = MapPlace(object() if placed else None)  # type: ignore[arg-type]
     layouts: Any = [object(), object()]
-    flight = SimpleNamespace(treatment=SimpleNamespace(equalises=placed), layouts=layouts, pair=None)
+    flight = SimpleNamespace(layouts=layouts, pair=None if placed else SimpleNamespace(accepted=True))
     monkeypatch.setattr("skymosaic.mosaicking.plan.place_on_map", lambda *_: place)
     monkeypatch.setattr("skymosaic.mosaicking.plan.compose", lambda *_, **given: given)
     sources: Any = [SimpleNamespace(bands=()), SimpleNamespace(bands=("nir",))]

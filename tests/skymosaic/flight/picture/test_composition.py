@@ -58,7 +58,7 @@ def test_a_picture_has_16_bits_where_all_photographs_have(values: ValueRange | N
 
 @pytest.mark.parametrize(("gsd_m", "scale"), [(0.0991, 1.0), (0.1, 1.0), (0.2, 0.5), (0.098, None)])
 def test_a_canvas_is_as_fine_as_the_photographs_at_most(gsd_m: float, scale: float | None) -> None:
-    flight: Any = SimpleNamespace(treatment=SimpleNamespace(own_frame=False))
+    flight: Any = SimpleNamespace(pair=object())
     on_map = Georeference("EPSG:32615", np.array([[0.1, 0, 0], [0, -0.1, 0], [0, 0, 1]]), 0.0)
     with contextlib.nullcontext() if scale else pytest.raises(InputError, match=r"finer than the .* at least 0\.1$"):
         assert scale_for(flight, flight, on_map, gsd_m) == pytest.approx(scale)

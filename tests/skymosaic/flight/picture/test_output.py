@@ -89,11 +89,11 @@ def test_what_cannot_apply_to_a_file_is_refused(name: str, form: OutputForm, ban
         ("m.TIFF", "no GPS", "no GPS"),
     ],
 )
-@pytest.mark.parametrize("in_memory", [False, True])
+@pytest.mark.parametrize("pair", [None, object()])
 def test_what_is_delivered_is_written_and_previewed(
-    tmp_path: Path, name: str, note: str, says: str, in_memory: bool
+    tmp_path: Path, name: str, note: str, says: str, pair: object
 ) -> None:
-    flight: Any = SimpleNamespace(treatment=SimpleNamespace(in_memory=in_memory), sources=[], folders=[])
+    flight: Any = SimpleNamespace(pair=pair, sources=[], folders=[])
     composition = Composition((), Canvas(0, 0, 80, 60), False, "distance", Lens(), place=MapPlace(note=note))
     picture, shown = np.full((60, 80), 90, np.uint8), np.ones((60, 80), np.bool_)
     shown[:, :20] = False
