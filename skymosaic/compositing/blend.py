@@ -47,7 +47,7 @@ def _blend_average(layers: Sequence[Layer], tile: Canvas, *, by_distance: bool) 
     total = np.zeros((tile.height_px, tile.width_px, *layers[0].image.shape[2:]), dtype=np.float32)
     total_weight = np.zeros((tile.height_px, tile.width_px), dtype=np.float32)
     for layer in layers:
-        part = layer.covered_part(tile)
+        part = layer.footprint.intersection(tile)
         if part is None:
             continue
         distance = layer.border_distance(part)

@@ -85,13 +85,9 @@ class Layer:
         """The rectangle of the reference frame that the image may cover."""
         return footprint(self.size, self.transform, self.least_nearness)
 
-    def covered_part(self, canvas: Canvas) -> Canvas | None:
-        """The part of the canvas that the image may cover; None if there is none."""
-        return self.footprint.intersection(canvas)
-
     def shown_part(self, canvas: Canvas) -> Canvas | None:
-        """As `covered_part`, but also None if the seams leave nothing of the image there."""
-        part = self.covered_part(canvas)
+        """The part of the canvas that the image may cover; None if there is none, or the seams leave nothing of it."""
+        part = self.footprint.intersection(canvas)
         return part if part is None or self.seam is None or self.seam.touches(part) else None
 
     def pixels(self, part: Canvas, interpolation: int = cv2.INTER_LANCZOS4) -> Intensities:

@@ -30,7 +30,7 @@ def paint_preview(frames: Sequence[Frame], width_px: int = PREVIEW_WIDTH_PX) -> 
     for frame in frames:
         image = frame.thumbnail if frame.thumbnail.ndim == 3 else np.dstack([frame.thumbnail] * 3)
         layer = Layer(image, scale @ frame.transform @ frame.from_thumbnail)
-        if (part := layer.covered_part(canvas)) is None:
+        if (part := layer.footprint.intersection(canvas)) is None:
             continue
         where, distance = part.within(canvas), layer.border_distance(part)
         shown = distance > nearest[where]
