@@ -24,11 +24,6 @@ class KnownPair:
     right: Path
     truth: Array
 
-    @property
-    def flight(self) -> str:
-        """The flight of the photographs, a part of the name: ``copr`` of ``real_copr_0_1``."""
-        return next((word for word in self.name.split("_")[1:] if word.isalpha()), self.group)
-
 
 def read_pairs(folder: Path) -> list[KnownPair]:
     """Read the pairs that ``folder``/pairs.csv lists.

@@ -13,14 +13,9 @@ LINE = "real_copr_0_1,real,a.jpg,b.jpg,1,0,5,0,1,-3,0,0,1"
 def test_a_pair_is_read_with_its_files_and_homography(tmp_path: Path) -> None:
     (tmp_path / "pairs.csv").write_text(f"{HEADER}\n{LINE}\n")
     (pair,) = read_pairs(tmp_path)
-    assert (pair.name, pair.group, pair.flight) == ("real_copr_0_1", "real", "copr")
+    assert (pair.name, pair.group) == ("real_copr_0_1", "real")
     assert (pair.left, pair.right) == (tmp_path / "a.jpg", tmp_path / "b.jpg")
     np.testing.assert_array_equal(pair.truth, [[1, 0, 5], [0, 1, -3], [0, 0, 1]])
-
-
-def test_a_name_without_a_flight_counts_as_its_group(tmp_path: Path) -> None:
-    (tmp_path / "pairs.csv").write_text(f"{HEADER}\n{LINE.replace('real_copr_0_1', '17')}\n")
-    assert read_pairs(tmp_path)[0].flight == "real"
 
 
 @pytest.mark.parametrize(("text", "words"), [
