@@ -1,4 +1,4 @@
-"""Writes pictures of any size band by band, so the whole picture is never in memory."""
+"""Writes PNG pictures of any size band by band, so the whole picture is never in memory."""
 
 import struct
 import zlib
@@ -9,8 +9,8 @@ from typing import BinaryIO
 import cv2
 import numpy as np
 
-from golden_model.arrays import Intensities
-from skymosaic.imagery.images import save, write_atomically
+from golden_model.arrays import Pixels
+from skymosaic.imagery.images import write_atomically
 
 COMPRESSION_LEVEL = 3
 """zlib's level for PNG. Higher levels take several times as long and save a few percent."""
@@ -18,40 +18,30 @@ _PNG_UP_FILTER = 2
 _PNG_COLOUR_TYPE = {1: 0, 3: 2}
 
 
-def write_bands(path: Path, size: tuple[int, int], channels: int, bands: Iterable[Intensities]) -> None:
-    """Write a picture of 8 bits, with 1 channel or 3, whose rows arrive in bands from the top.
+def write_png(path: Path, size: tuple[int, int], channels: int, bands: Iterable[Pixels]) -> None:
+    """Write a PNG (ISO 15948) of 8 bits, with 1 channel or 3, whose rows arrive in bands from the top.
 
-    PNG is written as the bands arrive; for other formats, all bands are collected first.
+    It is one zlib stream with an IDAT chunk for each band, and the "up" filter on every row.
 
     Raises
     ------
     InputError
         If the file cannot be written, for instance on a full disk; no partial file is left.
     """
-    if path.suffix.lower() != ".png":
-        save(path, np.concatenate(list(bands)))
-        return
     with write_atomically(path) as temporary, temporary.open("wb") as file:
-        _write_png(file, size, channels, bands)
-
-
-def _write_png(file: BinaryIO, size: tuple[int, int], channels: int, bands: Iterable[Intensities]) -> None:
-    """Write PNG (ISO 15948): one zlib stream with an IDAT chunk per band, and the "up" filter on every row."""
-    file.write(b"\x89PNG\r\n\x1a\n")
-    _write_chunk(file, b"IHDR", struct.pack(">IIBBBBB", *size, 8, _PNG_COLOUR_TYPE[channels], 0, 0, 0))
-    compressor = zlib.compressobj(COMPRESSION_LEVEL)
-    above = np.zeros(size[0] * channels, dtype=np.uint8)
-    for band in bands:
-        rows = (band if band.ndim == 2 else cv2.cvtColor(band, cv2.COLOR_BGR2RGB)).reshape(len(band), -1)
-        filtered = np.empty((len(rows), rows.shape[1] + 1), dtype=np.uint8)
-        filtered[:, 0] = _PNG_UP_FILTER
-        # Differences of bytes wrap around, as PNG's filters require.
-        filtered[0, 1:] = rows[0] - above
-        filtered[1:, 1:] = rows[1:] - rows[:-1]
-        above = rows[-1].copy()
-        _write_chunk(file, b"IDAT", compressor.compress(filtered.data))
-    _write_chunk(file, b"IDAT", compressor.flush())
-    _write_chunk(file, b"IEND", b"")
+        file.write(b"\x89PNG\r\n\x1a\n")
+        _write_chunk(file, b"IHDR", struct.pack(">IIBBBBB", *size, 8, _PNG_COLOUR_TYPE[channels], 0, 0, 0))
+        compressor = zlib.compressobj(COMPRESSION_LEVEL)
+        above = np.zeros((1, size[0] * channels), dtype=np.uint8)
+        for band in bands:
+            rows = (band if band.ndim == 2 else cv2.cvtColor(band, cv2.COLOR_BGR2RGB)).reshape(len(band), -1)
+            filtered = np.full((len(rows), rows.shape[1] + 1), _PNG_UP_FILTER, dtype=np.uint8)
+            # Differences of bytes wrap around, as PNG's filters require.
+            filtered[:, 1:] = np.diff(rows, axis=0, prepend=above)
+            above = rows[-1:].copy()
+            _write_chunk(file, b"IDAT", compressor.compress(filtered.data))
+        _write_chunk(file, b"IDAT", compressor.flush())
+        _write_chunk(file, b"IEND", b"")
 
 
 def _write_chunk(file: BinaryIO, kind: bytes, data: bytes) -> None:

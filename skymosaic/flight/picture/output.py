@@ -17,7 +17,7 @@ from skymosaic.common.temporary import temporary_folder
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition, Room
-from skymosaic.imagery.band_writer import write_bands
+from skymosaic.imagery.band_writer import write_png
 from skymosaic.imagery.images import save
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.maps.georeference import Georeference
@@ -164,12 +164,12 @@ def deliver(
             for _ in bands:
                 pass
             write_cog(path, raster, form.compress)
-        elif flight.pair is not None:
-            # OpenCV's writers compress better than ours that write bands.
-            save(path, np.concatenate([composition.in_8_bit(pixels) for pixels, _ in bands]))
-        else:
+        elif path.suffix.lower() == ".png" and flight.pair is None:
             pictures = (composition.in_8_bit(pixels) for pixels, _ in bands)
-            write_bands(path, composition.size, 3 if composition.coloured else 1, pictures)
+            write_png(path, composition.size, 3 if composition.coloured else 1, pictures)
+        else:
+            # All in memory; of two photographs PNG too, which OpenCV's writer compresses better.
+            save(path, np.concatenate([composition.in_8_bit(pixels) for pixels, _ in bands]))
         # At once: if the tiles fail, the next run must not take the mosaic for a photograph.
         with noting(failures):
             record_output(path, flight.folders)

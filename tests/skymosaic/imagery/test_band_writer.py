@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from skymosaic.common.errors import InputError
-from skymosaic.imagery.band_writer import write_bands
+from skymosaic.imagery.band_writer import write_png
 
 
 def bands_of(picture: np.ndarray, rows: int = 64) -> list[np.ndarray]:
@@ -20,11 +20,10 @@ def noise(height: int, width: int, *channels: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("channels", [(), (3,)], ids=["gray", "bgr"])
-@pytest.mark.parametrize("suffix", [".png", ".tif", ".bmp"])
-def test_bands_read_back_as_the_picture(tmp_path: Path, suffix: str, channels: tuple[Any, ...]) -> None:
+def test_bands_read_back_as_the_picture(tmp_path: Path, channels: tuple[Any, ...]) -> None:
     picture = noise(150, 67, *channels)
-    path = tmp_path / f"picture{suffix}"
-    write_bands(path, (67, 150), len(channels) * 2 + 1, bands_of(picture))
+    path = tmp_path / "picture.png"
+    write_png(path, (67, 150), len(channels) * 2 + 1, bands_of(picture))
     np.testing.assert_array_equal(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), picture)
     with Image.open(path) as opened:
         rgb = np.asarray(opened)
@@ -37,5 +36,5 @@ def test_a_full_disk_leaves_one_line_and_no_file(tmp_path: Path) -> None:
         raise OSError(28, "No space left on device")
 
     with pytest.raises(InputError, match="No space left on device"):
-        write_bands(tmp_path / "picture.png", (67, 150), 1, disk_fills())
+        write_png(tmp_path / "picture.png", (67, 150), 1, disk_fills())
     assert list(tmp_path.iterdir()) == []

@@ -85,6 +85,7 @@ def test_what_cannot_apply_to_a_file_is_refused(name: str, form: OutputForm, ban
     [
         ("m.png", "", ".png files have no georeference; .tif files do"),
         ("m.png", "no GPS", "no GPS"),
+        ("m.bmp", "", ".bmp files have no georeference; .tif files do"),
         ("m.tif", "", ""),
         ("m.TIFF", "no GPS", "no GPS"),
     ],
