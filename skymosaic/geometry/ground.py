@@ -15,7 +15,6 @@ from typing import NamedTuple, TypeVar
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 from scipy.spatial import KDTree
 
@@ -198,7 +197,7 @@ def _count(
     left, right = left.reduced(side_px), right.reduced(side_px)
     to_right = np.asarray(np.linalg.inv(right.to_working) @ homography @ left.to_working)
     warped = warp_reflected(right.pixels, to_right, left.size)
-    own, other = _band_pass(left.pixels), _band_pass(warped)
+    own, other = band_pass(left.pixels, LIGHT_PX), band_pass(warped, LIGHT_PX)
     blocks = tuple(slice(0, side // BLOCK_PX * BLOCK_PX, BLOCK_PX) for side in own.shape)
     common = cv2.blur(mask_common(left, right, to_right), (BLOCK_PX, BLOCK_PX), anchor=(0, 0))[blocks] > 250
     contrast = MIN_CONTRAST if side_px > COARSEST_SIDE_PX else LOW_CONTRAST
@@ -242,9 +241,10 @@ def _motion_of_most(left: Sight, right: Sight, homography: Matrix, inliers: tupl
     return stood if stood < STILL else _motion(from_working[1] @ homography @ left.to_working, left.size)
 
 
-def _band_pass(gray: NDArray[np.number]) -> Float32:
+def band_pass(gray: Pixels, coarsest_px: float) -> Float32:
+    """The image without what is finer than `NOISE_PX`, which does not correlate, and what is coarser than a sigma."""
     values = gray.astype(np.float32)
-    return np.asarray(cv2.GaussianBlur(values, (0, 0), NOISE_PX) - cv2.GaussianBlur(values, (0, 0), LIGHT_PX))
+    return np.asarray(cv2.GaussianBlur(values, (0, 0), NOISE_PX) - cv2.GaussianBlur(values, (0, 0), coarsest_px))
 
 
 def _block_variances(values: Float32) -> Float32:

@@ -10,10 +10,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from golden_model.arrays import Float32, Mask, Matrix, Pixels, Points
+from golden_model.arrays import Mask, Matrix, Points
 from golden_model.pixel.gray import to_gray
 from skymosaic.geometry.acceptance import hull_share
-from skymosaic.geometry.ground import GroundAgreement, Sight, mask_common, measure_agreement
+from skymosaic.geometry.ground import GroundAgreement, Sight, band_pass, mask_common, measure_agreement
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.horizon import Size
 from skymosaic.geometry.prosac import INLIER_PX
@@ -183,16 +183,9 @@ def correlate_overlap(left_sight: Sight, right_sight: Sight, homography: Matrix)
     inside: Mask = cv2.erode(covered, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0) == 255
     if np.count_nonzero(inside) < MIN_OVERLAP_PX:
         return 0.0
-    left_high, right_high = (_filter_high_pass(image)[inside] for image in (left, np.asarray(warped, dtype=np.uint8)))
+    left_high, right_high = (band_pass(image, HIGH_PASS_SIGMA_PX)[inside] for image in (left, warped))
     energy = float(np.sqrt((left_high**2).sum(dtype=np.float64) * (right_high**2).sum(dtype=np.float64)))
     return float((left_high * right_high).sum(dtype=np.float64)) / energy if energy > 0 else 0.0
-
-
-def _filter_high_pass(image: Pixels) -> Float32:
-    # The first blur takes away noise, which does not correlate.
-    values = image.astype(np.float32)
-    smooth = cv2.GaussianBlur(values, (0, 0), 1.0)
-    return np.asarray(smooth - cv2.GaussianBlur(values, (0, 0), HIGH_PASS_SIGMA_PX), dtype=np.float32)
 
 
 def _explain(quality: FitQuality, correlation: float, verdict: str) -> str:
