@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from golden_model.arrays import Matrix
+from skymosaic.compositing.warp import magnification
 from skymosaic.features.frames import EDGE_PX, Change
-from skymosaic.geometry.homography import apply
 
 # Two octaves of each frame meet best where the zoom is a power of two; farther from it another ratio is tried.
 MAX_OCTAVES_OFF = 0.19
@@ -55,12 +55,8 @@ TILTS = tuple(FrontEndRun(Change(), TILTED, swapped) for swapped in (False, True
 
 def choose_run_between_octaves(homography: Matrix, left_size: tuple[int, int]) -> FrontEndRun | None:
     """The run whose frames differ by about the zoom between the images; None where those of the first pass do."""
-    x, y = (left_size[0] - 1) / 2, (left_size[1] - 1) / 2
-    centre, across, down = apply(homography, [[x, y], [x + 1, y], [x, y + 1]])
-    # The zoom at the image's centre: the root of the area to which one pixel is mapped.
-    (a, b), (c, d) = across - centre, down - centre
-    area = abs(float(a * d - b * c))
-    octaves = 0.5 * math.log2(area) if area > 0 and math.isfinite(area) else 0.0
+    zoom = magnification(left_size, homography)
+    octaves = math.log2(zoom) if zoom > 0 and math.isfinite(zoom) else 0.0
     # Octaves are one apart in each frame, so zooms of 1/2, 1 and 2 meet in the first pass.
     if abs(octaves - round(octaves)) <= MAX_OCTAVES_OFF and abs(octaves) < 1 + MAX_OCTAVES_OFF:
         return None
