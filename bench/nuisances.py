@@ -18,12 +18,11 @@ from rich.console import Console
 from rich.progress import track
 
 from bench.decorated import draw_display
-from bench.rendered_flights import grid_over
 from bench.report import JsonFile, Row, report
 from golden_model.arrays import Array
 from sim.scene import Flight, make_lawnmower
 from skymosaic.common.errors import RegistrationError
-from skymosaic.geometry.homography import apply
+from skymosaic.geometry.homography import apply, grid_over
 from skymosaic.mosaicking.api import mosaic
 
 SIZE_PX = (800, 600)

@@ -20,7 +20,7 @@ from bench.report import JsonFile, PartsOfNames, Row, report
 from bench.stitcher_runs import run_stitcher
 from golden_model.arrays import Array, Pixels
 from sim.scene import Flight, make_lawnmower
-from skymosaic.geometry.homography import apply, estimate_similarity
+from skymosaic.geometry.homography import apply, estimate_similarity, grid_over
 
 LIGHT: dict[str, Any] = {"vignetting": 0.35, "exposure_step": 0.06, "balance_sigma": 0.03}
 GRID_POINTS = 5
@@ -128,9 +128,3 @@ def position_errors(transforms: dict[str, Any], truth: Flight, names: Sequence[s
     true = np.array([apply(to_ground[index], grid) for index, _ in placed])
     alignment = estimate_similarity(estimated.reshape(-1, 2), true.reshape(-1, 2))
     return np.linalg.norm(apply(alignment, estimated) - true, axis=-1).mean(axis=1), true.mean(axis=1)
-
-
-def grid_over(size_px: tuple[int, int], points: int) -> Array:
-    """Positions (points², 2) spread over a photograph."""
-    axes = (np.linspace(0, side - 1, points) for side in size_px)
-    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)

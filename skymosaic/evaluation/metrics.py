@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
 from golden_model.arrays import Array, Mask
-from skymosaic.geometry.homography import apply, transfer_error
+from skymosaic.geometry.homography import apply, grid_over, transfer_error
 from skymosaic.geometry.horizon import ahead
 
 GRID_POINTS = 20
@@ -90,8 +90,7 @@ def grid_error(estimated: Array | None, truth: Array, left_size: tuple[int, int]
     ValueError
         If the truth maps none of them into the right image.
     """
-    axes = (np.linspace(0, side - 1, GRID_POINTS) for side in left_size)
-    points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    points = grid_over(left_size, GRID_POINTS)
     expected = apply(truth, points)
     inside = _inside(expected, right_size) & (ahead(truth, points) > 0)
     if not inside.any():

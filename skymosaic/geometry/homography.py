@@ -8,7 +8,7 @@ positive, the point lies on the same side of the camera as the left image's firs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from golden_model.arrays import Array, Matrix
+from golden_model.arrays import Array, Matrix, Points
 
 RANK_TOLERANCE = 1e-10
 """A system is degenerate if the singular value that must not vanish is smaller than this share of the largest."""
@@ -47,6 +47,12 @@ def apply(H: Array, points: ArrayLike) -> Array:
     mapped = np.asarray(points, dtype=np.float64) @ H[:, :2].T + H[:, 2]
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(mapped[..., :2] / mapped[..., 2:])
+
+
+def grid_over(size: tuple[int, int], count: int) -> Points:
+    """Positions (count², 2) spread over an image of ``size`` (width, height), from its first pixel to its last one."""
+    axes = (np.linspace(0, side - 1, count) for side in size)
+    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
 
 
 def transfer_error(H: Array, left: ArrayLike, right: ArrayLike) -> Array:

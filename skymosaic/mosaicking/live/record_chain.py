@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 
-from golden_model.arrays import Pixels, Points, Records
+from golden_model.arrays import Pixels, Records
 from golden_model.config import Config
 from sim.backends.interface import Backend
 from skymosaic.flight.linking.links import Candidate, Link
 from skymosaic.geometry.fabric import draw_config, homography_in_pixels
-from skymosaic.geometry.homography import apply
+from skymosaic.geometry.homography import apply, grid_over
 from skymosaic.registration.extraction import extract_within_capacity
 
 GRID = 12
@@ -52,8 +52,7 @@ def link_by_record(pair: Candidate, record: np.void, left: Pixels, right: Pixels
     homography = homography_in_pixels(record)
     if homography is None:
         return _no_link(pair)
-    across, down = (np.linspace(0, side - 1, GRID) for side in (left.shape[1], left.shape[0]))
-    left_points: Points = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+    left_points = grid_over((left.shape[1], left.shape[0]), GRID)
     right_points = apply(homography, left_points)
     shown = ((right_points >= 0) & (right_points <= (right.shape[1] - 1, right.shape[0] - 1))).all(axis=1)
     inliers = int(record["inliers"])
