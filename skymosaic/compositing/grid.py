@@ -36,13 +36,9 @@ def interpolation(places: Points | Float32, shape: tuple[int, int]) -> sparse.cs
 
 def roughness(shape: tuple[int, int]) -> Array:
     """The quadratic form (nodes, nodes) of the sum of squared differences between neighbouring nodes."""
-    index = np.arange(shape[0] * shape[1]).reshape(shape)
-    first = np.concatenate((index[:, :-1].ravel(), index[:-1].ravel()))
-    second = np.concatenate((index[:, 1:].ravel(), index[1:].ravel()))
-    order = np.arange(len(first))
-    difference = np.zeros((len(first), index.size))
-    difference[order, first], difference[order, second] = 1, -1
-    return np.asarray(difference.T @ difference)
+    nodes = np.eye(shape[0] * shape[1]).reshape(*shape, -1)
+    differences = np.concatenate([np.diff(nodes, axis=axis).reshape(-1, nodes.shape[2]) for axis in (0, 1)])
+    return np.asarray(differences.T @ differences)
 
 
 def solve(design: sparse.csr_array, weight: Values, prior: sparse.csr_array, target: Values, start: Values) -> Values:
