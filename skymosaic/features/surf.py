@@ -7,6 +7,7 @@ out OpenCV's own SURF. Only the detector is implemented here; any descriptor can
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
 
 from golden_model.arrays import Array, Pixels
 
@@ -73,12 +74,8 @@ def _box(
 
 def _octave(integral: NDArray[np.int32], sizes: tuple[int, ...]) -> list[cv2.KeyPoint]:
     planes = np.stack([determinant(integral, size) for size in sizes])
-    window = np.ones((3, 3), np.uint8)
-    largest = np.stack([cv2.dilate(plane, window) for plane in planes])
-    peaks = np.zeros(planes.shape, dtype=bool)
-    peaks[1:-1] = (planes[1:-1] > MIN_RESPONSE) & (
-        planes[1:-1] >= np.maximum.reduce([largest[:-2], largest[1:-1], largest[2:]])
-    )
+    peaks = (planes > MIN_RESPONSE) & (planes == maximum_filter(planes, 3))
+    peaks[[0, -1]] = False
     scale, y, x = np.nonzero(peaks)
     step, response = _fitted_maxima(planes, scale, y, x)
     # Farther away, a quadratic through the neighbours says nothing about the response.
