@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -14,13 +13,10 @@ from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.bands.rig import Alignment, align_bands
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.linking.view import THUMBNAIL_WIDTH_PX, Settings, View
+from skymosaic.flight.linking.view import View, describe
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.preparation import equalise, thumbnail_layers
 from skymosaic.imagery.depth import measure_common_range
-from skymosaic.imagery.exif import read_metadata
-from skymosaic.imagery.images import reduce_to_width
-from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.running.workers import Workers
 
@@ -70,8 +66,9 @@ def in_all_bands(composition: Composition, flight: Flight, layout: Layout, worke
     each = {reference: composition}
     for name, alignment in alignments.items():
         sources = [capture.bands[name] for capture in captures]
-        calls = [(source, view, settings) for source, view in zip(sources, views, strict=True)]
-        band_views = list(workers.run(f"band {name}", _describe_band, calls))
+        # Of another band, only what exposure needs is new.
+        calls = [(source, settings, view.strongest[:0]) for source, view in zip(sources, views, strict=True)]
+        band_views = list(workers.run(f"band {name}", describe, calls))
         band = _replace_band(composition, sources, band_views, alignment)
         # Two captures keep their exposures, as two photographs do; each band of more has exposures of its own.
         each[name] = equalise(band, band_views, thumbnail_layers(band, band_views)[0]) if flight.pair is None else band
@@ -89,22 +86,6 @@ def _replace_band(
     transforms = [placement.transform @ alignment.homography for placement in composition.placements]
     moved = composition.with_each(source=sources, transform=transforms, tone=[NEUTRAL] * len(sources))
     return dataclasses.replace(moved, values=measure_common_range([view.sample for view in views]))
-
-
-def _describe_band(source: Source, reference: View, settings: Settings) -> View:
-    """Decode another band of a view, and keep what exposure needs."""
-    photograph = source.read_photograph(settings.lens)
-    thumbnail, _ = reduce_to_width(reduce_to_width(photograph.pixels, settings.working_width_px)[0], THUMBNAIL_WIDTH_PX)
-    assert isinstance(source.content, Path)
-    return dataclasses.replace(
-        reference,
-        name=source.name,
-        thumbnail=thumbnail,
-        visible=Lens().visible_mask((thumbnail.shape[1], thumbnail.shape[0]), photograph.visible),
-        sample=photograph.sample,
-        value_range=photograph.value_range,
-        taken=read_metadata(source.content),
-    )
 
 
 def _check_one_type(each: Mapping[str, Composition]) -> None:
