@@ -62,7 +62,8 @@ def check(
         session.wrote(output)
         session.show(f"fly again {output}: {len(places)} places")
     if not report.complete:
-        raise RegistrationError("the photographs do not make one mosaic; fly again where links are missing")
+        advice = "fly again where links are missing" if flight.layouts else "the warnings say why"
+        raise RegistrationError(f"the photographs do not make one mosaic; {advice}")
 
 
 def _print_check(flight: Flight, report: FlightCheck) -> None:

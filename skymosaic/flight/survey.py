@@ -50,9 +50,7 @@ def survey(
     control: ControlPoints | None = None,
     keep_all: bool = False,
 ) -> Flight:
-    """Lay out a flight: features, links, lens, layouts, and their place on the map.
-
-    It has no layouts where no two photographs could be linked.
+    """Lay out a flight: features, links, lens, layouts (none where none can be made), and their place on the map.
 
     Parameters
     ----------
@@ -282,14 +280,16 @@ def lay_out_all(
         if nearby := link_nearby(layout):
             layout = _lay_out_again(views, layout, links, nearby)
             reasons |= layout.misplaced
-        if len(layout.members) > 1:
+        if layout.fault:
+            first, *others = layout.members
+            reasons |= {first: layout.fault} | dict.fromkeys(others, f"for the same reason as {views[first].name}")
+        elif len(layout.members) > 1:
             layouts.append(layout)
         # Views whose place is in doubt may still belong together.
         doubtful = [member for member in members if member not in layout.transforms]
         inside = [link for link in valid_links(links) if link.left in doubtful and link.right in doubtful]
         todo += [part for part in groups(len(views), inside) if part[0] in doubtful]
-    placed = {member for layout in layouts for member in layout.members}
-    alone = {view: reason for view, reason in reasons.items() if view not in placed}
+    alone = {view: reason for view, reason in reasons.items() if not any(view in each.transforms for each in layouts)}
     return sorted(layouts, key=lambda layout: _rank(views, layout.members)), alone
 
 

@@ -30,6 +30,9 @@ from skymosaic.mosaicking.result import Mosaic
 from skymosaic.running.cache import open_cache
 from skymosaic.running.workers import Workers
 
+MAX_REASONS = 3
+"""Photographs of a refused flight that are named with their reasons; most have the same."""
+
 
 class MosaicPlan:
     """From photographs to mosaics; `write` is the whole road, `mosaic` the same into memory.
@@ -166,9 +169,11 @@ class MosaicPlan:
         if pair is not None and not pair.accepted:
             raise RegistrationError(f"{pair.left.name} and {pair.right.name} cannot be registered: {pair.reason}")
         if not flight.layouts:
-            linked, reasons = sum(link.holds for link in flight.links), "; ".join(flight.left_out.values())
+            linked, (*reasons,) = sum(link.holds for link in flight.links), flight.left_out.values()
+            more = f"; and {len(reasons) - MAX_REASONS} more photographs" if len(reasons) > MAX_REASONS else ""
             raise RegistrationError(
-                f"no two photographs make a mosaic; {linked} of {len(flight.links)} pairs show common ground: {reasons}"
+                f"no two photographs make a mosaic; {linked} of {len(flight.links)} pairs show common ground: "
+                f"{'; '.join(reasons[:MAX_REASONS])}{more}"
             )
         return flight.layouts
 

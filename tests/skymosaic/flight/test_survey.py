@@ -139,6 +139,28 @@ def test_what_no_plane_explains_is_left_out_with_the_reason_and_what_it_contradi
     assert apart[3] == "3.jpg: in another group of 2 photographs, which nothing links to this one"
 
 
+@pytest.mark.parametrize(("false", "off_px", "refused"), [(6, 30, True), (2, 30, False), (6, 9, False), (0, 0, False)])
+def test_photographs_of_things_that_all_look_the_same_are_refused_with_counts(
+    monkeypatch: pytest.MonkeyPatch, false: int, off_px: float, refused: bool
+) -> None:
+    points, eyes = np.random.default_rng(4).uniform(0, 300, (40, 2)), {view: np.eye(3) for view in range(6)}
+
+    def link(pair: tuple[int, int], off_px: float) -> Link:
+        moved = points + np.array([off_px, 0])
+        return Link(*pair, points, moved, 40, 40, left_checks=points, right_checks=moved)
+
+    true = tuple(link((view, view + 1), 0) for view in range(5))
+    contradicting = tuple(link(pair, off_px) for pair in [(0, 2), (1, 3), (2, 4), (3, 5), (0, 3), (1, 4)][:false])
+    layout = Layout(tuple(eyes), 0, eyes, true if false != 2 else true * 4, contradicting)
+    monkeypatch.setattr(survey, "lay_out", lambda *_: layout)
+    views: list[Any] = [SimpleNamespace(name=f"{view}.jpg", size=(4, 3)) for view in range(6)]
+    layouts, alone = survey.lay_out_all(views, [list(eyes)], {}, lambda _layout: {})
+    assert layouts == ([] if refused else [layout])
+    reason = "6 of 11 links contradict the layout, and matches that it did not use are 30 px off in the median: "
+    reasons = [reason] + ["for the same reason as 0.jpg"] * 5 if refused else []
+    assert all(each.startswith(start) for each, start in zip(alone.values(), reasons, strict=True))
+
+
 def test_why_a_photograph_is_alone_is_said_with_its_best_match() -> None:
     points = np.ones((20, 2))
     views: list[Any] = [SimpleNamespace(name=f"{view}.jpg", strongest=range(50)) for view in range(4)]
