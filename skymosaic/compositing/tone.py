@@ -42,25 +42,28 @@ class Tone:
     def apply(self, pixels: Intensities, factors: Float32 | None = None) -> Intensities:
         """Apply the tone to intensities.
 
-        White is the largest number of the pixels' type. Above the shoulder a rational curve continues the straight
-        line with the same slope and ends at (white, white) for any factor. So factors above 1 burn nothing out, and
-        factors below 1 do not turn white gray. ``factors`` (H, W, 1 or 3) are from `factors`; None: the gain alone.
+        White is the largest number of the pixels' type. Above the shoulder, a share of white or of what a factor below
+        1 makes of it, a rational curve continues the straight line with the same slope and ends at (white, white). So
+        factors above 1 burn nothing out, those below 1 do not turn white gray, and where they vary, as over a burnt
+        sky, nothing jumps. ``factors`` (H, W, 1 or 3) are from `factors`; None: the gain alone.
         """
         if all(gain == 1 for gain in self.gain) and not self.varies:
             return pixels
         planes = pixels[..., None] if pixels.ndim == 2 else pixels
         factor = np.array(self.gain, dtype=np.float32) if factors is None else factors
-        factor = np.broadcast_to(factor[..., : planes.shape[2]], planes.shape)
+        factor = factor[..., : planes.shape[2]]
         black = np.float32(self.black)
         white = np.float32(np.iinfo(pixels.dtype).max) - black
+        starts = np.float32(self.shoulder) * white * np.minimum(factor, np.float32(1))
+        factor, starts = (np.broadcast_to(each, planes.shape) for each in (factor, starts))
         toned = planes.astype(np.float32)
         # Most photographs have no black level, and each step is a pass over all pixels.
         if black:
             toned -= black
         toned *= factor
-        start = np.float32(self.shoulder) * white
-        bright = toned > start
+        bright = toned > starts
         if bright.any():
+            start = starts[bright]
             room = white - start
             above = (toned[bright] - start) / room
             # a / (1 + c a) has slope 1 where the shoulder begins, and this c takes white to white.
