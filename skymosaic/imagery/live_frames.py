@@ -1,6 +1,7 @@
 """Frame sources of a live mosaic: a folder that receives pictures, a video, a stream, or a camera."""
 
 import contextlib
+import re
 import time
 from collections.abc import Callable, Collection, Iterator
 from functools import partial
@@ -25,6 +26,8 @@ from skymosaic.imagery.video import VideoReader
 POLL_SECONDS = 0.2
 SETTLED_SECONDS = 0.5
 """A file that has not changed for this time is complete."""
+CAMERA_NUMBER = re.compile(r"\d{1,2}")
+"""OpenCV's cameras; longer numbers are names of files and folders, such as a year or ``100``."""
 
 
 class LiveFrame(NamedTuple):
@@ -77,7 +80,7 @@ def read_live_frames(
     """
     if band is not None and not is_folder(Path(source)):
         raise InputError(f"`band` {band}: only a folder can hold multi-band sets; leave it out")
-    if source.isdecimal():
+    if CAMERA_NUMBER.fullmatch(source):
         for frame in select_key_frames(_camera(int(source))):
             yield LiveFrame(name_frame(f"camera {source}", frame.number), frame.pixels, frame.number + 1)
     elif is_folder(Path(source)):
