@@ -13,7 +13,7 @@ import numpy as np
 from golden_model.arrays import Float32, Pixels
 from skymosaic.common.errors import InputError
 from skymosaic.common.temporary import temporary_folder
-from skymosaic.imagery.decoding import check_file
+from skymosaic.imagery.decoding import check_file, check_size
 from skymosaic.imagery.images import check_given, reduce_to_width, save
 from skymosaic.imagery.patterns import is_folder
 from skymosaic.imagery.photographs import Images, Source, list_images, list_sources
@@ -79,9 +79,11 @@ def _is_video(path: Path) -> bool:
 def _store_key_frames(video: str | Path, folder: Path, tell: Callable[[str], None]) -> Iterator[Source]:
     reader = VideoReader(video)
     for frame in select_key_frames(reader, reader.frame_rate, reader.notes.append):
-        path = folder / f"{frame.number}.jpg"
+        path, name = folder / f"{frame.number}.jpg", name_frame(video, frame.number)
+        # Later, the file would be named, which the user does not know.
+        check_size(name, frame.pixels.shape[1], frame.pixels.shape[0])
         save(path, frame.pixels)
-        yield Source(0, name_frame(video, frame.number), path)
+        yield Source(0, name, path)
     for note in reader.notes:
         tell(f"note {video}: {note}")
 

@@ -8,6 +8,7 @@ import pytest
 from sim.scene import Camera, CameraPose, Flight, Photometry
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.key_frames import MIN_CORNERS, _motion, flight_sources, select_key_frames
+from skymosaic.imagery.video import DEFAULT_RATE, write_video
 
 
 def _flight(poses: list[CameraPose]) -> Flight:
@@ -94,3 +95,11 @@ def test_a_folder_named_like_a_video_is_a_folder(tmp_path: Path) -> None:
         (folder / name).write_bytes(b"a picture")
     with flight_sources(folder) as sources:
         assert [source.content for source in sources] == [folder / "1.png", folder / "2.png"]
+
+
+def test_a_video_that_is_too_small_is_named_itself(tmp_path: Path) -> None:
+    with write_video(video := tmp_path / "small.mp4", DEFAULT_RATE) as write_frame:
+        for _ in range(2):
+            write_frame(np.zeros((48, 64, 3), np.uint8))
+    with pytest.raises(InputError, match=rf"^{video}/frame 0: 64x48 pixels is too small"), flight_sources(video):
+        pass
