@@ -1,5 +1,6 @@
 """Results of the workers: numbers, records and addresses of pictures, but no pixels, so that little is pickled."""
 
+import uuid
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -7,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple, Self
 
 from golden_model.arrays import Array
+from golden_model.text import one_line
 from skymosaic.evaluation.hardware import Comparison
 from skymosaic.panel.options import Options
 from skymosaic.registration.pair import Pair
@@ -33,7 +35,7 @@ class Decoded:
     notes: tuple[str, ...]
     """What was done to its pixels, or a video's frame rate."""
     working: Path
-    """The picture as the front end sees it, a PNG whose stem is the file's name."""
+    """The picture as the front end sees it, from `new_picture`."""
     working_size: Size
 
 
@@ -49,19 +51,29 @@ class InputFile:
     """None for a folder's photograph, until it is one of the first two."""
 
     @classmethod
-    def of_upload(cls, decoded: Decoded) -> Self:
+    def of_upload(cls, path: str, decoded: Decoded) -> Self:
         """The upload that was decoded."""
-        return cls(decoded.working.stem, decoded.working, decoded)
+        return cls(path, decoded.working, decoded)
 
     @property
     def name(self) -> str:
-        """The file's name without its folder."""
-        return Path(self.path).name
+        """The file's name without its folder, as pages show it."""
+        return shown_name(self.path)
 
     @property
     def is_upload(self) -> bool:
         """Whether the session keeps the file, and removes it; a folder's photographs are only read."""
-        return self.path == self.name
+        return not Path(self.path).is_absolute()
+
+
+def shown_name(path: str) -> str:
+    """A file's name without its folder, of printable characters: other names need not be text in UTF-8."""
+    return one_line(Path(path).name)
+
+
+def new_picture(pictures: Path) -> Path:
+    """Where a picture for the page is saved: never used again for another, and harmless in an address."""
+    return pictures / f"{uuid.uuid4().hex}.png"
 
 
 def picture_address(path: Path) -> str:

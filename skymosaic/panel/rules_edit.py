@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -127,7 +128,7 @@ class RulesEdit:
     @cached_property
     def _features(self) -> tuple[Features, Features]:
         """Those of the working pictures, which every version of the rules matches."""
-        left, right = (self._result.pictures / f"{name}.png" for name in self._result.pair_names)
+        left, right = (self._result.pictures / Path(shown.href).name for shown in self._result.working)
         return extract(left, self._options), extract(right, self._options)
 
     @property

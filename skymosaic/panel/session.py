@@ -120,7 +120,7 @@ class Session:
         finally:
             self._arriving -= 1
         self.last_active = time.monotonic()
-        uploaded = InputFile.of_upload(decoded)
+        uploaded = InputFile.of_upload(path.name, decoded)
         if slot == "photograph":
             self.set_photographs((*(each for each in self.photographs if each.is_upload), uploaded))
         else:
@@ -142,7 +142,9 @@ class Session:
         self.unread = listing.describe_unread(OPEN)
         self.reading = Job(f"Reading {folder}", upload_tasks.make_thumbnails, folder, names, pictures)
         background_tasks.create(self._finish_reading(self.reading, len(names)), name="reading")
-        self.set_photographs(InputFile(str(each), pictures / f"{each.name}.jpg") for each in listing.pictures)
+        self.set_photographs(
+            InputFile(str(each), pictures / f"{number}.jpg") for number, each in enumerate(listing.pictures, 1)
+        )
 
     async def _finish_reading(self, job: Job, photographs: int) -> None:
         try:

@@ -53,7 +53,8 @@ def visit(address: str, number: int) -> list[int]:
         client.get("/")
         names = [f"a_{index}.png" for index in range(UPLOADS)]
         answers = [client.post("/upload/photograph", params={"name": name}, content=data) for name in names]
-        shown = [client.get(f"/picture/uploads/{name}.png").status_code for name in names]
+        pictures = set(re.findall(r"/picture/uploads/[\w.]+", client.get("/").text))
+        shown = [client.get(picture).status_code for picture in pictures]
     statuses = [answer.status_code for answer in answers]
     assert shown.count(200) == statuses.count(204)
     return statuses

@@ -110,7 +110,5 @@ def detect(pictures: Sequence[Path], options: Options) -> list[Records]:
 # The slider asks for the same pictures again and again.
 @lru_cache(maxsize=8)
 def _read(picture: Path) -> Pixels:
-    pixels = cv2.imread(str(picture), cv2.IMREAD_UNCHANGED)
-    if pixels is None:
-        raise FileNotFoundError(picture)
+    pixels = cv2.imdecode(np.fromfile(picture, np.uint8), cv2.IMREAD_UNCHANGED)
     return np.asarray(pixels, dtype=np.uint8)

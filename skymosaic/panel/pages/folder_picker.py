@@ -2,9 +2,11 @@
 
 import asyncio
 from functools import partial
+from pathlib import Path
 
 from nicegui import ui
 
+from golden_model.text import one_line
 from skymosaic.common.errors import InputError
 from skymosaic.panel.session import Session
 
@@ -17,14 +19,21 @@ class FolderPicker:
 
     def __init__(self, session: Session) -> None:
         self._session = session
+        self._shown = Path()
         with ui.expansion("Open a folder", icon="folder_open", on_value_change=self._unfold) as self._expansion:
             self._path = ui.input("Folder").props("outlined dense")
-            self._path.on("keydown.enter", lambda: self._look(self._path.value))
+            self._path.on("keydown.enter", lambda: self._look(self._chosen))
             self._folders = ui.element("ul").classes("folders").props('aria-label="Folders"')
             self._fault = ui.label().classes("fault").props('role="alert"')
             ui.button("Open", on_click=self._open).props("outline no-caps")
             ui.label("Photographs are read where they are; nothing is copied.").classes("hint")
         self._expansion.classes("advanced folder-picker")
+
+    @property
+    def _chosen(self) -> str:
+        """The path in the field; that of the folder shown need not be text in UTF-8, and is not read from there."""
+        typed = str(self._path.value)
+        return str(self._shown) if typed == one_line(str(self._shown)) else typed
 
     async def _unfold(self) -> None:
         """Show the first root, unless another folder was shown before."""
@@ -41,18 +50,19 @@ class FolderPicker:
             self._fault.set_text(str(error))
             return
         self._fault.set_text("")
-        self._path.set_value(str(folder))
+        self._shown = folder
+        self._path.set_value(one_line(str(folder)))
         self._folders.clear()
         with self._folders:
             for each in inside[:MAX_FOLDERS]:
-                title = "the folder above" if each == folder.parent else each.name
+                title = "the folder above" if each == folder.parent else one_line(each.name)
                 with ui.element("li"):
                     button = ui.button(title, icon="folder", on_click=partial(self._look, str(each)))
                     button.props("flat dense no-caps align=left")
 
     async def _open(self) -> None:
         try:
-            await self._session.open_folder(self._path.value)
+            await self._session.open_folder(self._chosen)
         except InputError as error:
             self._fault.set_text(str(error))
         else:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from nicegui import ui
 
+from golden_model.text import encodable
 from skymosaic.panel.results import SINGLE_FILES
 from skymosaic.panel.session import Session
 from skymosaic.reports.pages import open_templates
@@ -29,7 +30,7 @@ def fill_in(name: str, **values: object) -> str:
 def show_command(words: str) -> None:
     """Show a command line to copy; it runs in the archive's folder of the result."""
     ui.label("The same result again, in the unpacked archive's folder:").classes("hint")
-    code = ui.code(words, language="bash").classes("command")
+    code = ui.code(encodable(words), language="bash").classes("command")
     code.copy_button.props('aria-label="Copy the command line"')
 
 

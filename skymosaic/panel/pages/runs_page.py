@@ -4,6 +4,7 @@ from pathlib import Path
 
 from nicegui import ui
 
+from golden_model.text import one_line
 from skymosaic.panel.pages.page_layout import page_layout, show_files
 from skymosaic.panel.session import Session
 
@@ -27,7 +28,7 @@ def _build_run(session: Session, folder: Path, title: str, finished: str) -> Non
 
     with ui.element("div").classes("card") as card:
         with ui.element("div").classes("card-head"):
-            ui.label(title).classes("name")
+            ui.label(one_line(title)).classes("name")
             button = ui.button("Delete", icon="delete", on_click=delete).props("flat dense no-caps size=sm")
         ui.label(finished).classes("hint")
         show_files(f"/run/{folder.name}", folder)

@@ -8,6 +8,7 @@ from nicegui import ui
 from nicegui.elements.mixins.disableable_element import DisableableElement
 from nicegui.events import ValueChangeEventArguments
 
+from golden_model.text import one_line
 from skymosaic.panel.options import LABELLED, OPTION_VALUES, fault_of
 from skymosaic.panel.pages.folder_picker import FolderPicker
 from skymosaic.panel.results import InputFile, picture_address
@@ -79,7 +80,7 @@ class PhotographsCard:
         problems = result.problems if result else {}
         warnings = [f"{name}: {', '.join(faults)}" for name, faults in problems.items()]
         warnings += [session.unread] if session.unread else []
-        self._warnings.set_text("\n".join(warnings))
+        self._warnings.set_text("\n".join(map(one_line, warnings)))
         self._warnings.set_visibility(bool(warnings))
         shown = (problems, session.reading is None, [(each, each.decoded) for each in session.photographs])
         if self._shown == shown:

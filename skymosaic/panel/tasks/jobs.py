@@ -18,6 +18,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
+from golden_model.text import one_line
 from sim.backends.errors import BackendError
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.panel.steps import Steps
@@ -192,16 +193,17 @@ def _run_in_worker(
         limit_worker(limits.processor_seconds, limits.memory_bytes)
 
     def progress(line: str, done: int = 0, total: int = 0) -> None:
-        sender.send(("progress", (line, done, total)))
+        sender.send(("progress", (one_line(line), done, total)))
 
     try:
         message = "done", task(folder, *arguments, progress=progress)
     except (InputError, RegistrationError, BackendError) as error:
         # The page shows the message: it must not reveal where on this machine the file lies.
-        message = "failed", str(error).replace(f"{folder}{os.sep}", "")
+        message = "failed", str(error).replace(one_line(f"{folder}{os.sep}"), "")
     except MemoryError:
         message = "failed", "needs more memory than one file may take; try a smaller one"
     except Exception as error:
         traceback.print_exc()
-        message = "failed", f"unexpected {type(error).__name__}: {error}; the traceback is in the panel's terminal"
+        fault = one_line(f"unexpected {type(error).__name__}: {error}")
+        message = "failed", f"{fault}; the traceback is in the panel's terminal"
     sender.send(message)

@@ -29,7 +29,16 @@ from skymosaic.mosaicking.api import open_plan_of_sources
 from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.panel.explain import classify_matches
 from skymosaic.panel.options import Options, backend_options
-from skymosaic.panel.results import RULES, HardwareResult, Link, MosaicResult, Picture, side_by_side
+from skymosaic.panel.results import (
+    RULES,
+    HardwareResult,
+    Link,
+    MosaicResult,
+    Picture,
+    new_picture,
+    shown_name,
+    side_by_side,
+)
 from skymosaic.panel.steps import Progress
 from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, show_mosaic
 from skymosaic.registration.options import PhotographOptions
@@ -55,8 +64,8 @@ def make_mosaic(
         If no two photographs of a flight can be linked. A pair that cannot be registered has a result that says why.
     """
     # Reports and reasons name photographs as here, without the folder.
-    by_name = {Path(path).name: path for path in paths}
-    photographs = [Source(index, name, folder / path) for index, (name, path) in enumerate(by_name.items())]
+    by_name = {shown_name(path): path for path in paths}
+    photographs = [Source(index, shown_name(path), folder / path) for index, path in enumerate(paths)]
     words = _shorten(paths)
     notes: list[str] = []
     sources = group_band_sets(photographs, tell=notes.append)
@@ -80,7 +89,8 @@ def make_mosaic(
     write_report(folder / REPORT, flight, deliveries)
     command = write_command(words, options, output)
     for name, text in {"command.txt": command + "\n", **_describe_run(flight)}.items():
-        save_bytes(folder / name, text.encode())
+        # Of the paths in a command, the bytes that the file system has.
+        save_bytes(folder / name, text.encode(errors="surrogateescape"))
     result = MosaicResult(
         folder=folder,
         pictures=pictures,
@@ -160,15 +170,15 @@ def _register(files: tuple[Path, Path], options: Options, progress: Progress) ->
     progress("finding and matching features")
     pair = register(*files, options, progress=progress)
     # Report, tables and page name the photographs without the folder.
-    left, right = (replace(each, name=Path(each.name).name) for each in (pair.left, pair.right))
+    left, right = (replace(each, name=shown_name(each.name)) for each in (pair.left, pair.right))
     return replace(pair, left=left, right=right)
 
 
 def _save_working(pair: Pair, pictures: Path) -> tuple[Picture, ...]:
     """Save what the front end saw of a pair, below the lines of its matches."""
     shown = []
-    for photograph, pixels in zip((pair.left, pair.right), pair.working, strict=True):
-        path = pictures / f"{photograph.name}.png"
+    for pixels in pair.working:
+        path = new_picture(pictures)
         save(path, pixels)
         shown.append((path, (pixels.shape[1], pixels.shape[0])))
     return side_by_side(shown)

@@ -10,12 +10,13 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Pixels
+from golden_model.small_files import read_small_file
 from sim.scene import make_lawnmower, make_pair, make_pursuit
-from skymosaic.common.errors import InputError
-from skymosaic.imagery.decoding import MAX_AREA_PX, read_header
+from skymosaic.common.errors import InputError, reading
+from skymosaic.imagery.decoding import MAX_AREA_PX, MAX_DECODED_BYTES, read_header
 from skymosaic.imagery.images import load, reduce_to_width, save
 from skymosaic.imagery.video import DEFAULT_RATE, VideoReader, write_video
-from skymosaic.panel.results import Decoded, InputFile
+from skymosaic.panel.results import Decoded, InputFile, new_picture
 from skymosaic.panel.steps import Progress
 from skymosaic.registration.options import WORKING_WIDTH_PX
 
@@ -42,7 +43,7 @@ def inspect_photograph(
     """
     progress(f"reading {name}")
     photograph = load(folder / name, keep_damaged=keep_damaged)
-    return _describe(name, photograph.pixels, photograph.notes, pictures)
+    return _describe(photograph.pixels, photograph.notes, pictures)
 
 
 def inspect_video(folder: Path, name: str, pictures: Path, *, progress: Progress) -> Decoded:
@@ -58,15 +59,15 @@ def inspect_video(folder: Path, name: str, pictures: Path, *, progress: Progress
     first = next(iter(reader))
     if first.shape[0] * first.shape[1] > MAX_AREA_PX // 4:
         raise InputError(f"{name}: frames of {first.shape[1]}x{first.shape[0]} pixels are too large; reduce it first")
-    return _describe(name, first, (f"{float(reader.frame_rate):.3g} frames/s",), pictures)
+    return _describe(first, (f"{float(reader.frame_rate):.3g} frames/s",), pictures)
 
 
 def make_thumbnails(folder: Path, names: Sequence[str], pictures: Path, *, progress: Progress) -> list[str]:
-    """Save a thumbnail, ``NAME.jpg``, of each photograph of a folder in their order; returns why some have none."""
+    """Save thumbnails, ``1.jpg`` and so on, of a folder's photographs in their order; returns why some have none."""
     faults = []
     for number, name in enumerate(names, 1):
         try:
-            save(pictures / f"{name}.jpg", reduce_to_width(_decode_reduced(folder / name), THUMBNAIL_PX)[0])
+            save(pictures / f"{number}.jpg", reduce_to_width(_decode_reduced(folder / name), THUMBNAIL_PX)[0])
         except InputError as error:
             faults.append(str(error))
         progress("reading", number, len(names))
@@ -77,8 +78,13 @@ def _decode_reduced(path: Path) -> Pixels:
     """A photograph, of a JPEG only a fraction of the pixels: many times as fast, without checks for damage."""
     header = read_header(path)
     flag = next((flag for by, flag in REDUCTIONS.items() if min(header.size) >= by * THUMBNAIL_PX), None)
-    reduced = cv2.imread(str(path), flag) if flag is not None and header.kind in ("JPEG", "MPO") else None
-    return load(path, keep_damaged=True).pixels if reduced is None else reduced.astype(np.uint8, copy=False)
+    if flag is not None and header.kind in ("JPEG", "MPO"):
+        # Not imread, which dies of a name that is no text in UTF-8.
+        with reading(path, "check the file"):
+            data = read_small_file(path, MAX_DECODED_BYTES)
+        if (reduced := cv2.imdecode(np.frombuffer(data, np.uint8), flag)) is not None:
+            return np.asarray(reduced, dtype=np.uint8)
+    return load(path, keep_damaged=True).pixels
 
 
 def render_photographs(folder: Path, names: Sequence[str], pictures: Path, *, progress: Progress) -> list[InputFile]:
@@ -88,7 +94,7 @@ def render_photographs(folder: Path, names: Sequence[str], pictures: Path, *, pr
     for name, image in zip(names, scene.images, strict=True):
         save(folder / name, image)
     decoded = [inspect_photograph(folder, name, pictures, progress=progress) for name in names]
-    return [InputFile.of_upload(each) for each in decoded]
+    return list(map(InputFile.of_upload, names, decoded))
 
 
 def render_pursuit(folder: Path, names: Sequence[str], pictures: Path, *, progress: Progress) -> dict[str, InputFile]:
@@ -104,12 +110,12 @@ def render_pursuit(folder: Path, names: Sequence[str], pictures: Path, *, progre
     save(folder / template, film.images[0][top:bottom, left:right])
     seen = inspect_photograph(folder, template, pictures, progress=progress)
     first = inspect_video(folder, video, pictures, progress=progress)
-    return {"template": InputFile.of_upload(seen), "video": InputFile.of_upload(first)}
+    return {"template": InputFile.of_upload(template, seen), "video": InputFile.of_upload(video, first)}
 
 
-def _describe(name: str, pixels: Pixels, notes: tuple[str, ...], pictures: Path) -> Decoded:
+def _describe(pixels: Pixels, notes: tuple[str, ...], pictures: Path) -> Decoded:
     """Save a reduced picture for the page, and describe the file."""
     working, _ = reduce_to_width(pixels, WORKING_WIDTH_PX)
-    path = pictures / f"{name}.png"
+    path = new_picture(pictures)
     save(path, working)
     return Decoded((pixels.shape[1], pixels.shape[0]), notes, path, (working.shape[1], working.shape[0]))

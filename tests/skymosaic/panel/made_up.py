@@ -99,7 +99,7 @@ def pair(left: str, right: str, options: Options, *, registered: bool = True) ->
 
 
 def uploaded(name: str, *notes: str) -> InputFile:
-    return InputFile.of_upload(Decoded((800, 600), notes, Path(f"uploads/{name}.png"), (640, 480)))
+    return InputFile.of_upload(name, Decoded((800, 600), notes, Path(f"uploads/{name}.png"), (640, 480)))
 
 
 def pair_result(folder: Path) -> MosaicResult:

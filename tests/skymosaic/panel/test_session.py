@@ -46,7 +46,8 @@ def test_the_files_of_what_is_replaced_are_removed_and_the_archive_has_those_of_
             await session.upload("template", body(picture(seed)), "car.png")
         await session.upload("photograph", body(picture(3)), "field.png")
         assert files(session, "uploads") == {"car_2.png", "field.png"}
-        assert files(session, "pictures") == {"car_2.png.png", "field.png.png"}
+        shown = {session.template.thumbnail.name, session.photographs[0].thumbnail.name}
+        assert files(session, "pictures") == shown
         session.set_photographs(())
         await load_pair(session)
         assert files(session, "uploads") == {"car_2.png", "0.png", "1.png"}
@@ -57,7 +58,7 @@ def test_the_files_of_what_is_replaced_are_removed_and_the_archive_has_those_of_
         session.set_photographs(())
         assert files(session, "uploads") == {"car_2.png"}
         assert files(session, run) == shown, "the mosaic still shows them"
-        assert files(session, "pictures/uploads") == {"car_2.png.png"}
+        assert files(session, "pictures/uploads") == {session.template.thumbnail.name}
 
     run_in_loop(scenario)
     folder = session.mosaic_result.folder
@@ -78,7 +79,7 @@ def test_the_examples_take_the_places_of_photographs_and_of_the_film(sessions: S
     (show, pair, names), (show_film, film, film_names) = started
     assert (pair, film) == (upload_tasks.render_photographs, upload_tasks.render_pursuit)
     assert [name.partition("_")[2] for name in (*names, *film_names)] == ["built-in.png"] * 3 + ["car.png", "film.mp4"]
-    inputs = [InputFile.of_upload(Decoded((64, 64), (), Path(name), (64, 64))) for name in "abc"]
+    inputs = [InputFile.of_upload(name, Decoded((64, 64), (), Path(name), (64, 64))) for name in "abc"]
     show(inputs)
     show_film({"template": inputs[0], "video": inputs[1]})
     assert any_session.photographs == inputs

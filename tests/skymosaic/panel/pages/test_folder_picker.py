@@ -1,5 +1,6 @@
 """A folder of the panel's machine, opened only by who has the token."""
 
+import os
 import shutil
 import time
 from collections.abc import Callable
@@ -15,10 +16,16 @@ from playwright.sync_api import Page, expect
 
 from skymosaic.panel.folders import Roots
 from skymosaic.panel.pages.folder_picker import FolderPicker
-from tests.skymosaic.panel.visitor import Scenario, noise_png
+from tests.skymosaic.panel.visitor import Scenario, noise_png, open_tab
 from tools.panel import corner_counts, make_mosaic
 
 MANY = 10_000
+DECODED_WIDTHS = """
+    () => Promise.all([...document.querySelectorAll("img, svg image")].map(async each => {
+        const answer = await fetch(each.getAttribute("src") || each.getAttribute("href"));
+        return (await createImageBitmap(await answer.blob())).width;
+    }))"""
+"""The widths of all pictures of a page; an error where one cannot be decoded."""
 
 
 def test_the_picker_shows_the_first_root_and_then_the_folder_that_was_shown(
@@ -54,6 +61,30 @@ def test_without_the_token_no_folder_can_be_opened(panel: str) -> None:
         page = httpx.get(address).text
         assert "the address that the panel printed" in page
         assert "Open a folder" not in page
+
+
+def test_photographs_and_folders_of_any_name_are_shown(
+    opened: Page, owner_address: str, root: Path, photographs: list[Path]
+) -> None:
+    """Names that no text in UTF-8 has, of characters that an address or a page must not have, and as long as can be."""
+    (folder := root / os.fsdecode(b"S\xfcd <b>\n")).mkdir()
+    names = [os.fsdecode(b"a #1?%20&x\\\n\xff.png"), "b" * 251 + ".png"]
+    for path, name in zip(photographs, names, strict=True):
+        shutil.copy(path, folder / name)
+    opened.context.clear_cookies()
+    opened.goto(owner_address)
+    opened.get_by_role("button", name="Open a folder").click()
+    opened.get_by_role("button", name=r"S\udcfcd <b>\n").click()
+    expect(opened.get_by_role("textbox", name="Folder")).to_have_value(f"{root}/" r"S\udcfcd <b>\n")
+    opened.get_by_role("button", name="Open", exact=True).click()
+    expect(opened.get_by_role("button", name=r"Remove a #1?%20&x\\n\udcff.png")).to_be_visible()
+    expect(corner_counts(opened)).to_contain_text(" and ")
+    make_mosaic(opened)
+    # Beside the thumbnails.
+    for tab, pictures in (("Corners", 2), ("Matches", 2), ("Mosaic", 1)):
+        open_tab(opened, tab)
+        expect(opened.locator("svg image")).to_have_count(pictures)
+        assert len(opened.evaluate(DECODED_WIDTHS)) == 2 + pictures
 
 
 @pytest.mark.slow

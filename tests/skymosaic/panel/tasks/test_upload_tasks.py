@@ -1,5 +1,6 @@
 """Inputs as the page shows them: thumbnails, working pictures, and the built-in examples."""
 
+import os
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -44,8 +45,8 @@ def test_thumbnails_show_all_photographs_but_those_that_cannot_be_read(
     )
     assert [fault.partition(": ")[0] for fault in faults] == [str(tmp_path / "broken.png")]
     assert steps == [("reading", number, 7) for number in range(1, 8)]
-    for name, size in zip(names, shown.values(), strict=True):
-        thumbnail: Any = cv2.imread(str(pictures / f"{name}.jpg"))
+    for number, size in enumerate(shown.values(), 1):
+        thumbnail: Any = cv2.imread(str(pictures / f"{number}.jpg"))
         assert thumbnail.shape[1::-1] == size
         left, right = thumbnail[:, : size[0] // 3].mean(axis=(0, 1)), thumbnail[:, -size[0] // 3 :].mean(axis=(0, 1))
         assert (left.argmax(), right.argmax()) == (2, 0)
@@ -56,7 +57,17 @@ def test_a_photograph_is_described_by_its_size_and_its_working_picture(tmp_path:
     found = upload_tasks.inspect_photograph(tmp_path, name, pictures, progress=lambda *_: None)
     assert (found.size, found.working_size, found.notes) == ((2560, 600), (1280, 300), ())
     working: Any = cv2.imread(str(found.working))
-    assert (found.working, working.shape) == (pictures / "wide.png.png", (300, 1280, 3))
+    assert (found.working.parent, working.shape) == (pictures, (300, 1280, 3))
+    # Its file is never that of another photograph, not even of one with the same name.
+    assert upload_tasks.inspect_photograph(tmp_path, name, pictures, progress=lambda *_: None).working != found.working
+
+
+def test_a_large_jpeg_is_reduced_whatever_its_name(tmp_path: Path, pictures: Path) -> None:
+    names = [os.fsdecode(b"S\xfcd #1?%20&\n\\.jpg"), "n" * 251 + ".jpg"]
+    for name in names:
+        (tmp_path / write(tmp_path, "a.jpg", 640, 640)).rename(tmp_path / name)
+    assert upload_tasks.make_thumbnails(tmp_path, names, pictures, progress=lambda *_: None) == []
+    assert {path.name for path in pictures.iterdir()} == {"1.jpg", "2.jpg"}
 
 
 @pytest.mark.parametrize("room_px", [0, -1])
