@@ -66,7 +66,11 @@ class FileRoutes:
         session = self._session(request)
         if session is None or not session.results:
             return PlainTextResponse("there is no result yet", status_code=404)
-        path = await asyncio.to_thread(session.files.write_archive, session.results)
+        try:
+            path = await asyncio.to_thread(session.files.write_archive, session.results)
+        except OSError as error:
+            reason = f"the archive cannot be written ({error.strerror}); make room on the panel's disk"
+            return PlainTextResponse(reason, status_code=507)
         return FileResponse(path, filename="skymosaic.zip", background=BackgroundTask(path.unlink))
 
     def _session(self, request: Request) -> Session | None:

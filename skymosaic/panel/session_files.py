@@ -53,10 +53,15 @@ class SessionFiles:
     def write_archive(self, results: Mapping[str, Run]) -> Path:
         """Pack the folders of all results into a zip file, which the caller removes."""
         path = self.folder("archives") / f"{self.new_number()}.zip"
-        with zipfile.ZipFile(path, "w") as archive:
-            for name, result in results.items():
-                for file in sorted(result.folder.rglob("*")):
-                    archive.write(file, f"{name}/{file.relative_to(result.folder)}")
+        try:
+            with zipfile.ZipFile(path, "w") as archive:
+                for name, result in results.items():
+                    for file in sorted(result.folder.rglob("*")):
+                        archive.write(file, f"{name}/{file.relative_to(result.folder)}")
+        except OSError:
+            # A part of it would leave even less room on a full disk.
+            path.unlink(missing_ok=True)
+            raise
         return path
 
     def new_run(self, inputs: Iterable[InputFile], shown: Collection[str]) -> tuple[Path, Path]:

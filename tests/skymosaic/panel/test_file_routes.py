@@ -1,9 +1,11 @@
 """Files that are sent and asked for as a browser does it, hostile ones among them; the panel survives each."""
 
 import asyncio
+import errno
 import io
 import re
 import struct
+import zipfile
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +19,8 @@ import pytest
 from starlette.responses import Response
 
 from skymosaic.panel.file_routes import FileRoutes
+from skymosaic.panel.results import Run
+from skymosaic.panel.session_files import SessionFiles
 from tests.skymosaic.panel.visitor import noise_png
 
 
@@ -220,6 +224,22 @@ def test_files_and_pages_of_a_result_are_sent_and_nothing_else(tmp_path: Path) -
     for path in ("../secret", "link", "tiles", "absent", "/etc/passwd", "\0"):
         assert get(path).status_code == 404
     assert get("mosaic.tif", "tracking").status_code == 404
+
+
+def test_a_full_disk_costs_the_archive_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_arguments: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(zipfile.ZipFile, "write", fail)
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "mosaic.png").touch()
+    session = SimpleNamespace(
+        results={"mosaic": Run(tmp_path / "run", tmp_path, "")}, files=SessionFiles(lambda: tmp_path)
+    )
+    routes: Any = FileRoutes(SimpleNamespace(get=lambda _name, is_owner: session))  # type: ignore[arg-type]
+    answer: Response = asyncio.run(routes.archive(SimpleNamespace(session={"id": "visitor"})))
+    assert (answer.status_code, b"No space left" in answer.body) == (507, True)
+    assert not list((tmp_path / "archives").iterdir())
 
 
 def test_a_get_changes_nothing(client: Client) -> None:
