@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -31,6 +31,9 @@ from skymosaic.reports.summary import describe_mosaic
 
 PLANES = 4
 """A mosaic in colour has these, with alpha."""
+
+Absent = Mapping[Any, str]
+"""Why frames, by their numbers, or files that could not be read, by their names, are not in the mosaic."""
 
 
 @with_options
@@ -69,10 +72,12 @@ def live(
         session.tell(f"{update.number} {update.name}: {_describe(update)}")
 
     mosaic = LiveMosaic(options, on_frame=report)
+    unusable: dict[str, str] = {}
     frames = read_live_frames(
         source,
         idle_seconds=idle_seconds,
         tell=session.note,
+        unusable=unusable,
         made=(output, preview),
         band=options.band,
         recursive=options.recursive,
@@ -88,7 +93,7 @@ def live(
         session.warn(MOVES_WITH_CAMERA)
     target = output if replaces else _find_unused(output)
     try:
-        delivery, absent = _write(mosaic, target, form, overwrite=overwrite, strict=strict)
+        delivery, absent = _write(mosaic, unusable, target, form, overwrite=overwrite, strict=strict)
     except RegistrationError:
         # Nothing is left behind that a second run would not overwrite.
         preview.unlink(missing_ok=True)
@@ -124,19 +129,26 @@ def _find_unused(output: Path) -> Path:
 
 
 def _write(
-    mosaic: LiveMosaic, output: Path, form: OutputForm, *, overwrite: bool, strict: bool
-) -> tuple[Delivery, Mapping[int, str]]:
-    """Compose and write what was placed; also returns the frames that are not in it, with the reasons."""
+    mosaic: LiveMosaic,
+    unusable: Mapping[str, str],
+    output: Path,
+    form: OutputForm,
+    *,
+    overwrite: bool,
+    strict: bool,
+) -> tuple[Delivery, Absent]:
+    """Compose and write what was placed; also returns the frames and files that are not in it, with the reasons."""
     # Without a moving display, which a closed terminal would not take.
     session.tell("writing")
     on_absent = partial(report_absent, strict=strict)
     with mosaic.open_plan(session.note) as plan:
-        on_absent(mosaic.left_out)
+        lost: Absent = {**mosaic.left_out, **unusable}
+        on_absent(lost)
         (delivery,) = plan.write(output, form, overwrite=overwrite, on_absent=on_absent)
-        return delivery, mosaic.left_out | delivery.flight.absent_from(delivery.layout)
+        return delivery, {**lost, **delivery.flight.absent_from(delivery.layout)}
 
 
-def _show(delivery: Delivery, absent: Mapping[int, str], mosaic: LiveMosaic, pace: Pace) -> None:
+def _show(delivery: Delivery, absent: Absent, mosaic: LiveMosaic, pace: Pace) -> None:
     if not mosaic.left_out_moving and (still := describe_moving(delivery.flight)):
         session.warn(still)
     (width_px, height_px), count = delivery.composition.size, len(delivery.composition.placements)
@@ -159,7 +171,7 @@ def show_notes(delivery: Delivery, path: Path) -> None:
         session.tell(f"note: {delivery.map_note}")
 
 
-def report_absent(absent: Mapping[int, str], *, strict: bool) -> None:
+def report_absent(absent: Absent, *, strict: bool) -> None:
     """Warn of what the mosaic does not contain, by the reasons, before anything is written.
 
     Raises

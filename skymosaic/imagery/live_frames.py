@@ -48,6 +48,7 @@ def read_live_frames(
     *,
     idle_seconds: float | None,
     tell: Callable[[str], None],
+    unusable: dict[str, str] | None = None,
     made: Collection[Path] = (),
     band: str | None = None,
     recursive: bool = False,
@@ -64,6 +65,8 @@ def read_live_frames(
         A folder ends when no new picture has appeared for this time; None: never.
     tell : callable
         Receives a line per file that cannot be used, per note about a video, and about what else a folder has.
+    unusable : dict
+        Receives why files could not be used, by their names, and loses one that can be used after it has changed.
     made : collection of Path
         Pictures that the caller writes meanwhile, which are no frames even in the folder.
     band : str or None
@@ -89,7 +92,8 @@ def read_live_frames(
             tell(f"note {source}: not read: {unread}")
         own = {resolved(path) for path in made}
         read = partial(list_sources, [source], recursive=recursive)
-        yield from _watch_folder(read, idle_seconds, tell, own, band, keep_damaged=keep_damaged)
+        unusable = {} if unusable is None else unusable
+        yield from _watch_folder(read, idle_seconds, tell, unusable, own, band=band, keep_damaged=keep_damaged)
     else:
         reader = VideoReader(source)
         for frame in select_key_frames(reader, reader.frame_rate, reader.notes.append):
@@ -102,27 +106,32 @@ def _watch_folder(
     read: Callable[[], list[Source]],
     idle_seconds: float | None,
     tell: Callable[[str], None],
+    unusable: dict[str, str],
     made: Collection[Path],
-    band: str | None,
     *,
+    band: str | None,
     keep_damaged: bool,
 ) -> Iterator[LiveFrame]:
     """Yield the pictures of a folder once they are complete, sorted by name; a picture that changes comes again."""
     done: set[tuple[Path, int]] = set()
     last = time.monotonic()
-    while idle_seconds is None or time.monotonic() - last < idle_seconds:
+    while True:
         complete = _complete_pictures(read, band)
         new = [version for version in complete if version not in done and resolved(version[0]) not in made]
         for path, changed in new:
             done.add((path, changed))
             try:
                 pixels = load(path, keep_damaged=keep_damaged).pixels
+                unusable.pop(str(path), None)
                 yield LiveFrame(str(path), pixels, len(done), read_metadata(path), path)
             except InputError as error:
                 # A slow copy may have paused. If the file changes again, it is read again.
+                unusable[str(path)] = str(error)
                 tell(f"left out: {error}")
         if new:
             last = time.monotonic()
+        elif idle_seconds is not None and time.monotonic() - last >= idle_seconds:
+            return
         else:
             time.sleep(POLL_SECONDS)
 

@@ -148,6 +148,16 @@ def test_a_strict_mosaic_that_lacks_a_frame_leaves_no_preview(run: Run, frames: 
     assert [path.name for path in Path().iterdir()] == ["film.mkv"]
 
 
+def test_a_file_that_cannot_be_read_counts_as_left_out(run: Run, frames: list[np.ndarray]) -> None:
+    (folder := Path("flight")).mkdir()
+    for number, frame in enumerate(frames[:2]):
+        cv2.imwrite(str(folder / f"{number}.png"), frame)
+    (folder / "2.jpg").write_bytes(b"cut off")
+    status, _, errors = run("live", "flight", "-o", "m.png", "--idle-seconds", "1", "--strict")
+    assert (status, "1 left out, and --strict allows none" in errors) == (3, True), errors
+    assert not list(Path().glob("m.*"))
+
+
 def test_a_display_over_nothing_and_over_different_places_is_named(run: Run) -> None:
     display = np.zeros((480, 640, 3), np.uint8)
     with write_video(Path("display.mkv"), Fraction(25)) as write:

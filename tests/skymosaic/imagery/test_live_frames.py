@@ -19,5 +19,22 @@ def test_a_folder_may_be_named_by_a_year(tmp_path: Path, monkeypatch: pytest.Mon
     (folder := Path("2024")).mkdir()
     save(folder / "1.png", np.zeros((64, 64), np.uint8))
     monkeypatch.setattr("skymosaic.imagery.live_frames.SETTLED_SECONDS", 0)
-    frame = next(read_live_frames("2024", idle_seconds=9, tell=lambda _line: None))
+    # Without waiting for more, what is there already comes nevertheless.
+    (frame,) = read_live_frames("2024", idle_seconds=0, tell=lambda _line: None)
     assert frame.name == str(folder / "1.png")
+
+
+def test_a_file_that_is_complete_at_last_is_no_longer_unusable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("skymosaic.imagery.live_frames.SETTLED_SECONDS", 0)
+    for name in ("1.png", "2.png", "3.png"):
+        save(tmp_path / name, np.zeros((64, 64), np.uint8))
+    for name in ("1.png", "3.png"):
+        (tmp_path / name).write_bytes(b"half of it")
+    unusable: dict[str, str] = {}
+    frames = read_live_frames(str(tmp_path), idle_seconds=0, tell=lambda _line: None, unusable=unusable)
+    next(frames)
+    assert list(unusable) == [str(tmp_path / "1.png")]
+    save(tmp_path / "1.png", np.zeros((64, 64), np.uint8))
+    list(frames)
+    assert list(unusable) == [str(tmp_path / "3.png")]
+    assert unusable[str(tmp_path / "3.png")].startswith(f"{tmp_path / '3.png'}: not an image")
