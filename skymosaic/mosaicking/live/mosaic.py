@@ -133,9 +133,12 @@ class LiveMosaic:
     def left_out(self) -> dict[int, str]:
         """Numbers of the frames that are not in the mosaic, with the reasons."""
         inside = self._mosaic.frames
+        parts = [submap.frames for submap in self._submaps if len(submap.frames) > 1]
+        why = "in another part of {} frames, which nothing joins to this one"
+        apart = {number: why.format(len(part)) for part in parts for number in part}
+        outside = [(number, *frame) for number, frame in enumerate(self._frames) if number not in inside]
         default = "does not overlap the mosaic"
-        outside = [(number, frame) for number, frame in enumerate(self._frames) if number not in inside]
-        return {number: f"{name}: {reason or default}" for number, (name, reason) in outside}
+        return {number: f"{name}: {reason or apart.get(number, default)}" for number, name, reason in outside}
 
     @property
     def place(self) -> MapPlace:

@@ -132,6 +132,15 @@ def test_submaps_join_once_a_frame_overlaps_both(
     assert pair_errors_px(placed, flight).max() < 1.0
 
 
+def test_frames_of_another_part_are_said_to_be_there(frames: list[NDArray[np.uint8]]) -> None:
+    live = LiveMosaic(config=CONFIG)
+    # Nothing links mirrored ground.
+    for frame in (*frames[:3], *(np.ascontiguousarray(frame[:, ::-1]) for frame in frames[:2])):
+        live.add(frame)
+    assert set(live.transforms) == {0, 1, 2}
+    assert all("in another part of 2 frames, which nothing joins" in live.left_out[number] for number in (3, 4))
+
+
 def elsewhere() -> NDArray[np.uint8]:
     """A frame that overlaps no other."""
     grain = np.random.default_rng(1).integers(0, 256, (360, 480, 3), dtype=np.uint8)
