@@ -112,6 +112,33 @@ def test_events_stay_until_cleared_and_interrupt_where_masked_in() -> None:
     simulate(testbench)
 
 
+@pytest.mark.parametrize("event", [field.name for field in fields(Access.EVENT)])
+def test_each_event_interrupts_under_its_own_mask(event: str) -> None:
+    async def testbench(ctx: Any, registers: Any) -> None:
+        ctx.set(getattr(registers, f"i_{event}"), 1)
+        await ctx.tick()
+        bit = 1 << next(field.low for field in fields(Access.EVENT) if field.name == event)
+        for mask, interrupts in ((7 & ~bit, 0), (bit, 1)):
+            await write(ctx, registers.bus, OFFSETS["IRQ_MASK"], mask)
+            assert ctx.get(registers.o_interrupt) == interrupts
+
+    simulate(testbench)
+
+
+def test_a_byte_without_strobe_clears_no_event_and_commands_nothing() -> None:
+    async def testbench(ctx: Any, registers: Any) -> None:
+        bus = registers.bus
+        ctx.set(registers.i_frame_done, 1)
+        await ctx.tick()
+        ctx.set(registers.i_frame_done, 0)
+        await write(ctx, bus, OFFSETS["IRQ_STATUS"], 0b111, strobe=0b1110)
+        assert await read(ctx, bus, OFFSETS["IRQ_STATUS"]) == (0b001, Response.OKAY)
+        await write(ctx, bus, OFFSETS["REFERENCE"], 1, strobe=0b1110)
+        assert await read(ctx, bus, OFFSETS["REFERENCE"]) == (0, Response.OKAY)
+
+    simulate(testbench)
+
+
 def test_an_event_in_the_clock_that_clears_it_is_kept() -> None:
     async def testbench(ctx: Any, registers: Any) -> None:
         ctx.set(registers.i_frame_bad, 1)  # in every clock, the clearing one included
@@ -135,11 +162,29 @@ def test_a_request_stands_until_it_is_obeyed_and_a_command_is_one_clock() -> Non
     simulate(testbench)
 
 
+def test_a_request_in_the_clock_that_obeys_the_one_before_is_kept() -> None:
+    registers = RegisterFile(constants=CONSTANTS)
+    pending: list[int] = []
+
+    async def request(ctx: Any) -> None:
+        ctx.set(registers.i_take_reference, 1)  # in every clock, that of the write included
+        await write(ctx, registers.bus, OFFSETS["REFERENCE"], 1)
+        await ctx.tick().repeat(3)
+
+    async def watch(ctx: Any) -> None:
+        async for *_, requested in ctx.tick().sample(registers.o_take_reference):
+            pending.append(requested)
+
+    BlockBench(registers).run(request, background=[watch])
+    assert sum(pending) == 1
+
+
 def test_clear_is_a_pulse_of_one_clock() -> None:
     registers = RegisterFile(constants=CONSTANTS)
     clocks: list[int] = []
 
     async def clear_registers(ctx: Any) -> None:
+        await write(ctx, registers.bus, OFFSETS["CONTROL"], 1 << 8, strobe=0b1101)
         await write(ctx, registers.bus, OFFSETS["CONTROL"], 1 << 8)
         await ctx.tick().repeat(5)
 
