@@ -37,7 +37,10 @@ def transfer(seed: int, pixels: int = WIDTH_PX * HEIGHT_PX) -> list[tuple[int, i
 def admit(
     pixels: list[Any], pauses: Pauses = NO_PAUSES, *, width_px: int = WIDTH_PX, pixels_per_clock: int = 1, **inputs: int
 ) -> list[Any]:
-    """Frames ``(causes, [(x, y, data), ...])`` that come out; ``pauses.stalls`` hold the admission of pixels."""
+    """Frames ``(causes, [(x, y, data), ...])`` that come out; ``pauses.stalls`` hold the admission of pixels.
+
+    Between pixels, a dictionary changes inputs.
+    """
     closing_px = CLOSING_PX * pixels_per_clock
     dut = FrameAdmission(closing_lines=CLOSING_LINES, closing_px=closing_px, pixels_per_clock=pixels_per_clock)
     frames, beats = [], []
@@ -52,6 +55,12 @@ def admit(
         waiting, cycle, last_taken = list(pixels), 0, 0
         await ctx.tick().repeat(2)
         while waiting or cycle < last_taken + 2 * WIDTH_PX * HEIGHT_PX:
+            if waiting and isinstance(waiting[0], dict):
+                ctx.set(dut.i.valid, 0)
+                for name, value in waiting.pop(0).items():
+                    ctx.set(getattr(dut, name), value)
+                await ctx.tick().repeat(2)
+                continue
             offered = bool(waiting) and not pauses.gap(cycle)
             is_held = pauses.stall(cycle, 1)
             ctx.set(dut.i.valid, offered)
@@ -163,6 +172,15 @@ def test_frames_with_impossible_settings_are_refused(pauses: Pauses) -> None:
     video = frame(1) + frame(2)
     assert admit(video, pauses, i_acceptable=0) == [refused, refused]
     assert admit(transfer(1) + transfer(2), pauses, i_acceptable=0, i_memory_mode=1) == [refused, refused]
+    # Of a size that is impossible, no lines can be counted.
+    assert admit(frame(1) + 2 * frame(2, without_start=True) + frame(3), pauses, i_acceptable=0) == [refused, refused]
+
+
+def test_a_refused_transfer_that_breaks_off_is_forgotten_in_video_mode() -> None:
+    broken, repaired = transfer(1)[:3], {"i_memory_mode": 1, "i_acceptable": 1}
+    pixels = [*broken, {"i_memory_mode": 0}, repaired, *transfer(2)]
+    found = admit(pixels, i_acceptable=0, i_memory_mode=1)
+    assert found == [(Cause.INVALID_SETTINGS, []), good(transfer(2))]
 
 
 PAIRED_PX = 2 * WIDTH_PX

@@ -116,3 +116,32 @@ def test_a_clear_closes_the_packet_under_way_and_the_next_one_is_whole(taken: in
         assert not any(words[kept:-RECORD_WORDS])
     else:
         assert taken <= 1 or not passes
+
+
+def test_a_packet_that_ends_in_the_clock_of_a_clear_is_whole_and_not_told() -> None:
+    dut = PacketGate(record_bytes=RECORD_WORDS * WORD_BYTES)
+    bench = BlockBench(dut, settings={"i_enable": 1}, cycle_limit=100)
+    received: list[list[int]] = []
+    done: list[int] = []
+    both = [0]
+
+    async def run(ctx: Any) -> None:
+        await send(ctx, bench, packet(1, 1))
+        await bench.pulse(ctx, dut.i_clear)
+        await send(ctx, bench, packet(1, 2))
+        await ctx.tick().repeat(5)
+
+    async def watch(ctx: Any) -> None:
+        leaves = dut.o.valid & dut.o.ready & dut.o.payload.last
+        async for *_, meets, ends, status in ctx.tick().sample(dut.i_clear & leaves, dut.o_done, dut.o_status):
+            both[0] += meets
+            if ends:
+                done.append(status.frame)
+
+    async def sink(ctx: Any) -> None:
+        await take(ctx, bench, received)
+
+    bench.run(run, background=[watch, sink])
+    assert both == [1]
+    assert received == [packet(1, 1), packet(1, 2), []]
+    assert done == [2]
