@@ -1,5 +1,6 @@
 """The crossing loses no pixel unsaid, and the gate passes whole frames or says why not; one row for each reason."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -8,7 +9,7 @@ from amaranth.sim import Simulator
 
 from hdl.registers.shell_register_map import Reason
 from hdl.shell.camera import CameraCrossing, CameraGate
-from tests.hdl.block_bench import CLOCK_S, BlockBench
+from tests.hdl.block_bench import CLOCK_S, BlockBench, Testbench
 
 WIDTH_PX, HEIGHT_PX = 6, 3
 Beat = dict[str, int]
@@ -33,9 +34,12 @@ class GateBench:
         self.passed: dict[int, list[int]] = {}
         self.admitted: list[int] = []
         self.values: dict[str, int] = {}
+        self.last_drop: tuple[int, int] | None = None
         self.drops = 0
 
-    def run(self, beats: list[Beat], *, ready: int = 1, off: int | None = None) -> None:
+    def run(
+        self, beats: list[Beat], *, ready: int = 1, off: int | None = None, others: Sequence[Testbench] = ()
+    ) -> None:
         """Send beats; before the one with the number ``off`` the gate is switched off."""
 
         async def camera(ctx: Any) -> None:
@@ -48,8 +52,10 @@ class GateBench:
             await ctx.tick()
             names = ("frames", "dropped", "cut", "reason")
             self.values = {name: ctx.get(getattr(self.gate, f"o_{name}")) for name in names}
+            last = ctx.get(self.gate.o_last_drop)
+            self.last_drop = (last.number, last.time)
 
-        self.bench.run(camera, background=[self._watch])
+        self.bench.run(camera, background=[self._watch, *others])
 
     async def _watch(self, ctx: Any) -> None:
         gate = self.gate
@@ -83,9 +89,10 @@ def test_whole_frames_pass_and_are_numbered() -> None:
     ],
 )
 def test_a_frame_is_dropped_whole_for_a_reason(settings: dict[str, int], reason: Reason, drops: int) -> None:
-    bench = GateBench(**settings)
+    bench = GateBench(i_time=77, **settings)
     bench.run([*frame(1), *frame(2)])
     assert not bench.passed
+    assert bench.last_drop == (2, 77)
     assert bench.values == {"frames": 2, "dropped": 2, "cut": 0, "reason": reason}
     assert bench.drops == drops
 
@@ -128,6 +135,19 @@ def test_a_gate_that_is_switched_off_cuts_the_frame_under_way_and_reports_no_dro
     assert bench.passed == {1: WHOLE, 2: list(range(7))}
     assert bench.values == {"frames": 2, "dropped": 0, "cut": 1, "reason": 0}
     assert bench.drops == 0
+
+
+def test_the_buffers_of_a_frame_are_counted_before_the_next_one_is_admitted() -> None:
+    """However short that frame is: what the shell has counted reaches the gate a clock later."""
+    bench = GateBench()
+
+    async def take_the_last(ctx: Any) -> None:
+        await ctx.tick().until(bench.gate.o_admits)
+        ctx.set(bench.gate.i_has_room, 0)
+
+    bench.run([*frame(1, width=1, height=1), *frame(2)], others=[take_the_last])
+    assert bench.passed == {1: [0]}
+    assert bench.values == {"frames": 2, "dropped": 1, "cut": 1, "reason": Reason.NO_BUFFER}
 
 
 def test_after_a_frame_with_too_many_lines_one_is_dropped() -> None:

@@ -18,6 +18,13 @@ from tests.hdl.shell.axi_memory import AxiMemory
 RECORD_WORDS, MAX_WORDS = 4, 400
 SLOTS, BASE = 3, 0x7_0000_1000
 UNTOUCHED = 0xA5
+START = 5000
+"""The clocks since reset when the ring begins."""
+
+
+def frame_time(number: int) -> int:
+    """When a packet's frame started, 500 clocks before the ring."""
+    return START - 500 - 7 * number
 
 
 class RingBench:
@@ -31,6 +38,7 @@ class RingBench:
         self.bench = BlockBench(self.dut, settings=settings, pauses=Pauses(gaps=gaps, seed=3), cycle_limit=20_000)
         self.reads = reads
         self.delivered: list[tuple[np.void, list[int]]] = []
+        self.times: list[int] = []
         self.ended = self.lost = self.errors = 0
 
     def run(
@@ -39,9 +47,13 @@ class RingBench:
         *,
         off: tuple[int, ...] = (),
         pause_clocks: int = 3,
+        infos: int | None = None,
         others: Sequence[Testbench] = (),
     ) -> None:
-        """Send packets one behind the other; while those in ``off`` are sent, the ring is off."""
+        """Send packets one behind the other; while those in ``off`` are sent, the ring is off.
+
+        Only the first ``infos`` packets belong to a frame.
+        """
 
         async def send(ctx: Any) -> None:
             for number, words in enumerate(packets):
@@ -56,9 +68,9 @@ class RingBench:
             self.lost, self.errors = ctx.get(self.dut.o_lost), ctx.get(self.dut.o_errors)
 
         async def inform(ctx: Any) -> None:
-            for number in range(1, len(packets) + 1):
+            for number in range(1, (len(packets) if infos is None else infos) + 1):
                 # Always there before the packet.
-                ctx.set(self.dut.i_info.payload, {"number": 10 * number, "time": 7 * number})
+                ctx.set(self.dut.i_info.payload, {"number": 10 * number, "time": frame_time(number)})
                 ctx.set(self.dut.i_info.valid, 1)
                 await ctx.tick().until(self.dut.i_info.ready)
             ctx.set(self.dut.i_info.valid, 0)
@@ -86,13 +98,14 @@ class RingBench:
         await ctx.tick().repeat(3)
 
     async def _host(self, ctx: Any) -> None:
-        time = before = 0
+        time, before = START, 0
         async for *_, ended, written in ctx.tick().sample(self.dut.o_ended, self.dut.o_written):
             time += 1
             self.ended += ended
             ctx.set(self.dut.i_time, time)
             if written > before:
                 self.delivered.append(self.slot(before % SLOTS))
+                self.times.append(time)
             before = written
             ctx.set(self.dut.i_full, not self.reads and ctx.get(self.dut.o_written) >= SLOTS)
 
@@ -122,11 +135,12 @@ def test_packets_of_any_length_arrive_with_their_headers(rules: dict[str, Any]) 
     bench.run(packets)
     assert [words for _, words in bench.delivered] == packets
     for n, ((header, words), sent) in enumerate(zip(bench.delivered, packets, strict=True), 1):
-        assert (int(header["sequence"]), int(header["number"]), int(header["time"])) == (n, 10 * n, 7 * n)
+        assert (int(header["sequence"]), int(header["number"]), int(header["time"])) == (n, 10 * n, frame_time(n))
         assert (int(header["length_bytes"]), int(header["flags"])) == (len(words) * WORD_BYTES, 0)
         # The first word of the last record.
         assert int(header["status"]) == sent[-RECORD_WORDS]
-        assert 0 < int(header["clocks"]) < 20_000
+        # The header's own way takes some more.
+        assert -200 < frame_time(n) + int(header["clocks"]) - bench.times[n - 1] < 0
 
 
 def test_what_waits_for_the_memory_does_not_change_when_the_next_packet_comes() -> None:
@@ -158,6 +172,32 @@ def test_a_packet_that_is_too_long_is_cut_and_flagged() -> None:
     written = bench.memory.bytes[HEADER_BYTES:PAGE_BYTES].view("<u8").tolist()
     assert written == packet(150, 1)[:room_words]
     assert bench.delivered[1][1] == packet(2, 2)
+
+
+def test_a_packet_of_no_frame_has_neither_number_nor_time() -> None:
+    bench = RingBench()
+    bench.run([packet(2, 1), packet(2, 2)], infos=1)
+    headers = [header for header, _ in bench.delivered]
+    assert [(int(each["number"]), int(each["time"])) for each in headers] == [(10, frame_time(1)), (0, 0)]
+
+
+def test_a_ring_is_active_to_the_end_of_a_packet_that_began_as_it_was_switched_off() -> None:
+    """Longer than its slot, so that most of it is discarded before its header."""
+    bench = RingBench()
+    active: list[int] = []
+
+    async def switch_off(ctx: Any) -> None:
+        while not ctx.get(bench.dut.i_info.ready):
+            await ctx.tick()
+        ctx.set(bench.dut.i_enable, 0)
+        async for *_, is_active in ctx.tick().sample(bench.dut.o_active):
+            active.append(is_active)
+
+    bench.run([packet(150, 1)], others=[switch_off])
+    ((header, _),) = bench.delivered
+    assert int(header["flags"]) == HeaderFlag.OVERLONG
+    assert active == sorted(active, reverse=True)
+    assert active.index(0) > 600
 
 
 def test_without_a_free_slot_a_packet_is_lost_and_counted() -> None:
