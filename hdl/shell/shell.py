@@ -209,7 +209,7 @@ class Shell(wiring.Component):
         return has_room, Mux(enable, faults, 0)
 
     def _watch(self, m: Module, tick: Value) -> None:
-        """Report that the camera has stopped when no pixel has come for ``camera_timeout``."""
+        """Report that the camera has stopped when no pixel has come for longer than ``camera_timeout``."""
         registers, stopped = self._registers, self._registers.i_camera_stopped
         idle = Signal(registers.o_camera_timeout.shape())
         m.d.sync += registers.i_camera_stops.eq(0)
@@ -217,8 +217,8 @@ class Shell(wiring.Component):
             m.d.sync += [idle.eq(0), stopped.eq(0)]
         with m.Elif(tick & registers.o_camera_timeout.any() & ~stopped):
             m.d.sync += idle.eq(idle + 1)
-            # Not ==: software may shorten the time while it runs.
-            with m.If(idle + 1 >= registers.o_camera_timeout):
+            # At least `idle` units have passed since the first of its ticks. Not ==: software may shorten the time.
+            with m.If(idle >= registers.o_camera_timeout):
                 m.d.sync += [stopped.eq(1), registers.i_camera_stops.eq(registers.o_enable)]
 
     def _coalesce(self, m: Module, tick: Value, forgets: Value) -> None:
@@ -237,6 +237,7 @@ class Shell(wiring.Component):
         with m.If(fires):
             m.d.sync += [pending.eq(complete), waited.eq(0)]
         with m.Else():
-            m.d.sync += pending.eq(pending + (complete & ~pending.all()))
+            # At its largest value it fires, whatever the count.
+            m.d.sync += pending.eq(pending + complete)
             with m.If(pending.any() & tick):
                 m.d.sync += waited.eq(waited + 1)

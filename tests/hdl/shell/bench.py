@@ -198,7 +198,10 @@ class ShellBench:
                 ctx.set(getattr(self.registers, f"o_{name}"), value)
 
     async def _accelerator(self, ctx: Any) -> None:
-        """Takes pixels; makes a good frame of whole ones, and a bad one of a frame that the next one cuts off."""
+        """Takes pixels; makes a good frame of whole ones, and a bad one of a frame that the next one cuts off.
+
+        A clear drops the frame under way.
+        """
         video, under_way, ready = self.shell.o_video, False, False
         pixels: list[Any] = []
 
@@ -209,7 +212,9 @@ class ShellBench:
             return now
 
         ready = drive()
-        async for *_, valid, payload in ctx.tick("sync").sample(video.valid, video.payload):
+        sampled = (video.valid, video.payload, self.registers.o_clear)
+        async for *_, valid, payload, clear in ctx.tick("sync").sample(*sampled):
+            under_way &= not clear
             if valid and ready:
                 if payload.first:
                     if under_way:

@@ -10,9 +10,23 @@ from amaranth.lib import wiring
 from hdl.registers.shell_register_map import Reason, Refusal, RingFault
 from hdl.settings import PAGE_BYTES, RINGS, TICK_CLOCKS
 from hdl.shell.painting import Painting
+from hdl.shell.shell import MAX_IN_FLIGHT
 from hdl.shell.slot import HeaderFlag
 from tests.hdl.shell.axi_memory import AxiMemory
-from tests.hdl.shell.bench import BASES, HEIGHT_PX, SLOTS, WIDTH_PX, Run, ShellBench, flight, frame, registers, settings
+from tests.hdl.shell.bench import (
+    BASES,
+    HEIGHT_PX,
+    RECORD_WORDS,
+    SLOTS,
+    SYNC_S,
+    WIDTH_PX,
+    Run,
+    ShellBench,
+    flight,
+    frame,
+    registers,
+    settings,
+)
 
 FRAMES = 6
 PAUSE = [None] * 60
@@ -63,11 +77,14 @@ def test_a_host_that_never_reads_gets_the_oldest_frames_whole() -> None:
 
 def test_settings_that_cannot_work_are_refused() -> None:
     changes = [
-        ({"features_base_low": BASES["features"] + 128 & 0xFFFF_FFFF}, {"refused": Refusal.FEATURES_MISALIGNED}),
-        ({"matches_slots": 1}, {"refused": Refusal.MATCHES_TOO_SMALL}),
-        ({"features_slot_pages": 0}, {"refused": Refusal.FEATURES_TOO_SMALL}),
-        ({"matches_read": 9}, {"refused": Refusal.MATCHES_READ_AHEAD}),
-        ({"memory_mode": 1}, {"refused": Refusal.MEMORY_MODE}),
+        (
+            {"features_base_low": BASES["features"] + 128 & 0xFFFF_FFFF},
+            {"refused": Refusal.FEATURES_MISALIGNED, "features_active": 0},
+        ),
+        ({"matches_slots": 1}, {"refused": Refusal.MATCHES_TOO_SMALL, "matches_active": 0}),
+        ({"features_slot_pages": 0}, {"refused": Refusal.FEATURES_TOO_SMALL, "features_active": 0}),
+        ({"matches_read": 9}, {"refused": Refusal.MATCHES_READ_AHEAD, "matches_active": 1}),
+        ({"memory_mode": 1}, {"refused": Refusal.MEMORY_MODE, "features_active": 1}),
         ({"homographies_base_low": 1}, {"homographies_refused": RingFault.MISALIGNED}),
         ({"homographies_slots": 1}, {"homographies_refused": RingFault.TOO_SMALL}),
         ({"homographies_read": 9}, {"homographies_refused": RingFault.READ_AHEAD}),
@@ -97,6 +114,53 @@ def test_a_ring_is_active_until_nothing_of_it_is_being_written(stuck: bool) -> N
     assert not bench.run.delivered["features"] or not stuck
 
 
+def test_a_ring_that_is_off_needs_no_slots() -> None:
+    off: dict[str, Any] = {f"matches_{name}": 0 for name in ("enable", "slots", "slot_pages")}
+    run = ShellBench(**off).simulate(list(flight(2)), clocks_after=100)
+    assert [len(run.delivered[ring]) for ring in RINGS] == [2, 0, 2]
+
+
+def test_no_more_frames_are_in_flight_than_can_be_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of an accelerator whose packets do not come, and rings that need no slots."""
+    off: dict[str, Any] = {f"{ring}_enable": 0 for ring in RINGS}
+    bench = ShellBench(**off)
+    monkeypatch.setattr(bench, "_emit", lambda pixels, good: None)
+    bench.simulate(list(flight(MAX_IN_FLIGHT + 2, gap=2)), clocks_after=40)
+    assert (bench.values["dropped"], bench.values["dropped_reason"]) == (2, Reason.NO_BUFFER)
+
+
+def test_a_packet_that_belongs_to_no_frame_takes_none_of_their_slots() -> None:
+    bench = ShellBench(reads=False)
+    bench._emit([0], good=0)
+    run = bench.simulate([*PAUSE, *flight(SLOTS - 1)], clocks_after=200)
+    assert bench.values["dropped"] == 0
+    for ring in RINGS:
+        assert [int(bench.slot(ring, n).header["number"]) for n in range(SLOTS)] == list(range(SLOTS))
+        assert len(run.emitted[ring]) == SLOTS
+
+
+def test_a_clear_forgets_the_frame_under_way_and_what_came_of_the_one_before() -> None:
+    """Its number and slot are free again, and a packet that had no counterpart yet completes no other frame."""
+    bench = ShellBench(reads=False, coalesce_count=SLOTS - 1)
+    told: list[list[int]] = []
+
+    async def watch(ctx: Any) -> None:
+        written = [getattr(bench.registers, f"i_{ring}_written") for ring in RINGS]
+        async for *_, ready in ctx.tick().sample(bench.registers.i_frames_ready):
+            if ready:
+                told.append([ctx.get(each) for each in written])
+
+    # Only one output was as far as this.
+    bench._packets["features"].append([1] * RECORD_WORDS["features"])
+    half, clear = frame(0)[: 2 * WIDTH_PX], [{"clear": 1}, None, {"clear": 0}]
+    beats = [*PAUSE, *half, *PAUSE, *clear, *PAUSE, *flight(SLOTS - 1)]
+    bench.simulate(beats, clocks_after=250, others=[watch])
+    for ring, first in (("features", 1), ("matches", 0), ("homographies", 0)):
+        numbers = [int(bench.slot(ring, n).header["number"]) for n in range(first, first + SLOTS - 1)]
+        assert numbers == list(range(2, SLOTS + 1))
+    assert told == [[SLOTS, SLOTS - 1, SLOTS - 1]]
+
+
 def test_no_homography_waits_for_a_memory_that_hangs() -> None:
     """The bench's sender of homographies does not accept a wait; the estimator would drop records."""
     bench = ShellBench(seed=8)
@@ -120,9 +184,35 @@ def test_error_responses_are_counted_and_no_damaged_packet_passes_for_whole() ->
     assert any(packet.header["flags"] == HeaderFlag.MEMORY_ERROR for packet in packets)
 
 
+UNIT = [None] * 64
+"""A pause of a tick, where one is this short."""
+SHORT_PAUSES = [beat for number in range(8) for beat in (*frame(number), *UNIT)]
+"""A pause for each place of a tick in it."""
+
+
+@pytest.mark.parametrize(
+    ("settings", "beats", "stopped", "stops"),
+    [
+        ({"camera_timeout": 1}, SHORT_PAUSES, 0, 0),
+        ({"camera_timeout": 1}, 2 * UNIT, 1, 1),
+        ({"camera_timeout": 0}, 2 * UNIT, 0, 0),
+        ({"camera_timeout": 1, "enable": 0}, 2 * UNIT, 1, 0),
+        ({"camera_timeout": 9}, [*3 * UNIT, {"camera_stopped": 0, "camera_timeout": 1}, *UNIT], 1, 1),
+    ],
+    ids=["short pauses", "a long one", "never", "nobody asks", "shortened meanwhile"],
+)
+def test_a_pause_longer_than_the_timeout_is_a_stop(
+    monkeypatch: pytest.MonkeyPatch, settings: dict[str, Any], beats: list[Any], stopped: int, stops: int
+) -> None:
+    monkeypatch.setattr("hdl.shell.shell.TICK_CLOCKS", len(UNIT))
+    bench = ShellBench(camera_s=SYNC_S, **settings)
+    run = bench.simulate([*frame(0), *beats, *PAUSE[:8], {"camera_stopped": stopped}, None], clocks_after=1)
+    assert run.events["camera_stops"] == stops
+
+
 def test_a_camera_that_stops_and_resumes_makes_one_bad_frame() -> None:
     whole, half = frame(1), frame(2)[: WIDTH_PX * 2 + 3]
-    bench = ShellBench(camera_timeout=2, coalesce_count=255, coalesce_timeout=1, camera_s=2e-8)
+    bench = ShellBench(camera_timeout=1, coalesce_count=255, coalesce_timeout=1, camera_s=2e-8)
     # In the first pause two ticks pass, in the second one.
     tick = [None] * (TICK_CLOCKS // 2 + 3)
     stops = [*tick, *tick, {"camera_stopped": 1}, *whole, {"camera_stopped": 0}]
@@ -226,8 +316,12 @@ def test_a_clear_waits_for_the_painter() -> None:
         clearing.append(ctx.get(bench.registers.i_clearing))
 
     bench = ShellBench(painting=painting)
-    bench.simulate([*frame(0), *PAUSE, {"clear": 1}, None, {"clear": 0}], clocks_after=400, others=[paint])
+    clear = [{"clear": 1}, None, {"clear": 0}]
+    run = bench.simulate([*frame(0), *PAUSE, *clear, *frame(1)], clocks_after=400, others=[paint])
     assert clearing == [1, 0]
+    # The frame that came meanwhile is none that is reported.
+    assert (bench.values["dropped"], bench.values["dropped_reason"]) == (1, Reason.OFF)
+    assert (len(run.emitted["features"]), run.events["frame_dropped"]) == (1, 0)
 
 
 def test_the_memory_notices_a_broken_rule() -> None:
