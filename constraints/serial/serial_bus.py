@@ -80,13 +80,14 @@ class SerialBus:
         return lengths
 
     def reset(self):
-        """Wait until nothing more comes, and drop everything received."""
+        """Wait until nothing more comes, and drop everything received, and what was lost before."""
         while self._port.read(CHUNK_BYTES):
             pass
         self._forget()
 
     def _forget(self):
         self._bytes = b""
+        self._is_first = True
         self._answers = []
         self._words = {channel: bytearray() for channel in CHANNELS.values()}
         self._complete = {channel: [] for channel in CHANNELS.values()}
@@ -101,7 +102,9 @@ class SerialBus:
                 raise AcceleratorError("the board does not answer; check the port, and load the bitstream")
             self._fetch(1)
         status, data = self._answers.pop(0)
-        if status & LOST:
+        # The first answer after a reset tells of bytes lost before it.
+        is_first, self._is_first = self._is_first, False
+        if status & LOST and not is_first:
             raise AcceleratorError("bytes were lost on the way to the board; send the frame again")
         return data
 

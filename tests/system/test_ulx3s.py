@@ -50,7 +50,6 @@ def programs() -> Iterator[Any]:
 @pytest.mark.parametrize(
     ("answer", "message"),
     [
-        (b"A\x80\0\0\0\0", "bytes were lost"),
         (b"login: ", "not from the accelerator"),
         (b"", "does not answer"),
     ],
@@ -66,6 +65,17 @@ def test_a_port_without_the_accelerator_is_told_in_one_line(
     with pytest.raises(programs("skymosaic_registers").AcceleratorError, match=message):
         bus.read(8)
     assert line.sent == b"R\x08\x00"
+
+
+def test_lost_bytes_are_told_once_and_not_after_a_reset(programs: Any) -> None:
+    """As of a glitch before the port was opened, or in the frame that is to be sent again."""
+    lost, drained = b"A\x80\0\0\0\0", b""
+    bus = programs("serial_bus").SerialBus(Line(lost, lost, drained, lost))
+    assert bus.read(8) == 0
+    with pytest.raises(programs("skymosaic_registers").AcceleratorError, match="bytes were lost"):
+        bus.read(8)
+    bus.reset()
+    assert bus.read(8) == 0
 
 
 def test_packets_that_mix_with_answers_are_sorted(programs: Any) -> None:
