@@ -83,15 +83,15 @@ class Accelerator(Registers):
         first = next(frames)
         self.check_frame(first.shape)
         self._recover()
-        # The order of the fields: CONTROL is written last, since `enable` starts the accelerator.
         self.write(
             **settings,
             memory_mode=1,
             gray_input=int(first.ndim == 2),
             **{channel + "_enable": 1 for channel in CHANNELS},
             hold_reference=int(hold_reference),
-            enable=1,
         )
+        # Alone, since it starts the accelerator: the fields above are in several registers.
+        self.write(enable=1)
         size_px = settings["width_px"], settings["height_px"]
         return [self._run_one(frame, size_px) for frame in itertools.chain([first], frames)]
 

@@ -43,7 +43,7 @@ class Line:
 
 @pytest.fixture(scope="module")
 def programs() -> Iterator[Any]:
-    with host_programs(BUILD) as load:
+    with host_programs(WHOLE) as load:
         yield load
 
 
@@ -96,16 +96,24 @@ def test_packets_that_mix_with_answers_are_sorted(programs: Any) -> None:
 
 
 class BuiltBus:
-    """The constants of a build, and nothing behind them."""
+    """The registers of a build, and nothing behind them; it keeps what is written."""
 
     def __init__(self, register_map: Any) -> None:
+        self.written: list[tuple[int, int]] = []
         self._words: dict[int, int] = {}
         for name, value in register_map.BUILT.items():
             offset, low, _ = register_map.FIELDS[name]
             self._words[offset] = self._words.get(offset, 0) | value << low
 
     def read(self, offset: int) -> int:
-        return self._words[offset]
+        return self._words.get(offset, 0)
+
+    def write(self, offset: int, value: int) -> None:
+        self._words[offset] = value
+        self.written.append((offset, value))
+
+    def reset(self) -> None:
+        pass
 
     def allocate(self, length_bytes: int) -> np.ndarray:
         return np.zeros(length_bytes, np.uint8)
@@ -118,6 +126,19 @@ def test_colour_for_a_gray_input_is_refused_before_anything_is_sent(programs: An
         accelerator.check_frame((64, 64))
         with pytest.raises(driver.AcceleratorError, match=f"{accelerator.video_bits}-bit input takes gray frames only"):
             accelerator.check_frame((64, 64, 3))
+
+
+def test_the_accelerator_is_enabled_when_all_else_is_set(programs: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    register_map = programs("skymosaic_map")
+    bus = BuiltBus(register_map)
+    accelerator = programs("skymosaic_driver").Accelerator(bus)
+    monkeypatch.setattr(accelerator, "_run_one", lambda frame, size_px: None)
+    settings = matched_frame_settings(WHOLE.config, 64, 64, gray_input=True)
+    requested = {name: settings[name] for name in REQUESTED}
+    accelerator.run([np.zeros((64, 64), np.uint8)], requested, hold_reference=True)
+    offset, low, _ = register_map.FIELDS["enable"]
+    assert register_map.FIELDS["homographies_enable"][0] in dict(bus.written)
+    assert [n for n, (at, word) in enumerate(bus.written, 1) if at == offset and word >> low & 1] == [len(bus.written)]
 
 
 @pytest.mark.slow
