@@ -30,7 +30,9 @@ def leaves(name: str, shape: ShapeLike, low: int = 0) -> Iterator[Leaf]:
     try:
         layout = data.Layout.cast(shape)
     except TypeError:
-        yield Leaf(name, low, Shape.cast(shape))
+        # Verilog has no port without bits.
+        if Shape.cast(shape).width:
+            yield Leaf(name, low, Shape.cast(shape))
         return
     for key, field in layout:
         yield from leaves(f"{name}_{key}", field.shape, low + field.offset)

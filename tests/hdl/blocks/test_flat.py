@@ -54,6 +54,11 @@ def test_a_block_has_a_port_for_each_field_and_its_handshake() -> None:
     assert set(block.signature.members) - inputs == {"i_ready", "o", "o_valid"}
 
 
+def test_a_member_without_bits_has_no_port() -> None:
+    empty: wiring.Component = wiring.Component({"i": In(stream.Signature(unsigned(0))), "o": Out(unsigned(0))})
+    assert set(FlatBlock(empty).signature.members) == {"clk", "rst", "i_valid", "i_ready"}
+
+
 def test_two_ports_of_one_name_are_refused() -> None:
     both: wiring.Component = wiring.Component({"i": In(stream.Signature(unsigned(4))), "i_valid": In(1)})
     clocked: wiring.Component = wiring.Component({"clk": In(1)})
