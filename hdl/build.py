@@ -14,6 +14,8 @@ Shell = Literal["streams", "camera", "serial"]
 VIDEO_BITS: dict[Shell, tuple[int, ...]] = {"streams": (32, 24, 8, 48, 16), "camera": (24, 8), "serial": (8,)}
 """Widths of the video input that each shell takes: 24 and 8 for RGB and gray (UG934), 48 and 16 for two pixels per
 clock, 32 for the words of a DMA."""
+MAX_SERIAL_PX = 208 * 2048 - 64
+"""Pixels that wait behind a serial port: bytes in all block RAMs of the ULX3S, without those for commands."""
 LANES = (2, 4, 8, 16, 32, 64, 128)
 
 
@@ -65,6 +67,12 @@ class Build:
         check_rule_base(self.config.front_end.pattern, self.config.matcher)
         check_choice("shell", self.shell, tuple(VIDEO_BITS))
         check_choice(f"`video_bits` with shell {self.shell!r}", self.video_bits, VIDEO_BITS[self.shell])
+        area_px = self.max_width_px * self.max_height_px
+        if self.shell == "serial" and area_px > MAX_SERIAL_PX:
+            raise ValueError(
+                f"`max_width_px` times `max_height_px` is {area_px:,}; with shell 'serial' a whole frame waits in the "
+                f"board's block RAM, which holds {MAX_SERIAL_PX:,} at most"
+            )
         needed_px = self.config.front_end.min_hardware_border_px(self.pixels_per_clock)
         if self.config.front_end.border_px < needed_px:
             raise ValueError(

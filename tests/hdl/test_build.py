@@ -30,6 +30,11 @@ WITH_16_FEATURES = Config(front_end=FrontEndConfig(max_features=16))
         ({"video_bits": 12}, "`video_bits` with shell 'streams' is 12; valid: 32, 24, 8, 48, 16"),
         ({"shell": "camera"}, "`video_bits` with shell 'camera' is 32; valid: 24, 8"),
         ({"shell": "serial"}, "`video_bits` with shell 'serial' is 32; valid: 8"),
+        (
+            {"shell": "serial", "video_bits": 8, "max_width_px": 710, "max_height_px": 600},
+            "`max_width_px` times `max_height_px` is 426,000; with shell 'serial' a whole frame waits in the board's "
+            "block RAM, which holds 425,920 at most",
+        ),
         ({"shell": "shell"}, "shell is 'shell'; valid: streams, camera, serial"),
         ({"painter": True, "config": WITH_ESTIMATOR}, "painter needs the shell 'camera' and an estimator"),
         ({"painter": True, "shell": "camera", "video_bits": 8}, "painter needs the shell 'camera' and an estimator"),
