@@ -16,6 +16,7 @@ from hdl.axi.axi_lite import AxiLiteSubordinate
 from hdl.serial import link
 from hdl.serial.link import Command, Message, SerialLink
 from hdl.serial.uart import UartReceiver, UartTransmitter
+from tests.hdl.block_bench import BlockBench
 
 CLOCKS_PER_BIT = 4
 BYTE_CLOCKS = 10 * CLOCKS_PER_BIT
@@ -182,3 +183,27 @@ def test_words_of_all_packets_are_told_apart_and_an_answer_overtakes_them() -> N
 def test_a_byte_without_stop_bit_is_dropped_and_reported_once() -> None:
     received, _ = talk([0, *command(Command.READ, 8), *command(Command.READ, 8)], answers=12, stop_bits=False)
     assert received == answer(0, status=0x80) + answer(0)
+
+
+def test_a_byte_lost_as_an_answer_leaves_is_told_by_the_next_one() -> None:
+    dut = SerialLink()
+    bench = BlockBench(dut, cycle_limit=200)
+    found: list[int] = []
+
+    async def run(ctx: Any) -> None:
+        ctx.set(dut.control.rvalid, 1)
+        for byte in command(Command.READ, 8):
+            await bench.stream_put(ctx, dut.i, byte)
+        ctx.set(dut.i_lost, 1)
+        # Until and in the clock in which the answer is taken over.
+        await bench.wait_until_low(ctx, ~dut.o.valid)
+        ctx.set(dut.i_lost, 0)
+        for byte in command(Command.READ, 8):
+            await bench.stream_put(ctx, dut.i, byte)
+
+    async def receive(ctx: Any) -> None:
+        for _ in range(12):
+            found.append(await bench.stream_get(ctx, dut.o))
+
+    bench.run(run, receive)
+    assert found == answer(0, status=0x80) + answer(0, status=0x80)

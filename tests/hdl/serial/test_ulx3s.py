@@ -16,6 +16,7 @@ from hdl.axi.axi_lite import AXI_LITE
 from hdl.axi.video_input import VideoPayload
 from hdl.build import BUILDS, Build
 from hdl.serial import ulx3s
+from hdl.serial.link import Command
 from hdl.streams import WordPayload
 
 BUILD = dataclasses.replace(BUILDS["tiny"], shell="serial", video_bits=8)
@@ -63,6 +64,12 @@ def test_each_light_has_its_place_and_the_button_resets(monkeypatch: pytest.Monk
 
     async def run(ctx: Any) -> None:
         ctx.set(dut.ftdi_txd, 1)
+        # The configuration of the board begins with a reset.
+        for _ in range(ulx3s.RESET_CLOCKS):
+            assert ctx.get(idle.i_reset)
+            await ctx.posedge(dut.clk_25mhz)
+            await ctx.delay(1e-9)
+        assert not ctx.get(idle.i_reset)
         for n, signal in ((0, idle.registers.o_enable), (2, idle.o_features.valid), (3, idle.o_matches.valid)):
             ctx.set(signal, 1)
             await ctx.posedge(dut.clk_25mhz)
@@ -78,5 +85,34 @@ def test_each_light_has_its_place_and_the_button_resets(monkeypatch: pytest.Monk
         for _ in range(8):
             await ctx.posedge(dut.clk_25mhz)
         assert ctx.get(idle.i_reset)
+
+    simulate(dut, run)
+
+
+def test_a_whole_frame_and_its_commands_wait_and_one_byte_more_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    frame_px, space, clocks_per_bit = 4 * 3, 4, 4
+    monkeypatch.setattr(ulx3s, "Accelerator", IdleAccelerator)
+    monkeypatch.setattr(ulx3s, "COMMAND_SPACE", space)
+    monkeypatch.setattr(ulx3s, "CLOCKS_PER_BIT", clocks_per_bit)
+    dut = ulx3s.Ulx3s(BUILD)
+    build = SimpleNamespace(max_width_px=4, max_height_px=3, outputs=("features", "matches"))
+    monkeypatch.setattr(dut.accelerator, "build", build)
+
+    async def send(ctx: Any, byte: int) -> None:
+        for bit in (0, *(byte >> n & 1 for n in range(8)), 1, 1):
+            ctx.set(dut.ftdi_txd, bit)
+            for _ in range(clocks_per_bit):
+                await ctx.posedge(dut.clk_25mhz)
+
+    async def run(ctx: Any) -> None:
+        ctx.set(dut.ftdi_txd, 1)
+        for _ in range(ulx3s.RESET_CLOCKS):
+            await ctx.posedge(dut.clk_25mhz)
+        # The accelerator takes no pixel: all behind the command wait.
+        for byte in (Command.PIXELS, 0xFF, 0xFF, *range(frame_px + space)):
+            await send(ctx, byte)
+        assert ctx.get(dut.led) == 0
+        await send(ctx, 0)
+        assert ctx.get(dut.led) == 1 << 1
 
     simulate(dut, run)
