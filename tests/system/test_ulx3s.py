@@ -96,7 +96,7 @@ def test_packets_that_mix_with_answers_are_sorted(programs: Any) -> None:
 
 
 class BuiltBus:
-    """The registers of a build, and nothing behind them; it keeps what is written."""
+    """The registers of a build, and nothing behind them; it keeps what is written, and resets as writes to -1."""
 
     def __init__(self, register_map: Any) -> None:
         self.written: list[tuple[int, int]] = []
@@ -113,7 +113,7 @@ class BuiltBus:
         self.written.append((offset, value))
 
     def reset(self) -> None:
-        pass
+        self.written.append((-1, 0))
 
     def allocate(self, length_bytes: int) -> np.ndarray:
         return np.zeros(length_bytes, np.uint8)
@@ -126,6 +126,32 @@ def test_colour_for_a_gray_input_is_refused_before_anything_is_sent(programs: An
         accelerator.check_frame((64, 64))
         with pytest.raises(driver.AcceleratorError, match=f"{accelerator.video_bits}-bit input takes gray frames only"):
             accelerator.check_frame((64, 64, 3))
+
+
+def test_sizes_beyond_the_build_and_frames_beyond_a_transfer_are_refused(programs: Any) -> None:
+    driver, register_map = programs("skymosaic_driver"), programs("skymosaic_map")
+    accelerator = driver.Accelerator(BuiltBus(register_map))
+    accelerator.check({"width_px": 320, "height_px": 240})
+    with pytest.raises(driver.AcceleratorError, match="width_px is 321; it must be 64 to 320"):
+        accelerator.check({"width_px": 321})
+    # With two pixels per clock, a line of odd width has one more.
+    accelerator.video_bits = 16
+    width_px = register_map.MAX_TRANSFER_BYTES // 2 | 1
+    accelerator.check_frame((2, width_px - 1))
+    with pytest.raises(driver.AcceleratorError, match=f"has {2 * width_px + 2} bytes, a DMA sends at most"):
+        accelerator.check_frame((2, width_px))
+
+
+def test_what_a_run_has_left_is_cleared_between_two_resets(programs: Any) -> None:
+    driver, register_map = programs("skymosaic_driver"), programs("skymosaic_map")
+    bus = BuiltBus(register_map)
+    accelerator = driver.Accelerator(bus)
+    accelerator._recover()
+    assert [offset for offset, _ in bus.written] == [-1, register_map.FIELDS["clear"][0], -1]
+    offset, low, _ = register_map.FIELDS["clearing"]
+    bus.write(offset, 1 << low)
+    with pytest.raises(driver.AcceleratorError, match="a packet does not end after a clear"):
+        accelerator._recover()
 
 
 def test_the_accelerator_is_enabled_when_all_else_is_set(programs: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -95,6 +95,13 @@ def test_it_is_set_up_before_it_is_switched_on(host: Any) -> None:
     assert host.memory.flushed == [host.memory.address(canvas)]
 
 
+def test_a_request_that_is_pending_is_not_made_again_by_other_fields(host: Any) -> None:
+    host.memory.answers = False
+    host.memory.set("painter_clear", 1)
+    host.registers.write(painter_enable=1)
+    assert (host.memory.get("painter_enable"), host.memory.get("painter_clear")) == (1, 0)
+
+
 def test_a_past_frame_is_an_anchor_of_the_newest(host: Any) -> None:
     """Also where numbers wrap in the records, and past frames that the chip has refused."""
     painter = host.make()

@@ -141,6 +141,19 @@ def test_damaged_packets_are_skipped_and_counted(camera: Camera, fault: dict[str
     assert camera.rings.damaged == 1
 
 
+def test_packets_whose_last_record_is_another_one_are_skipped_and_counted(camera: Camera) -> None:
+    maps = camera.maps
+    lengths = {"features": maps.FEATURE.itemsize, "matches": maps.MATCH.itemsize}
+    for n, (ring, buffer) in enumerate(zip(camera.written, camera.memory.buffers, strict=True)):
+        camera.show(n + 1)
+        slot = buffer.reshape(SLOTS, -1)[n]
+        length = int(slot[: maps.HEADER.itemsize].view(maps.HEADER)[0]["length_bytes"])
+        # The tag of a status, or of a homography.
+        slot[maps.HEADER_BYTES + length - lengths.get(ring, length)] ^= 1
+    assert camera.rings.next_frame(0) is None
+    assert camera.rings.damaged == len(camera.written)
+
+
 def test_a_ring_that_lost_a_packet_does_not_shift_the_others(camera: Camera) -> None:
     camera.deliver("features", 1, 2)
     camera.show(2)
