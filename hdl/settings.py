@@ -1,4 +1,4 @@
-"""The run-time settings of the accelerator, declared once.
+"""The run-time settings of front end, matcher and estimator, declared once; what else software sets is in the maps.
 
 The struct `hdl.streams.FRONT_END_SETTINGS`, the register map, the ports of the simulated front end, the requests to a
 board, and the checks of the exported driver and server come from these declarations. Nothing here imports Amaranth,
@@ -21,8 +21,6 @@ from golden_model.config import (
 )
 from golden_model.formats import RESPONSE_CODE, WEIGHT, encode_response
 from golden_model.geometry.acceptance import CELLS
-from golden_model.painting.pose import MAX_LINKS
-from golden_model.painting.tiles import MAX_TILES
 from golden_model.records import ELEMENTS
 
 FLAG = range(2)
@@ -69,27 +67,7 @@ FRONT_END = (
 """Settings of the front end. Their order is that of the struct and of the ports."""
 
 
-def _mask_setting(event: str) -> Setting:
-    return Setting(f"{event}_mask", FLAG, 0, f"The event {event} interrupts.")
-
-
 KEEP_ABOVE = Setting("keep_above", range(1 << WEIGHT.bits), 64, "A match is kept if its weight (UQ0.8) is larger.")
-
-SETTINGS = {
-    setting.name: setting
-    for setting in (
-        *FRONT_END,
-        KEEP_ABOVE,
-        Setting("enable", FLAG, 0, "Pixels are accepted; 0: they wait at the input."),
-        Setting("features_enable", FLAG, 0, "Features leave; 0: they are discarded at the output."),
-        Setting("matches_enable", FLAG, 0, "Matches leave; 0: they are discarded at the output."),
-        Setting(
-            "hold_reference", FLAG, 0, "Frames are matched with the reference; 0: with the last good, accepted one."
-        ),
-        *(_mask_setting(event) for event in ("frame_done", "matches_done", "frame_bad")),
-    )
-}
-"""Every setting, by name. `hdl.registers.register_map.REGISTERS` gives each its register and bits."""
 
 WORD_VALUES = range(1 << 32)
 ESTIMATION = (
@@ -99,74 +77,16 @@ ESTIMATION = (
     Setting("min_cells", range(CELLS**2 + 1), EstimatorConfig.min_cells, "Cells of 8x8 in which these must lie."),
 )
 """Settings of the estimator, those of `golden_model.config.EstimatorConfig`."""
-ESTIMATOR = {
-    setting.name: setting
-    for setting in (
-        *ESTIMATION,
-        Setting("homographies_enable", FLAG, 0, "Homographies leave; 0: they are discarded at the output."),
-        _mask_setting("homography_done"),
-    )
-}
-"""The settings of a build with an estimator by name; `hdl.registers.register_map` gives each its register and bits."""
 
-RINGS = ("features", "matches", "homographies")
-"""The rings of buffers in memory that a camera build writes, the last one only with an estimator."""
+SETTINGS = {setting.name: setting for setting in (*FRONT_END, KEEP_ABOVE, *ESTIMATION)}
+"""By name; `hdl.registers.register_map` gives each its register and bits. Others are declared in the maps alone."""
+
 PAGE_BYTES = 4096
 """Unit of a ring's base and of its slots; no AXI burst crosses a multiple of it."""
 MIN_SLOTS = 2
 TICK_CLOCKS = 1024
 """Unit of the shell's time limits."""
-_TICKS, _IN_TICKS = range(1 << 16), f"in units of {TICK_CLOCKS} clocks"
-
-
-def _ring_settings(ring: str) -> tuple[Setting, ...]:
-    return (
-        Setting(f"{ring}_base_low", WORD_VALUES, 0, f"Address of the ring, low word: a multiple of {PAGE_BYTES}."),
-        Setting(f"{ring}_base_high", WORD_VALUES, 0, "Address of the ring, high word."),
-        Setting(f"{ring}_slots", range(257), 0, f"Slots of the ring, {MIN_SLOTS} to 256; each holds a packet."),
-        Setting(f"{ring}_slot_pages", range(4097), 0, f"Length of a slot in units of {PAGE_BYTES} bytes."),
-        Setting(f"{ring}_read", WORD_VALUES, 0, "Packets that software has read, whose slots are free again."),
-    )
-
-
 POSE_ELEMENTS = tuple(f"pose_{name}" for name in ELEMENTS)
-_PAINTER = (
-    Setting("painter_enable", FLAG, 0, "Frames are painted onto the canvas."),
-    Setting("painter_replace", FLAG, 0, "Every frame makes a new canvas, as stabilised video needs it."),
-    Setting(
-        "painter_max_links", range(MAX_LINKS + 1), MAX_LINKS, "Homographies that may be composed after a host's pose."
-    ),
-    Setting("canvas_base_low", WORD_VALUES, 0, f"Address of the canvas, low word: a multiple of {PAGE_BYTES}."),
-    Setting("canvas_base_high", WORD_VALUES, 0, "Address of the canvas, high word."),
-    Setting("canvas_columns", range(MAX_TILES + 1), 0, f"Width in tiles of 32 px, 1 to {MAX_TILES}; a page each."),
-    Setting("canvas_rows", range(MAX_TILES + 1), 0, f"Height in tiles, 1 to {MAX_TILES}."),
-    Setting("frames_base_low", WORD_VALUES, 0, f"Address of the first, low word: a multiple of {PAGE_BYTES}."),
-    Setting("frames_base_high", WORD_VALUES, 0, "Address of the first, high word."),
-    Setting(
-        "frames_buffer_pages",
-        range(1 << 20),
-        0,
-        f"From one to the next, in units of {PAGE_BYTES} bytes; enough for rows padded to 128 bytes, four a pixel.",
-    ),
-    Setting("pose_frame", range(1 << 16), 0, "The number of the frame."),
-    *(Setting(name, WORD_VALUES, 0, "As in a Hypothesis record.") for name in POSE_ELEMENTS),
-)
-
-SHELL = {
-    setting.name: setting
-    for setting in (
-        *(setting for ring in RINGS for setting in _ring_settings(ring)),
-        *_PAINTER,
-        # 0.1 s at 150 MHz.
-        Setting("camera_timeout", _TICKS, 15_000, f"Pause that counts as a stopped camera, {_IN_TICKS}; 0: never."),
-        Setting("coalesce_count", range(256), 1, "Frames after which frames_ready is set."),
-        Setting(
-            "coalesce_timeout", _TICKS, 0, f"Time after which fewer frames set frames_ready, {_IN_TICKS}; 0: never."
-        ),
-        *(_mask_setting(event) for event in ("frames_ready", "frame_dropped", "camera_stops", "memory_error")),
-    )
-}
-"""The settings of a camera build's shell by name; `hdl.registers.shell_register_map` gives each a register and bits."""
 
 REQUESTED = ("width_px", "height_px", "cell_log2", "per_cell", "detector", "threshold_code", "keep_above")
 """Settings that a request to a board's server contains. The driver sets the others, ``gray_input`` from the frames."""

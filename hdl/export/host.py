@@ -13,9 +13,9 @@ from hdl.build import Build
 from hdl.export.boards import SOURCES
 from hdl.export.ip_xact import VLNV
 from hdl.export.register_docs import NAME
-from hdl.registers.register_map import Access, Field, built_constants, fields
+from hdl.registers.register_map import Access, built_constants, fields
 from hdl.registers.shell_register_map import list_registers
-from hdl.settings import ESTIMATION, ESTIMATOR, FLAG, PAGE_BYTES, REQUESTED, SETTINGS, SHELL
+from hdl.settings import ESTIMATION, PAGE_BYTES, REQUESTED
 from hdl.shell.slot import HEADER, HEADER_BYTES
 from hdl.templates import render
 
@@ -53,7 +53,7 @@ def driver_map(build: Build) -> str:
         name=NAME,
         core=VLNV,
         fields={f.name: (r.offset, f.low, f.bits) for r in registers for f in r.fields},
-        writable={f.name: _valid_range(f) for f in written},
+        writable={f.name: (f.values[0], f.values[-1]) for f in written},
         requested=REQUESTED,
         estimation=tuple(setting.name for setting in ESTIMATION),
         built=constants,
@@ -66,12 +66,6 @@ def driver_map(build: Build) -> str:
         max_element=ENTRY.max_raw,
         records={name: (each.tag.value, _describe_dtype(each.dtype)) for name, each in records.items()},
     )
-
-
-def _valid_range(field: Field) -> tuple[int, int]:
-    """Smallest and largest value that may be written into a field."""
-    values = (SETTINGS | ESTIMATOR | SHELL)[field.name].values if field.access is Access.SETTING else FLAG
-    return values[0], values[-1]
 
 
 def _describe_dtype(dtype: np.dtype[np.void]) -> dict[str, object]:

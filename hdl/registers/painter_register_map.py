@@ -2,11 +2,12 @@
 
 import enum
 
-from golden_model.painting.pose import PoseCause
-from hdl.registers.register_map import Access, Field, Register, list_values, setting_field, status_word
-from hdl.settings import POSE_ELEMENTS
+from golden_model.painting.pose import MAX_LINKS, PoseCause
+from golden_model.painting.tiles import MAX_TILES
+from hdl.registers.register_map import Access, Field, Register, base_words, list_values, new_setting, status_word
+from hdl.settings import PAGE_BYTES, POSE_ELEMENTS, WORD_VALUES
 
-_STATUS = Access.STATUS
+_STATUS, _SETTING = Access.STATUS, Access.SETTING
 
 
 class PainterFault(enum.IntFlag):
@@ -35,25 +36,34 @@ PAINTER_REGISTERS = (
         "keeps them until it is off and idle. Switched off, it finishes the frame that is being painted, and gives up "
         "all others; the canvas and what is known of poses stay. The numbers of frames in its registers are the lower "
         "half of those in the records: from 0 on since clear.",
-        setting_field("painter_enable", 0),
-        setting_field("painter_replace", 1),
+        Field("painter_enable", 0, 1, _SETTING, "Frames are painted onto the canvas."),
+        Field("painter_replace", 1, 1, _SETTING, "Every frame makes a new canvas, as stabilised video needs it."),
         Field(
             "painter_clear", 2, 1, Access.REQUEST,
             "Forget the canvas and all poses; obeyed when nothing is being painted. The host clears the memory, and "
             "waits for `painter_idle`: forgetting takes 16,384 clocks, in which no frame is taken.",
         ),
-        setting_field("painter_max_links", 8),
+        new_setting(
+            "painter_max_links", 8, range(MAX_LINKS + 1), "Homographies that may be composed after a host's pose.",
+            MAX_LINKS,
+        ),
     ),
-    Register("CANVAS_BASE_LOW", 0x1A4, "Position of the canvas.", setting_field("canvas_base_low", 0)),
-    Register("CANVAS_BASE_HIGH", 0x1A8, "Position of the canvas.", setting_field("canvas_base_high", 0)),
+    *base_words("canvas", 0x1A4, "the canvas", "the canvas"),
     Register(
         "CANVAS_SIZE", 0x1AC, "Size of the canvas.",
-        setting_field("canvas_columns", 0),
-        setting_field("canvas_rows", 16),
+        new_setting(
+            "canvas_columns", 0, range(MAX_TILES + 1), f"Width in tiles of 32 px, 1 to {MAX_TILES}; a page each."
+        ),
+        new_setting("canvas_rows", 16, range(MAX_TILES + 1), f"Height in tiles, 1 to {MAX_TILES}."),
     ),
-    Register("FRAMES_BASE_LOW", 0x1B0, "Position of three buffers.", setting_field("frames_base_low", 0)),
-    Register("FRAMES_BASE_HIGH", 0x1B4, "Position of three buffers.", setting_field("frames_base_high", 0)),
-    Register("FRAMES_SHAPE", 0x1B8, "Shape of the buffers.", setting_field("frames_buffer_pages", 0)),
+    *base_words("frames", 0x1B0, "the first", "three buffers"),
+    Register(
+        "FRAMES_SHAPE", 0x1B8, "Shape of the buffers.",
+        new_setting(
+            "frames_buffer_pages", 0, range(1 << 20),
+            f"From one to the next, in units of {PAGE_BYTES} bytes; enough for rows padded to 128 bytes, four a pixel.",
+        ),
+    ),
     Register(
         "PAINTER_STATUS", 0x1BC, "The state of the painter.",
         Field("painter_refused", 0, 8, _STATUS, f"It stays off because of: {list_values(PainterFault)}."),
@@ -89,7 +99,7 @@ PAINTER_REGISTERS = (
     status_word("TILES_FAILED", 0x1E0, "Tiles left out of painted frames.", "Memory answered with an error."),
     Register(
         "POSE_SET", 0x1E4, "Sets the pose of a frame; write both fields at once.",
-        setting_field("pose_frame", 0),
+        new_setting("pose_frame", 0, range(1 << 16), "The number of the frame."),
         Field(
             "pose_set", 31, 1, Access.COMMAND,
             "Take the elements from POSE_H00 on. While `pose_waiting`, this is ignored and counted.",
@@ -107,7 +117,10 @@ PAINTER_REGISTERS = (
         ),
     ),
     *(
-        Register(name.upper(), 0x200 + 4 * n, "An element, in two's complement.", setting_field(name, 0))
+        Register(
+            name.upper(), 0x200 + 4 * n, "An element, in two's complement.",
+            new_setting(name, 0, WORD_VALUES, "As in a Hypothesis record."),
+        )
         for n, name in enumerate(POSE_ELEMENTS)
     ),
 )  # fmt: skip

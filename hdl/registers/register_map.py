@@ -1,9 +1,10 @@
 """The register map of the accelerator, declared once.
 
 The hardware (`hdl.registers.register_file`), the Markdown, SVD and C descriptions (`hdl.export.register_docs`) and the
-exported driver's constants (`hdl.export.host.driver_map`) come from `REGISTERS`; the settings in it come from
-`hdl.settings`. A build that estimates homographies has `ESTIMATOR_REGISTERS` behind them, a camera build those of its
-shell (`hdl.registers.shell_register_map`) and of its painter (`hdl.registers.painter_register_map`).
+exported driver's constants (`hdl.export.host.driver_map`) come from `REGISTERS`; settings that more than a register
+needs come from `hdl.settings`. A build that estimates homographies has `ESTIMATOR_REGISTERS` behind them, a camera
+build those of its shell (`hdl.registers.shell_register_map`) and of its painter
+(`hdl.registers.painter_register_map`).
 """
 
 import enum
@@ -14,7 +15,7 @@ from golden_model.config import DETECTORS, RULE_BASES
 from golden_model.records import MATCH, Cause
 from golden_model.version import VERSION
 from hdl.build import Build
-from hdl.settings import ESTIMATOR, SETTINGS, SHELL
+from hdl.settings import FLAG, PAGE_BYTES, SETTINGS, WORD_VALUES
 
 REGISTER_BITS = 32
 IDENTITY = int.from_bytes(b"SKYM", "big")
@@ -44,6 +45,8 @@ class Field:
     description: str
     init: int = 0
     """Value after reset."""
+    values: range = FLAG
+    """Those that software may write."""
 
     @property
     def mask(self) -> int:
@@ -58,18 +61,38 @@ class Register:
         self.name, self.offset, self.description, self.fields = name, offset, description, fields
 
 
-_CONSTANT, _STATUS = Access.CONSTANT, Access.STATUS
+_CONSTANT, _STATUS, _SETTING = Access.CONSTANT, Access.STATUS, Access.SETTING
 
 
-def setting_field(name: str, low: int) -> Field:
+def known_setting(name: str, low: int) -> Field:
     """The field of a setting in `hdl.settings`, from bit ``low`` on."""
-    setting = (SETTINGS | ESTIMATOR | SHELL)[name]
-    return Field(setting.name, low, setting.bits, Access.SETTING, setting.description, init=setting.reset)
+    setting = SETTINGS[name]
+    return new_setting(name, low, setting.values, setting.description, setting.reset)
+
+
+def new_setting(name: str, low: int, values: range, description: str, reset: int = 0) -> Field:
+    """The field of a setting that only the map declares, from bit ``low`` on."""
+    return Field(name, low, values[-1].bit_length(), _SETTING, description, reset, values)
+
+
+def masks(*events: str) -> Iterator[Field]:
+    """The fields that let events interrupt, from bit 0 on."""
+    return (Field(f"{event}_mask", n, 1, _SETTING, f"The event {event} interrupts.") for n, event in enumerate(events))
 
 
 def status_word(name: str, offset: int, description: str, meaning: str) -> Register:
     """A register with one field, of the register's name and whole width, that the hardware writes."""
     return Register(name, offset, description, Field(name.lower(), 0, REGISTER_BITS, _STATUS, meaning))
+
+
+def base_words(area: str, offset: int, named: str, whole: str, note: str = "") -> tuple[Register, Register]:
+    """The registers of an address in memory: that of what is ``named``, the position of the ``whole``."""
+    low = new_setting(f"{area}_base_low", 0, WORD_VALUES, f"Address of {named}, low word: a multiple of {PAGE_BYTES}.")
+    high = new_setting(f"{area}_base_high", 0, WORD_VALUES, f"Address of {named}, high word.")
+    return (
+        Register(low.name.upper(), offset, f"Position of {whole}{note}.", low),
+        Register(high.name.upper(), offset + 4, f"Position of {whole}.", high),
+    )
 
 
 def list_values(members: Iterable[enum.IntEnum]) -> str:
@@ -126,13 +149,16 @@ REGISTERS = (
         "been matched; `enable` takes effect at once, `features_enable` and `matches_enable` with the next "
         "packet. A frame whose settings are out of range, or larger than what was built, is refused: its pixels are "
         "dropped, and its status is bad.",
-        setting_field("enable", 0),
-        setting_field("memory_mode", 1),
-        setting_field("gray_input", 2),
-        setting_field("features_enable", 3),
-        setting_field("matches_enable", 4),
-        setting_field("hold_reference", 5),
-        setting_field("adaptive", 6),
+        Field("enable", 0, 1, _SETTING, "Pixels are accepted; 0: they wait at the input."),
+        known_setting("memory_mode", 1),
+        known_setting("gray_input", 2),
+        Field("features_enable", 3, 1, _SETTING, "Features leave; 0: they are discarded at the output."),
+        Field("matches_enable", 4, 1, _SETTING, "Matches leave; 0: they are discarded at the output."),
+        Field(
+            "hold_reference", 5, 1, _SETTING,
+            "Frames are matched with the reference; 0: with the last good, accepted one.",
+        ),
+        known_setting("adaptive", 6),
         Field(
             "clear", 8, 1, Access.COMMAND,
             "Drop frames and reference; settings stay. A packet in progress ends as bad: `clearing` says when.",
@@ -142,15 +168,15 @@ REGISTERS = (
         "REFERENCE", 0x24, "The reference frame.",
         Field("take_reference", 0, 1, Access.REQUEST, "The next good frame to start becomes the reference, unmatched."),
     ),
-    Register("SIZE", 0x28, "Size of the frames.", setting_field("width_px", 0), setting_field("height_px", 16)),
-    Register("SELECTION", 0x2C, "Selection by cells.", setting_field("cell_log2", 0), setting_field("per_cell", 8)),
+    Register("SIZE", 0x28, "Size of the frames.", known_setting("width_px", 0), known_setting("height_px", 16)),
+    Register("SELECTION", 0x2C, "Selection by cells.", known_setting("cell_log2", 0), known_setting("per_cell", 8)),
     Register(
         "THRESHOLD", 0x30, "Detector and its threshold.",
-        setting_field("threshold_code", 0),
-        setting_field("detector", 16),
+        known_setting("threshold_code", 0),
+        known_setting("detector", 16),
     ),
-    Register("TARGET", 0x34, "Target of the adaptive threshold.", setting_field("target_features", 0)),
-    Register("KEEP", 0x38, "Limit of the fuzzy weight.", setting_field("keep_above", 0)),
+    Register("TARGET", 0x34, "Target of the adaptive threshold.", known_setting("target_features", 0)),
+    Register("KEEP", 0x38, "Limit of the fuzzy weight.", known_setting("keep_above", 0)),
     Register(
         "STATUS", 0x40, "What waits at the moment.",
         Field("video_waiting", 0, 1, _STATUS, "A pixel waits at the input."),
@@ -187,12 +213,7 @@ REGISTERS = (
         Field("matches_done", 1, 1, Access.EVENT, "A frame's matches have left."),
         Field("frame_bad", 2, 1, Access.EVENT, "A frame was bad."),
     ),
-    Register(
-        "IRQ_MASK", 0x64, "Which events interrupt.",
-        setting_field("frame_done_mask", 0),
-        setting_field("matches_done_mask", 1),
-        setting_field("frame_bad_mask", 2),
-    ),
+    Register("IRQ_MASK", 0x64, "Which events interrupt.", *masks("frame_done", "matches_done", "frame_bad")),
 )  # fmt: skip
 """Every register that all builds have, in rising offset."""
 
@@ -201,14 +222,14 @@ ESTIMATOR_REGISTERS = (
         "ESTIMATOR", 0x80,
         "The estimator of homographies. It takes its settings when a frame's matches are complete. With passes or seed "
         "0, its records have a cause instead of a homography.",
-        setting_field("homographies_enable", 0),
-        setting_field("passes", 8),
+        Field("homographies_enable", 0, 1, _SETTING, "Homographies leave; 0: they are discarded at the output."),
+        known_setting("passes", 8),
     ),
-    Register("SEED", 0x84, "Seed of the samples.", setting_field("seed", 0)),
+    Register("SEED", 0x84, "Seed of the samples.", known_setting("seed", 0)),
     Register(
         "ACCEPTANCE", 0x88, "What a homography needs to be accepted.",
-        setting_field("min_inliers", 0),
-        setting_field("min_cells", 16),
+        known_setting("min_inliers", 0),
+        known_setting("min_cells", 16),
     ),
     Register(
         "ESTIMATOR_STATUS", 0x8C, "What waits at the moment.",
@@ -224,9 +245,7 @@ ESTIMATOR_REGISTERS = (
         "ESTIMATOR_IRQ_STATUS", 0x94, "Events of the estimator; they share the interrupt with IRQ_STATUS.",
         Field("homography_done", 0, 1, Access.EVENT, "A record has left."),
     ),
-    Register(
-        "ESTIMATOR_IRQ_MASK", 0x98, "Which events of the estimator interrupt.", setting_field("homography_done_mask", 0)
-    ),
+    Register("ESTIMATOR_IRQ_MASK", 0x98, "Which events of the estimator interrupt.", *masks("homography_done")),
 )  # fmt: skip
 """The registers of a build that estimates homographies, behind `REGISTERS`."""
 

@@ -10,12 +10,16 @@ from hdl.registers.register_map import (
     Access,
     Field,
     Register,
+    base_words,
     list_values,
-    setting_field,
+    masks,
+    new_setting,
     status_word,
 )
+from hdl.settings import MIN_SLOTS, PAGE_BYTES, TICK_CLOCKS, WORD_VALUES
 
 _STATUS = Access.STATUS
+_TICKS, _IN_TICKS = range(1 << 16), f"in units of {TICK_CLOCKS} clocks"
 
 
 class Reason(enum.IntEnum):
@@ -51,19 +55,16 @@ class RingFault(enum.IntFlag):
 def _ring_registers(ring: str, offset: int) -> tuple[Register, ...]:
     upper = ring.upper()
     return (
-        Register(
-            f"{upper}_BASE_LOW", offset, f"Position of the ring of {ring}; change it only while {ring}_enable is 0.",
-            setting_field(f"{ring}_base_low", 0),
-        ),
-        Register(
-            f"{upper}_BASE_HIGH", offset + 4, f"Position of the ring of {ring}.", setting_field(f"{ring}_base_high", 0)
-        ),
+        *base_words(ring, offset, "the ring", f"the ring of {ring}", f"; change it only while {ring}_enable is 0"),
         Register(
             f"{upper}_SHAPE", offset + 8, f"Shape of the ring of {ring}; change it only while it is off.",
-            setting_field(f"{ring}_slots", 0),
-            setting_field(f"{ring}_slot_pages", 16),
+            new_setting(f"{ring}_slots", 0, range(257), f"Slots of the ring, {MIN_SLOTS} to 256; each holds a packet."),
+            new_setting(f"{ring}_slot_pages", 16, range(4097), f"Length of a slot in units of {PAGE_BYTES} bytes."),
         ),
-        Register(f"{upper}_READ", offset + 12, f"Progress of the reader of {ring}.", setting_field(f"{ring}_read", 0)),
+        Register(
+            f"{upper}_READ", offset + 12, f"Progress of the reader of {ring}.",
+            new_setting(f"{ring}_read", 0, WORD_VALUES, "Packets that software has read, whose slots are free again."),
+        ),
         status_word(
             f"{upper}_WRITTEN", offset + 16, f"Progress of the writer of {ring}.",
             f"Packets in memory; 0 while {ring}_enable is 0.",
@@ -102,11 +103,19 @@ SHELL_REGISTERS = (
     ),
     status_word("DROPPED_TIME_LOW", 0x114, "Time of the last drop.", "Clocks, low word."),
     status_word("DROPPED_TIME_HIGH", 0x118, "Time of the last drop.", "Clocks, high word."),
-    Register("CAMERA", 0x11C, "The camera's watchdog.", setting_field("camera_timeout", 0)),
+    Register(
+        "CAMERA", 0x11C, "The camera's watchdog.",
+        # 0.1 s at 150 MHz.
+        new_setting(
+            "camera_timeout", 0, _TICKS, f"Pause that counts as a stopped camera, {_IN_TICKS}; 0: never.", 15_000
+        ),
+    ),
     Register(
         "COALESCE", 0x120, "How many frames share an interrupt.",
-        setting_field("coalesce_count", 0),
-        setting_field("coalesce_timeout", 16),
+        new_setting("coalesce_count", 0, range(256), "Frames after which frames_ready is set.", 1),
+        new_setting(
+            "coalesce_timeout", 16, _TICKS, f"Time after which fewer frames set frames_ready, {_IN_TICKS}; 0: never."
+        ),
     ),
     Register(
         "SHELL_IRQ_STATUS", 0x124, "Events of the shell; they share the interrupt with IRQ_STATUS.",
@@ -117,10 +126,7 @@ SHELL_REGISTERS = (
     ),
     Register(
         "SHELL_IRQ_MASK", 0x128, "Which events of the shell interrupt.",
-        setting_field("frames_ready_mask", 0),
-        setting_field("frame_dropped_mask", 1),
-        setting_field("camera_stops_mask", 2),
-        setting_field("memory_error_mask", 3),
+        *masks("frames_ready", "frame_dropped", "camera_stops", "memory_error"),
     ),
     status_word("SCORED", 0x12C, "Scored hypotheses.", "Since reset."),
     status_word("UNSCORED", 0x130, "Hypotheses without a score.", "Since reset; the answer to each has the causes."),

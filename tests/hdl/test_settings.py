@@ -6,18 +6,16 @@ import sys
 import pytest
 
 from golden_model.config import PRESETS, EstimatorConfig, FrontEndConfig
-from hdl.registers.register_map import REGISTERS, Access, fields
+from hdl.registers.register_map import ESTIMATOR_REGISTERS, REGISTERS, Access, Field, Register, fields
 from hdl.registers.shell_register_map import ALL_REGISTERS
 from hdl.settings import (
-    ESTIMATOR,
+    ESTIMATION,
     FRONT_END,
     MIN_SLOTS,
     PAGE_BYTES,
     REQUESTED,
-    RINGS,
     RUNNING,
     SETTINGS,
-    SHELL,
     TICK_CLOCKS,
     estimator_settings,
     frame_settings,
@@ -25,6 +23,7 @@ from hdl.settings import (
 )
 from hdl.streams import FRONT_END_SETTINGS
 from sim.simulators import front_end_top
+from tests.hdl.shell.bench import RINGS
 
 
 def test_the_settings_load_without_amaranth() -> None:
@@ -32,11 +31,19 @@ def test_the_settings_load_without_amaranth() -> None:
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
 
 
+def written(*registers: Register) -> dict[str, Field]:
+    return {field.name: field for field in fields(Access.SETTING, registers=registers)}
+
+
 def test_every_setting_has_one_register_field_that_holds_its_values() -> None:
-    for settings, registers in ((SETTINGS, REGISTERS), (SETTINGS | ESTIMATOR | SHELL, ALL_REGISTERS)):
-        placed = {field.name: (field.bits, field.init) for field in fields(Access.SETTING, registers=registers)}
-        assert placed == {setting.name: (setting.bits, setting.reset) for setting in settings.values()}
-        assert all(0 <= setting.reset < 1 << setting.bits for setting in settings.values())
+    placed = written(*ALL_REGISTERS)
+    assert len(placed) == len(list(fields(Access.SETTING, registers=ALL_REGISTERS)))
+    assert all(0 <= field.init < 1 << field.bits and field.values[-1] < 1 << field.bits for field in placed.values())
+    for setting in SETTINGS.values():
+        field = placed[setting.name]
+        assert (field.bits, field.values, field.init) == (setting.bits, setting.values, setting.reset)
+    assert SETTINGS.keys() - {setting.name for setting in ESTIMATION} < written(*REGISTERS).keys()
+    assert {setting.name for setting in ESTIMATION} < written(*ESTIMATOR_REGISTERS).keys()
 
 
 def test_struct_and_ports_of_the_front_end_have_its_settings_in_order() -> None:
@@ -64,10 +71,12 @@ WORDS = r"seed|\w+_base_(low|high)|\w+_read|pose_h[0-2]{2}"
 
 def test_settings_start_with_the_values_of_the_manual_and_take_those_that_drivers_check() -> None:
     """The rest are flags. Registers may be wider than the largest value."""
-    for name, setting in (SETTINGS | ESTIMATOR | SHELL).items():
+    placed = written(*ALL_REGISTERS)
+    for name, field in placed.items():
         largest = LARGEST.get(name, 2**32 - 1 if re.fullmatch(WORDS, name) else 1)
-        assert (name, setting.values) == (name, range(SMALLEST.get(name, 0), largest + 1))
-        assert (name, setting.reset) == (name, RESETS.get(name, 0))
+        assert (name, field.values) == (name, range(SMALLEST.get(name, 0), largest + 1))
+        assert (name, field.init) == (name, RESETS.get(name, 0))
+    assert {*LARGEST, *SMALLEST, *RESETS} <= placed.keys()
     assert (PAGE_BYTES, MIN_SLOTS, TICK_CLOCKS) == (4096, 2, 1024)
 
 
@@ -97,10 +106,11 @@ def test_settings_from_a_configuration_are_valid(preset: str, size_px: tuple[int
     values = matched_frame_settings(config, *size_px, gray_input=True)
     assert all(value in SETTINGS[name].values for name, value in values.items())
     assert set(REQUESTED) <= set(values)
-    assert set(RUNNING) <= set(SETTINGS)
+    assert set(RUNNING) <= set(written(*REGISTERS))
     config = dataclasses.replace(config, estimator=EstimatorConfig())
     estimating = estimator_settings(config)
-    assert all(value in ESTIMATOR[name].values for name, value in estimating.items())
+    placed = written(*ESTIMATOR_REGISTERS)
+    assert all(value in placed[name].values for name, value in estimating.items())
     assert estimating == {"homographies_enable": 1, **vars(EstimatorConfig())}
-    assert ESTIMATOR["min_cells"].values[-1] == 8 * 8
+    assert SETTINGS["min_cells"].values[-1] == 8 * 8
     assert set(frame_settings(config.front_end, *size_px, gray_input=True)) == {setting.name for setting in FRONT_END}

@@ -15,7 +15,7 @@ from amaranth.sim import Simulator
 from golden_model.records import WORD_BYTES, Tag
 from hdl.registers.register_map import Access, fields
 from hdl.registers.shell_register_map import ALL_REGISTERS
-from hdl.settings import PAGE_BYTES, RINGS
+from hdl.settings import PAGE_BYTES
 from hdl.shell.painting import Painting
 from hdl.shell.shell import Shell
 from hdl.shell.slot import HEADER, HEADER_BYTES
@@ -26,6 +26,7 @@ WIDTH_PX, HEIGHT_PX = 8, 4
 RECORD_WORDS = {"features": 3, "matches": 2, "homographies": 4}
 MAX_RECORDS = {"features": 40, "matches": 40, "homographies": 1}
 SLOTS = 4
+RINGS = ("features", "matches", "homographies")
 BASES = {ring: 0x9_1000_0000 + n * SLOTS * PAGE_BYTES for n, ring in enumerate(RINGS)}
 SYNC_S = 1e-8
 CHECKED = ("refused", "homographies_refused", "clearing", "camera_stopped", *(f"{ring}_active" for ring in RINGS))

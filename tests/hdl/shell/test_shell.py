@@ -8,7 +8,7 @@ from amaranth import Module
 from amaranth.lib import wiring
 
 from hdl.registers.shell_register_map import Reason, Refusal, RingFault
-from hdl.settings import PAGE_BYTES, RINGS, TICK_CLOCKS
+from hdl.settings import PAGE_BYTES, TICK_CLOCKS
 from hdl.shell.painting import Painting
 from hdl.shell.shell import MAX_IN_FLIGHT
 from hdl.shell.slot import HeaderFlag
@@ -17,6 +17,7 @@ from tests.hdl.shell.bench import (
     BASES,
     HEIGHT_PX,
     RECORD_WORDS,
+    RINGS,
     SLOTS,
     SYNC_S,
     WIDTH_PX,
