@@ -46,17 +46,15 @@ class ResultQueue(Component):
     def elaborate(self, platform: object) -> Module:
         """Count what has been started and not taken."""
         m = Module()
-        result, head = Value.cast(self.i_result), Value.cast(self.o.payload)
+        result = Value.cast(self.i_result)
         # As many places as starts until the first result has left and its place is known to be free.
         places = self.pipeline_cycles + self.latency_cycles + RETURN_CYCLES
         m.submodules.results = results = fifo.SyncFIFOBuffered(width=len(result), depth=places)
         m.d.comb += [
             results.w_en.eq(delayed(m, self.i_start, self.pipeline_cycles, reset_less=False)),
             results.w_data.eq(result),
-            head.eq(results.r_data),
-            self.o.valid.eq(results.r_rdy),
-            results.r_en.eq(self.o.ready),
         ]
+        wiring.connect(m, results.r_stream, wiring.flipped(self.o))
         owed = Signal(range(places + 1))
         following = Signal.like(owed)
         m.d.comb += following.eq(owed + self.i_start - (self.o.valid & self.o.ready))

@@ -156,9 +156,7 @@ class RasterSelection(Component):
             self.o_added.eq(self.i.present),
             queue.w_data.eq(entry),
             queue.w_en.eq(self.i.present | ends_level),
-            self.o.valid.eq(queue.r_rdy),
-            self.o.p.eq(queue.r_data),
-            queue.r_en.eq(self.o.ready),
         ]
+        wiring.connect(m, queue.r_stream, wiring.flipped(self.o))
         m.d.sync += self.o_busy.eq(queue.r_level >= self.depth - self.in_flight)
         return m

@@ -107,10 +107,8 @@ class RingWriter(wiring.Component):
         # Packets' ends in the queue: with one of them, a burst need not wait for 16 words.
         ends = Signal(range(self.fifo_words + 1))
         m.d.sync += ends.eq(ends + (waiting.w_rdy & waiting.w_en & self.i.payload.last) - (takes & is_last))
+        wiring.connect(m, wiring.flipped(self.i), waiting.w_stream)
         m.d.comb += [
-            waiting.w_en.eq(self.i.valid),
-            waiting.w_data.eq(Cat(self.i.payload.data, self.i.payload.last)),
-            self.i.ready.eq(waiting.w_rdy),
             self.o_error.eq(bursts.o_error),
             bursts.i_burst.eq(Cat(packet.burst[:PAGE_BURSTS_LOG2], packet.page + packet.burst[PAGE_BURSTS_LOG2:])),
             # 0 behind the packet's last word, not what arrives meanwhile: AXI data must not change while they wait.
