@@ -66,7 +66,6 @@ class VideoInput(Component):
     latency_cycles = 0
 
     def __init__(self, *, video_bits: int) -> None:
-        self.video_bits = video_bits
         self.pixels_per_clock = pixels_per_clock(video_bits)
         self.gray_per_beat = GRAY_PER_WORD if video_bits == DMA_BITS else 1
         super().__init__(

@@ -43,8 +43,6 @@ class Popcount(Component):
 
     def __init__(self, *, bits: int, lanes: int) -> None:
         check_range("bits", bits, 3)
-        self.bits = bits
-        self.lanes = lanes
         # The layers are counted without hardware: the latency has to be known before elaboration.
         columns = add_layer([[None] * bits], _count_bits, largest=3)
         self.latency_cycles = 2

@@ -39,7 +39,6 @@ class ResultQueue(Component):
     """From a result to the head of an empty queue."""
 
     def __init__(self, *, shape: ShapeLike, pipeline_cycles: int) -> None:
-        self.shape = shape
         self.pipeline_cycles = pipeline_cycles
         super().__init__(i_result=In(shape), o=Out(stream.Signature(shape)))
 

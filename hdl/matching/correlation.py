@@ -54,7 +54,6 @@ class SumOfAbsoluteDifferences(Component):
     """From the windows to their sum."""
 
     def __init__(self, *, pixels: int) -> None:
-        self.pixels = pixels
         terms, self.latency_cycles = pixels, 1
         while terms > 1:
             terms = -(-terms // ADDENDS)

@@ -45,7 +45,6 @@ class Distances(Component):
     """Clocks from the inputs to lane 0's distance."""
 
     def __init__(self, *, bits: int, lanes: int) -> None:
-        self.bits = bits
         self.lanes = lanes
         self._popcount = Popcount(bits=bits, lanes=lanes)
         self.latency_cycles = 1 + self._popcount.latency_cycles
