@@ -18,19 +18,17 @@ READ_CYCLES = 1 + LineMemory.latency_cycles
 """Clocks from an address to its feature: a register before the memory, the memory, its output register."""
 
 
-class BankedFeature(data.StructLayout):
+def banked_feature(pattern: DescriptorPattern) -> data.StructLayout:
     """What matching needs of a feature: position, descriptor; sector and gray window if the pattern has them."""
-
-    def __init__(self, *, pattern: DescriptorPattern) -> None:
-        super().__init__(
-            {
-                "x": POSITION.bits,
-                "y": POSITION.bits,
-                "sector": range(SECTORS if pattern.oriented else 1),
-                "descriptor": pattern.bits,
-                "window": 8 * pattern.window_bytes,
-            }
-        )
+    return data.StructLayout(
+        {
+            "x": POSITION.bits,
+            "y": POSITION.bits,
+            "sector": range(SECTORS if pattern.oriented else 1),
+            "descriptor": pattern.bits,
+            "window": 8 * pattern.window_bytes,
+        }
+    )
 
 
 class FeatureBanks(Component):
@@ -62,9 +60,9 @@ class FeatureBanks(Component):
     i_left_address: Signal
     i_right_address: Signal
     o_left: data.View
-    """The reference's `BankedFeature` at ``i_left_address``, ``READ_CYCLES`` later."""
+    """The reference's `banked_feature` at ``i_left_address``, ``READ_CYCLES`` later."""
     o_right: data.View
-    """The current frame's `BankedFeature` at ``i_right_address``, ``READ_CYCLES`` later."""
+    """The current frame's `banked_feature` at ``i_right_address``, ``READ_CYCLES`` later."""
     o_left_count: Signal
     """Number of features of the reference."""
     o_right_count: Signal
@@ -74,7 +72,7 @@ class FeatureBanks(Component):
 
     def __init__(self, *, pattern: DescriptorPattern, max_features: int) -> None:
         self.max_features = max_features
-        self._feature = BankedFeature(pattern=pattern)
+        self._feature = banked_feature(pattern)
         record = pattern.record
         self._record = record_layout(record)
         self._status = record_layout(FRAME_STATUS, record.record_bytes)

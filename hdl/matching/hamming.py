@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from amaranth import Cat, Const, Module, Mux, Shape, Signal
+from amaranth import Cat, Const, Module, Mux, Signal
 from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
@@ -84,40 +84,30 @@ class Distances(Component):
         return m
 
 
-class Nearest(data.StructLayout):
+def nearest_layout(*, bits: int, max_features: int) -> data.StructLayout:
     """The nearest neighbour of a row or column so far: its distance and index, and the second smallest distance.
 
     All ones means none, as every distance is smaller; a missing second neighbour reads as all ones.
     """
-
-    def __init__(self, *, bits: int, max_features: int) -> None:
-        distance = Shape.cast(range(bits + 1))
-        super().__init__({"best": distance, "second": distance, "index": range(max_features)})
+    return data.StructLayout({"best": range(bits + 1), "second": range(bits + 1), "index": range(max_features)})
 
 
-class SearchPosition(data.StructLayout):
+def position_layout(*, lanes: int, max_features: int) -> data.StructLayout:
     """Progress of a search.
 
     ``group`` counts the loads of the lanes, ``first_group`` marks the first; ``right`` is the index of the right
     descriptor, ``first`` and ``last`` mark the first and last one of the pass.
     """
-
-    def __init__(self, *, lanes: int, max_features: int) -> None:
-        group = range(-(-max_features // lanes))
-        super().__init__({"first_group": 1, "group": group, "first": 1, "last": 1, "right": range(max_features)})
+    group = range(-(-max_features // lanes))
+    return data.StructLayout({"first_group": 1, "group": group, "first": 1, "last": 1, "right": range(max_features)})
 
 
-class LaneBus(data.StructLayout):
+def bus_layout(*, bits: int, lanes: int, max_features: int) -> data.StructLayout:
     """Accompanies a right descriptor from lane to lane: its position, and the nearest left descriptor so far."""
-
-    def __init__(self, *, bits: int, lanes: int, max_features: int) -> None:
-        super().__init__(
-            {
-                "valid": 1,
-                "position": SearchPosition(lanes=lanes, max_features=max_features),
-                "column": Nearest(bits=bits, max_features=max_features),
-            }
-        )
+    position = position_layout(lanes=lanes, max_features=max_features)
+    return data.StructLayout(
+        {"valid": 1, "position": position, "column": nearest_layout(bits=bits, max_features=max_features)}
+    )
 
 
 class Lane(Component):
@@ -134,21 +124,21 @@ class Lane(Component):
     i_distance: Signal
     """Distance to the right descriptor of ``i_bus``, where ``i_valid``."""
     i_bus: data.View
-    """`LaneBus` from the previous lane."""
+    """`bus_layout` from the previous lane."""
     o_bus: data.View
-    """`LaneBus` to the next lane, one clock later."""
+    """`bus_layout` to the next lane, one clock later."""
     o_row_valid: Out(1)
     o_row: data.View
     """The finished row, one clock after its last right descriptor."""
 
     def __init__(self, *, lane: int, lanes: int, bits: int, max_features: int) -> None:
         self.lane = Const(lane, range(lanes))
-        bus = LaneBus(bits=bits, lanes=lanes, max_features=max_features)
+        bus = bus_layout(bits=bits, lanes=lanes, max_features=max_features)
         super().__init__(
             i_distance=In(range(bits + 1)),
             i_bus=In(bus),
             o_bus=Out(bus),
-            o_row=Out(Nearest(bits=bits, max_features=max_features)),
+            o_row=Out(nearest_layout(bits=bits, max_features=max_features)),
         )
 
     def elaborate(self, platform: object) -> Module:

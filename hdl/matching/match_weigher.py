@@ -12,9 +12,9 @@ from golden_model.matching import rule_bases
 from golden_model.matching.matcher import check_rule_base
 from hdl.lib.component import Component
 from hdl.matching.correlation import SumOfAbsoluteDifferences
-from hdl.matching.feature_banks import READ_CYCLES, BankedFeature
+from hdl.matching.feature_banks import READ_CYCLES, banked_feature
 from hdl.matching.fuzzy import RESULT, Sugeno
-from hdl.matching.mutual_neighbours import Pair
+from hdl.matching.mutual_neighbours import pair_layout
 from hdl.matching.orientation_histogram import OrientationHistogram
 
 WEIGHED = data.StructLayout({**RESULT.members, "turn": range(SECTORS), "peak_turn": range(SECTORS)})
@@ -41,10 +41,10 @@ class MatchWeigher(Component):
     """
 
     i: stream.Interface
-    """Stream of `hdl.matching.mutual_neighbours.Pair`. Accepted once it is counted, or with its weight."""
+    """Stream of `hdl.matching.mutual_neighbours.pair_layout`. Accepted once it is counted, or with its weight."""
     i_left: data.View
     i_right: data.View
-    """The pair's `BankedFeature` on each side, ``READ_CYCLES`` after it is valid."""
+    """The pair's `banked_feature` on each side, ``READ_CYCLES`` after it is valid."""
     i_count: In(1)
     """Count the pairs instead of weighing them."""
     i_find: In(1)
@@ -58,9 +58,9 @@ class MatchWeigher(Component):
         self.rules = config.rules
         self.pattern = pattern
         self.max_features = max_features
-        feature = BankedFeature(pattern=pattern)
+        feature = banked_feature(pattern)
         super().__init__(
-            i=In(stream.Signature(Pair(bits=pattern.bits, max_features=max_features))),
+            i=In(stream.Signature(pair_layout(bits=pattern.bits, max_features=max_features))),
             i_left=In(feature),
             i_right=In(feature),
         )

@@ -1,6 +1,6 @@
 """Selects the mutual ones among nearest neighbours."""
 
-from amaranth import Cat, Module, Mux, Shape, Signal
+from amaranth import Cat, Module, Mux, Signal
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -8,16 +8,14 @@ from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.lib.views import view_signal
-from hdl.matching.hamming import Nearest
+from hdl.matching.hamming import nearest_layout
 from hdl.matching.nearest_neighbours import RESULT_CYCLES
 
 
-class Pair(data.StructLayout):
+def pair_layout(*, bits: int, max_features: int) -> data.StructLayout:
     """Two mutually nearest features: indices, distance, and margin (second smallest distance minus smallest)."""
-
-    def __init__(self, *, bits: int, max_features: int) -> None:
-        distance, index = Shape.cast(range(bits + 1)), Shape.cast(range(max_features))
-        super().__init__({"left": index, "right": index, "distance": distance, "margin": distance})
+    distance, index = range(bits + 1), range(max_features)
+    return data.StructLayout({"left": index, "right": index, "distance": distance, "margin": distance})
 
 
 class MutualNearestNeighbours(Component):
@@ -40,22 +38,22 @@ class MutualNearestNeighbours(Component):
     o_read: Out(1)
     i_row: data.View
     i_column: data.View
-    """To and from `NearestNeighbours`, which gives the `Nearest` of a row and of a column."""
+    """To and from `NearestNeighbours`, which gives a row and a column (`hdl.matching.hamming.nearest_layout`)."""
     o: stream.Interface
-    """Stream of `Pair`. Its second smallest distance is the smaller of its row's and its column's; a missing one counts
-    as ``bits``."""
+    """Stream of `pair_layout`. Its second smallest distance is the smaller of its row's and its column's; a missing one
+    counts as ``bits``."""
 
     def __init__(self, *, bits: int, max_features: int) -> None:
         self.bits = bits
         self.max_features = max_features
-        nearest, index = Nearest(bits=bits, max_features=max_features), range(max_features)
+        nearest, index = nearest_layout(bits=bits, max_features=max_features), range(max_features)
         super().__init__(
             i_left_count=In(range(max_features + 1)),
             o_row_index=Out(index),
             o_column_index=Out(index),
             i_row=In(nearest),
             i_column=In(nearest),
-            o=Out(stream.Signature(Pair(bits=bits, max_features=max_features))),
+            o=Out(stream.Signature(pair_layout(bits=bits, max_features=max_features))),
         )
 
     def elaborate(self, platform: object) -> Module:

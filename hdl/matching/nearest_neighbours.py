@@ -16,7 +16,7 @@ from hdl.lib.delay import delayed, wait_cycles
 from hdl.lib.line_memory import LineMemory
 from hdl.lib.views import view_signal
 from hdl.matching.feature_banks import READ_CYCLES
-from hdl.matching.hamming import Distances, Lane, Nearest, SearchPosition
+from hdl.matching.hamming import Distances, Lane, nearest_layout, position_layout
 
 RESULT_CYCLES = LineMemory.latency_cycles
 """Clocks from an index to the registered row or column."""
@@ -63,9 +63,10 @@ class NearestNeighbours(Component):
     i_read: In(1)
     """Advances the reading of results."""
     o_row: data.View
-    """The `Nearest` of row ``i_row_index``, readable while not busy, ``RESULT_CYCLES`` clocks with ``i_read`` later."""
+    """Row ``i_row_index``, see `nearest_layout`; readable while not busy, ``RESULT_CYCLES`` clocks with ``i_read``
+    later."""
     o_column: data.View
-    """The `Nearest` of column ``i_column_index``, likewise."""
+    """Column ``i_column_index``, likewise."""
 
     shortest_pass_cycles: int
     """Shortest time for a group: a column must be back in the memory before the next group reads it."""
@@ -76,8 +77,8 @@ class NearestNeighbours(Component):
         check_lanes(lanes, max_features)
         self.bits, self.lanes, self.max_features = bits, lanes, max_features
         self._distances = Distances(bits=bits, lanes=lanes)
-        self._nearest = Nearest(bits=bits, max_features=max_features)
-        self._position = SearchPosition(lanes=lanes, max_features=max_features)
+        self._nearest = nearest_layout(bits=bits, max_features=max_features)
+        self._position = position_layout(lanes=lanes, max_features=max_features)
         self.shortest_pass_cycles = lanes + COLUMN_CYCLES + 1
         self.drain_cycles = READ_CYCLES + self._distances.latency_cycles + lanes + 2
         # The column must reach the first lane with the distance, which is later than the descriptor.
