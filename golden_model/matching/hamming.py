@@ -21,17 +21,7 @@ def distances(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.u
     -------
     (F1, F2) uint8, or uint16 where 8 B exceeds 255
         ``popcount(left XOR right)``.
-
-    Raises
-    ------
-    ValueError
-        If the descriptors differ in length.
     """
-    if left.shape[1] != right.shape[1]:
-        raise ValueError(
-            f"left descriptors have {left.shape[1]} bytes, right ones {right.shape[1]}; "
-            "describe both images with the same pattern"
-        )
     left_words, right_words = _words(left), _words(right)
     result = np.zeros((len(left), len(right)), dtype=np.min_scalar_type(8 * left.shape[1]))
     for start in range(0, len(left), _CHUNK_ROWS):

@@ -96,8 +96,3 @@ def test_equals_opencv_cross_check_where_the_nearest_is_unique() -> None:
 def _is_unique(distance: Any, row: Any, column: Any) -> bool:
     value = distance[row, column]
     return (distance[row] == value).sum() == 1 and (distance[:, column] == value).sum() == 1
-
-
-def test_different_lengths_are_refused() -> None:
-    with pytest.raises(ValueError, match="left descriptors have 16 bytes, right ones 32"):
-        hamming.distances(np.zeros((2, 16), dtype=np.uint8), np.zeros((2, 32), dtype=np.uint8))
