@@ -9,7 +9,6 @@ from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import WEIGHT
 from golden_model.matching import rule_bases
-from golden_model.matching.matcher import check_rule_base
 from hdl.lib.component import Component
 from hdl.matching.correlation import SumOfAbsoluteDifferences
 from hdl.matching.feature_banks import READ_CYCLES, banked_feature
@@ -30,14 +29,9 @@ class MatchWeigher(Component):
     Parameters
     ----------
     config : MatcherConfig
-        The rule base.
+        The rule base, for which the pattern carries a window if it needs one.
     pattern : DescriptorPattern
     max_features : int
-
-    Raises
-    ------
-    ValueError
-        If the rule base needs a window that the pattern does not carry.
     """
 
     i: stream.Interface
@@ -54,7 +48,6 @@ class MatchWeigher(Component):
     o: Out(stream.Signature(WEIGHED))
 
     def __init__(self, *, config: MatcherConfig, pattern: DescriptorPattern, max_features: int) -> None:
-        check_rule_base(pattern, config)
         self.rules = config.rules
         self.pattern = pattern
         self.max_features = max_features

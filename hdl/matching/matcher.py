@@ -38,15 +38,9 @@ class Matcher(wiring.Component):
     pattern : DescriptorPattern
         Pattern of the features' descriptors.
     lanes : int
-        Left descriptors compared at a time.
+        Left descriptors compared at a time, one of `hdl.build.LANES`.
     max_features : int
         Features that a bank holds.
-
-    Raises
-    ------
-    ValueError
-        If lanes is not a power of two from 2 to max_features, or the rule base needs a window that the pattern does
-        not carry.
     """
 
     i_features: In(stream.Signature(WordPayload))

@@ -10,7 +10,6 @@ from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import exact_log2
 
-from hdl.build import check_lanes
 from hdl.lib.component import Component
 from hdl.lib.delay import delayed, wait_cycles
 from hdl.lib.line_memory import LineMemory
@@ -36,14 +35,9 @@ class NearestNeighbours(Component):
     bits : int
         Length of a descriptor.
     lanes : int
-        Left descriptors compared at a time.
+        Left descriptors compared at a time, one of `hdl.build.LANES`.
     max_features : int
         Largest number of features of either frame.
-
-    Raises
-    ------
-    ValueError
-        If lanes is not a power of two from 2 to max_features.
     """
 
     i_start: In(1)
@@ -74,7 +68,6 @@ class NearestNeighbours(Component):
     """Clocks from the last address until the results are readable."""
 
     def __init__(self, *, bits: int, lanes: int, max_features: int) -> None:
-        check_lanes(lanes, max_features)
         self.bits, self.lanes, self.max_features = bits, lanes, max_features
         self._distances = Distances(bits=bits, lanes=lanes)
         self._nearest = nearest_layout(bits=bits, max_features=max_features)

@@ -25,6 +25,7 @@ WITH_16_FEATURES = Config(front_end=FrontEndConfig(max_features=16))
         ({"max_width_px": 63}, "`max_width_px` is 63; it must be a whole number from 64 to 4096"),
         ({"max_height_px": 5000}, "`max_height_px` is 5000; it must be a whole number from 64 to 4096"),
         ({"lanes": 3}, "`lanes` is 3; valid: 2, 4, 8, 16, 32, 64, 128"),
+        ({"lanes": 1}, "`lanes` is 1; valid: 2, 4, 8, 16, 32, 64, 128"),
         ({"lanes": 256}, "`lanes` is 256; valid: 2, 4, 8, 16, 32, 64, 128"),
         ({"lanes": 32, "config": WITH_16_FEATURES}, "`lanes` is 32; valid: 2, 4, 8, 16"),
         ({"video_bits": 12}, "`video_bits` with shell 'streams' is 12; valid: 32, 24, 8, 48, 16"),

@@ -94,8 +94,3 @@ def test_weights_and_turns_equal_the_golden_model(pattern: DescriptorPattern, ru
     assert found == [tuple(each) for each in expected[["weight", "rule", "turn", "peak_turn"]].tolist()]
     if rule_base != "none":
         assert len({weight for weight, *_ in found}) > 5
-
-
-def test_a_rule_base_without_its_window_is_refused() -> None:
-    with pytest.raises(ValueError, match="rule base 'ilbp' needs the gray window"):
-        MatchWeigher(config=MatcherConfig(rule_base="ilbp"), pattern=ILBP_128, max_features=COUNT)

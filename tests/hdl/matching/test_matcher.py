@@ -348,9 +348,3 @@ def test_reset_in_any_phase_leaves_nothing_behind() -> None:
     settings = settings_for(frames, config, "previous")
     bench = MatcherBench(ILBP_128, config, frames, settings, broken=broken, interrupted=interrupted)
     assert bench.run() == expected * len(interrupted)
-
-
-@pytest.mark.usefixtures("unused_blocks")
-def test_a_rule_base_without_its_window_is_refused() -> None:
-    with pytest.raises(ValueError, match="rule base 'ilbp' needs the gray window"):
-        Matcher(config=MatcherConfig(rule_base="ilbp"), pattern=ILBP_128, lanes=LANES, max_features=MAX_FEATURES)

@@ -103,14 +103,6 @@ def test_search_without_features_ends_at_once(sizes: tuple[int, int]) -> None:
     assert rows == columns == [(0, 0, 0), (0, 0, 0)]
 
 
-@pytest.mark.parametrize(
-    ("lanes", "max_features", "message"), [(3, 8, "`lanes` is 3"), (1, 8, "`lanes` is 1"), (16, 8, "`lanes` is 16")]
-)
-def test_an_impossible_number_of_lanes_is_refused(lanes: int, max_features: int, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        NearestNeighbours(bits=8, lanes=lanes, max_features=max_features)
-
-
 @pytest.mark.usefixtures("unused_blocks")
 def test_columns_that_come_after_their_distance_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hdl.matching.nearest_neighbours.COLUMN_CYCLES", 9)
