@@ -171,21 +171,19 @@ def homography_elements(record: np.void) -> NDArray[np.int64]:
     return stored.view(np.int32).astype(np.int64).reshape(3, 3)
 
 
-def score_records(scores: Scores, frame: int = 0) -> Records:
-    """Make the records (`golden_model.records.SCORE`) that answer `hypothesis_records`, by the matches of a frame."""
-    records = np.zeros(len(scores.score), SCORE.dtype)
-    records["tag"], records["number"] = Tag.SCORE, np.arange(len(records))
-    records["score"], records["support"], records["causes"] = scores.score, scores.support, scores.causes
-    records["frame"] = frame
-    return records
-
-
 def answers(hypotheses: NDArray[np.integer], matches: Records, frame: int = 0) -> Records:
-    """Score hypotheses (M, 3, 3) by the kept ones among a frame's Match records: the Score records."""
+    """Score hypotheses (M, 3, 3) by the kept ones among a frame's Match records.
+
+    Returns the records (`golden_model.records.SCORE`) that answer `hypothesis_records`.
+    """
     kept = matches[matches["verdict"] == 1]
     left = np.stack((kept["left_x"], kept["left_y"]), axis=1)
     right = np.stack((kept["right_x"], kept["right_y"]), axis=1)
-    return score_records(score(hypotheses, left, right, kept["weight"]), frame)
+    scores = score(hypotheses, left, right, kept["weight"])
+    records = np.zeros(len(hypotheses), SCORE.dtype)
+    records["tag"], records["number"], records["frame"] = Tag.SCORE, np.arange(len(records)), frame
+    records["score"], records["support"], records["causes"] = scores.score, scores.support, scores.causes
+    return records
 
 
 def _causes(h: NDArray[np.int64], matches: int, max_matches: int) -> NDArray[np.int64]:
