@@ -63,7 +63,7 @@ def export_board(folder: Path, board: str, build: Build) -> None:
         {
             **core_files(TOP, verilog(top), build),
             **bench_files(TOP, make_accelerator_bench(TOP, ports, build)),
-            f"{TOP}.xml": ip_xact.component(TOP, ports, f"rtl/{TOP}.v", list_registers(build)),
+            f"{TOP}.xml": ip_xact.component(ports, f"rtl/{TOP}.v", list_registers(build)),
             "litex/skymosaic_litex.py": litex,
             **_vivado_files(board, family, build),
             "README.md": fill_readme(readme, build, **facts),

@@ -18,13 +18,14 @@ XML_ACCESS = {
     Access.COMMAND: "write-only",
 }
 """The access of a field in the words of CMSIS-SVD and IP-XACT."""
-_COMMON = {"name": NAME, "version": VERSION, "register_bits": REGISTER_BITS, "address_bytes": 1 << ADDRESS_BITS}
+COMMON = {"name": NAME, "version": VERSION, "register_bits": REGISTER_BITS, "address_bytes": 1 << ADDRESS_BITS}
+"""What every template of registers needs."""
 
 
 def markdown(registers: Sequence[Register] = ALL_REGISTERS) -> str:
     """The register map as a Markdown page; `docs/reference/register_map.md` is that of all builds."""
     offsets = {register.name: register.offset for register in ALL_REGISTERS}
-    return render("register_map.md", registers=registers, offsets=offsets, **_COMMON)
+    return render("register_map.md", registers=registers, offsets=offsets, **COMMON)
 
 
 def svd(registers: Sequence[Register] = REGISTERS) -> str:
@@ -35,12 +36,12 @@ def svd(registers: Sequence[Register] = REGISTERS) -> str:
         # What a build decides has no value here.
         if all(field.access is not Access.CONSTANT for field in register.fields)
     }
-    return render("registers.svd", registers=registers, resets=resets, xml_access=XML_ACCESS, **_COMMON)
+    return render("registers.svd", registers=registers, resets=resets, xml_access=XML_ACCESS, **COMMON)
 
 
 def c_header(registers: Sequence[Register] = REGISTERS) -> str:
     """Offsets, shifts and masks as C macros."""
-    return render("registers.h", registers=registers, **_COMMON)
+    return render("registers.h", registers=registers, **COMMON)
 
 
 if __name__ == "__main__":

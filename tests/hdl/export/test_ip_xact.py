@@ -26,7 +26,7 @@ def ports() -> dict[str, Port]:
 
 @functools.cache
 def told() -> ET.Element:
-    return ET.fromstring(component("skymosaic", ports(), "rtl/skymosaic.v"))
+    return ET.fromstring(component(ports(), "rtl/skymosaic.v"))
 
 
 def names(path: str) -> list[str]:
