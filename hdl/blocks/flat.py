@@ -1,7 +1,6 @@
 """A component with a plain port for each field of its streams, beats and arrays."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 from amaranth import ClockDomain, ClockSignal, Module, ResetSignal, Shape, ShapeLike, Value
@@ -15,24 +14,18 @@ PAYLOAD = "payload"
 """The part of a stream that is left out of the names of its fields."""
 
 
-@dataclass(frozen=True)
-class Leaf:
-    """A leaf of a structure: its name, its lowest bit in the structure, and its shape."""
+def leaves(name: str, shape: ShapeLike, low: int = 0) -> Iterator[tuple[str, int, Shape]]:
+    """Walk the leaves of a shape: the name of each, its lowest bit, and its own shape.
 
-    name: str
-    low: int
-    shape: Shape
-
-
-def leaves(name: str, shape: ShapeLike, low: int = 0) -> Iterator[Leaf]:
-    """Walk the leaves of a shape: a field ``b`` of a structure ``a`` is ``a_b``, an element of an array ``a_0``."""
+    A field ``b`` of a structure ``a`` is ``a_b``, an element of an array ``a_0``.
+    """
     # A shape that is no layout is a leaf.
     try:
         layout = data.Layout.cast(shape)
     except TypeError:
         # Verilog has no port without bits.
         if Shape.cast(shape).width:
-            yield Leaf(name, low, Shape.cast(shape))
+            yield name, low, Shape.cast(shape)
         return
     for key, field in layout:
         yield from leaves(f"{name}_{key}", field.shape, low + field.offset)
@@ -66,10 +59,10 @@ class FlatBlock(FlatTop):
         pins: dict[str, tuple[wiring.Member, Value]] = {CLOCK: (In(1), ClockSignal()), RESET: (In(1), ResetSignal())}
         for path, member, value in component.signature.flatten(component):
             bits = Value.cast(value)
-            for leaf in leaves("_".join(str(part) for part in path if part != PAYLOAD), member.shape):
-                if leaf.name in pins:
-                    raise ValueError(f"two ports would be called {leaf.name}; rename a member of the component")
-                pins[leaf.name] = member.flow(leaf.shape), bits[leaf.low : leaf.low + leaf.shape.width]
+            for name, low, shape in leaves("_".join(str(part) for part in path if part != PAYLOAD), member.shape):
+                if name in pins:
+                    raise ValueError(f"two ports would be called {name}; rename a member of the component")
+                pins[name] = member.flow(shape), bits[low : low + shape.width]
         super().__init__(pins)
 
     def elaborate(self, platform: object) -> Module:

@@ -8,7 +8,7 @@ from amaranth.hdl import Fragment, signed, unsigned
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from hdl.blocks.flat import FlatBlock, Leaf, flat_values, leaves
+from hdl.blocks.flat import FlatBlock, flat_values, leaves
 from tests.hdl.blocks.vector_bench import pack
 
 NESTED = data.StructLayout(
@@ -18,20 +18,20 @@ NESTED = data.StructLayout(
 
 def test_leaves_are_named_by_their_path_and_follow_each_other() -> None:
     assert list(leaves("i", NESTED)) == [
-        Leaf("i_valid", 0, unsigned(1)),
-        Leaf("i_pair_0_x", 1, unsigned(5)),
-        Leaf("i_pair_0_y", 6, signed(7)),
-        Leaf("i_pair_1_x", 13, unsigned(5)),
-        Leaf("i_pair_1_y", 18, signed(7)),
-        Leaf("i_code", 25, unsigned(3)),
+        ("i_valid", 0, unsigned(1)),
+        ("i_pair_0_x", 1, unsigned(5)),
+        ("i_pair_0_y", 6, signed(7)),
+        ("i_pair_1_x", 13, unsigned(5)),
+        ("i_pair_1_y", 18, signed(7)),
+        ("i_code", 25, unsigned(3)),
     ]
-    assert list(leaves("i", 4)) == [Leaf("i", 0, unsigned(4))]
+    assert list(leaves("i", 4)) == [("i", 0, unsigned(4))]
 
 
 def test_values_get_the_bits_that_amaranth_gives_them() -> None:
     value: dict[int | str, Any] = {"valid": 1, "pair": [{"x": 17, "y": -3}, {"x": 2, "y": 40}], "code": 5}
     flat = flat_values("i", value)
-    assert flat.keys() == {leaf.name for leaf in leaves("i", NESTED)}
+    assert flat.keys() == {name for name, _, _ in leaves("i", NESTED)}
     assert pack("i", NESTED, flat) == NESTED.const(value).as_bits()
 
 

@@ -14,14 +14,14 @@ FLUSH_CYCLES = 64
 def pack(name: str, shape: Any, row: Row) -> int:
     """The bits of a port with the values of a row; fields that the row lacks are 0."""
     word = 0
-    for leaf in leaves(name, shape):
-        word |= (row.get(leaf.name, 0) & (1 << leaf.shape.width) - 1) << leaf.low
+    for field, low, own in leaves(name, shape):
+        word |= (row.get(field, 0) & (1 << own.width) - 1) << low
     return word
 
 
 def unpack(name: str, shape: Any, word: int) -> Row:
     """The fields of a port's bits, as unsigned numbers."""
-    return {leaf.name: word >> leaf.low & (1 << leaf.shape.width) - 1 for leaf in leaves(name, shape)}
+    return {field: word >> low & (1 << own.width) - 1 for field, low, own in leaves(name, shape)}
 
 
 def run_vectors(block: Block) -> list[Row]:
@@ -41,7 +41,7 @@ def run_vectors(block: Block) -> list[Row]:
 def compare(block: Block) -> None:
     """The block answers what its vectors expect, where they say so, and nothing else."""
     dut: Any = block.component
-    ones = {leaf.name: (1 << leaf.shape.width) - 1 for leaf in leaves("o", dut.signature.members["o"].shape)}
+    ones = {name: (1 << shape.width) - 1 for name, _, shape in leaves("o", dut.signature.members["o"].shape)}
     found, expected = run_vectors(block), block.outputs["o"]
     assert len(found) == len(expected)
     for number, (answer, row) in enumerate(zip(found, expected, strict=True)):
