@@ -93,13 +93,12 @@ class SugenoSystem:
     Raises
     ------
     ValueError
-        For an unknown set or conjunction, a wrong number of sets or rules, a singleton outside 0..1, or a product
-        system whose strengths do not sum to one.
+        For a wrong number of rules, alternatives that cannot be, or a product system whose strengths do not sum to one.
+        That sets exist, and outputs are in their range, is checked where systems are read
+        (`golden_model.fuzzy.system.FuzzySystem`).
     """
 
     def __init__(self, name: str, *, inputs: tuple[Variable, ...], rules: tuple[Rule, ...], conjunction: str) -> None:
-        if conjunction not in ("product", "minimum"):
-            raise ValueError(f"{name}: conjunction is {conjunction!r}; valid: product, minimum")
         if not 1 <= len(rules) <= MAX_RULES:
             raise ValueError(f"{name}: has {len(rules)} rules; it must have 1 to {MAX_RULES}")
         self.name = name
@@ -108,22 +107,14 @@ class SugenoSystem:
         self.conjunction = conjunction
         self.strength_one = ONE ** len(inputs) if conjunction == "product" else ONE
         for index, rule in enumerate(rules):
-            self._check_rule(index, rule)
+            # The first rule follows none.
+            if rule.joins and (conjunction == "product" or index == 0 or rules[index - 1].output != rule.output):
+                raise ValueError(
+                    f"{name}, rule {index}: OR needs conjunction 'minimum', and a rule before it with the same output"
+                )
         self._singletons = np.array([rule.singleton for rule in rules], dtype=np.int64)
         if conjunction == "product":
             self._check_sum()
-
-    def _check_rule(self, index: int, rule: Rule) -> None:
-        where = f"{self.name}, rule {index}"
-        if len(rule.sets) != len(self.inputs):
-            raise ValueError(f"{where}: names {len(rule.sets)} sets for {len(self.inputs)} inputs")
-        for variable, set_name in zip(self.inputs, rule.sets, strict=True):
-            if set_name is not None and set_name not in variable.sets:
-                raise ValueError(f"{where}: {variable.name} has no set {set_name!r}; it has {', '.join(variable.sets)}")
-        if rule.joins and (self.conjunction == "product" or index == 0 or self.rules[index - 1].output != rule.output):
-            raise ValueError(f"{where}: OR needs conjunction 'minimum', and a rule before it with the same output")
-        if not 0 <= rule.output <= 1:
-            raise ValueError(f"{where}: output is {rule.output}; it must be 0 to 1")
 
     def _check_sum(self) -> None:
         # Inputs with the same degree in every set give the same strengths: trying one of each group is enough.
