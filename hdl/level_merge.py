@@ -6,7 +6,6 @@ from amaranth import Array, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.config import check_choice
 from golden_model.formats import RESPONSE_CODE
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause, Record, Tag
 from hdl.frame_admission import CAUSES
@@ -53,7 +52,6 @@ class LevelMerge(Component):
     o: Out(stream.Signature(WordPayload))
 
     def __init__(self, *, record: Record, levels: int, max_features: int) -> None:
-        check_choice("levels", levels, (1, 2))
         self.record = record
         self.levels = levels
         self.max_features = max_features

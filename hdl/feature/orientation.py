@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from amaranth import Cat, Module, Mux, Shape, Signal, Value, signed, unsigned
 from amaranth.lib.wiring import In, Out
 
-from golden_model.config import check_choice
 from golden_model.feature.orientation import COSINES, HALF_SECTOR_TANGENTS, SECTORS, SINES, TANGENT_ONE
 from hdl.lib.component import Component
 from hdl.lib.delay import check_aligned, delayed, port_register
@@ -39,7 +38,6 @@ class RingMoments(Component):
     candidate's first group is added."""
 
     def __init__(self, *, radii_px: tuple[int, ...], groups: int) -> None:
-        check_choice("groups", groups, (1, 2, 4))
         self.groups = groups
         group_angles = SECTORS // groups
         self._radial = [WeightedSum(weights=radii_px, shape=unsigned(8)) for _ in range(group_angles)]

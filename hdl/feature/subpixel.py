@@ -4,7 +4,6 @@ from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.config import check_choice
 from golden_model.formats import POSITION, RAW_RESPONSE, RESPONSE_CODE, RESPONSE_FRACTION_BITS
 from hdl.lib.delay import delayed, port_register
 from hdl.streams import CANDIDATE
@@ -107,7 +106,6 @@ class SubPixel(wiring.Component):
     """As ``o_x``."""
 
     def __init__(self, *, level: int, lag_px: int, spacing_cycles: int) -> None:
-        check_choice("level", level, (0, 1))
         self.level = level
         self.lag_px = lag_px
         # Where candidates leave time for it, x and y take turns.

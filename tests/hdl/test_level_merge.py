@@ -140,8 +140,3 @@ def test_a_frame_without_start_has_a_status_and_no_features() -> None:
     assert [Cause(int(status["causes"])) for _, status in packets] == causes
     assert [int(status["features"]) for _, status in packets] == [3, 0, 0]
     assert packets[1][1]["cycles"] == 0
-
-
-def test_impossible_levels_are_named() -> None:
-    with pytest.raises(ValueError, match="levels is 3"):
-        LevelMerge(record=RECORD, levels=3, max_features=MAX_FEATURES)

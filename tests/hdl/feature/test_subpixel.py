@@ -71,8 +71,3 @@ def test_positions_equal_the_golden_model(level: int, spacing_cycles: int) -> No
     outputs = run_clocks(dut, inputs, [dut.o_x, dut.o_y])
     positions = [outputs[cycle + dut.latency_cycles] for cycle in offered]
     assert positions == golden_positions(codes, x, y, level)
-
-
-def test_impossible_level_is_refused() -> None:
-    with pytest.raises(ValueError, match="level is 2; valid: 0, 1"):
-        SubPixel(level=2, lag_px=LAG_PX, spacing_cycles=2)
