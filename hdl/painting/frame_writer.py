@@ -19,6 +19,8 @@ PIXEL_BYTES = 4
 BURST_PX = BURST_BYTES // PIXEL_BYTES
 """Rows begin at multiples of this many pixels."""
 FRAME_NUMBER = 16
+QUEUE_WORDS = 512
+"""Pairs of pixels that wait for the memory; at least two bursts."""
 
 VIDEO = data.StructLayout({"valid": 1, "data": 24, "first": 1, "last": 1})
 """A pixel: green in the lowest byte, then blue, red (UG934); whether it starts a frame, whether it ends a line."""
@@ -40,11 +42,6 @@ class FrameWriter(wiring.Component):
     lines the upper ones are kept, and it is counted as well. A frame that is complete waits at ``o`` until it is taken;
     while it waits, every other is skipped. Switched off, the writer cuts off the frame under way, and withdraws the one
     that waits: it is idle within a few bursts, also when the camera has stopped in a frame.
-
-    Parameters
-    ----------
-    fifo_words : int
-        Pairs of pixels that wait for the memory; at least two bursts.
     """
 
     i: In(VIDEO)
@@ -69,15 +66,11 @@ class FrameWriter(wiring.Component):
     o_idle: Out(1)
     """Nothing is being written."""
 
-    def __init__(self, *, fifo_words: int = 512) -> None:
-        self.fifo_words = fifo_words
-        super().__init__()
-
     def elaborate(self, platform: object) -> Module:
         """A queue between the camera's side and the memory's."""
         m = Module()
         # A word, and whether the frame ends here incomplete. In front of a frame's pixels is its number.
-        m.submodules.waiting = waiting = fifo.SyncFIFOBuffered(width=8 * WORD_BYTES + 1, depth=self.fifo_words)
+        m.submodules.waiting = waiting = fifo.SyncFIFOBuffered(width=8 * WORD_BYTES + 1, depth=QUEUE_WORDS)
         m.submodules.bursts = bursts = BurstWriter()
         wiring.connect(m, bursts.bus, wiring.flipped(self.bus))
         is_cut, gives_up = Signal(), Signal()

@@ -4,7 +4,6 @@ from amaranth import Array, Cat, Module, Mux, Signal, Value, signed
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.config import check_range
 from golden_model.painting.blending import FADE
 from golden_model.painting.corners import CORNER
 from golden_model.painting.positions import POSITION
@@ -38,6 +37,7 @@ PAINTED_TILE = data.StructLayout({"valid": 1, "tile": TILE, "least": WEIGHT_BITS
 """A tile that has been painted, and the smallest weight in it. Not ``painted``: what is in memory means nothing yet."""
 _KEPT = data.StructLayout({"least": WEIGHT_BITS, "painted": 1})
 PLACE_BITS = TILE["column"].width
+"""Bits of the columns, and of the rows, for which the planner has memory."""
 WHOLE = signed(CORNER.integer_bits + 1)
 """Whole pixels: a corner may be rounded up beyond its format."""
 HALF_POSITION = 1 << CORNER.fraction_bits - POSITION.fraction_bits - 1
@@ -60,11 +60,6 @@ class WindowPlanner(wiring.Component):
     after a reset and by ``i_clear``, a tile per clock; tiles wait until then.
 
     A tile takes 28 clocks, the last of them that in which the plan is taken.
-
-    Parameters
-    ----------
-    place_bits : int
-        The canvas has up to 2^n columns and rows of tiles, n from 1 to 7.
     """
 
     i: In(stream.Signature(PROJECTED))
@@ -90,11 +85,6 @@ class WindowPlanner(wiring.Component):
 
     latency_cycles = JUDGE_STEP
     """From a tile to its plan."""
-
-    def __init__(self, *, place_bits: int = PLACE_BITS) -> None:
-        check_range("place_bits", place_bits, 1, PLACE_BITS)
-        self.place_bits = place_bits
-        super().__init__()
 
     def elaborate(self, platform: object) -> Module:
         """Take a coordinate of a corner per clock, x and y in turns; then judge the box around them."""
@@ -143,8 +133,8 @@ class WindowPlanner(wiring.Component):
 
     def _keep(self, m: Module) -> data.View:
         """What the memory says of the tile at the input."""
-        m.submodules.tiles = tiles = LineMemory(shape=_KEPT, depth=1 << 2 * self.place_bits)
-        painted, cleared = self.i_painted, Signal(2 * self.place_bits)
+        m.submodules.tiles = tiles = LineMemory(shape=_KEPT, depth=1 << 2 * PLACE_BITS)
+        painted, cleared = self.i_painted, Signal(2 * PLACE_BITS)
         clears = Signal(init=1)
         word = data.View(_KEPT, tiles.i_word)
         m.d.comb += [
@@ -159,8 +149,9 @@ class WindowPlanner(wiring.Component):
         m.d.sync += [cleared.eq(cleared + clears), clears.eq(self.i_clear | (clears & ~cleared.all()))]
         return data.View(_KEPT, tiles.o_word)
 
-    def _address(self, tile: data.View) -> Value:
-        return Cat(tile.column[: self.place_bits], tile.row[: self.place_bits])
+    @staticmethod
+    def _address(tile: data.View) -> Value:
+        return Cat(tile.column[:PLACE_BITS], tile.row[:PLACE_BITS])
 
     def _measure(self, m: Module, step: Signal) -> tuple[Value, Value]:
         """First and last pixel that a tile needs, along x and along y in turns."""

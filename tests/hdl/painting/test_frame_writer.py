@@ -24,10 +24,10 @@ class WriterBench:
     With ``paints_clocks`` -1 it never takes one.
     """
 
-    def __init__(self, *, paints_clocks: int = 10, fifo_words: int = 512, **rules: Any) -> None:
+    def __init__(self, *, paints_clocks: int = 10, **rules: Any) -> None:
         self.memory = AxiMemory(BASE, BUFFERS * BUFFER_PAGES * PAGE_BYTES, **rules)
         self.memory.bytes[:] = UNTOUCHED
-        self.dut = FrameWriter(fifo_words=fifo_words)
+        self.dut = FrameWriter()
         settings = {"i_enable": 1, "i_page": BASE // PAGE_BYTES, "i_buffer_pages": BUFFER_PAGES}
         settings |= {"i_width_px": WIDTH_PX, "i_height_px": HEIGHT_PX}
         self.bench = BlockBench(self.dut, settings=settings, cycle_limit=20_000)
@@ -159,9 +159,10 @@ def test_lines_behind_the_last_are_counted_and_not_kept() -> None:
     check(bench, {1: frame(0), 2: frame(2)}, o_cut=1)
 
 
-def test_a_memory_that_stands_still_costs_a_frame() -> None:
+def test_a_memory_that_stands_still_costs_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     """The queue runs full: what is in it is given up, and the camera does not wait."""
-    bench = WriterBench(fifo_words=32)
+    monkeypatch.setattr("hdl.painting.frame_writer.QUEUE_WORDS", 32)
+    bench = WriterBench()
     frames = [frame(number) for number in range(4)]
 
     async def stop(ctx: Any) -> None:

@@ -17,10 +17,16 @@ from tests.hdl.block_bench import BlockBench
 from tests.hdl.painting.payloads import corner_payload
 
 PLACE_BITS = 2
+"""So few that memory is soon cleared."""
 TILES = tilted.all_tiles(1 << PLACE_BITS)
 SIZE = (153, 101)
 CAUSES = ("o_behind", "o_too_large", "o_cannot_win")
 BOX = ("left", "top", "right", "bottom")
+
+
+@pytest.fixture(autouse=True)
+def _small_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hdl.painting.windows.PLACE_BITS", PLACE_BITS)
 
 
 class Plan(NamedTuple):
@@ -132,7 +138,7 @@ def run(
 
 @pytest.mark.parametrize(("size", "replace"), [(SIZE, False), ((1100, 1031), True)], ids=["canvas", "replace"])
 def test_plans_equal_the_golden_model_frame_after_frame(size: tuple[int, int], replace: bool) -> None:
-    plans, expected, canvas, counts = run(WindowPlanner(place_bits=PLACE_BITS), size, replace=replace)
+    plans, expected, canvas, counts = run(WindowPlanner(), size, replace=replace)
     assert plans == expected
     assert counts == canvas.counts
     assert min(counts["o_behind"], counts["o_too_large"]) > 0
@@ -145,13 +151,13 @@ def test_plans_equal_the_golden_model_frame_after_frame(size: tuple[int, int], r
 
 def test_plans_wait_and_a_clear_forgets_the_canvas() -> None:
     pauses = Pauses(gaps=120, stalls=180, seed=3)
-    plans, expected, canvas, counts = run(WindowPlanner(place_bits=PLACE_BITS), SIZE, pauses=pauses, clears=3)
+    plans, expected, canvas, counts = run(WindowPlanner(), SIZE, pauses=pauses, clears=3)
     assert plans == expected
     assert counts == canvas.counts
 
 
 def test_a_tile_takes_28_clocks_and_a_reset_in_any_phase_clears_the_canvas() -> None:
-    dut = WindowPlanner(place_bits=PLACE_BITS)
+    dut = WindowPlanner()
     bench = BlockBench(dut, settings={"i_width_px": SIZE[0], "i_height_px": SIZE[1]}, cycle_limit=1500)
     corners = [corner_payload(each) for each in poses(SIZE)[0]]
     first, second = ({"tile": place(TILES[n]), "corners": corners[n], "behind": 0} for n in (5, 6))
