@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from hdl.build import Build
 from hdl.settings import PAGE_BYTES
 from sim.backends.interface import Progress, silent
-from sim.benches.memory import ADDRESS, BASE, WIDE, WORD, WORDS, MemoryBench, MemoryRules
+from sim.benches.memory import BASE, MemoryBench, MemoryRules
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
-from sim.simulators.compiled import COMMON_FUNCTIONS
+from sim.simulators.compiled import ADDRESS, COMMON_FUNCTIONS, WIDE, WORD, WORDS
 
 WAIT_CLOCKS = 20_000
 POLL_CLOCKS = 500
@@ -69,9 +69,8 @@ class CameraBench(MemoryBench):
     @property
     def last_pixels(self) -> list[int]:
         """Clock in which the camera sent each frame's last pixel."""
-        cycles = ctypes.POINTER(ctypes.c_uint64)()
-        count = self.call("last_pixels", ctypes.byref(cycles))
-        return [int(cycles[n]) for n in range(count)]
+        cycles: list[int] = self.words("last_pixels").tolist()
+        return cycles
 
     def allocate(self, length_bytes: int) -> NDArray[np.uint8]:
         """Take the next free pages of the memory."""
@@ -110,9 +109,8 @@ class CameraBench(MemoryBench):
 
     def take_scores(self) -> NDArray[np.uint8] | None:
         """The oldest packet of scores that has come whole."""
-        words = ctypes.POINTER(ctypes.c_uint64)()
-        count = self.call("scores", ctypes.byref(words))
-        return np.ctypeslib.as_array(words, (count,)).view(np.uint8).copy() if count else None
+        words = self.words("scores")
+        return words.view(np.uint8) if words.size else None
 
     def wait(self, seconds: float) -> None:
         """Run for a while, whatever ``seconds`` says: simulated time is not that of the host."""

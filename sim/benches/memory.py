@@ -1,6 +1,5 @@
 """A memory that waits and fails, and what benches of designs that use it share."""
 
-import ctypes
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.simulators.compiled import COMMON_FUNCTIONS, Model
+from sim.simulators.compiled import ADDRESS, COMMON_FUNCTIONS, WIDE, WORD, Model
 
 BASE = 0x8_4000_0000
 """Address of the memory: beyond what 32 bits reach."""
@@ -76,9 +75,6 @@ class MemoryBench(Model):
         return int(self.call("errors"))
 
 
-ADDRESS, WORD, WIDE = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
-WORDS = ctypes.POINTER(ctypes.POINTER(WIDE))
-"""Types of arguments of C functions."""
 _FUNCTIONS = {
     **{name: COMMON_FUNCTIONS[name] for name in ("close", "reset", "cycle")},
     "open": (ADDRESS,),

@@ -15,8 +15,9 @@ from hdl.painting.frame_writer import BUFFERS, frame_pages
 from hdl.painting.painter import Painter
 from hdl.settings import PAGE_BYTES
 from sim.backends.interface import silent
-from sim.benches.memory import ADDRESS, BASE, WIDE, WORD, WORDS, MemoryBench, MemoryRules
+from sim.benches.memory import BASE, MemoryBench, MemoryRules
 from sim.simulators import verilator
+from sim.simulators.compiled import ADDRESS, WIDE, WORD, WORDS
 from sim.simulators.design import Design, Ports
 
 SETTINGS = (
@@ -128,21 +129,18 @@ class PainterBench(MemoryBench):
 
     def run(self, clocks: int, *, reports: int = 1 << 30) -> list[Report]:
         """Run until so many frames have been painted since the start, or for so many clocks; returns the new ones."""
-        values = ctypes.POINTER(ctypes.c_uint64)()
         fields = len(Report.__dataclass_fields__)
-        count = self.call("run", clocks, reports * fields, ctypes.byref(values)) // fields
-        known = len(self.reports)
-        for n in range(known, count):
-            self.reports.append(Report(*(int(values[n * fields + k]) for k in range(fields))))
-        return self.reports[known:]
+        rows = self.words("run", clocks, reports * fields).reshape(-1, fields)
+        new = [Report(*row) for row in rows[len(self.reports) :].tolist()]
+        self.reports += new
+        return new
 
     @property
     def events(self) -> dict[str, int]:
         """How often a frame or a pose was given up, by the reason."""
-        values = ctypes.POINTER(ctypes.c_uint64)()
-        self.call("events", ctypes.byref(values))
         names = ("refused", "unmatched", "unplaced", "cut", "lost", "skipped")
-        return {name: int(values[n]) for n, name in enumerate(names) if values[n]}
+        counts = zip(names, self.words("events").tolist(), strict=True)
+        return {name: count for name, count in counts if count}
 
     @property
     def is_idle(self) -> bool:

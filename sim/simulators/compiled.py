@@ -15,13 +15,15 @@ from numpy.typing import NDArray
 from sim.simulators.design import Ports
 from sim.simulators.recording import NO_PAUSES, Output, Pauses, Recording, Segment, check_access
 
-_POINTER, _VALUES = ctypes.c_void_p, ctypes.POINTER(ctypes.POINTER(ctypes.c_uint64))
+ADDRESS, WORD, WIDE = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
+WORDS = ctypes.POINTER(ctypes.POINTER(WIDE))
+"""Types of arguments of C functions; for `WORDS` see `Model.words`."""
 COMMON_FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "close": (None,),
     "reset": (None,),
-    "cycle": (ctypes.c_uint64,),
-    "write": (ctypes.c_int, ctypes.c_uint32, ctypes.c_uint32),
-    "read": (ctypes.c_int, ctypes.c_uint32, ctypes.POINTER(ctypes.c_uint32)),
+    "cycle": (WIDE,),
+    "write": (ctypes.c_int, WORD, WORD),
+    "read": (ctypes.c_int, WORD, ctypes.POINTER(WORD)),
 }
 """What harnesses with registers have in common, for `Model`."""
 
@@ -57,12 +59,18 @@ class Model:
         self._functions: dict[str, Any] = {}
         for name, (result, *arguments) in functions.items():
             self._functions[name] = function = getattr(loaded, f"{prefix}_{name}")
-            function.restype, function.argtypes = result, arguments if name == "open" else [_POINTER, *arguments]
+            function.restype, function.argtypes = result, arguments if name == "open" else [ADDRESS, *arguments]
         self._model = self._functions["open"](*opening)
 
     def call(self, name: str, *arguments: Any) -> Any:
         """Call a function of the harness."""
         return self._functions[name](self._model, *arguments)
+
+    def words(self, function: str, *arguments: Any, each: int = 1) -> NDArray[np.uint64]:
+        """Copy what a function of the harness sets its last argument to; it returns how many of ``each`` words."""
+        values = ctypes.POINTER(WIDE)()
+        size = each * self.call(function, *arguments, ctypes.byref(values))
+        return np.ctypeslib.as_array(values, (size,)).copy() if size else np.empty(0, np.uint64)
 
     def close(self) -> None:
         """End the simulation, and close the wave file; raises OSError if that could not be written."""
@@ -90,7 +98,7 @@ class Model:
 
     def read(self, address: int) -> int:
         """Read a register; raises the same errors as `write`."""
-        value = ctypes.c_uint32()
+        value = WORD()
         check_access("read", address, self.call("read", address, ctypes.byref(value)))
         return value.value
 
@@ -99,15 +107,15 @@ class _Request(ctypes.Structure):
     """``struct Request`` of harness.cpp."""
 
     _fields_ = (
-        ("data", ctypes.c_void_p),
-        ("flags", ctypes.c_void_p),
-        ("beats", ctypes.c_uint64),
-        ("packets", ctypes.c_uint64),
-        ("cycle_limit", ctypes.c_uint64),
-        ("gaps", ctypes.c_uint32),
-        ("stalls", ctypes.c_uint32),
-        ("seed", ctypes.c_uint32),
-        ("rooms", ctypes.c_void_p),
+        ("data", ADDRESS),
+        ("flags", ADDRESS),
+        ("beats", WIDE),
+        ("packets", WIDE),
+        ("cycle_limit", WIDE),
+        ("gaps", WORD),
+        ("stalls", WORD),
+        ("seed", WORD),
+        ("rooms", ADDRESS),
     )
 
 
@@ -159,31 +167,26 @@ class Bench(Model):
 
     def _copy_recording(self) -> Recording:
         names = (*self.ports.outputs, *self.ports.taps)
-        words = {name: self._copy("words", index) for index, name in enumerate(names)}
+        words = {name: self.words("words", index) for index, name in enumerate(names)}
         return Recording(
-            self._copy("starts"),
+            self.words("starts"),
             {
-                name: Output(words[name], self._copy("ends", index).reshape(-1, 2))
+                name: Output(words[name], self.words("ends", index, each=2).reshape(-1, 2))
                 for index, name in enumerate(self.ports.outputs)
             },
             {name: words[name] for name in self.ports.taps},
         )
 
-    def _copy(self, function: str, *stream: int) -> NDArray[np.uint64]:
-        values = ctypes.POINTER(ctypes.c_uint64)()
-        size = self.call(function, *stream, ctypes.byref(values)) * (2 if function == "ends" else 1)
-        return np.ctypeslib.as_array(values, (size,)).copy() if size else np.empty(0, np.uint64)
-
 
 _FUNCTIONS = {
     **COMMON_FUNCTIONS,
-    "open": (_POINTER, ctypes.c_char_p),
+    "open": (ADDRESS, ctypes.c_char_p),
     "close": (ctypes.c_int,),
-    "set": (None, ctypes.c_int, ctypes.c_uint64),
+    "set": (None, ctypes.c_int, WIDE),
     "run": (ctypes.c_bool, ctypes.POINTER(_Request)),
-    "sent": (ctypes.c_uint64,),
-    "starts": (ctypes.c_uint64, _VALUES),
-    "words": (ctypes.c_uint64, ctypes.c_int, _VALUES),
-    "ends": (ctypes.c_uint64, ctypes.c_int, _VALUES),
+    "sent": (WIDE,),
+    "starts": (WIDE, WORDS),
+    "words": (WIDE, ctypes.c_int, WORDS),
+    "ends": (WIDE, ctypes.c_int, WORDS),
 }
 """The functions of harness.cpp."""
