@@ -84,10 +84,8 @@ class Level(Component):
         self._features = CandidateFeatures(
             pattern=pattern, spacing_cycles=spacing_cycles, level=level, lag_px=self.lag_px
         )
-        self._gray_for_corners = OffsetColumns(shape=8, rows=3, distance_px=self.lag_px - self._corners.lag_px, **rate)
-        self._gray_for_rings = OffsetColumns(
-            shape=8, rows=self._smooth.window_px, distance_px=self.lag_px - ring_lag_px, **rate
-        )
+        self._gray_for_corners = OffsetColumns(rows=3, distance_px=self.lag_px - self._corners.lag_px, **rate)
+        self._gray_for_rings = OffsetColumns(rows=self._smooth.window_px, distance_px=self.lag_px - ring_lag_px, **rate)
         offsets = (self._gray_for_corners, self._gray_for_rings)
         lines = max(offset.distance_px + offset.rows for offset in offsets) - 1
         self._lines = LineBuffer(shape=8, lines=lines, width_px=width_px, **rate)

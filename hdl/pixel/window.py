@@ -133,12 +133,10 @@ class Window(Component):
 
 
 class OffsetColumns(Component):
-    """Takes columns from further up and left, which adds ``distance_px`` to the lag of the blocks behind it.
+    """Takes columns of gray from further up and left, which adds ``distance_px`` to the lag of the blocks behind it.
 
     Parameters
     ----------
-    shape : ShapeLike
-        Shape of a pixel.
     rows : int
         Pixels of an output column.
     distance_px : int
@@ -152,14 +150,14 @@ class OffsetColumns(Component):
 
     latency_cycles = Window.latency_cycles
 
-    def __init__(self, *, shape: ShapeLike, rows: int, distance_px: int, pixels_per_clock: int = 1) -> None:
+    def __init__(self, *, rows: int, distance_px: int, pixels_per_clock: int = 1) -> None:
         self.rows = rows
         self.distance_px = distance_px
         self.pixels_per_clock = pixels_per_clock
-        column = data.ArrayLayout(shape, rows)
+        column = data.ArrayLayout(8, rows)
         self._window = Window(shape=column, columns=distance_px + 1, pixels_per_clock=pixels_per_clock)
         super().__init__(
-            i=In(beat(pixels_per_clock, column=data.ArrayLayout(shape, distance_px + rows))),
+            i=In(beat(pixels_per_clock, column=data.ArrayLayout(8, distance_px + rows))),
             o=Out(beat(pixels_per_clock, column=column)),
         )
 

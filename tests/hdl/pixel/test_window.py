@@ -37,7 +37,7 @@ def test_window_gives_the_columns_to_the_left(
 def test_offset_columns_gives_columns_from_further_up_and_left(
     gray_frames: list[NDArray[np.uint8]], run_block: Callable[..., list[Beats]], distance_px: int, rate: dict[str, int]
 ) -> None:
-    dut = OffsetColumns(shape=8, rows=2, distance_px=distance_px, **rate)
+    dut = OffsetColumns(rows=2, distance_px=distance_px, **rate)
     parts = run_block(dut, [{"column": columns(frame, distance_px + 2)} for frame in gray_frames])
     for part, frame in zip(parts, gray_frames, strict=True):
         moved = part.plane("column", frame.shape, lag_px=distance_px)
