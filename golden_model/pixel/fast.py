@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Pixels
-from golden_model.pixel.window import neighbour
 
 CIRCLE = (
     (0, -3), (1, -3), (2, -2), (3, -1), (3, 0), (3, 1), (2, 2), (1, 3),
@@ -33,8 +32,8 @@ def score(gray: Pixels) -> NDArray[np.uint8]:
     ndarray of uint8, shape (H, W)
         0 to 254; 0 within 3 px of the border.
     """
-    centre = neighbour(gray, 0, 0, MARGIN_PX)
-    circle = [neighbour(gray, x, y, MARGIN_PX) for x, y in CIRCLE]
+    centre = neighbour(gray, 0, 0)
+    circle = [neighbour(gray, x, y) for x, y in CIRCLE]
     brightest_arc = np.maximum.reduce(_arcs(circle, np.minimum))
     darkest_arc = np.minimum.reduce(_arcs(circle, np.maximum))
     above = np.maximum(brightest_arc, centre) - centre
@@ -42,7 +41,7 @@ def score(gray: Pixels) -> NDArray[np.uint8]:
     difference = np.maximum(above, below)
     # The test is strict (difference > t), so the largest t that passes is the difference minus 1.
     plane = np.zeros_like(gray)
-    neighbour(plane, 0, 0, MARGIN_PX)[:] = difference - (difference > 0)
+    neighbour(plane, 0, 0)[:] = difference - (difference > 0)
     return plane
 
 
@@ -64,6 +63,12 @@ def response_code(gray: Pixels, threshold: int) -> NDArray[np.uint16]:
     """
     plane = score(gray)
     return np.where(plane >= threshold, plane, 0).astype(np.uint16)
+
+
+def neighbour(plane: Pixels, x: int, y: int) -> Pixels:
+    """View the neighbour at offset (x, y), y down, of every pixel at least `MARGIN_PX` from the border."""
+    height, width = plane.shape
+    return plane[MARGIN_PX + y : height - MARGIN_PX + y, MARGIN_PX + x : width - MARGIN_PX + x]
 
 
 def _arcs(circle: list[Pixels], extreme: Callable[[Pixels, Pixels], Pixels]) -> list[Pixels]:

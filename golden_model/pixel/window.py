@@ -26,21 +26,3 @@ def box_sum(plane: NDArray[np.int32], window_px: int) -> NDArray[np.int32]:
     # Not normalised: a mean would be rounded.
     sums = cv2.boxFilter(plane, cv2.CV_32S, (window_px, window_px), normalize=False)
     return np.asarray(sums, dtype=np.int32)
-
-
-def neighbour(plane: NDArray[np.uint8], x: int, y: int, margin_px: int) -> NDArray[np.uint8]:
-    """The neighbour at offset (x, y) of every pixel at least ``margin_px`` from the border, as a view.
-
-    Parameters
-    ----------
-    plane : ndarray, shape (H, W)
-    x, y : int
-        At most ``margin_px`` in magnitude; y points down.
-    margin_px : int
-
-    Returns
-    -------
-    ndarray, shape (H - 2 margin_px, W - 2 margin_px)
-    """
-    height, width = plane.shape
-    return plane[margin_px + y : height - margin_px + y, margin_px + x : width - margin_px + x]

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from golden_model.pixel.fast import response_code, score
+from golden_model.pixel.fast import neighbour, response_code, score
 from golden_model.pixel.nms import suppress
 
 
@@ -59,3 +59,10 @@ def test_nine_contiguous_pixels_make_a_corner(run: int, corner: bool, start: int
         x, y = circle[(start + i) % 16]
         gray[3 + y, 3 + x] = 130 if brighter else 70
     assert score(gray)[3, 3] == (29 if corner else 0)
+
+
+@pytest.mark.parametrize(("x", "y"), [(0, 0), (-3, 1), (3, -3), (2, 3)])
+def test_the_neighbour_of_every_inner_pixel(x: int, y: int) -> None:
+    plane = np.arange(10 * 12, dtype=np.uint8).reshape(10, 12)
+    found = neighbour(plane, x, y)
+    assert found.tolist() == [[plane[row + y, column + x] for column in range(3, 9)] for row in range(3, 7)]

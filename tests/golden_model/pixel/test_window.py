@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.lib.stride_tricks import sliding_window_view
 
-from golden_model.pixel.window import box_sum, neighbour
+from golden_model.pixel.window import box_sum
 
 
 @pytest.mark.parametrize("window_px", [1, 3, 5, 7])
@@ -18,10 +18,3 @@ def test_box_sums_are_exact_in_32_bits(window_px: int) -> None:
     inside = box_sum(plane, window_px)[margin_px : 11 - margin_px, margin_px : 14 - margin_px]
     assert inside.dtype == np.int32
     np.testing.assert_array_equal(inside, sums)
-
-
-@pytest.mark.parametrize(("x", "y"), [(0, 0), (-3, 1), (3, -3), (2, 3)])
-def test_the_neighbour_of_every_inner_pixel(x: int, y: int) -> None:
-    plane = np.arange(10 * 12, dtype=np.uint8).reshape(10, 12)
-    found = neighbour(plane, x, y, margin_px=3)
-    assert found.tolist() == [[plane[row + y, column + x] for column in range(3, 9)] for row in range(3, 7)]
