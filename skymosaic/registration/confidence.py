@@ -9,14 +9,15 @@ from typing import Any
 
 import cv2
 import numpy as np
+from scipy.spatial import KDTree
 
 from golden_model.arrays import Mask, Matrix, Points
 from golden_model.pixel.gray import to_gray
 from skymosaic.geometry.acceptance import hull_share
 from skymosaic.geometry.ground import GroundAgreement, Sight, band_pass, mask_common, measure_agreement
-from skymosaic.geometry.homography import transfer_error
+from skymosaic.geometry.homography import apply, transfer_error
 from skymosaic.geometry.horizon import Size
-from skymosaic.geometry.prosac import INLIER_PX
+from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS
 from skymosaic.geometry.uncertainty import NEAR_PX, FitQuality, assess_fit, one_per_place
 
 # A pair is good below the first predicted error, and poor from the second on.
@@ -39,6 +40,10 @@ SURE_CORRELATION = 0.8
 CLEAR_INLIERS = 60
 CLEAR_SHARE = 0.9
 CLEAR_SHARE_OF_OVERLAP = 0.5
+# Where the ground repeats itself, as rows of solar panels, wrong matches agree as well, a row away: a fifth as many as
+# the inliers, or more. None of 298 good pairs of other ground has so many; a roof has.
+REPEATED_SHARE = 0.2
+REPEATED_PX = 8.0
 HIGH_PASS_SIGMA_PX = 3.0
 # Fewer pixels correlate by chance.
 MIN_OVERLAP_PX = 400
@@ -136,10 +141,37 @@ def assess(
     verdict = "good" if predicted_px < GOOD_PX else "check" if predicted_px < POOR_PX else "poor"
     error = f"expected error {'below ' * limited}{predicted_px:.1f} px at a width of {sights[0].size[0]} px"
     reason = f"{_explain(quality, correlation, verdict)}; {error}"
+    if verdict == "good" and (repeats := describe_repetition(homography, left, right)):
+        verdict, reason = "check", f"{repeats}; {reason}"
     ground = ground or measure_agreement(*sights, homography)
     if not ground.is_good:
         verdict, reason = "poor" if ground.is_refused or verdict == "poor" else "check", f"{ground.explain()}; {reason}"
     return Confidence(verdict, reason, predicted_px, correlation, quality, ground)
+
+
+def describe_repetition(homography: Matrix, left: Points, right: Points) -> str:
+    """That other matches agree on another homography, and how far away; empty where few do.
+
+    Parameters as for `assess`.
+    """
+    left, right = one_per_place(left, right)
+    expected = apply(homography, left)
+    offset = right - expected
+    away_px = np.linalg.norm(offset, axis=1)
+    least = max(MIN_INLIERS, REPEATED_SHARE * np.count_nonzero(away_px <= INLIER_PX))
+    expected, offset, away_px = (each[away_px > REPEATED_PX] for each in (expected, offset, away_px))
+    if len(offset) < least:
+        return ""
+    # A row away is nearly the same everywhere: the offset that most others are like.
+    like = KDTree(offset).query_ball_point(offset, 0.3 * away_px, return_length=True)
+    usual = offset[np.argmax(like / away_px)]
+    near = np.linalg.norm(offset - usual, axis=1) < 0.4 * np.linalg.norm(usual)
+    if np.count_nonzero(near) < least:
+        return ""
+    _, found = cv2.findHomography(expected[near], (expected + offset)[near], cv2.USAC_MAGSAC, INLIER_PX)
+    agree = 0 if found is None else np.count_nonzero(found)
+    far = f"{np.linalg.norm(usual):.0f} px away"
+    return f"the ground repeats itself: {agree} other matches agree {far}" if agree >= least else ""
 
 
 def fits_throughout(homography: Matrix, left: Points, right: Points, left_size: Size, right_size: Size) -> bool:

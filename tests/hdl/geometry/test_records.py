@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from golden_model.config import EstimatorConfig
 from golden_model.geometry import estimator
 from golden_model.geometry.estimator import FrameMatches, estimate, homography_record
-from golden_model.geometry.scoring import ScoreCause, Scores, hypothesis_records, quantise, score_records
+from golden_model.geometry.scoring import ScoreCause, hypothesis_records, quantise
 from golden_model.geometry.scoring import answers as golden_answers
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, SCORE, Tag
 from hdl.blocks.vectors import packet, padded_status
@@ -51,8 +51,9 @@ def expected(records: NDArray[np.void], frame: int = 0) -> list[dict[str, int]]:
 
 
 def refused(cause: ScoreCause, frame: int = 0) -> list[dict[str, int]]:
-    zeros = np.zeros(len(HYPOTHESES), dtype=np.int64)
-    return packet(score_records(Scores(zeros, zeros, zeros + int(cause)), frame))
+    records = golden_answers(HYPOTHESES, np.zeros(0, MATCH.dtype), frame)
+    records["score"], records["support"], records["causes"] = 0, 0, cause
+    return packet(records)
 
 
 def answers(

@@ -1,6 +1,7 @@
 """The predicted error rises, and so confidence falls, as the overlap shrinks and as the ground gets relief."""
 
 import itertools
+import re
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ from sim.scene import CameraPose
 from skymosaic import register
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.ground import GroundAgreement, Sight
+from skymosaic.geometry.homography import apply
 from skymosaic.geometry.uncertainty import FitQuality
 from skymosaic.registration.confidence import Confidence, assess, correlate_overlap, fits_throughout
 from tests.skymosaic.registration.rendering import CAMERA, view
@@ -181,6 +183,29 @@ def test_the_verdict_has_its_strongest_cause(
     assert trust.reason.endswith(" px at a width of 8 px")
     confirmed = assess((sight, sight), np.eye(3), points, points, ground=agreement, confirmed=True)
     assert confirmed.predicted_px == min(trust.predicted_px, 4.5)
+
+
+@pytest.mark.parametrize(
+    ("agreeing", "a_row_away", "said"),
+    [(100, 20, True), (100, 19, False), (40, 12, True), (40, 11, False), (40, 0, False)],
+)
+def test_ground_that_repeats_itself_is_never_good(
+    monkeypatch: pytest.MonkeyPatch, agreeing: int, a_row_away: int, said: bool
+) -> None:
+    """As rows of solar panels: wrong matches agree with each other, and farther away in front."""
+    rng, row = np.random.default_rng(0), np.array([[1, 0, 0], [0, 1.03, 45], [0, 0, 1]])
+    left = rng.uniform(0, 600, (agreeing + a_row_away + 300, 2))
+    right = np.concatenate((
+        left[:agreeing], apply(row, left[agreeing:-300]), rng.uniform(0, 600, (300, 2))
+    ))  # fmt: skip
+    sight = Sight(np.zeros((600, 600), np.uint8))
+    monkeypatch.setattr("skymosaic.registration.confidence.assess_fit", lambda *_: FitQuality(0.1, 1, 100, 1, 1))
+    monkeypatch.setattr("skymosaic.registration.confidence.correlate_overlap", lambda *_: 1)
+    trust = assess((sight, sight), np.eye(3), left, right, ground=ground())
+    assert trust.verdict == ("check" if said else "good")
+    repeats = f"the ground repeats itself: {a_row_away} other matches agree"
+    assert trust.reason.startswith(repeats) == said
+    assert said == bool(re.search(r"agree \d\d px away; ", trust.reason))
 
 
 @pytest.mark.parametrize(("width", "height", "alike"), [(38, 38, 1.0), (39, 37, 0.0)])
