@@ -33,6 +33,9 @@ MAX_RELIEF = 1 / 3
 """Share of the matches off the plane above which the scene is none: flights over villages have up to a quarter."""
 MAX_ERROR_PX = 10.0
 """Median error beyond which a photograph lies wrong, or shows ground too far from flat for its place in the mosaic."""
+MAX_NINETY_SHARE = 0.015
+"""90th percentile of the errors, as a share of a photograph's width, beyond which lines break at seams for all to see:
+flat ground has 0.005, a hillside 0.02."""
 WORST_NAMED = 3
 
 
@@ -119,10 +122,14 @@ def layout_errors(flight: Flight, layout: Layout) -> LayoutErrors | None:
     photographs, pairs = list(accuracy.photographs.items()), list(accuracy.pairs.items())
     return LayoutErrors(
         **vars(accuracy.whole),
-        width_px=max(flight.views[member].working_size[0] for member in layout.members),
+        width_px=_widest_px(flight, layout),
         worst_photographs={names[view]: error.median_px for view, error in photographs[:WORST_NAMED]},
         worst_pairs={f"{names[left]}-{names[right]}": error.median_px for (left, right), error in pairs[:WORST_NAMED]},
     )
+
+
+def _widest_px(flight: Flight, layout: Layout) -> int:
+    return max(flight.views[member].working_size[0] for member in layout.members)
 
 
 def _overlaps(flight: Flight, layout: Layout) -> dict[Link, float]:
@@ -218,6 +225,9 @@ def doubts(flight: Flight, layout: Layout) -> Iterator[str]:
             f"layout did not use are off by {whole.median_px:.1f} px, one in ten beyond {whole.ninety_px:.0f} px; "
             "what rises above the ground is displaced or doubled"
         )
+    elif (off_px := accuracy.whole.ninety_px) > MAX_NINETY_SHARE * _widest_px(flight, layout):
+        remedy = "" if layout.meshes else "; --warp mesh bends photographs to follow relief"
+        yield f"lines may break at seams: one match in ten is off by more than {off_px:.0f} px{remedy}"
     far_off = [
         f"{names[view]} by {each.median_px:.0f} px"
         for view, each in accuracy.photographs.items()
@@ -234,7 +244,7 @@ def _weakly_linked(flight: Flight, layout: Layout) -> Iterator[str]:
     for photographs, links, best, share in weak_parts(flight, layout):
         left, right = names[best.left], names[best.right]
         shared = f"{best.ties} matches and {share:.0%} overlap"
-        several = f"{links} weak links, the best between " if links > 1 else ""
+        several = f"{links} weak links, the best between " if links > 1 else "the link between "
         are = "photograph is" if photographs == 1 else "photographs are"
         yield f"{photographs} {are} joined only by {several}{left} and {right} with {shared}: fly again there"
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import pytest
 
 from golden_model.config import preset_config
 from sim.scene.flight import Flight
@@ -84,11 +85,13 @@ def test_what_many_photographs_lack_is_counted() -> None:
 
 
 def test_photographs_far_off_are_named_and_more_than_three_are_counted() -> None:
-    flight: Any = SimpleNamespace(views=[SimpleNamespace(name=f"{view}.jpg") for view in range(6)])
+    flight: Any = SimpleNamespace(
+        views=[SimpleNamespace(name=f"{view}.jpg", working_size=(1280, 960)) for view in range(6)]
+    )
     for count, more in ((3, ""), (5, " and 2 more")):
         errors = {view: Errors(20, 60.0 - 10 * view if view < count else 10.0, 99.0) for view in range(6)}
-        accuracy = SimpleNamespace(photographs=errors)
-        layout: Any = SimpleNamespace(links=[], contradicting=[], relief=0.0, accuracy=accuracy)
+        accuracy = SimpleNamespace(photographs=errors, whole=Errors(120, 10.0, 19.0))
+        layout: Any = SimpleNamespace(links=[], contradicting=[], relief=0.0, accuracy=accuracy, members=range(6))
         named = "0.jpg by 60 px, 1.jpg by 50 px, 2.jpg by 40 px"
         assert list(doubts(flight, layout)) == [f"photographs are off: {named}{more}: look at the mosaic there"]
 
@@ -149,12 +152,27 @@ def test_a_photograph_that_lies_wrong_is_named_with_its_error() -> None:
 def test_a_scene_that_is_no_plane_is_called_one_with_its_figures() -> None:
     points = np.random.default_rng(0).uniform(0, 500, (20, 2))
     checks: Any = {"left_checks": points, "right_checks": points + np.repeat([[0, 0], [3, 4]], (2, 18), axis=0)}
-    flight: Any = SimpleNamespace(views=[SimpleNamespace(name=f"{view}.jpg") for view in range(2)])
+    views = [SimpleNamespace(name=f"{view}.jpg", working_size=(1280, 960)) for view in range(2)]
+    flight: Any = SimpleNamespace(views=views)
     for near, expected in ((28, []), (40, ["the scene is no plane: 50% of the matches lie 3 to 12 px off it"])):
         link = Link(0, 1, points, points, 20, near, **checks)
         lines = list(doubts(flight, Layout((0, 1), 0, {0: np.eye(3), 1: np.eye(3)}, links=(link,))))
         assert [line.split(", and")[0] for line in lines] == expected
     assert "off by 5.0 px, one in ten beyond 5 px" in lines[0]
+
+
+@pytest.mark.parametrize(("off_px", "bent", "warned"), [(19, False, False), (20, False, True), (20, True, True)])
+def test_lines_that_break_at_seams_are_warned_of(off_px: float, bent: bool, warned: bool) -> None:
+    points = np.random.default_rng(0).uniform(0, 500, (20, 2))
+    moved = points + np.repeat([[0, 0], [off_px, 0]], (17, 3), axis=0)
+    link = Link(0, 1, points, points, 20, 20, left_checks=points, right_checks=moved)
+    views = [SimpleNamespace(name=f"{view}.jpg", working_size=(1280, 960)) for view in range(2)]
+    meshes: Any = {0: None} if bent else {}
+    layout = Layout((0, 1), 0, {0: np.eye(3), 1: np.eye(3)}, links=(link,), meshes=meshes)
+    flight: Any = SimpleNamespace(views=views)
+    expected = "lines may break at seams: one match in ten is off by more than 20 px"
+    advice = "" if bent else "; --warp mesh bends photographs to follow relief"
+    assert list(doubts(flight, layout)) == [expected + advice] * warned
 
 
 def test_halves_that_only_weak_links_join_are_named_with_their_number() -> None:
@@ -178,10 +196,11 @@ def test_halves_that_only_weak_links_join_are_named_with_their_number() -> None:
         return "; ".join(lines)
 
     between = "2.jpg and 3.jpg with 30 matches and 90% overlap: fly again there"
-    assert weak_line(((2, 3, 30),)) == f"2 photographs are joined only by {between}"
+    assert weak_line(((2, 3, 30),)) == f"2 photographs are joined only by the link between {between}"
     several = ((2, 3, 30), (1, 3, 20), (0, 4, 15))
     assert weak_line(several) == f"2 photographs are joined only by 3 weak links, the best between {between}"
-    assert weak_line(((2, 3, 90),), last=20).startswith("1 photograph is joined only by 3.jpg and 4.jpg with 20 ")
+    last = "1 photograph is joined only by the link between 3.jpg and 4.jpg with 20 "
+    assert weak_line(((2, 3, 90),), last=20).startswith(last)
     # Matches or overlap are enough to be weak, and the limits are.
     assert weak_line(((2, 3, 40),)) == ""
     assert "with 39 matches" in weak_line(((2, 3, 39),))
