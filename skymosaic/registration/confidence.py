@@ -159,7 +159,9 @@ def describe_repetition(homography: Matrix, left: Points, right: Points) -> str:
     offset = right - expected
     away_px = np.linalg.norm(offset, axis=1)
     least = max(MIN_INLIERS, REPEATED_SHARE * np.count_nonzero(away_px <= INLIER_PX))
-    expected, offset, away_px = (each[away_px > REPEATED_PX] for each in (expected, offset, away_px))
+    # What moves with the camera, as a display, is no ground.
+    moves = np.linalg.norm(right - left, axis=1) > REPEATED_PX
+    expected, offset, away_px = (each[moves & (away_px > REPEATED_PX)] for each in (expected, offset, away_px))
     if len(offset) < least:
         return ""
     # A row away is nearly the same everywhere: the offset that most others are like.
