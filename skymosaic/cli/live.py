@@ -89,6 +89,7 @@ def live(
     # The frames so far are written.
     except (KeyboardInterrupt, SystemExit):
         session.tell("stopped; writing the mosaic")
+    _refuse_nothing(source, mosaic, unusable, options.band)
     if mosaic.left_out_moving:
         session.warn(MOVES_WITH_CAMERA)
     target = output if replaces else _find_unused(output)
@@ -121,6 +122,15 @@ def live(
 
 def _preview_of(output: Path) -> Path:
     return output.parent / f"{output.stem}.preview.jpg"
+
+
+def _refuse_nothing(source: str, mosaic: LiveMosaic, unusable: Mapping[str, str], band: str | None) -> None:
+    """Raise `RegistrationError` if no frame was placed, with the first reason."""
+    reasons = [*mosaic.left_out.values(), *unusable.values()]
+    came = f"none came of band {band}" if band else "none came"
+    why = f"{len(reasons)} left out, the first: {reasons[0]}" if reasons else came
+    if not mosaic.transforms:
+        raise RegistrationError(f"{source}: no frame could be used; {why}")
 
 
 def _find_unused(output: Path) -> Path:

@@ -158,6 +158,16 @@ def test_a_file_that_cannot_be_read_counts_as_left_out(run: Run, frames: list[np
     assert not list(Path().glob("m.*"))
 
 
+@pytest.mark.parametrize(("damaged", "why"), [(False, "none came"), (True, "1 left out, the first: flight/0.jpg: ")])
+def test_a_source_without_a_usable_frame_is_named(run: Run, damaged: bool, why: str) -> None:
+    (folder := Path("flight")).mkdir()
+    if damaged:
+        (folder / "0.jpg").write_bytes(b"cut off")
+    status, _, errors = run("live", "flight", "-o", "m.png", "--idle-seconds", "0.5")
+    assert (status, f"error: flight: no frame could be used; {why}" in errors) == (3, True), errors
+    assert not list(Path().glob("m.*"))
+
+
 def test_a_display_over_nothing_and_over_different_places_is_named(run: Run) -> None:
     display = np.zeros((480, 640, 3), np.uint8)
     with write_video(Path("display.mkv"), Fraction(25)) as write:
