@@ -66,8 +66,12 @@ class FileRoutes:
         session = self._session(request)
         if session is None or not session.results:
             return PlainTextResponse("there is no result yet", status_code=404)
+        # The page of runs may have deleted one that another page still shows.
+        kept = {name: result for name, result in session.results.items() if result.folder.is_dir()}
+        if not kept:
+            return PlainTextResponse("the run was deleted; make the mosaic again", status_code=404)
         try:
-            path = await asyncio.to_thread(session.files.write_archive, session.results)
+            path = await asyncio.to_thread(session.files.write_archive, kept)
         except OSError as error:
             reason = f"the archive cannot be written ({error.strerror}); make room on the panel's disk"
             return PlainTextResponse(reason, status_code=507)

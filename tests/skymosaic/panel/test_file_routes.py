@@ -4,6 +4,7 @@ import asyncio
 import errno
 import io
 import re
+import shutil
 import struct
 import zipfile
 import zlib
@@ -226,7 +227,9 @@ def test_files_and_pages_of_a_result_are_sent_and_nothing_else(tmp_path: Path) -
     assert get("mosaic.tif", "tracking").status_code == 404
 
 
-def test_a_full_disk_costs_the_archive_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_or_a_deleted_run_costs_the_archive_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def fail(*_arguments: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -240,6 +243,9 @@ def test_a_full_disk_costs_the_archive_and_nothing_else(tmp_path: Path, monkeypa
     answer: Response = asyncio.run(routes.archive(SimpleNamespace(session={"id": "visitor"})))
     assert (answer.status_code, b"No space left" in answer.body) == (507, True)
     assert not list((tmp_path / "archives").iterdir())
+    shutil.rmtree(tmp_path / "run")
+    answer = asyncio.run(routes.archive(SimpleNamespace(session={"id": "visitor"})))
+    assert (answer.status_code, b"the run was deleted" in answer.body) == (404, True)
 
 
 def test_a_get_changes_nothing(client: Client) -> None:
