@@ -14,6 +14,7 @@ RuleBase = Literal["aerial", "ilbp", "none"]
 RULE_BASES: tuple[RuleBase, ...] = get_args(RuleBase)
 MIN_FRAME_PX = 64
 MAX_FRAME_PX = 4096
+MIN_LEVEL_PX = MIN_FRAME_PX // 2
 # Powers of two, so that hardware finds the cell of a pixel by a shift.
 CELL_SIZES_PX = (32, 64, 128, 256)
 MAX_PER_CELL = 8

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from golden_model.config import (
     CELL_SIZES_PX,
     MAX_FRAME_PX,
-    MIN_FRAME_PX,
+    MIN_LEVEL_PX,
     Config,
     FrontEndConfig,
     MatcherConfig,
@@ -255,7 +255,7 @@ def _leaves_in_time(work: FrameWork, front_end: FrontEndConfig, pixels_per_clock
         # Lines of the last cell row that may have features.
         lines.append(((work.height_px >> level) - border_px - 1) % front_end.cell_px + 1 << level)
     # The smallest level is lower than the widest border.
-    lines.append(min(border_px - front_end.lag_px, MIN_FRAME_PX // 2 - 1))
+    lines.append(min(border_px - front_end.lag_px, MIN_LEVEL_PX - 1))
     leaving_cycles = _ROW_CYCLES + features * record.record_bytes // WORD_BYTES
     return min(lines) * -(-work.width_px // pixels_per_clock) >= leaving_cycles
 

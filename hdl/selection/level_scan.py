@@ -4,14 +4,13 @@ from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data
 from amaranth.lib.wiring import In, Out
 
-from golden_model.config import CELL_SIZES_PX, MAX_FRAME_PX, MIN_FRAME_PX
+from golden_model.config import CELL_SIZES_PX, MAX_FRAME_PX, MIN_LEVEL_PX
 from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.streams import COORDINATE, beat, carry_scan
 
 WARNING_BEATS = 24
 """How early the end of a cell row is announced; must be less than the width of the smallest level."""
-MIN_LEVEL_PX = MIN_FRAME_PX // 2
 
 
 class LevelScan(Component):

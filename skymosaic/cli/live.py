@@ -126,11 +126,12 @@ def _preview_of(output: Path) -> Path:
 
 def _refuse_nothing(source: str, mosaic: LiveMosaic, unusable: Mapping[str, str], band: str | None) -> None:
     """Raise `RegistrationError` if no frame was placed, with the first reason."""
+    if mosaic.transforms:
+        return
     reasons = [*mosaic.left_out.values(), *unusable.values()]
     came = f"none came of band {band}" if band else "none came"
     why = f"{len(reasons)} left out, the first: {reasons[0]}" if reasons else came
-    if not mosaic.transforms:
-        raise RegistrationError(f"{source}: no frame could be used; {why}")
+    raise RegistrationError(f"{source}: no frame could be used; {why}")
 
 
 def _find_unused(output: Path) -> Path:

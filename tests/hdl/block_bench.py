@@ -146,7 +146,8 @@ class BlockBench:
         # Streams are numbered in the order of their first use, which the simulator repeats in every run.
         return self._streams.setdefault(id(port), _StreamState(len(self._streams)))
 
-    async def pulse(self, ctx: Any, port: Any) -> None:
+    @staticmethod
+    async def pulse(ctx: Any, port: Any) -> None:
         """Set ``port`` to 1 for one clock."""
         ctx.set(port, 1)
         await ctx.tick()

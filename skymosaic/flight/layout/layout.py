@@ -23,7 +23,7 @@ FALSE_LINK_PX = 10.0
 """A link whose median error stays above this contradicts the others."""
 SURER = 2
 """A link is not put in doubt by one that it has so many times the inliers of: a dozen agree by chance."""
-MAX_CONTRADICTING = 0.1
+MAX_FALSE_SHARE = 0.1
 """Share of contradicting links above which no ground explains a layout that is also `FALSE_LINK_PX` off: real flights
 over relief have 3 %, rows of solar panels that all look the same 25 %."""
 TILTED_SCALE_PX = 25.0
@@ -82,7 +82,8 @@ class Layout:
     def fault(self) -> str:
         """Why the views do not show one ground; empty if they may."""
         false, count = len(self.contradicting), len(self.links) + len(self.contradicting)
-        if self.accuracy is None or false <= MAX_CONTRADICTING * count:
+        # Rarely so many, and only then what measuring costs.
+        if false <= MAX_FALSE_SHARE * count or self.accuracy is None:
             return ""
         off_px = self.accuracy.whole.median_px
         if off_px <= FALSE_LINK_PX:

@@ -96,9 +96,7 @@ def test_a_constant_cannot_be_written() -> None:
 def test_events_stay_until_cleared_and_interrupt_where_masked_in() -> None:
     async def testbench(ctx: Any, registers: Any) -> None:
         bus = registers.bus
-        ctx.set(registers.i_frame_done, 1)
-        await ctx.tick()
-        ctx.set(registers.i_frame_done, 0)
+        await BlockBench.pulse(ctx, registers.i_frame_done)
         await ctx.tick()
         assert ctx.get(registers.o_interrupt) == 0
         await write(ctx, bus, OFFSETS["IRQ_MASK"], 0b001)
@@ -128,9 +126,7 @@ def test_each_event_interrupts_under_its_own_mask(event: str) -> None:
 def test_a_byte_without_strobe_clears_no_event_and_commands_nothing() -> None:
     async def testbench(ctx: Any, registers: Any) -> None:
         bus = registers.bus
-        ctx.set(registers.i_frame_done, 1)
-        await ctx.tick()
-        ctx.set(registers.i_frame_done, 0)
+        await BlockBench.pulse(ctx, registers.i_frame_done)
         await write(ctx, bus, OFFSETS["IRQ_STATUS"], 0b111, strobe=0b1110)
         assert await read(ctx, bus, OFFSETS["IRQ_STATUS"]) == (0b001, Response.OKAY)
         await write(ctx, bus, OFFSETS["REFERENCE"], 1, strobe=0b1110)
@@ -153,9 +149,7 @@ def test_a_request_stands_until_it_is_obeyed_and_a_command_is_one_clock() -> Non
     async def testbench(ctx: Any, registers: Any) -> None:
         await write(ctx, registers.bus, OFFSETS["REFERENCE"], 1)
         assert (await read(ctx, registers.bus, OFFSETS["REFERENCE"]))[0] == 1
-        ctx.set(registers.i_take_reference, 1)
-        await ctx.tick()
-        ctx.set(registers.i_take_reference, 0)
+        await BlockBench.pulse(ctx, registers.i_take_reference)
         await ctx.tick()
         assert (await read(ctx, registers.bus, OFFSETS["REFERENCE"]))[0] == 0
 
