@@ -40,7 +40,8 @@ test-soak: $(VENV)/installed
 	$(BIN)/python -m tests.soak.soak $(SOAK_CLOCKS)
 
 # Wrong lines, a sample of them, which the tests should notice; of some files only, or of what changed since a commit:
-# make test-mutants MUTANTS="--count 100 --seed 7 --since main skymosaic/maps"
+# make test-mutants MUTANTS="--count 100 --seed 7 --since main skymosaic/maps"; a list of places that is written, and
+# replayed after a change: MUTANTS="--count 100 --list places.json"
 MUTANTS ?= --count 40
 test-mutants: $(VENV)/installed
 	$(BIN)/python -m tests.mutants.mutants $(MUTANTS)

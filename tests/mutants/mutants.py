@@ -3,10 +3,15 @@
 A sample of places in the code is made wrong, one at a time and in a copy of the tree, and the fast tests run that lie
 beside the file and that reach it. Who reads the survivors decides: a user would notice it, so a test is missing; or the
 line does the same as before, or only costs time.
+
+With ``--list FILE`` the sample is kept as text, with the test that noticed each place, and the same command replays it
+later: a place is found by its lines, wherever they are by then.
 """
 
 import argparse
 import ast
+import dataclasses
+import json
 import os
 import random
 import re
@@ -16,7 +21,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 
@@ -38,21 +42,40 @@ SWAPS: dict[type[ast.AST], tuple[str, str]] = {
 NAMES = {"any": "all", "all": "any", "min": "max", "max": "min"}
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Mutant:
-    """A wrong place: ``after`` stands for the bytes from ``begin`` to ``end`` of a file."""
+    """A wrong place: in ``path`` the lines ``new`` stand for the lines ``old``, which occur there once."""
 
     path: Path
-    begin: int
-    end: int
-    after: str
+    old: str
+    new: str
+    noticed: str = ""
+    """What noticed it when the list was written."""
+
+    @classmethod
+    def at(cls, path: Path, text: bytes, begin: int, end: int, after: str) -> "Mutant":
+        """``after`` for the bytes from ``begin`` to ``end``, with so many lines around that the place is unique."""
+        first, last = text.rfind(b"\n", 0, begin) + 1, text.find(b"\n", end) % (len(text) + 1)
+        while first and text.count(text[first:last]) > 1:
+            first = text.rfind(b"\n", 0, max(first - 1, 0)) + 1
+        return cls(path, text[first:last].decode(), (text[first:begin] + after.encode() + text[end:last]).decode())
+
+    def find(self, files: Sequence[Path]) -> Path | None:
+        """Where the lines are today: in their file, or in the one other that has them."""
+        holding = [
+            each
+            for each in dict.fromkeys([self.path, *files])
+            if (ROOT / each).exists() and (ROOT / each).read_text(encoding="utf-8").count(self.old) == 1
+        ]
+        return holding[0] if holding[:1] == [self.path] or len(holding) == 1 else None
 
     def apply(self, text: bytes) -> bytes:
-        return text[: self.begin] + self.after.encode() + text[self.end :]
+        return text.replace(self.old.encode(), self.new.encode(), 1)
 
     def describe(self, text: bytes) -> str:
-        line = text[: self.begin].count(b"\n")
-        right, wrong = (each.splitlines()[line].decode().strip()[:90] for each in (text, self.apply(text)))
+        lines = [each.splitlines() for each in (text.decode(), self.apply(text).decode())]
+        line = next((i for i, (one, other) in enumerate(zip(*lines, strict=False)) if one != other), len(lines[1]) - 1)
+        right, wrong = (each[line].strip()[:90] for each in lines)
         return f"{self.path}:{line + 1}: {right}  ->  {wrong}"
 
 
@@ -62,18 +85,21 @@ def find_mutants(path: Path, text: bytes) -> list[Mutant]:
     for line in text.splitlines(keepends=True):
         starts.append(starts[-1] + len(line))
 
-    def replace(node: ast.stmt | ast.expr, after: str) -> Mutant:
+    def place(node: ast.stmt | ast.expr) -> tuple[int, int]:
         end = starts[(node.end_lineno or 0) - 1] + (node.end_col_offset or 0)
-        return Mutant(path, starts[node.lineno - 1] + node.col_offset, end, after)
+        return starts[node.lineno - 1] + node.col_offset, end
+
+    def replace(node: ast.stmt | ast.expr, after: str) -> Mutant:
+        return Mutant.at(path, text, *place(node), after)
 
     def swap(left: ast.expr, operator: ast.AST, right: ast.expr) -> Mutant:
         """What stands between two operands, with another operator."""
-        begin, end = replace(left, "").end, replace(right, "").begin
-        return Mutant(path, begin, end, text[begin:end].decode().replace(*SWAPS[type(operator)], 1))
+        begin, end = place(left)[1], place(right)[0]
+        return Mutant.at(path, text, begin, end, text[begin:end].decode().replace(*SWAPS[type(operator)], 1))
 
     def negate(node: ast.expr) -> Mutant:
-        place = replace(node, "")
-        return replace(node, f"(not ({text[place.begin : place.end].decode()}))")
+        begin, end = place(node)
+        return replace(node, f"(not ({text[begin:end].decode()}))")
 
     found = []
     for node in _walk(ast.parse(text)):
@@ -161,32 +187,54 @@ def _list_files(given: Sequence[Path], since: str) -> list[Path]:
     ]
 
 
+def _try(tree: Path, mutant: Mutant) -> Mutant:
+    """The mutant with what notices it in a copy of the tree; first the tests that did before: most need no others."""
+    text, before = (ROOT / mutant.path).read_bytes(), re.match(r"(?:FAILED|ERROR) (\S+?\.py)", mutant.noticed)
+    (tree / mutant.path).write_bytes(mutant.apply(text))
+    said = notices(tree, [Path(before[1])]) if before and (ROOT / before[1]).exists() else ""
+    said = said or notices(tree, choose_tests(mutant.path))
+    (tree / mutant.path).write_bytes(text)
+    return dataclasses.replace(mutant, noticed=said)
+
+
+def _sample(given: argparse.Namespace, files: Sequence[Path]) -> list[Mutant]:
+    """The places of a list, wherever they are today, or a sample of all."""
+    if given.list and given.list.exists():
+        listed = [Mutant(Path(path), *texts) for path, *texts in json.loads(given.list.read_text(encoding="utf-8"))]
+        found = [(each, each.find(files)) for each in listed]
+        print(*(f"gone: {each.path}: {each.old.strip()}" for each, path in found if path is None), sep="\n", flush=True)
+        return [dataclasses.replace(each, path=path) for each, path in found if path]
+    seed = given.seed if given.seed is not None else random.SystemRandom().randrange(1000)
+    places = [each for path in files for each in find_mutants(path, (ROOT / path).read_bytes())]
+    sample = random.Random(seed).sample(places, min(given.count, len(places)))
+    print(f"seed {seed}: {len(sample)} of {len(places)} places", flush=True)
+    return sample
+
+
 def main() -> None:
-    """Sample, run and list; the survivors come last."""
+    """Sample or read, run and list; the survivors come last."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("paths", nargs="*", type=Path, help="files or folders; by default all packages")
     parser.add_argument("--count", type=int, default=40, help="mutants")
     parser.add_argument("--seed", type=int, default=None, help="by default another one each time, which is printed")
     parser.add_argument("--since", default="", help="only files that have changed since this commit")
+    parser.add_argument("--list", type=Path, help="file of places: replayed where it exists, written otherwise")
     given = parser.parse_args()
-    seed = given.seed if given.seed is not None else random.SystemRandom().randrange(1000)
-    files = _list_files(given.paths, given.since)
-    places = [each for path in files for each in find_mutants(path, (ROOT / path).read_bytes())]
-    sample = random.Random(seed).sample(places, min(given.count, len(places)))
-    print(f"seed {seed}: {len(sample)} of {len(places)} places", flush=True)
-    survivors = []
+    sample = _sample(given, _list_files(given.paths, given.since))
+    tried = []
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
         shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".venv", ".git", "__pycache__", "build", "dist"))
         for mutant in sample:
-            text, start = (ROOT / mutant.path).read_bytes(), time.monotonic()
-            (tree / mutant.path).write_bytes(mutant.apply(text))
-            said = notices(tree, choose_tests(mutant.path))
-            (tree / mutant.path).write_bytes(text)
-            survivors += [] if said else [mutant.describe(text)]
-            seconds = time.monotonic() - start
-            print(f"{mutant.describe(text)}: {said or 'NOT NOTICED'} ({seconds:.0f} s)", flush=True)
-    print(f"{len(sample) - len(survivors)} of {len(sample)} noticed; not:", *survivors, sep="\n")
+            start = time.monotonic()
+            tried.append(_try(tree, mutant))
+            said, seconds = tried[-1].noticed or "NOT NOTICED", time.monotonic() - start
+            print(f"{mutant.describe((ROOT / mutant.path).read_bytes())}: {said} ({seconds:.0f} s)", flush=True)
+    if given.list and not given.list.exists():
+        rows = [(str(each.path), each.old, each.new, each.noticed) for each in tried]
+        given.list.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+    survivors = [each.describe((ROOT / each.path).read_bytes()) for each in tried if not each.noticed]
+    print(f"{len(tried) - len(survivors)} of {len(tried)} noticed; not:", *survivors, sep="\n")
 
 
 if __name__ == "__main__":

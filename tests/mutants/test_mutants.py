@@ -1,11 +1,14 @@
 """Wrong lines are wrong in one place, and the tests that see a file are found."""
 
 import ast
+import contextlib
+import io
+import json
 from pathlib import Path
 
 import pytest
 
-from tests.mutants.mutants import ROOT, choose_tests, find_mutants, notices
+from tests.mutants.mutants import ROOT, Mutant, choose_tests, find_mutants, main, notices
 
 SOURCE = '''"""Docstrings, True and 1 in texts, are left alone."""
 
@@ -37,6 +40,7 @@ def test_each_mutant_is_one_other_program() -> None:
         assert SOURCE.replace(before, after, 1) in texts, after
     assert not any("valid" not in text or "x - 1} is" in text or "Docstrings, False" in text for text in texts)
     (described,) = (each.describe(SOURCE.encode()) for each in found if "any(" in each.describe(SOURCE.encode()))
+    assert all(SOURCE.count(each.old) == 1 and each.path == Path("a.py") for each in found)
     assert described.startswith("a.py:6: return all(y is not None for y in (x, x % 2))  ->  return any(y is not None")
 
 
@@ -67,3 +71,37 @@ def test_what_the_tests_say_of_a_tree(tmp_path: Path, line: str, says: str) -> N
     said = notices(tmp_path, [Path("test_a.py")])
     assert bool(said) == bool(says)
     assert says in said
+
+
+def test_a_place_is_found_where_its_lines_are_today(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tests.mutants.mutants.ROOT", tmp_path)
+    old, moved, twin = (Path(name) for name in ("old.py", "moved.py", "twin.py"))
+    place = Mutant(old, "x = 1\n", "x = 2\n")
+    (tmp_path / moved).write_text("a = 0\nx = 1\n")
+    assert place.find([moved]) == moved
+    (tmp_path / twin).write_text("x = 1\n")
+    assert place.find([moved, twin]) is None
+    (tmp_path / old).write_text("b = 0\nx = 1\n")
+    assert place.find([moved, twin]) == old
+
+
+def test_a_list_is_written_and_replayed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tests = "def test_it():\n    import code_of_tree\n    assert code_of_tree.x == 1\n"
+    for name, text in {"code_of_tree.py": "x = 1\ny = 1\n", "test_a.py": tests}.items():
+        (tmp_path / name).write_text(text)
+    monkeypatch.setattr("tests.mutants.mutants.ROOT", tmp_path)
+    monkeypatch.setattr("tests.mutants.mutants._list_files", lambda *_: [Path("code_of_tree.py")])
+    monkeypatch.setattr("tests.mutants.mutants.choose_tests", lambda _: [Path("test_a.py")])
+    monkeypatch.setattr("sys.argv", ["mutants", "--list", str(tmp_path / "list.json"), "--seed", "1"])
+    main()
+    path, old, new, noticed = min(json.loads((tmp_path / "list.json").read_text()))
+    assert (path, old, new) == ("code_of_tree.py", "x = 1", "x = 2")
+    assert noticed.startswith("FAILED test_a.py::test_it")
+    (tmp_path / "code_of_tree.py").rename(tmp_path / "other.py")
+    (tmp_path / "test_a.py").write_text(tests.replace("code_of_tree", "other"))
+    monkeypatch.setattr("tests.mutants.mutants._list_files", lambda *_: [Path("other.py")])
+    replayed = io.StringIO()
+    with contextlib.redirect_stdout(replayed):
+        main()
+    assert "other.py:1: x = 1  ->  x = 2: FAILED" in replayed.getvalue()
+    assert replayed.getvalue().endswith("1 of 2 noticed; not:\nother.py:2: y = 1  ->  y = 2\n")
