@@ -15,7 +15,7 @@ from skymosaic.cli.session import session
 from skymosaic.evaluation.known_pairs import list_files
 from skymosaic.imagery.images import check_output_folder, save_bytes
 from skymosaic.running.workers import Progress
-from skymosaic.thesis import dataset, pictures, tables
+from skymosaic.thesis import dataset, tables
 from skymosaic.thesis.dataset import Source
 from skymosaic.thesis.experiments import find_best_pair, run_experiments
 
@@ -46,10 +46,8 @@ def thesis(
     with session.working("drawing"):
         shown = sources[find_best_pair(measurements)]()
         source = f"those of {data.resolve().name}" if data else "neighbouring pictures of a rendered survey flight"
-        save_bytes(
-            output / "index.html", page.compose_page(measurements, source, pictures.draw_pair(shown), shown.name)
-        )
-    trends = tables.check_trends(measurements)
+        save_bytes(output / "index.html", page.compose_page(measurements, source, shown))
+    trends = tables.check_trends(tables.scale_thresholds(measurements))
     for trend in trends:
         session.show(f"{'holds' if trend.holds else 'does not hold':13}  {trend.statement}: {trend.numbers}")
     session.numbers["trends"] = [dataclasses.asdict(trend) for trend in trends]

@@ -1,6 +1,7 @@
 """Results of the experiments: one line for each table, setting and pair."""
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,10 +46,21 @@ class Measurements:
         values = self.values(table, setting, column, group)
         return float(np.mean(values)) if values else float("nan")
 
-    def ratio(self, table: str, setting: str, part: str, whole: str) -> float:
-        """Sum of one column divided by the sum of another, over all pairs; NaN if the divisor is 0."""
-        total = sum(self.values(table, setting, whole))
-        return sum(self.values(table, setting, part)) / total if total else float("nan")
+    def number(self, table: str, setting: str, key: str) -> float:
+        """Mean of a quantity, or of a sum or difference of several ("matches-good"); NaN if there is none.
+
+        Two of them with " / " between are totals over all pairs, one divided by the other; NaN if that is 0.
+        """
+        part, _, whole = key.partition(" / ")
+        if not whole:
+            return self._sum(table, setting, key, np.mean)
+        total = self._sum(table, setting, whole, np.sum)
+        return self._sum(table, setting, part, np.sum) / total if total else float("nan")
+
+    def _sum(self, table: str, setting: str, key: str, over_pairs: Callable[[list[float]], np.floating]) -> float:
+        terms = re.findall("([-+]?)([^-+]+)", key)
+        values = [(sign, self.values(table, setting, quantity)) for sign, quantity in terms]
+        return sum(float(f"{sign}1") * float(over_pairs(found or [np.nan])) for sign, found in values)
 
     @property
     def groups(self) -> list[str]:

@@ -16,12 +16,14 @@ def test_means_and_pooled_shares_by_hand() -> None:
         Measurement("U", "s", "a", "one", {"matches": 70, "good": 9, "none": 0}),
     ]
     found = Measurements(lines)
-    assert found.mean("T", "s", "good") == 2
+    assert found.number("T", "s", "good") == 2
     assert found.mean("T", "s", "matches", "two") == 8
-    assert found.ratio("T", "s", "good", "matches") == pytest.approx(4 / 18)
-    assert np.isnan(found.mean("T", "s", "seconds"))
-    assert np.isnan(found.ratio("T", "s", "good", "seconds"))
-    assert np.isnan(found.ratio("U", "s", "good", "none"))
+    assert found.number("T", "s", "matches-good") == 4
+    assert found.number("T", "s", "good / matches") == pytest.approx(4 / 18)
+    assert found.number("T", "s", "matches-good / matches+good") == pytest.approx(14 / 22)
+    assert np.isnan(found.number("T", "s", "seconds"))
+    assert np.isnan(found.number("T", "s", "good / seconds"))
+    assert np.isnan(found.number("U", "s", "good / none"))
     assert (found.groups, found.pairs) == (["one", "two"], ["a", "b", "c"])
     assert (found.settings("T"), found.settings("U")) == (["s", "other"], ["s"])
 

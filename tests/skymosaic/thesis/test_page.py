@@ -14,9 +14,6 @@ from skymosaic.thesis.measurements import Measurements
 RECORDED = Path(__file__).with_name("recorded_page.txt")
 """After a change that is meant, `write_out` of `made_up` writes it again."""
 
-SHEETS = ["corners", "adaptive_threshold", "windows", "rings", "fuzzy_ransac", "errors", "recall", "stages", "seconds"]
-CHARTS = ["corners", "windows", "rings", "fuzzy_ransac", "errors", "stages", "scales"]
-
 
 @pytest.fixture
 def made_up(measured: Measurements) -> Measurements:
@@ -32,17 +29,17 @@ def made_up(measured: Measurements) -> Measurements:
 
 
 def write_out(m: Measurements) -> Iterator[str]:
-    for name, sheet in ((name, getattr(tables, f"tabulate_{name}")(m)) for name in SHEETS):
-        rows = ([row.get(heading, tables.MISSING) for heading in sheet[-1]] for row in sheet)
-        yield from (f"table {name}: {' | '.join(row)}" for row in (sheet[-1], *rows))
+    m = tables.scale_thresholds(m)
+    for name, sheet in ((name, tables.tabulate(m, name)) for name in tables.TABLES):
+        yield from (f"table {name}: {' | '.join(row)}" for row in (sheet[0], *(row.values() for row in sheet)))
     yield from (f"groups: {' | '.join(row.values())}" for row in tables.tabulate_groups(m, "IV-2", "px"))
     yield from (f"trend: {trend.statement} | {trend.holds} | {trend.numbers}" for trend in tables.check_trends(m))
     drawn: list[Figure] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
-        for name in CHARTS:
-            getattr(charts, f"plot_{name}")(m)
-    for name, figure in zip(CHARTS, drawn, strict=True):
+        for draw in charts.CHARTS.values():
+            draw(m)
+    for name, figure in zip(charts.CHARTS, drawn, strict=True):
         every: list[Any] = figure.axes
         for legend in [*figure.legends, *filter(None, (axes.get_legend() for axes in every))]:
             texts = legend.get_texts()

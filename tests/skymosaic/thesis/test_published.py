@@ -1,8 +1,9 @@
-import numpy as np
+import pytest
 
-from skymosaic.thesis import published
+from skymosaic.thesis.published import PUBLISHED
 
 
 def test_published_recall_is_inliers_over_matched() -> None:
-    ratios = [round(row[5] / row[2], 2) for row in published.FUZZY_RANSAC.values()]
-    np.testing.assert_allclose(ratios, [*published.RECALL["scenes"], *published.RECALL["tests"]], atol=0.011)
+    ratios = [round(PUBLISHED.number("IV-4", s, "inliers / matched"), 2) for s in PUBLISHED.settings("IV-4")]
+    recall = [each for setting in ("scenes", "tests") for each in PUBLISHED.values("IV-6", setting, "recall")]
+    assert ratios == pytest.approx(recall, abs=0.011)
