@@ -20,7 +20,7 @@ from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import HARDWARE, OUTPUT, option
 from skymosaic.common.temporary import existing_parent, temporary_folder
-from skymosaic.fuzzy.golden import ENTRIES, quantise
+from skymosaic.fuzzy.quantised import ENTRIES, quantise
 from skymosaic.imagery.images import check_unused
 from skymosaic.registration.options import ConfigOptions
 

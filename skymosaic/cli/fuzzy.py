@@ -18,8 +18,8 @@ from skymosaic.cli.options import OutputVariableOption, OverwriteOption, output_
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.common.errors import InputError
-from skymosaic.fuzzy.golden import ENTRIES, MIN_FIRING_STRENGTH, ErrorBounds, measure_errors, quantise
 from skymosaic.fuzzy.plotted_systems import PLOTTED_SYSTEMS, PlottedSystem, plan_plot
+from skymosaic.fuzzy.quantised import ENTRIES, MIN_FIRING_STRENGTH, ErrorBounds, measure_errors, quantise
 from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
 
 FOLDER = Path("fuzzy")
@@ -111,7 +111,7 @@ def _describe_shipped(name: str) -> _Description:
 def _describe_file(path: Path, entries: int, output_variable: str | None) -> _Description:
     system = read_file(load_system, path, output_variable)
     try:
-        golden = quantise(system, entries)
+        quantised = quantise(system, entries)
     except ValueError as error:
         raise InputError(f"{path}: has no integer model: {error}") from None
     inputs = [variable.name for variable in system.inputs]
@@ -121,12 +121,12 @@ def _describe_file(path: Path, entries: int, output_variable: str | None) -> _De
     ]
     table = _table(f"{path}: {system.name}, AND is the {system.conjunction}", inputs, system.output.name, rules)
     numbers: dict[str, Any] = {"name": system.name, "conjunction": system.conjunction, "rules": rules}
-    numbers["errors"] = dataclasses.asdict(measure_errors(golden))
+    numbers["errors"] = dataclasses.asdict(measure_errors(quantised))
     numbers["tables"] = {
         variable.name: {name: table.tolist() for name, table in variable.sets.items()}
-        for variable in golden.model.inputs
+        for variable in quantised.model.inputs
     }
-    return _Description(path.stem, table, lambda: plan_plot(golden), numbers)
+    return _Description(path.stem, table, lambda: plan_plot(quantised), numbers)
 
 
 def _describe_errors(name: str, entries: int, errors: ErrorBounds) -> str:

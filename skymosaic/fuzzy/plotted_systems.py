@@ -11,7 +11,7 @@ from golden_model.feature.ilbp import PATTERNS
 from golden_model.formats import POSITION
 from golden_model.matching import correlation, rule_bases
 from golden_model.matching.fuzzy import SugenoSystem
-from skymosaic.fuzzy.golden import GoldenSystem
+from skymosaic.fuzzy.quantised import QuantisedSystem
 from skymosaic.geometry import fuzzy_ransac
 
 
@@ -47,7 +47,7 @@ class PlottedSystem:
     """Values of the output for weights of 0 and 1."""
 
 
-def plan_plot(golden: GoldenSystem) -> PlottedSystem:
+def plan_plot(quantised: QuantisedSystem) -> PlottedSystem:
     """Plan the plot of a system from a file: a surface over the first two inputs, a third at its ends and its middle.
 
     Raises
@@ -55,10 +55,10 @@ def plan_plot(golden: GoldenSystem) -> PlottedSystem:
     ValueError
         For fewer than two or more than three inputs.
     """
-    system = golden.real
+    system = quantised.real
     if not 2 <= len(system.inputs) <= 3:
         raise ValueError(f"has {len(system.inputs)} inputs; a picture shows two or three")
-    last = golden.entries - 1
+    last = quantised.entries - 1
     axes = tuple(Axis(i.name, last / (i.high - i.low), i.low) for i in system.inputs)
     third = axes[-1] if len(axes) == 3 else None
     sections = (
@@ -67,7 +67,7 @@ def plan_plot(golden: GoldenSystem) -> PlottedSystem:
     output = system.output
     return PlottedSystem(
         title=system.description or system.name,
-        system=lambda: golden.model,
+        system=lambda: quantised.model,
         axes=axes,
         surface=(0, 1),
         sections=tuple(sections),

@@ -3,15 +3,15 @@
 from hdl.blocks.catalogue import sugeno
 from hdl.blocks.vectors import Block
 from hdl.matching.fuzzy import PRODUCT_INPUTS
-from skymosaic.fuzzy.golden import GoldenSystem
+from skymosaic.fuzzy.quantised import QuantisedSystem
 
 MAX_ENTRIES = 4096
 """Entries per table; each table is a memory of 9 bits per term and entry."""
 VECTORS = 400
 
 
-def make_block(golden: GoldenSystem) -> Block:
-    """Make a block for `hdl.blocks.export.write_block` that computes exactly what ``golden.model`` computes.
+def make_block(quantised: QuantisedSystem) -> Block:
+    """Make a block for `hdl.blocks.export.write_block` that computes exactly what ``quantised.model`` computes.
 
     Its inputs are the indices of the tables, its outputs are the weight in 256ths of the output's range and the
     dominant rule. A result takes one clock per rule and about 15 more.
@@ -21,17 +21,17 @@ def make_block(golden: GoldenSystem) -> Block:
     ValueError
         For tables of more than `MAX_ENTRIES`, or AND as product of more than 3 inputs.
     """
-    if golden.entries > MAX_ENTRIES:
-        raise ValueError(f"entries is {golden.entries}; hardware takes at most {MAX_ENTRIES}")
-    inputs = len(golden.model.inputs)
+    if quantised.entries > MAX_ENTRIES:
+        raise ValueError(f"entries is {quantised.entries}; hardware takes at most {MAX_ENTRIES}")
+    inputs = len(quantised.model.inputs)
     # Checked before the block is made: Amaranth warns about a component that is made and then not used.
-    if golden.model.conjunction == "product" and inputs not in PRODUCT_INPUTS:
+    if quantised.model.conjunction == "product" and inputs not in PRODUCT_INPUTS:
         raise ValueError(f"AND as product of {inputs} inputs; hardware multiplies at most {max(PRODUCT_INPUTS)}")
-    return sugeno(golden.model, (golden.entries - 1).bit_length(), _describe(golden), vectors=VECTORS)
+    return sugeno(quantised.model, (quantised.entries - 1).bit_length(), _describe(quantised), vectors=VECTORS)
 
 
-def _describe(golden: GoldenSystem) -> str:
-    system, last = golden.real, golden.entries - 1
+def _describe(quantised: QuantisedSystem) -> str:
+    system, last = quantised.real, quantised.entries - 1
     output = system.output
     inputs = "; ".join(
         f"`i_{number}` is {variable.name}, 0 for {variable.low:g} and {last} for {variable.high:g}"

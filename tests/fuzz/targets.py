@@ -26,7 +26,7 @@ from golden_model.records import FRAME_STATUS, MATCH, Tag
 from sim.backends import board
 from sim.backends.interface import silent
 from sim.simulators.build_cache import build_once
-from skymosaic.fuzzy.golden import quantise
+from skymosaic.fuzzy.quantised import quantise
 from skymosaic.imagery import images
 from skymosaic.imagery.exif import read_metadata
 from skymosaic.imagery.lens import load_lens

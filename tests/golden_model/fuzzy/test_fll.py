@@ -12,7 +12,7 @@ from golden_model.fuzzy.fll import load_system, read_fll
 from golden_model.fuzzy.rules import SHIPPED
 from golden_model.fuzzy.system import FuzzySystem
 from skymosaic.cli.commands import app
-from skymosaic.fuzzy.golden import measure_errors, quantise
+from skymosaic.fuzzy.quantised import measure_errors, quantise
 from tests.golden_model.fuzzy.valve import VALVE
 
 fuzzylite = pytest.importorskip("fuzzylite")

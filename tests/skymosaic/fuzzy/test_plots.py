@@ -16,9 +16,9 @@ from golden_model.arrays import Array, Pixels
 from golden_model.fuzzy.fll import load_system
 from golden_model.fuzzy.rules import SHIPPED
 from skymosaic.fuzzy import plots
-from skymosaic.fuzzy.golden import MIN_FIRING_STRENGTH
 from skymosaic.fuzzy.plots import SET_COLORS, _plot_membership, draw_system
 from skymosaic.fuzzy.plotted_systems import PLOTTED_SYSTEMS
+from skymosaic.fuzzy.quantised import MIN_FIRING_STRENGTH
 
 QUICK = ("aerial-turn", "ransac")
 

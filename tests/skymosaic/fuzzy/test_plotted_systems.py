@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from golden_model.fuzzy.fll import read_fll
-from skymosaic.fuzzy.golden import quantise
 from skymosaic.fuzzy.plotted_systems import PLOTTED_SYSTEMS, plan_plot
+from skymosaic.fuzzy.quantised import quantise
 from tests.golden_model.fuzzy.valve import VALVE
 
 

@@ -22,7 +22,7 @@ MIN_FIRING_STRENGTH = 0.25
 
 
 @dataclass(frozen=True)
-class GoldenSystem:
+class QuantisedSystem:
     """A fuzzy system whose inputs index tables, as `golden_model.matching.fuzzy` computes it."""
 
     real: FuzzySystem
@@ -65,7 +65,7 @@ class ErrorBounds:
     """Whether these were all inputs."""
 
 
-def quantise(system: FuzzySystem, entries: int) -> GoldenSystem:
+def quantise(system: FuzzySystem, entries: int) -> QuantisedSystem:
     """Make the integer model, with ``entries`` entries per table.
 
     Raises
@@ -79,12 +79,12 @@ def quantise(system: FuzzySystem, entries: int) -> GoldenSystem:
     if system.conjunction == "product" and entries ** len(system.inputs) > MAX_COMBINATIONS:
         raise ValueError(f"{len(system.inputs)} inputs of {entries} entries are too many for a product; use fewer")
     model = make_tables(system, [np.linspace(each.low, each.high, entries) for each in system.inputs])
-    return GoldenSystem(system, model, entries)
+    return QuantisedSystem(system, model, entries)
 
 
-def measure_errors(golden: GoldenSystem) -> ErrorBounds:
+def measure_errors(quantised: QuantisedSystem) -> ErrorBounds:
     """Compare the integer model with the real numbers at its table entries: all of them, or many at random."""
-    system, entries = golden.real, golden.entries
+    system, entries = quantised.real, quantised.entries
     count = entries ** len(system.inputs)
     complete = count <= MAX_CHECKED
     if complete:
@@ -92,25 +92,25 @@ def measure_errors(golden: GoldenSystem) -> ErrorBounds:
     else:
         indices = np.random.default_rng(0).integers(0, entries, (len(system.inputs), MAX_CHECKED))
     span = system.output.high - system.output.low
-    output = golden.evaluate(*indices)
-    values = [golden.positions(variable)[index] for variable, index in zip(system.inputs, indices, strict=True)]
+    output = quantised.evaluate(*indices)
+    values = [quantised.positions(variable)[index] for variable, index in zip(system.inputs, indices, strict=True)]
     strengths = system.strengths(*values).sum(axis=1)
     fires = strengths > 0
-    fires_in_both = fires & (golden.model.strengths(*indices).sum(axis=1) > 0)
+    fires_in_both = fires & (quantised.model.strengths(*indices).sum(axis=1) > 0)
     errors = np.abs(output - system.evaluate(*values))[fires_in_both] / span
     return ErrorBounds(
         largest=float(errors.max(initial=0.0)),
         mean=float(errors.mean()) if errors.size else 0.0,
         firm=float(errors[strengths[fires_in_both] >= MIN_FIRING_STRENGTH].max(initial=0.0)),
-        step=float(max(_largest_step(golden, indices, axis, output) for axis in range(len(indices))) / span),
+        step=float(max(_largest_step(quantised, indices, axis, output) for axis in range(len(indices))) / span),
         silent=float((fires & ~fires_in_both).mean()),
         checked=indices.shape[1],
         complete=complete,
     )
 
 
-def _largest_step(golden: GoldenSystem, indices: NDArray[np.intp], axis: int, output: Array) -> float:
+def _largest_step(quantised: QuantisedSystem, indices: NDArray[np.intp], axis: int, output: Array) -> float:
     """Largest change of the output when one input moves on by an entry."""
     following = indices.copy()
-    following[axis] = np.minimum(following[axis] + 1, golden.entries - 1)
-    return float(np.abs(golden.evaluate(*following) - output).max())
+    following[axis] = np.minimum(following[axis] + 1, quantised.entries - 1)
+    return float(np.abs(quantised.evaluate(*following) - output).max())

@@ -12,7 +12,7 @@ from golden_model.fuzzy.system import FuzzySystem, IfThen, Input, Output
 from golden_model.fuzzy.terms import Term
 from golden_model.matching import correlation, rule_bases
 from golden_model.matching.fuzzy import ONE
-from skymosaic.fuzzy.golden import measure_errors, quantise
+from skymosaic.fuzzy.quantised import measure_errors, quantise
 from skymosaic.geometry import fuzzy_ransac
 
 BITS = 32
@@ -44,27 +44,27 @@ def test_the_shipped_files_are_the_systems_that_the_project_computes(name: str) 
 
 @pytest.mark.parametrize(("name", "entries"), [("correlation", 64), ("ilbp", 17), ("ransac", 17), ("ransac", 64)])
 def test_the_errors_stay_within_the_bound(name: str, entries: int) -> None:
-    golden = quantise(load_system(SHIPPED / f"{name}.fll"), entries)
+    quantised = quantise(load_system(SHIPPED / f"{name}.fll"), entries)
     rng = np.random.default_rng(2)
-    indices = rng.integers(0, entries, (len(golden.real.inputs), 5000))
-    values = [golden.positions(v)[index] for v, index in zip(golden.real.inputs, indices, strict=True)]
-    total = golden.real.strengths(*values).sum(axis=1)
-    fires = golden.model.strengths(*indices).sum(axis=1) > 0
-    difference = np.abs(golden.evaluate(*indices)[fires] - golden.real.evaluate(*values)[fires])
-    bound = (len(golden.real.rules) / np.maximum(total[fires], 1e-9) + 2) / 512
+    indices = rng.integers(0, entries, (len(quantised.real.inputs), 5000))
+    values = [quantised.positions(v)[index] for v, index in zip(quantised.real.inputs, indices, strict=True)]
+    total = quantised.real.strengths(*values).sum(axis=1)
+    fires = quantised.model.strengths(*indices).sum(axis=1) > 0
+    difference = np.abs(quantised.evaluate(*indices)[fires] - quantised.real.evaluate(*values)[fires])
+    bound = (len(quantised.real.rules) / np.maximum(total[fires], 1e-9) + 2) / 512
     assert (difference <= bound).all()
-    errors = measure_errors(golden)
+    errors = measure_errors(quantised)
     assert errors.largest >= difference.max() - 1e-12
     assert errors.mean <= errors.firm <= errors.largest
-    assert errors.complete == (entries ** len(golden.real.inputs) <= 1 << 18)
+    assert errors.complete == (entries ** len(quantised.real.inputs) <= 1 << 18)
 
 
 def test_degrees_are_rounded_to_the_nearest_and_terms_that_sum_to_one_still_do() -> None:
     for name, largest in (("correlation", 0.5), ("ilbp", 1.0)):
-        golden = quantise(load_system(SHIPPED / f"{name}.fll"), 61)
-        for variable, tables in zip(golden.real.inputs, golden.model.inputs, strict=True):
+        quantised = quantise(load_system(SHIPPED / f"{name}.fll"), 61)
+        for variable, tables in zip(quantised.real.inputs, quantised.model.inputs, strict=True):
             for term in variable.terms.values():
-                exact = term.degree(golden.positions(variable)) * ONE
+                exact = term.degree(quantised.positions(variable)) * ONE
                 assert np.abs(tables.sets[term.name] - exact).max() <= largest + 1e-9
             if name == "ilbp":
                 assert (sum(tables.sets.values()) == ONE).all()
