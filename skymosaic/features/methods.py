@@ -17,6 +17,7 @@ from golden_model.config import PRESETS, Config, FrontEndConfig
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.front_end import extract
 from golden_model.matching import matcher, rule_bases
+from golden_model.matching.fuzzy import SugenoSystem
 from golden_model.pixel.gray import to_gray
 from golden_model.records import FRAME_STATUS, MATCH, Tag
 from sim.backends.interface import Backend, FrameResult, Reference
@@ -43,6 +44,13 @@ class Method:
     def on_accelerator(self) -> bool:
         """Whether the accelerator, and so every backend, computes it."""
         return self.detector in FRONT_END_DETECTORS and self.descriptor in PATTERNS
+
+    def rules(self, config: Config) -> SugenoSystem | None:
+        """The fuzzy system that weighs matches; None where another check decides."""
+        if self.descriptor in WINDOWS_PX:
+            return rule_bases.correlation()
+        pattern, rules = PATTERNS.get(self.descriptor), config.matcher.rules
+        return rules.tables(pattern.bits) if pattern and rules else None
 
     def rule_names(self, config: Config) -> Sequence[str]:
         """The meaning of each value of a match record's ``rule``."""

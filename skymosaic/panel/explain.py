@@ -11,7 +11,7 @@ from golden_model.arrays import Array
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import POSITION, WEIGHT
-from golden_model.matching import correlation, rule_bases
+from golden_model.matching import correlation
 from golden_model.matching.fuzzy import ONE, SugenoSystem, Variable
 from golden_model.matching.matcher import measure
 from skymosaic.features.descriptors import WINDOWS_PX
@@ -105,15 +105,14 @@ def _find_weighing(pair: Pair, index: int) -> tuple[SugenoSystem, tuple[int, ...
     match = pair.matches[index]
     left = pair.features[0][match["left_index"]]
     right = pair.features[1][match["right_index"]]
-    if pair.method.descriptor in WINDOWS_PX:
-        scores = correlation.fuzzy_inputs(left["descriptor"][np.newaxis], right["descriptor"][np.newaxis])
-        return rule_bases.correlation(), tuple(int(score[0]) for score in scores)
-    rules = pair.config.matcher.rules
-    if pair.method.descriptor not in PATTERNS or rules is None:
+    system = pair.method.rules(pair.config)
+    if system is None:
         return None
-    tables = rules.tables(PATTERNS[pair.method.descriptor].bits)
-    values = measure(pair.matches[index : index + 1], *pair.features, tables)
-    return tables, tuple(int(value[0]) for value in values)
+    if pair.method.descriptor in WINDOWS_PX:
+        values = correlation.fuzzy_inputs(left["descriptor"][np.newaxis], right["descriptor"][np.newaxis])
+    else:
+        values = measure(pair.matches[index : index + 1], *pair.features, system)
+    return system, tuple(int(value[0]) for value in values)
 
 
 def _list_facts(pair: Pair, index: int) -> dict[str, str]:

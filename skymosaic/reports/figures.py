@@ -9,13 +9,17 @@ import numpy as np
 from golden_model.arrays import Pixels, Records
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import POSITION
+from golden_model.matching.matcher import describe_rules
 from skymosaic.features.positions import match_points
+from skymosaic.geometry import fuzzy_ransac
+from skymosaic.geometry.estimators import FUZZY_RANSAC, fuzzy
 from skymosaic.registration.pair import Pair
 
 Color = tuple[int, int, int]
 LEVEL_COLORS: tuple[Color, ...] = ((60, 220, 255), (255, 170, 60))
 INLIER_COLOR: Color = (80, 230, 80)
 TEXT_COLOR: Color = (245, 245, 245)
+NO_RULE_COLOR: Color = (160, 160, 160)
 _RULE_COLORS: tuple[Color, ...] = (
     (75, 180, 60), (60, 180, 200), (230, 190, 80), (200, 110, 90),
     (180, 80, 200), (60, 130, 245), (130, 130, 240), (70, 70, 220),
@@ -44,18 +48,36 @@ def draw_corners(image: Pixels, features: Records) -> Pixels:
 
 
 def draw_matches(pair: Pair) -> Pixels:
-    """Draw kept matches above and rejected ones below; each line has the colour of its dominant rule."""
-    rule_names = pair.method.rule_names(pair.config)
-    rejected = pair.matches[pair.matches["verdict"] == 0]
-    inlier_note = f"{len(pair.kept)} kept, {len(pair.inliers)} within 2 px of the homography (rings)"
-    upper = _draw_panel(pair, pair.kept, pair.inliers, inlier_note, rule_names)
+    """Draw kept matches above and rejected ones below; each line has the colour of the rule that decided."""
+    decided, rule_names = _find_deciding_rules(pair)
+    kept, rejected = decided[decided["verdict"] == 1], decided[decided["verdict"] == 0]
+    near = "accepted as inliers" if pair.estimator == FUZZY_RANSAC else "within 2 px of the homography"
+    upper = _draw_panel(pair, kept, pair.inliers, f"{len(kept)} kept, {len(pair.inliers)} {near} (rings)", rule_names)
     lower = _draw_panel(pair, rejected, rejected[:0], f"{len(rejected)} rejected", rule_names)
     return np.concatenate((upper, lower), axis=0)
 
 
-def rule_color(rule: int) -> Color:
-    """Colour (BGR) of a rule, the same in every picture."""
-    return _RULE_COLORS[rule % len(_RULE_COLORS)]
+def _find_deciding_rules(pair: Pair) -> tuple[Records, Sequence[str]]:
+    """The matches with the rules that decided on them, and the names of these rules; the last is that none fires.
+
+    Fuzzy RANSAC decides on what the matcher proposes by six rules of its own.
+    """
+    decided, names = pair.matches.copy(), pair.method.rule_names(pair.config)
+    system = pair.method.rules(pair.config)
+    if pair.estimator == FUZZY_RANSAC:
+        _, decision = fuzzy(*match_points(decided), decided["verdict"] == 1)
+        if decision is not None:
+            names = describe_rules(fuzzy_ransac.rule_base())
+            decided["rule"], decided["verdict"] = decision.rule, decision.inliers
+    elif system is not None:
+        # A match has the number of the first rule where none fires, which may be the one that accepts.
+        outputs = np.array([rule.output for rule in system.rules])
+        decided["rule"][(decided["weight"] == 0) & (outputs[decided["rule"]] > 0)] = len(names)
+    return decided, [*names, "no rule fires"]
+
+
+def _rule_color(rule: int, rule_names: Sequence[str]) -> Color:
+    return NO_RULE_COLOR if rule == len(rule_names) - 1 else _RULE_COLORS[rule % len(_RULE_COLORS)]
 
 
 def _draw_panel(pair: Pair, shown: Records, ringed: Records, title: str, rule_names: Sequence[str]) -> Pixels:
@@ -67,12 +89,14 @@ def _draw_panel(pair: Pair, shown: Records, ringed: Records, title: str, rule_na
     for match in shown:
         start = (int(match["left_x"]), int(match["left_y"]))
         end = (int(match["right_x"]) + offset_px * POSITION.one, int(match["right_y"]))
-        cv2.line(panel, start, end, rule_color(int(match["rule"])), 1, cv2.LINE_AA, _SUBPIXEL_SHIFT)
+        cv2.line(panel, start, end, _rule_color(int(match["rule"]), rule_names), 1, cv2.LINE_AA, _SUBPIXEL_SHIFT)
     for points, first_px in zip(match_points(ringed), (0, offset_px), strict=True):
         for x, y in points:
             cv2.circle(panel, (round(x) + first_px, round(y)), 3, INLIER_COLOR, 1, cv2.LINE_AA)
     count = np.bincount(shown["rule"], minlength=len(rule_names))
-    legend = [(f"{name} {count[rule]}", rule_color(rule)) for rule, name in enumerate(rule_names) if count[rule]]
+    legend = [
+        (f"{name} {count[rule]}", _rule_color(rule, rule_names)) for rule, name in enumerate(rule_names) if count[rule]
+    ]
     return add_header(panel, title, legend)
 
 

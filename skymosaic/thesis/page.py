@@ -66,7 +66,7 @@ def draw_pair(pair: DatasetPair) -> Iterator[tuple[str, Pixels]]:
     yield "1. Fuzzy correlation, SAD of 10x10 windows: good matches are kept", figures.draw_matches(windows)
     yield "2. Fuzzy ILBP, four rings", figures.draw_matches(ilbp)
     sift = register(*sides, detector="sift", descriptor="thesis-ilbp-4", estimator="fuzzy-ransac")
-    yield "3. Fuzzy RANSAC, SIFT + ILBP: kept are the verified, ringed the inliers", figures.draw_matches(sift)
+    yield "3. Fuzzy RANSAC, SIFT + ILBP: kept are the matches that the six rules accept", figures.draw_matches(sift)
     yield "The aerial preset's eight rules", figures.draw_matches(register(*sides))
     try:
         yield "Mosaic by the aerial preset", np.asarray(mosaic(sides).image, dtype=np.uint8)
