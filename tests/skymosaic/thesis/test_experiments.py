@@ -1,12 +1,21 @@
 """Every table is measured, as recorded; errors of registered pairs, and what counts as registered."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from skymosaic.thesis.dataset import DatasetPair
-from skymosaic.thesis.experiments import _measure_error, is_registered, measure_rings, measure_stage, measure_windows
+from skymosaic.thesis.experiments import (
+    TIMED,
+    _measure_error,
+    is_registered,
+    measure_rings,
+    measure_seconds,
+    measure_stage,
+    measure_windows,
+)
 from skymosaic.thesis.measurements import Measurements
 
 
@@ -45,6 +54,15 @@ def test_good_and_false_matches_are_the_stages_input(pair: DatasetPair) -> None:
     for before, after in zip(counts, stages, strict=True):
         assert after["TP"] + after["FN"] == before["good"]
         assert after["TP"] + after["FP"] + after["TN"] + after["FN"] == before["matches"]
+
+
+def test_times_are_of_the_processor(pair: DatasetPair, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("time.process_time", itertools.count(step=7).__next__)
+    times = {setting: values["seconds"] for table, setting, values in measure_windows(pair) if table == "IV-2"}
+    assert times == dict.fromkeys(("3", "10", "22", "25", "30"), 7)
+    # An image with itself is registered by any preset.
+    same = replace(pair, right=pair.left, truth=np.eye(3))
+    assert {setting: values["whole"] for _, setting, values in measure_seconds(same)} == dict.fromkeys(TIMED, 7)
 
 
 def moved(pair: DatasetPair, shift_px: float) -> np.ndarray:
