@@ -13,9 +13,9 @@ from skymosaic.cli.outputs import Writes
 from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import session
 from skymosaic.common.errors import RegistrationError
-from skymosaic.flight.check import FlightCheck, check_flight
+from skymosaic.flight.checking.check import FlightCheck, check_flight
+from skymosaic.flight.checking.fly_again import plan_again
 from skymosaic.flight.flight import Flight
-from skymosaic.flight.fly_again import plan_again
 from skymosaic.flight.mapping.place import list_contradictions
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.images import check_output

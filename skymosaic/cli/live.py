@@ -13,7 +13,7 @@ from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.options import INPUT
-from skymosaic.flight.check import describe_moving
+from skymosaic.flight.checking.check import describe_moving
 from skymosaic.flight.mapping.place import explain_absence
 from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm, numbered, room_for
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA

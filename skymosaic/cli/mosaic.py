@@ -23,7 +23,7 @@ from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.options import MAP, OUTPUT
-from skymosaic.flight.check import check_flight, describe_moving, doubts, layout_errors
+from skymosaic.flight.checking.check import check_flight, describe_moving, doubts, layout_errors
 from skymosaic.flight.picture.output import Delivery, OutputForm
 from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
 from skymosaic.maps.geotiff import COMPRESSIONS

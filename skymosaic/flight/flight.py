@@ -46,7 +46,7 @@ class Flight:
     calibration: Calibration | None = None
     """The lens estimated from tie points. Views, links and layouts are then those of straightened photographs."""
     found_mask: Pixels | None = None
-    """The lens's mask, where it was found in the photographs, see `skymosaic.flight.own_mask`."""
+    """The lens's mask, where it was found in the photographs, see `skymosaic.flight.pairing.own_mask`."""
     positions: str = ""
     """The file that says where the cameras were, instead of their GPS; else empty."""
 

@@ -9,8 +9,6 @@ import numpy as np
 from golden_model.arrays import Array
 from skymosaic.common.errors import InputError
 from skymosaic.common.stopwatch import Stopwatch
-from skymosaic.flight import candidates
-from skymosaic.flight.belonging import find_strangers
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout, lay_out, rough_transforms
 from skymosaic.flight.layout.linked_group import groups
@@ -24,8 +22,10 @@ from skymosaic.flight.linking.links import RELIEF_PX, Candidate, Link, valid_lin
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings, View
 from skymosaic.flight.mapping.anchoring import fit_layout
-from skymosaic.flight.own_mask import find_mask
-from skymosaic.flight.second_look import link_across_heights, link_by_coarse_detail, link_by_more_features
+from skymosaic.flight.pairing import candidates
+from skymosaic.flight.pairing.belonging import find_strangers
+from skymosaic.flight.pairing.own_mask import find_mask
+from skymosaic.flight.pairing.second_look import link_across_heights, link_by_coarse_detail, link_by_more_features
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import MIN_INLIERS

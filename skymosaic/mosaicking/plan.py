@@ -10,14 +10,14 @@ from golden_model.arrays import Intensities, Mask
 from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.memory import release_free_memory
 from skymosaic.common.stopwatch import Stopwatch
-from skymosaic.flight.bands.spectrum import in_all_bands
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.place import MapPlace, place_on_map, require_place
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import PLAIN, PREVIEW_WIDTH_PX, Delivery, OutputForm, deliver, numbered
 from skymosaic.flight.picture.preparation import compose
-from skymosaic.flight.relief import follow_relief
+from skymosaic.flight.picture.relief import follow_relief
+from skymosaic.flight.picture.spectrum import in_all_bands
 from skymosaic.flight.repetition import repeat_flight
 from skymosaic.flight.survey import survey
 from skymosaic.flight.two_photographs import register_two

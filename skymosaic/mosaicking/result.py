@@ -9,7 +9,7 @@ import numpy as np
 from golden_model.arrays import Intensities, Matrix
 from skymosaic.common.errors import InputError
 from skymosaic.common.tables import Table, tabulate
-from skymosaic.flight.check import PhotographCheck, check_flight
+from skymosaic.flight.checking.check import PhotographCheck, check_flight
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.place import require_place
@@ -74,8 +74,8 @@ class Mosaic:
         """A row for each photograph that was given, for pandas, polars or `csv`.
 
         Its centre lies at ``x_px``, ``y_px`` on the canvas, and at ``map_x``, ``map_y`` in metres of the georeference's
-        coordinate system; other columns are those of `skymosaic.flight.check.PhotographCheck`. NaN stands for what is
-        not known, or of a photograph that is not placed.
+        coordinate system; other columns are those of `skymosaic.flight.checking.check.PhotographCheck`. NaN stands for
+        what is not known, or of a photograph that is not placed.
         """
         flight, on_map = self.flight, self.composition.place.georeference
         checked = zip(flight.sources, check_flight(flight).photographs, strict=True)

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from skymosaic.common.options import respell
-from skymosaic.flight.check import FlightCheck, check_flight, layout_errors
+from skymosaic.flight.checking.check import FlightCheck, check_flight, layout_errors
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.layout.self_calibration import Calibration
 from skymosaic.flight.picture.output import PREVIEW_WIDTH_PX, Delivery
-from skymosaic.flight.relief import bending_numbers
+from skymosaic.flight.picture.relief import bending_numbers
 from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.imagery.photographs import short_names

@@ -7,7 +7,7 @@ import numpy as np
 
 from golden_model.arrays import Points
 from skymosaic.common.errors import InputError
-from skymosaic.flight.fly_again import plan_again
+from skymosaic.flight.checking.fly_again import plan_again
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.homography import apply

@@ -12,10 +12,10 @@ import numpy as np
 from golden_model.arrays import Pixels
 from skymosaic.common.provenance import provenance
 from skymosaic.compositing.warp import magnification
-from skymosaic.flight.check import layout_errors
+from skymosaic.flight.checking.check import layout_errors
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import Delivery
-from skymosaic.flight.relief import describe_bending
+from skymosaic.flight.picture.relief import describe_bending
 
 HECTARE_M2 = 10_000
 MAX_CUTS = 5

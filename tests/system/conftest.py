@@ -8,7 +8,7 @@ import pytest
 from sim.scene import Flight
 from skymosaic import Mosaic, mosaic
 from tests.skymosaic.conftest import IMAGES, SIZE, default_cache, flight, surveyed
-from tests.skymosaic.flight.bands.conftest import band_folder
+from tests.skymosaic.flight.picture.conftest import band_folder
 from tests.skymosaic.panel.conftest import browser, kept, opened, owner_address, panel, root, silent_board
 from tests.skymosaic.tracking.conftest import film, roi
 

@@ -24,7 +24,7 @@ from golden_model.matching.rule_bases import aerial
 from sim.scene import Flight, make_pair
 from skymosaic.cli.commands import COMMANDS, app
 from skymosaic.features.positions import feature_points, match_points
-from skymosaic.flight.check import check_flight
+from skymosaic.flight.checking.check import check_flight
 from skymosaic.flight.mapping.place import MapPlace
 from skymosaic.flight.picture.output import OutputForm
 from skymosaic.mosaicking.api import open_plan

@@ -17,7 +17,7 @@ from skymosaic.imagery.live_frames import read_live_frames
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.panel.options import Options
 from skymosaic.panel.tasks.mosaic_tasks import make_mosaic
-from tests.skymosaic.flight.bands.conftest import CAPTURES
+from tests.skymosaic.flight.picture.conftest import CAPTURES
 from tests.system.command_line import only_error, skymosaic
 
 FEW = 3

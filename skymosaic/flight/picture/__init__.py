@@ -1,1 +1,1 @@
-"""A layout becomes a picture: composition, blending and output."""
+"""A layout becomes a picture: relief, composition, further bands, blending and output."""

@@ -16,12 +16,12 @@ from golden_model.arrays import Array, Float32, Pixels, Records
 from golden_model.config import Config
 from skymosaic.compositing.mesh import Ties
 from skymosaic.compositing.warp import Canvas, CanvasError, footprint
-from skymosaic.flight.candidates import MIN_VOTES, MOST_SIMILAR
 from skymosaic.flight.layout.adjustment import MODELS, Network
 from skymosaic.flight.layout.linked_group import LinkedGroup, normalisation
 from skymosaic.flight.layout.motions import shapes
 from skymosaic.flight.linking.links import TIE_PX, Link, link_views
 from skymosaic.flight.linking.resemblance import compact, count_votes
+from skymosaic.flight.pairing.candidates import MIN_VOTES, MOST_SIMILAR
 from skymosaic.geometry.ground import Sight
 from skymosaic.geometry.homography import apply, estimate_similarity, rescale
 from skymosaic.geometry.prosac import MIN_INLIERS

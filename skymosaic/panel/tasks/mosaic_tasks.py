@@ -18,7 +18,7 @@ from skymosaic.common.options import command_words
 from skymosaic.common.provenance import to_json
 from skymosaic.common.tables import to_csv
 from skymosaic.evaluation.hardware import compare
-from skymosaic.flight.check import check_flight, layout_errors
+from skymosaic.flight.checking.check import check_flight, layout_errors
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.picture.output import Delivery, OutputForm
 from skymosaic.imagery.band_sets import group_band_sets

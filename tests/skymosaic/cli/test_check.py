@@ -13,7 +13,7 @@ from sim.scene import make_lawnmower
 from skymosaic.cli.check import _print_check, check
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError, RegistrationError
-from skymosaic.flight.check import FlightCheck, PhotographCheck
+from skymosaic.flight.checking.check import FlightCheck, PhotographCheck
 from skymosaic.maps.georeference import map_to_globe
 
 

@@ -65,7 +65,7 @@ def test_what_a_second_look_joins_predicts_further_links(monkeypatch: pytest.Mon
         asked.append(set(pairs))
         return {pair: tie(*pair) for pair in pairs}
 
-    monkeypatch.setattr("skymosaic.flight.candidates.first_candidates", lambda *_: {(0, 1)})
+    monkeypatch.setattr("skymosaic.flight.pairing.candidates.first_candidates", lambda *_: {(0, 1)})
     monkeypatch.setattr(survey, "link_by_more_features", lambda *_: {(1, 2): tie(1, 2)})
     for name in ("link_across_heights", "link_by_coarse_detail"):
         monkeypatch.setattr(survey, name, lambda *_: {})

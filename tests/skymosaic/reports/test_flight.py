@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from golden_model.config import PRESETS
-from skymosaic.flight.check import FlightCheck, PhotographCheck
+from skymosaic.flight.checking.check import FlightCheck, PhotographCheck
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.mapping.place import MapPlace

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from golden_model.arrays import Pixels
-from skymosaic.flight.check import check_flight
+from skymosaic.flight.checking.check import check_flight
 from skymosaic.geometry.homography import apply
 from skymosaic.mosaicking.api import mosaic
 from skymosaic.mosaicking.result import Mosaic

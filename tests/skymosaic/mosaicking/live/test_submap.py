@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skymosaic.flight.candidates import MIN_VOTES
 from skymosaic.flight.linking.links import Link
+from skymosaic.flight.pairing.candidates import MIN_VOTES
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.exif import Metadata
 from skymosaic.mosaicking.live import submap as module

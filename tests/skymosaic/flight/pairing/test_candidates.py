@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from skymosaic.flight.candidates import MAX_PREDICTED, MIN_GAIN, MIN_OVERLAP, first_candidates, predicted
 from skymosaic.flight.linking.links import Link
+from skymosaic.flight.pairing.candidates import MAX_PREDICTED, MIN_GAIN, MIN_OVERLAP, first_candidates, predicted
 from skymosaic.imagery.exif import Position
 
 SIZE_PX = (400, 300)

@@ -19,7 +19,7 @@ from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.place import sightings_of
-from skymosaic.flight.relief import bending_numbers, describe_bending, follow_relief
+from skymosaic.flight.picture.relief import bending_numbers, describe_bending, follow_relief
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.imagery.lens import Lens
 from skymosaic.mosaicking.api import mosaic, open_plan

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from skymosaic.common.errors import RegistrationError
-from skymosaic.flight.bands.rig import Alignment, _fit, _peak, align_bands
+from skymosaic.flight.picture.rig import Alignment, _fit, _peak, align_bands
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.running.workers import Workers
-from tests.skymosaic.flight.bands.conftest import CAPTURES, SIZE, homography
+from tests.skymosaic.flight.picture.conftest import CAPTURES, SIZE, homography
 
 GRID = np.stack(np.meshgrid(np.linspace(0, SIZE[0] - 1, 5), np.linspace(0, SIZE[1] - 1, 5)), -1).reshape(-1, 2)
 

@@ -9,11 +9,11 @@ import pytest
 from numpy.typing import NDArray
 
 from golden_model.config import preset_config
-from skymosaic.flight.check import check_flight
+from skymosaic.flight.checking.check import check_flight
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings
-from skymosaic.flight.own_mask import find_mask
+from skymosaic.flight.pairing.own_mask import find_mask
 from skymosaic.flight.survey import _mask_own
 from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.imagery.photographs import list_sources

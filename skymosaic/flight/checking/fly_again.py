@@ -9,7 +9,7 @@ from rasterio import Affine
 
 from golden_model.arrays import Points
 from skymosaic.common.errors import InputError
-from skymosaic.flight.check import weak_parts
+from skymosaic.flight.checking.check import weak_parts
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.extent import outline
 from skymosaic.flight.layout.layout import Layout

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from skymosaic.flight.belonging import find_strangers
+from skymosaic.flight.pairing.belonging import find_strangers
 from skymosaic.imagery.exif import Metadata, Position
 
 TAKEN = Metadata(position=Position(46.0, 8.0), focal_half_diagonals=1.2)

@@ -11,7 +11,7 @@ import pytest
 import rasterio.features
 
 from golden_model.version import VERSION
-from skymosaic.flight.fly_again import find_holes
+from skymosaic.flight.checking.fly_again import find_holes
 from skymosaic.maps.features import Place, write_places
 
 SIZE_M, CELL_M = np.array([80.0, 60.0]), 0.25

@@ -11,7 +11,7 @@ from sim.scene import Flight, make_lawnmower
 from skymosaic import mosaic
 from skymosaic.flight import survey
 from skymosaic.flight.linking.links import Link
-from skymosaic.flight.second_look import link_across_heights
+from skymosaic.flight.pairing.second_look import link_across_heights
 from skymosaic.geometry.homography import apply
 
 SIZE, RATIO = (480, 360), 3

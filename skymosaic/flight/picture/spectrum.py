@@ -10,12 +10,12 @@ from golden_model.arrays import Intensities, Mask, Pixels
 from skymosaic.common.errors import InputError
 from skymosaic.compositing.tone import NEUTRAL
 from skymosaic.compositing.warp import Canvas
-from skymosaic.flight.bands.rig import Alignment, align_bands
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.view import View, describe
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.preparation import equalise, thumbnail_layers
+from skymosaic.flight.picture.rig import Alignment, align_bands
 from skymosaic.imagery.depth import measure_common_range
 from skymosaic.imagery.photographs import Source
 from skymosaic.running.workers import Workers

@@ -9,7 +9,7 @@ import pytest
 
 from golden_model.config import preset_config
 from sim.scene.flight import Flight
-from skymosaic.flight.check import (
+from skymosaic.flight.checking.check import (
     CLIPPED,
     MIN_BEST_OVERLAP,
     _problems,

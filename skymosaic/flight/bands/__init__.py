@@ -1,1 +1,0 @@
-"""Multi-band cameras: their lenses against each other, and their bands as layers."""

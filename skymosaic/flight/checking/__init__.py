@@ -1,0 +1,1 @@
+"""Whether a flight that was laid out is good, and where to fly again."""
