@@ -10,7 +10,7 @@ from golden_model.arrays import Array
 from skymosaic.common.errors import InputError
 from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.flight.flight import Flight
-from skymosaic.flight.layout.layout import Layout, lay_out, rough_transforms
+from skymosaic.flight.layout.layout import Layout, lay_out
 from skymosaic.flight.layout.linked_group import groups
 from skymosaic.flight.layout.self_calibration import (
     Calibration,
@@ -18,25 +18,21 @@ from skymosaic.flight.layout.self_calibration import (
     measure_remaining_distortion,
     straighten_links,
 )
-from skymosaic.flight.linking.links import RELIEF_PX, Candidate, Link, valid_links
+from skymosaic.flight.linking.links import Candidate, Link, valid_links
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings, View
 from skymosaic.flight.mapping.anchoring import fit_layout
-from skymosaic.flight.pairing import candidates
 from skymosaic.flight.pairing.belonging import find_strangers
-from skymosaic.flight.pairing.own_mask import find_mask
-from skymosaic.flight.pairing.second_look import link_across_heights, link_by_coarse_detail, link_by_more_features
+from skymosaic.flight.pairing.candidates import predicted
+from skymosaic.flight.pairing.linked_views import LinkedViews, link_all
+from skymosaic.flight.pairing.own_mask import mask_own
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA
-from skymosaic.geometry.homography import transfer_error
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.photographs import Source
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.positions import Fix, Positions
 from skymosaic.running.cache import ResultCache
 from skymosaic.running.workers import Workers
-
-MAX_ROUNDS = 6
-"""How often a better layout may propose further pairs."""
 
 
 def survey(
@@ -74,53 +70,61 @@ def survey(
     if len(sources) < 2:
         raise InputError(f"a mosaic takes at least two photographs, not {len(sources)}")
     clock = Stopwatch()
-    surveyor = Surveyor(settings, seed, workers, cache)
-    usable, views, left_out = _describe(surveyor, sources)
-    strangers = {} if keep_all else find_strangers(views)
-    left_out |= {usable[view].index: reason for view, reason in strangers.items()}
-    usable = tuple(source for view, source in enumerate(usable) if view not in strangers)
-    views = tuple(each for view, each in enumerate(views) if view not in strangers)
-    if fixes is not None:
-        views = tuple(_with_fix(view, fixes[source.index]) for source, view in zip(usable, views, strict=True))
+    linked, left_out = _describe(Surveyor(settings, seed, workers, cache), sources, fixes, keep_all=keep_all)
     clock.lap("features")
-    links = _link(surveyor, usable, views)
-    masked = _mask_own(surveyor, usable, views, links)
-    if masked is not None:
-        surveyor, views, links = masked
-        settings = surveyor.settings
+    linked = mask_own(link_all(linked))
     clock.lap("pairs")
-    parts = sorted(groups(len(views), valid_links(links)), key=partial(_rank, views))
+    surveyor, lens = linked.surveyor, linked.surveyor.settings.lens
+    parts = sorted(linked.groups, key=partial(_rank, linked.views))
     calibration, remaining = None, dict[int, Array]()
     workers.progress("lens", 0, 0)
     # A lens that was given is trusted: photographs through it are straight already.
-    if settings.lens.matrix is None:
-        calibration = calibrate(views, parts[0], valid_links(links), settings.lens.mask, cache)
+    if lens.matrix is None:
+        calibration = calibrate(linked.views, parts[0], valid_links(linked.links), lens.mask, cache)
     if calibration is not None:
-        views = tuple(view.light if calibration.lens.fits(view.size) else view for view in views)
-        views, links, remaining = _straighten(surveyor, usable, views, links, members=parts[0], calibration=calibration)
+        # The features of distorted photographs need no memory while new ones are computed.
+        light = tuple(view.light if calibration.lens.fits(view.size) else view for view in linked.views)
+        linked = replace(linked, views=light)
+        linked, remaining = _straighten(linked, parts[0], calibration)
         calibration = calibration.with_remaining(remaining[parts[0][0]])
     clock.lap("lens")
     workers.progress("layout", 0, 0)
-    link_nearby = partial(_link_nearby, surveyor, views, remaining)
-    layouts, alone = lay_out_all(views, parts, links, link_nearby)
-    views = surveyor.fetch_thumbnails(views)
+    links = dict(linked.links)
+    layouts, alone = lay_out_all(linked.views, parts, links, partial(_link_nearby, linked, remaining))
+    views = surveyor.fetch_thumbnails(linked.views)
     clock.lap("layout")
     for view, reason in alone.items():
-        left_out[usable[view].index] = f"{views[view].name}: {reason or _why_alone(view, views, links.values())}"
+        why = reason or _why_alone(view, views, links.values())
+        left_out[linked.sources[view].index] = f"{views[view].name}: {why}"
     flight = Flight(
         names=tuple(source.name for source in sources),
-        sources=usable,
+        sources=linked.sources,
         views=views,
         links=tuple(links.values()),
         layouts=tuple(layouts),
         left_out=left_out,
-        settings=settings,
+        settings=surveyor.settings,
         seconds=clock.seconds,
         calibration=calibration,
-        found_mask=None if masked is None else settings.lens.mask,
+        found_mask=lens.mask if settings.lens.mask is None else None,
         positions="" if positions is None else positions.name,
     )
     return replace(flight, layouts=tuple(fit_layout(flight, layout, control) for layout in layouts))
+
+
+def _describe(
+    surveyor: Surveyor, sources: Sequence[Source], fixes: Sequence[Fix | None] | None, *, keep_all: bool
+) -> tuple[LinkedViews, dict[int, str]]:
+    """The photographs of a flight, not linked yet, and why the other sources are left out, by index."""
+    views, left_out = _read(surveyor, sources)
+    if not keep_all:
+        read = list(views)
+        for view, reason in find_strangers(list(views.values())).items():
+            left_out[read[view].index] = reason
+            del views[read[view]]
+    if fixes is not None:
+        views = {source: _with_fix(view, fixes[source.index]) for source, view in views.items()}
+    return LinkedViews(surveyor, tuple(views), tuple(views.values()), {}), left_out
 
 
 def _with_fix(view: View, fix: Fix | None) -> View:
@@ -130,10 +134,8 @@ def _with_fix(view: View, fix: Fix | None) -> View:
     return replace(view, taken=taken)
 
 
-def _describe(
-    surveyor: Surveyor, sources: Sequence[Source]
-) -> tuple[tuple[Source, ...], tuple[View, ...], dict[int, str]]:
-    """All sources that can be used and do not repeat another, their views, and why the rest is left out, by index."""
+def _read(surveyor: Surveyor, sources: Sequence[Source]) -> tuple[dict[Source, View], dict[int, str]]:
+    """The views of sources that can be used and do not repeat another, and why the rest is left out, by index."""
     distinct: dict[str, Source] = {}
     left_out: dict[int, str] = {}
     for source in sources:
@@ -157,105 +159,35 @@ def _describe(
             left_out[source.index] = str(error)
     if not views:
         raise InputError(f"none of the {len(sources)} photographs can be used: {next(iter(left_out.values()))}")
-    return tuple(views), tuple(views.values()), left_out
-
-
-def _link(surveyor: Surveyor, sources: Sequence[Source], views: Sequence[View]) -> dict[Candidate, Link]:
-    """Link likely pairs, then what the layout predicts; groups that stay isolated get a second look."""
-    votes = surveyor.count_votes(views)
-    links = surveyor.link(views, candidates.first_candidates(views, votes))
-    _add_predicted(surveyor, views, links)
-    # Thumbnails last: they serve only the groups that more features could not join.
-    links |= link_by_more_features(surveyor, sources, views, links, votes)
-    links |= link_across_heights(surveyor, views, links)
-    links |= link_by_coarse_detail(surveyor, views, links)
-    _add_predicted(surveyor, views, links)
-    return links
-
-
-def _mask_own(
-    surveyor: Surveyor, sources: Sequence[Source], views: Sequence[View], links: dict[Candidate, Link]
-) -> tuple[Surveyor, tuple[View, ...], dict[Candidate, Link]] | None:
-    """Views and links again without what moves with the camera, as a mask from a file would give them.
-
-    Where its groups would be smaller, the mask is for the picture alone. None where a lens is given, or nothing moves
-    with the camera.
-    """
-    lens, moving = surveyor.settings.lens, _moving_links(views, links)
-    if lens.mask is not None or lens.matrix is not None or not moving:
-        return None
-    mask = find_mask(views, moving, [view.thumbnail for view in surveyor.fetch_thumbnails(views)])
-    if mask is None:
-        return None
-    surveyor = replace(surveyor, settings=replace(surveyor.settings, lens=replace(lens, mask=mask)))
-    described = surveyor.describe_all(sources)
-    again = tuple(replace(view, taken=known.taken) for view, known in zip(described, views, strict=True))
-    found = _link(surveyor, sources, again)
-    before, after = ([len(part) for part in groups(len(views), valid_links(each))] for each in (links, found))
-    if after >= before and after[0] > 1:
-        return surveyor, again, found
-    return (surveyor, tuple(views), links) if before[0] >= len(views) / 2 else None
-
-
-def _moving_links(views: Sequence[View], links: Mapping[Candidate, Link]) -> list[Link]:
-    """The links with matches that move with the camera, unless the layout of the others says that they do not."""
-    moving, valid = [link for link in links.values() if link.moves_with_camera], valid_links(links)
-    parts = [part for part in groups(len(views), valid) if len(part) > 2] if moving else []
-    rough = [rough_transforms(views, part, valid) for part in parts]
-    return [link for link in moving if not any(_explains(transforms, link) for transforms in rough)]
-
-
-def _explains(transforms: Mapping[int, Array], link: Link) -> bool:
-    """Whether by a layout the matches that were taken for moving are ground, as below a camera that hovers."""
-    if link.left not in transforms or link.right not in transforms:
-        return False
-    to_right = np.linalg.inv(transforms[link.right]) @ transforms[link.left]
-    return bool(np.median(transfer_error(to_right, link.left_moving, link.right_moving)) < RELIEF_PX)
-
-
-def _add_predicted(surveyor: Surveyor, views: Sequence[View], links: dict[Candidate, Link]) -> None:
-    """Add links that the present layout predicts: closed loops, and neighbours that were not candidates before."""
-    for _ in range(MAX_ROUNDS):
-        valid = valid_links(links)
-        # Two views overlap by their link already; a layout of three or more can predict another one.
-        rough = [rough_transforms(views, part, valid) for part in groups(len(views), valid) if len(part) > 2]
-        pairs = {pair for transforms in rough for pair in candidates.predicted(views, transforms, links)}
-        if not pairs:
-            return
-        links |= surveyor.link(views, pairs)
+    return views, left_out
 
 
 def _straighten(
-    surveyor: Surveyor,
-    sources: Sequence[Source],
-    views: Sequence[View],
-    links: Mapping[Candidate, Link],
-    *,
-    members: Sequence[int],
-    calibration: Calibration,
-) -> tuple[tuple[View, ...], dict[Candidate, Link], dict[int, Array]]:
+    linked: LinkedViews, members: Sequence[int], calibration: Calibration
+) -> tuple[LinkedViews, dict[int, Array]]:
     """Describe and link the photographs again without their distortion, and measure what distortion remains in each.
 
     Near the border of a distorted photograph a corner looks different from what it is in the middle of a neighbour, and
     its position is off, so features are computed anew. Where the new ones do not link two views, the old ties stay.
     """
-    surveyor = replace(surveyor, settings=replace(surveyor.settings, lens=calibration.lens))
+    surveyor, sources, views = linked.surveyor, linked.sources, linked.views
+    through_lens = replace(surveyor, settings=replace(surveyor.settings, lens=calibration.lens))
     # Photographs of another camera, which no link joins to these, stay as they are.
     through = [index for index, view in enumerate(views) if calibration.lens.fits(view.size)]
     # Nor is another photograph read in the place of one that was replaced meanwhile; it will be left out.
     through = [index for index in through if not sources[index].change]
     straight_views = list(views)
-    for index, view in zip(through, surveyor.describe_all([sources[index] for index in through]), strict=True):
+    for index, view in zip(through, through_lens.describe_all([sources[index] for index in through]), strict=True):
         # Positions may come from a file instead of the photographs.
         straight_views[index] = replace(view, taken=views[index].taken)
-    straight = straighten_links(valid_links(links), views, dict.fromkeys(through, calibration.distortion))
-    straight |= {pair: link for pair, link in surveyor.link(straight_views, straight).items() if link.holds}
+    straight = straighten_links(valid_links(linked.links), views, dict.fromkeys(through, calibration.distortion))
+    straight |= {pair: link for pair, link in through_lens.link(straight_views, straight).items() if link.holds}
     # Features of distorted photographs made k1 0.1 to 0.3 % too small.
     terms = min(len(calibration.distortion), 2)
     distortion = measure_remaining_distortion(straight_views, members, valid_links(straight), terms, surveyor.cache)
     remaining = dict.fromkeys(through, distortion)
     straight = straighten_links(valid_links(straight), straight_views, remaining)
-    return tuple(straight_views), {**links, **straight}, remaining
+    return replace(linked, views=tuple(straight_views), links={**linked.links, **straight}), remaining
 
 
 def lay_out_all(
@@ -311,9 +243,7 @@ def _lay_out_again(
     return again if len(confirmed) == len(nearby) else lay_out(views, layout.members, valid_links(links))
 
 
-def _link_nearby(
-    surveyor: Surveyor, views: Sequence[View], remaining: Mapping[int, Array], layout: Layout
-) -> dict[Candidate, Link]:
+def _link_nearby(linked: LinkedViews, remaining: Mapping[int, Array], layout: Layout) -> dict[Candidate, Link]:
     """Links of pairs that overlap in a layout, although their features alone did not link them.
 
     ``remaining`` is the distortion of each view that its features still have.
@@ -322,13 +252,13 @@ def _link_nearby(
     known = {(link.left, link.right): link for link in layout.links}
     # Among repeated textures, a search around a false place would find one more link that confirms it.
     disputed = {view for link in layout.contradicting for view in (link.left, link.right)}
-    pairs = candidates.predicted(views, transforms, known) if known else set()
-    predicted = {
+    pairs = predicted(linked.views, transforms, known) if known else set()
+    near = {
         (left, right): np.linalg.inv(transforms[right]) @ transforms[left]
         for left, right in pairs
         if disputed.isdisjoint((left, right))
     }
-    return straighten_links(valid_links(surveyor.link_nearby(views, predicted)), views, remaining)
+    return straighten_links(valid_links(linked.surveyor.link_nearby(linked.views, near)), linked.views, remaining)
 
 
 def _why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:

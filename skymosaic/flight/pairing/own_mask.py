@@ -1,16 +1,18 @@
 """Finds where the photographs of a flight show what moves with the camera, by the matches that were rejected for it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
-from golden_model.arrays import Mask, Pixels
+from golden_model.arrays import Array, Mask, Pixels
 from golden_model.pixel.gray import to_gray
 from skymosaic.features.contrast import find_pattern
-from skymosaic.flight.linking.links import Link
+from skymosaic.flight.linking.links import RELIEF_PX, Link
 from skymosaic.flight.linking.view import View
-from skymosaic.geometry.homography import apply
+from skymosaic.flight.pairing.linked_views import LinkedViews, link_all, rough_layouts
+from skymosaic.geometry.homography import apply, transfer_error
 
 MIN_VIEWS, MIN_SHARE_OF_VIEWS = 3, 0.5
 """Photographs, and share of a flight, with rejected matches: a camera that hovers over water has fewer."""
@@ -29,6 +31,43 @@ SHARED = 5.0
 what was voted for must be such a place: a sensor's pattern is everywhere."""
 MAX_SHARE_MASKED = 0.6
 """A mask of more is none."""
+
+
+def mask_own(linked: LinkedViews) -> LinkedViews:
+    """Views and links again without what moves with the camera, as a mask from a file would give them.
+
+    Where its groups would be smaller, the mask is for the picture alone. The same as before where a lens is given, or
+    nothing moves with the camera.
+    """
+    surveyor, lens = linked.surveyor, linked.surveyor.settings.lens
+    if lens.mask is not None or lens.matrix is not None or not (moving := _moving_links(linked)):
+        return linked
+    mask = find_mask(linked.views, moving, [view.thumbnail for view in surveyor.fetch_thumbnails(linked.views)])
+    if mask is None:
+        return linked
+    masking = replace(surveyor, settings=replace(surveyor.settings, lens=replace(lens, mask=mask)))
+    described = masking.describe_all(linked.sources)
+    again = tuple(replace(view, taken=known.taken) for view, known in zip(described, linked.views, strict=True))
+    masked = link_all(LinkedViews(masking, linked.sources, again, {}))
+    before, after = ([len(part) for part in each.groups] for each in (linked, masked))
+    if after >= before and after[0] > 1:
+        return masked
+    return replace(linked, surveyor=masking) if before[0] >= len(linked.views) / 2 else linked
+
+
+def _moving_links(linked: LinkedViews) -> list[Link]:
+    """The links with matches that move with the camera, unless the layout of the others says that they do not."""
+    moving = [link for link in linked.links.values() if link.moves_with_camera]
+    rough = rough_layouts(linked.views, linked.links) if moving else []
+    return [link for link in moving if not any(_explains(transforms, link) for transforms in rough)]
+
+
+def _explains(transforms: Mapping[int, Array], link: Link) -> bool:
+    """Whether by a layout the matches that were taken for moving are ground, as below a camera that hovers."""
+    if link.left not in transforms or link.right not in transforms:
+        return False
+    to_right = np.linalg.inv(transforms[link.right]) @ transforms[link.left]
+    return bool(np.median(transfer_error(to_right, link.left_moving, link.right_moving)) < RELIEF_PX)
 
 
 def find_mask(views: Sequence[View], moving: Sequence[Link], thumbnails: Sequence[Pixels]) -> Pixels | None:

@@ -13,6 +13,7 @@ from skymosaic.flight.flight import Flight as LaidOut
 from skymosaic.flight.layout.layout import Layout, lay_out
 from skymosaic.flight.linking import surveyor
 from skymosaic.flight.linking.links import Link, link_views
+from skymosaic.flight.pairing.linked_views import LinkedViews
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
@@ -55,26 +56,6 @@ def test_photographs_of_another_camera_stay_as_they_are_beside_a_lens_that_bends
         assert all(min(plan.composition(layout).size) > 180 for layout in plan.layouts)
 
 
-def test_what_a_second_look_joins_predicts_further_links(monkeypatch: pytest.MonkeyPatch) -> None:
-    points, asked = np.random.default_rng(0).uniform(100, 300, (40, 2)), list[set[tuple[int, int]]]()
-
-    def tie(left: int, right: int) -> Link:
-        return Link(left, right, points, points - [60 * (right - left), 0], 40, 40)
-
-    def link(_views: Any, pairs: Any) -> dict[tuple[int, int], Link]:
-        asked.append(set(pairs))
-        return {pair: tie(*pair) for pair in pairs}
-
-    monkeypatch.setattr("skymosaic.flight.pairing.candidates.first_candidates", lambda *_: {(0, 1)})
-    monkeypatch.setattr(survey, "link_by_more_features", lambda *_: {(1, 2): tie(1, 2)})
-    for name in ("link_across_heights", "link_by_coarse_detail"):
-        monkeypatch.setattr(survey, name, lambda *_: {})
-    views: Any = [SimpleNamespace(size=(400, 300), working_size=(400, 300))] * 3
-    stub: Any = SimpleNamespace(count_votes=lambda _views: None, link=link)
-    assert set(survey._link(stub, (), views)) == {(0, 1), (1, 2), (0, 2)}
-    assert asked == [{(0, 1)}, {(0, 2)}]
-
-
 def test_no_link_is_looked_for_around_a_place_in_dispute() -> None:
     size_px, ties = (400, 300), np.zeros((50, 2))
     views: list[Any] = [SimpleNamespace(working_size=size_px)] * 6
@@ -87,9 +68,10 @@ def test_no_link_is_looked_for_around_a_place_in_dispute() -> None:
             asked.append(set(pairs))
             return {}
 
+    linked = LinkedViews(cast(Any, Stub()), (), tuple(views), {})
     for contradicting in ((), (Link(0, 2, ties, ties, 50, 50),)):
         layout = Layout(tuple(transforms), 0, transforms, links, contradicting)
-        assert survey._link_nearby(cast(Any, Stub()), views, {}, layout) == {}
+        assert survey._link_nearby(linked, {}, layout) == {}
     assert {(0, 2), (1, 3), (3, 5)} <= asked[0]
     assert asked[1] == {pair for pair in asked[0] if not {0, 2} & set(pair)}
 
@@ -183,17 +165,6 @@ def test_why_a_photograph_is_alone_is_said_with_its_best_match() -> None:
     for moving in ([*some, tried(0, 3, 6, moves=True)], [tried(0, 1, 0), tried(0, 3, 0, moves=True)]):
         assert "water below a camera that hovers" in why(*moving)
     assert why(*some, tried(0, 3, 20, ties=20)).startswith("1 links contradict each other")
-
-
-def test_what_a_layout_explains_does_not_move_with_the_camera() -> None:
-    points = np.random.default_rng(0).uniform(0, 300, (20, 2))
-    transforms = {view: np.array([[1.0, 0, 50 * view], [0, 1, 0], [0, 0, 1]]) for view in range(3)}
-    for off_px, right, explained in ((11, 2, True), (13, 2, False), (0, 3, False)):
-        moved = points - [100 + off_px, 0]
-        for ends in ((0, right), (right, 0)):
-            pair = (points, moved) if ends[0] == 0 else (moved, points)
-            link = Link(*ends, points[:0], points[:0], 0, 0, left_moving=pair[0], right_moving=pair[1])
-            assert survey._explains(transforms, link) is explained
 
 
 def test_photographs_that_no_layout_explains_are_refused_with_counts() -> None:

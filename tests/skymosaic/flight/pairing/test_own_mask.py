@@ -13,8 +13,9 @@ from skymosaic.flight.checking.check import check_flight
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings
-from skymosaic.flight.pairing.own_mask import find_mask
-from skymosaic.flight.survey import _mask_own
+from skymosaic.flight.pairing import own_mask
+from skymosaic.flight.pairing.linked_views import LinkedViews
+from skymosaic.flight.pairing.own_mask import _explains, find_mask, mask_own
 from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.mosaicking.api import open_plan
@@ -113,15 +114,27 @@ def test_a_mask_by_which_groups_are_smaller_is_for_the_picture_alone(
     with Workers() as workers:
         surveyor = Surveyor(Settings(preset_config("aerial")), 0, workers, NO_CACHE)
         sources = list_sources(photographs)
-        views = surveyor.describe_all(sources)
-        monkeypatch.setattr("skymosaic.flight.survey._moving_links", lambda _, links: list(links.values()))
-        monkeypatch.setattr("skymosaic.flight.survey.find_mask", lambda *_: np.full((240, 320), 255, np.uint8))
-        monkeypatch.setattr("skymosaic.flight.survey._link", lambda *_: link(*found))
-        masked = _mask_own(surveyor, sources, views, before)
-        assert _mask_own(surveyor, sources, views, {}) is None
+        linked = LinkedViews(surveyor, tuple(sources), tuple(surveyor.describe_all(sources)), before)
+        monkeypatch.setattr(own_mask, "_moving_links", lambda linked: list(linked.links.values()))
+        monkeypatch.setattr(own_mask, "find_mask", lambda *_: np.full((240, 320), 255, np.uint8))
+        monkeypatch.setattr(own_mask, "link_all", lambda described: replace(described, links=link(*found)))
+        masked = mask_own(linked)
+        unlinked = replace(linked, links={})
+        assert mask_own(unlinked) is unlinked
         for lens in (Lens(mask=np.zeros((240, 320), np.uint8)), Lens((320, 240), np.eye(3), np.zeros(5))):
-            given = replace(surveyor, settings=replace(surveyor.settings, lens=lens))
-            assert _mask_own(given, sources, views, before) is None
-    assert masked is not None
-    assert masked[0].settings.lens.mask is not None
-    assert (masked[2] is not before) == is_for_links
+            through_lens = replace(surveyor, settings=replace(surveyor.settings, lens=lens))
+            given = replace(linked, surveyor=through_lens)
+            assert mask_own(given) is given
+    assert masked.surveyor.settings.lens.mask is not None
+    assert (masked.links is not before) == is_for_links
+
+
+def test_what_a_layout_explains_does_not_move_with_the_camera() -> None:
+    points = np.random.default_rng(0).uniform(0, 300, (20, 2))
+    transforms = {view: np.array([[1.0, 0, 50 * view], [0, 1, 0], [0, 0, 1]]) for view in range(3)}
+    for off_px, right, explained in ((11, 2, True), (13, 2, False), (0, 3, False)):
+        moved = points - [100 + off_px, 0]
+        for ends in ((0, right), (right, 0)):
+            pair = (points, moved) if ends[0] == 0 else (moved, points)
+            link = Link(*ends, points[:0], points[:0], 0, 0, left_moving=pair[0], right_moving=pair[1])
+            assert _explains(transforms, link) is explained

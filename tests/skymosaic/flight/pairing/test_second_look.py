@@ -9,8 +9,8 @@ import pytest
 from golden_model.arrays import Pixels
 from sim.scene import Flight, make_lawnmower
 from skymosaic import mosaic
-from skymosaic.flight import survey
 from skymosaic.flight.linking.links import Link
+from skymosaic.flight.pairing import linked_views
 from skymosaic.flight.pairing.second_look import link_across_heights
 from skymosaic.geometry.homography import apply
 
@@ -83,7 +83,7 @@ def test_of_two_attempts_across_heights_the_link_with_more_ties_stays() -> None:
 
 @pytest.mark.slow
 def test_links_across_heights_are_what_joins_them(flight: Flight, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(survey, "link_across_heights", lambda *_: {})
+    monkeypatch.setattr(linked_views, "link_across_heights", lambda *_: {})
     assert len(mosaic(list(flight.images)).left_out) == 2
 
 
@@ -106,5 +106,5 @@ def test_soft_ground_is_linked_by_its_coarse_detail(murky: list[Pixels]) -> None
 
 @pytest.mark.slow
 def test_coarse_detail_is_what_links_it(murky: list[Pixels], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(survey, "link_by_coarse_detail", lambda *_: {})
+    monkeypatch.setattr(linked_views, "link_by_coarse_detail", lambda *_: {})
     assert len(mosaic(murky, scale=0.2).placed) < 6
