@@ -1,4 +1,4 @@
-"""Loads the accelerator and serves it: python3 serve.py [--bitstream FILE] [--host HOST --key FILE].
+"""Loads the accelerator and serves it: python3 serve.py [--bitstream FILE].
 
 It runs as root in PYNQ's Python environment; the export's README.md says how to start it.
 """

@@ -1,4 +1,4 @@
-"""Serves the accelerator behind a serial port: python3 serve_serial.py /dev/ttyUSB0 [--host HOST --key FILE].
+"""Serves the accelerator behind a serial port: python3 serve_serial.py /dev/ttyUSB0.
 
 It needs numpy and pyserial.
 """

@@ -1,22 +1,16 @@
-"""Serves the accelerator to one client at a time over TCP. Needs numpy and the driver.
+"""Serves the accelerator to one client at a time over TCP, on loopback alone. Needs numpy and the driver.
 
 A request is a line of JSON. If it is valid, the server answers with a JSON object, the client sends the bytes of the
 frames, and the server answers with a line of JSON and the bytes of the packets.
 
-A server with a key first answers with a ``challenge``. The client then sends the SHA-256 of its frames, and the
-HMAC-SHA256, with the key, of challenge, request line and that SHA-256; only then are frames accepted. This keeps others
-from using the board; nothing is encrypted.
+Another machine reaches it through an SSH tunnel, which checks who comes and encrypts what is sent.
 """
 
 import argparse
 import contextlib
-import hashlib
-import hmac
 import io
 import ipaddress
 import json
-import pathlib
-import secrets
 import socket
 import socketserver
 import time
@@ -26,10 +20,8 @@ import skymosaic_map as register_map
 from skymosaic_registers import AcceleratorError
 
 PORT = 7020
-MIN_KEY_BYTES = 16
-KEY_HELP = """Without --host, only programs on this machine (or an SSH tunnel) reach the server. Another host needs a
-key: a file of at least 16 bytes, of which each client has a copy.
-To make one: python3 -c "import secrets; print(secrets.token_hex())" > key"""
+TUNNEL_HELP = """Only programs on this machine reach the server. From another one, use an SSH tunnel:
+ssh -N -L 7020:localhost:7020 BOARD"""
 MAX_LINE_BYTES = 65536
 MAX_FRAMES = 64
 IDLE_SECONDS = 30
@@ -114,19 +106,13 @@ class Handler(socketserver.BaseRequestHandler):
             self._refuse(str(error) or type(error).__name__)
 
     def _serve(self):
-        line = self.client.line()
-        shape, count, settings, hold_reference, rules, estimates = self._parse(line)
+        shape, count, settings, hold_reference, rules, estimates = self._parse(self.client.line())
         # Before the frames arrive: a client that is still sending would not read the error.
         self._check(shape, count, settings, rules)
-        announced = self._authenticate(line) if self.server.key else None
         self.client.answer({})
         self.frames_left, self.frame_bytes = count, int(np.prod(shape))
-        # The digest grows while frames arrive; results go out only if it is the announced one.
-        sent = hashlib.sha256()
-        frames = (self._frame(shape, sent) for _ in range(count))
+        frames = (self._frame(shape) for _ in range(count))
         results = self.server.accelerator.run(frames, settings, hold_reference)
-        if announced is not None and not hmac.compare_digest(announced, sent.hexdigest()):
-            raise ValueError("the frames differ from the announced ones")
         parts = []
         for frame in results:
             parts += [frame.features, frame.status, frame.matches, frame.match_status]
@@ -166,23 +152,9 @@ class Handler(socketserver.BaseRequestHandler):
         self.server.accelerator.check(settings)
         self.server.accelerator.check_frame(shape)
 
-    def _authenticate(self, line):
-        """Check that the client knows the key; returns the announced SHA-256 of its frames."""
-        challenge = secrets.token_hex(32)
-        self.client.answer({"challenge": challenge})
-        try:
-            proof = json.loads(self.client.line())
-            announced, code = str(proof["frames"]), str(proof["hmac"])
-        except (KeyError, TypeError, ValueError, RecursionError):
-            announced, code = "", ""
-        if not hmac.compare_digest(code.encode(), authentication(self.server.key, challenge, line, announced).encode()):
-            raise ValueError("the key is missing or wrong")
-        return announced
-
-    def _frame(self, shape, sent):
+    def _frame(self, shape):
         data = self.client.bytes(self.frame_bytes)
         self.frames_left -= 1
-        sent.update(data)
         return data.reshape(shape)
 
     def _refuse(self, reason):
@@ -202,37 +174,30 @@ def _require_type(value, kind):
     return value
 
 
-def authentication(key, challenge, line, frames_digest):
-    """The HMAC-SHA256 that proves knowledge of the key, as hexadecimal digits."""
-    return hmac.new(key, challenge.encode() + line + frames_digest.encode(), hashlib.sha256).hexdigest()
-
-
 class Server(socketserver.TCPServer):
     """Serves one client after the other, because there is only one accelerator.
 
     Parameters
     ----------
     address : (str, int)
-        Host and port to listen on.
+        Host, of this machine's loopback, and port to listen on.
     accelerator : skymosaic_driver.Accelerator
-    key : bytes or None
-        Shared with the clients; required unless the host is this machine's loopback.
     idle_seconds, request_seconds : float
         See `Client`.
 
     Raises
     ------
     ValueError
-        Without a key where others could reach the server, or if it cannot listen there.
+        Where others could reach the server, or if it cannot listen there.
     """
 
     # A restarted server need not wait until old connections have timed out.
     allow_reuse_address = True
 
-    def __init__(self, address, accelerator, key=None, idle_seconds=IDLE_SECONDS, request_seconds=REQUEST_SECONDS):
-        if not key and not _is_loopback(address[0]):
-            raise ValueError(f"others could use the board at {address[0]!r}; give --key FILE, or --host 127.0.0.1")
-        self.accelerator, self.key = accelerator, key
+    def __init__(self, address, accelerator, idle_seconds=IDLE_SECONDS, request_seconds=REQUEST_SECONDS):
+        if not _is_loopback(address[0]):
+            raise ValueError(f"others could use the board at {address[0]!r}; leave out --host and use an SSH tunnel")
+        self.accelerator = accelerator
         self.idle_seconds, self.request_seconds = idle_seconds, request_seconds
         if ":" in address[0]:
             self.address_family = socket.AF_INET6
@@ -244,10 +209,9 @@ class Server(socketserver.TCPServer):
 
 def options_parser(description):
     """Make the option parser of a program that serves an accelerator; programs add their own options."""
-    parser = argparse.ArgumentParser(description=description, epilog=KEY_HELP)
-    parser.add_argument("--host", default="127.0.0.1", help="address to listen on; 0.0.0.0: all")
+    parser = argparse.ArgumentParser(description=description, epilog=TUNNEL_HELP)
+    parser.add_argument("--host", default="127.0.0.1", help="address of this machine's loopback to listen on")
     parser.add_argument("--port", type=int, default=PORT)
-    parser.add_argument("--key", type=pathlib.Path, help="file with the key that clients must know")
     return parser
 
 
@@ -255,10 +219,7 @@ def serve(parser, open_accelerator):
     """Serve the accelerator that ``open_accelerator`` makes from the options, until the program is interrupted."""
     options = parser.parse_args()
     try:
-        key = options.key.read_bytes().strip() if options.key else None
-        if key is not None and len(key) < MIN_KEY_BYTES:
-            parser.error(f"{options.key} has less than {MIN_KEY_BYTES} bytes")
-        server = Server((options.host, options.port), open_accelerator(options), key)
+        server = Server((options.host, options.port), open_accelerator(options))
     except (OSError, ValueError, AcceleratorError) as error:
         parser.error(str(error))
     with server:

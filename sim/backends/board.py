@@ -1,13 +1,9 @@
 """The accelerator on a board as a backend: a client of the server that the export contains."""
 
-import hashlib
-import hmac
 import json
-import os
 import socket
 from collections.abc import Sequence
 from io import BufferedIOBase
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,8 +20,6 @@ PORT = 7020
 TIMEOUT_SECONDS = 30.0
 MAX_HEADER_BYTES = 1 << 16
 MAX_REASON_CHARS = 500
-KEY_VARIABLE = "SKYMOSAIC_BOARD_KEY"
-"""Environment variable: the file that holds the key of a board's server."""
 PacketLimit = tuple[np.dtype[np.void], int]
 """The type of a packet's records, and how many it has at most."""
 
@@ -100,11 +94,7 @@ class BoardBackend(Backend):
                 link.flush()
                 # Wait for the server to accept the settings before sending frames: if it refuses them and closes the
                 # connection while we are sending, its reason is lost.
-                answer = _read_header(link, where)
-                if "challenge" in answer:
-                    link.write(_prove_key(str(answer["challenge"]), header, frames, where))
-                    link.flush()
-                    _read_header(link, where)
+                _read_header(link, where)
                 for frame in frames:
                     link.write(np.ascontiguousarray(frame).data)
                 link.flush()
@@ -126,22 +116,6 @@ def _read_header(link: BufferedIOBase, where: str) -> dict[str, Any]:
     if "error" in header:
         raise BackendError(f"the board at {where} reports: {one_line(str(header['error'])[:MAX_REASON_CHARS])}")
     return header
-
-
-def _prove_key(challenge: str, header: bytes, frames: Sequence[Pixels], where: str) -> bytes:
-    """Make the line that proves to a server that we know its key, for this request alone."""
-    name = os.environ.get(KEY_VARIABLE)
-    if not name:
-        raise BackendError(f"the board at {where} asks for its key; set {KEY_VARIABLE} to the file that holds it")
-    try:
-        key = Path(name).read_bytes().strip()
-    except OSError as error:
-        raise BackendError(f"{KEY_VARIABLE}: {one_line(name)} cannot be read ({error.strerror})") from None
-    digest = hashlib.sha256()
-    for frame in frames:
-        digest.update(np.ascontiguousarray(frame).data)
-    code = hmac.new(key, challenge.encode() + header + digest.hexdigest().encode(), hashlib.sha256).hexdigest()
-    return json.dumps({"frames": digest.hexdigest(), "hmac": code}).encode() + b"\n"
 
 
 def _list_packets(config: Config) -> list[PacketLimit]:

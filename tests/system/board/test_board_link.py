@@ -8,7 +8,6 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -19,13 +18,13 @@ from golden_model.config import Config, EstimatorConfig, MatcherConfig
 from golden_model.fuzzy.rules import MatchRules, read_shipped
 from golden_model.records import FRAME_STATUS
 from hdl.settings import REQUESTED
-from sim.backends.board import KEY_VARIABLE
 from sim.backends.errors import BackendError
 from sim.backends.interface import FrameResult, load_backend
 from tests.system.board.conftest import CONFIG, FEATURE, Serve
 
+OF_OTHERS = ("0.0.0.0", "", "192.0.2.1", "board.example", "::")
+"""Addresses that others could reach."""
 FRAME = np.zeros((64, 96), np.uint8)
-KEY = b"a key of more than 16 bytes"
 STATUS_BYTES = FRAME_STATUS.dtype.itemsize
 
 
@@ -126,35 +125,12 @@ def test_an_error_of_the_accelerator_reaches_a_client_that_still_sends(
             run(address, 20)
 
 
-def test_a_server_with_a_key_serves_who_knows_it(serve: Serve, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "key").write_bytes(KEY + b"\n")
-    (tmp_path / "wrong").write_bytes(b"another key of 16 bytes")
-    with serve(key=KEY) as (device, address):
-        with pytest.raises(BackendError, match="asks for its key"):
-            run(address)
-        monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "wrong"))
-        with pytest.raises(BackendError, match="the key is missing or wrong"):
-            run(address)
-        monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "none"))
-        with pytest.raises(BackendError, match="cannot be read"):
-            run(address)
-        assert device.frames == 0
-        monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key"))
-        assert len(run(address)) == 2
-
-
-def test_a_network_needs_a_key(server_module: ModuleType) -> None:
-    for host in ("0.0.0.0", "", "192.0.2.1", "board.example"):
-        with pytest.raises(ValueError, match="--key"):
-            server_module.Server((host, 0), None)
-
-
 @pytest.mark.parametrize(
     ("words", "says"),
     [
         (("--port", "{used}"), r"cannot listen on 127.0.0.1:\d+: .*in use"),
         (("--port", "99999"), "cannot listen on 127.0.0.1:99999: .*0-65535"),
-        (("--key", "absent"), "No such file or directory: 'absent'"),
+        *((("--host", host), f"others could use the board at '{host}'; .* SSH tunnel") for host in OF_OTHERS),
         (("--tty", "absent"), "could not open port absent"),
     ],
 )
@@ -175,8 +151,9 @@ def test_a_server_that_cannot_start_says_why_in_one_line(
         monkeypatch.setattr(sys, "argv", ["serve.py", *(word.format(used=port) for word in words)])
         parser = server_module.options_parser("serves")
         parser.add_argument("--tty")
-        with pytest.raises(SystemExit):
+        with pytest.raises(SystemExit) as ended:
             server_module.serve(parser, open_accelerator)
+    assert ended.value.code == 2
     usage, error = capsys.readouterr().err.split("serve.py: error: ")
     assert usage.startswith("usage: ")
     assert re.fullmatch(f".*{says}.*\n", error)
