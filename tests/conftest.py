@@ -55,18 +55,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Order tests by `LONGEST_FIRST`, and group them: `make test` gives whole groups to its processes.
 
-    A group is a file, since its tests share fixtures and caches; those with a running panel are one. A slow test that
-    shares no fixture is one by itself.
+    A group is a file, since its tests share fixtures and caches. A slow test that shares no fixture is one by itself.
     """
     items.sort(key=lambda item: next((n for n, name in enumerate(LONGEST_FIRST) if item.nodeid.startswith(name)), 99))
-    with_panel = {_file(item) for item in items if "owner_address" in getattr(item, "fixturenames", ())}
     for item in items:
         if not item.get_closest_marker("slow") or _shares_fixture(item):
-            item.add_marker(pytest.mark.xdist_group("panel" if _file(item) in with_panel else _file(item)))
-
-
-def _file(item: pytest.Item) -> str:
-    return item.nodeid.partition("::")[0]
+            item.add_marker(pytest.mark.xdist_group(item.nodeid.partition("::")[0]))
 
 
 def _shares_fixture(item: pytest.Item) -> bool:

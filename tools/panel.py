@@ -66,7 +66,7 @@ def chromium() -> Iterator[Browser]:
 
 
 def open_page(browser: Browser, address: str, **options: Any) -> Page:
-    """A page in a new session."""
+    """A page in a browser profile of its own."""
     context = browser.new_context(**{"viewport": WINDOW} | options)
     context.set_default_timeout(LONG_MS)
     context.add_init_script(AT_ONCE)

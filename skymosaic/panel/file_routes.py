@@ -11,18 +11,17 @@ from starlette.responses import FileResponse, PlainTextResponse, Response
 
 from skymosaic.panel.results import find_inside
 from skymosaic.panel.session import Session
-from skymosaic.panel.sessions import Sessions
 from skymosaic.panel.uploads import UploadRefusedError
 
 
 class FileRoutes:
-    """The routes for files; each serves the session that the request's cookie names, and no other."""
+    """The routes for the files of the session."""
 
-    def __init__(self, sessions: Sessions) -> None:
-        self._sessions = sessions
+    def __init__(self, session: Session) -> None:
+        self._session = session
 
     def add_to(self, app: FastAPI) -> None:
-        """Add the routes to an application with session cookies."""
+        """Add the routes to an application."""
         app.post("/upload/{slot}")(self.upload)
         app.get("/picture/{folder}/{name}")(self.picture)
         app.get("/file/{kind}/{path:path}")(self.file)
@@ -31,11 +30,8 @@ class FileRoutes:
 
     async def upload(self, request: Request, slot: Literal["photograph", "template", "video"], name: str) -> Response:
         """Receive the body as a file, or refuse it with the reason."""
-        session = self._session(request)
-        if session is None:
-            return PlainTextResponse("open the panel's page first", status_code=403)
         try:
-            await session.upload(slot, request.stream(), name)
+            await self._session.inputs.upload(slot, request.stream(), name)
         except ClientDisconnect:
             # The client has left; without an answer, the log would have a traceback.
             return Response(status_code=400)
@@ -44,27 +40,24 @@ class FileRoutes:
             return PlainTextResponse(str(error), status_code=error.status, headers={"connection": "close"})
         return Response(status_code=204)
 
-    async def picture(self, request: Request, folder: str, name: str) -> Response:
-        """Send a picture that the session's page shows."""
-        session = self._session(request)
-        return _send(session.files.find_picture(folder, name) if session else None)
+    async def picture(self, folder: str, name: str) -> Response:
+        """Send a picture that a page shows."""
+        return _send(self._session.files.find_picture(folder, name))
 
-    async def file(self, request: Request, kind: str, path: str) -> Response:
+    async def file(self, kind: str, path: str) -> Response:
         """Send one file of a result; what lies in its folders belongs to pages, which are shown."""
-        session = self._session(request)
-        result = session.results.get(kind) if session else None
+        result = self._session.results.get(kind)
         found = find_inside(result.folder, path) if result else None
         return _send(found, filename=None if "/" in path else path)
 
-    async def kept_file(self, request: Request, name: str, path: str) -> Response:
-        """Send a file of a finished run to an owner; its report is a page."""
-        session = self._session(request)
-        return _send(session.runs.find_file(name, path) if session and session.runs else None)
+    async def kept_file(self, name: str, path: str) -> Response:
+        """Send a file of a finished run; its report is a page."""
+        return _send(self._session.runs.find_file(name, path))
 
-    async def archive(self, request: Request) -> Response:
+    async def archive(self) -> Response:
         """Send all results in one file."""
-        session = self._session(request)
-        if session is None or not session.results:
+        session = self._session
+        if not session.results:
             return PlainTextResponse("there is no result yet", status_code=404)
         # The page of runs may have deleted one that another page still shows.
         kept = {name: result for name, result in session.results.items() if result.folder.is_dir()}
@@ -76,10 +69,6 @@ class FileRoutes:
             reason = f"the archive cannot be written ({error.strerror}); make room on the panel's disk"
             return PlainTextResponse(reason, status_code=507)
         return FileResponse(path, filename="skymosaic.zip", background=BackgroundTask(path.unlink))
-
-    def _session(self, request: Request) -> Session | None:
-        identifier = request.session.get("id")
-        return self._sessions.get(identifier, is_owner="owner" in request.session) if identifier else None
 
 
 def _send(path: Path | None, filename: str | None = None) -> Response:

@@ -1,4 +1,4 @@
-"""Which folders of this machine a session may open: those inside its roots, once links are followed."""
+"""Which folders of this machine may be opened: those inside the roots, once links are followed."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +13,7 @@ OPEN = "open one of them"
 
 
 class Roots:
-    """Folders below which photographs may be opened in place; a session without any may open none.
+    """Folders below which photographs may be opened in place, one at least.
 
     Raises
     ------
@@ -21,7 +21,7 @@ class Roots:
         For a root that is no folder.
     """
 
-    def __init__(self, folders: Sequence[Path] = ()) -> None:
+    def __init__(self, folders: Sequence[Path]) -> None:
         self.folders = tuple(map(resolved, folders))
         for given, folder in zip(folders, self.folders, strict=True):
             if not is_folder(folder):
@@ -36,7 +36,7 @@ class Roots:
             If it lies outside of the roots, whether or not it exists, or is no folder.
         """
         try:
-            folder = resolved(Path(*self.folders[:1], Path(path).expanduser()))
+            folder = resolved(self.folders[0] / Path(path).expanduser())
         # A name that no file system can have, or somebody's home who is unknown.
         except (OSError, ValueError, RuntimeError):
             raise InputError(f"{path!r}: no such folder; check the path") from None

@@ -77,7 +77,7 @@ def new_picture(pictures: Path) -> Path:
 
 
 def picture_address(path: Path) -> str:
-    """The address at which the session's page finds a picture."""
+    """The address at which a page finds a picture."""
     return f"/picture/{path.parent.name}/{path.name}"
 
 

@@ -1,17 +1,39 @@
-"""The finished runs of this machine's user, kept until they are deleted."""
+"""The finished runs, kept until they are deleted."""
 
 import json
 import shutil
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 
+from skymosaic.common.errors import InputError
 from skymosaic.common.provenance import to_json
+from skymosaic.common.temporary import temporary_folder
 from skymosaic.imagery.images import save_bytes
 from skymosaic.panel.results import find_inside
 
 MANIFEST = "run.json"
+
+
+@contextmanager
+def open_runs(folder: Path) -> Iterator["Runs"]:
+    """Context of the runs in a folder, which is made where it does not exist.
+
+    What is not finished is removed at the end, or by the next start if this process is killed.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made.
+    """
+    with ExitStack() as stack:
+        try:
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            unfinished = stack.enter_context(temporary_folder(folder))
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be made ({error.strerror}); name another folder with --runs") from None
+        yield Runs(folder, unfinished)
 
 
 class Runs:
@@ -22,7 +44,7 @@ class Runs:
     """
 
     def __init__(self, folder: Path, unfinished: Path) -> None:
-        self._folder, self._unfinished = folder, unfinished
+        self._folder, self.unfinished = folder, unfinished
 
     def keep(self, folder: Path, title: str) -> Path:
         """Move a finished run's folder here; returns its new place."""
@@ -41,7 +63,7 @@ class Runs:
     def delete(self, name: str) -> None:
         """Remove a run; nothing happens to one that is gone."""
         if folder := self.find_file(name, MANIFEST):
-            shutil.rmtree(folder.parent.rename(self._unfinished / f"deleted-{name}"), ignore_errors=True)
+            shutil.rmtree(folder.parent.rename(self.unfinished / f"deleted-{name}"), ignore_errors=True)
 
     def find_file(self, name: str, path: str) -> Path | None:
         """A file of a run; None for whatever lies elsewhere, links followed."""

@@ -4,13 +4,14 @@ import os
 import secrets
 import socket
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 import uvicorn
 from fastapi import FastAPI
 from nicegui import app as page_app
 from nicegui import ui
-from starlette.middleware.sessions import SessionMiddleware
 
 from skymosaic.common.errors import InputError
 from skymosaic.panel.file_routes import FileRoutes
@@ -19,10 +20,11 @@ from skymosaic.panel.origin_check import OriginCheck
 from skymosaic.panel.pages.mosaic_page import build_mosaic_page
 from skymosaic.panel.pages.runs_page import build_runs_page
 from skymosaic.panel.pages.tracking_page import build_tracking_page
+from skymosaic.panel.runs import open_runs
 from skymosaic.panel.session import Session
-from skymosaic.panel.sessions import Sessions
 from skymosaic.panel.tasks.containment import MISSING_LIMITS
 from skymosaic.panel.tasks.jobs import prepare_workers
+from skymosaic.panel.token_check import TokenCheck
 
 HOST = "127.0.0.1"
 SECONDS_TO_CLOSE = 2
@@ -35,9 +37,9 @@ def serve(
 ) -> None:
     """Run the panel until it is interrupted; port 0 takes any free one.
 
-    Whoever comes by the announced address may open photographs below the roots, and has finished runs kept in ``runs``.
-    ``announce`` receives that address, with its token, once browsers can open it; and what the system cannot limit, or
-    nothing.
+    It serves its owner: whoever comes by the announced address, may open photographs below the roots, and finds the
+    finished runs of ``runs``. ``announce`` receives that address, with its token, once browsers can open it; and what
+    the system cannot limit, or nothing.
 
     Raises
     ------
@@ -45,14 +47,14 @@ def serve(
         If the port is taken, a root is no folder, or the folder of the runs cannot be made.
     """
     listener = _listen(port)
-    sessions = Sessions(boards, Roots(roots), runs)
-    port = listener.getsockname()[1]
-    prepare_workers(sessions.folder)
+    allowed, stack = Roots(roots), ExitStack()
+    session = Session(stack.enter_context(open_runs(runs)), allowed, boards)
+    stack.callback(session.close)
     # Clean up on shutdown, not after `run`: uvicorn raises the signal that stopped it again, so nothing after runs.
-    page_app.on_shutdown(sessions.close)
-    # Other users of this machine reach the port too: only who knows the token may open folders.
-    token = secrets.token_urlsafe()
-    app = _application(sessions, port, token)
+    page_app.on_shutdown(stack.close)
+    prepare_workers(session.runs.unfinished)
+    port, token = listener.getsockname()[1], secrets.token_urlsafe()
+    app = TokenCheck(_application(session), port, token)
     announce(f"http://{HOST}:{port}/?token={token}", MISSING_LIMITS)
     config = uvicorn.Config(
         OriginCheck(app, port),
@@ -73,38 +75,13 @@ def _listen(port: int) -> socket.socket:
         raise InputError(f"port {port}: cannot be used ({reason}); choose another with --port") from None
 
 
-def _application(sessions: Sessions, port: int, token: str) -> FastAPI:
+def _application(session: Session) -> FastAPI:
     """The application: the routes for files, and the pages, which NiceGUI serves."""
     app = FastAPI(openapi_url=None)
-    # Cookies do not distinguish ports, so the name does, for two panels on one machine. The key is never stored: the
-    # files a cookie leads to vanish with the server, too.
-    app.add_middleware(
-        SessionMiddleware, secret_key=secrets.token_urlsafe(), session_cookie=f"skymosaic_{port}", same_site="lax"
-    )
-
-    FileRoutes(sessions).add_to(app)
-
-    def find_session(given: str = "") -> Session:
-        """The visitor's session; the signed cookie remembers that the token was given."""
-        cookie = page_app.storage.browser
-        if secrets.compare_digest(given.encode(), token.encode()):
-            cookie["owner"] = True
-        return sessions.get(cookie["id"], is_owner="owner" in cookie)
-
-    @ui.page("/")
-    def mosaic_page(token: str = "") -> None:
-        build_mosaic_page(find_session(token))
-        if token:
-            ui.navigate.history.replace("/")
-
-    @ui.page("/tracking")
-    def tracking_page() -> None:
-        build_tracking_page(find_session())
-
-    @ui.page("/runs")
-    def runs_page() -> None:
-        build_runs_page(find_session())
-
+    FileRoutes(session).add_to(app)
+    for path, build in (("/", build_mosaic_page), ("/tracking", build_tracking_page), ("/runs", build_runs_page)):
+        # With the session filled in, no parameter is left that an address could set.
+        ui.page(path)(partial(build, session))
     # Long work has a bar of its own. Quasar's, for every request of a viewer, has no name for a screen reader.
     page_app.config.quasar_config["loadingBar"]["skipHijack"] = True
     # Dark where the system is; the language is what a screen reader pronounces.

@@ -1,16 +1,16 @@
-"""The files of one session."""
+"""The files of the session."""
 
 import itertools
 import shutil
 import zipfile
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
 from skymosaic.panel.results import InputFile, Run, find_inside
 
 MAX_BYTES = 4 << 30
-"""Size of all files of one session, results included."""
+"""Size of all files of the session, results included."""
 
 
 class SessionFiles:
@@ -20,15 +20,12 @@ class SessionFiles:
     folder.
     """
 
-    def __init__(self, make_root: Callable[[], Path]) -> None:
-        self._make_root = make_root
-        self._root: Path | None = None
+    def __init__(self, root: Path) -> None:
+        self._root = root
         self._numbers = itertools.count(1)
 
     def folder(self, name: str) -> Path:
         """A folder below the session's; it is made where it does not exist."""
-        if self._root is None:
-            self._root = self._make_root()
         folder = self._root / name
         folder.mkdir(parents=True, exist_ok=True)
         return folder
@@ -41,14 +38,14 @@ class SessionFiles:
     def size_bytes(self) -> int:
         """Size of all files; one that vanishes meanwhile does not count."""
         total = 0
-        for path in self._root.rglob("*") if self._root else ():
+        for path in self._root.rglob("*"):
             with suppress(OSError):
                 total += path.stat().st_size if path.is_file() else 0
         return total
 
     def find_picture(self, folder: str, name: str) -> Path | None:
         """Find a picture that is shown; None for any other name."""
-        return find_inside(self._root / "pictures", f"{folder}/{name}") if self._root else None
+        return find_inside(self._root / "pictures", f"{folder}/{name}")
 
     def write_archive(self, results: Mapping[str, Run]) -> Path:
         """Pack the folders of all results into a zip file, which the caller removes."""
@@ -83,11 +80,3 @@ class SessionFiles:
             if upload.is_upload:
                 (self.folder("uploads") / upload.name).unlink(missing_ok=True)
                 upload.thumbnail.unlink(missing_ok=True)
-
-    def clear(self) -> bool:
-        """Remove every file; returns whether there was a folder."""
-        if self._root is None:
-            return False
-        shutil.rmtree(self._root, ignore_errors=True)
-        self._root = None
-        return True

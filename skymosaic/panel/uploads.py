@@ -20,9 +20,7 @@ STALLED_SECONDS = 20.0
 PROGRESS_BYTES = 1 << 16
 """An upload that brings less in `STALLED_SECONDS` is given up: a byte now and then would hold its place for ever."""
 MAX_UPLOADS_AT_ONCE = 16
-"""Of one session. A browser sends six at once."""
-MAX_UPLOADS_OF_ALL = 256
-"""Of all sessions together, whose number is not limited."""
+"""A browser sends six at once."""
 MIN_FREE_BYTES = 1 << 30
 """Uploads leave this much of the disk free."""
 _HEAD_BYTES = 16
@@ -93,7 +91,7 @@ async def receive(body: AsyncIterator[bytes], name: str, kind: Kind, part: Path,
     """Store an upload under a sanitised, unique name with the suffix of its kind.
 
     Until it is complete it is stored as ``part``; then it is renamed in the same folder. Its size is limited by
-    ``room_bytes``, what is left of a session's, or by its kind, whichever is less.
+    ``room_bytes``, what is left of the session's, or by its kind, whichever is less.
 
     Raises
     ------

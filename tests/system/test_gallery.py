@@ -33,7 +33,7 @@ from skymosaic.registration.pair import Pair
 from skymosaic.reports import figures
 from skymosaic.reports.flight import write_flight_report, write_report
 from skymosaic.reports.pair import write_pair_report
-from tests.skymosaic.panel.states import LONG_STATES, OWNER_STATES, STATES, write_flight
+from tests.skymosaic.panel.states import FOLDER_STATES, LONG_STATES, STATES, write_flight
 from tests.system.looking import (
     CURVES,
     VIEWS,
@@ -354,14 +354,16 @@ def walk(browser: Browser, panel: str, states: dict[str, Callable[[Page], None]]
 
 
 @pytest.mark.parametrize("views", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_the_panel_with_a_pair_can_be_looked_at(browser: Browser, panel: str, views: int) -> None:
-    found = walk(browser, panel, STATES, views=views)
+def test_the_panel_with_a_pair_can_be_looked_at(browser: Browser, tmp_path: Path, views: int) -> None:
+    with running_panel(tmp_path) as address:
+        found = walk(browser, address, STATES, views=views)
     assert found == [], "\n".join(found)
 
 
 @pytest.mark.slow
-def test_the_panel_with_a_flight_and_a_film_can_be_looked_at(browser: Browser, panel: str) -> None:
-    found = walk(browser, panel, LONG_STATES)
+def test_the_panel_with_a_flight_and_a_film_can_be_looked_at(browser: Browser, tmp_path: Path) -> None:
+    with running_panel(tmp_path) as address:
+        found = walk(browser, address, LONG_STATES)
     assert found == [], "\n".join(found)
 
 
@@ -369,7 +371,7 @@ def test_the_panel_with_a_flight_and_a_film_can_be_looked_at(browser: Browser, p
 def test_folders_and_runs_can_be_looked_at(browser: Browser, tmp_path: Path) -> None:
     write_flight(tmp_path / "flight")
     with running_panel(tmp_path, "--root", "flight") as address:
-        found = walk(browser, address, OWNER_STATES)
+        found = walk(browser, address, FOLDER_STATES)
     assert found == [], "\n".join(found)
 
 

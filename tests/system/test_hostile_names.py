@@ -49,8 +49,8 @@ def test_reports_and_tiles_run_no_code_of_a_file(tmp_path: Path, photographs: Pa
         ElementTree.parse(path)
 
 
-def test_the_panel_runs_no_code_of_a_file(panel: str, photographs: Path, browser: Browser) -> None:
-    page = open_quietly(browser, panel)
+def test_the_panel_runs_no_code_of_a_file(owner_address: str, photographs: Path, browser: Browser) -> None:
+    page = open_quietly(browser, owner_address)
     broken = photographs / f"broken{CODE}.jpg"
     broken.write_bytes(b"\xff\xd8\xff" + CODE.encode() * 9)
     page.get_by_label("Choose photographs").set_input_files([*(photographs / name for name in NAMES), broken])

@@ -40,10 +40,10 @@ class CornersTab:
 
     def update(self) -> None:
         """Show the first two photographs as they are now, and their corners for the current options."""
-        count = len(self._session.photographs)
+        count = len(self._session.inputs.photographs)
         which = f"The first two of {count} photographs. " if count > 2 else ""
         self._hint.set_text(f"{which}The tick is the orientation. Move the threshold: the corners follow.")
-        first = [photograph.decoded for photograph in self._session.photographs[:2]]
+        first = [photograph.decoded for photograph in self._session.inputs.photographs[:2]]
         photographs = tuple(each for each in first if each)
         if photographs != self._photographs:
             self._photographs = photographs

@@ -8,7 +8,7 @@ from nicegui import ui
 
 from golden_model.text import one_line
 from skymosaic.common.errors import InputError
-from skymosaic.panel.session import Session
+from skymosaic.panel.inputs import Inputs
 
 MAX_FOLDERS = 500
 """A folder with more folders in it shows the first ones; the others are opened by their path."""
@@ -17,8 +17,8 @@ MAX_FOLDERS = 500
 class FolderPicker:
     """A part of the page that unfolds, with the button that opens the photographs of the folder it shows."""
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
+    def __init__(self, inputs: Inputs) -> None:
+        self._inputs = inputs
         self._shown = Path()
         with ui.expansion("Open a folder", icon="folder_open", on_value_change=self._unfold) as self._expansion:
             self._path = ui.input("Folder").props("outlined dense")
@@ -38,11 +38,11 @@ class FolderPicker:
     async def _unfold(self) -> None:
         """Show the first root, unless another folder was shown before."""
         if self._expansion.value and not self._path.value:
-            await self._look(str(self._session.roots.folders[0]))
+            await self._look(str(self._inputs.roots.folders[0]))
 
     async def _look(self, path: str) -> None:
         """Show the folders inside the one at ``path``."""
-        roots = self._session.roots
+        roots = self._inputs.roots
         try:
             folder = await asyncio.to_thread(roots.find_folder, path)
             inside = await asyncio.to_thread(roots.list_folders, folder)
@@ -62,7 +62,7 @@ class FolderPicker:
 
     async def _open(self) -> None:
         try:
-            await self._session.open_folder(self._chosen)
+            await self._inputs.open_folder(self._chosen)
         except InputError as error:
             self._fault.set_text(str(error))
         else:

@@ -25,7 +25,7 @@ def build_mosaic_page(session: Session) -> None:
     """Build the page of a session, with the photographs and results it already has."""
 
     def is_ready() -> bool:
-        count = len(session.photographs)
+        count = len(session.inputs.photographs)
         return count > 1 and not fault_of(session.options, count)
 
     with page_layout(session, "/") as updates:
@@ -66,7 +66,7 @@ class ResultTabs:
     def update(self) -> None:
         """Show the session's photographs, options and results as they are now."""
         session = self._session
-        self._welcome.set_visibility(not session.photographs and session.mosaic_result is None)
+        self._welcome.set_visibility(not session.inputs.photographs and session.mosaic_result is None)
         self._tabs_card.set_visibility(not self._welcome.visible)
         self._corners.update()
         if session.mosaic_result is not self._result:
@@ -104,7 +104,7 @@ class ResultTabs:
             matches = MatchesTab(edit.pair if edit else result.pair, result.working)
             self._editor = RulesEditor(self._session, matches) if edit else None
         with self._result_panels["Mosaic"]:
-            build_mosaic_tab(result, {each.name: each.thumbnail for each in self._session.photographs})
+            build_mosaic_tab(result, {each.name: each.thumbnail for each in self._session.inputs.photographs})
         with self._result_panels["Numbers"]:
             build_numbers_tab(result)
         with self._result_panels["Hardware"]:

@@ -12,7 +12,6 @@ from skymosaic.panel.session import Session
 from skymosaic.reports.pages import open_templates
 
 PAGES = {"/": "Mosaic", "/tracking": "Tracking", "/runs": "Runs"}
-"""Finished runs are kept for the machine's user only."""
 LOGO = (
     '<svg viewBox="0 0 32 32" aria-hidden="true"><g fill="none" stroke-width="2.4">'
     '<rect x="4" y="9" width="16" height="14" rx="2" stroke="#38d9ff" transform="rotate(-8 12 16)"/>'
@@ -57,8 +56,6 @@ def page_layout(session: Session, path: str) -> Iterator[list[Callable[[], objec
         ui.html("skymosaic", tag="h1", sanitize=False)
         with ui.element("nav").props('aria-label="Pages"'):
             for target, title in PAGES.items():
-                if target == "/runs" and session.runs is None:
-                    continue
                 link = ui.link(title, target)
                 if target == path:
                     link.props('aria-current="page"')

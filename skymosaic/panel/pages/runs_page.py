@@ -14,7 +14,7 @@ def build_runs_page(session: Session) -> None:
     with page_layout(session, "/runs"), ui.element("section").classes("stack runs").props('aria-label="Finished runs"'):
         ui.html("Finished runs", tag="h2", sanitize=False)
         ui.label("They are kept on this machine until they are deleted.").classes("hint")
-        for folder, title, finished in session.runs or ():
+        for folder, title, finished in session.runs:
             _build_run(session, folder, title, finished)
 
 
@@ -22,7 +22,7 @@ def _build_run(session: Session, folder: Path, title: str, finished: str) -> Non
     def delete() -> None:
         if button.text == "Delete":
             button.set_text("Delete for good")
-        elif session.runs is not None:
+        else:
             session.runs.delete(folder.name)
             card.delete()
 

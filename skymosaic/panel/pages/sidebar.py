@@ -58,17 +58,14 @@ class PhotographsCard:
                         button = ui.button(title, icon="flight", on_click=partial(session.load_built_in, count))
                         button.props(f'flat dense no-caps size=sm aria-label="Load the built-in {title.lower()}"')
                         enable_while_idle(button, session)
-            if session.roots.folders:
-                FolderPicker(session)
-            else:
-                ui.label("Folders are opened from the address that the panel printed at its start.").classes("hint")
+            FolderPicker(session.inputs)
             title, hint = "Drop photographs here, or choose", "two or more that overlap"
             DropZone("photograph", "Choose photographs", title, hint, multiple=True)
             self._container = ui.element("div").classes("loaded")
             self._warnings = ui.label().classes("warnings").props('role="status" aria-label="Warnings"')
             with ui.element("div").classes("card-head") as self._summary:
                 self._count = ui.label().classes("hint")
-                ui.button("Remove all", on_click=lambda: session.set_photographs(())).props(
+                ui.button("Remove all", on_click=lambda: session.inputs.set_photographs(())).props(
                     "flat dense no-caps size=sm"
                 )
         # A folder is read without an event for each photograph, so that is polled.
@@ -76,46 +73,46 @@ class PhotographsCard:
 
     def update(self) -> None:
         """Show the photographs as they are now."""
-        session, result = self._session, self._session.mosaic_result
+        inputs, result = self._session.inputs, self._session.mosaic_result
         problems = result.problems if result else {}
         warnings = [f"{name}: {', '.join(faults)}" for name, faults in problems.items()]
-        warnings += [session.unread] if session.unread else []
+        warnings += [inputs.unread] if inputs.unread else []
         self._warnings.set_text("\n".join(map(one_line, warnings)))
         self._warnings.set_visibility(bool(warnings))
-        shown = (problems, session.reading is None, [(each, each.decoded) for each in session.photographs])
+        shown = (problems, inputs.reading is None, [(each, each.decoded) for each in inputs.photographs])
         if self._shown == shown:
             return
         self._shown = shown
-        self._summary.set_visibility(len(session.photographs) > 2)
+        self._summary.set_visibility(len(inputs.photographs) > 2)
         self._container.clear()
         self._tiles = None
         with self._container:
-            if len(session.photographs) > MAX_ROWS:
-                self._tiles = Thumbnails(session.photographs, problems, self._read(), self._remove)
+            if len(inputs.photographs) > MAX_ROWS:
+                self._tiles = Thumbnails(inputs.photographs, problems, self._read(), self._remove)
             else:
                 with ui.element("ul").classes("photographs").props('aria-label="Photographs loaded"'):
-                    for position, file in enumerate(session.photographs):
+                    for position, file in enumerate(inputs.photographs):
                         self._build_row(position, file)
         self._tick()
 
     def _read(self) -> int:
         """How many photographs have a thumbnail."""
-        reading = self._session.reading
-        return reading.steps.done if reading else len(self._session.photographs)
+        reading = self._session.inputs.reading
+        return reading.steps.done if reading else len(self._session.inputs.photographs)
 
     def _tick(self) -> None:
-        count, read = len(self._session.photographs), self._read()
+        count, read = len(self._session.inputs.photographs), self._read()
         words = [f"{count} photographs"] + ([f"the first {MAX_TILES} are shown"] if count > MAX_TILES else [])
         self._count.set_text(", ".join(words + ([f"{read} read"] if read < count else [])))
-        if self._tiles is not None and self._session.reading:
+        if self._tiles is not None and self._session.inputs.reading:
             self._tiles.show(read)
 
     def _build_row(self, position: int, file: InputFile) -> None:
         session = self._session
         with ui.element("li"):
             build_input(file)
-            if position == 0 and len(session.photographs) > 1:
-                ui.button(icon="swap_vert", on_click=session.swap_first).props(
+            if position == 0 and len(session.inputs.photographs) > 1:
+                ui.button(icon="swap_vert", on_click=session.inputs.swap_first).props(
                     'flat round dense size=sm aria-label="Swap the first two photographs"'
                 )
             remove = ui.button(icon="close", on_click=partial(self._remove, file.name)).props(
@@ -124,7 +121,7 @@ class PhotographsCard:
             remove.props["aria-label"] = f"Remove {file.name}"
 
     def _remove(self, name: str) -> None:
-        self._session.set_photographs(kept for kept in self._session.photographs if kept.name != name)
+        self._session.inputs.set_photographs(kept for kept in self._session.inputs.photographs if kept.name != name)
 
 
 class OptionsCard:
@@ -163,7 +160,7 @@ class OptionsCard:
             label=scale.title,
             words=words,
         )
-        self._fault.set_text(fault_of(options, len(self._session.photographs)))
+        self._fault.set_text(fault_of(options, len(self._session.inputs.photographs)))
 
 
 def build_option(session: Session, name: str) -> Callable[[], object]:

@@ -15,7 +15,7 @@ def build_tracking_page(session: Session) -> None:
     """Build the page of a session, with the files and results it already has."""
 
     def is_ready() -> bool:
-        return session.template is not None and session.video is not None
+        return session.inputs.template is not None and session.inputs.video is not None
 
     with page_layout(session, "/tracking") as updates:
         with ui.element("section").classes("stack").props('aria-label="Object, video and options"'):
@@ -48,7 +48,7 @@ class _UploadCard:
             self._container = ui.element("ul").classes("photographs").props(f'aria-label="{title} loaded"')
 
     def update(self) -> None:
-        upload: InputFile | None = getattr(self._session, self._slot)
+        upload: InputFile | None = getattr(self._session.inputs, self._slot)
         if upload is not None and upload is not self._shown:
             self._shown = upload
             self._container.clear()

@@ -1,4 +1,4 @@
-"""Fixtures: sessions in this process, a panel in a process of its own, and Chromium if the machine has it."""
+"""Fixtures: a session in this process, a panel in a process of its own, and Chromium if the machine has it."""
 
 import asyncio
 import socket
@@ -12,7 +12,9 @@ import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, expect
 
 from sim.scene import make_pair
-from skymosaic.panel.sessions import Sessions
+from skymosaic.panel.folders import Roots
+from skymosaic.panel.runs import open_runs
+from skymosaic.panel.session import Session
 from skymosaic.panel.tasks.jobs import prepare_workers
 from tests.skymosaic.panel.visitor import Scenario
 from tools.panel import chromium, corner_counts, make_mosaic, open_page, running_panel
@@ -37,17 +39,17 @@ def silent_board() -> Iterator[str]:
         yield f"127.0.0.1:{server.getsockname()[1]}"
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def owner_address(tmp_path_factory: pytest.TempPathFactory, root: Path, kept: Path, silent_board: str) -> Iterator[str]:
-    """The address of a running panel as it prints it, with the token."""
+    """The address, as it prints it, of a panel that runs for one module, whose tests share its one session."""
     folders = "--root", str(root), "--runs", str(kept)
     with running_panel(tmp_path_factory.mktemp("panel"), *folders, "--board", silent_board) as address:
         yield address
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def panel(owner_address: str) -> str:
-    """The address of a running panel, without a slash at the end."""
+    """The address of that panel, without the token and without a slash at the end."""
     return owner_address.partition("/?")[0]
 
 
@@ -78,29 +80,31 @@ def opened(browser: Browser) -> Iterator[Page]:
 
 
 @pytest.fixture
-def page(opened: Page, panel: str) -> Iterator[Page]:
-    """The panel's page in a new session; an error that the browser reports, or another server, fails the test."""
+def page(browser: Browser, tmp_path: Path, silent_board: str) -> Iterator[Page]:
+    """The page of a new panel; an error that the browser reports, or another server, fails the test."""
+    opened = open_page(browser, "about:blank")
     complaints: list[str] = []
+    own: tuple[str, ...] = ()
     hear: dict[Any, Any] = {
         "pageerror": lambda error: complaints.append(str(error)),
         "console": lambda message: complaints.append(message.text) if is_complaint(message) else None,
-        "request": lambda sent: None if sent.url.startswith((panel, "data:", "blob:")) else complaints.append(sent.url),
+        "request": lambda sent: None if sent.url.startswith(own) else complaints.append(sent.url),
     }
     for event, handler in hear.items():
         opened.on(event, handler)
-    opened.context.clear_cookies()
-    opened.goto(panel)
-    yield opened
-    opened.goto("about:blank")
-    for event, handler in hear.items():
-        opened.remove_listener(event, handler)
+    (tmp_path / "panel").mkdir()
+    with running_panel(tmp_path / "panel", "--board", silent_board) as address:
+        own = address.partition("?")[0], "data:", "blob:"
+        opened.goto(address)
+        yield opened
+        opened.context.close()
     assert complaints == []
 
 
 @pytest.fixture(scope="module")
-def made(opened: Page, panel: str, photographs: list[Path]) -> Page:
-    """The opened page in a session that has made the mosaic of two photographs, for tests before those of `page`."""
-    opened.goto(panel)
+def made(opened: Page, owner_address: str, photographs: list[Path]) -> Page:
+    """The opened page of the module's panel, which has made the mosaic of two photographs."""
+    opened.goto(owner_address)
     opened.get_by_label("Choose photographs").set_input_files(photographs)
     expect(corner_counts(opened)).to_contain_text("corners")
     make_mosaic(opened)
@@ -118,10 +122,12 @@ def photographs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.fixture
-def sessions() -> Iterator[Sessions]:
-    created = Sessions()
-    yield created
-    created.close()
+def session(tmp_path: Path) -> Iterator[Session]:
+    """A session in this process; its finished runs are kept below the test's folder."""
+    with open_runs(tmp_path / "runs") as runs:
+        created = Session(runs, Roots([tmp_path]))
+        yield created
+        created.close()
 
 
 @pytest.fixture

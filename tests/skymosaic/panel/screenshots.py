@@ -44,12 +44,13 @@ def visit_tracking(page: Page, folder: Path) -> None:
 
 
 def show_pages(folder: Path) -> None:
-    """Make every picture with one browser."""
-    with tempfile.TemporaryDirectory() as log_folder, running_panel(Path(log_folder)) as address, chromium() as browser:
+    """Make every picture with one browser, those of each visit with a new panel."""
+    with chromium() as browser:
         for visit in (visit_pair, visit_flight, visit_tracking):
-            page = open_page(browser, address, color_scheme="light")
-            visit(page, folder)
-            page.context.close()
+            with tempfile.TemporaryDirectory() as log_folder, running_panel(Path(log_folder)) as address:
+                page = open_page(browser, address, color_scheme="light")
+                visit(page, folder)
+                page.context.close()
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from typing import Literal
 
 import cv2
 import numpy as np
-from playwright.sync_api import Browser, Page, ViewportSize, expect
+from playwright.sync_api import Page, ViewportSize, expect
 
 from sim.scene import make_lawnmower
 from skymosaic.imagery.images import save
@@ -141,37 +141,37 @@ def finished_runs(page: Page) -> None:
     expect(page.get_by_role("button", name="Delete for good")).to_be_visible()
 
 
-OWNER_STATES: dict[str, Callable[[Page], None]] = {
+FOLDER_STATES: dict[str, Callable[[Page], None]] = {
     "folder picker": folder_picker,
     "refused folder": refused_folder,
     "opened folder": opened_folder,
     "finished runs": finished_runs,
 }
-"""States of who came by the printed address; the panel's root is that of `write_flight`."""
+"""States of folders and runs; the panel's root is that of `write_flight`."""
 
 
 def show_states(folder: Path) -> None:
     """Save ``STATE-WIDTH-SCHEME.webp`` for every state, size of the window and colour scheme."""
-    with tempfile.TemporaryDirectory() as log_folder, chromium() as browser:
-        write_flight(Path(log_folder) / "flight")
-        with running_panel(Path(log_folder), "--root", "flight") as address:
-            shoot_states(browser, address, folder)
+    with chromium() as browser:
+        for states in (STATES, LONG_STATES, FOLDER_STATES):
+            with tempfile.TemporaryDirectory() as log_folder:
+                write_flight(Path(log_folder) / "flight")
+                with running_panel(Path(log_folder), "--root", "flight") as address:
+                    shoot_states(open_page(browser, address), states, folder)
 
 
-def shoot_states(browser: Browser, address: str, folder: Path) -> None:
-    """Save the pictures of one panel's states."""
-    for states in (STATES, LONG_STATES, OWNER_STATES):
-        page = open_page(browser, address)
-        for name, reach in states.items():
-            reach(page)
-            for scheme in SCHEMES:
-                page.emulate_media(color_scheme=scheme)
-                for size in SIZES:
-                    page.set_viewport_size(size)
-                    shoot(page, folder, f"{name.replace(' ', '_')}-{size['width']}-{scheme}", whole_page=True)
-            page.emulate_media(color_scheme="light")
-            page.set_viewport_size(WINDOW)
-        page.context.close()
+def shoot_states(page: Page, states: dict[str, Callable[[Page], None]], folder: Path) -> None:
+    """Save the pictures of a new panel's states."""
+    for name, reach in states.items():
+        reach(page)
+        for scheme in SCHEMES:
+            page.emulate_media(color_scheme=scheme)
+            for size in SIZES:
+                page.set_viewport_size(size)
+                shoot(page, folder, f"{name.replace(' ', '_')}-{size['width']}-{scheme}", whole_page=True)
+        page.emulate_media(color_scheme="light")
+        page.set_viewport_size(WINDOW)
+    page.context.close()
 
 
 if __name__ == "__main__":

@@ -26,11 +26,14 @@ from tests.skymosaic.panel.visitor import noise_png
 
 
 class Client:
-    """A browser without a screen: it has the session's cookie and sends the page's own Origin."""
+    """A browser without a screen: it has the owner's cookie and sends the page's own Origin."""
 
-    def __init__(self, panel: str) -> None:
+    def __init__(self, owner_address: str) -> None:
+        panel = owner_address.partition("/?")[0]
         self.http = httpx.Client(base_url=panel, headers={"origin": panel}, timeout=None)
-        self.http.get("/")
+        self.http.get(owner_address)
+        self._before: set[str] = set()
+        self._before = set(self.pictures())
 
     def upload(self, name: str, body: bytes | Iterator[bytes], slot: str = "photograph") -> httpx.Response:
         return self.http.post(f"/upload/{slot}", params={"name": name}, content=body)
@@ -39,15 +42,16 @@ class Client:
         return self.http.get(path)
 
     def pictures(self) -> list[str]:
-        return sorted(set(re.findall(r"/picture/[\w.-]+/[\w.-]+", self.get("/").text)))
+        """What the page shows that it did not show at first."""
+        return sorted(set(re.findall(r"/picture/[\w.-]+/[\w.-]+", self.get("/").text)) - self._before)
 
     def close(self) -> None:
         self.http.close()
 
 
 @pytest.fixture
-def client(panel: str) -> Iterator[Client]:
-    opened = Client(panel)
+def client(owner_address: str) -> Iterator[Client]:
+    opened = Client(owner_address)
     yield opened
     assert opened.get("/").status_code == 200, "the panel no longer answers"
     opened.close()
@@ -71,11 +75,6 @@ def test_a_photograph_is_accepted_and_shown(client: Client) -> None:
     assert client.upload("field.png", picture()).status_code == 204
     (shown,) = client.pictures()
     assert client.get(shown).content.startswith(b"\x89PNG")
-
-
-def test_a_name_of_other_letters_stays(client: Client) -> None:
-    assert client.upload("Überflug Süd (2).png", picture()).status_code == 204
-    assert client.get("/").text.count("Remove Überflug_Süd_2.png") == 1
 
 
 @pytest.mark.parametrize("name", ["../../../etc/passwd", "a\0b.png", "<img src=x>.png", ""])
@@ -170,30 +169,6 @@ def test_an_oversized_upload_is_stopped(client: Client, slot: str, head: bytes) 
     assert refused.status_code == 413
 
 
-def test_an_upload_without_a_page_is_refused(panel: str) -> None:
-    answer = httpx.post(f"{panel}/upload/photograph?name=a.png", content=picture(), headers={"origin": panel})
-    assert answer.status_code == 403
-
-
-def test_another_sessions_files_cannot_be_read(client: Client, panel: str) -> None:
-    assert client.upload("mine.png", picture()).status_code == 204
-    (shown,) = client.pictures()
-    other = Client(panel)
-    assert other.get(shown).status_code == 404
-    assert other.pictures() == []
-    assert other.get("/archive").status_code == 404
-    other.close()
-
-
-def test_a_forged_cookie_gives_no_access(client: Client, panel: str) -> None:
-    assert client.upload("mine.png", picture()).status_code == 204
-    (shown,) = client.pictures()
-    (cookie,) = client.http.cookies.jar
-    assert cookie.value
-    forged = httpx.get(f"{panel}{shown}", cookies={cookie.name: cookie.value[:-2] + "AA"})
-    assert forged.status_code == 404
-
-
 def test_no_path_reads_another_file(client: Client) -> None:
     assert client.upload("mine.png", picture()).status_code == 204
     for path in (
@@ -211,10 +186,10 @@ def test_files_and_pages_of_a_result_are_sent_and_nothing_else(tmp_path: Path) -
         (tmp_path / "run" / name).write_text(name)
     (tmp_path / "run" / "link").symlink_to(tmp_path / "secret")
     session = SimpleNamespace(results={"mosaic": SimpleNamespace(folder=tmp_path / "run")})
-    routes: Any = FileRoutes(SimpleNamespace(get=lambda _name, is_owner: session))  # type: ignore[arg-type]
+    routes: Any = FileRoutes(session)  # type: ignore[arg-type]
 
     def get(path: str, kind: str = "mosaic") -> Response:
-        answer: Response = asyncio.run(routes.file(SimpleNamespace(session={"id": "visitor"}), kind, path))
+        answer: Response = asyncio.run(routes.file(kind, path))
         return answer
 
     assert "attachment" in get("mosaic.tif").headers["content-disposition"]
@@ -236,15 +211,13 @@ def test_a_full_disk_or_a_deleted_run_costs_the_archive_and_nothing_else(
     monkeypatch.setattr(zipfile.ZipFile, "write", fail)
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "mosaic.png").touch()
-    session = SimpleNamespace(
-        results={"mosaic": Run(tmp_path / "run", tmp_path, "")}, files=SessionFiles(lambda: tmp_path)
-    )
-    routes: Any = FileRoutes(SimpleNamespace(get=lambda _name, is_owner: session))  # type: ignore[arg-type]
-    answer: Response = asyncio.run(routes.archive(SimpleNamespace(session={"id": "visitor"})))
+    session = SimpleNamespace(results={"mosaic": Run(tmp_path / "run", tmp_path, "")}, files=SessionFiles(tmp_path))
+    routes: Any = FileRoutes(session)  # type: ignore[arg-type]
+    answer: Response = asyncio.run(routes.archive())
     assert (answer.status_code, b"No space left" in answer.body) == (507, True)
     assert not list((tmp_path / "archives").iterdir())
     shutil.rmtree(tmp_path / "run")
-    answer = asyncio.run(routes.archive(SimpleNamespace(session={"id": "visitor"})))
+    answer = asyncio.run(routes.archive())
     assert (answer.status_code, b"the run was deleted" in answer.body) == (404, True)
 
 
@@ -255,10 +228,3 @@ def test_a_get_changes_nothing(client: Client) -> None:
     for path in ("/", "/archive", "/upload/photograph?name=x.png", "/?preset=thesis", "/cancel", before[0]):
         client.get(path)
     assert client.pictures() == before
-
-
-def test_a_file_keeps_its_name(client: Client) -> None:
-    for _ in range(2):
-        assert client.upload("DJI_0018.png", picture()).status_code == 204
-    assert client.upload("mosaic.png", picture()).status_code == 204
-    assert re.findall(r"Remove (\w+\.png)", client.get("/").text) == ["DJI_0018.png", "DJI_0018_2.png", "mosaic_2.png"]

@@ -76,11 +76,6 @@ def test_outside_of_the_roots_one_cannot_ask_what_exists(root: Path) -> None:
     assert refusals[0] == refusals[1]
 
 
-def test_without_roots_nothing_is_opened(root: Path) -> None:
-    with pytest.raises(InputError, match="outside"):
-        Roots().find_folder(str(root))
-
-
 def test_a_link_to_a_root_is_the_root(root: Path) -> None:
     (root.parent / "link").symlink_to(root)
     assert Roots([root.parent / "link"]).find_folder("flight") == root / "flight"

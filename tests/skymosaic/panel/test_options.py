@@ -111,6 +111,8 @@ def test_a_backend_that_does_not_compute_the_method_is_refused() -> None:
     assert "computes only harris, fast" in fault_of(simulated.changed("detector", "orb"))
 
 
-def test_a_board_is_offered_as_a_backend(panel: str, silent_board: str) -> None:
-    for path in ("/", "/tracking"):
-        assert f"board:{silent_board}" in httpx.get(panel + path).text
+def test_a_board_is_offered_as_a_backend(owner_address: str, silent_board: str) -> None:
+    with httpx.Client(base_url=owner_address.partition("?")[0], timeout=None) as owner:
+        owner.get(owner_address)
+        for path in ("/", "/tracking"):
+            assert f"board:{silent_board}" in owner.get(path).text

@@ -16,9 +16,10 @@ WEBSOCKET_PATH = "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
 
 
 def status(address: str, method: str, path: str, *, host: object = OWN, origin: object = OWN, **headers: str) -> int:
-    """The status code of a request with any headers, including those that client libraries refuse to send."""
-    authority = urlsplit(address).netloc
+    """The status code of a request of the owner, with any headers, also those that client libraries refuse to send."""
+    authority, token = urlsplit(address).netloc, address.partition("token=")[2]
     lines = [f"{method} {path} HTTP/1.1", f"Host: {authority if host is OWN else host}", "Connection: close"]
+    lines.append(f"Cookie: skymosaic_{urlsplit(address).port}={token}")
     if origin is not None:
         lines.append(f"Origin: {f'http://{authority}' if origin is OWN else origin}")
     lines += [f"{name.replace('_', '-')}: {value}" for name, value in headers.items()]
@@ -34,48 +35,48 @@ def websocket_status(address: str, **changed: Any) -> int:
     return status(address, "GET", WEBSOCKET_PATH, **changed, **headers, Connection="Upgrade")
 
 
-def test_the_panels_own_page_and_socket_are_served(panel: str) -> None:
-    assert status(panel, "GET", "/") == 200
-    assert websocket_status(panel) == 101
+def test_the_panels_own_page_and_socket_are_served(owner_address: str) -> None:
+    assert status(owner_address, "GET", "/") == 200
+    assert websocket_status(owner_address) == 101
 
 
-def test_the_name_localhost_is_accepted(panel: str) -> None:
-    port = panel.rsplit(":", 1)[1]
+def test_the_name_localhost_is_accepted(owner_address: str) -> None:
+    port = urlsplit(owner_address).port
     names = {"host": f"localhost:{port}", "origin": f"http://localhost:{port}"}
-    assert status(panel, "GET", "/", **names) == 200
-    assert websocket_status(panel, **names) == 101
+    assert status(owner_address, "GET", "/", **names) == 200
+    assert websocket_status(owner_address, **names) == 101
 
 
 @pytest.mark.parametrize(
     "host", ["evil.example", "evil.example:8080", "127.0.0.1", "127.0.0.1:1", "localhost.evil.example:8080"]
 )
-def test_a_foreign_host_is_refused(panel: str, host: str) -> None:
+def test_a_foreign_host_is_refused(owner_address: str, host: str) -> None:
     """A host name that an attacker lets resolve to 127.0.0.1 appears in the Host header."""
-    assert status(panel, "GET", "/", host=host) == 403
-    assert websocket_status(panel, host=host) == 403
+    assert status(owner_address, "GET", "/", host=host) == 403
+    assert websocket_status(owner_address, host=host) == 403
 
 
 @pytest.mark.parametrize(
     "origin", ["http://evil.example", "https://127.0.0.1:8080", "http://127.0.0.1:1", "null", None]
 )
-def test_a_socket_of_a_foreign_origin_is_refused(panel: str, origin: str | None) -> None:
-    assert websocket_status(panel, origin=origin) == 403
+def test_a_socket_of_a_foreign_origin_is_refused(owner_address: str, origin: str | None) -> None:
+    assert websocket_status(owner_address, origin=origin) == 403
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", None])
-def test_a_post_of_a_foreign_origin_is_refused(panel: str, origin: str | None) -> None:
-    assert status(panel, "POST", "/upload/photograph?name=a.png", origin=origin, Content_Length="0") == 403
+def test_a_post_of_a_foreign_origin_is_refused(owner_address: str, origin: str | None) -> None:
+    assert status(owner_address, "POST", "/upload/photograph?name=a.png", origin=origin, Content_Length="0") == 403
 
 
 @pytest.mark.parametrize("method", ["GET", "POST"])
-def test_the_socket_path_accepts_websockets_only(panel: str, method: str) -> None:
+def test_the_socket_path_accepts_websockets_only(owner_address: str, method: str) -> None:
     """Socket.IO's polling would let a GET act like a message."""
-    assert status(panel, method, "/_nicegui_ws/socket.io/?EIO=4&transport=polling", Content_Length="0") == 403
+    assert status(owner_address, method, "/_nicegui_ws/socket.io/?EIO=4&transport=polling", Content_Length="0") == 403
 
 
 @pytest.mark.parametrize("method", ["PUT", "DELETE", "PATCH", "OPTIONS"])
-def test_other_methods_are_refused(panel: str, method: str) -> None:
-    assert status(panel, method, "/", Content_Length="0") in (404, 405)
+def test_other_methods_are_refused(owner_address: str, method: str) -> None:
+    assert status(owner_address, method, "/", Content_Length="0") in (404, 405)
 
 
 @pytest.mark.parametrize(

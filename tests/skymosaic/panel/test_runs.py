@@ -8,8 +8,9 @@ import cv2
 import pytest
 
 from sim.scene import make_pair
-from skymosaic.panel.runs import MANIFEST, Runs
-from skymosaic.panel.sessions import Sessions
+from skymosaic.panel.folders import Roots
+from skymosaic.panel.runs import MANIFEST, Runs, open_runs
+from skymosaic.panel.session import Session
 from tests.skymosaic.panel.visitor import Scenario, body, idle
 
 
@@ -26,30 +27,29 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.mark.usefixtures("workers")
-def test_the_runs_of_owners_outlive_the_panel(tmp_path: Path, run_in_loop: Callable[[Scenario], None]) -> None:
-    sessions = Sessions(runs=tmp_path)
+def test_finished_runs_outlive_the_panel_and_nothing_else_does(
+    tmp_path: Path, run_in_loop: Callable[[Scenario], None]
+) -> None:
     images = make_pair(seed=9, size=(240, 180)).images
 
     async def scenario() -> None:
-        for name in ("owner", "visitor"):
-            session = sessions.get(name, is_owner=name == "owner")
+        with open_runs(tmp_path) as runs:
+            session = Session(runs, Roots([tmp_path]))
             for number, image in enumerate(images):
-                await session.upload("photograph", body(cv2.imencode(".png", image)[1].tobytes()), f"{number}.png")
+                data = cv2.imencode(".png", image)[1].tobytes()
+                await session.inputs.upload("photograph", body(data), f"{number}.png")
             session.make_mosaic()
             await idle(session)
             assert session.fault == ""
             assert {path.name for path in session.mosaic_result.folder.iterdir()} >= {"mosaic.png", "matches.csv"}
-        sessions.close()
 
     run_in_loop(scenario)
-    again = Sessions(runs=tmp_path)
-    assert again.runs
-    ((run, title, _finished),) = again.runs
-    assert title.startswith("2 photographs: ")
-    assert (run / "mosaic.png").exists()
-    again.runs.delete(run.name)
-    again.runs.delete(run.name)
-    again.close()
+    with open_runs(tmp_path) as again:
+        ((run, title, _finished),) = again
+        assert title.startswith("2 photographs: ")
+        assert (run / "mosaic.png").exists()
+        again.delete(run.name)
+        again.delete(run.name)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -8,7 +8,7 @@ from skymosaic.panel.session_files import SessionFiles
 
 
 def test_uploads_are_removed_with_their_thumbnails_and_others_stay(tmp_path: Path) -> None:
-    files = SessionFiles(lambda: tmp_path)
+    files = SessionFiles(tmp_path)
     uploads, opened = files.folder("uploads"), tmp_path / "opened"
     opened.mkdir()
     for path in (uploads / "a.jpg", uploads / "b.jpg", tmp_path / "a.png", opened / "c.jpg", tmp_path / "c.png"):
@@ -22,7 +22,7 @@ def test_uploads_are_removed_with_their_thumbnails_and_others_stay(tmp_path: Pat
 
 
 def test_a_run_keeps_its_uploads_and_earlier_runs_go(tmp_path: Path) -> None:
-    files = SessionFiles(lambda: tmp_path)
+    files = SessionFiles(tmp_path)
     (files.folder("uploads") / "a.jpg").write_text("pixels")
     given = [InputFile("a.jpg", tmp_path / "a.png"), InputFile(str(tmp_path / "c.jpg"), tmp_path / "c.png")]
     first, shown = files.new_run(given, ())
@@ -39,12 +39,10 @@ def test_a_run_keeps_its_uploads_and_earlier_runs_go(tmp_path: Path) -> None:
 
 
 def test_only_files_count_and_only_pictures_are_found(tmp_path: Path) -> None:
-    files = SessionFiles(lambda: tmp_path / "root")
-    assert (files.size_bytes, files.find_picture("uploads", "a.png"), files.clear()) == (0, None, False)
+    files = SessionFiles(tmp_path / "root")
+    assert (files.size_bytes, files.find_picture("uploads", "a.png")) == (0, None)
     for folder, name in (("pictures/uploads", "a.png"), ("uploads", "a.jpg")):
         (files.folder(folder) / name).write_bytes(bytes(7))
     assert files.size_bytes == 14
     assert files.find_picture("uploads", "a.png") == tmp_path / "root" / "pictures/uploads/a.png"
     assert files.find_picture("../uploads", "a.jpg") is None
-    assert files.clear()
-    assert not (tmp_path / "root").exists()

@@ -18,9 +18,8 @@ from skymosaic.panel.pages.page_layout import fill_in
 from skymosaic.panel.pages.runs_page import build_runs_page
 from skymosaic.panel.pages.tracking_page import build_tracking_page
 from skymosaic.panel.results import InputFile
-from skymosaic.panel.runs import Runs
+from skymosaic.panel.runs import open_runs
 from skymosaic.panel.session import Session
-from skymosaic.panel.sessions import Sessions
 from tests.skymosaic.panel import made_up
 from tests.skymosaic.panel.visitor import Scenario
 
@@ -54,13 +53,10 @@ def part(client: Client, name: str) -> list[str]:
 
 def mosaic_pages(session: Session, folder: Path) -> Iterator[tuple[str, list[str]]]:
     """States of the mosaic page, each changed from the one before."""
-    with Client(page("/visitor"), request=None) as visitor:
+    with Client(page("/"), request=None) as owner:
         build_mosaic_page(session)
-    yield "a visitor's page", list(made_up.describe(visitor.content))
-    session.roots, session.boards = Roots([folder]), ("board:pynq",)
-    with Client(page("/owner"), request=None) as owner:
-        build_mosaic_page(session)
-    session.photographs = [made_up.uploaded("a.png", "turned by 90 degrees"), made_up.uploaded("b.png")]
+    yield "welcome", list(made_up.describe(owner.content))
+    session.inputs.photographs = [made_up.uploaded("a.png", "turned by 90 degrees"), made_up.uploaded("b.png")]
     session.options = Options.of_preset("aerial").changed("detector", "fast").changed("position", 20)
     steps: Any = SimpleNamespace(share=0.25, seconds_left=lambda: 12.4)
     job: Any = SimpleNamespace(title="Making the mosaic", line="registering: 1 of 4", seconds=4.2, steps=steps)
@@ -80,12 +76,12 @@ def mosaic_pages(session: Session, folder: Path) -> Iterator[tuple[str, list[str
     yield "a pair", part(owner, "run") + part(owner, "top") + part(owner, "results")
     assert session.rules_edit
     session.rules_edit.fault = "line 8: no number"
-    session.photographs = [*session.photographs, made_up.uploaded("c.png")]
+    session.inputs.photographs = [*session.inputs.photographs, made_up.uploaded("c.png")]
     session.changed.emit()
     yield "refused rules, and another photograph", part(owner, "rules-editor")[:12] + part(owner, "loaded")
     session.options = made_up.flight_result(folder).options
-    session.unread = "1 picture is missing"
-    session.photographs = [InputFile(f"/flight/{name}.png", Path(f"08/{name}.jpg")) for name in "abcdefg"]
+    session.inputs.unread = "1 picture is missing"
+    session.inputs.photographs = [InputFile(f"/flight/{name}.png", Path(f"08/{name}.jpg")) for name in "abcdefg"]
     result = made_up.flight_result(folder / "flight")
     session._show_result(result)
     session.changed.emit()
@@ -97,7 +93,7 @@ def mosaic_pages(session: Session, folder: Path) -> Iterator[tuple[str, list[str
     yield "another pair of it", [next(made_up.describe(panels)), *part(owner, "pair-select")]
     lone = made_up.pair("a.png", "b.png", result.options, registered=False)
     session._show_result(replace(result, pair=lone, mosaic=None, reason="no overlap", links=()))
-    session.photographs = []
+    session.inputs.photographs = []
     session.changed.emit()
     yield "no mosaic", part(owner, "results")
     session.mosaic_result, session.options = None, session.options.changed("rules", OWN)
@@ -110,12 +106,11 @@ def other_pages(session: Session, folder: Path) -> Iterator[tuple[str, list[str]
     with Client(page("/tracking"), request=None) as client:
         build_tracking_page(session)
     yield "tracking", list(made_up.describe(client.content))
-    session.template, session.video = made_up.uploaded("car.png"), made_up.uploaded("film.mp4", "25 frames/s")
+    template, video = made_up.uploaded("car.png"), made_up.uploaded("film.mp4", "25 frames/s")
+    session.inputs.set_film({"template": template, "video": video})
     session.tracking_result = made_up.tracking_result(folder)
     session.changed.emit()
     yield "tracked", list(made_up.describe(client.content))
-    (folder / "kept").mkdir()
-    session.runs = Runs(folder / "kept", folder)
     for title in ("first", "second"):
         (folder / title).mkdir()
         (folder / title / "mosaic.tif").touch()
@@ -126,25 +121,27 @@ def other_pages(session: Session, folder: Path) -> Iterator[tuple[str, list[str]
     yield "runs", list(made_up.describe(client.content))
 
 
-def record_pages(sessions: Sessions, folder: Path) -> str:
+def record_pages(folder: Path) -> str:
     """All lines of all states; each stands where it comes first."""
     for name in ("mosaic.png", "report/index.html", "edited_rules.fll"):
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).touch()
     lines: dict[str, None] = {}
-    pages = *mosaic_pages(sessions.get("one"), folder), *other_pages(sessions.get("two"), folder)
+    with open_runs(folder / "kept") as runs:
+        one, two = (Session(runs, Roots([folder]), ("board:pynq",)) for _ in range(2))
+        pages = *mosaic_pages(one, folder), *other_pages(two, folder)
     for state, elements in (*pages, *made_up.explanations()):
         lines |= dict.fromkeys([f"== {state}, {len(elements)} lines", *map(str.rstrip, elements)])
     return "".join(f"{line}\n" for line in lines)
 
 
 def test_every_page_has_the_elements_that_were_recorded(
-    sessions: Sessions, run_in_loop: Callable[[Scenario], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run_in_loop: Callable[[Scenario], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("nicegui.background_tasks.create", lambda task, **_: task.close())
 
     async def scenario() -> None:
-        found = re.sub(r"\d+-\d+-\d{6}", "TIME", record_pages(sessions, tmp_path).replace(str(tmp_path), "FOLDER"))
+        found = re.sub(r"\d+-\d+-\d{6}", "TIME", record_pages(tmp_path).replace(str(tmp_path), "FOLDER"))
         assert found.splitlines() == RECORDED.read_text(encoding="utf-8").splitlines()
 
     run_in_loop(scenario)

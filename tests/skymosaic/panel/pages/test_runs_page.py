@@ -1,4 +1,4 @@
-"""Finished runs are listed, read and deleted by who has the token, and by nobody else."""
+"""Finished runs are listed, read and deleted."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +11,7 @@ from nicegui.page import page as nicegui_page
 
 from skymosaic.panel.pages.runs_page import build_runs_page
 from skymosaic.panel.runs import Runs
-from skymosaic.panel.sessions import Sessions
+from skymosaic.panel.session import Session
 from tests.skymosaic.panel.visitor import Scenario
 
 TITLE = "3 photographs: <b>a flight</b>"
@@ -28,12 +28,7 @@ def finished(tmp_path: Path) -> Path:
     return tmp_path / "run"
 
 
-def test_a_run_is_listed_and_deleted(
-    sessions: Sessions, tmp_path: Path, finished: Path, run_in_loop: Callable[[Scenario], None]
-) -> None:
-    session = sessions.get("owner")
-    (tmp_path / "kept").mkdir()
-    session.runs = Runs(tmp_path / "kept", tmp_path)
+def test_a_run_is_listed_and_deleted(session: Session, finished: Path, run_in_loop: Callable[[Scenario], None]) -> None:
     run = session.runs.keep(finished, TITLE)
 
     async def scenario() -> None:
@@ -55,19 +50,13 @@ def test_a_run_is_listed_and_deleted(
     assert not run.exists()
 
 
-def test_without_the_token_no_run_is_seen(
+def test_files_of_a_run_are_sent_and_no_others(
     panel: str, owner_address: str, kept: Path, tmp_path: Path, finished: Path
 ) -> None:
     run = Runs(kept, tmp_path).keep(finished, TITLE)
-    address = f"/run/{run.name}/mosaic.png"
-    with httpx.Client(base_url=panel) as visitor:
-        assert visitor.get(address).status_code == 404
-        assert TITLE not in visitor.get("/runs").text
-        assert visitor.get("/?token=guess").status_code == 200
-        assert visitor.get(address).status_code == 404
     with httpx.Client(base_url=panel) as owner:
         owner.get(owner_address)
-        assert owner.get(address).content == b"pixels"
+        assert owner.get(f"/run/{run.name}/mosaic.png").content == b"pixels"
         assert owner.get(f"/run/{run.name}/report/index.html").text == "<title>a report</title>"
         for path in (f"/run/{run.name}/..%2f..%2fsecret", f"/run/..%2f/{run.name}", "/run/../archive"):
             assert owner.get(path).status_code == 404

@@ -23,7 +23,7 @@ def test_photographs_are_counted_while_they_are_read(count: int, done: int | Non
     reading = None if done is None else SimpleNamespace(steps=SimpleNamespace(done=done))
     said: list[Any] = []
     card: Any = SimpleNamespace(
-        _session=SimpleNamespace(photographs=[None] * count, reading=reading),
+        _session=SimpleNamespace(inputs=SimpleNamespace(photographs=[None] * count, reading=reading)),
         _count=SimpleNamespace(set_text=said.append),
         _tiles=SimpleNamespace(show=said.append),
     )

@@ -28,9 +28,9 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def tracked(opened: Page, panel: str, film: Path) -> Page:
-    """The opened page in a session that has followed a car through a film, for tests before those of `page`."""
-    opened.goto(panel)
+def tracked(opened: Page, owner_address: str, film: Path) -> Page:
+    """The opened page of the module's panel, which has followed a car through a film."""
+    opened.goto(owner_address)
     opened.get_by_role("link", name="Tracking").click()
     opened.get_by_label("Choose object").set_input_files(film / "01_car.png")
     expect(opened.get_by_role("list", name="Object loaded").locator("li")).to_have_count(1)

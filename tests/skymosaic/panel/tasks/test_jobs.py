@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from skymosaic.panel.sessions import Sessions
+from skymosaic.common.temporary import temporary_folder
 from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits
 from tools.panel import LONG_MS
 
@@ -137,7 +137,7 @@ def test_a_worker_beyond_its_limits_is_ended(
 KILLED_SERVER = """
 import asyncio, os, signal, sys
 from pathlib import Path
-from skymosaic.panel.sessions import Sessions
+from skymosaic.common.temporary import temporary_folder
 from skymosaic.panel.tasks.jobs import Job, prepare_workers
 import tasks_for_the_jobs_test
 
@@ -148,9 +148,9 @@ async def scenario():
         await asyncio.sleep(0.02)
     os.kill(os.getpid(), signal.SIGKILL)
 
-sessions = Sessions()
-prepare_workers(sessions.folder)
-asyncio.run(scenario())
+with temporary_folder() as folder:
+    prepare_workers(folder)
+    asyncio.run(scenario())
 """
 
 
@@ -166,7 +166,8 @@ def test_a_killed_server_leaves_no_process_and_no_file_after_the_next_start(
     assert eventually(lambda: not any(map(alive, processes)))
     assert list(temporary.iterdir())
     monkeypatch.setattr("tempfile.tempdir", str(temporary))
-    Sessions().close()
+    with temporary_folder():
+        pass
     # Only an empty folder can be removed.
     temporary.rmdir()
 
