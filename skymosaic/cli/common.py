@@ -9,7 +9,7 @@ import typer
 
 import skymosaic
 from golden_model.text import how_to_install
-from skymosaic.cli.outputs import check_typed_outputs
+from skymosaic.cli.outputs import check_typed_outputs, claimed
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError
 
@@ -46,8 +46,8 @@ def with_common_options(name: str, command: Callable[..., None], before: dict[st
         quiet, verbose = quiet or before.get("quiet", False), verbose or before.get("verbose", False)
         session.begin(name, started_s=skymosaic.IMPORTED_S, quiet=quiet, verbose=verbose, as_json=as_json)
         try:
-            check_typed_outputs(own, options)
-            command(**options)
+            with claimed(check_typed_outputs(own, options)):
+                command(**options)
         except ModuleNotFoundError as error:
             # Any other missing module is a fault of the installation, whose traceback is worth seeing.
             extra = EXTRAS.get(error.name or "")

@@ -10,8 +10,9 @@ from skymosaic.cli.options import OverwriteOption, with_options
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.options import HARDWARE, OUTPUT
+from skymosaic.common.temporary import write_atomically
 from skymosaic.evaluation.hardware import compare as compare_pair
-from skymosaic.imagery.images import check_output, write_atomically
+from skymosaic.imagery.images import check_output
 from skymosaic.registration.options import PhotographOptions
 
 

@@ -12,6 +12,7 @@ import typer
 
 from golden_model.config import EstimatorConfig
 from golden_model.fuzzy.fll import load_system
+from golden_model.temporary import temporary_folder
 from hdl.build import BUILDS, Build
 from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD, check_board
 from skymosaic.cli.options import OutputVariableOption, OverwriteOption, output_option, read_file, with_options
@@ -19,7 +20,7 @@ from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import HARDWARE, OUTPUT, option
-from skymosaic.common.temporary import existing_parent, temporary_folder
+from skymosaic.common.temporary import existing_parent
 from skymosaic.fuzzy.quantised import ENTRIES, quantise
 from skymosaic.imagery.images import check_unused
 from skymosaic.registration.options import ConfigOptions

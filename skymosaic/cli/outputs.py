@@ -4,16 +4,17 @@ import contextlib
 import importlib
 import inspect
 import itertools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, get_args
 
+from golden_model.temporary import hold, lock_for
 from skymosaic.cli.session import STDOUT
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import flag_of
 from skymosaic.common.replaced import find_replaced, refuse_inputs
-from skymosaic.common.temporary import resolved
+from skymosaic.common.temporary import existing_parent, resolved
 
 Typed = Mapping[str, Any]
 Mark = TypeVar("Mark")
@@ -42,8 +43,8 @@ class _Output(NamedTuple):
     own: str
 
 
-def check_typed_outputs(command: inspect.Signature, typed: Typed) -> None:
-    """Refuse an output that would replace an input, or another output, under whatever name.
+def check_typed_outputs(command: inspect.Signature, typed: Typed) -> list[Path]:
+    """List the outputs; refuse one that would replace an input, or another output, under whatever name.
 
     Inputs are all files that are typed where no output is, and those of folders; without a file, nothing is lost.
 
@@ -65,6 +66,31 @@ def check_typed_outputs(command: inspect.Signature, typed: Typed) -> None:
         refuse_inputs(output.path, inputs, output.own)
     for output, other in itertools.permutations(outputs, 2):
         _refuse_clash(output, other)
+    return [output.path for output in outputs]
+
+
+@contextlib.contextmanager
+def claimed(outputs: Iterable[Path]) -> Iterator[None]:
+    """Context in which no other run writes these outputs, where the file system has locks.
+
+    Raises
+    ------
+    InputError
+        If another run writes one of them.
+    """
+    with contextlib.ExitStack() as claims:
+        for path in outputs:
+            place = resolved(path)
+            try:
+                # Whoever tidies up holds it for a moment.
+                claims.enter_context(hold(lock_for(place, existing_parent(place)), timeout_s=0.2))
+            except TimeoutError:
+                reason = "is being written by another run; wait for its end, or choose another name"
+                raise InputError(f"{path}: {reason}") from None
+            # The place cannot be written, of which the command will say more.
+            except OSError:
+                continue
+        yield
 
 
 def _mark(parameter: inspect.Parameter, kind: type[Mark]) -> Mark | None:

@@ -14,12 +14,12 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from golden_model.temporary import temporary_folder
 from golden_model.text import one_line
 from golden_model.version import VERSION
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import respell
 from skymosaic.common.provenance import finite, provenance
-from skymosaic.common.temporary import temporary_folder
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -1,16 +1,14 @@
-"""Temporary files named after their process, so that a later run can remove those of a killed process."""
+"""Outputs that appear under their names only when they are complete, and replace nothing that was not to be."""
 
 import contextlib
 import errno
-import functools
 import os
 import re
-import secrets
-import shutil
-import socket
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+
+from golden_model.temporary import temporary_file, temporary_folder
+from skymosaic.common.errors import AppearedError, OutputError
 
 PAGE = "index.html"
 """The page of a folder that is made for a browser."""
@@ -23,7 +21,26 @@ def expect_new(path: Path, *, new: bool) -> None:
     (_expected_new.add if new else _expected_new.discard)(_place(path))
 
 
-def publish(temporary: Path, path: Path) -> None:
+@contextlib.contextmanager
+def write_atomically(path: Path) -> Iterator[Path]:
+    """Context of a temporary file beside ``path``, renamed to ``path`` at the end and deleted on any failure.
+
+    Raises
+    ------
+    OutputError
+        `AppearedError` if `check_unused` found no such file, and there is one now.
+    """
+    try:
+        with temporary_file(path.parent) as temporary:
+            yield temporary
+            _publish(temporary, path)
+    except FileExistsError:
+        raise AppearedError(f"{path}: has appeared since this run began, and stays; choose another name") from None
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror or error}); choose another folder") from None
+
+
+def _publish(temporary: Path, path: Path) -> None:
     """Give a complete temporary file its name; FileExistsError if another file has it that was not to be replaced."""
     if not _is_expected_new(path):
         temporary.replace(path)
@@ -46,29 +63,6 @@ def _is_expected_new(path: Path) -> bool:
 
 def _place(path: Path) -> Path:
     return resolved(path.parent) / path.name
-
-
-@contextlib.contextmanager
-def temporary_file(folder: Path) -> Iterator[Path]:
-    """Context of a new hidden file in ``folder``, removed at the end unless it has been renamed."""
-    remove_left_overs(folder, hidden=True)
-    path = folder / f"{_prefix(hidden=True)}{secrets.token_hex(8)}"
-    # Not by `tempfile`, whose files are their owner's alone: this one becomes an ordinary file.
-    path.touch(exist_ok=False)
-    try:
-        yield path
-    finally:
-        path.unlink(missing_ok=True)
-
-
-@contextlib.contextmanager
-def temporary_folder(beside: Path | None = None) -> Iterator[Path]:
-    """Context of a new folder, removed at the end: hidden inside ``beside``, or in the system's temporary folder."""
-    hidden = beside is not None
-    parent = beside or Path(tempfile.gettempdir())
-    remove_left_overs(parent, hidden=hidden)
-    with tempfile.TemporaryDirectory(prefix=_prefix(hidden=hidden), dir=parent, ignore_cleanup_errors=True) as folder:
-        yield Path(folder)
 
 
 @contextlib.contextmanager
@@ -114,39 +108,4 @@ def resolved(path: Path) -> Path:
 
 def existing_parent(path: Path) -> Path:
     """The nearest folder above ``path`` that exists: what is made there is on the same disk, and moved by renaming."""
-    return next(parent for parent in path.absolute().parents if parent.exists())
-
-
-@functools.cache
-def remove_left_overs(folder: Path, *, hidden: bool) -> None:
-    """Remove temporary files and folders of this machine's ended processes; once per folder."""
-    pattern = re.compile(re.escape(_prefix(hidden=hidden).rpartition("-")[0].rpartition("-")[0]) + r"-(\d+)-")
-    with contextlib.suppress(OSError):
-        for path in folder.iterdir():
-            match = pattern.match(path.name)
-            if match is None or _is_running(int(match[1])):
-                continue
-            if path.is_dir() and not path.is_symlink():
-                shutil.rmtree(path, ignore_errors=True)
-            else:
-                with contextlib.suppress(OSError):
-                    path.unlink()
-
-
-def _prefix(*, hidden: bool) -> str:
-    # With the machine's name, because other machines may share the folder, and their processes cannot be asked.
-    machine = re.sub(r"[^A-Za-z0-9]", "", socket.gethostname())[:32]
-    return f"{'.' if hidden else ''}skymosaic-{machine}-{os.getpid()}-"
-
-
-def _is_running(process: int) -> bool:
-    # On Windows, os.kill would end the process instead of asking for it.
-    if os.name == "nt":
-        return True
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):
-        return True
-    return True
+    return next(parent for parent in (*path.absolute().parents, path) if parent.exists())

@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from golden_model.cache import Cache
 from skymosaic.common.errors import InputError
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.imagery.photographs import Source
-from skymosaic.running.cache import ResultCache
 from skymosaic.running.workers import Workers
 
 
-def repeat_flight(known: Flight, sources: Sequence[Source], seed: int, workers: Workers, cache: ResultCache) -> Flight:
+def repeat_flight(known: Flight, sources: Sequence[Source], seed: int, workers: Workers, cache: Cache) -> Flight:
     """A flight of other photographs with the links, the lens and the layouts of a known one.
 
     They are in the order of the known flight's photographs, and of the same sizes.

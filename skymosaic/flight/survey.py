@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from golden_model.arrays import Array
+from golden_model.cache import Cache
 from skymosaic.common.errors import InputError
 from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.flight.flight import Flight
@@ -31,7 +32,6 @@ from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.photographs import Source
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.positions import Fix, Positions
-from skymosaic.running.cache import ResultCache
 from skymosaic.running.workers import Workers
 
 
@@ -40,7 +40,7 @@ def survey(
     settings: Settings,
     seed: int,
     workers: Workers,
-    cache: ResultCache,
+    cache: Cache,
     *,
     positions: Positions | None = None,
     control: ControlPoints | None = None,

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Pixels
-from skymosaic.imagery.images import write_atomically
+from skymosaic.common.temporary import write_atomically
 
 COMPRESSION_LEVEL = 3
 """zlib's level for PNG. Higher levels take several times as long and save a few percent."""

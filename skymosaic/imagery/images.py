@@ -2,7 +2,7 @@
 
 import contextlib
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Intensities, Pixels
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX
-from skymosaic.common.errors import AppearedError, InputError, OutputError, reading
+from golden_model.temporary import is_lock
+from skymosaic.common.errors import InputError, reading
 from skymosaic.common.replaced import refuse_inputs
-from skymosaic.common.temporary import existing_parent, expect_new, publish, temporary_file
+from skymosaic.common.temporary import existing_parent, expect_new, write_atomically
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.decoding import UPRIGHT, check_size, decode, read_header
 from skymosaic.imagery.depth import ValueRange, measure_range, sample_values
@@ -225,7 +226,7 @@ def check_unused(path: Path, *, overwrite: bool) -> None:
         If something would be overwritten, or the folder cannot be read.
     """
     with reading(path, "choose another folder"):
-        exists = any(path.iterdir()) if path.is_dir() else os.path.lexists(path)
+        exists = any(not is_lock(each) for each in path.iterdir()) if path.is_dir() else os.path.lexists(path)
     if exists and not overwrite:
         kind = "is a folder with files in it" if path.is_dir() else "exists"
         raise InputError(f"{path}: {kind}; choose another name, or add `overwrite` to replace what is there")
@@ -252,22 +253,3 @@ def save_bytes(path: Path, data: bytes) -> None:
     """Write ``data`` under a temporary name beside ``path``, then rename it."""
     with write_atomically(path) as temporary:
         temporary.write_bytes(data)
-
-
-@contextlib.contextmanager
-def write_atomically(path: Path) -> Iterator[Path]:
-    """Context of a temporary file beside ``path``, renamed to ``path`` at the end and deleted on any failure.
-
-    Raises
-    ------
-    OutputError
-        `AppearedError` if `check_unused` found no such file, and there is one now.
-    """
-    try:
-        with temporary_file(path.parent) as temporary:
-            yield temporary
-            publish(temporary, path)
-    except FileExistsError:
-        raise AppearedError(f"{path}: has appeared since this run began, and stays; choose another name") from None
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror or error}); choose another folder") from None

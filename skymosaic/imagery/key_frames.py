@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Float32, Pixels
+from golden_model.temporary import temporary_folder
 from skymosaic.common.errors import InputError
-from skymosaic.common.temporary import temporary_folder
 from skymosaic.imagery.decoding import check_file, check_size
 from skymosaic.imagery.images import check_given, reduce_to_width, save
 from skymosaic.imagery.patterns import is_folder

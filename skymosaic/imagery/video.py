@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Pixels
 from skymosaic.common.errors import InputError
+from skymosaic.common.temporary import write_atomically
 from skymosaic.imagery.decoding import MAX_AREA_PX, check_file
-from skymosaic.imagery.images import write_atomically
 
 VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".ts", ".mts", ".m2ts", ".webm", ".wmv", ".mpg", ".mpeg")
 """Suffixes of videos where photographs are accepted too."""

@@ -17,7 +17,7 @@ import rasterio.windows
 
 from golden_model.arrays import Intensities, Mask
 from skymosaic.common.errors import InputError
-from skymosaic.imagery.images import write_atomically
+from skymosaic.common.temporary import write_atomically
 from skymosaic.maps.georeference import Georeference, configured_rasterio
 
 JPEG_QUALITY = 90

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from skymosaic.common.errors import InputError
 from skymosaic.common.provenance import to_json
-from skymosaic.common.temporary import temporary_folder
+from golden_model.temporary import temporary_folder
 from skymosaic.imagery.images import save_bytes
 from skymosaic.panel.results import find_inside
 

@@ -1,177 +1,38 @@
-"""Results on disk under a key of all their inputs, so that an interrupted run continues where it stopped."""
+"""The cache of features and links: an interrupted run continues where it stopped."""
 
-from __future__ import annotations
-
-import contextlib
 import functools
-import hashlib
-import json
-import math
-import os
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
-from threading import Lock
 
-import numpy as np
-from numpy.typing import NDArray
-
+from golden_model.cache import Cache, cache_folder, digest
 from golden_model.code_digest import digest_code
-from golden_model.small_files import read_small_file
-from golden_model.user_cache import cache_folder, make_private
 from skymosaic.common.errors import InputError
-from skymosaic.imagery.images import save_bytes
 
 PACKAGES = ("skymosaic", "numpy", "opencv-contrib-python-headless", "scipy", "simplejpeg")
 """Packages whose versions are part of every key."""
-MAX_ENTRY_BYTES = 256 << 20
-"""Many times the features of a photograph; a larger file is no entry."""
-CHECKSUM_BYTES = hashlib.sha256().digest_size
-Arrays = dict[str, NDArray[np.generic]]
 DEFAULT_CACHE_BYTES = 2 << 30
 """About 5,000 photographs of 1280 working px; a folder that the user named has no limit."""
 
 
-class ResultCache:
-    """Named arrays by key, one file each, with a checksum.
-
-    The cache never prevents a result: entries that are damaged count as missing, and a cache that cannot be written
-    keeps nothing.
-
-    Parameters
-    ----------
-    folder : Path or None
-        Created for its owner alone if it is missing; None keeps nothing.
-    required : bool
-        The user asked for this folder: it is an error if it cannot be created, and if it exists, its permissions stay.
-    tell : callable
-        Receives a line if nothing can be kept from now on.
-    limit_bytes : int or None
-        Entries that were not used for longest are removed when the cache is opened, until the rest fits.
+def open_cache(folder: Path | None, tell: Callable[[str], None]) -> Cache:
+    """The cache in a folder that the user named, or the user's own, whose size is limited.
 
     Raises
     ------
     InputError
-        If a required folder cannot be created.
+        If a folder that the user named cannot be created.
     """
 
-    def __init__(
-        self,
-        folder: Path | None,
-        *,
-        required: bool = False,
-        tell: Callable[[str], None] = lambda _line: None,
-        limit_bytes: int | None = None,
-    ) -> None:
-        self._folder = folder
-        self._writable = folder is not None
-        self._tell = tell
-        self._lock = Lock()
-        if folder is not None:
-            try:
-                if required:
-                    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-                else:
-                    make_private(folder)
-            except OSError as error:
-                if required:
-                    raise InputError(f"{folder}: cannot be made ({error.strerror}); choose another cache") from None
-                self._give_up(f"{folder}: cannot be made ({error.strerror})")
-            if limit_bytes is not None:
-                _remove_oldest(folder, limit_bytes)
+    def note(reason: str) -> None:
+        tell(f"note: features and links are not kept for the next run: {reason}")
 
-    def __reduce__(self) -> tuple[type[ResultCache], tuple[Path | None]]:
-        # Workers of a cluster have folders of their own under this name, or share this one; they tell nobody.
-        return ResultCache, (self._folder,)
-
-    def load(self, key: str) -> Arrays | None:
-        """What was saved under ``key``; None if nothing was, or the entry is damaged."""
-        if self._folder is None:
-            return None
-        path = self._folder / f"{key}.entry"
-        try:
-            entry = read_small_file(path, MAX_ENTRY_BYTES)
-            checksum, data = entry[:CHECKSUM_BYTES], entry[CHECKSUM_BYTES:]
-            if checksum != _checksum(key, data):
-                return None
-            loaded = _unpack(data)
-        except (OSError, ValueError, TypeError, AttributeError, OverflowError, RecursionError):
-            return None
-        # In a folder of somebody else, its owner sees to what is old.
-        with contextlib.suppress(OSError):
-            os.utime(path)
-        return loaded
-
-    def save(self, key: str, arrays: Arrays) -> None:
-        """Keep ``arrays`` under ``key``, whole or not at all."""
-        if self._folder is None or not self._writable:
-            return
-        data = _pack(arrays)
-        try:
-            save_bytes(self._folder / f"{key}.entry", _checksum(key, data) + data)
-        except InputError as error:
-            self._give_up(str(error))
-
-    def _give_up(self, reason: str) -> None:
-        with self._lock:
-            was_writable, self._writable = self._writable, False
-        if was_writable:
-            self._tell(f"note: features and links are not kept for the next run: {reason}")
-
-
-NO_CACHE = ResultCache(None)
-"""Keeps nothing."""
-
-
-def open_cache(folder: Path | None, tell: Callable[[str], None]) -> ResultCache:
-    """The cache in a folder that the user named, or the user's own, whose size is limited."""
-    if folder is not None:
-        return ResultCache(folder, required=True, tell=tell)
-    return ResultCache(cache_folder() / "flights", tell=tell, limit_bytes=DEFAULT_CACHE_BYTES)
-
-
-def _remove_oldest(folder: Path, limit_bytes: int) -> None:
-    """Remove the entries that were not used for longest, until the rest takes at most ``limit_bytes``."""
-    with contextlib.suppress(OSError):
-        entries = sorted(
-            ((path.stat(), path) for path in folder.glob("*.entry")), key=lambda entry: -entry[0].st_mtime_ns
-        )
-        total = 0
-        for status, path in entries:
-            total += status.st_size
-            if total > limit_bytes:
-                path.unlink()
-
-
-def _pack(arrays: Arrays) -> bytes:
-    """A line of JSON with the types and shapes, then the values.
-
-    NumPy's own files have a Python literal for this, and CPython 3.11 cannot read literals in several threads at once
-    (`SystemError`: "AST constructor recursion depth mismatch").
-    """
-    header = {
-        name: (array.dtype.str if array.dtype.names is None else array.dtype.descr, array.shape)
-        for name, array in arrays.items()
-    }
-    return b"\n".join([json.dumps(header).encode(), b"".join(array.tobytes() for array in arrays.values())])
-
-
-def _unpack(data: bytes) -> Arrays:
-    """What `_pack` packed; arrays of objects, which would run code from a shared folder, are refused."""
-    header, _, values = data.partition(b"\n")
-    arrays, start = {}, 0
-    for name, (kind, shape) in json.loads(header).items():
-        dtype = np.dtype(
-            kind if isinstance(kind, str) else [(field, of, *map(tuple, size)) for field, of, *size in kind]
-        )
-        arrays[name] = np.frombuffer(values, dtype, math.prod(shape), start).reshape(shape).copy()
-        start += arrays[name].nbytes
-    return arrays
-
-
-def _checksum(key: str, data: bytes) -> bytes:
-    """SHA-256 of an entry; it covers the key, so that a renamed entry is not taken for another."""
-    return hashlib.sha256(key.encode() + data).digest()
+    if folder is None:
+        return Cache(cache_folder() / "flights", tell=note, limit_bytes=DEFAULT_CACHE_BYTES)
+    try:
+        return Cache(folder, required=True, tell=note)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made ({error.strerror}); choose another cache") from None
 
 
 @functools.cache
@@ -183,4 +44,4 @@ def versions() -> dict[str, str]:
 def key_of(compute: Callable[..., object], *parts: object) -> str:
     """A file name for what the function ``compute``, as its code is now, makes of ``parts`` (by their ``repr``)."""
     how = compute.__qualname__, digest_code(compute.__module__), versions()
-    return hashlib.sha256(repr((how, parts)).encode()).hexdigest()[:32]
+    return digest(repr((how, parts)))

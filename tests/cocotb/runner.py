@@ -11,13 +11,14 @@ from pathlib import Path
 from cocotb_tools.config import libs_dir, share_dir
 from cocotb_tools.runner import Icarus, Verilator
 
+from golden_model.cache import digest
 from golden_model.config import Config, FrontEndConfig
 from hdl.accelerator import AcceleratorTop
 from hdl.build import BUILDS, Build
 from hdl.export import accelerator as export
 from sim.backends.interface import Progress, silent
 from sim.simulators.accelerator_designs import design_accelerator
-from sim.simulators.build_cache import build_once, digest
+from sim.simulators.build_cache import build_once, keep_only
 from sim.simulators.compiler import compile_objects, link_objects, toolchain_key
 from sim.simulators.verilator import VERILATOR_FLAGS, runtime_folder, runtime_includes, translate
 
@@ -115,6 +116,7 @@ def _build_with_verilator(folder: Path, progress: Progress) -> None:
     objects = compile_objects(folder, jobs, cxx_flags, progress)
     library = [f"-L{libs_dir}", "-lcocotbvpi_verilator", "-Xlinker", "-rpath", "-Xlinker", str(libs_dir)]
     link_objects(folder / TOP, objects, *library, "-lpthread")
+    keep_only(folder, TOP)
 
 
 def _identify_verilator() -> str:

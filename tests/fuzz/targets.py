@@ -18,6 +18,7 @@ import numpy as np
 from PIL import Image as PillowImage
 from PIL.ExifTags import IFD
 
+from golden_model.cache import Cache, cache_folder
 from golden_model.config import preset_config
 from golden_model.config_file import load_config, to_toml
 from golden_model.fuzzy.fll import load_system
@@ -25,6 +26,7 @@ from golden_model.fuzzy.rules import SHIPPED
 from golden_model.records import FRAME_STATUS, MATCH, Tag
 from sim.backends import board
 from sim.backends.interface import silent
+from sim.simulators import build_cache
 from sim.simulators.build_cache import build_once
 from skymosaic.fuzzy.quantised import quantise
 from skymosaic.imagery import images
@@ -33,7 +35,6 @@ from skymosaic.imagery.lens import load_lens
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.maps.control_points import load_control_points
-from skymosaic.running.cache import ResultCache
 from tests.fuzz.mutators import change_directory, damage_block, mutated, mutated_text
 
 MAX_WRONG_SHARE = 0.01
@@ -137,7 +138,7 @@ def _toml(folder: Path, rng: np.random.Generator) -> str:
 
 
 def _cache_entries(folder: Path, rng: np.random.Generator) -> str:
-    cache = ResultCache(folder / "cache")
+    cache = Cache(folder / "cache")
     arrays = {"values": np.arange(300.0), "facts": np.array("text")}
     cache.save("entry", arrays)
     path = folder / "cache" / "entry.entry"
@@ -154,9 +155,10 @@ def _builds(_folder: Path, rng: np.random.Generator) -> str:
     def build(made: Path) -> None:
         (made / "library").write_bytes(b"compiled " * 100)
 
-    made = build_once("thing", build, what="the thing", progress=silent)
-    path = made / str(rng.choice(["library", "checksums"]))
+    build_once("thing", build, what="the thing", progress=silent)
+    path = cache_folder() / "thing.entry"
     path.write_bytes(mutated(path.read_bytes(), rng))
+    build_cache._made.clear()
     made = build_once("thing", build, what="the thing", progress=silent)
     assert (made / "library").read_bytes() == b"compiled " * 100
     return "read"

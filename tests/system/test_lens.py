@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from golden_model.arrays import Pixels
+from golden_model.cache import Cache
 from golden_model.config import preset_config
 from sim.scene import Flight, make_lawnmower
 from skymosaic.compositing.warp import Canvas
@@ -20,7 +21,6 @@ from skymosaic.flight.survey import survey
 from skymosaic.geometry.homography import apply, estimate_similarity
 from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.imagery.photographs import list_sources
-from skymosaic.running.cache import ResultCache
 from skymosaic.running.workers import Workers
 from tests.conftest import Run
 from tests.system.command_line import closed_pipe, skymosaic, skymosaic_process
@@ -63,7 +63,7 @@ def flight(folder: Path, cache: Path) -> SurveyedFlight:
 def surveyed(images: Sequence[Path | Pixels], lens: Lens | None = None, cache: Path | None = None) -> SurveyedFlight:
     with Workers() as workers:
         settings = Settings(preset_config("aerial"), lens=lens or Lens())
-        return survey(list_sources(images), settings, 0, workers, ResultCache(cache))
+        return survey(list_sources(images), settings, 0, workers, Cache(cache))
 
 
 def mean_position_error_px(flight: SurveyedFlight, truth: Flight) -> float:
@@ -88,7 +88,7 @@ def test_the_distortion_is_found_and_straightened(flight: SurveyedFlight, truth:
 
 
 def test_features_are_found_again_in_straightened_photographs(flight: SurveyedFlight, cache: Path) -> None:
-    entries: list[Any] = [ResultCache(cache).load(view.key) for view in flight.views]
+    entries: list[Any] = [Cache(cache).load(view.key) for view in flight.views]
     features = [feature_points(entry["features"]) for entry in entries]
     for link in flight.links:
         for own, points in ((features[link.left], link.left_points), (features[link.right], link.right_points)):

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from golden_model.cache import Cache
 from golden_model.config import preset_config
 from sim.scene import Flight
 from skymosaic import Mosaic, mosaic
@@ -22,7 +23,6 @@ from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import survey
 from skymosaic.geometry.homography import apply, estimate_similarity
 from skymosaic.imagery.photographs import list_sources
-from skymosaic.running.cache import ResultCache
 from skymosaic.running.workers import Workers
 from tests.system.command_line import only_error, skymosaic
 from tests.system.conftest import IMAGES, SIZE
@@ -37,7 +37,7 @@ def elsewhere(images: int) -> list[np.ndarray]:
 
 def survey_anew(images: list[Any]) -> SurveyedFlight:
     with Workers() as workers:
-        return survey(list_sources(images), Settings(preset_config("aerial")), 0, workers, ResultCache(None))
+        return survey(list_sources(images), Settings(preset_config("aerial")), 0, workers, Cache(None))
 
 
 def position_errors_px(transforms: Mapping[int, NDArray[np.float64]], flight: Flight) -> np.ndarray:

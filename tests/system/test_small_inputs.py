@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from golden_model.cache import Cache
 from golden_model.config_file import load_config
 from golden_model.fuzzy.fll import load_system
 from skymosaic.common.errors import InputError
@@ -15,7 +16,6 @@ from skymosaic.imagery.lens import load_lens
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.imagery.video import VideoReader
 from skymosaic.maps.control_points import load_control_points
-from skymosaic.running.cache import ResultCache
 
 READERS: dict[str, Callable[[Path], object]] = {
     "a.toml": load_config,
@@ -68,7 +68,7 @@ def test_what_is_no_small_file_is_one_line(tmp_path: Path, name: str, make: Call
 @pytest.mark.parametrize("make", [pipe, device, huge])
 def test_such_a_cache_entry_counts_as_missing(tmp_path: Path, make: Callable[[Path], None]) -> None:
     make(tmp_path / "a.entry")
-    cache = ResultCache(tmp_path)
+    cache = Cache(tmp_path)
     assert cache.load("a") is None
     (tmp_path / "a.entry").unlink()
     cache.save("a", {"x": np.arange(3)})

@@ -20,6 +20,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from golden_model.arrays import Array, Pixels
+from golden_model.cache import NO_CACHE, Cache
 from skymosaic.flight.layout.adjustment import MAX_DISTORTION, MAX_STEPS, MODELS, Network
 from skymosaic.flight.layout.linked_group import LinkedGroup, linked_group, normalisation
 from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS, NO_DISTORTION, straighten
@@ -28,7 +29,7 @@ from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.decoding import UPRIGHT
 from skymosaic.imagery.lens import Lens
-from skymosaic.running.cache import NO_CACHE, ResultCache, key_of
+from skymosaic.running.cache import key_of
 
 MIN_VIEWS = 6
 """Fewer views leave the distortion to the tilts: a homography each can absorb most of it."""
@@ -85,7 +86,7 @@ def calibrate(
     members: Sequence[int],
     links: Sequence[Link],
     mask: Pixels | None = None,
-    cache: ResultCache = NO_CACHE,
+    cache: Cache = NO_CACHE,
 ) -> Calibration | None:
     """Estimate the distortion that all views share, by the largest group of linked views and by links that hold.
 
@@ -107,14 +108,14 @@ def calibrate(
 
 
 def measure_remaining_distortion(
-    views: Sequence[View], members: Sequence[int], links: Sequence[Link], terms: int, cache: ResultCache = NO_CACHE
+    views: Sequence[View], members: Sequence[int], links: Sequence[Link], terms: int, cache: Cache = NO_CACHE
 ) -> Array:
     """Measure the first terms of the distortion between straightened photographs, about their middle."""
     return _load_or_measure(_measure_remaining, linked_group(views, members, links), terms, cache)
 
 
 def _load_or_measure(
-    measure: Callable[[LinkedGroup, int], Array], group: LinkedGroup, terms: int, cache: ResultCache
+    measure: Callable[[LinkedGroup, int], Array], group: LinkedGroup, terms: int, cache: Cache
 ) -> Array:
     """Call ``measure``, or load its result from the cache where sizes and ties are those of an earlier run."""
     key = key_of(measure, group.units_px, _digest(group.links), terms)

@@ -13,6 +13,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 from golden_model.arrays import Array, Matrix, Points, Records
+from golden_model.cache import Arrays
 from golden_model.config import Config
 from golden_model.formats import WEIGHT
 from golden_model.matching import hamming
@@ -21,7 +22,6 @@ from skymosaic.features.positions import feature_points, match_points
 from skymosaic.geometry.ground import LeftOut, Sight, find_ground
 from skymosaic.geometry.homography import apply, transfer_error
 from skymosaic.geometry.prosac import Estimate, estimate_homography
-from skymosaic.running.cache import Arrays
 
 TIE_PX = 3.0
 """Matches this close to a pair's homography tie the two views together, in working pixels."""

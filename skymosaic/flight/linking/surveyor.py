@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Float32, Matrix, Pixels, Records
+from golden_model.cache import Cache
 from skymosaic.common.errors import InputError
 from skymosaic.flight.linking import resemblance
 from skymosaic.flight.linking.links import FIRST_LOOK_SAMPLES, Candidate, Link, link_views
@@ -18,7 +19,7 @@ from skymosaic.geometry.ground import Sight
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import Source
-from skymosaic.running.cache import ResultCache, key_of
+from skymosaic.running.cache import key_of
 from skymosaic.running.workers import Workers
 
 _LINKED_BY = attrgetter("features", "thumbnail", "to_thumbnail", "visible", "orientation")
@@ -34,7 +35,7 @@ class Surveyor:
     seed: int
     """Seed of the robust estimator."""
     workers: Workers
-    cache: ResultCache
+    cache: Cache
     max_samples: int = FIRST_LOOK_SAMPLES
     """Samples of the robust estimator per link, at most."""
 
@@ -118,7 +119,7 @@ class Surveyor:
         return dict(zip((pair for pair, *_ in calls), links, strict=True))
 
 
-def _describe(source: Source, settings: Settings, cache: ResultCache) -> View | str:
+def _describe(source: Source, settings: Settings, cache: Cache) -> View | str:
     """Load or compute a view; returns the reason instead of raising: one bad file does not end a flight."""
     try:
         key = settings.key(source)
@@ -138,7 +139,7 @@ def _link(
     *sides: Any,
     compute: Callable[..., Link],
     lens: Lens,
-    cache: ResultCache,
+    cache: Cache,
 ) -> Link:
     """Load or compute a link; ``sides`` are `_LINKED_BY` of the left, then of the right view."""
     if arrays := cache.load(key):

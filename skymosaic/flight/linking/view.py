@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Float32, Pixels, Records
+from golden_model.cache import Arrays
 from golden_model.code_digest import digest_code
 from golden_model.config import Config
 from golden_model.pixel.gray import to_gray
@@ -28,7 +29,7 @@ from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.registration.options import WORKING_WIDTH_PX
-from skymosaic.running.cache import Arrays, key_of
+from skymosaic.running.cache import key_of
 
 THUMBNAIL_WIDTH_PX = 320
 HEAVY = ("features", "thumbnail")

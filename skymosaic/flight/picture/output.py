@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Intensities, Mask, Pixels
+from golden_model.temporary import temporary_folder
 from skymosaic.common.errors import InputError, noting
 from skymosaic.common.stopwatch import Stopwatch
-from skymosaic.common.temporary import temporary_folder
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition, Room

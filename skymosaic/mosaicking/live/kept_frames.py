@@ -7,8 +7,8 @@ from pathlib import Path
 import cv2
 
 from golden_model.arrays import Pixels
+from golden_model.temporary import temporary_folder
 from skymosaic.common.errors import InputError
-from skymosaic.common.temporary import temporary_folder
 from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.photographs import Source
 

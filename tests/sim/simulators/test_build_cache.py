@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from subprocess import Popen
 from types import SimpleNamespace
@@ -15,9 +16,11 @@ from typing import Any
 
 import pytest
 
+from golden_model.cache import cache_folder
 from sim.backends.errors import BackendError
 from sim.backends.interface import silent
-from sim.simulators.build_cache import build_once, cache_folder, digest
+from sim.simulators import build_cache
+from sim.simulators.build_cache import build_once
 
 SLOW_BUILD = """
 import sys, time
@@ -58,6 +61,17 @@ def write_result(folder: Path) -> None:
     (folder / "result").write_text("complete")
 
 
+def build_as_a_new_process(name: str, build: Callable[[Path], None], progress: Callable[[str], None]) -> Path:
+    """Build without what this process has made before."""
+    build_cache._made.clear()
+    return build_once(name, build, what=f"the {name}", progress=progress)
+
+
+def kept() -> set[str]:
+    """Names in the cache, without this process's own folder and its lock."""
+    return {path.name for path in cache_folder().iterdir() if not path.name.startswith(".")}
+
+
 def refuse(folder: Any) -> None:
     raise AssertionError(f"{folder} is built again")
 
@@ -71,6 +85,21 @@ def test_builds_once_and_says_how_long_it_took() -> None:
     assert lines[0] == f"building the thing (once; later runs find it in {cache_folder()})"
     assert re.fullmatch(r"built the thing in \d+ s", lines[1])
     assert build_once("thing", refuse, what="the thing", progress=refuse) == folder
+    again = build_as_a_new_process("thing", refuse, refuse)
+    assert again != folder
+    assert (again / "result").read_text() == "complete"
+
+
+def test_files_come_back_in_their_folders_and_run() -> None:
+    def build(folder: Path) -> None:
+        (folder / "in" / "it").mkdir(parents=True)
+        (folder / "in" / "it" / "program").write_text("#!/bin/sh\necho runs\n")
+        (folder / "empty").touch()
+
+    for _ in range(2):
+        folder = build_as_a_new_process("thing", build, silent)
+    assert (folder / "empty").read_bytes() == b""
+    assert subprocess.run([folder / "in" / "it" / "program"], capture_output=True, check=True).stdout == b"runs\n"
 
 
 def test_two_processes_build_once(tmp_path: Path) -> None:
@@ -94,11 +123,12 @@ def test_killed_build_leaves_no_trace(tmp_path: Path) -> None:
         time.sleep(0.01)
     process.send_signal(signal.SIGKILL)
     process.communicate()
-    assert list(cache_folder().glob("slow.*.part")), "the killed build was to leave its folder behind"
+    (left,) = (path for path in cache_folder().glob(".skymosaic-*") if path.is_dir())
 
     folder = build_once("slow", write_result, what="the slow thing", progress=silent)
     assert (folder / "result").read_text() == "complete"
-    assert not list(cache_folder().glob("*.part"))
+    assert not left.exists()
+    assert kept() == {"slow.entry"}
 
 
 def test_failed_build_leaves_nothing() -> None:
@@ -108,27 +138,61 @@ def test_failed_build_leaves_nothing() -> None:
 
     with pytest.raises(BackendError, match="the compiler failed"):
         build_once("thing", fail, what="the thing", progress=silent)
-    assert {path.name for path in cache_folder().iterdir()} <= {"thing.lock"}
+    assert kept() == set()
+    assert not list(build_cache._own_folder(cache_folder()).iterdir())
     build_once("thing", write_result, what="the thing", progress=silent)
 
 
 @pytest.mark.parametrize("damage", [lambda data: data[:-1], lambda data: b"C" + data[1:], lambda _data: b""])
-@pytest.mark.parametrize("name", ["result", "checksums"])
-def test_damaged_folder_is_built_again(damage: Callable[..., Any], name: str) -> None:
-    folder = build_once("thing", write_result, what="the thing", progress=silent)
-    (folder / name).write_bytes(damage((folder / name).read_bytes()))
+def test_a_damaged_build_is_built_again(damage: Callable[..., Any]) -> None:
+    build_once("thing", write_result, what="the thing", progress=silent)
+    entry = cache_folder() / "thing.entry"
+    entry.write_bytes(damage(entry.read_bytes()))
     lines: list[str] = []
-    assert build_once("thing", write_result, what="the thing", progress=lines.append) == folder
-    assert (folder / "result").read_text() == "complete"
+    assert (build_as_a_new_process("thing", write_result, lines.append) / "result").read_text() == "complete"
     assert len(lines) == 2
-    assert build_once("thing", refuse, what="the thing", progress=refuse) == folder
-    assert not list(cache_folder().glob("*.part"))
+    build_as_a_new_process("thing", refuse, refuse)
+    assert kept() == {"thing.entry"}
 
 
-def test_missing_file_is_built_again() -> None:
+def test_a_cache_of_the_last_version_is_not_looked_at() -> None:
+    old = cache_folder() / "thing"
+    old.mkdir(parents=True)
+    (old / "checksums").write_text(f"{'0' * 64} result\n")
+    (cache_folder() / "thing.lock").touch()
     folder = build_once("thing", write_result, what="the thing", progress=silent)
-    (folder / "result").unlink()
-    assert (build_once("thing", write_result, what="the thing", progress=silent) / "result").exists()
+    assert (folder / "result").read_text() == "complete"
+
+
+def test_a_build_that_cannot_be_kept_serves_this_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    lines: list[str] = []
+
+    def build(folder: Path) -> None:
+        write_result(folder)
+        monkeypatch.setattr(Path, "replace", full)
+
+    folder = build_once("thing", build, what="the thing", progress=lines.append)
+    assert (folder / "result").read_text() == "complete"
+    entry = cache_folder() / "thing.entry"
+    reason = f"{entry}: cannot be written (No space left on device); choose another folder"
+    assert lines[-1] == f"the thing is not kept for the next run: {reason}"
+
+
+def test_threads_build_once() -> None:
+    calls: list[Path] = []
+
+    def build(folder: Path) -> None:
+        calls.append(folder)
+        time.sleep(0.1)
+        write_result(folder)
+
+    with ThreadPoolExecutor(4) as threads:
+        folders = threads.map(lambda _: build_once("thing", build, what="the thing", progress=silent), range(4))
+    assert {*folders} == {*calls}
+    assert len(calls) == 1
 
 
 @pytest.mark.parametrize("reason", ["no folder", "full"])
@@ -178,8 +242,3 @@ def test_imports_without_fcntl() -> None:
     code = f"import sys; sys.modules['fcntl'] = None; import {modules}"
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
     subprocess.run([sys.executable, "-c", code], check=True, env=environment)
-
-
-def test_digest_tells_parts_apart() -> None:
-    keys = {digest("ab", "c"), digest("a", "bc"), digest("abc"), digest("ab", "d"), digest()}
-    assert len(keys) == 5

@@ -140,8 +140,9 @@ def test_a_killed_first_build_and_two_at_once(tmp_path: Path) -> None:
         assert line, "the build ended before it could be killed"
     killed.send_signal(signal.SIGKILL)
     killed.communicate()
-    assert list((tmp_path / "skymosaic").glob("verilator-*.part"))
-    assert not list((tmp_path / "skymosaic").glob("verilator-*/simulator.so"))
+    left = list((tmp_path / "skymosaic").glob(".skymosaic-*/*/Vtop.h"))
+    assert left
+    assert not list((tmp_path / "skymosaic").glob("verilator-*.entry"))
 
     both = [start(tmp_path) for _ in range(2)]
     outputs = [process.communicate()[0] for process in both]
@@ -152,4 +153,4 @@ def test_a_killed_first_build_and_two_at_once(tmp_path: Path) -> None:
     ends = [line for line in said.splitlines() if line.startswith("ends")]
     assert len(ends) == 2, said
     assert ends[0] == ends[1]
-    assert not list((tmp_path / "skymosaic").glob("*.part"))
+    assert not list((tmp_path / "skymosaic").glob(".skymosaic-*"))

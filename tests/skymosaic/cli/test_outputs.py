@@ -4,6 +4,8 @@ import importlib
 import inspect
 import os
 import re
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, get_args
@@ -11,10 +13,11 @@ from typing import Any, get_args
 import pytest
 
 from skymosaic.cli.commands import COMMANDS
-from skymosaic.cli.outputs import Reads, Writes, check_typed_outputs
+from skymosaic.cli.outputs import Reads, Writes, check_typed_outputs, claimed
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import OUTPUT
 from skymosaic.evaluation.known_pairs import COLUMNS
+from skymosaic.imagery.images import check_unused
 from tests.conftest import Run
 from tests.system.command_line import only_error
 
@@ -215,3 +218,57 @@ def test_outputs_are_apart() -> None:
     check_typed_outputs(
         mosaic, typed_for("mosaic", output=Path("-"), report=Path("-"), camera="rtsp://a/b\0", mask="x" * 999)
     )
+
+
+HOLDER = """
+import sys
+from pathlib import Path
+from skymosaic.cli.outputs import claimed
+
+with claimed([Path(name) for name in sys.argv[1:]]):
+    print("claimed", flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("mosaic", "photographs", "-o", "out/made.png"),
+        ("mosaic", "photographs", "-o", "other.png", "--tiles", "linked/tiles"),
+        ("live", "photographs", "-o", "made.mp4.png"),
+    ],
+    ids=" ".join,
+)
+def test_of_two_runs_with_one_output_the_second_is_refused(run: Run, tmp_path: Path, words: list[str]) -> None:
+    for name in ("out", "photographs"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "linked").symlink_to("out")
+    (tmp_path / "out" / "made.png").write_text("the first one's")
+    outputs = ("out/made.png", "out/tiles", "made.mp4.preview.jpg")
+    # Claimed by another process, which may know the folder by another name.
+    command = [sys.executable, "-c", HOLDER, *(str(tmp_path / output) for output in outputs)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as first:
+        assert first.stdout
+        assert first.stdout.readline() == "claimed\n"
+        before = sorted(tmp_path.rglob("*"))
+        status, out, errors = run(*words, "--overwrite")
+        assert (status, out) == (2, b"")
+        assert only_error(errors).endswith(
+            ": is being written by another run; wait for its end, or choose another name"
+        )
+        assert len(errors.splitlines()) == 1
+        assert sorted(tmp_path.rglob("*")) == before
+        first.communicate()
+    assert not list(tmp_path.rglob(".skymosaic-*"))
+    # The next one gets further.
+    assert "another run" not in run(*words, "--overwrite")[2]
+
+
+def test_an_empty_folder_stays_empty_for_the_check_when_an_output_in_it_is_claimed(tmp_path: Path) -> None:
+    with claimed([tmp_path / "m.png", Path("/"), tmp_path / "missing" / "m.png"]):
+        assert len(list(tmp_path.iterdir())) == 2
+        check_unused(tmp_path, overwrite=False)
+        (tmp_path / "other").touch()
+        with pytest.raises(InputError, match="is a folder with files in it"):
+            check_unused(tmp_path, overwrite=False)

@@ -1,47 +1,8 @@
-import os
-import subprocess
-import sys
-import tempfile
 from pathlib import Path
 
 import pytest
 
 from skymosaic.common import temporary
-
-
-def test_left_overs_of_killed_processes_are_removed(tmp_path: Path) -> None:
-    machine = temporary_name(tmp_path).rsplit("-", 2)[0]
-    ended = subprocess.Popen([sys.executable, "-c", ""])
-    ended.wait()
-    for name in (f"{machine}-{ended.pid}-x", f"{machine}-{os.getpid()}-y", f".skymosaic-elsewhere-{ended.pid}-z"):
-        (tmp_path / name).touch()
-    # Numbers of no process, for all that can be asked, stay.
-    (tmp_path / f"{machine}-{10**30}-w").touch()
-    (tmp_path / f"{machine}-{ended.pid}-folder" / "inside").mkdir(parents=True)
-    (tmp_path / f"{machine}-{ended.pid}-link").symlink_to(tmp_path / "kept")
-    (tmp_path / "kept").mkdir()
-    temporary.remove_left_overs.cache_clear()
-    with temporary.temporary_file(tmp_path):
-        pass
-    assert sorted(path.name.rsplit("-")[-1] for path in tmp_path.iterdir()) == ["kept", "w", "y", "z"]
-
-
-@pytest.mark.parametrize("beside", [True, False])
-def test_a_temporary_folder_is_hidden_beside_an_output_only(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, beside: bool
-) -> None:
-    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "system"))
-    for name in ("system", "output"):
-        (tmp_path / name).mkdir()
-    with temporary.temporary_folder(tmp_path / "output" if beside else None) as folder:
-        assert folder.parent == tmp_path / ("output" if beside else "system")
-        assert folder.name.startswith(".") == beside
-    assert not folder.exists()
-
-
-def temporary_name(folder: Path) -> str:
-    with temporary.temporary_file(folder) as path:
-        return path.name
 
 
 @pytest.fixture

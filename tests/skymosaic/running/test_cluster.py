@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import pytest
 
+from golden_model.cache import NO_CACHE
 from golden_model.config import preset_config
 from sim.scene import make_lawnmower
 from skymosaic import mosaic
@@ -24,7 +25,6 @@ from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings, View
 from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import list_sources
-from skymosaic.running.cache import NO_CACHE
 from skymosaic.running.cluster import LIMIT, inspect_worker
 from skymosaic.running.workers import Workers
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
-from golden_model.user_cache import cache_folder
+from golden_model.cache import cache_folder
 from sim.backends.errors import BackendError
 from sim.backends.interface import Progress, silent
 from sim.simulators.build_cache import build_once
@@ -49,17 +49,12 @@ def fetch_pynq(version: str, progress: Progress = silent) -> Path:
                 path.write_bytes(member.read())
         archive.unlink()
 
-    return build_once(_folder_name(version), build, what=f"modules of PYNQ {version}", progress=progress)
+    return build_once(f"pynq-{version}", build, what=f"modules of PYNQ {version}", progress=progress)
 
 
 def is_fetched(version: str = NEWEST) -> bool:
     """Whether the cache has PYNQ's modules."""
-    return (cache_folder() / _folder_name(version)).exists()
-
-
-def _folder_name(version: str) -> str:
-    # The cache keeps what follows a dot for itself.
-    return f"pynq-{version.replace('.', '_')}"
+    return (cache_folder() / f"pynq-{version}.entry").exists()
 
 
 def _download(version: str, folder: Path) -> Path:

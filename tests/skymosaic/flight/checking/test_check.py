@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+from golden_model.cache import NO_CACHE
 from golden_model.config import preset_config
 from sim.scene.flight import Flight
 from skymosaic.flight.checking.check import (
@@ -27,7 +28,6 @@ from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import survey
 from skymosaic.imagery.exif import Metadata
 from skymosaic.imagery.photographs import list_sources
-from skymosaic.running.cache import NO_CACHE
 from skymosaic.running.workers import Workers
 
 

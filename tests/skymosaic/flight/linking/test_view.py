@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from golden_model.cache import Cache
 from golden_model.config import preset_config
 from sim.scene import make_pair
 from skymosaic.common.errors import InputError
@@ -13,7 +14,6 @@ from skymosaic.features.positions import feature_points
 from skymosaic.flight.linking.view import Settings, View, describe, describe_thumbnail
 from skymosaic.imagery.lens import load_lens
 from skymosaic.imagery.photographs import Source, list_sources
-from skymosaic.running.cache import ResultCache
 
 
 def test_masked_places_have_no_features(tmp_path: Path) -> None:
@@ -32,7 +32,7 @@ def test_masked_places_have_no_features(tmp_path: Path) -> None:
 
 
 def test_a_view_survives_the_cache(tmp_path: Path) -> None:
-    cache = ResultCache(tmp_path / "cache")
+    cache = Cache(tmp_path / "cache")
     source = Source(0, "image", make_pair(seed=1).images[0])
     view = describe(source, Settings(preset_config("aerial")))
     assert cache.load(view.key) is None

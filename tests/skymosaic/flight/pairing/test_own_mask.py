@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from golden_model.cache import NO_CACHE
 from golden_model.config import preset_config
 from skymosaic.flight.checking.check import check_flight
 from skymosaic.flight.linking.links import Link
@@ -21,7 +22,6 @@ from skymosaic.imagery.photographs import list_sources
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.reports.flight import write_report
-from skymosaic.running.cache import NO_CACHE
 from skymosaic.running.workers import Workers
 from tests.skymosaic.geometry.covered import at_night, ground, seen
 
