@@ -7,9 +7,9 @@ from contextlib import ExitStack, contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 
+from golden_model.temporary import temporary_folder
 from skymosaic.common.errors import InputError
 from skymosaic.common.provenance import to_json
-from golden_model.temporary import temporary_folder
 from skymosaic.imagery.images import save_bytes
 from skymosaic.panel.results import find_inside
 

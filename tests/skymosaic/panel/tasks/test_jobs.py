@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from skymosaic.common.temporary import temporary_folder
+from golden_model.temporary import temporary_folder
 from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, Limits
 from tools.panel import LONG_MS
 
@@ -137,7 +137,7 @@ def test_a_worker_beyond_its_limits_is_ended(
 KILLED_SERVER = """
 import asyncio, os, signal, sys
 from pathlib import Path
-from skymosaic.common.temporary import temporary_folder
+from golden_model.temporary import temporary_folder
 from skymosaic.panel.tasks.jobs import Job, prepare_workers
 import tasks_for_the_jobs_test
 
