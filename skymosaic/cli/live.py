@@ -15,7 +15,8 @@ from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.options import INPUT
 from skymosaic.flight.checking.check import describe_moving
 from skymosaic.flight.mapping.place import explain_absence
-from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, Delivery, OutputForm, numbered, room_for
+from skymosaic.flight.picture.formats import OutputForm, format_of, numbered, room_for
+from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA
 from skymosaic.imagery import images
 from skymosaic.imagery.live_frames import read_live_frames
@@ -56,9 +57,9 @@ def live(
     options: LiveOptions,
 ) -> None:
     """Grow a mosaic frame by frame, with a preview beside it; Ctrl-C or SIGTERM stops and writes it."""
-    images.check_output(output, overwrite=overwrite)
     form = OutputForm(require_map=require_map)
     form.check(output)
+    images.check_output(output, overwrite=overwrite)
     preview = _preview_of(output)
     images.check_output(preview, overwrite=overwrite)
     if options.canvas_limit_px is None:
@@ -175,7 +176,7 @@ def show_notes(delivery: Delivery, path: Path) -> None:
             session.warn(f"{path}: {line}")
         elif about in ("warp", "cut off", "bands", "range", "map"):
             session.show(f"{about}: {line}")
-    if not delivery.georeference and delivery.path.suffix.lower() in GEOTIFF_SUFFIXES:
+    if not delivery.georeference and format_of(delivery.path).on_map:
         session.warn(explain_absence(path, delivery.composition.place))
     # Who asks for a picture of two photographs expects no map.
     elif delivery.map_note and (delivery.georeference or delivery.flight.pair is None):

@@ -24,7 +24,8 @@ from skymosaic.cli.session import STDOUT, session
 from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.options import MAP, OUTPUT
 from skymosaic.flight.checking.check import check_flight, describe_moving, doubts, layout_errors
-from skymosaic.flight.picture.output import Delivery, OutputForm
+from skymosaic.flight.picture.formats import OutputForm
+from skymosaic.flight.picture.output import Delivery
 from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
 from skymosaic.maps.geotiff import COMPRESSIONS
 from skymosaic.maps.tiles import OWN_NAMES as TILE_NAMES

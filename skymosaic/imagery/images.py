@@ -2,7 +2,7 @@
 
 import contextlib
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -173,10 +173,18 @@ def reduce_for_front_end(original: Pixels, width_px: int, name: str) -> tuple[Pi
     return pixels, to_original
 
 
+def check_suffix(path: Path, suffixes: Collection[str]) -> None:
+    """Raise `InputError` for a name that ends in none of ``suffixes``."""
+    if path.suffix.lower() not in suffixes:
+        raise InputError(f"{path}: unknown kind of file; end the name in one of {', '.join(suffixes)}")
+
+
 def check_output(
-    path: Path, inputs: Sequence[Path] = (), suffixes: tuple[str, ...] = PICTURE_SUFFIXES, *, overwrite: bool = False
+    path: Path, inputs: Sequence[Path] = (), suffixes: Collection[str] = (), *, overwrite: bool = False
 ) -> None:
     """Check that an output file can be written, before the work starts.
+
+    Without ``suffixes`` its name may end in anything.
 
     Raises
     ------
@@ -184,8 +192,8 @@ def check_output(
         For an unknown suffix, a folder that is missing or not writable, one of the ``inputs``, or a file that exists
         and must not be overwritten.
     """
-    if path.suffix.lower() not in suffixes:
-        raise InputError(f"{path}: unknown kind of file; end the name in one of {', '.join(suffixes)}")
+    if suffixes:
+        check_suffix(path, suffixes)
     if not path.parent.is_dir():
         raise InputError(f"{path}: its folder does not exist; create it first")
     if path.is_dir() or not os.access(path.parent, os.W_OK):

@@ -11,7 +11,7 @@ from skymosaic.common.errors import InputError
 from skymosaic.flight.mapping.place import MapPlace, require_place
 from skymosaic.flight.picture.canvas import check_scale
 from skymosaic.flight.picture.composition import Room
-from skymosaic.flight.picture.output import OutputForm, room_for, too_deep_for_jpeg
+from skymosaic.flight.picture.formats import OutputForm, format_of, room_for, too_deep_for_jpeg
 from skymosaic.imagery.decoding import read_header
 from skymosaic.imagery.exif import Metadata, explain_missing_gps, read_metadata
 from skymosaic.imagery.images import check_output, check_output_folder
@@ -72,7 +72,9 @@ def room_of(path: Path | None, sources: Sequence[Source], options: MosaicOptions
     """How large a mosaic in this file may become; None: in memory."""
     if options.canvas_limit_px is not None:
         limit_px = options.canvas_limit_px
-        return Room(limit_px, reason=f"the limit is {limit_px / MEGAPIXEL:g} megapixels")
+        side_px = Room.side_px if path is None else format_of(path).max_side_px
+        sides = f", with sides of at most {side_px:,} px" if side_px < Room.side_px else ""
+        return Room(limit_px, side_px, f"the limit is {limit_px / MEGAPIXEL:g} megapixels{sides}")
     if path is None or len(sources) == 2:
         return Room()
     return room_for(path, 1 + max(3, len(sources[0].bands)))

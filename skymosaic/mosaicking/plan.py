@@ -14,7 +14,8 @@ from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.place import MapPlace, place_on_map, require_place
 from skymosaic.flight.picture.composition import Composition
-from skymosaic.flight.picture.output import PLAIN, PREVIEW_WIDTH_PX, Delivery, OutputForm, deliver, numbered
+from skymosaic.flight.picture.formats import PLAIN, OutputForm, check_size, numbered
+from skymosaic.flight.picture.output import PREVIEW_WIDTH_PX, Delivery, deliver
 from skymosaic.flight.picture.preparation import compose
 from skymosaic.flight.picture.relief import follow_relief
 from skymosaic.flight.picture.spectrum import in_all_bands
@@ -183,7 +184,8 @@ class MosaicPlan:
         Raises
         ------
         InputError
-            As in `skymosaic.flight.picture.preparation.compose`.
+            As in `skymosaic.flight.picture.preparation.compose`, and for two photographs whose mosaic is larger than
+            the file can hold.
         """
         options, flight = self.options, self.flight
         if flight.pair is None:
@@ -200,6 +202,8 @@ class MosaicPlan:
             # A group without a place has the resolution of its photographs.
             gsd_m=options.gsd_m if place.georeference is not None or layout is self.layouts[0] else None,
         )
+        if path is not None:
+            check_size(path, composition.size)
         return in_all_bands(composition, flight, layout, self._workers) if self.sources[0].bands else composition
 
     def _place(self, layout: Layout) -> MapPlace:

@@ -14,7 +14,8 @@ from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.place import require_place
 from skymosaic.flight.picture.composition import Composition
-from skymosaic.flight.picture.output import GEOTIFF_SUFFIXES, OutputForm, deliver
+from skymosaic.flight.picture.formats import OutputForm, check_size, format_of
+from skymosaic.flight.picture.output import deliver
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import check_output, save
 from skymosaic.imagery.notebook import describe_in_html
@@ -117,11 +118,12 @@ class Mosaic:
         """
         path = Path(path)
         files = [file for source in self.flight.sources for file in source.files]
-        check_output(path, files, overwrite=overwrite)
         OutputForm(require_map=require_map).check(path, len(self.composition.band_names))
+        check_size(path, self.composition.size)
+        check_output(path, files, overwrite=overwrite)
         if require_map:
             require_place(path, self.composition.place)
-        if path.suffix.lower() not in GEOTIFF_SUFFIXES:
+        if not format_of(path).from_raster:
             save(path, self.composition.in_8_bit(self.image))
             record_output(path, self.flight.folders)
             return

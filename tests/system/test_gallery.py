@@ -26,7 +26,7 @@ from skymosaic.cli.commands import COMMANDS, app
 from skymosaic.features.positions import feature_points, match_points
 from skymosaic.flight.checking.check import check_flight
 from skymosaic.flight.mapping.place import MapPlace
-from skymosaic.flight.picture.output import OutputForm
+from skymosaic.flight.picture.formats import OutputForm
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.registration.pair import Pair

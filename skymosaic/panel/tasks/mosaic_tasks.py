@@ -20,7 +20,8 @@ from skymosaic.common.tables import to_csv
 from skymosaic.evaluation.hardware import compare
 from skymosaic.flight.checking.check import check_flight, layout_errors
 from skymosaic.flight.flight import Flight
-from skymosaic.flight.picture.output import Delivery, OutputForm
+from skymosaic.flight.picture.formats import OutputForm
+from skymosaic.flight.picture.output import Delivery
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.images import save, save_bytes
 from skymosaic.imagery.photographs import Source, list_sources

@@ -101,7 +101,7 @@ def test_an_unwritable_output_is_refused_before_the_work(
     (tmp_path / "folder.png").mkdir()
     monkeypatch.setattr(os, "access", lambda *_: writable)
     with pytest.raises(InputError, match=fault) if fault else contextlib.nullcontext():
-        images.check_output(tmp_path / name)
+        images.check_output(tmp_path / name, suffixes=images.PICTURE_SUFFIXES)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import pytest
 
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.flight.picture.composition import Room
-from skymosaic.flight.picture.output import PLAIN, OutputForm
+from skymosaic.flight.picture.formats import PLAIN, OutputForm
 from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.imagery.photographs import Source
 from skymosaic.mosaicking.api import open_plan

@@ -15,12 +15,15 @@ from PIL import Image as PillowImage
 from sim.scene import Flight
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.flight.mapping.place import MapPlace
+from skymosaic.flight.picture import formats
+from skymosaic.flight.picture.formats import format_of
 from skymosaic.imagery.images import load
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.mosaicking.api import open_plan
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.plan import MosaicPlan, lay_out
+from skymosaic.mosaicking.result import Mosaic
 from skymosaic.running.workers import Workers
 
 MASKED = Lens(mask=np.ones((4, 4), np.uint8))
@@ -125,6 +128,32 @@ def test_all_groups_are_written_where_that_is_wanted(flight: Flight, surveyed: P
     assert {path.name for path in tmp_path.iterdir()} == {"one.png", "all.png", "all_2.png"}
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "all.png").read_bytes()
     assert [list(absent) for absent in told] == [[0, 1, 2], []]
+
+
+def test_what_a_file_cannot_hold_is_refused_or_reduced_before_it_is_rendered(
+    flight: Flight, surveyed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of two photographs it is refused; the canvas of a flight is reduced, whatever area was asked for."""
+    small = replace(format_of(Path("m.webp")), max_side_px=300)
+    monkeypatch.setitem(formats._BY_SUFFIX, ".webp", small)
+    rendered = list[object]()
+    monkeypatch.setattr(MosaicPlan, "bands", lambda _, composition: rendered.append(composition))
+    refused = pytest.raises(
+        InputError, match=r"m\.webp: \d+x\d+ cannot be stored as \.webp, whose sides have at most 300"
+    )
+    with open_plan(flight.images[:2], MosaicOptions()) as plan:
+        with refused:
+            plan.write(tmp_path / "m.webp")
+        image = np.zeros((4, 400), np.uint8)
+        mosaic = Mosaic(image, plan.flight, plan.layouts[0], plan.composition(plan.layouts[0]))
+        with refused:
+            mosaic.save(tmp_path / "m.webp")
+    assert not rendered
+    with open_plan(flight.images[:3], MosaicOptions(cache=surveyed, canvas_limit_px=9_000_000)) as plan:
+        composition = plan.composition(plan.layouts[0], tmp_path / "m.webp")
+    assert 290 < max(composition.size) <= 300
+    assert "because the limit is 9 megapixels, with sides of at most 300 px; `scale`" in composition.reduced
+    assert not any(tmp_path.iterdir())
 
 
 def test_control_points_must_reach_the_largest_group_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:

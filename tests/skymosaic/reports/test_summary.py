@@ -18,7 +18,7 @@ from PIL.ExifTags import IFD, Base
 from golden_model.version import VERSION
 from sim.scene import make_pair
 from skymosaic.flight.mapping.place import MapPlace
-from skymosaic.flight.picture.output import OutputForm
+from skymosaic.flight.picture.formats import OutputForm
 from skymosaic.imagery.exif import Metadata
 from skymosaic.maps.georeference import Georeference
 from skymosaic.mosaicking.api import open_plan

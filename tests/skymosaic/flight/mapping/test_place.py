@@ -16,7 +16,7 @@ from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.flight.mapping.cameras import Camera, cameras_of, measure_turn
 from skymosaic.flight.mapping.place import place_cameras, place_on_map, require_place
 from skymosaic.flight.picture.canvas import scale_for
-from skymosaic.flight.picture.output import OutputForm
+from skymosaic.flight.picture.formats import OutputForm
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.imagery.lens import Lens
