@@ -6,7 +6,6 @@ import sys
 
 from golden_model.version import VERSION
 from sim.backends.errors import BackendError
-from skymosaic.cli.session import session
 from skymosaic.cli.terminal import abandon_output, ended_by_signals, open_outputs, without_library_messages
 from skymosaic.common.errors import InputError, RegistrationError
 
@@ -72,6 +71,8 @@ def _status_of(end: SystemExit | BrokenPipeError | KeyboardInterrupt) -> int | s
 
 
 def _fail(reason: str, status: int) -> int:
+    # It imports Rich, which takes longer than all that `skymosaic --version` does.
+    session = importlib.import_module("skymosaic.cli.session").session
     session.error(reason)
     try:
         session.end(status, reason)

@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from golden_model.text import one_line
-from skymosaic.cli.options import OverwriteOption, PhotographsArgument, output_option, with_options
+from skymosaic.cli.options import OverwriteOption, PhotographsArgument, output_option
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.progress import progress_bars
 from skymosaic.cli.session import session
@@ -26,7 +26,6 @@ from skymosaic.mosaicking.plan import lay_out
 from skymosaic.running.workers import Workers
 
 
-@with_options
 def check(
     *,
     photographs: PhotographsArgument,

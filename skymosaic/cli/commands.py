@@ -9,10 +9,13 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from skymosaic.cli import print_version
-from skymosaic.cli.common import QuietOption, VerboseOption, with_common_options
 from skymosaic.cli.completion import sketch
 from skymosaic.common.errors import InputError
 
+QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print results, warnings and errors only.")]
+VerboseOption = Annotated[
+    bool, typer.Option("-v", "--verbose", help="Print progress as lines, details, and what libraries report.")
+]
 COMMANDS = {
     "demo": "Render a synthetic pair, make its mosaic, and compare it with the truth.",
     "mosaic": "Make one mosaic of overlapping photographs: two, or a whole flight.",
@@ -63,14 +66,15 @@ def _import_command(name: str, before: dict[str, bool]) -> Any:
 
 
 def import_functions(name: str, before: dict[str, bool]) -> dict[str, Callable[..., None]]:
-    """The function of a command, or of each command of a group, with the common options, by the words that call it."""
+    """The function of a command, or of each command of a group, with all its options, by the words that call it."""
     command = getattr(importlib.import_module(f"skymosaic.cli.{name}"), name)
     own = (
         {f"{name} {each}": function for each, function in command.items()}
         if isinstance(command, dict)
         else {name: command}
     )
-    return {words: with_common_options(words, function, before) for words, function in own.items()}
+    complete_command = importlib.import_module("skymosaic.cli.options").complete_command
+    return {words: complete_command(words, function, before) for words, function in own.items()}
 
 
 def _require_command(context: typer.Context) -> None:

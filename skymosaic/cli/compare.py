@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.options import OverwriteOption, with_options
+from skymosaic.cli.options import OverwriteOption
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.options import HARDWARE, OUTPUT
@@ -16,7 +16,6 @@ from skymosaic.imagery.images import check_output
 from skymosaic.registration.options import PhotographOptions
 
 
-@with_options
 def compare(
     *,
     left: Annotated[Path, typer.Argument(help="Left photograph.")],

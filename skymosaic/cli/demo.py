@@ -10,7 +10,7 @@ import typer
 from golden_model.arrays import Intensities
 from sim.backends.errors import BackendError
 from sim.scene import make_pair
-from skymosaic.cli.options import OverwriteOption, output_option, with_options
+from skymosaic.cli.options import OverwriteOption, output_option
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.errors import RegistrationError
@@ -27,7 +27,6 @@ OWN_NAMES = r"(left|right|mosaic)\.png|report"
 FolderOption = Annotated[Path, output_option("Folder for mosaic, pictures and report."), Writes(OWN_NAMES)]
 
 
-@with_options
 def demo(
     *,
     output: FolderOption = Path("demo"),

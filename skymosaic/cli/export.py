@@ -15,7 +15,7 @@ from golden_model.fuzzy.fll import load_system
 from golden_model.temporary import temporary_folder
 from hdl.build import BUILDS, Build
 from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD, check_board
-from skymosaic.cli.options import OutputVariableOption, OverwriteOption, output_option, read_file, with_options
+from skymosaic.cli.options import OutputVariableOption, OverwriteOption, output_option, read_file
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError
@@ -83,7 +83,6 @@ OWN_NAMES = (
 FolderOption = Annotated[Path, output_option("Folder to write."), Writes(OWN_NAMES)]
 
 
-@with_options
 def board(
     *,
     name: Annotated[
@@ -113,7 +112,6 @@ def board(
     _export(output, write, overwrite=overwrite)
 
 
-@with_options
 def camera(*, output: FolderOption, overwrite: OverwriteOption = False, options: CameraOptions) -> None:
     """Write Verilog, register map and reader for a camera: packets of every frame go to memory, without software."""
     build = options.build(BUILDS["camera"])

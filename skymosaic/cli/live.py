@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from skymosaic.cli.options import PICTURES, OverwriteOption, RequireMapOption, StrictOption, output_option, with_options
+from skymosaic.cli.options import PICTURES, OverwriteOption, RequireMapOption, StrictOption, output_option
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError, RegistrationError, noting
@@ -37,7 +37,6 @@ Absent = Mapping[Any, str]
 """Why frames, by their numbers, or files that could not be read, by their names, are not in the mosaic."""
 
 
-@with_options
 def live(
     *,
     source: Annotated[

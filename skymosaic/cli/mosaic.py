@@ -16,7 +16,6 @@ from skymosaic.cli.options import (
     choice,
     output_option,
     print_pair,
-    with_options,
 )
 from skymosaic.cli.outputs import Typed, Writes
 from skymosaic.cli.progress import progress_bars
@@ -42,7 +41,6 @@ def _list_groups(output: Path | None, typed: Typed) -> list[Path]:
     return [] if output is None else [output, *(list_numbered(output) if typed["all_groups"] else ())]
 
 
-@with_options
 def mosaic(
     *,
     photographs: PhotographsArgument,

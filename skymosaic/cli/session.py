@@ -4,15 +4,16 @@ With ``--json`` the results are one object instead; docs/how-to/command_line.md 
 """
 
 import contextlib
-import functools
-import importlib
 import json
 import platform
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from rich.console import Console, RenderableType
+from rich.text import Text
 
 from golden_model.temporary import temporary_folder
 from golden_model.text import one_line
@@ -21,19 +22,33 @@ from skymosaic.common.errors import InputError
 from skymosaic.common.options import respell
 from skymosaic.common.provenance import finite, provenance
 
-if TYPE_CHECKING:
-    from rich.console import RenderableType
-
-    from skymosaic.cli.console import Terminal
-
 STDOUT = Path("-")
 """The output of this name is standard output."""
+PIPED_WIDTH = 1000
+"""Columns of a table that is not read on a terminal, where nothing should be wrapped."""
 
 
-def _open_terminal(*, stderr: bool) -> "Terminal":
-    """A terminal by Rich, which is not imported before something is printed."""
-    terminal: Terminal = importlib.import_module("skymosaic.cli.console").Terminal(stderr=stderr)
-    return terminal
+class Terminal(Console):
+    """Without Rich's answer to a closed pipe, which ends the program with 1 and discards standard output."""
+
+    def on_broken_pipe(self) -> None:
+        """Leave it to whoever prints: a closed standard error must not cost the user the mosaic."""
+        raise BrokenPipeError
+
+    def print_line(self, line: str, style: str = "") -> None:
+        """Print a message on one line; options that it names become flags."""
+        # A closed standard error must not cost the user the mosaic.
+        with contextlib.suppress(OSError):
+            self.print(one_line(respell(line)), style=style, markup=False, highlight=False, soft_wrap=True)
+
+    def show(self, result: RenderableType) -> None:
+        """Print a line of text or a table."""
+        console = self if self.is_terminal else Terminal(stderr=self.stderr, width=PIPED_WIDTH)
+        # Names of files are not Rich's markup, and stay on one line.
+        text = Text(one_line(result)) if isinstance(result, str) else result
+        console.print(text, highlight=False, soft_wrap=isinstance(result, str))
+        # Where both go to one file, results and progress stay in order.
+        console.file.flush()
 
 
 class Session:
@@ -44,6 +59,7 @@ class Session:
 
     def begin(self, command: str, *, started_s: float, quiet: bool, verbose: bool, as_json: bool) -> None:
         """Start anew for one command; ``started_s`` is when the program started, by ``time.perf_counter``."""
+        self._errors = Terminal(stderr=True)
         self._command = command
         self._quiet = quiet
         self._verbose = verbose
@@ -63,10 +79,6 @@ class Session:
         """Exit status of a command that ends without an error."""
         if verbose:
             self._errors.print_line(f"skymosaic {VERSION}, Python {platform.python_version()}, {platform.platform()}")
-
-    @functools.cached_property
-    def _errors(self) -> "Terminal":
-        return _open_terminal(stderr=True)
 
     @property
     def animated(self) -> bool:
@@ -92,10 +104,10 @@ class Session:
         """Print why the command failed."""
         self._errors.print_line(f"error: {reason}", "red")
 
-    def show(self, result: "RenderableType") -> None:
+    def show(self, result: RenderableType) -> None:
         """Print a line of text or a table of the result; on standard error if standard output is a file's bytes."""
         if not self._as_json:
-            (self._errors if self._stdout_taken else _open_terminal(stderr=False)).show(result)
+            (self._errors if self._stdout_taken else Terminal()).show(result)
 
     def stream(self, numbers: Mapping[str, Any]) -> None:
         """With ``--json``, print an object on a line of its own, ahead of the command's object at the end."""
@@ -115,8 +127,8 @@ class Session:
             self.tell(stage)
             yield self.tell
             return
-        with self._errors.working(stage) as tell:
-            yield tell
+        with self._errors.status(Text(stage)) as status:
+            yield lambda line: status.update(Text(f"{stage}: {one_line(line)}"))
 
     @contextlib.contextmanager
     def destination(self, output: Path, name: str) -> Iterator[Path]:

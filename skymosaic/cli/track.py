@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.options import OverwriteOption, output_option, with_options
+from skymosaic.cli.options import OverwriteOption, output_option
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError, noting
@@ -23,7 +23,6 @@ from skymosaic.tracking.tracker import TrackedFrame, Tracker, TrackerOptions
 LINE_EVERY_FRAMES = 100
 
 
-@with_options
 def track(
     *,
     inputs: Annotated[

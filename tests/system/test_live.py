@@ -26,6 +26,7 @@ from skymosaic.imagery.video import write_video
 from skymosaic.mosaicking.live.mosaic import LiveMosaic
 from skymosaic.mosaicking.live.pace import Pace
 from skymosaic.mosaicking.live.run import grow
+from skymosaic.mosaicking.options import LiveOptions
 from tests.conftest import Run
 from tests.skymosaic.mosaicking.live.conftest import pair_errors_px
 from tests.system.command_line import skymosaic
@@ -107,7 +108,7 @@ def test_a_disk_too_full_for_a_mosaic_is_refused_before_the_first_frame(
     monkeypatch.setattr(shutil, "disk_usage", lambda _path: SimpleNamespace(free=20_000_000))
     monkeypatch.setattr("skymosaic.cli.live.read_live_frames", lambda *_, **__: pytest.fail("a frame was read"))
     with pytest.raises(InputError, match=r"m\.tif: the disk has 19 MB left, too little for a mosaic; free some"):
-        live_command(source=str(tmp_path), output=tmp_path / "m.tif")
+        live_command(source=str(tmp_path), output=tmp_path / "m.tif", options=LiveOptions())
 
 
 def test_a_frame_that_comes_under_the_name_of_the_mosaic_stays(
@@ -119,7 +120,9 @@ def test_a_frame_that_comes_under_the_name_of_the_mosaic_stays(
             yield tmp_path / name
 
     monkeypatch.setattr("skymosaic.imagery.live_frames.time", FolderClock(arriving()))
-    live_command(source=str(tmp_path), output=tmp_path / "m.png", overwrite=True, idle_seconds=2.0)
+    live_command(
+        source=str(tmp_path), output=tmp_path / "m.png", overwrite=True, idle_seconds=2.0, options=LiveOptions()
+    )
     np.testing.assert_array_equal(cv2.imread(str(tmp_path / "m.png")), frames[2])
     assert cv2.imread(str(tmp_path / "m_2.png")).shape[0] > SIZE[1]
     assert "m.png: came as a frame meanwhile, and stays; the mosaic is" in capsys.readouterr().err
@@ -135,7 +138,7 @@ def test_every_frame_is_a_line_of_json_and_named_as_in_a_mosaic(video: Path, tmp
     with flight_sources([video]) as sources:
         assert [frame["name"] for frame in frames] == [source.name for source in sources]
     with pytest.raises(RegistrationError, match="mosaic with `positions` or `control_points`, gives it one; nothing"):
-        live_command(source=str(video), output=tmp_path / "n.tif", require_map=True)
+        live_command(source=str(video), output=tmp_path / "n.tif", require_map=True, options=LiveOptions())
     assert not list(tmp_path.glob("n.*"))
 
 

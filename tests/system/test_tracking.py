@@ -16,6 +16,7 @@ from skymosaic.cli.track import track as track_command
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.tracking.template import Roi
+from skymosaic.tracking.tracker import TrackerOptions
 from tests.skymosaic.tracking.conftest import true_corners
 from tests.system.command_line import skymosaic
 
@@ -86,7 +87,7 @@ def test_bad_requests_are_one_line_and_leave_no_files(
     short_video: Path, tmp_path: Path, roi_text: Any, says: str
 ) -> None:
     with pytest.raises(InputError, match=says):
-        track_command(inputs=[short_video], output=tmp_path / "out.mp4", roi=roi_text)
+        track_command(inputs=[short_video], output=tmp_path / "out.mp4", roi=roi_text, options=TrackerOptions())
     assert list(tmp_path.iterdir()) == []
 
 
@@ -101,7 +102,13 @@ def test_every_frame_is_a_line_of_json(short_video: Path, roi: Roi, tmp_path: Pa
 
 def test_corners_are_written_as_json(short_video: Path, roi: Roi, tmp_path: Path) -> None:
     text = ",".join(map(str, roi))
-    track_command(inputs=[short_video], output=tmp_path / "out.mkv", roi=text, corners=tmp_path / "c.json")
+    track_command(
+        inputs=[short_video],
+        output=tmp_path / "out.mkv",
+        roi=text,
+        corners=tmp_path / "c.json",
+        options=TrackerOptions(),
+    )
     assert (tmp_path / "out.mkv").exists()
     written = json.loads((tmp_path / "c.json").read_text())
     rows = written["corners"]

@@ -1,6 +1,7 @@
 """The command that checks a flight takes what places a flight."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +15,10 @@ from skymosaic.cli.check import _print_check, check
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.flight.checking.check import FlightCheck, PhotographCheck
+from skymosaic.maps.control_points import load_control_points
 from skymosaic.maps.georeference import map_to_globe
+from skymosaic.maps.positions import load_positions
+from skymosaic.mosaicking.options import SurveyOptions
 
 
 def test_where_to_fly_again_is_written_for_a_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -34,9 +38,11 @@ def test_where_to_fly_again_is_written_for_a_map(tmp_path: Path, capsys: pytest.
     (tmp_path / "geo.txt").write_text("\n".join(lines))
     (tmp_path / "gcp.txt").write_text("\n".join(points))
     output = tmp_path / "again.geojson"
-    flown: dict[str, Any] = {"photographs": [str(tmp_path / "flight")], "cache": tmp_path / "cache"}
+    photographs, options = [str(tmp_path / "flight")], SurveyOptions(cache=tmp_path / "cache")
+    placed = replace(options, positions=load_positions(tmp_path / "geo.txt"))
+    controlled = replace(placed, control_points=load_control_points(tmp_path / "gcp.txt"))
     with pytest.raises(RegistrationError, match="do not make one mosaic"):
-        check(output=output, positions=tmp_path / "geo.txt", **flown)
+        check(photographs=photographs, output=output, options=placed)
     assert [each["gps"] for each in session.numbers["photographs"]] == [True] * 9
     assert not any("contradict each other" in problem for problem in session.numbers["problems"])
     hole, *links, alone = json.loads(output.read_text())["features"]
@@ -50,11 +56,11 @@ def test_where_to_fly_again_is_written_for_a_map(tmp_path: Path, capsys: pytest.
     longitude, latitude = np.mean(hole["geometry"]["coordinates"][0][:-1], axis=0)
     assert (longitude, latitude) == pytest.approx(map_to_globe(np.array([[500_000, 5_100_000]]), lines[0])[0], abs=3e-5)
     with pytest.raises(InputError, match=r"again\.geojson: exists"):
-        check(output=output, **flown)
+        check(photographs=photographs, output=output, options=options)
     with pytest.raises(InputError, match="no part of the flight has a place on the map"):
-        check(output=output, overwrite=True, **flown)
+        check(photographs=photographs, output=output, overwrite=True, options=options)
     with pytest.raises(RegistrationError, match="do not make one mosaic"):
-        check(positions=tmp_path / "geo.txt", control_points=tmp_path / "gcp.txt", **flown)
+        check(photographs=photographs, options=controlled)
     (problem,) = (each for each in session.numbers["problems"] if "contradict each other" in each)
     both = f"control points ({tmp_path / 'gcp.txt'}) and positions ({tmp_path / 'geo.txt'})"
     assert problem.startswith(both)

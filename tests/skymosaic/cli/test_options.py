@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer
@@ -11,7 +12,8 @@ from golden_model.config import preset_config
 from golden_model.config_file import load_config
 from golden_model.fuzzy.rules import MatchRules, shipped_rules
 from skymosaic.cli.live import live as live_command
-from skymosaic.cli.options import with_options
+from skymosaic.cli.options import complete_command
+from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import GROUPS, command_words, options_of
 from skymosaic.mosaicking.options import MosaicOptions
@@ -20,21 +22,19 @@ from skymosaic.registration.options import PhotographOptions
 read: list[PhotographOptions] = []
 
 
-@with_options
 def everything(*, options: MosaicOptions) -> None:
     """A command with all options."""
     read.append(options)
 
 
-@with_options
 def some(*, options: PhotographOptions = PhotographOptions(backend="rtl")) -> None:
     """A command with few options, one of which has another default."""
     read.append(options)
 
 
 app = typer.Typer()
-app.command()(everything)
-app.command()(some)
+for command in (everything, some):
+    app.command()(complete_command(command.__name__, command, {}))
 
 
 def run(*words: object) -> Result:
@@ -66,7 +66,7 @@ def test_the_help_says_what_is_typed() -> None:
     assert "bytes, on the command line" not in shown
     assert "instead of --scale;" in shown
     live = typer.Typer()
-    live.command()(live_command)
+    live.command()(complete_command("live", live_command, {}))
     assert re.search(r"--estimator +prosac\|fabric ", CliRunner(env={"COLUMNS": "200"}).invoke(live, "--help").output)
 
 
@@ -128,3 +128,65 @@ def test_the_words_for_options_are_read_as_these_options(tmp_path: Path) -> None
 def test_what_is_not_valid_is_refused_when_it_is_read(words: tuple[object, ...]) -> None:
     result = run("everything", *words)
     assert isinstance(result.exception, InputError)
+
+
+def talk() -> None:
+    """A command that prints each kind of line."""
+    session.tell("progress")
+    session.warn("something odd")
+    session.show("result")
+
+
+@pytest.mark.parametrize(
+    ("before", "behind", "told"),
+    [
+        ({}, {}, ["progress", "warning: something odd"]),
+        ({"quiet": True}, {}, ["warning: something odd"]),
+        ({"quiet": False}, {"quiet": True}, ["warning: something odd"]),
+        ({"verbose": True}, {}, ["skymosaic", "progress", "warning: something odd"]),
+        ({"verbose": False}, {"verbose": True}, ["skymosaic", "progress", "warning: something odd"]),
+    ],
+)
+def test_common_options_may_stand_before_the_command(
+    before: dict[str, bool], behind: dict[str, bool], told: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = complete_command("talk", talk, before)
+    run(**{"as_json": False, "quiet": False, "verbose": False, **behind})
+    printed = capsys.readouterr()
+    assert printed.out == "result\n"
+    # The first line of details also has versions.
+    assert [line if "Python" not in line else line.split()[0] for line in printed.err.splitlines()] == told
+
+
+@pytest.mark.parametrize(
+    ("missing", "says"),
+    [
+        ("nicegui", "talk needs nicegui; .*panel"),
+        ("amaranth", "talk needs amaranth; .*hardware"),
+        ("matplotlib", "talk needs matplotlib; .*plots"),
+        ("numpy", None),
+        (None, None),
+    ],
+)
+def test_a_package_that_few_commands_need_is_named_with_its_remedy(missing: str | None, says: str | None) -> None:
+    def command() -> None:
+        raise ModuleNotFoundError("no module", name=missing)
+
+    run: Any = complete_command("talk", command, {})
+    with pytest.raises(InputError if says else ModuleNotFoundError, match=says):
+        run(as_json=False, quiet=False, verbose=False)
+
+
+@pytest.mark.parametrize("status", [0, 1])
+def test_the_status_of_a_command_is_that_of_the_program(status: int, capsys: pytest.CaptureFixture[str]) -> None:
+    def command() -> None:
+        session.status = status
+
+    run: Any = complete_command("talk", command, {})
+    try:
+        run(as_json=True, quiet=False, verbose=False)
+        ended_with = 0
+    except typer.Exit as end:
+        ended_with = end.exit_code
+    assert ended_with == status
+    assert f'"status": {status}' in capsys.readouterr().out

@@ -1,18 +1,17 @@
 """No output is an input: a table of commands, their outputs and their inputs, made of what the commands declare."""
 
-import importlib
 import inspect
 import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args
 
 import pytest
 
-from skymosaic.cli.commands import COMMANDS
+from skymosaic.cli.commands import COMMANDS, import_functions
 from skymosaic.cli.outputs import Reads, Writes, check_typed_outputs, claimed
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import OUTPUT
@@ -31,16 +30,10 @@ FILES = ("made.png", "made_2.png", "made.preview.jpg")
 IN_FOLDERS = ("index.html", "mosaic_2.jpg", "7/3/a.webp", "report/index.html", "left.png", "rtl/a.v", "config.toml")
 
 
-def signatures() -> Iterator[tuple[str, inspect.Signature]]:
-    """What is typed for each command."""
-    for name in COMMANDS:
-        command = getattr(importlib.import_module(f"skymosaic.cli.{name}"), name)
-        parts = {f"{name} {part}": each for part, each in command.items()} if isinstance(command, dict) else None
-        for words, function in (parts or {name: command}).items():
-            yield words, inspect.signature(function, eval_str=True)
-
-
-SIGNATURES = dict(signatures())
+SIGNATURES = {
+    words: inspect.signature(function) for name in COMMANDS for words, function in import_functions(name, {}).items()
+}
+"""What is typed for each command."""
 
 
 def mark(parameter: inspect.Parameter, kind: type[Any]) -> Any:

@@ -1,13 +1,44 @@
-"""How a command's progress is shown, and what its object has."""
+"""What is printed beside a terminal and on one, how a command's progress is shown, and what its object has."""
 
+import io
 import json
 from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.table import Table
 
-from skymosaic.cli.session import Session
+from skymosaic.cli.session import PIPED_WIDTH, Session, Terminal
 from skymosaic.common.errors import InputError
+
+NAME = "photographs of the southern field/DJI_20260412_0001.JPG"
+
+
+def named() -> Table:
+    table = Table("photograph", "reason")
+    table.add_row(NAME, "too few features, because nearly all of it is water")
+    return table
+
+
+def test_a_table_in_a_pipe_has_its_rows_on_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    Terminal(width=60).show(named())
+    printed = capsys.readouterr().out
+    assert NAME in printed
+    assert max(map(len, printed.splitlines())) < PIPED_WIDTH / 5
+
+
+def test_a_table_on_a_terminal_keeps_to_its_width() -> None:
+    shown = io.StringIO()
+    Terminal(file=shown, force_terminal=True, color_system=None, width=60).show(named())
+    assert "photographs" in shown.getvalue()
+    assert max(map(len, shown.getvalue().splitlines())) <= 60
+
+
+def test_names_are_printed_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+    terminal = Terminal(width=20)
+    terminal.show(f"[bold]{NAME}[/bold]\n2")
+    terminal.print_line(f"[red]{NAME}")
+    assert capsys.readouterr().out.splitlines() == [f"[bold]{NAME}[/bold]\\n2", f"[red]{NAME}"]
 
 
 def begun(*, quiet: bool = False, verbose: bool = False, as_json: bool = False, command: str = "mosaic") -> Session:
@@ -28,7 +59,7 @@ def begun(*, quiet: bool = False, verbose: bool = False, as_json: bool = False, 
 def test_progress_is_drawn_on_a_terminal_unless_lines_are_wanted(
     monkeypatch: pytest.MonkeyPatch, *, is_terminal: bool, quiet: bool, verbose: bool, animated: bool
 ) -> None:
-    monkeypatch.setattr("skymosaic.cli.console.Terminal.is_terminal", is_terminal)
+    monkeypatch.setattr("skymosaic.cli.session.Terminal.is_terminal", is_terminal)
     assert begun(quiet=quiet, verbose=verbose).animated == animated
 
 
