@@ -3,9 +3,9 @@
     python -m bench.camera [--frames 100] [--size 1280x720] [--seed N]
 
 A camera with its own clock, a memory with random latency and back-pressure, a host that reads the rings through the
-exported reader, has homographies scored, some of them out of range, and pauses from time to time. Every frame that is
-delivered, its homography included, and every score is compared with the golden model; every other frame has to be
-counted as dropped. Latency is from a frame's last pixel at the camera to the end of a header in memory.
+exported reader and pauses from time to time. Every frame that is delivered, its homography included, is compared with
+the golden model; every other frame has to be counted as dropped. Latency is from a frame's last pixel at the camera to
+the end of a header in memory.
 """
 
 import dataclasses
@@ -22,7 +22,6 @@ from golden_model.arrays import Pixels, Records
 from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.front_end import extract
 from golden_model.geometry.estimator import MAX_CYCLES
-from golden_model.geometry.scoring import answers, quantise
 from golden_model.timing import FrameWork, steady_pace
 from hdl.build import BUILDS, Build
 from hdl.settings import REQUESTED, matched_frame_settings
@@ -34,8 +33,6 @@ from sim.scene import make_lawnmower
 
 CONFIG = dataclasses.replace(PRESETS["aerial"], estimator=EstimatorConfig())
 SLOTS = 8
-PROPOSED = 20
-"""Hypotheses for each frame; there are three more."""
 PAUSE_EVERY, PAUSE_FRAMES = 25, 9
 """After each `PAUSE_EVERY` frames the host stops reading for `PAUSE_FRAMES`, more than the ring holds."""
 FRAME_BLANK_LINES = 20
@@ -49,7 +46,7 @@ def main(
     seed: Annotated[int, typer.Option(help="Of flight and memory.")] = 1,
     json_file: JsonFile = None,
 ) -> None:
-    """Print what became of the frames and the hypotheses."""
+    """Print what became of the frames."""
     width_px, height_px = map(int, size.split("x"))
     images = make_lawnmower(seed, frames, (width_px, height_px), forward_overlap=0.9).images
     flight = [cv2.cvtColor(images[n], cv2.COLOR_BGR2GRAY) for n in track(range(frames), "rendering", transient=True)]
@@ -75,23 +72,18 @@ def fly(frames: list[Pixels], size_px: tuple[int, int], seed: int) -> dict[str, 
     with host_programs(build) as load:
         requested = {name: settings[name] for name in (*REQUESTED, "gray_input")}
         rings = load("skymosaic_rings").RingReader(bench, requested, slots=SLOTS)
-        scorer = load("skymosaic_scores").Scorer(bench)
     bench.show(*frames)
-    rng = np.random.default_rng(seed)
     frame_clocks = (width_px + camera.line_blank) * height_px + frame_blank
     # Until the slowest homography is there, in the time of the bench's `wait`.
     patience_s = WAIT_S_PER_CLOCK * (2.5 * frame_clocks + MAX_CYCLES)
     delivered: list[Any] = []
-    latencies, matches, scored = [], {}, []
+    latencies = []
     while (frame := rings.next_frame(patience_s)) is not None:
         assert frame.good
         delivered.append((frame.number, frame.features.copy(), frame.matches.copy(), frame.homography.copy()))
         waited = frame.time - bench.last_pixels[frame.number - 1]
         latencies.append((waited + frame.clocks, waited + frame.homography_clocks))
-        matches[int(frame.match_status["frame"])] = delivered[-1][2]
         rings.release()
-        hypotheses = propose(delivered[-1][2], rng)
-        scored.append((hypotheses, scorer.score_integers(hypotheses)))
         if len(delivered) % PAUSE_EVERY == 0:
             bench.run(PAUSE_FRAMES * frame_clocks)
     counts = rings.counts()
@@ -105,12 +97,6 @@ def fly(frames: list[Pixels], size_px: tuple[int, int], seed: int) -> dict[str, 
         "features per frame": round(np.mean([len(features) for _, features, *_ in delivered])),
         "the chip's homographies, accepted": sum(int(homography["causes"] == 0) for *_, homography in delivered),
         "the chip's homographies, lost": rings.registers.read("lost_homographies"),
-        "homographies answered": sum(len(records) for _, records in scored),
-        "of these answers, equal to the golden model": sum(
-            count_equal_scores(hypotheses, records, matches) for hypotheses, records in scored
-        ),
-        "homographies without a score, as counted": counts["unscored"],
-        "homographies without a score, as answered": sum(int((records["causes"] > 0).sum()) for _, records in scored),
         "last pixel to last match in memory, clocks (median)": int(np.median(to_matches)),
         "last pixel to last match in memory, clocks (longest)": int(to_matches.max()),
         "last pixel to homography in memory, clocks (median)": int(np.median(to_homography)),
@@ -129,22 +115,6 @@ def slowest_pace(size_px: tuple[int, int], build: Build) -> int:
     return pace[0]
 
 
-def propose(matches: Records, rng: np.random.Generator) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Hypotheses from random sets of four kept matches, as a host proposes them; the last two are out of range."""
-    kept = matches[matches["verdict"] == 1]
-    homographies = [np.eye(3)]
-    for _ in range(PROPOSED if len(kept) >= 4 else 0):
-        four = rng.choice(kept, 4, replace=False)
-        left, right = (np.stack((four[f"{side}_x"], four[f"{side}_y"]), axis=1) / 16 for side in ("left", "right"))
-        H = cv2.getPerspectiveTransform(left.astype(np.float32), right.astype(np.float32))
-        if np.isfinite(H).all() and H.any():
-            homographies.append(H)
-    hypotheses = quantise(np.array([*homographies, np.eye(3), np.eye(3)]))
-    hypotheses[-2] <<= 2
-    hypotheses[-1] >>= 2
-    return hypotheses
-
-
 def count_equal(frames: list[Pixels], delivered: list[tuple[int, Records, Records, np.void]]) -> int:
     """How many frames have the golden model's features, matches and homography."""
     front_end = CONFIG.front_end.for_size(*frames[0].shape[::-1])
@@ -155,17 +125,6 @@ def count_equal(frames: list[Pixels], delivered: list[tuple[int, Records, Record
         and np.array_equal(matches, one.matches)
         and bool(homography == one.homography)
         for (_, features, matches, homography), one in zip(delivered, expected, strict=True)
-    )
-
-
-def count_equal_scores(hypotheses: np.ndarray[Any, Any], records: Records, matches: dict[int, Records]) -> int:
-    """How many score records are the golden model's; each hypothesis is scored by the frame that its answer names."""
-    assert (records["number"] == np.arange(len(records))).all()
-    alone = records.copy()
-    alone["number"] = 0
-    return sum(
-        np.array_equal(record, answers(hypotheses[n : n + 1], matches[int(record["frame"])], record["frame"])[0])
-        for n, record in enumerate(alone)
     )
 
 

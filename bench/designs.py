@@ -15,7 +15,7 @@ from hdl.build import BUILDS, Build
 from hdl.feature.extractor import CandidateFeatures
 from hdl.feature.ring_window import RingWindow
 from hdl.front_end import FrontEnd
-from hdl.geometry.records import RecordEstimator, RecordScoring
+from hdl.geometry.records import RecordEstimator
 from hdl.level import Level
 from hdl.lib.delay import delayed
 from hdl.matching.correlation import WindowCorrelation
@@ -148,7 +148,6 @@ def designs() -> dict[str, Design]:
         "fuzzy correlation": block(FuzzyCorrelation),
         "matcher": matcher(AERIAL.matcher),
         "matcher, largest rules": matcher(MatcherConfig(rule_base=largest_rules())),
-        "homography scoring": block(RecordScoring),
         "homography estimator": block(RecordEstimator),
         "camera crossing": block(CameraCrossing, video_bits=24, depth=4096),
         "camera gate": block(CameraGate),

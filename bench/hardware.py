@@ -1,7 +1,6 @@
-"""Clocks of the hardware, by the golden models: matcher, scoring and estimation of homographies, and camera builds.
+"""Clocks of the hardware, by the golden models: matcher, estimation of homographies, and camera builds.
 
     python -m bench.hardware matcher
-    python -m bench.hardware scoring
     python -m bench.hardware homography SET
     python -m bench.hardware rates
 
@@ -24,7 +23,6 @@ from golden_model.config import PRESETS, Config, EstimatorConfig
 from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.feature.orientation import SECTORS
 from golden_model.geometry.estimator import CYCLES, MAX_CYCLES, FrameMatches, estimate
-from golden_model.geometry.scoring import finish_cycles
 from golden_model.matching.matcher import match
 from golden_model.timing import FrameWork, steady_pace, timelines
 from sim.backends.golden import GoldenBackend
@@ -38,8 +36,6 @@ CLOCK_MHZ = 150
 SIZE_PX = (640, 480)
 FEATURES = (256, 512, 1024, 1850, 2048)
 """The last but one is the most that a 640x480 frame can have, the last what the memory holds."""
-MATCHES = (10, 100, 500, 1000, 1850, 2048)
-HYPOTHESES = 500
 LANES = (8, 16)
 MAX_NOISE = 0.3
 """Share of a descriptor's bits that differ between partners."""
@@ -85,22 +81,6 @@ def matcher(json_file: JsonFile = None) -> None:
         cycles = {name: matching_cycles(count, *build) for name, build in builds.items()}
         rows.append({"F": count, **cycles, "F² / 16": count**2 // 16})
     report("clocks from a frame's last word of features to its last match", rows, json_file)
-
-
-@app.command()
-def scoring(json_file: JsonFile = None) -> None:
-    """Clocks in which the scoring block answers, by the number of matches."""
-    rows: list[Row] = [
-        {
-            "matches": count,
-            "clocks of the first score": int(cycles[0]),
-            f"of {HYPOTHESES}": int(cycles[-1]),
-            f"{HYPOTHESES} at {CLOCK_MHZ} MHz, ms": round(int(cycles[-1]) / CLOCK_MHZ / 1000, 2),
-            "hypotheses per second": int(HYPOTHESES * CLOCK_MHZ * 1e6 / cycles[-1]),
-        }
-        for count, cycles in ((count, finish_cycles(count, HYPOTHESES)) for count in MATCHES)
-    ]
-    report("homography scoring", rows, json_file)
 
 
 @app.command()

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from bench.report import JsonFile, Row, report
 from golden_model.arrays import Matrix, Pixels
-from golden_model.geometry.scoring import quantise
+from golden_model.geometry.fixed_point import quantise
 from golden_model.painting.painter import Painter
 from golden_model.painting.pose import Placement, Poses
 from golden_model.painting.tiles import TILE_PX

@@ -21,7 +21,7 @@ from bench.report import JsonFile, Row, report
 from golden_model.arrays import Array, Matrix
 from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.front_end import extract
-from golden_model.geometry.scoring import quantise
+from golden_model.geometry.fixed_point import quantise
 from golden_model.painting.pose import Placement, Poses, placement_of
 from sim.backends.golden import add_matches
 from sim.backends.interface import FrameResult

@@ -23,8 +23,6 @@ class Tag(enum.IntEnum):
     FEATURE = 1
     MATCH = 2
     FRAME_STATUS = 3
-    HYPOTHESIS = 4
-    SCORE = 5
     HOMOGRAPHY = 6
 
 
@@ -163,18 +161,6 @@ FRAME_STATUS = Record(
 )
 """Last record of every frame on both streams, padded to the stream's record length. ``cycles`` counts clocks
 from the frame's first pixel to its last feature; the golden model has no clock and leaves it 0."""
-
-HYPOTHESIS = Record(
-    Tag.HYPOTHESIS,
-    (Field("reserved", 8), Field("number", 16), *(Field(name, 32) for name in ELEMENTS)),
-)
-"""A homography to score: its elements as `golden_model.geometry.scoring.quantise` gives them, in two's complement;
-``number`` comes back with the score."""
-
-SCORE = Record(
-    Tag.SCORE, (Field("causes", 8), Field("number", 16), Field("support", 32), Field("score", 32), Field("frame", 32))
-)
-"""How well a hypothesis fits (`golden_model.geometry.scoring.Scores`) the matches of ``frame``."""
 
 HOMOGRAPHY = Record(
     Tag.HOMOGRAPHY,

@@ -4,7 +4,7 @@ from amaranth import ClockDomain, ClockSignal, Module, ResetInserter, Signal
 from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.geometry.scoring import MAX_MATCHES
+from golden_model.geometry.estimator import MAX_MATCHES
 from golden_model.records import MATCH
 from hdl.axi.axi_lite import AXI_LITE
 from hdl.axi.flat_ports import FlatTop, bus_pins, packet_pins, stream_pins

@@ -19,7 +19,6 @@ import numpy as np
 import skymosaic_map as register_map
 from skymosaic_map import PAGE_BYTES
 from skymosaic_registers import AcceleratorError
-from skymosaic_scores import quantise
 
 TILE_PX, PIXEL_BYTES, FRAME_BUFFERS, MAX_TILES = 32, 4, 3, 128
 FOLLOWED = 1000
@@ -139,7 +138,7 @@ class Painter:
             Whether it counts. It does not if the next frame was faster, or if the pose is singular, mirrored or out of
             range (``pose_answer`` has the causes): try again with a newer frame.
         """
-        elements = quantise(np.asarray(pose, dtype=np.float64)[np.newaxis])[0]
+        elements = quantise(np.asarray(pose, dtype=np.float64))
         names = (f"pose_h{row}{column}" for row, column in np.ndindex(3, 3))
         self._wait(lambda: not self.registers.read("pose_waiting"))
         self.registers.write(**{name: int(e) & 0xFFFF_FFFF for name, e in zip(names, elements.flat, strict=True)})
@@ -172,3 +171,13 @@ class Painter:
                 return
             self.bus.wait(WAIT_SECONDS)
         raise AcceleratorError("the painter does not answer; is the camera on, and does the memory answer?")
+
+
+def quantise(pose):
+    """Convert a pose (3, 3) to integers: positions in units of 4096 px, the largest element 2^24 - 1."""
+    units = np.array([register_map.UNIT_PX, register_map.UNIT_PX, 1.0])
+    scaled = pose * units / units[:, np.newaxis]
+    largest = np.abs(scaled).max()
+    if not (np.isfinite(largest) and largest > 0):
+        raise AcceleratorError("the pose is zero or not finite; leave it out")
+    return np.floor(scaled / largest * register_map.MAX_ELEMENT + 0.5).astype(np.int64)

@@ -19,7 +19,7 @@ if register_map.BUILT["built_homographies"]:
     RINGS["homographies"] = register_map.HOMOGRAPHY
 WAIT_SECONDS = 0.002
 TIMEOUT_SECONDS = 5.0
-COUNTERS = ("camera_frames", "dropped", "cut", "scored", "unscored")
+COUNTERS = ("camera_frames", "dropped", "cut")
 
 
 class RingFrame:

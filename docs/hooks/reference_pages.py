@@ -13,7 +13,7 @@ from typer.main import get_command
 from golden_model.config import PRESETS
 from golden_model.config_file import to_toml
 from golden_model.feature.ilbp import PATTERNS
-from golden_model.records import FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, Record, feature_record
+from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, Record, feature_record
 from skymosaic.cli.commands import app
 from skymosaic.common.options import options_of
 from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
@@ -97,8 +97,6 @@ def describe_records() -> str:
         "Match": (MATCH, "one for each mutual match"),
         "Frame status": (FRAME_STATUS, "one at the end of each frame"),
         "Homography": (HOMOGRAPHY, "one for each packet of matches, from builds with `--homography`"),
-        "Hypothesis": (HYPOTHESIS, "a homography, sent to the scoring block"),
-        "Score": (SCORE, "the scoring block's answer"),
     }
     parts = [
         "# Records\n",

@@ -1,1 +1,1 @@
-"""Scores of proposed homographies, in the integers of the hardware."""
+"""The homography of each frame, estimated from its matches, in the integers of the hardware."""

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 INLIER_GAIN = 26
-"""Smallest gain (`golden_model.geometry.scoring.gain`) of an inlier: its error is below 1.98 px."""
+"""Smallest gain (`golden_model.geometry.match_gain.gain`) of an inlier: its error is below 1.98 px."""
 CELLS = 8
 """The right frame has 8 x 8 cells."""
 

@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Records
 from golden_model.config import Config, EstimatorConfig
-from golden_model.geometry import ordering, programs, sampling, scoring
+from golden_model.geometry import match_gain, ordering, programs, sampling
 from golden_model.geometry.acceptance import INLIER_GAIN, count_cells
+from golden_model.geometry.fixed_point import ENTRY
 from golden_model.geometry.floating import MANTISSA_BITS, Floats
 from golden_model.geometry.program import LANES
 from golden_model.geometry.refit import BANDS, MAX_INLIERS, SUMS, factors, solve_sums
@@ -31,6 +32,8 @@ from golden_model.records import ELEMENTS, HOMOGRAPHY, Tag
 
 Integers = NDArray[np.int64]
 
+MAX_MATCHES = 2048
+"""Matches of a frame that the hardware stores: as many as a frame has features."""
 SEARCH_CYCLES = 164_800
 """The longest time for the samples; the rest covers sorting, refit and acceptance of any set of matches."""
 MAX_CYCLES = 300_000
@@ -60,7 +63,7 @@ class Estimate:
     """Result of `estimate`."""
 
     homography: Integers
-    """Elements (3, 3), left to right, as `golden_model.geometry.scoring.quantise` gives them; 0 where there is none."""
+    """Elements (3, 3), left to right, `golden_model.geometry.fixed_point.ENTRY`; 0 where there is none."""
     score: int
     support: int
     """Sum of the weights of the matches with an error below 4.2 px."""
@@ -133,7 +136,7 @@ class FrameMatches(NamedTuple):
 
     def gain(self, homography: Integers) -> Integers:
         """Gain (N,) of each match under a homography."""
-        gains: Integers = scoring.gain(homography[np.newaxis], self.left, self.right)[0]
+        gains: Integers = match_gain.gain(homography[np.newaxis], self.left, self.right)[0]
         return gains
 
     def score(self, homography: Integers) -> int:
@@ -141,7 +144,7 @@ class FrameMatches(NamedTuple):
         return int(self.gain(homography) @ self.weight)
 
 
-def estimate(frame: FrameMatches, settings: EstimatorConfig, *, max_matches: int = scoring.MAX_MATCHES) -> Estimate:
+def estimate(frame: FrameMatches, settings: EstimatorConfig, *, max_matches: int = MAX_MATCHES) -> Estimate:
     """Estimate the homography of a frame's kept matches; the memory holds ``max_matches``."""
     count = len(frame.weight)
     refused = _refusal(count, settings, max_matches, good=frame.good)
@@ -176,7 +179,7 @@ def homography_record(result: Estimate, frame: int = 0, reference: int = 0) -> R
 def frame_homography(matches: Records, status: np.void, config: Config) -> Records:
     """The record (1,) that the accelerator sends for a frame, by its Match records and FrameStatus."""
     assert config.estimator
-    stored = min(config.front_end.max_features, scoring.MAX_MATCHES)
+    stored = min(config.front_end.max_features, MAX_MATCHES)
     result = estimate(FrameMatches.from_records(matches, status), config.estimator, max_matches=stored)
     return homography_record(result, int(status["frame"]), int(matches["reference"].max(initial=0)))
 
@@ -266,16 +269,16 @@ def passes(checked: Floats) -> NDArray[np.bool_]:
 
 
 def quantise(rows: list[list[Floats]]) -> Integers:
-    """Scale homographies to the format of hypotheses: the largest element gets 24 bits, all are truncated.
+    """Scale homographies to fixed point: the largest element gets 24 bits, all are truncated.
 
     Returns
     -------
     (M, 3, 3) int64 ndarray
-        `golden_model.geometry.scoring.ENTRY`.
+        `golden_model.geometry.fixed_point.ENTRY`.
     """
     numbers = Floats.stack([each for row in rows for each in row])
     largest = numbers.exponent.max(axis=-1, keepdims=True)
-    dropped = MANTISSA_BITS - (scoring.ENTRY.bits - 1) + largest - numbers.exponent
+    dropped = MANTISSA_BITS - (ENTRY.bits - 1) + largest - numbers.exponent
     elements = numbers.mantissa >> np.minimum(dropped, MANTISSA_BITS)
     return np.asarray(np.where(numbers.negative, -elements, elements).reshape(-1, 3, 3))
 

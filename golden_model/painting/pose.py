@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.formats import SQ
-from golden_model.geometry.scoring import ENTRY, homography_elements
+from golden_model.geometry.fixed_point import ENTRY, homography_elements
 
 UNIT_LOG2 = 12
-"""Coordinates of canvas and frame have the unit 2^12 px, as those of `golden_model.geometry.scoring.quantise`."""
+"""Coordinates of canvas and frame have the unit 2^12 px, as those of `golden_model.geometry.fixed_point.quantise`."""
 POSE = SQ(38)
 """An element of a pose. Each link is rounded down; a thousand of them move a frame by less than a thousandth of a px,
 and sums of three products still have 64 bits."""
@@ -50,7 +50,7 @@ class Placement:
     reference: int
     """Those of another frame's, whose pose stays kept."""
     elements: NDArray[np.integer]
-    """(3, 3), as in a Hypothesis or Homography record."""
+    """(3, 3), as in a Homography record."""
     composed: bool
     """Whether the elements are the homography from the reference, and not the pose itself."""
 

@@ -11,7 +11,6 @@ from golden_model.arrays import Records
 from golden_model.config import PRESETS, EstimatorConfig, MatcherConfig
 from golden_model.feature import ilbp
 from golden_model.formats import encode_response
-from golden_model.geometry import scoring
 from golden_model.geometry.estimator import FrameMatches, estimate, homography_record
 from golden_model.matching import correlation, rule_bases
 from golden_model.matching.fuzzy import SugenoSystem
@@ -22,7 +21,7 @@ from hdl.blocks.chain import Chain, Descriptor
 from hdl.blocks.flat import flat_values
 from hdl.blocks.vectors import Block, Row, answer_rows, packet, padded_status, pixel_rows, rows, sample_image
 from hdl.build import Build
-from hdl.geometry.records import RecordEstimator, RecordScoring
+from hdl.geometry.records import RecordEstimator
 from hdl.matching.correlation import WindowCorrelation
 from hdl.matching.fuzzy import Sugeno
 from hdl.matching.matcher import Matcher
@@ -239,27 +238,6 @@ def matcher(config: MatcherConfig = PRESETS["aerial"].matcher) -> Block:
     )
 
 
-def _scoring() -> Block:
-    rng = np.random.default_rng(7)
-    spread = np.array([[1e-3, 1e-3, 2], [1e-3, 1e-3, 2], [1e-7, 1e-7, 0]])
-    hypotheses = scoring.quantise(np.eye(3) + rng.normal(size=(20, 3, 3)) * spread)
-    # The last two have no score: an element out of range, and all of them too small.
-    hypotheses[-2, 0, 0] = 1 << scoring.ENTRY.bits
-    hypotheses[-1] >>= 4
-    matches, status = _match_packet(60, spread=60)
-    sent = packet(matches, padded_status(status, MATCH.record_bytes))
-    return Block(
-        RecordScoring(),
-        "Scores homographies by the kept matches of a frame, one match per clock: packets of matches and of hypotheses "
-        "in, packets of scores out.",
-        {
-            "i_matches": rows("i_matches", sent),
-            "i_hypotheses": rows("i_hypotheses", packet(scoring.hypothesis_records(hypotheses))),
-        },
-        {"o": rows("o", packet(scoring.answers(hypotheses, matches)))},
-    )
-
-
 def _match_packet(count: int, spread: int) -> tuple[Records, np.void]:
     """Match records whose positions differ by up to ``spread``, 1/16 px, a fifth of them rejected; and the status."""
     rng = np.random.default_rng(8)
@@ -303,7 +281,6 @@ CATALOGUE: dict[str, Callable[[], Block]] = {
     "fuzzy": _fuzzy,
     "correlation": _correlation,
     "matcher": matcher,
-    "scoring": _scoring,
     "homography": _homography,
 }
 """For each block's name, the function that builds it."""

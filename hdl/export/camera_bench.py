@@ -1,20 +1,17 @@
-"""A test bench for the exported camera build: a camera's frames into rings in memory, and homographies to score."""
+"""A test bench for the exported camera build: a camera's frames into rings in memory."""
 
 import numpy as np
 
-from golden_model.geometry.scoring import answers, hypothesis_records, quantise
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_write import BURST_BYTES, BURST_WORDS, INCREMENTING, MODIFIABLE
 from hdl.blocks.testbench import Port, VerilogBench
-from hdl.blocks.vectors import Row, packet
+from hdl.blocks.vectors import Row
 from hdl.build import Build
 from hdl.export.accelerator_bench import (
-    SHIFT_PX,
     VIDEO_STREAM,
     SampleFrames,
     control_inputs,
     control_outputs,
-    fill_stream,
     list_writes,
 )  # fmt: skip
 from hdl.export.bus_interfaces import CLOCK, RESET
@@ -24,14 +21,12 @@ from hdl.shell.slot import HEADER, HEADER_BYTES
 
 RING_ADDRESSES = {"features": 0x1000_0000, "matches": 0x2000_0000, "homographies": 0x3000_0000}
 SLOT_PAGES = 256
-_HYPOTHESES = "s_axis_hypotheses_t"
 
 
 def make_camera_bench(module: str, ports: dict[str, Port], build: Build) -> VerilogBench:
     """Make a bench for `hdl.shell.camera_top.CameraTop`: both frames come from a camera with a clock of its own.
 
-    It compares every burst that is written into the rings, answers them, and has two homographies scored. A painter
-    stays off.
+    It compares every burst that is written into the rings, and answers them. A painter stays off.
     """
     frames = SampleFrames(build.config)
     rings = {
@@ -42,8 +37,6 @@ def make_camera_bench(module: str, ports: dict[str, Port], build: Build) -> Veri
     writes = list_writes(frames.config, **rings)
     words = build.record_words
     bursts = {f"m_axi_{ring}_": _write_bursts(ring, sent, words[ring]) for ring, sent in frames.packets.items()}
-    hypotheses = quantise(np.array([np.eye(3), [[1, 0, -SHIFT_PX], [0, 1, 0], [0, 0, 1]]]))
-    scores = answers(hypotheses, frames.matches, int(frames.statuses[-1]["frame"]))
     return VerilogBench(
         module=module,
         ports=ports,
@@ -51,13 +44,11 @@ def make_camera_bench(module: str, ports: dict[str, Port], build: Build) -> Veri
             **control_inputs(writes),
             VIDEO_STREAM: frames.beats(build.video_bits),
             **{f"{prefix}b": [{f"{prefix}bresp": 0}] * len(addresses) for prefix, (addresses, _) in bursts.items()},
-            _HYPOTHESES: fill_stream(_HYPOTHESES, packet(hypothesis_records(hypotheses))),
         },
         outputs={
             **control_outputs(writes),
             **{f"{prefix}aw": addresses for prefix, (addresses, _) in bursts.items()},
             **{f"{prefix}w": words for prefix, (_, words) in bursts.items()},
-            "m_axis_scores_t": fill_stream("m_axis_scores_t", packet(scores)),
         },
         settings={
             name: 0
@@ -74,7 +65,6 @@ def make_camera_bench(module: str, ports: dict[str, Port], build: Build) -> Veri
                 f" && {BURST_WORDS} * {prefix}b_next + {BURST_WORDS} <= {prefix}w_next"
                 for prefix in bursts
             },
-            _HYPOTHESES: f"m_axi_matches_w_next == {len(bursts['m_axi_matches_'][1])}",
         },
         clock=CLOCK,
         reset=RESET,

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.formats import POSITION
-from golden_model.geometry.scoring import ENTRY
-from golden_model.records import FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, WORD_BYTES
+from golden_model.geometry.fixed_point import ENTRY
+from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, WORD_BYTES
 from hdl.accelerator import longest_packets
 from hdl.build import Build
 from hdl.export.boards import SOURCES
@@ -47,7 +47,6 @@ def driver_map(build: Build) -> str:
     has_rings = build.shell == "camera"
     records = {"FEATURE": build.config.front_end.pattern.record, "MATCH": MATCH, "STATUS": FRAME_STATUS}
     records |= {"HOMOGRAPHY": HOMOGRAPHY} if build.config.estimator else {}
-    records |= {"HYPOTHESIS": HYPOTHESIS, "SCORE": SCORE} if has_rings else {}
     return render(
         "skymosaic_map.py.jinja",
         name=NAME,

@@ -1,1 +1,1 @@
-"""Scores of proposed homographies: one match per clock, without a division."""
+"""The homography of each frame, estimated from its matches: search, refit and acceptance."""

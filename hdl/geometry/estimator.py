@@ -6,12 +6,11 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import check_range
 from golden_model.geometry.acceptance import CELLS
-from golden_model.geometry.estimator import REFIT_MARGIN_LOG2, EstimateCause
+from golden_model.geometry.estimator import MAX_MATCHES, REFIT_MARGIN_LOG2, EstimateCause
 from golden_model.geometry.program import LANES, SLOTS
 from golden_model.geometry.programs import GROUP
 from golden_model.geometry.refit import BANDS, MAX_INLIERS
 from golden_model.geometry.sampling import SAMPLE
-from golden_model.geometry.scoring import MAX_MATCHES
 from hdl.geometry.estimator_states import ESTIMATOR_SETTINGS, FrameInWork, Parts, lead
 from hdl.geometry.match_gain import HYPOTHESIS, WEIGHED_PAIR
 from hdl.geometry.ordering import FRAME_MATCH, MatchOrdering

@@ -5,8 +5,9 @@ from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import POSITION, WEIGHT
-from golden_model.geometry import scoring
-from golden_model.geometry.scoring import ENTRY, ERROR, LEVEL_BITS, LEVELS, TERM_SHIFT
+from golden_model.geometry import match_gain
+from golden_model.geometry.fixed_point import ENTRY
+from golden_model.geometry.match_gain import ERROR, LEVEL_BITS, LEVELS, TERM_SHIFT
 from hdl.lib.delay import delayed, port_register
 from hdl.lib.multiplier import multiply_wide
 
@@ -14,7 +15,7 @@ PAIR = data.StructLayout(dict.fromkeys(("left_x", "left_y", "right_x", "right_y"
 """Positions of a match, as match records have them."""
 WEIGHED_PAIR = data.StructLayout({"pair": PAIR, "weight": WEIGHT.bits})
 HYPOTHESIS = data.ArrayLayout(signed(ENTRY.bits), 9)
-"""A homography row by row, see `golden_model.geometry.scoring.quantise`."""
+"""A homography row by row, see `golden_model.geometry.fixed_point.quantise`."""
 PRODUCT_CYCLES = 2
 """A product passes the multiplier's own M and P registers; its operands come from registers."""
 TERM_CYCLES = PRODUCT_CYCLES + 2
@@ -22,7 +23,7 @@ ERROR_CYCLES = PRODUCT_CYCLES + 2
 
 
 class MatchGain(wiring.Component):
-    """Gain of a match under a hypothesis, one pair of them per clock; equal to `golden_model.geometry.scoring`.
+    """Gain of a match under a hypothesis, one pair of them per clock; equal to `golden_model.geometry.match_gain`.
 
     The three terms are linear in the left position. Two products of the third term, the depth, with the right position
     give the errors in x and y, and three squares follow; then one comparison per bit of the gain. This takes 11
@@ -47,15 +48,15 @@ class MatchGain(wiring.Component):
         right = [delayed(m, self.i_match[name], TERM_CYCLES) for name in ("right_x", "right_y")]
         error_x = self._error(m, platform, x, right[0], depth)
         error_y = self._error(m, platform, y, right[1], depth)
-        in_front = Signal(range(scoring.MAX_DEPTH + 1), reset_less=True)
+        in_front = Signal(range(match_gain.MAX_DEPTH + 1), reset_less=True)
         # A depth of 0 makes every error too large: behind the camera no match counts.
-        m.d.sync += in_front.eq(Mux(depth < 0, 0, depth >> scoring.DEPTH_SHIFT))
+        m.d.sync += in_front.eq(Mux(depth < 0, 0, depth >> match_gain.DEPTH_SHIFT))
         distance = delayed(m, in_front, ERROR_CYCLES - 1)
         square_x, square_y, square = (delayed(m, side * side, PRODUCT_CYCLES) for side in (error_x, error_y, distance))
-        squared_error = Signal(range(scoring.MAX_SQUARED_ERROR + 1), reset_less=True)
-        squared_depth = Signal(range(scoring.MAX_SQUARED_DEPTH + 1), reset_less=True)
+        squared_error = Signal(range(match_gain.MAX_SQUARED_ERROR + 1), reset_less=True)
+        squared_depth = Signal(range(match_gain.MAX_SQUARED_DEPTH + 1), reset_less=True)
         m.d.sync += [
-            # Times 8 and times 9, see `golden_model.geometry.scoring.DEPTH_FACTOR`.
+            # Times 8 and times 9, see `golden_model.geometry.match_gain.DEPTH_FACTOR`.
             squared_error.eq((square_x + square_y) << 3),
             squared_depth.eq((square << 3) + square),
         ]
@@ -70,8 +71,8 @@ class MatchGain(wiring.Component):
         linear = delayed(m, product_x + product_y, 1)
         constant = delayed(m, h2, PRODUCT_CYCLES + 1)
         half = 1 << TERM_SHIFT - 1
-        rounded = Signal(_shape(scoring.MAX_SUM + half), name=f"rounded{row}")
-        term = Signal(_shape(scoring.MAX_TERM), name=f"term{row}", reset_less=True)
+        rounded = Signal(_shape(match_gain.MAX_SUM + half), name=f"rounded{row}")
+        term = Signal(_shape(match_gain.MAX_TERM), name=f"term{row}", reset_less=True)
         m.d.comb += rounded.eq(linear + (constant << POSITION.bits) + half)
         m.d.sync += term.eq(rounded >> TERM_SHIFT)
         return term
@@ -81,9 +82,9 @@ class MatchGain(wiring.Component):
         """Compute the error of one coordinate times the depth, limited."""
         product = multiply_wide(m, platform, depth, right)
         waiting = delayed(m, term, PRODUCT_CYCLES)
-        miss = Signal(_shape(scoring.MAX_MISS), reset_less=True)
+        miss = Signal(_shape(match_gain.MAX_MISS), reset_less=True)
         m.d.sync += miss.eq((waiting << POSITION.bits) - product)
-        shifted = miss >> scoring.ERROR_SHIFT
+        shifted = miss >> match_gain.ERROR_SHIFT
         error = Signal(signed(ERROR.bits), reset_less=True)
         # It fits where all bits above the format's are copies of its sign.
         excess = shifted[ERROR.bits - 1 :]

@@ -4,10 +4,10 @@ from amaranth import Cat, Module, Mux, Signal, signed
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.geometry.fixed_point import ENTRY
 from golden_model.geometry.floating import EXPONENT_BITS, MANTISSA_BITS
 from golden_model.geometry.program import LANES, REGISTERS
 from golden_model.geometry.programs import ELEMENTS, FIRST_ELEMENT, LANE_REGISTERS
-from golden_model.geometry.scoring import ENTRY
 from hdl.geometry.floating import FLOAT
 from hdl.geometry.match_gain import HYPOTHESIS
 from hdl.lib.delay import delayed

@@ -1,117 +1,20 @@
-"""Homography scoring and estimation behind streams of 64-bit words: the matcher's packets in, records out."""
+"""Homography estimation behind streams of 64-bit words: the matcher's packets in, records out."""
 
 from amaranth import Cat, Module, Mux, ResetInserter, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.geometry.estimator import EstimateCause
-from golden_model.geometry.scoring import MAX_MATCHES
-from golden_model.records import ELEMENTS, FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, WORD_BYTES, Record, Tag
+from golden_model.geometry.estimator import MAX_MATCHES, EstimateCause
+from golden_model.records import ELEMENTS, FRAME_STATUS, HOMOGRAPHY, MATCH, WORD_BYTES, Record, Tag
 from hdl.geometry.estimator import HomographyEstimator
 from hdl.geometry.estimator_states import ESTIMATOR_SETTINGS
 from hdl.geometry.match_gain import PAIR
 from hdl.geometry.ordering import FRAME_MATCH
-from hdl.geometry.scoring import HomographyScoring
 from hdl.lib.component import Component
 from hdl.lib.views import view_signal
-from hdl.streams import WordPayload, record_layout, words
+from hdl.streams import WordPayload, record_layout
 
 RECORD_WORDS = HOMOGRAPHY.record_bytes // WORD_BYTES
-
-
-class RecordScoring(wiring.Component):
-    """`HomographyScoring` with records in and out, as an AXI DMA moves them.
-
-    Every packet of matches replaces the stored set: the kept matches of a good frame. A packet that is cut, holds
-    anything else or ends with a bad status leaves an empty set, so that no score comes from it. Hypotheses wait while
-    a packet of matches is under way, and matches wait, at most as many clocks as there are matches, while a hypothesis
-    is read through.
-
-    Every hypothesis is answered by one Score record with its number, and with the number of the frame whose matches
-    scored it, since one that comes late meets the next set. ``last`` comes with the score of the hypothesis that had
-    it. A record that is cut, or not a hypothesis, is answered with `ScoreCause.INVALID_RECORD`.
-
-    A hypothesis takes max(N, 6) clocks with N matches, see `HomographyScoring`.
-    """
-
-    i_matches: In(stream.Signature(WordPayload))
-    """Match records and a FrameStatus: the matcher's output."""
-    i_hypotheses: In(stream.Signature(WordPayload))
-    """`golden_model.records.HYPOTHESIS`, any number in a packet."""
-    o: Out(stream.Signature(WordPayload))
-    """`golden_model.records.SCORE`."""
-    o_scored: Out(1)
-    """The last word of an answer with a score leaves in this clock."""
-    o_refused: Out(1)
-    """The last word of an answer with causes instead leaves in this clock."""
-
-    def __init__(self, *, max_matches: int = MAX_MATCHES) -> None:
-        self._scoring = HomographyScoring(max_matches=max_matches)
-        super().__init__()
-
-    def elaborate(self, platform: object) -> Module:
-        """Words to records, the scoring, records to words."""
-        m = Module()
-        m.submodules.scoring = self._scoring
-        self._take_matches(m)
-        self._take_hypotheses(m)
-        self._send_scores(m)
-        return m
-
-    def _take_matches(self, m: Module) -> None:
-        m.submodules.kept = kept = KeptMatches()
-        wiring.connect(m, wiring.flipped(self.i_matches), kept.i)
-        taken, stored = kept.o.payload, self._scoring.i_matches
-        # A bad packet ends twice; the second end is that of an empty set.
-        ends_again = Signal()
-        m.d.comb += [
-            stored.valid.eq(kept.o.valid),
-            stored.payload.ends.eq(taken.ends),
-            stored.payload.frame.eq(Mux(taken.frame.good, taken.frame.frame, 0)),
-            stored.payload.match.eq(taken.match),
-            kept.o.ready.eq(stored.ready & (~taken.ends | taken.frame.good | ends_again)),
-        ]
-        with m.If(kept.o.valid & taken.ends & stored.ready):
-            m.d.sync += ends_again.eq(~taken.frame.good & ~ends_again)
-        # From the first word of a packet to its last record.
-        under_way = Signal()
-        with m.If(self.i_matches.valid & self.i_matches.ready):
-            m.d.sync += under_way.eq(1)
-        with m.Elif(kept.o.valid & kept.o.ready & taken.ends):
-            m.d.sync += under_way.eq(0)
-        m.d.comb += self._scoring.i_hold.eq(under_way | self.i_matches.valid)
-
-    def _take_hypotheses(self, m: Module) -> None:
-        m.submodules.hypothesis_record = record = RecordCollector(record=HYPOTHESIS)
-        wiring.connect(m, wiring.flipped(self.i_hypotheses), record.i)
-        taken, proposed = record.o.payload, self._scoring.i_hypotheses
-        sent = data.View(record_layout(HYPOTHESIS), taken.record)
-        m.d.comb += [
-            proposed.valid.eq(record.o.valid),
-            proposed.payload.number.eq(sent.number),
-            proposed.payload.last.eq(taken.last),
-            proposed.payload.invalid.eq(taken.cut | (sent.tag != Tag.HYPOTHESIS)),
-            *(element.eq(sent[name]) for element, name in zip(proposed.payload.elements, ELEMENTS, strict=True)),
-            record.o.ready.eq(proposed.ready),
-        ]
-
-    def _send_scores(self, m: Module) -> None:
-        score = view_signal(record_layout(SCORE))
-        scored = self._scoring.o
-        low, high = words(score)
-        is_high = Signal()
-        m.d.comb += [
-            score.tag.eq(Tag.SCORE),
-            *(score[name].eq(scored.payload[name]) for name in ("causes", "number", "support", "score", "frame")),
-            self.o.valid.eq(scored.valid),
-            self.o.payload.data.eq(Mux(is_high, high, low)),
-            self.o.payload.last.eq(is_high & scored.payload.last),
-            scored.ready.eq(self.o.ready & is_high),
-            self.o_scored.eq(scored.valid & scored.ready & ~scored.payload.causes.any()),
-            self.o_refused.eq(scored.valid & scored.ready & scored.payload.causes.any()),
-        ]
-        with m.If(self.o.valid & self.o.ready):
-            m.d.sync += is_high.eq(~is_high)
 
 
 class RecordEstimator(wiring.Component):

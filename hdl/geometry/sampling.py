@@ -6,9 +6,9 @@ from amaranth import Array, Cat, Const, Module, Mux, Signal, Value, unsigned
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from golden_model.geometry.estimator import MAX_MATCHES
 from golden_model.geometry.program import LANES
 from golden_model.geometry.sampling import DRAW_BITS, RANDOM_BITS, SAMPLE, SHARE_BITS, SHARES, SHIFTS, STEPS
-from golden_model.geometry.scoring import MAX_MATCHES
 from hdl.lib.delay import delayed
 from hdl.lib.multiplier import Multiplier
 

@@ -6,8 +6,9 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import POSITION, WEIGHT
 from golden_model.geometry.acceptance import CELLS, INLIER_GAIN
+from golden_model.geometry.estimator import MAX_MATCHES
+from golden_model.geometry.match_gain import LEVELS
 from golden_model.geometry.refit import MAX_INLIERS
-from golden_model.geometry.scoring import LEVELS, MAX_MATCHES
 from hdl.geometry.match_gain import HYPOTHESIS, PRODUCT_CYCLES, WEIGHED_PAIR, MatchGain
 from hdl.geometry.sampling import COUNT
 from hdl.lib.delay import delayed
@@ -21,7 +22,7 @@ AXIS_BITS = (CELLS - 1).bit_length()
 class Sweep(wiring.Component):
     """Sums of a homography's gains over all matches, one match per clock.
 
-    Results stay until the next start. The score equals that of `golden_model.geometry.scoring.score`.
+    Results stay until the next start. The score equals that of `golden_model.geometry.estimator.FrameMatches.score`.
     """
 
     i_start: In(1)

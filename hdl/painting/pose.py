@@ -6,7 +6,7 @@ from amaranth import Array, Cat, Const, Module, Mux, Signal, Value, signed
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.geometry.scoring import ENTRY
+from golden_model.geometry.fixed_point import ENTRY
 from golden_model.painting.pose import ELEMENT, MAX_LINKS, MIN_DETERMINANT, POSE, SUM_SHIFT, PoseCause
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory

@@ -4,7 +4,7 @@ from amaranth import Module, Mux, Signal, signed
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.geometry.scoring import ENTRY
+from golden_model.geometry.fixed_point import ENTRY
 from golden_model.painting.pose import POSE, SUM_SHIFT
 from hdl.lib.add_subtract import add_or_subtract
 

@@ -119,7 +119,7 @@ PAINTER_REGISTERS = (
     *(
         Register(
             name.upper(), 0x200 + 4 * n, "An element, in two's complement.",
-            new_setting(name, 0, WORD_VALUES, "As in a Hypothesis record."),
+            new_setting(name, 0, WORD_VALUES, "As in a Homography record."),
         )
         for n, name in enumerate(POSE_ELEMENTS)
     ),

@@ -128,8 +128,6 @@ SHELL_REGISTERS = (
         "SHELL_IRQ_MASK", 0x128, "Which events of the shell interrupt.",
         *masks("frames_ready", "frame_dropped", "camera_stops", "memory_error"),
     ),
-    status_word("SCORED", 0x12C, "Scored hypotheses.", "Since reset."),
-    status_word("UNSCORED", 0x130, "Hypotheses without a score.", "Since reset; the answer to each has the causes."),
     *_ring_registers("features", 0x140),
     *_ring_registers("matches", 0x160),
 )  # fmt: skip

@@ -1,29 +1,26 @@
 """The camera build: from a camera to packets of features, matches and homographies in memory, without software."""
 
 from amaranth import ClockDomain, ClockSignal, Const, Module, ResetInserter, Signal
-from amaranth.lib import stream, wiring
+from amaranth.lib import wiring
 from amaranth.lib.cdc import ResetSynchronizer
 from amaranth.lib.wiring import In, Out
 
-from golden_model.geometry.scoring import MAX_MATCHES
 from hdl.accelerator import Accelerator, longest_packets
 from hdl.axi.axi_lite import AXI_LITE
 from hdl.axi.axi_read import AXI_READ
 from hdl.axi.axi_write import AXI_WRITE
-from hdl.axi.flat_ports import FlatTop, bus_pins, packet_pins, stream_pins
+from hdl.axi.flat_ports import FlatTop, bus_pins
 from hdl.axi.video_input import VideoPayload
 from hdl.build import Build
-from hdl.geometry.records import RecordScoring
 from hdl.shell.camera import RESERVE_PX
 from hdl.shell.painting import PORTS, Painting
 from hdl.shell.shell import Shell
-from hdl.streams import WordPayload
 
 FIFO_WORDS = 512
 
 
 class CameraAccelerator(wiring.Component):
-    """`Accelerator` in a `Shell`, for a build with the shell ``camera``, and scoring by the newest frame's matches.
+    """`Accelerator` in a `Shell`, for a build with the shell ``camera``.
 
     The camera's pixels are in the domain ``camera``, everything else in ``sync``.
     """
@@ -48,10 +45,6 @@ class CameraAccelerator(wiring.Component):
     """Tiles of the canvas before a frame."""
     new_tiles: Out(AXI_WRITE)
     """And behind it."""
-    i_hypotheses: In(stream.Signature(WordPayload))
-    """Packets of Hypothesis records, see `RecordScoring`."""
-    o_scores: Out(stream.Signature(WordPayload))
-    """Packets of Score records."""
     control: In(AXI_LITE)
     """`hdl.registers.shell_register_map.list_registers`."""
     o_interrupt: Out(1)
@@ -74,7 +67,6 @@ class CameraAccelerator(wiring.Component):
             fifo_words=FIFO_WORDS,
             painting=self._painting,
         )
-        self._scoring = RecordScoring(max_matches=min(build.config.front_end.max_features, MAX_MATCHES))
         super().__init__()
 
     def elaborate(self, platform: object) -> Module:
@@ -94,7 +86,6 @@ class CameraAccelerator(wiring.Component):
         if self._painting is not None:
             for port in PORTS:
                 wiring.connect(m, getattr(self._painting, port), wiring.flipped(getattr(self, port)))
-        self._score(m, reset)
         m.d.comb += [
             inner.i_reset.eq(self.i_reset),
             shell.i_camera_valid.eq(self.i_camera_valid),
@@ -102,20 +93,6 @@ class CameraAccelerator(wiring.Component):
             self.o_interrupt.eq(inner.o_interrupt),
         ]
         return m
-
-    def _score(self, m: Module, reset: Signal) -> None:
-        """Connect the scoring to the matches that the ring takes, and count its answers."""
-        m.submodules.scoring = ResetInserter(reset)(self._scoring)
-        scoring, registers = self._scoring, self.accelerator.registers
-        wiring.connect(m, self._shell.o_matches, scoring.i_matches)
-        wiring.connect(m, wiring.flipped(self.i_hypotheses), scoring.i_hypotheses)
-        wiring.connect(m, scoring.o, wiring.flipped(self.o_scores))
-        counters = ((registers.i_scored, scoring.o_scored), (registers.i_unscored, scoring.o_refused))
-        for count, happens in counters:
-            with m.If(reset):
-                m.d.sync += count.eq(0)
-            with m.Elif(happens):
-                m.d.sync += count.eq(count + 1)
 
 
 class CameraTop(FlatTop):
@@ -135,8 +112,6 @@ class CameraTop(FlatTop):
         Only with a painter.
     m_axi_windows_*, m_axi_old_tiles_* : AXI4, reads only
         Only with a painter.
-    s_axis_hypotheses_*, m_axis_scores_* : AXI4-Stream
-        64 bits wide, for a DMA.
     s_axi_ctrl_* : AXI4-Lite
     interrupt : Out(1)
         Active high, level.
@@ -145,7 +120,7 @@ class CameraTop(FlatTop):
     def __init__(self, build: Build) -> None:
         self.core = core = CameraAccelerator(build)
         self._reset_n = Signal(name="reset_n")
-        camera, hypotheses = core.i_camera, core.i_hypotheses
+        camera = core.i_camera
         super().__init__(
             {
                 "aclk": (In(1), ClockSignal()),
@@ -156,8 +131,6 @@ class CameraTop(FlatTop):
                 "s_axis_video_tlast": (In(1), camera.last),
                 "s_axis_video_tvalid": (In(1), core.i_camera_valid),
                 "s_axis_video_tready": (Out(1), Const(1)),
-                **stream_pins("s_axis_hypotheses", hypotheses, In, tdata=hypotheses.payload.data),
-                **packet_pins("m_axis_scores", core.o_scores),
                 **bus_pins("s_axi_ctrl", core.control),
                 **{
                     name: pin

@@ -52,8 +52,6 @@ class Shell(wiring.Component):
     """From the accelerator: a packet for every frame of ``o_video``."""
     i_homographies: In(stream.Signature(WordPayload))
     """From the accelerator: a packet for every frame of ``o_video``; unused without this ring."""
-    o_matches: Out(stream.Signature(WordPayload))
-    """Every word of ``i_matches``, when the ring takes it, too; its ready must not depend on its valid."""
     features: Out(AXI_WRITE)
     """The ring of features in memory."""
     matches: Out(AXI_WRITE)
@@ -158,15 +156,13 @@ class Shell(wiring.Component):
 
     def _ring(self, m: Module, ring: str, time: Value, forgets: Value) -> tuple[Value, Value]:
         """Add a ring; returns whether it has room for another frame, and the faults of its settings (`Refusal`)."""
-        writer, gate = self.rings[ring], self._gate
+        writer, gate, painting = self.rings[ring], self._gate, self._painting
         m.submodules[ring] = writer
         m.submodules[f"{ring}_infos"] = infos = ResetInserter(forgets)(
             fifo.SyncFIFO(width=FRAME_INFO.size, depth=MAX_IN_FLIGHT)
         )
-        # The matches also go to the scoring, and the homographies to the painter.
-        taps = (self.o_matches,) if ring == "matches" else ()
-        if ring == "homographies" and self._painting is not None:
-            taps = (self._painting.i_homographies,)
+        # The homographies also go to the painter.
+        taps = (painting.i_homographies,) if ring == "homographies" and painting is not None else ()
         fork(m, getattr(self, f"i_{ring}"), writer.i, *taps)
         wiring.connect(m, writer.bus, wiring.flipped(getattr(self, ring)))
         enable = getattr(self._registers, f"o_{ring}_enable")

@@ -1,6 +1,5 @@
 """The camera build in a simulation: a camera with its own clock, a memory that waits and fails, a bus for the host."""
 
-import ctypes
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,11 +11,9 @@ from sim.backends.interface import Progress, silent
 from sim.benches.memory import BASE, MemoryBench, MemoryRules
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
-from sim.simulators.compiled import ADDRESS, COMMON_FUNCTIONS, WIDE, WORD, WORDS
+from sim.simulators.compiled import COMMON_FUNCTIONS, WIDE, WORD, WORDS
 
 WAIT_CLOCKS = 20_000
-POLL_CLOCKS = 500
-MAX_SCORING_CLOCKS = 5_000_000
 HARNESS = verilator.HARNESS / "camera.cpp"
 
 
@@ -86,32 +83,6 @@ class CameraBench(MemoryBench):
 
     flush = invalidate
 
-    def exchange(self, sent: NDArray[np.uint8], length_bytes: int, received: NDArray[np.uint8]) -> int:
-        """Send ``length_bytes`` of hypotheses as a packet, and receive their scores; returns the length of the scores.
-
-        Raises
-        ------
-        TimeoutError
-            If the scores do not come.
-        """
-        self.send_hypotheses(np.array(sent[:length_bytes]).view(np.uint64))
-        for _ in range(MAX_SCORING_CLOCKS // POLL_CLOCKS):
-            self.run(POLL_CLOCKS)
-            scores = self.take_scores()
-            if scores is not None:
-                received[: scores.size] = scores
-                return int(scores.size)
-        raise TimeoutError(f"no scores in {MAX_SCORING_CLOCKS} clocks")
-
-    def send_hypotheses(self, words: NDArray[np.uint64], *, ends: bool = True) -> None:
-        """Send words of hypotheses, the last of which may end their packet."""
-        self.call("hypotheses", words.ctypes.data, words.size, ends)
-
-    def take_scores(self) -> NDArray[np.uint8] | None:
-        """The oldest packet of scores that has come whole."""
-        words = self.words("scores")
-        return words.view(np.uint8) if words.size else None
-
     def wait(self, seconds: float) -> None:
         """Run for a while, whatever ``seconds`` says: simulated time is not that of the host."""
         self.run(WAIT_CLOCKS)
@@ -121,8 +92,6 @@ _FUNCTIONS = {
     **COMMON_FUNCTIONS,
     "timing": (None, *[WORD] * 5),
     "run": (None, WIDE),
-    "hypotheses": (None, ADDRESS, WIDE, ctypes.c_int),
-    "scores": (WIDE, WORDS),
     "last_pixels": (WIDE, WORDS),
     "open_bursts": (WIDE,),
 }

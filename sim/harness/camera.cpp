@@ -1,6 +1,6 @@
 // Runs the camera build between a camera with its own clock, a memory that waits and fails at random, and a host.
 //
-// The host is in Python: it reads memory, registers and scores, and sends hypotheses, between calls of camera_run().
+// The host is in Python: it reads memory and registers between calls of camera_run().
 // ports.hpp, generated for each design, names the ports to memory: WRITERS(X) and READERS(X).
 
 #include <array>
@@ -14,15 +14,6 @@
 namespace {
 
 constexpr int RESET_CYCLES = 8;
-
-// The DMA of hypotheses and scores: it pauses as often as the memory.
-struct Scoring {
-    std::deque<std::pair<uint64_t, bool>> hypotheses;  // words, and whether each ends its packet
-    std::deque<std::vector<uint64_t>> scores{1};       // packets; the last one is on its way
-    std::vector<uint64_t> taken;                       // the packet that the host reads
-    Offer offer;
-    bool valid = false, ready = false;
-};
 
 struct Frame {
     const uint8_t *pixels;  // gray, or blue, green, red
@@ -45,7 +36,6 @@ struct Bench {
     Memory memory;
     std::array<WritePort, 0 WRITERS(ONE)> writers;
     std::array<ReadPort, 0 READERS(ONE)> readers;
-    Scoring scoring;
     Camera camera;
 
     Bench() {
@@ -65,13 +55,6 @@ struct Bench {
     void settle() {
         WRITERS(DRIVE_WRITER)
         READERS(DRIVE_READER)
-        // What is offered stays until it is taken.
-        scoring.valid = !scoring.hypotheses.empty() && (scoring.valid || memory.accepts());
-        scoring.ready = memory.accepts();
-        SET(s_axis_hypotheses_tvalid, scoring.valid);
-        SET(s_axis_hypotheses_tdata, scoring.valid ? scoring.hypotheses.front().first : 0);
-        SET(s_axis_hypotheses_tlast, scoring.valid && scoring.hypotheses.front().second);
-        SET(m_axis_scores_tready, scoring.ready);
         SET(video_aclk, 0);
         model.settle();
     }
@@ -79,7 +62,6 @@ struct Bench {
     void edge() {
         WRITERS(TAKE_WRITER)
         READERS(TAKE_READER)
-        exchange();
         model.edge();
         memory.cycle++;
         // The camera's edges lie behind the others: its clock is asynchronous.
@@ -91,19 +73,6 @@ struct Bench {
                 SET(video_aclk, 0);
                 model.top.eval();
             }
-        }
-    }
-
-    void exchange() {
-        const bool scored = GET(m_axis_scores_tvalid);
-        scoring.offer.hold(memory, scored, scoring.ready, GET(m_axis_scores_tdata), GET(m_axis_scores_tlast));
-        if (scored && scoring.ready) {
-            scoring.scores.back().push_back(GET(m_axis_scores_tdata));
-            if (GET(m_axis_scores_tlast)) scoring.scores.emplace_back();
-        }
-        if (scoring.valid && GET(s_axis_hypotheses_tready)) {
-            scoring.hypotheses.pop_front();
-            scoring.valid = false;
         }
     }
 
@@ -177,18 +146,6 @@ void camera_run(Bench *bench, uint64_t clocks) {
 int camera_write(Bench *bench, uint32_t address, uint32_t data) { return write_register(*bench, address, data); }
 int camera_read(Bench *bench, uint32_t address, uint32_t *data) { return read_register(*bench, address, data); }
 void camera_reset(Bench *bench) { bench->reset(); }
-void camera_hypotheses(Bench *bench, const uint64_t *words, uint64_t count, int ends) {
-    for (uint64_t i = 0; i < count; i++) bench->scoring.hypotheses.push_back({words[i], ends && i == count - 1});
-}
-// The oldest whole packet of scores, or 0 words.
-uint64_t camera_scores(Bench *bench, const uint64_t **words) {
-    Scoring &scoring = bench->scoring;
-    if (scoring.scores.size() == 1) return 0;
-    scoring.taken = std::move(scoring.scores.front());
-    scoring.scores.pop_front();
-    *words = scoring.taken.data();
-    return scoring.taken.size();
-}
 uint64_t camera_open_bursts(Bench *bench) { return bench->open_bursts(); }
 uint64_t camera_cycle(const Bench *bench) { return bench->memory.cycle; }
 uint64_t camera_violations(const Bench *bench) { return bench->memory.violations; }

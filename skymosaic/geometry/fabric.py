@@ -8,7 +8,7 @@ from golden_model.config import EstimatorConfig
 from golden_model.formats import POSITION
 from golden_model.geometry.estimator import FrameMatches
 from golden_model.geometry.estimator import estimate as estimate_in_integers
-from golden_model.geometry.scoring import homography_elements
+from golden_model.geometry.fixed_point import homography_elements
 
 UNITS_PX = np.array([1 << POSITION.integer_bits, 1 << POSITION.integer_bits, 1])
 """Units of left and right homogeneous coordinates in the elements of the hardware, px."""

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bench.seams import DELAY, STEP_PX, find_owners, find_seams, place_frames
-from golden_model.geometry.scoring import quantise
+from golden_model.geometry.fixed_point import quantise
 from golden_model.records import HOMOGRAPHY
 from sim.scene import Camera
 

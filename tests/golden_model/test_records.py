@@ -7,9 +7,8 @@ import pytest
 
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.geometry.estimator import EstimateCause
-from golden_model.geometry.scoring import ScoreCause
 from golden_model.painting.pose import PoseCause
-from golden_model.records import FRAME_STATUS, HOMOGRAPHY, HYPOTHESIS, MATCH, SCORE, Cause, Record, Tag
+from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, Cause, Record
 
 FEATURES = [p.record for p in PATTERNS.values()]
 
@@ -32,8 +31,6 @@ _ELEMENTS = "h00:32 h01:32 h02:32 h10:32 h11:32 h12:32 h20:32 h21:32 h22:32"
             FRAME_STATUS, 3, 24, "good:1 causes:16 frame:32 width:16 height:16 features:16 matches:16 kept:16 "
             "threshold:15 cycles:32",
         ),
-        (HYPOTHESIS, 4, 40, f"reserved:8 number:16 {_ELEMENTS}"),
-        (SCORE, 5, 16, "causes:8 number:16 support:32 score:32 frame:32"),
         (
             HOMOGRAPHY, 6, 64, "causes:8 inliers:16 frame:32 score:32 support:32 cycles:32 cells:16 reference:16 "
             f"{_ELEMENTS}",
@@ -48,19 +45,16 @@ def test_records_are_those_that_hosts_read(record: Record, tag: int, length_byte
 @pytest.mark.parametrize(
     ("kind", "names"),
     [
-        (Tag, "feature match frame_status hypothesis score homography"),
         (Cause, "short_line long_line early_end missing_start too_many_features invalid_settings cleared"),
         (
             EstimateCause,
             "bad_frame too_few_matches too_many_matches invalid_settings no_hypothesis too_few_inliers too_few_cells",
         ),
-        (ScoreCause, "out_of_range not_normalised no_matches too_many_matches invalid_record"),
         (PoseCause, "out_of_range singular unknown_reference unanchored"),
     ],
 )
-def test_tags_count_from_1_and_each_cause_has_a_bit(kind: type[enum.IntEnum] | type[enum.IntFlag], names: str) -> None:
-    flags = issubclass(kind, enum.IntFlag)
-    expected = {name: 1 << n if flags else n + 1 for n, name in enumerate(names.split())}
+def test_each_cause_has_a_bit(kind: type[enum.IntFlag], names: str) -> None:
+    expected = {name: 1 << n for n, name in enumerate(names.split())}
     assert {name.lower(): int(value) for name, value in kind.__members__.items()} == expected
 
 

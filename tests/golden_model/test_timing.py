@@ -10,8 +10,7 @@ import pytest
 from golden_model import timing
 from golden_model.config import Config, EstimatorConfig, FrontEndConfig, MatcherConfig
 from golden_model.feature.ilbp import PATTERNS
-from golden_model.geometry.estimator import CYCLES, MAX_CYCLES
-from golden_model.geometry.scoring import MAX_MATCHES
+from golden_model.geometry.estimator import CYCLES, MAX_CYCLES, MAX_MATCHES
 from golden_model.matching import rule_bases
 from golden_model.timing import FrameWork, Latencies, steady_pace, timelines
 from hdl.lib.skid_buffer import SkidBuffer

@@ -1,7 +1,6 @@
 """The whole camera build: camera, accelerator, estimator, memory and reader; delivered frames equal the model."""
 
 import dataclasses
-import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,7 +9,6 @@ import pytest
 
 from golden_model.config import PRESETS, Config, EstimatorConfig
 from golden_model.front_end import extract
-from golden_model.geometry.scoring import ScoreCause, answers, quantise
 from hdl.build import BUILDS
 from hdl.settings import REQUESTED, matched_frame_settings
 from sim.backends.golden import add_matches
@@ -34,7 +32,6 @@ pytestmark = pytest.mark.slow
 def reader() -> Iterator[Any]:
     """The exported reader, with the map of this build."""
     with host_programs(BUILD) as load:
-        load("skymosaic_scores")
         yield load("skymosaic_rings")
 
 
@@ -90,37 +87,6 @@ def test_a_host_that_pauses_loses_frames_that_are_reported(reader: Any) -> None:
     assert sum(len(matches) for *_, matches, _ in delivered) > 50
     assert sum(homography["causes"] == 0 for *_, homography in delivered) > 3
     assert (bench.violations, rings.damaged, rings.registers.read("lost_homographies")) == (0, 0, 0)
-    bench.close()
-
-
-def test_hypotheses_are_scored_by_the_newest_frame_while_the_camera_runs(reader: Any) -> None:
-    """Those that are out of range are answered with their cause, and counted."""
-    bench, rings = opened(reader, waits=60, latency_clocks=60, seed=5)
-    scorer, rng = sys.modules["skymosaic_scores"].Scorer(bench), np.random.default_rng(1)
-    bench.show(*views(5))
-    matches, scored = {}, []
-    while (frame := rings.next_frame(0.05)) is not None:
-        matches[int(frame.match_status["frame"])] = frame.matches.copy()
-        homographies = np.eye(3) + rng.normal(size=(6, 3, 3)) * [[1e-3, 1e-3, 3], [1e-3, 1e-3, 3], [1e-6, 1e-6, 0]]
-        hypotheses = quantise(homographies)
-        np.testing.assert_array_equal(sys.modules["skymosaic_scores"].quantise(homographies), hypotheses)
-        hypotheses[2, 0, 1] = 1 << 24
-        hypotheses[3] >>= 2
-        scored.append((hypotheses, scorer.score_integers(hypotheses)))
-        rings.release()
-    for hypotheses, found in scored:
-        # The packet of one frame may end between two hypotheses.
-        for each in np.unique(found["frame"]):
-            mine = found["frame"] == each
-            np.testing.assert_array_equal(found[mine], answers(hypotheses, matches[int(each)], each)[mine])
-    causes = np.concatenate([found["causes"] for _, found in scored])
-    assert (causes == 0).sum() >= 4 * (len(scored) - 1)
-    assert {int(ScoreCause.OUT_OF_RANGE), int(ScoreCause.NOT_NORMALISED)} <= set(causes.tolist())
-    counts = rings.counts()
-    assert (counts["scored"], counts["unscored"]) == ((causes == 0).sum(), (causes != 0).sum())
-    assert bench.violations == 0
-    with pytest.raises(sys.modules["skymosaic_registers"].AcceleratorError, match="homography 0 is zero"):
-        scorer.score(np.zeros((1, 3, 3)))
     bench.close()
 
 

@@ -66,15 +66,14 @@ def test_verilator_finds_nothing_but_what_is_allowed(folder: Path) -> None:
         "skymosaic_rings.py",
         "skymosaic_map.py",
         "skymosaic_registers.py",
-        "skymosaic_scores.py",
     }
     assert "not yet run" in (folder / "README.md").read_text().lower()
 
 
 @pytest.mark.slow
 @pytest.mark.needs("icarus")
-@pytest.mark.parametrize("fault", ["", "m_axi_features_w", "m_axi_matches_aw", "m_axis_scores_t"])
-def test_the_bench_compares_every_burst_and_score(folder: Path, tmp_path: Path, fault: str) -> None:
+@pytest.mark.parametrize("fault", ["", "m_axi_features_w", "m_axi_matches_aw"])
+def test_the_bench_compares_every_burst(folder: Path, tmp_path: Path, fault: str) -> None:
     """It passes, and fails where an expected word is another one."""
     told = run_bench(folder, tmp_path, fault)
     assert told.startswith(f"FAIL: {fault} answer 0" if fault else "PASS"), told

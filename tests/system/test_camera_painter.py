@@ -9,7 +9,7 @@ import pytest
 
 from golden_model.arrays import Pixels
 from golden_model.config import EstimatorConfig
-from golden_model.geometry.scoring import quantise
+from golden_model.geometry.fixed_point import quantise
 from golden_model.painting import painter as golden
 from golden_model.painting.pose import Placement, Poses, placement_of
 from golden_model.painting.tiles import TILE_PX

@@ -33,7 +33,7 @@ from tests.hdl.painting import test_painter
 Recorder = Callable[[str, object], None]
 
 pytestmark = [pytest.mark.needs("icarus"), pytest.mark.needs("compiler")]
-COMPILED = ("harris", "corners", "ilbp", "matcher", "scoring", "homography", "accelerator")
+COMPILED = ("harris", "corners", "ilbp", "matcher", "homography", "accelerator")
 """Simulated by Verilator: Icarus takes minutes or hours."""
 QUICK = "half", "ecp5"
 """The others are slow tests: what any block becomes on xc7 takes Yosys half a minute."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from golden_model.geometry.scoring import quantise
+from golden_model.geometry.fixed_point import quantise
 from golden_model.painting import painter as golden
 from golden_model.painting.pose import Placement, Poses, placement_of
 from hdl.settings import REQUESTED, matched_frame_settings

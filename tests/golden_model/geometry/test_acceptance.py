@@ -3,7 +3,7 @@
 import numpy as np
 
 from golden_model.geometry.acceptance import INLIER_GAIN, count_cells
-from golden_model.geometry.scoring import LEVELS, TOLERANCE_PX
+from golden_model.geometry.match_gain import LEVELS, TOLERANCE_PX
 
 
 def test_cells_are_eighths_of_the_frame() -> None:

@@ -11,6 +11,7 @@ from golden_model.geometry import programs
 from golden_model.geometry.estimator import (
     CYCLES,
     MAX_CYCLES,
+    MAX_MATCHES,
     MAX_REFITTED_OFTEN,
     REFIT_MARGIN_LOG2,
     SEARCH_CYCLES,
@@ -23,7 +24,6 @@ from golden_model.geometry.estimator import (
 from golden_model.geometry.program import LANES
 from golden_model.geometry.refit import BANDS, MAX_INLIERS
 from golden_model.geometry.sampling import STEPS
-from golden_model.geometry.scoring import MAX_MATCHES
 from golden_model.geometry.solving import MIN_CHECKED_EXPONENT
 from sim.scene import make_pair
 from skymosaic import register

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from golden_model.geometry.floating import Floats
+from golden_model.geometry.match_gain import LEVELS, TOLERANCE_PX
 from golden_model.geometry.program import Value, constants, held
 from golden_model.geometry.refit import BANDS, SUMS, factors, solve_sums
-from golden_model.geometry.scoring import LEVELS, TOLERANCE_PX
 from skymosaic.geometry.homography import apply, transfer_error
 from tests.golden_model.geometry.execution import to_real
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from golden_model.geometry.scoring import ENTRY, quantise
+from golden_model.geometry.fixed_point import ENTRY, quantise
 from golden_model.painting.pose import POSE, UNIT_LOG2
 
 

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from golden_model.arrays import Matrix
-from golden_model.geometry.scoring import quantise
+from golden_model.geometry.fixed_point import quantise
 from golden_model.painting.blending import FADE
 from golden_model.painting.painter import Painter
 from golden_model.painting.pose import Placement, Poses

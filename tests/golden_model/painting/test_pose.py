@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from golden_model.geometry.scoring import ENTRY, quantise
+from golden_model.geometry.fixed_point import ENTRY, quantise
 from golden_model.painting.pose import POSE, Placement, PoseCause, Poses, compose, determinant
 from tests.golden_model.painting.poses import homography, in_pixels, pose
 

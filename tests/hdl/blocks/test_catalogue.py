@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from golden_model.matching import rule_bases
-from golden_model.records import HOMOGRAPHY, MATCH, SCORE, WORD_BYTES, Record
+from golden_model.records import HOMOGRAPHY, MATCH, WORD_BYTES, Record
 from hdl.blocks.catalogue import CATALOGUE, CONFIG
 from hdl.blocks.vectors import Row
 from tests.hdl.blocks.vector_bench import compare
@@ -42,11 +42,6 @@ def test_vectors_of_the_matcher_have_kept_and_rejected_matches() -> None:
     matches = records(rows[record_words:-record_words], "o_matches", MATCH)
     assert len(matches) > 20
     assert set(matches["verdict"].tolist()) == {0, 1}
-
-
-def test_vectors_of_scoring_have_homographies_with_and_without_a_score() -> None:
-    scores = records(list(CATALOGUE["scoring"]().outputs["o"]), "o", SCORE)
-    assert {0, 1} <= {int(score > 0) for score in scores["support"]}
 
 
 def test_vectors_of_the_estimator_have_a_homography() -> None:

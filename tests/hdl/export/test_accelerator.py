@@ -143,7 +143,7 @@ def test_a_camera_build_has_all_its_files(tmp_path: Path, monkeypatch: pytest.Mo
     bench, core = (f"{folder}/skymosaic_camera{suffix}.v" for folder, suffix in (("sim", "_tb"), ("rtl", "")))
     vectors = set(re.findall(r"(\w+\.hex)", (tmp_path / bench).read_text()))
     assert len(vectors) > 10
-    drivers = ("map", "painter", "registers", "rings", "scores")
+    drivers = ("map", "painter", "registers", "rings")
     assert found == {
         "README.md", "constraints/skymosaic_camera.xdc", "registers/register_map.md", "registers/skymosaic.svd",
         "registers/skymosaic_registers.h", "skymosaic_camera.core", bench, core, *(f"sim/{name}" for name in vectors),

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from golden_model.geometry.scoring import gain
+from golden_model.geometry.match_gain import gain
 from hdl.geometry.match_gain import PAIR, MatchGain
 from tests.hdl.drivers import run_clocks
-from tests.hdl.geometry.scoring_bench import extreme_hypotheses, extreme_matches, matches, near_truth
+from tests.hdl.geometry.match_cases import extreme_hypotheses, extreme_matches, matches, near_truth
 
 
 def test_gains_equal_the_golden_model() -> None:

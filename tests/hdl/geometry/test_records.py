@@ -1,6 +1,7 @@
 # amaranth: UnusedElaboratable=no
-"""Scoring behind records: packets in, packets out; whatever is broken is answered, and never with a score."""
+"""The estimator behind records: packets in, packets out; whatever is broken ends a frame that is not good."""
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -10,18 +11,12 @@ from numpy.typing import NDArray
 from golden_model.config import EstimatorConfig
 from golden_model.geometry import estimator
 from golden_model.geometry.estimator import FrameMatches, estimate, homography_record
-from golden_model.geometry.scoring import ScoreCause, hypothesis_records, quantise
-from golden_model.geometry.scoring import answers as golden_answers
-from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, SCORE, Tag
+from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, Tag
 from hdl.blocks.vectors import packet, padded_status
-from hdl.geometry.records import RecordEstimator, RecordScoring
-from sim.simulators.recording import NO_PAUSES, Pauses
+from hdl.geometry.records import KeptMatches, RecordEstimator
+from sim.simulators.recording import Pauses
 from tests.hdl.block_bench import BlockBench
-from tests.hdl.drivers import run_streams
 
-HYPOTHESES = quantise(np.eye(3) + np.random.default_rng(1).normal(size=(3, 3, 3)) * 1e-4)
-# Where the second record is cut after three words, this byte stands where its tag would be.
-HYPOTHESES[0, 1, 2] = HYPOTHESES[0, 1, 2] & ~0xFF | Tag.HYPOTHESIS
 CUT_WORDS = 3
 
 
@@ -45,103 +40,49 @@ def status(good: int = 1, frame: int = 0) -> NDArray[np.void]:
     return padded_status(record, MATCH.record_bytes)
 
 
-def expected(records: NDArray[np.void], frame: int = 0) -> list[dict[str, int]]:
-    """The words of the scores by the kept ones of the matches."""
-    return packet(golden_answers(HYPOTHESES, records, frame))
-
-
-def refused(cause: ScoreCause, frame: int = 0) -> list[dict[str, int]]:
-    records = golden_answers(HYPOTHESES, np.zeros(0, MATCH.dtype), frame)
-    records["score"], records["support"], records["causes"] = 0, 0, cause
-    return packet(records)
-
-
-def answers(
-    steps: list[tuple[str, list[dict[Any, Any]]]], *, max_matches: int = 32, pauses: Pauses = NO_PAUSES
-) -> list[dict[str, int]]:
-    """For each step, a port and the words to send to it, after the answers to the step before: all that came back."""
-    dut = RecordScoring(max_matches=max_matches)
-    bench = BlockBench(dut, pauses=pauses, cycle_limit=20_000)
-    received: list[Any] = []
-
-    async def send(ctx: Any) -> None:
-        for port, words in steps:
-            before = len(received)
-            for word in words:
-                await bench.stream_put(ctx, getattr(dut, port), word)
-            while port == "i_hypotheses" and not any(word["last"] for word in received[before:]):
-                await ctx.tick()
-
-    async def receive(ctx: Any) -> None:
-        while True:
-            word = await bench.stream_get(ctx, dut.o)
-            received.append({"data": word.data, "last": word.last})
-
-    bench.run(send, background=(receive,))
-    return received
-
-
-def test_kept_matches_score_every_hypothesis() -> None:
-    """Before any set, by one, and by the next."""
-    pauses = Pauses(gaps=80, stalls=120, seed=3)
-    asked = ("i_hypotheses", packet(hypothesis_records(HYPOTHESES)))
-    first, second = match_records(), match_records(7, seed=9)
-    sets = [("i_matches", packet(records, status(frame=n))) for records, n in ((first, 5), (second, 1 << 31))]
-    received = answers([asked, sets[0], asked, sets[1], asked], pauses=pauses)
-    assert received == refused(ScoreCause.NO_MATCHES) + expected(first, 5) + expected(second, 1 << 31)
-
-
-def test_hypotheses_wait_for_a_packet_of_matches_that_is_under_way() -> None:
-    records, words = match_records(), packet(hypothesis_records(HYPOTHESES))
-    # The first kept match comes late, so that nothing is stored yet when the first hypothesis is complete.
-    records["verdict"][:8] = 0
-    dut = RecordScoring(max_matches=32)
-    inputs = {"i_matches": packet(records, status(frame=3)), "i_hypotheses": words}
-    received = run_streams(dut, inputs, {"o": 2 * len(HYPOTHESES)})["o"]
-    assert [{"data": word.data, "last": word.last} for word in received] == expected(records, 3)
-
-
-def test_a_bad_packet_of_matches_leaves_an_empty_set() -> None:
-    good, asked = packet(match_records(), status()), ("i_hypotheses", packet(hypothesis_records(HYPOTHESES)))
-    unknown = match_records()
+def test_kept_matches_are_those_of_whole_packets() -> None:
+    """Behind each packet that is broken the next one is whole, and only its frame is good."""
+    records = match_records()
+    # Where the status is cut after its first word, this stands where the tag and the mark of a good one would be.
+    records["left_x"][-1] = Tag.FRAME_STATUS | 1 << 8
+    good, unknown = packet(records, status(frame=5)), match_records()
     unknown["tag"][4] = Tag.FEATURE
     cut = [*good[:-CUT_WORDS], {**good[-CUT_WORDS], "last": 1}]
     broken = [
-        packet(match_records(), status(good=0)),
-        packet(match_records()),
+        packet(records, status(good=0)),
+        packet(records),
         packet(unknown, status()),
         packet(match_records(5), status(), status()),
         cut,
         cut[-1:],
     ]
-    steps = [step for words in broken for step in (("i_matches", good), asked, ("i_matches", words), asked)]
-    wanted = (expected(match_records()) + refused(ScoreCause.NO_MATCHES)) * len(broken)
-    assert answers([*steps, ("i_matches", good), asked]) == wanted + expected(match_records())
+    kept = records[records["verdict"] == 1]
+    packets = [words for each in broken for words in (good, each)]
+    dut = KeptMatches()
+    bench = BlockBench(dut, pauses=Pauses(gaps=80, stalls=120, seed=3), cycle_limit=20_000)
+    received: list[Any] = []
 
+    async def send(ctx: Any) -> None:
+        for word in itertools.chain(*packets):
+            await bench.stream_put(ctx, dut.i, word)
 
-def test_a_broken_hypothesis_is_answered_and_the_next_packet_is_whole() -> None:
-    words = packet(hypothesis_records(HYPOTHESES))
-    wrong = hypothesis_records(HYPOTHESES)
-    wrong["tag"][1] = Tag.MATCH
-    cut = [*words[:7], {**words[7], "last": 1}]
-    received = answers(
-        [("i_matches", packet(match_records(), status())), ("i_hypotheses", cut), ("i_hypotheses", packet(wrong)),
-         ("i_hypotheses", words)]
-    )  # fmt: skip
-    scores = expected(match_records())
-    records = np.array([word["data"] for word in received], dtype=np.uint64).view(SCORE.dtype)
-    assert records["causes"].tolist() == [0, ScoreCause.INVALID_RECORD, 0, ScoreCause.INVALID_RECORD, 0, 0, 0, 0]
-    assert records["score"][[1, 3]].tolist() == [0, 0]
-    assert received[3]["last"] == 1
-    assert received[-len(scores) :] == scores
+    async def receive(ctx: Any) -> None:
+        while sum(each.ends for each in received) < len(packets):
+            received.append(await bench.stream_get(ctx, dut.o))
 
-
-def test_a_memory_that_is_too_small_is_a_cause() -> None:
-    records = match_records()
-    small = int(np.count_nonzero(records["verdict"])) - 1
-    steps = [("i_matches", packet(records, status())), ("i_hypotheses", packet(hypothesis_records(HYPOTHESES)))]
-    assert answers(steps, max_matches=small) == refused(ScoreCause.TOO_MANY_MATCHES)
-    assert answers(steps, max_matches=small + 1) == expected(records)
+    bench.run(send, receive)
+    frames: list[list[Any]] = [[]]
+    for each in received:
+        frames[-1].append(each)
+        if each.ends:
+            frames.append([])
+    assert not frames.pop()
+    assert [bool(frame[-1].frame.good) for frame in frames] == [True, False] * len(broken)
+    for frame in frames[::2]:
+        assert (frame[-1].frame.frame, frame[-1].frame.reference) == (5, 2)
+        assert [each.match.weight for each in frame[:-1]] == kept["weight"].tolist()
+        for name in ("left_x", "left_y", "right_x", "right_y"):
+            assert [each.match.pair[name] for each in frame[:-1]] == kept[name].tolist()
 
 
 SETTINGS = EstimatorConfig(passes=1, min_inliers=5)

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
+from golden_model.geometry.estimator import MAX_MATCHES
 from golden_model.geometry.sampling import STEPS, draw, subset_size
-from golden_model.geometry.scoring import MAX_MATCHES
 from hdl.geometry.sampling import DRAWS, SampleDraws
 from tests.hdl.block_bench import BlockBench
 

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from golden_model.geometry.acceptance import INLIER_GAIN, count_cells
+from golden_model.geometry.fixed_point import quantise
+from golden_model.geometry.match_gain import gain
 from golden_model.geometry.refit import BANDS, MAX_INLIERS
-from golden_model.geometry.scoring import gain, quantise
 from hdl.geometry.match_gain import PAIR
 from hdl.geometry.sweep import Sweep
 from hdl.lib.line_memory import LineMemory
 from tests.hdl.block_bench import BlockBench
-from tests.hdl.geometry.scoring_bench import TRUTH, matches
+from tests.hdl.geometry.match_cases import TRUTH, matches
 
 SIZE = (641, 479)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from golden_model.geometry.scoring import quantise
+from golden_model.geometry.fixed_point import quantise
 from golden_model.painting import painter as golden
 from golden_model.painting.pose import Placement, Poses
 from golden_model.painting.timing import painting_cycles

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from golden_model.geometry.scoring import quantise
+from golden_model.geometry.fixed_point import quantise
 from golden_model.painting.pose import Placement, PoseCause, Poses, elements
 from hdl.painting import pose as hardware
 from sim.simulators.recording import Pauses

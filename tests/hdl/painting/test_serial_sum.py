@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from golden_model.geometry.scoring import ENTRY
+from golden_model.geometry.fixed_point import ENTRY
 from golden_model.painting.pose import POSE
 from hdl.painting.serial_sum import TERMS, SerialSum
 from tests.hdl.block_bench import BlockBench

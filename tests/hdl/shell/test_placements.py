@@ -164,7 +164,7 @@ def test_what_is_no_whole_record_is_passed_over() -> None:
     """One that began while the switch was off, one of another type, and one that a reset cut."""
     bench = PlacementsBench(pauses=Pauses(gaps=60, stalls=60, seed=2))
     off, other, good = [record.copy() for record in records(12) if not record["causes"]][:3]
-    other["tag"] = Tag.SCORE
+    other["tag"] = Tag.MATCH
     # Each of its words could be the first.
     cut = np.full(RECORD_WORDS, Tag.HOMOGRAPHY, np.uint64).view(HOMOGRAPHY.dtype)[0]
 

@@ -43,7 +43,7 @@ def test_what_is_no_address_is_refused(address: str) -> None:
         ("status", {"good": 0}, r"sent a bad frame \(causes 0x0\); restart"),
         ("match_status", {"good": 0, "causes": TOO_MANY | 1}, r"sent a bad frame \(causes 0x11\); restart"),
         ("homography", {}, ""),
-        ("homography", {"tag": Tag.SCORE}, "sent another frame's homography; restart"),
+        ("homography", {"tag": Tag.MATCH}, "sent another frame's homography; restart"),
         ("homography", {"frame": 5}, "sent another frame's homography; restart"),
     ],
 )

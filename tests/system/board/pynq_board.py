@@ -243,7 +243,7 @@ class AcceleratorSystem:
 
 
 class CameraSystem:
-    """A camera build with the DMA of its scores, around a `CameraBench` whose memory is the board's.
+    """A camera build around a `CameraBench` whose memory is the board's.
 
     Parameters
     ----------
@@ -253,22 +253,12 @@ class CameraSystem:
     def __init__(self, bench: CameraBench) -> None:
         self.bench = bench
         self.board = board = Board(bench.memory, BASE)
-        self.scores = Dma(SendChannel(board, address_bits=40), ReceiveChannel(board, address_bits=40))
         registers = _Polled(bench, self)
         board.add("skymosaic_camera", ACCELERATOR_ADDRESS, "skymosaic:vision:skymosaic_camera:1.0", registers, {})
-        board.add_dma("dma_scores", DMA_ADDRESS, self.scores, _Polled(self.scores, self))
 
     def advance(self) -> None:
-        """Run the simulation for `POLL_CLOCKS`; what the DMA sends goes in at once."""
-        send, receive = self.scores.send, self.scores.receive
-        assert send is not None
-        assert receive is not None
-        if send.outgoing.size:
-            self.bench.send_hypotheses(send.outgoing.view(np.uint64), ends=send.ends_packet)
-            send.sent(send.outgoing.size)
+        """Run the simulation for `POLL_CLOCKS`."""
         self.bench.run(POLL_CLOCKS)
-        if receive.is_busy and (scores := self.bench.take_scores()) is not None:
-            receive.receive(scores, last=True)
 
 
 def open_board(build: Build = BUILDS["pynq_z2"], version: str = NEWEST) -> AcceleratorSystem:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from golden_model.geometry.scoring import quantise
+from golden_model.geometry.fixed_point import quantise
 from golden_model.records import HOMOGRAPHY
 from hdl.registers.painter_register_map import PainterFault
 from sim.benches.exported import host_programs
@@ -127,6 +127,13 @@ def test_an_anchor_of_the_newest_frame_is_its_pose(host: Any) -> None:
     assert painter.anchor(5, shift(-7.25, 3))
     assert [number for number, _ in host.memory.poses] == [5]
     assert (host.memory.poses[0][1] == quantise(shift(-7.25, 3)[np.newaxis])[0]).all()
+
+
+@pytest.mark.parametrize("pose", [np.zeros((3, 3)), np.full((3, 3), np.nan), np.diag([1, np.inf, 1])])
+def test_a_pose_without_a_scale_is_refused(host: Any, pose: NDArray[np.float64]) -> None:
+    with pytest.raises(host.error, match="the pose is zero or not finite"):
+        host.make().place(7, pose)
+    assert host.memory.poses == []
 
 
 def test_a_reference_may_be_held_until_its_number_comes_again(host: Any) -> None:
