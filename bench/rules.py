@@ -4,7 +4,7 @@ import numpy as np
 
 from golden_model.fuzzy.fll import MAX_PARAMETERS, MAX_TERMS
 from golden_model.fuzzy.rules import INPUTS, QUANTITIES, MatchRules
-from golden_model.matching.fuzzy import MAX_RULES
+from golden_model.fuzzy.sugeno import MAX_RULES
 
 
 def largest_rules() -> MatchRules:

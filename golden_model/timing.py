@@ -29,9 +29,9 @@ from golden_model.config import (
     MatcherConfig,
 )
 from golden_model.feature.ilbp import DescriptorPattern
+from golden_model.fuzzy.sugeno import SugenoSystem
 from golden_model.geometry.estimator import CYCLES
 from golden_model.matching import rule_bases
-from golden_model.matching.fuzzy import SugenoSystem
 from golden_model.records import HOMOGRAPHY, MATCH, WORD_BYTES
 
 
@@ -108,7 +108,7 @@ def weight_cycles(pattern: DescriptorPattern, config: MatcherConfig) -> int:
 
 
 def sugeno_cycles(system: SugenoSystem) -> int:
-    """Clocks of `hdl.matching.fuzzy.Sugeno` for a system.
+    """Clocks of `hdl.fuzzy.sugeno.Sugeno` for a system.
 
     Memberships, one per rule, three per product or one per minimum, the sum, then rounding or a division.
     """

@@ -1,1 +1,1 @@
-"""Zero-order Sugeno systems in real numbers: read from FLL files, and turned into the tables of the integer model."""
+"""Zero-order Sugeno systems: in real numbers, read from FLL files, and as the tables and integers of the hardware."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
+from golden_model.fuzzy.sugeno import MAX_RULES
 from golden_model.fuzzy.system import FuzzySystem, IfThen, Input, Output
 from golden_model.fuzzy.terms import Term
-from golden_model.matching.fuzzy import MAX_RULES
 from golden_model.small_files import read_small_file
 
 AND = {"Minimum": "minimum", "AlgebraicProduct": "product"}

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from golden_model.arrays import Array
+from golden_model.fuzzy.sugeno import count_largest
 from golden_model.fuzzy.terms import Term
-from golden_model.matching.fuzzy import count_largest
 
 CONJUNCTIONS = ("minimum", "product")
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from golden_model.arrays import Array
+from golden_model.fuzzy.sugeno import ONE, Rule, SugenoSystem, Table, Variable
 from golden_model.fuzzy.system import FuzzySystem, Input
-from golden_model.matching.fuzzy import ONE, Rule, SugenoSystem, Table, Variable
 
 
 def make_tables(system: FuzzySystem, positions: Sequence[Array], *, trimmed: bool = False) -> SugenoSystem:

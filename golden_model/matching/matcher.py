@@ -10,8 +10,8 @@ from golden_model.config import MatcherConfig
 from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import WEIGHT
+from golden_model.fuzzy.sugeno import SugenoSystem
 from golden_model.matching import correlation, hamming, rule_bases
-from golden_model.matching.fuzzy import SugenoSystem
 from golden_model.records import MATCH, Tag
 
 Frame = TypeVar("Frame")

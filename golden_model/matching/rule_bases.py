@@ -4,7 +4,7 @@ Their numbers are in FLL, in `golden_model.fuzzy.rules.SHIPPED`.
 """
 
 from golden_model.fuzzy.rules import match_tables, read_shipped
-from golden_model.matching.fuzzy import SugenoSystem
+from golden_model.fuzzy.sugeno import SugenoSystem
 
 
 def aerial(bits: int) -> SugenoSystem:

@@ -11,9 +11,9 @@ from golden_model.arrays import Records
 from golden_model.config import PRESETS, EstimatorConfig, MatcherConfig
 from golden_model.feature import ilbp
 from golden_model.formats import encode_response
+from golden_model.fuzzy.sugeno import SugenoSystem
 from golden_model.geometry.estimator import FrameMatches, estimate, homography_record
 from golden_model.matching import correlation, rule_bases
-from golden_model.matching.fuzzy import SugenoSystem
 from golden_model.matching.matcher import match
 from golden_model.pixel import fast, gray, half, nms, smooth, sobel
 from golden_model.records import FRAME_STATUS, MATCH, Tag
@@ -21,9 +21,9 @@ from hdl.blocks.chain import Chain, Descriptor
 from hdl.blocks.flat import flat_values
 from hdl.blocks.vectors import Block, Row, answer_rows, packet, padded_status, pixel_rows, rows, sample_image
 from hdl.build import Build
+from hdl.fuzzy.sugeno import Sugeno
 from hdl.geometry.records import RecordEstimator
 from hdl.matching.correlation import WindowCorrelation
-from hdl.matching.fuzzy import Sugeno
 from hdl.matching.matcher import Matcher
 from hdl.pixel.corners import Corners
 from hdl.pixel.fast import WINDOW_PX, Fast

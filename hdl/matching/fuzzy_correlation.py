@@ -9,10 +9,10 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.matching import rule_bases
 from golden_model.matching.correlation import NCC, SAD_PER_PIXEL, ZSSD_PER_PIXEL
+from hdl.fuzzy.sugeno import Sugeno
 from hdl.lib.component import Component
 from hdl.lib.delay import delayed
 from hdl.matching.correlation import PIXELS, WINDOWS, WindowCorrelation
-from hdl.matching.fuzzy import Sugeno
 
 SCALE_CYCLES = 3
 """Operand, multiplier and product register."""
@@ -29,7 +29,7 @@ class FuzzyCorrelation(Component):
     i: In(stream.Signature(WINDOWS))
     """Stream of `hdl.matching.correlation.WINDOWS`. Accepted one clock after the result."""
     o: stream.Interface
-    """Stream of `hdl.matching.fuzzy.RESULT`."""
+    """Stream of `hdl.fuzzy.sugeno.RESULT`."""
 
     latency_cycles: int
     """From ``i.valid`` to ``o.valid``."""

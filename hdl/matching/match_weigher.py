@@ -9,10 +9,10 @@ from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import WEIGHT
 from golden_model.matching import rule_bases
+from hdl.fuzzy.sugeno import RESULT, Sugeno
 from hdl.lib.component import Component
 from hdl.matching.correlation import SumOfAbsoluteDifferences
 from hdl.matching.feature_banks import READ_CYCLES, banked_feature
-from hdl.matching.fuzzy import RESULT, Sugeno
 from hdl.matching.mutual_neighbours import pair_layout
 from hdl.matching.orientation_histogram import OrientationHistogram
 

@@ -16,8 +16,8 @@ from golden_model.arrays import Pixels, Records
 from golden_model.config import PRESETS, Config, FrontEndConfig
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.front_end import extract
+from golden_model.fuzzy.sugeno import SugenoSystem
 from golden_model.matching import matcher, rule_bases
-from golden_model.matching.fuzzy import SugenoSystem
 from golden_model.pixel.gray import to_gray
 from golden_model.records import FRAME_STATUS, MATCH, Tag
 from sim.backends.interface import Backend, FrameResult, Reference

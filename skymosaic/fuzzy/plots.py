@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from golden_model.formats import WEIGHT
-from golden_model.matching.fuzzy import ONE, SugenoSystem, Variable
+from golden_model.fuzzy.sugeno import ONE, SugenoSystem, Variable
 from skymosaic.fuzzy.plotted_systems import Axis, PlottedSystem
 
 SET_COLORS = ("#2a7f62", "#d99a2b", "#b03a48", *map(to_hex, colormaps["tab20"](range(20))))

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.formats import POSITION
+from golden_model.fuzzy.sugeno import SugenoSystem
 from golden_model.matching import correlation, rule_bases
-from golden_model.matching.fuzzy import SugenoSystem
 from skymosaic.fuzzy.quantised import QuantisedSystem
 from skymosaic.geometry import fuzzy_ransac
 

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Array
 from golden_model.formats import WEIGHT
+from golden_model.fuzzy.sugeno import SugenoSystem
 from golden_model.fuzzy.system import FuzzySystem, Input
 from golden_model.fuzzy.tables import make_tables
-from golden_model.matching.fuzzy import SugenoSystem
 
 ENTRIES = 64
 """Default number of entries per table."""
@@ -23,7 +23,7 @@ MIN_FIRING_STRENGTH = 0.25
 
 @dataclass(frozen=True)
 class QuantisedSystem:
-    """A fuzzy system whose inputs index tables, as `golden_model.matching.fuzzy` computes it."""
+    """A fuzzy system whose inputs index tables, as `golden_model.fuzzy.sugeno` computes it."""
 
     real: FuzzySystem
     model: SugenoSystem

@@ -2,7 +2,7 @@
 
 from hdl.blocks.catalogue import sugeno
 from hdl.blocks.vectors import Block
-from hdl.matching.fuzzy import PRODUCT_INPUTS
+from hdl.fuzzy.sugeno import PRODUCT_INPUTS
 from skymosaic.fuzzy.quantised import QuantisedSystem
 
 MAX_ENTRIES = 4096

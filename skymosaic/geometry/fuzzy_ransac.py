@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from golden_model.arrays import Array, Mask
 from golden_model.formats import POSITION
-from golden_model.matching.fuzzy import ONE, Rule, SugenoSystem, Variable
+from golden_model.fuzzy.sugeno import ONE, Rule, SugenoSystem, Variable
 from skymosaic.geometry.homography import transfer_error
 
 TOLERANCE_PX = 4.0

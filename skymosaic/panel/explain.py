@@ -11,8 +11,8 @@ from golden_model.arrays import Array
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import POSITION, WEIGHT
+from golden_model.fuzzy.sugeno import ONE, SugenoSystem, Variable
 from golden_model.matching import correlation
-from golden_model.matching.fuzzy import ONE, SugenoSystem, Variable
 from golden_model.matching.matcher import measure
 from skymosaic.features.descriptors import WINDOWS_PX
 from skymosaic.features.matchers import GOOD_MATCH_ABOVE

@@ -13,9 +13,9 @@ from golden_model.feature.ilbp import PATTERNS
 from golden_model.geometry.estimator import CYCLES, MAX_CYCLES, MAX_MATCHES
 from golden_model.matching import rule_bases
 from golden_model.timing import FrameWork, Latencies, steady_pace, timelines
+from hdl.fuzzy.sugeno import Sugeno
 from hdl.lib.skid_buffer import SkidBuffer
 from hdl.matching.correlation import SumOfAbsoluteDifferences
-from hdl.matching.fuzzy import Sugeno
 from hdl.matching.hamming import Distances
 from hdl.matching.nearest_neighbours import NearestNeighbours
 from hdl.matching.orientation_histogram import FIND_CYCLES, SQUARE_CYCLES

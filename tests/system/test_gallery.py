@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from bench.pair_sets import write_set
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.feature.orientation import SECTORS
-from golden_model.matching.fuzzy import ONE
+from golden_model.fuzzy.sugeno import ONE
 from golden_model.matching.rule_bases import aerial
 from sim.scene import Flight, make_pair
 from skymosaic.cli.commands import COMMANDS, app

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from golden_model.fuzzy.sugeno import SugenoSystem
 from golden_model.matching import rule_bases
-from golden_model.matching.fuzzy import SugenoSystem
 
 HALF_STEP = 1 / 512
 """Largest error of a degree, a singleton or the final weight rounded to 8 fraction bits."""

@@ -8,10 +8,10 @@ import pytest
 from golden_model.formats import POSITION, WEIGHT
 from golden_model.fuzzy.fll import load_system
 from golden_model.fuzzy.rules import SHIPPED
+from golden_model.fuzzy.sugeno import ONE
 from golden_model.fuzzy.system import FuzzySystem, IfThen, Input, Output
 from golden_model.fuzzy.terms import Term
 from golden_model.matching import correlation, rule_bases
-from golden_model.matching.fuzzy import ONE
 from skymosaic.fuzzy.quantised import measure_errors, quantise
 from skymosaic.geometry import fuzzy_ransac
 

@@ -13,7 +13,7 @@ from nicegui.element import Element
 
 from golden_model.arrays import Records
 from golden_model.config import preset_config
-from golden_model.matching.fuzzy import Variable
+from golden_model.fuzzy.sugeno import Variable
 from golden_model.matching.matcher import match
 from sim.simulators.scoreboard import Coverage
 from skymosaic.evaluation.hardware import Comparison

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from golden_model.matching.fuzzy import SugenoSystem
+from golden_model.fuzzy.sugeno import SugenoSystem
 from sim.scene import make_pair
 from skymosaic.features.positions import match_points
 from skymosaic.geometry import estimators

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from golden_model.matching.fuzzy import Rule, SugenoSystem, Variable
+from golden_model.fuzzy.sugeno import Rule, SugenoSystem, Variable
 from golden_model.matching.rule_bases import aerial
 
 

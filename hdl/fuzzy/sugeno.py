@@ -1,4 +1,4 @@
-"""Zero-order Sugeno systems, generated from the descriptions in `golden_model.matching.fuzzy`."""
+"""Zero-order Sugeno systems, generated from the descriptions in `golden_model.fuzzy.sugeno`."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,7 +11,7 @@ from amaranth.lib.wiring import In, Out
 from amaranth.utils import ceil_log2, exact_log2
 
 from golden_model.formats import MEMBERSHIP, WEIGHT
-from golden_model.matching.fuzzy import MAX_RULES, SugenoSystem
+from golden_model.fuzzy.sugeno import MAX_RULES, SugenoSystem
 from hdl.lib.component import Component
 from hdl.lib.delay import delayed, port_register
 from hdl.lib.multiplier import Multiplier, multiply

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from golden_model.matching import fuzzy, rule_bases
-from golden_model.matching.fuzzy import SugenoSystem, Variable
-from hdl.matching.fuzzy import Sugeno
+from golden_model.fuzzy.sugeno import Rule, SugenoSystem, Variable
+from golden_model.matching import rule_bases
+from hdl.fuzzy.sugeno import Sugeno
 from sim.simulators.recording import Pauses
 from tests.hdl.block_bench import BlockBench
 from tests.hdl.drivers import run_streams
@@ -104,9 +104,9 @@ def test_results_do_not_depend_on_gaps_and_stalls() -> None:
 
 
 def test_a_rule_may_ignore_an_input_and_without_a_firing_rule_the_weight_is_0() -> None:
-    near = fuzzy.Variable("near", {"yes": np.array([256, 100, 0])})
-    rules = (fuzzy.Rule(("yes", None), 0.9), fuzzy.Rule((None, "yes"), 0.3))
-    system = fuzzy.SugenoSystem("two", inputs=(near, near), rules=rules, conjunction="minimum")
+    near = Variable("near", {"yes": np.array([256, 100, 0])})
+    rules = (Rule(("yes", None), 0.9), Rule((None, "yes"), 0.3))
+    system = SugenoSystem("two", inputs=(near, near), rules=rules, conjunction="minimum")
     inputs = list(itertools.product(range(3), repeat=2))
     expected = golden(system, inputs)
     assert expected[-1, 0] == 0
@@ -120,11 +120,11 @@ def test_of_alternatives_the_strongest_counts_once() -> None:
     a = Variable("a", {"low": falling, "high": rising})
     b = Variable("b", {"low": falling, "peak": peak})
     rules = (
-        fuzzy.Rule(("low", None), 0.25),
-        fuzzy.Rule((None, "peak"), 0.25, joins=True),
-        fuzzy.Rule(("high", "low"), 0.25, joins=True),
-        fuzzy.Rule(("high", "peak"), 0.75),
-        fuzzy.Rule(("high", None), 0.875),
+        Rule(("low", None), 0.25),
+        Rule((None, "peak"), 0.25, joins=True),
+        Rule(("high", "low"), 0.25, joins=True),
+        Rule(("high", "peak"), 0.75),
+        Rule(("high", None), 0.875),
     )
     system = SugenoSystem("alternatives", inputs=(a, b), rules=rules, conjunction="minimum")
     inputs = list(itertools.product(range(9), repeat=2))
@@ -144,8 +144,8 @@ def test_of_alternatives_the_strongest_counts_once() -> None:
 
 
 def test_product_of_too_many_inputs_is_refused() -> None:
-    always = fuzzy.Variable("always", {"yes": np.array([256])})
-    rule = fuzzy.Rule(("yes",) * 4, 1.0)
-    system = fuzzy.SugenoSystem("four", inputs=(always,) * 4, rules=(rule,), conjunction="product")
+    always = Variable("always", {"yes": np.array([256])})
+    rule = Rule(("yes",) * 4, 1.0)
+    system = SugenoSystem("four", inputs=(always,) * 4, rules=(rule,), conjunction="product")
     with pytest.raises(ValueError, match="four: multiplies 4 inputs; valid: 2, 3"):
         Sugeno(system=system, value_bits=1)

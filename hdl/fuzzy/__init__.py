@@ -1,0 +1,1 @@
+"""Zero-order Sugeno systems, generated from the integer model."""
