@@ -13,9 +13,9 @@ from bench.rendered_pairs import ReliefPair
 from golden_model.arrays import Matrix, Pixels
 from golden_model.config import EstimatorConfig
 from golden_model.geometry.estimator import Estimate, FrameMatches, estimate
-from sim.backends.interface import load_backend
 from skymosaic import extract, register
 from skymosaic.evaluation.known_pairs import KnownPair
+from skymosaic.features.backends import load_backend
 from skymosaic.geometry.fabric import in_pixels
 from skymosaic.imagery.images import load
 from skymosaic.registration.extraction import extract_within_capacity

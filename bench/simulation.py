@@ -16,13 +16,13 @@ from bench.report import JsonFile, Row, program, report
 from golden_model.arrays import Pixels
 from golden_model.config import PRESETS
 from hdl.build import Build
-from sim.backends.interface import BackendName
 from sim.scene import make_pair
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
 from sim.simulators.hardware import make_segments
 from skymosaic.evaluation.hardware import compare
 from skymosaic.evaluation.known_pairs import read_pairs
+from skymosaic.features.backends import BackendName
 from skymosaic.registration.options import WORKING_WIDTH_PX, PhotographOptions
 
 app = program(__doc__)

@@ -1,1 +1,1 @@
-"""Runs the designs: simulators and a board behind one interface, test benches, and synthetic flights as input."""
+"""Runs the designs: simulators and the golden model behind one interface, test benches, and synthetic flights."""

@@ -1,1 +1,1 @@
-"""What computes features and matches: the interface, the golden model and a board."""
+"""What computes features and matches: the interface, and the golden model behind it."""

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
 from golden_model.arrays import Pixels, Records
 from golden_model.config import Config
-from golden_model.text import how_to_install
-from sim.backends.errors import BackendError
 
 Reference = Literal["held", "previous"]
 """Which frame each later frame is matched with: the first of the run (a pair, a template) or the one before it."""
-
-BackendName = Literal["golden", "rtl", "board"]
-BACKENDS = {"golden": "sim.backends.golden", "rtl": "sim.simulators.hardware", "board": "sim.backends.board"}
-"""The module of each backend; ``rtl`` simulates the hardware."""
 
 Progress = Callable[[str], None]
 """Receives one line of text when something slow starts, advances or ends."""
@@ -148,44 +140,3 @@ class Backend(Protocol):
             None if every stage agrees, or if the backend cannot show its stages, which is the default.
         """
         return None
-
-
-def load_backend(name: str, *, progress: Progress = silent, waves: Path | None = None) -> Backend:
-    """Load the backend ``name``.
-
-    Parameters
-    ----------
-    name : str
-        A key of `BACKENDS`; a board is named with its address, ``board:HOST[:PORT]``.
-    progress : callable
-        Receives a line of text when something slow (a first build) starts, advances or ends.
-    waves : Path or None
-        Wave file (VCD) that a simulation writes for each run; the golden model and a board have no waves.
-
-    Raises
-    ------
-    BackendError
-        For an unknown name (the message lists the valid ones), a board without an address, or a wave file that cannot
-        be written.
-    """
-    kind, _, address = name.partition(":")
-    if kind not in BACKENDS or (address and kind != "board"):
-        raise BackendError(f"unknown backend {name!r}; valid: {', '.join(BACKENDS)}")
-    if waves is not None:
-        if kind != "rtl":
-            raise BackendError(f"the backend {kind} cannot write waves; use rtl")
-        try:
-            waves.touch()
-        except OSError as error:
-            raise BackendError(f"cannot write the waves to {waves}: {error.strerror}") from error
-    # Imported on demand: the golden model needs neither Amaranth nor a compiler.
-    try:
-        module = importlib.import_module(BACKENDS[kind])
-    except ModuleNotFoundError as error:
-        raise BackendError(f"backend {kind} needs {error.name}; {how_to_install('sim')}") from None
-    backend: Backend
-    if kind == "rtl":
-        backend = module.HardwareBackend(progress=progress, waves=waves)
-    else:
-        backend = module.BoardBackend(address) if kind == "board" else module.GoldenBackend()
-    return backend

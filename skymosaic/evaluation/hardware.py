@@ -11,9 +11,10 @@ from golden_model.arrays import Pixels
 from golden_model.config import EstimatorConfig
 from golden_model.timing import Timeline
 from hdl.build import Build
-from sim.backends.interface import Mismatch, load_backend, silent
+from sim.backends.interface import Mismatch, silent
 from sim.simulators.scoreboard import Coverage, find_clock_mismatch, find_mismatch, predict_timelines
 from skymosaic.common.stopwatch import Stopwatch
+from skymosaic.features.backends import load_backend
 from skymosaic.imagery.images import load, reduce_for_front_end
 from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.registration.options import PhotographOptions

@@ -12,9 +12,10 @@ from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX, RULE_BASES, Config, 
 from golden_model.config_file import load_config
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.fuzzy.rules import MatchRules, load_rules
-from sim.backends.interface import Backend, BackendName, Progress, load_backend, silent
+from sim.backends.interface import Backend, Progress, silent
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import INPUT, MACHINE, Checked, document_options, option
+from skymosaic.features.backends import BackendName, load_backend
 from skymosaic.features.descriptors import Descriptor
 from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS, Detector
 from skymosaic.features.methods import HostBackend, Method, choose_method

@@ -16,8 +16,8 @@ from typing import Any
 from golden_model.code_digest import digest_code
 from golden_model.small_files import read_small_file
 from golden_model.text import how_to_install, one_line
-from sim.backends.interface import BACKENDS
 from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.features.backends import BACKENDS
 from skymosaic.imagery.decoding import read_header
 from skymosaic.imagery.photographs import Source
 from skymosaic.running.cache import versions

@@ -24,10 +24,10 @@ from golden_model.config_file import load_config, to_toml
 from golden_model.fuzzy.fll import load_system
 from golden_model.fuzzy.rules import SHIPPED
 from golden_model.records import FRAME_STATUS, MATCH, Tag
-from sim.backends import board
 from sim.backends.interface import silent
 from sim.simulators import build_cache
 from sim.simulators.build_cache import build_once
+from skymosaic.features import board_client
 from skymosaic.fuzzy.quantised import quantise
 from skymosaic.imagery import images
 from skymosaic.imagery.exif import read_metadata
@@ -173,9 +173,9 @@ def _records(_folder: Path, rng: np.random.Generator) -> str:
     parts = [np.zeros(3, feature).tobytes(), status.tobytes(), np.zeros(2, MATCH.dtype).tobytes(), status.tobytes()]
     header, body = json.dumps({"lengths": [*map(len, parts)]}).encode() + b"\n", b"".join(parts)
     answer = mutated(header, rng) + body if rng.random() < 0.5 else header + mutated(body, rng)
-    packets = board._read_packets(io.BytesIO(answer), "board", board._list_packets(config))
-    result = board._join_records(*packets)
-    board._check_status(result, 0, (64, 96), "board")
+    packets = board_client._read_packets(io.BytesIO(answer), "board", board_client._list_packets(config))
+    result = board_client._join_records(*packets)
+    board_client._check_status(result, 0, (64, 96), "board")
     return "read"
 
 

@@ -26,13 +26,13 @@ from golden_model.feature.ilbp import PATTERNS
 from hdl.build import Build, pixels_per_clock
 from hdl.registers.register_map import register_writes
 from hdl.settings import RUNNING
-from sim.backends.interface import load_backend
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
 from sim.simulators.compiled import Bench
 from sim.simulators.hardware import decode_recordings, make_segments
 from sim.simulators.recording import NO_PAUSES, Pauses, Segment, flatten_frame
 from sim.simulators.scoreboard import find_clock_mismatch, find_mismatch, predict_timelines
+from skymosaic.features.backends import load_backend
 
 TEXTURE_PX, BUILT_PX, MAX_FEATURES, RUNS = 440, (200, 321), 256, 25
 DRAIN_CYCLES = 20_000

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 from hdl.build import Build
-from sim.backends.interface import Reference, load_backend
+from sim.backends.interface import Reference
 from sim.scene import make_lawnmower
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import MATCHES, design_accelerator
 from sim.simulators.hardware import decode_recordings, make_segments
 from sim.simulators.scoreboard import Coverage, find_clock_mismatch, find_mismatch, predict_timelines
+from skymosaic.features.backends import load_backend
 
 FRAMES, SIZE_PX = 3, (400, 300)
 FRAME_CYCLES = SIZE_PX[0] * SIZE_PX[1]

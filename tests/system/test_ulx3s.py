@@ -12,9 +12,9 @@ from golden_model.config import PRESETS, EstimatorConfig
 from hdl.build import BUILDS, Build
 from hdl.serial.link import Message
 from hdl.settings import REQUESTED, matched_frame_settings
-from sim.backends.interface import load_backend
 from sim.benches.exported import host_programs
 from sim.scene import make_pair
+from skymosaic.features.backends import load_backend
 from tests.system.command_line import skymosaic
 from tests.system.serial_port import SerialPort
 

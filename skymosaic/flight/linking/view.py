@@ -17,8 +17,8 @@ from golden_model.cache import Arrays
 from golden_model.code_digest import digest_code
 from golden_model.config import Config
 from golden_model.pixel.gray import to_gray
-from sim.backends.interface import BACKENDS, load_backend
 from skymosaic.common.errors import InputError
+from skymosaic.features.backends import BACKENDS, load_backend
 from skymosaic.features.contrast import even_contrast
 from skymosaic.features.positions import are_on_ground, feature_points
 from skymosaic.flight.linking.resemblance import compact

@@ -238,7 +238,7 @@ def test_a_build_that_fails_on_a_full_disk_is_tried_elsewhere(
 
 
 def test_imports_without_fcntl() -> None:
-    modules = "skymosaic.cli.mosaic, sim.simulators.verilator, sim.backends.board"
+    modules = "skymosaic.cli.mosaic, sim.simulators.verilator, skymosaic.features.board_client"
     code = f"import sys; sys.modules['fcntl'] = None; import {modules}"
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
     subprocess.run([sys.executable, "-c", code], check=True, env=environment)

@@ -13,7 +13,8 @@ from golden_model.front_end import trace
 from golden_model.pixel.harris import TENSOR_SHIFT
 from golden_model.records import HOMOGRAPHY
 from hdl.build import Build
-from sim.backends.interface import FrameClocks, FrameResult, Mismatch, load_backend
+from sim.backends.golden import GoldenBackend
+from sim.backends.interface import FrameClocks, FrameResult, Mismatch
 from sim.scene import make_pair
 from sim.simulators.scoreboard import (
     Coverage,
@@ -35,7 +36,7 @@ def frames() -> Sequence[Pixels]:
 
 @pytest.fixture(scope="module")
 def results(frames: Sequence[Pixels]) -> list[FrameResult]:
-    return load_backend("golden").run(frames, AERIAL)
+    return GoldenBackend().run(frames, AERIAL)
 
 
 def changed(

@@ -13,11 +13,11 @@ from IPython.core.completer import IPCompleter, provisionalcompleter
 
 from golden_model.config import PRESETS
 from golden_model.feature.ilbp import PATTERNS
-from sim.backends.interface import BACKENDS
 from skymosaic import LiveMosaic, Tracker, extract, mosaic, mosaics, register, register_pairs
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import GROUPS, options_of
 from skymosaic.features import descriptors, detectors
+from skymosaic.features.backends import BACKENDS
 from skymosaic.features.descriptors import TRACKED, WINDOWS_PX
 from skymosaic.features.detectors import FRONT_END_DETECTORS
 from skymosaic.geometry.estimators import FABRIC, FUZZY_RANSAC, PROSAC

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from golden_model.config import preset_config
-from sim.backends.interface import load_backend
 from skymosaic.common.errors import InputError
+from skymosaic.features.backends import load_backend
 from skymosaic.features.methods import HostBackend, Method
 from skymosaic.registration.options import RegistrationOptions, read_rules
 

@@ -10,11 +10,12 @@ from bench.rendered_pairs import flat_pair
 from golden_model.config import Config, preset_config
 from golden_model.records import MATCH
 from sim.backends.golden import GoldenBackend
-from sim.backends.interface import FrameResult, Reference, load_backend
+from sim.backends.interface import FrameResult, Reference
 from sim.scene import CameraPose
 from skymosaic import register
 from skymosaic.common.errors import InputError
 from skymosaic.evaluation.metrics import grid_error
+from skymosaic.features.backends import load_backend
 from skymosaic.features.frames import Change, DescribedImage
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.prosac import MIN_INLIERS

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.backends.interface import Backend, Reference, load_backend
+from sim.backends.interface import Backend, Reference
 from sim.scene.target import Pursuit
 from sim.simulators.scoreboard import find_mismatch
 from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.features.backends import load_backend
 from skymosaic.tracking.template import Roi
 from skymosaic.tracking.tracker import TrackedFrame, Tracker
 from tests.skymosaic.tracking.conftest import true_corners

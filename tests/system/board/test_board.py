@@ -22,13 +22,14 @@ from golden_model.config import Config
 from golden_model.config_file import to_toml
 from hdl.build import BUILDS
 from hdl.settings import REQUESTED, matched_frame_settings
-from sim.backends import board
 from sim.backends.errors import BackendError
-from sim.backends.interface import FrameResult, Reference, load_backend
+from sim.backends.interface import FrameResult, Reference
 from sim.benches.exported import host_programs
 from sim.scene import make_pair
 from sim.simulators.accelerator_designs import MATCHES
 from skymosaic.cli import main
+from skymosaic.features import board_client
+from skymosaic.features.backends import load_backend
 from tests.system.board.pynq_board import AcceleratorSystem, open_board
 from tests.system.board.pynq_package import OLDER, remove_pynq
 from tests.system.command_line import only_error
@@ -68,7 +69,7 @@ def device(driver: Any) -> Any:
 @pytest.fixture(autouse=True)
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """The host waits for an answer however slowly a busy machine simulates."""
-    monkeypatch.setattr(board, "TIMEOUT_SECONDS", None)
+    monkeypatch.setattr(board_client, "TIMEOUT_SECONDS", None)
 
 
 @pytest.fixture(scope="module")

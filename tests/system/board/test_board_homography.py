@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.backends import board
 from sim.backends.errors import BackendError
-from sim.backends.interface import load_backend
 from sim.benches.exported import host_programs
+from skymosaic.features import board_client
+from skymosaic.features.backends import load_backend
 from tests.hdl.test_accelerator import BUILD, CONFIG, views
 from tests.system.board.pynq_board import AcceleratorSystem, open_board
 from tests.system.board.pynq_package import remove_pynq
@@ -46,7 +46,7 @@ def test_the_board_gives_the_golden_homographies(tmp_path: Path, monkeypatch: py
 
     The record is so small that the board's system would allocate it beyond what a DMA with 32 address bits reaches.
     """
-    monkeypatch.setattr(board, "TIMEOUT_SECONDS", None)
+    monkeypatch.setattr(board_client, "TIMEOUT_SECONDS", None)
     images = views(2)
     system = open_board(BUILD)
     with host_programs(BUILD) as load:

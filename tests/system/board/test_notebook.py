@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from golden_model.config import PRESETS, EstimatorConfig
-from sim.backends.interface import load_backend
 from sim.scene import make_pair
+from skymosaic.features.backends import load_backend
 from skymosaic.geometry.fabric import homography_in_pixels
 from tests.system.board import notebook
 from tests.system.board.pynq_package import NEWEST, OLDER

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
 from golden_model.config import preset_config
-from sim.backends.interface import load_backend
 from sim.scene.flight import Flight
 from skymosaic.common.errors import AppearedError, InputError
+from skymosaic.features.backends import load_backend
 from skymosaic.flight.survey import lay_out_all
 from skymosaic.geometry.homography import apply, estimate_similarity
 from skymosaic.imagery.exif import Metadata, Position

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.backends.interface import load_backend
 from sim.scene import make_pair
+from skymosaic.features.backends import load_backend
 from skymosaic.panel.options import Options
 from skymosaic.panel.pages.corners_tab import CornersTab, detect
 from skymosaic.panel.pages.drawings import draw_corners

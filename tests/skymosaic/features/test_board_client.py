@@ -8,9 +8,9 @@ import pytest
 
 from golden_model.config import EstimatorConfig, preset_config
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, Cause, Tag
-from sim.backends.board import PORT, BoardBackend, _check_status, _list_packets
 from sim.backends.errors import BackendError
 from sim.backends.interface import FrameResult
+from skymosaic.features.board_client import PORT, BoardBackend, _check_status, _list_packets
 
 TOO_MANY = int(Cause.TOO_MANY_FEATURES)
 

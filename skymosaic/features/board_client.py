@@ -1,4 +1,4 @@
-"""The accelerator on a board as a backend: a client of the server that the export contains."""
+"""The client of a board's server, which the export contains: the accelerator on the board as a backend."""
 
 import json
 import socket
