@@ -72,18 +72,12 @@ def make_mosaic(folder: Path, target: Path) -> tuple[Path, float]:
     # Photographs of 16 bits keep their numbers in .tif files only.
     deep = any(path.suffix.lower() in (".tif", ".tiff") for path in folder.iterdir())
     mosaic = target / ("mosaic.tif" if deep else "mosaic.png")
-    command = ["-m", "skymosaic", "mosaic", str(folder), "-o", mosaic.name, "--report", "report"]
-    cpu_seconds, _ = wait_for(*command, "--cache", "cache", "--quiet", folder=target)
-    return mosaic, cpu_seconds
-
-
-def wait_for(*arguments: str, folder: Path | None = None) -> tuple[float, float]:
-    """Run Python in a process of its own: the processor seconds and the memory, MB, that it took."""
-    process = subprocess.Popen([sys.executable, *arguments], stdout=subprocess.DEVNULL, cwd=folder)
+    command = [sys.executable, "-m", "skymosaic", "mosaic", str(folder), "-o", mosaic.name, "--report", "report"]
+    process = subprocess.Popen([*command, "--cache", "cache", "--quiet"], stdout=subprocess.DEVNULL, cwd=target)
     _, status, usage = os.wait4(process.pid, 0)
     if status:
-        raise SystemExit(f"failed: {' '.join(arguments)}")
-    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+        raise SystemExit(f"failed: {' '.join(command)}")
+    return mosaic, usage.ru_utime + usage.ru_stime
 
 
 def read_picture(path: Path) -> Pixels:
