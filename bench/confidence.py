@@ -19,9 +19,8 @@ from rich.progress import track
 from scipy.optimize import lsq_linear
 from scipy.stats import mannwhitneyu
 
-from bench.pair_sets import public_folder
 from bench.rendered_pairs import HEIGHTS_PX, OVERLAPS, relief_pairs
-from bench.report import JsonFile, Row, report
+from bench.report import JsonFile, Row, public_folder, report
 from golden_model.arrays import Array
 from skymosaic import register
 from skymosaic.evaluation.known_pairs import read_pairs

@@ -4,12 +4,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import numpy as np
 from amaranth import Cat, Module, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from bench.rules import largest_rules
 from golden_model.config import PRESETS, Config, EstimatorConfig, FrontEndConfig, MatcherConfig
+from golden_model.fuzzy.fll import MAX_PARAMETERS, MAX_TERMS
+from golden_model.fuzzy.rules import INPUTS, QUANTITIES, MatchRules
+from golden_model.fuzzy.sugeno import MAX_RULES
 from hdl.accelerator import AcceleratorTop
 from hdl.build import BUILDS, Build
 from hdl.feature.extractor import CandidateFeatures
@@ -98,6 +101,32 @@ def matcher(config: MatcherConfig) -> Design:
     """The matcher with as many features as the aerial preset has."""
     front_end, lanes = AERIAL.front_end, Build.lanes
     return block(Matcher, config=config, pattern=front_end.pattern, lanes=lanes, max_features=front_end.max_features)
+
+
+def largest_rules() -> MatchRules:
+    """The largest rules that decide matches: 16 terms for each input, and 32 rules that name all of them.
+
+    Synthesis can gain from no pattern in the terms. AND is the minimum, which ends in a division; combinations that no
+    rule names are rejected.
+    """
+    rng = np.random.default_rng(1)
+    lines, chosen = ["Engine: largest"], []
+    for name in INPUTS[0]:
+        high = QUANTITIES[name][0]
+        lines += [f"InputVariable: {name}", f"  range: 0 {high}"]
+        points = np.linspace(0, high, MAX_PARAMETERS // 2)
+        for n, degrees in enumerate(rng.random((MAX_TERMS, len(points)))):
+            parameters = " ".join(f"{x} {y}" for x, y in zip(points, degrees, strict=True))
+            lines.append(f"  term: t{n} Discrete {parameters}")
+        chosen.append(rng.permutation(np.arange(MAX_RULES) % MAX_TERMS))
+    lines += ["OutputVariable: weight", "  range: 0 1", "  defuzzifier: WeightedAverage", "  default: 0"]
+    lines += [f"  term: c{n} Constant {n / (MAX_RULES - 1)}" for n in range(MAX_RULES)]
+    lines += ["RuleBlock: rules", "  conjunction: Minimum"]
+    for n, terms in enumerate(zip(*chosen, strict=True)):
+        conditions = " and ".join(f"{name} is t{term}" for name, term in zip(INPUTS[0], terms, strict=True))
+        # Scattered, so that neighbouring rules decide differently.
+        lines.append(f"  rule: if {conditions} then weight is c{7 * n % MAX_RULES}")
+    return MatchRules("\n".join(lines) + "\n", "largest")
 
 
 def accelerator(config: Config) -> Design:

@@ -17,9 +17,8 @@ import numpy as np
 from bench.independent_ties import errors
 from bench.mosaic_quality import quality
 from bench.nuisances import nuisances
-from bench.pair_sets import public_folder
 from bench.rendered_flights import rendered
-from bench.report import Flights, JsonFile, Row, program, report
+from bench.report import Flights, JsonFile, Row, program, public_folder, report
 from bench.stitcher_runs import peers
 from golden_model.arrays import Points
 from skymosaic.flight.mapping.cameras import cameras_of

@@ -16,8 +16,7 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from bench.pair_sets import public_folder
-from bench.report import JsonFile, Row, program, report
+from bench.report import JsonFile, Row, program, public_folder, report
 from golden_model.arrays import Records
 from golden_model.config import PRESETS, Config, EstimatorConfig
 from golden_model.feature.ilbp import DescriptorPattern

@@ -20,10 +20,9 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from bench.pair_sets import public_folder
-from bench.peers import match_words, sift_words
+from bench.methods import match_words, sift_words
 from bench.rendered_flights import write_images
-from bench.report import JsonFile, Row, report
+from bench.report import JsonFile, Row, public_folder, report
 from golden_model.arrays import Array, Matrix, Points
 from golden_model.pixel.gray import to_gray
 from sim.scene import Flight as RenderedFlight

@@ -16,8 +16,7 @@ import cv2
 import numpy as np
 import rasterio
 
-from bench.pair_sets import public_folder
-from bench.report import Flights, JsonFile, Row, report
+from bench.report import Flights, JsonFile, Row, public_folder, report
 from golden_model.arrays import Array, Matrix, Pixels
 from skymosaic.compositing.warp import magnification
 from skymosaic.geometry.homography import resize_matrix

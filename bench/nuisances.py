@@ -17,7 +17,7 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from bench.decorated import draw_display
+from bench.flight_pairs import draw_display
 from bench.report import JsonFile, Row, report
 from golden_model.arrays import Array
 from sim.scene import Flight, make_lawnmower

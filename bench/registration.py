@@ -26,12 +26,11 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from bench import decorated as drawn
 from bench import flight_pairs
+from bench.flight_pairs import WRONG_PX
 from bench.methods import ON_CHIP, REFERENCE, Method, chosen_methods, estimate_on_chip, read_gray
-from bench.pair_sets import public_folder, write_set
-from bench.rendered_pairs import HEIGHTS_PX, OVERLAPS, STEPS, ReliefPair, flat_pairs, relief_pairs
-from bench.report import Flights, JsonFile, Row, program, report
+from bench.rendered_pairs import HEIGHTS_PX, OVERLAPS, STEPS, ReliefPair, flat_pairs, relief_pairs, write_set
+from bench.report import Flights, JsonFile, Row, program, public_folder, report
 from golden_model.arrays import Matrix
 from golden_model.config import MIN_FRAME_PX
 from skymosaic import extract, register
@@ -47,7 +46,6 @@ app = program(__doc__)
 progress = Console(stderr=True)
 
 LIMITS_PX = (1, 3, 5)
-WRONG_PX = 20.0
 Sets = Annotated[list[str], typer.Argument(help="Folders of pairs; several are joined.", metavar="SET...")]
 Seeds = Annotated[int, typer.Option(min=1, help="Seeds of our estimator; OpenCV's are fixed.")]
 Methods = Annotated[list[str] | None, typer.Option(help="Only these: normal, thorough, sift, ...")]
@@ -252,11 +250,11 @@ def decorated(
     Right is within 20 px of what the plain photographs gave; in brackets, how many have the verdict good.
     """
     cv2.setNumThreads(1)
-    read = [drawn.read_flight(public_folder(flight), photographs) for flight in flights]
-    neighbours = drawn.true_neighbours(read)
+    read = [flight_pairs.read_flight(public_folder(flight), photographs) for flight in flights]
+    neighbours = flight_pairs.true_neighbours(read)
     places = [pair for one, other in pairwise(read) for pair in zip(one, other, strict=False)]
-    names = track(drawn.DRAWN, description="decorations", console=progress)
-    rows = [drawn.measure_row(name, neighbours, places, seeds) for name in names]
+    names = track(flight_pairs.DRAWN, description="decorations", console=progress)
+    rows = [flight_pairs.measure_row(name, neighbours, places, seeds) for name in names]
     report(f"decorated photographs, {seeds} seeds", rows, json_file)
 
 

@@ -1,4 +1,4 @@
-"""Renders pairs of views whose true geometry is known: hard ones over flat ground, and ground with relief.
+"""Renders pairs of views whose true geometry is known, hard ones over flat ground and ground with relief; writes sets.
 
 ``zoom_3`` shows the same place from three times the height, at any heading; ``tilt_60`` looks at it from 60 degrees off
 the vertical, at any heading and from any side. The nearer view has one pixel for each ground pixel, so no view shows
@@ -9,9 +9,11 @@ For pairs with relief, no homography is right everywhere: the landscape lies ove
 hills and raised blocks. Each pixel's ray is followed to the surface, which gives its true position in the other view.
 """
 
+import csv
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -20,6 +22,8 @@ from golden_model.arrays import Array, Float32, Matrix, Pixels, Points
 from sim.scene import Camera, CameraPose, Photometry, render_ground, render_view
 from sim.scene.camera import find_visible_box
 from sim.scene.flight import FOCAL_WIDTHS
+from skymosaic.evaluation.known_pairs import COLUMNS, LIST_NAME
+from skymosaic.imagery.images import save
 
 STEPS = {
     "zoom": (1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0),
@@ -53,6 +57,19 @@ GRID_POINTS = 20
 
 Ground = Array
 """Ground positions of each pixel, (H, W, 2)."""
+
+
+def write_set(folder: Path, pairs: Iterable[tuple[str, str, Pixels, Pixels, Matrix]]) -> None:
+    """Write pairs (name, group, left, right, homography from left to right) as a folder that `read_pairs` reads."""
+    (folder / "images").mkdir(parents=True, exist_ok=True)
+    with (folder / LIST_NAME).open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        for name, group, *images, truth in pairs:
+            paths = [f"images/{name}_{side}.png" for side in ("left", "right")]
+            for path, image in zip(paths, images, strict=True):
+                save(folder / path, image)
+            writer.writerow([name, group, *paths, *(truth / truth[2, 2]).ravel().tolist()])
 
 
 def flat_pairs(kind: str, each: int) -> Iterator[tuple[str, str, Pixels, Pixels, Matrix]]:

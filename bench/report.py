@@ -1,6 +1,10 @@
-"""Rows of figures: a table on the terminal, and the JSON file that the documentation makes the same table from."""
+"""Rows of figures: a table on the terminal, and the JSON file that the documentation makes the same table from.
+
+Also what programs that measure take: folders of public photographs by their names.
+"""
 
 import json
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,6 +26,15 @@ JsonFile = Annotated[Path | None, typer.Option("--json", help="Write command and
 def program(doc: str | None) -> typer.Typer:
     """A program of sub-commands that says what its module says."""
     return typer.Typer(help=doc, add_completion=False, no_args_is_help=True)
+
+
+def public_folder(name: str | Path) -> Path:
+    """A folder by its path, or by its name among the public photographs that SKYMOSAIC_DATA names."""
+    data = Path(os.environ.get("SKYMOSAIC_DATA", ""))
+    for folder in (Path(name), data / name, data / "flights" / name):
+        if folder.is_dir():
+            return folder
+    raise SystemExit(f"{name}: no such folder; set SKYMOSAIC_DATA to that of the public photographs, or name a path")
 
 
 def report(title: str, rows: Sequence[Row], json_file: Path | None = None, *, keep_others: bool = False) -> None:

@@ -11,8 +11,7 @@ from typing import Annotated
 import cv2
 import typer
 
-from bench.pair_sets import public_folder
-from bench.report import JsonFile, Row, program, report
+from bench.report import JsonFile, Row, program, public_folder, report
 from golden_model.arrays import Pixels
 from golden_model.config import PRESETS
 from hdl.build import Build

@@ -17,8 +17,7 @@ import cv2
 import numpy as np
 from rich.progress import track
 
-from bench.pair_sets import public_folder
-from bench.report import Flights, JsonFile, Row, report
+from bench.report import Flights, JsonFile, Row, public_folder, report
 from golden_model.arrays import Matrix, Points
 from golden_model.cache import cache_folder
 from skymosaic.flight.flight import Flight

@@ -16,7 +16,7 @@ import pytest
 from playwright.sync_api import Browser, Page
 from typer.testing import CliRunner
 
-from bench.pair_sets import write_set
+from bench.rendered_pairs import write_set
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.feature.orientation import SECTORS
 from golden_model.fuzzy.sugeno import ONE

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.rules import largest_rules
+from bench.designs import largest_rules
 from golden_model.config import MIN_FRAME_PX, Config, FrontEndConfig, MatcherConfig
 from hdl.accelerator import AcceleratorTop
 from hdl.blocks import catalogue

@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import pytest
 
-from bench.rules import largest_rules
+from bench.designs import largest_rules
 from golden_model.fuzzy.rules import MatchRules, read_shipped
 from sim.scene import make_pair
 from tests.conftest import Run

@@ -10,7 +10,7 @@ import pytest
 from amaranth.hdl import Fragment
 from numpy.typing import NDArray
 
-from bench.rules import largest_rules
+from bench.designs import largest_rules
 from golden_model.config import Config, FrontEndConfig, MatcherConfig
 from golden_model.feature.ilbp import ILBP_128, PATTERNS, DescriptorPattern
 from golden_model.front_end import FrameFeatures

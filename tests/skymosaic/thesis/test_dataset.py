@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.pair_sets import write_set
+from bench.rendered_pairs import write_set
 from skymosaic.common.errors import InputError
 from skymosaic.thesis.dataset import DatasetPair, list_sources
 
