@@ -14,12 +14,12 @@ import nbformat
 import numpy as np
 from nbclient import NotebookClient
 
-from bench.pictures import PICTURES, SEED, decode, save
 from hdl.build import BUILDS
 from hdl.export.boards import SOURCES
 from hdl.export.host import write_host
 from sim.scene import make_pair
 from tests.system.board.pynq_package import NEWEST
+from tools.pictures import PICTURES, SEED, decode, save
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs" / "how-to" / "notebook.md"

@@ -151,7 +151,7 @@ def test_every_quoted_command_exists() -> None:
         ("export --live", "No such option"),
         ("python -m bench.registration meshes DIR", "No such command"),
         ("python -m bench.registration methods DIR --seed 3", "No such option"),
-        ("python -m bench.camera --frame 3", "No such option"),
+        ("python -m bench.camera flight --frame 3", "No such option"),
         ("python -m bench.absent", "no such module"),
         ("python bench/absent.py", "no such script"),
         ("make everything", "no everything"),

@@ -1,7 +1,7 @@
 """The documentation's pictures of the algorithm and of further passes.
 
-python -m bench.pictures algorithm
-python -m bench.pictures passes
+python -m tools.pictures algorithm
+python -m tools.pictures passes
 """
 
 import io

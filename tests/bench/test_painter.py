@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bench.seams import DELAY, STEP_PX, find_owners, find_seams, place_frames
+from bench.painter import DELAY, STEP_PX, find_owners, find_seams, place_frames
 from golden_model.geometry.fixed_point import quantise
 from golden_model.records import HOMOGRAPHY
 from sim.scene import Camera
