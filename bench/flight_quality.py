@@ -41,7 +41,7 @@ from skymosaic.flight.layout.layout import Layout
 from skymosaic.geometry.homography import apply, resize_matrix
 from skymosaic.imagery.images import reduce_to_width
 from skymosaic.imagery.lens import Lens, lens_of
-from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions, Warp
 
 WIDTH_PX = 1600
@@ -84,8 +84,8 @@ def errors(
     rows = []
     for name in flights:
         with photographs_of(name) as (folder, truth):
-            with open_plan([folder], MosaicOptions(warp=warp)) as plan:
-                flight, layout = plan.flight, plan.layouts[0]
+            with open_run([folder], MosaicOptions(warp=warp)) as run:
+                flight, layout = run.flight, run.layouts[0]
             meshes, pairs = ", with meshes" if layout.bent else "", find_ties(flight, layout)
             rows.append(error_row(folder.name + meshes, flight, layout, pairs))
         if truth is not None and not layout.bent:

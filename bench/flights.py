@@ -38,7 +38,7 @@ from skymosaic.flight.mapping.place import tolerance_m
 from skymosaic.geometry.homography import DegenerateError, apply, estimate_similarity, grid_over
 from skymosaic.imagery.lens import Lens
 from skymosaic.maps.georeference import fit_to_map, project_to_utm
-from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
 
 app = program(__doc__)
@@ -113,8 +113,8 @@ def peers(flights: Flights, json_file: JsonFile = None) -> None:
 
 def peer_rows(folder: Path) -> list[Row]:
     """Every method on a folder."""
-    with open_plan([folder], MosaicOptions(working_width_px=WORKING_WIDTH_PX)) as plan:
-        flight = plan.flight
+    with open_run([folder], MosaicOptions(working_width_px=WORKING_WIDTH_PX)) as run:
+        flight = run.flight
     # Our transformations are those of photographs without the distortion that was estimated.
     straight, distorted = (flight_matches(flight, lens) for lens in (Lens(), flight.lens))
     rows: list[Row] = []
@@ -268,8 +268,8 @@ def maps(flights: Flights, json_file: JsonFile = None) -> None:
 
 def gps_row(folder: Path) -> Row:
     """A flight's spread of GPS positions, and the residuals of both fits."""
-    with open_plan([folder], MosaicOptions()) as plan:
-        flight, layout = plan.flight, plan.layouts[0]
+    with open_run([folder], MosaicOptions()) as run:
+        flight, layout = run.flight, run.layouts[0]
     members = [member for member in layout.members if flight.views[member].gps is not None]
     transforms = layout.to_reference(flight.views)
     centres = np.array([apply(transforms[m], (np.array(flight.views[m].size) - 1) / 2) for m in members])

@@ -22,7 +22,7 @@ from skymosaic.imagery.images import check_output
 from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.maps.features import SUFFIXES, write_places
 from skymosaic.mosaicking.options import SurveyOptions
-from skymosaic.mosaicking.plan import lay_out
+from skymosaic.mosaicking.run import lay_out
 from skymosaic.running.workers import Workers
 
 

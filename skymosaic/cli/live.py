@@ -1,7 +1,6 @@
 """The command for a mosaic that grows while the camera is still in the air."""
 
 from collections.abc import Mapping
-from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Annotated, Any
@@ -151,12 +150,15 @@ def _write(
     """Compose and write what was placed; also returns the frames and files that are not in it, with the reasons."""
     # Without a moving display, which a closed terminal would not take.
     session.tell("writing")
-    on_absent = partial(report_absent, strict=strict)
-    with mosaic.open_plan(session.note) as plan:
-        lost: Absent = {**mosaic.left_out, **unusable}
-        on_absent(lost)
-        (delivery,) = plan.write(output, form, overwrite=overwrite, on_absent=on_absent)
-        return delivery, {**lost, **delivery.flight.absent_from(delivery.layout)}
+    lost: Absent = {**mosaic.left_out, **unusable}
+    report_absent(lost, strict=strict)
+
+    def report_more(absent: Mapping[int, str]) -> None:
+        report_absent({number: reason for number, reason in absent.items() if number not in lost}, strict=strict)
+
+    with mosaic.open_run(session.note) as run:
+        (delivery,) = run.write(output, form, overwrite=overwrite, on_absent=report_more)
+        return delivery, {**unusable, **delivery.flight.absent_from(delivery.layout)}
 
 
 def _show(delivery: Delivery, absent: Absent, mosaic: LiveMosaic, pace: Pace) -> None:
@@ -199,7 +201,7 @@ def report_absent(absent: Absent, *, strict: bool) -> None:
 def _describe(update: LiveUpdate) -> str:
     if update.reason:
         return f"left out: {update.reason}"
-    parts = f"; {update.submaps} separate parts" if update.submaps > 1 else ""
+    parts = f"; {update.parts} separate parts" if update.parts > 1 else ""
     if update.placement is None:
         return f"starts a separate mosaic{parts}"
     neighbours = ", ".join(map(str, update.placement.neighbours))

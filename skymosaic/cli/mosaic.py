@@ -28,10 +28,10 @@ from skymosaic.flight.picture.output import Delivery
 from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
 from skymosaic.maps.geotiff import COMPRESSIONS
 from skymosaic.maps.tiles import OWN_NAMES as TILE_NAMES
-from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.outputs import check_outputs, list_numbered
-from skymosaic.mosaicking.plan import MosaicPlan
+from skymosaic.mosaicking.run import MosaicRun
 from skymosaic.reports.flight import flight_numbers, write_report
 from skymosaic.reports.pages import OWN_NAMES as REPORT_NAMES
 
@@ -79,16 +79,16 @@ def mosaic(
     with (
         session.destination(output, "mosaic.png") as target,
         progress_bars() as progress,
-        open_plan(photographs, options, progress, session.note) as plan,
+        open_run(photographs, options, progress, session.note) as run,
     ):
-        check_outputs(target, form, plan.sources, options, overwrite=overwrite)
+        check_outputs(target, form, run.sources, options, overwrite=overwrite)
         if save_camera:
-            if len(plan.sources) == 2:
+            if len(run.sources) == 2:
                 raise InputError("--save-camera: two photographs are too few to estimate the lens; leave it out")
             check_output(save_camera, suffixes=(".toml",), overwrite=overwrite)
         if report:
             check_output_folder(report, overwrite=overwrite)
-        written = _write_mosaics(plan, target, form, report, overwrite=overwrite, strict=strict)
+        written = _write_mosaics(run, target, form, report, overwrite=overwrite, strict=strict)
     # Before anything is printed, which a closed pipe ends.
     if save_camera:
         _save_camera(save_camera, written)
@@ -108,25 +108,25 @@ class _Written:
 
 
 def _write_mosaics(
-    plan: MosaicPlan, output: Path, form: OutputForm, report: Path | None, *, overwrite: bool, strict: bool
+    run: MosaicRun, output: Path, form: OutputForm, report: Path | None, *, overwrite: bool, strict: bool
 ) -> _Written:
     """Write the mosaics and their report; of a pair that cannot be registered, the report alone, which shows why."""
     # An error of the survey itself leaves nothing to report.
-    groups = len(plan.flight.layouts)
-    if groups > 1 and not plan.options.all_groups:
+    groups = len(run.flight.layouts)
+    if groups > 1 and not run.options.all_groups:
         rule = "the one with most photographs, of as many the one with most pixels"
         session.note(f"note: {groups} groups; this is {rule}; `all_groups` makes a mosaic of each")
     try:
-        deliveries = plan.write(output, form, overwrite=overwrite, on_absent=partial(report_absent, strict=strict))
+        deliveries = run.write(output, form, overwrite=overwrite, on_absent=partial(report_absent, strict=strict))
     except RegistrationError:
         # The report of two photographs shows what was matched, and so why they were refused.
         if report:
-            write_report(report, plan.flight, [])
+            write_report(report, run.flight, [])
         raise
     written = _Written(deliveries, [line for delivery in deliveries for line in delivery.failures])
     if report:
         with noting(written.failures):
-            write_report(report, plan.flight, deliveries)
+            write_report(report, run.flight, deliveries)
             written.report = report
     return written
 

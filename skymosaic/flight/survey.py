@@ -94,7 +94,7 @@ def survey(
     views = surveyor.fetch_thumbnails(linked.views)
     clock.lap("layout")
     for view, reason in alone.items():
-        why = reason or _why_alone(view, views, links.values())
+        why = reason or why_alone(view, views, links.values())
         left_out[linked.sources[view].index] = f"{views[view].name}: {why}"
     flight = Flight(
         names=tuple(source.name for source in sources),
@@ -261,7 +261,7 @@ def _link_nearby(linked: LinkedViews, remaining: Mapping[int, Array], layout: La
     return straighten_links(valid_links(linked.surveyor.link_nearby(linked.views, near)), linked.views, remaining)
 
 
-def _why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:
+def why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:
     """Why no link joins a view to the others, with its best match."""
     features = len(views[view].strongest)
     if features < MIN_INLIERS:

@@ -15,9 +15,8 @@ from golden_model.arrays import Pixels
 from skymosaic.common.errors import InputError
 from skymosaic.common.temporary import resolved
 from skymosaic.imagery.band_sets import select_band
-from skymosaic.imagery.exif import Metadata, read_metadata
 from skymosaic.imagery.folders import list_pictures
-from skymosaic.imagery.images import load
+from skymosaic.imagery.images import Photograph, load
 from skymosaic.imagery.key_frames import name_frame, select_key_frames
 from skymosaic.imagery.patterns import is_folder
 from skymosaic.imagery.photographs import Source, list_sources
@@ -37,9 +36,8 @@ class LiveFrame(NamedTuple):
     """
 
     name: str
-    pixels: Pixels
+    photograph: Photograph
     seen: int = 0
-    taken: Metadata = Metadata()
     file: Path | None = None
 
 
@@ -85,7 +83,8 @@ def read_live_frames(
         raise InputError(f"`band` {band}: only a folder can hold multi-band sets; leave it out")
     if CAMERA_NUMBER.fullmatch(source):
         for frame in select_key_frames(_camera(int(source))):
-            yield LiveFrame(name_frame(f"camera {source}", frame.number), frame.pixels, frame.number + 1)
+            name = name_frame(f"camera {source}", frame.number)
+            yield LiveFrame(name, Photograph(name, frame.pixels), frame.number + 1)
     elif is_folder(Path(source)):
         # Only a folder that has been read once may later be away for a while.
         if unread := list_pictures(Path(source), recursive=recursive).describe_unread():
@@ -97,7 +96,8 @@ def read_live_frames(
     else:
         reader = VideoReader(source)
         for frame in select_key_frames(reader, reader.frame_rate, reader.notes.append):
-            yield LiveFrame(name_frame(source, frame.number), frame.pixels, frame.number + 1)
+            name = name_frame(source, frame.number)
+            yield LiveFrame(name, Photograph(name, frame.pixels), frame.number + 1)
         for note in reader.notes:
             tell(f"{source}: {note}")
 
@@ -121,9 +121,9 @@ def _watch_folder(
         for path, changed in new:
             done.add((path, changed))
             try:
-                pixels = load(path, keep_damaged=keep_damaged).pixels
+                photograph = load(path, keep_damaged=keep_damaged)
                 unusable.pop(str(path), None)
-                yield LiveFrame(str(path), pixels, len(done), read_metadata(path), path)
+                yield LiveFrame(str(path), photograph, len(done), path)
             except InputError as error:
                 # A slow copy may have paused. If the file changes again, it is read again.
                 unusable[str(path)] = str(error)

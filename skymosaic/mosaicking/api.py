@@ -1,4 +1,4 @@
-"""Makes mosaics: the functions of the Python API, and the plan that the command line and the panel use."""
+"""Makes mosaics: the functions of the Python API, and the run that the command line and the panel use."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -10,8 +10,8 @@ from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.imagery.photographs import Images, Source, forget_decoded
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.mosaicking.plan import MosaicPlan
 from skymosaic.mosaicking.result import Mosaic
+from skymosaic.mosaicking.run import MosaicRun
 from skymosaic.running.workers import Progress, Workers, silent
 
 
@@ -69,18 +69,18 @@ def mosaics(
 ) -> Iterator[Mosaic]:
     """Make a mosaic of each group of photographs that overlap, the largest first; arguments as `mosaic`."""
     options = choose_options(MosaicOptions, options, changes)
-    with open_plan(images, options, progress) as plan:
-        yield from plan.mosaics()
+    with open_run(images, options, progress) as run:
+        yield from run.mosaics()
 
 
 @contextmanager
-def open_plan(
+def open_run(
     images: Images,
     options: MosaicOptions,
     progress: Progress = silent,
     tell: Callable[[str], None] = lambda _line: None,
-) -> Iterator[MosaicPlan]:
-    """A plan for ``images``, with its workers and the key frames of videos for as long as the context lasts.
+) -> Iterator[MosaicRun]:
+    """A run for ``images``, with its workers and the key frames of videos for as long as the context lasts.
 
     Parameters
     ----------
@@ -99,24 +99,24 @@ def open_plan(
     progress("reading", 0, 0)
     with flight_sources(images, tell, recursive=options.recursive) as sources:
         captures = group_band_sets(sources, options.band, tell)
-        with open_plan_of_sources(captures, options, progress, tell) as plan:
-            yield plan
+        with open_run_of_sources(captures, options, progress, tell) as run:
+            yield run
 
 
 @contextmanager
-def open_plan_of_sources(
+def open_run_of_sources(
     sources: Sequence[Source],
     options: MosaicOptions,
     progress: Progress = silent,
     tell: Callable[[str], None] = lambda _line: None,
-) -> Iterator[MosaicPlan]:
-    """`open_plan` for photographs that are already listed."""
+) -> Iterator[MosaicRun]:
+    """`open_run` for photographs that are already listed."""
     options.check_for(len(sources))
     sources = [source.with_damaged(keep=options.keeps_damaged) for source in sources]
     try:
         with Workers(
             options.scheduler, progress=progress, sources=sources, memory_bytes=options.memory_bytes
         ) as workers:
-            yield MosaicPlan(sources, options, workers, tell)
+            yield MosaicRun(sources, options, workers, tell)
     finally:
         forget_decoded()

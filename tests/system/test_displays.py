@@ -47,7 +47,7 @@ def test_a_flight_behind_a_display_is_whole() -> None:
 
 def test_a_live_mosaic_joins_no_different_places_and_says_why() -> None:
     live = LiveMosaic()
-    assert [live.add(with_display(seen(ground(seed), 300, 200))).submaps for seed in (5, 6, 7)] == [1, 2, 3]
+    assert [live.add(with_display(seen(ground(seed), 300, 200))).parts for seed in (5, 6, 7)] == [1, 2, 3]
     assert live.left_out_moving
 
 

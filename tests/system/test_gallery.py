@@ -27,7 +27,7 @@ from skymosaic.features.positions import feature_points, match_points
 from skymosaic.flight.checking.check import check_flight
 from skymosaic.flight.mapping.place import MapPlace
 from skymosaic.flight.picture.formats import OutputForm
-from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.registration.pair import Pair
 from skymosaic.reports import figures
@@ -79,8 +79,8 @@ def written(tmp_path_factory: pytest.TempPathFactory, flight: Flight) -> Path:
         with_gps(path, image, METRES_A_PIXEL * pose.x_px, -METRES_A_PIXEL * pose.y_px)
     # It has to be flown again.
     with_gps(taken[-1], np.random.default_rng(0).integers(0, 255, (360, 480, 3), np.uint8), 0, 0)
-    with open_plan(taken, MosaicOptions()) as plan:
-        (made,) = plan.write(folder / "m.tif", OutputForm(tiles=folder / "tiles"))
+    with open_run(taken, MosaicOptions()) as run:
+        (made,) = run.write(folder / "m.tif", OutputForm(tiles=folder / "tiles"))
         # The ground is honest; a link that contradicts is made of the last one, and of the first a weak one.
         first, *others, last = made.layout.links
         weak = replace(first, left_points=first.left_points[:9], right_points=first.right_points[:9])
@@ -90,7 +90,7 @@ def written(tmp_path_factory: pytest.TempPathFactory, flight: Flight) -> Path:
             contradicting=(last,),
             errors_px=(made.layout.errors_px[0][:9], *made.layout.errors_px[1:-1]),
         )
-        shown, check = replace(made, layout=layout), check_flight(plan.flight)
+        shown, check = replace(made, layout=layout), check_flight(run.flight)
         write_flight_report(folder / "flight", [shown], check)
         nowhere = replace(shown, composition=replace(made.composition, place=MapPlace()))
         write_flight_report(folder / "two mosaics", [shown, nowhere], check)
@@ -100,10 +100,10 @@ def written(tmp_path_factory: pytest.TempPathFactory, flight: Flight) -> Path:
 @pytest.fixture(scope="module")
 def pair(written: Path) -> Pair:
     """The pair whose report is in the folder."""
-    with open_plan(sorted(written.glob("*.jpg"))[:2], MosaicOptions()) as plan:
-        write_report(written / "pair", plan.flight, plan.write(written / "m.png"))
-        assert plan.flight.pair is not None
-        return plan.flight.pair
+    with open_run(sorted(written.glob("*.jpg"))[:2], MosaicOptions()) as run:
+        write_report(written / "pair", run.flight, run.write(written / "m.png"))
+        assert run.flight.pair is not None
+        return run.flight.pair
 
 
 @pytest.fixture(scope="module")

@@ -146,7 +146,10 @@ def trust_by_loops(pairs: Mapping[tuple[int, int], int], motions: Array) -> Arra
 
 
 def linked_group(
-    views: Sequence[View], members: Sequence[int], links: Sequence[Link], reference: int | None = None
+    views: Sequence[View] | Mapping[int, View],
+    members: Sequence[int],
+    links: Sequence[Link],
+    reference: int | None = None,
 ) -> LinkedGroup:
     """Collect the sizes and ties of some of the views of a flight; ``reference`` is the view that stays, None: any."""
     row = None if reference is None else list(members).index(reference)

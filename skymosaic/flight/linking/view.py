@@ -22,6 +22,7 @@ from skymosaic.features.backends import BACKENDS, load_backend
 from skymosaic.features.contrast import even_contrast
 from skymosaic.features.positions import are_on_ground, feature_points
 from skymosaic.flight.linking.resemblance import compact
+from skymosaic.geometry.ground import Sight
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.exif import Metadata, Position, read_metadata
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end, reduce_to_width
@@ -94,6 +95,11 @@ class View:
     def gps(self) -> Position | None:
         """Where the camera was."""
         return self.taken.position
+
+    @property
+    def sight(self) -> Sight:
+        """The ground that it shows, to tell whether this agrees."""
+        return Sight(self.thumbnail, self.visible, np.linalg.inv(self.to_thumbnail).astype(np.float64))
 
     @property
     def light(self) -> View:
@@ -198,10 +204,12 @@ def make_view(
     working: Pixels,
     to_original: Array,
     features: Records,
+    taken: Metadata | None = None,
 ) -> View:
     """Keep what the layout needs of a photograph whose features are known.
 
-    The lens's distortion is taken out of the photograph and of ``working``, the image that the front end saw.
+    The lens's distortion is taken out of the photograph and of ``working``, the image that the front end saw. How it
+    was ``taken`` is read from a file unless it is given.
     """
     thumbnail, from_thumbnail = reduce_to_width(working, THUMBNAIL_WIDTH_PX)
     gray = to_gray(thumbnail)
@@ -220,7 +228,7 @@ def make_view(
         value_range=photograph.value_range,
         sharpness=float(cv2.Laplacian(to_gray(working), cv2.CV_32F).var()),
         clipped=float(np.mean((gray <= 2) | (gray >= 253))),
-        taken=read_metadata(source.content) if isinstance(source.content, Path) else Metadata(),
+        taken=taken or (read_metadata(source.content) if isinstance(source.content, Path) else Metadata()),
         orientation=photograph.orientation,
         notes=photograph.notes,
     )

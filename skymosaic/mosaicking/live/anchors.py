@@ -4,6 +4,7 @@ What has been painted stays where it is, so the canvas must keep its place while
 """
 
 import contextlib
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,9 +12,12 @@ import numpy as np
 from golden_model.arrays import Array, Matrix, Records
 from golden_model.config import Config
 from skymosaic.compositing.warp import Canvas, CanvasError
+from skymosaic.flight.linking.resemblance import compact
+from skymosaic.flight.linking.view import Settings, make_view
 from skymosaic.geometry.homography import apply, estimate_similarity, rescale
-from skymosaic.imagery.exif import Metadata
-from skymosaic.mosaicking.live.submap import Frame, Submap, likely_neighbours, link_by_features
+from skymosaic.imagery.images import Photograph
+from skymosaic.imagery.photographs import Source
+from skymosaic.mosaicking.live.growing_flight import GrowingFlight, link_by_features
 
 MIN_FRAMES = 4
 """The layout of fewer does not tell how the first one is tilted, so the canvas would be as oblique as that."""
@@ -33,9 +37,18 @@ class Anchors:
     def __init__(self, size_px: tuple[int, int], config: Config) -> None:
         self._size_px = size_px
         # Without pixels, nothing tells whether it is the ground that agrees.
-        self._black = np.zeros(size_px[::-1], np.uint8)
+        black = Photograph("", np.zeros(size_px[::-1], np.uint8))
+        source, none = Source(0, "", black.pixels), np.zeros(0, config.front_end.pattern.record.dtype)
+        self._view = make_view(
+            source,
+            black,
+            Settings(config),
+            working=black.pixels,
+            to_original=np.eye(3),
+            features=none,
+        )
         # A frame is an anchor as it is placed. Levelled ones are off by pixels until the next layout.
-        self._submap = Submap(partial(link_by_features, config=config, seed=0), levelling=())
+        self._flight = GrowingFlight(partial(link_by_features, config=config, seed=0), levelling=())
         self._to_canvas: Array | None = None
 
     def add(self, number: int, features: Records) -> Matrix | None:
@@ -47,20 +60,17 @@ class Anchors:
             Its pixels to the canvas. None before the first layout, for a frame that overlaps no other, and for one that
             only agrees where it shows the same as others, because a display or dirt on the lens would, too.
         """
-        own, name = np.eye(3), f"frame {number}"
         # What a ring gives is overwritten later.
         features = features.copy()
-        frame = Frame(number, self._size_px, features, own, own, name, Metadata(), self._black, own)
-        near = likely_neighbours(frame, self._submap.frames.values())
-        found = (self._submap.register(frame, other) for other in near)
-        placed = next((frame.moved(each.transform) for each in found if each), None) if self._submap.frames else frame
-        if placed is None:
-            return None
+        view = replace(self._view, features=features, strongest=compact(features))
         # A frame that would look behind the camera is in no mosaic.
         with contextlib.suppress(CanvasError):
-            self._submap.add(placed)
-            return None if self._to_canvas is None else rescale(self._to_canvas @ placed.transform)
-        return None
+            if self._flight.parts:
+                self._flight.add(number, view)
+            else:
+                self._flight.begin(number, view)
+        place = self._flight.largest.get(number)
+        return None if self._to_canvas is None or place is None else rescale(self._to_canvas @ place)
 
     def lay_out(self) -> None:
         """Fit all frames to all their links, which takes seconds where there are hundreds of them.
@@ -68,16 +78,16 @@ class Anchors:
         The first time makes the canvas, in the pixels of the first frame without its tilt. Later the canvas is put back
         where most of the frames were.
         """
-        if len(self._submap.frames) < MIN_FRAMES:
+        if len(self._flight.views) < MIN_FRAMES:
             return
         before = self._corners()
-        self._submap.settle(at_last=True)
+        self._flight.lay_out(*self._flight.parts)
         if self._to_canvas is None:
             self._to_canvas = np.eye(3)
             return
         self._to_canvas = self._to_canvas @ estimate_similarity(self._corners(), before)
 
     def _corners(self) -> Array:
-        """Corners of all frames in the submap's reference frame, (N, 2)."""
+        """Corners of all frames in their reference frame, (N, 2)."""
         corners = Canvas(0, 0, *self._size_px).corners
-        return np.concatenate([apply(frame.transform, corners) for frame in self._submap.frames.values()])
+        return np.concatenate([apply(transform, corners) for transform in self._flight.largest.values()])

@@ -21,23 +21,22 @@ class FullError(InputError):
 
 
 class KeptFrames:
-    """What can be read again of a live mosaic's frames, by their numbers.
+    """Keeps frames where they can be read again: files where they are, other pixels in a folder.
 
-    Pixels without a file are written losslessly, as PNG, to a folder that goes with this object. ``keep_damaged``: of
-    damaged files, what can be decoded is used.
+    The pixels are written losslessly, as PNG; the folder goes with this object. ``keep_damaged``: of damaged files,
+    what can be decoded is used.
     """
 
     def __init__(self, *, keep_damaged: bool = False) -> None:
         self._keep_damaged = keep_damaged
-        self._sources: dict[int, Source] = {}
         self._folders = contextlib.ExitStack()
         # A later run removes the folder of a process that was killed.
         weakref.finalize(self, self._folders.close)
         self._folder: Path | None = None
         self._bytes = 0
 
-    def keep(self, number: int, name: str, pixels: Pixels, file: Path | None) -> None:
-        """Keep a frame: its file if it has one, else its pixels.
+    def keep(self, number: int, name: str, pixels: Pixels, file: Path | None) -> Source:
+        """Keep a frame, its file if it has one, else its pixels; returns where it can be read again.
 
         Raises
         ------
@@ -49,19 +48,7 @@ class KeptFrames:
         source = Source(number, name, file or self._store(number, pixels), keep_damaged=self._keep_damaged)
         # Computed now, so that a change is noticed.
         _ = source.digest
-        self._sources[number] = source
-
-    def read(self, number: int) -> Source:
-        """What holds a frame.
-
-        Raises
-        ------
-        InputError
-            If its file was removed, or is another picture by now.
-        """
-        if change := self._sources[number].change:
-            raise InputError(change)
-        return self._sources[number]
+        return source
 
     def _store(self, number: int, pixels: Pixels) -> Path:
         if self._folder is None:

@@ -1,9 +1,9 @@
 """A mosaic made during the flight: every frame is registered when it arrives, and at the end all are composed.
 
-In memory, only the features and a thumbnail of past frames are kept. A new frame is registered against several frames
-that it overlaps, not only against the last one, so that parallel legs of a flight constrain each other. From time to
-time the layout of all frames is recomputed. A frame that matches nothing starts a separate submap, which is merged with
-another one when a later frame overlaps both.
+In memory, only the features and a thumbnail of past frames are kept, as of a flight's photographs. A new frame is
+registered against several frames that it overlaps, not only against the last one, so that parallel legs of a flight
+constrain each other. From time to time the layout of all frames is recomputed. A frame that matches nothing
+begins a separate part, which is joined with another one when a later frame overlaps both.
 
 With the estimator ``fabric``, frames are laid out by the homographies that the chip sends, each from the frame before
 (`skymosaic.mosaicking.live.record_chain`); features and matches play no part.
@@ -12,48 +12,49 @@ With the estimator ``fabric``, frames are laid out by the homographies that the 
 import contextlib
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
+
 from golden_model.arrays import Array, Pixels, Records
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.common.options import choose_options, list_options
 from skymosaic.common.replaced import refuse_inputs
-from skymosaic.compositing.warp import Canvas, CanvasError
-from skymosaic.features.contrast import even_contrast, find_pattern
-from skymosaic.flight.linking.links import Link, link_views
-from skymosaic.flight.linking.view import THUMBNAIL_WIDTH_PX
+from skymosaic.compositing.warp import CanvasError
+from skymosaic.features.contrast import find_pattern
+from skymosaic.flight.linking.links import Candidate, Link
+from skymosaic.flight.linking.view import View, describe_thumbnail, make_view
 from skymosaic.flight.mapping.cameras import Camera
 from skymosaic.flight.mapping.place import MapPlace, place_cameras
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.estimators import FABRIC
-from skymosaic.geometry.ground import Sight
-from skymosaic.geometry.homography import apply, estimate_similarity
-from skymosaic.imagery.exif import Metadata, read_metadata
-from skymosaic.imagery.images import check_given, load, reduce_for_front_end, reduce_to_width
+from skymosaic.geometry.homography import apply
+from skymosaic.imagery.exif import Metadata
+from skymosaic.imagery.images import Photograph, check_given, load, reduce_for_front_end
 from skymosaic.imagery.patterns import is_folder, only_match
-from skymosaic.imagery.photographs import Images, forget_decoded, list_sources
-from skymosaic.mosaicking.live.composing import flight_of_frames
+from skymosaic.imagery.photographs import Images, Source, forget_decoded, list_sources
+from skymosaic.mosaicking.live.growing_flight import GrowingFlight, Placement, link_by_features
 from skymosaic.mosaicking.live.kept_frames import FullError, KeptFrames
 from skymosaic.mosaicking.live.preview import paint_preview
 from skymosaic.mosaicking.live.record_chain import RecordChain
-from skymosaic.mosaicking.live.submap import Frame, Placement, Submap, likely_neighbours, link_by_features
 from skymosaic.mosaicking.live.update import LiveUpdate
 from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
-from skymosaic.mosaicking.plan import MosaicPlan, tell_pages
+from skymosaic.mosaicking.run import MosaicRun, tell_pages
 from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.running.workers import Workers
 
 MIN_FEATURES = 50
-"""A frame with fewer features does not start a submap."""
+"""A frame with fewer features begins no part."""
 
 
 class LiveMosaic:
     """Registers frames as they arrive, and composes them when it is saved.
 
-    The mosaic is the submap with the most frames. Its reference frame is that of its first frame without the tilt. As a
+    The mosaic is the part with the most frames. Its reference frame is that of its first frame without the tilt. As a
     context manager it calls `finish` at the end. Frames without a file are kept losslessly in a temporary folder, at
     most 32 GB of them, for as long as this object lives.
 
@@ -99,13 +100,16 @@ class LiveMosaic:
     ) -> None:
         self._options = options = choose_options(LiveOptions, options, changes)
         options.check()
+        self._run_options = MosaicOptions(**vars(options))
+        self._settings = self._run_options.flight_settings()
         self._config = options.base_config
         self._front_end = options.open_backend()
         by_chip = options.estimator == FABRIC
         self._chain = RecordChain(self._front_end, self._config, options.seed) if by_chip else None
         self.left_out_moving = False
         self._kept = KeptFrames(keep_damaged=options.keeps_damaged)
-        self._submaps: list[Submap] = []
+        self._flight = GrowingFlight(self._link)
+        self._sources: dict[int, Source] = {}
         self._frames: list[tuple[str, str]] = []
         """Name of each frame, and why it was left out."""
         self._files: list[Path] = []
@@ -122,19 +126,19 @@ class LiveMosaic:
     @property
     def preview(self) -> Pixels:
         """The mosaic so far, reduced, (H, W, 3) uint8 BGR; 0 where there is no frame; empty before the first one."""
-        return paint_preview(tuple(self._mosaic.frames.values()))
+        return paint_preview([(self._flight.views[number], place) for number, place in self._flight.largest.items()])
 
     @property
     def transforms(self) -> dict[int, Array]:
         """For each frame's number, the transformation (3, 3) from its original pixels to the reference frame."""
-        return {frame.number: frame.from_original for frame in self._mosaic.frames.values()}
+        return {number: self._from_original(number, place) for number, place in self._flight.largest.items()}
 
     @property
     def left_out(self) -> dict[int, str]:
         """Numbers of the frames that are not in the mosaic, with the reasons."""
-        inside = self._mosaic.frames
-        parts = [submap.frames for submap in self._submaps if len(submap.frames) > 1]
+        inside = self._flight.largest
         why = "in another part of {} frames, which nothing joins to this one"
+        parts = [part for part in self._flight.parts.values() if len(part) > 1]
         apart = {number: why.format(len(part)) for part in parts for number in part}
         outside = [(number, *frame) for number, frame in enumerate(self._frames) if number not in inside]
         default = "does not overlap the mosaic"
@@ -143,12 +147,12 @@ class LiveMosaic:
     @property
     def place(self) -> MapPlace:
         """Where the reference frame lies on the map, by the GPS positions of its frames; or why that is not known."""
-        frames = self._mosaic.frames.values()
-        return place_cameras([Camera(frame.name, frame.size, frame.transform, frame.taken) for frame in frames])
+        views = [(self._flight.views[number], place) for number, place in self._flight.largest.items()]
+        return place_cameras([Camera(view.name, view.working_size, place, view.taken) for view, place in views])
 
     def add(
         self,
-        image: str | Path | Pixels,
+        image: str | Path | Pixels | Photograph,
         features: Records | None = None,
         *,
         name: str = "",
@@ -182,30 +186,30 @@ class LiveMosaic:
         FullError
             If there is no room for the frame. Those placed so far can be saved.
         """
-        check_given(image, "frame")
-        number, path = len(self._frames), None
+        if not isinstance(image, Photograph):
+            check_given(image, "frame")
+        number, path = len(self._frames), file
         if isinstance(image, str | Path):
-            image = path = only_match(Path(image))
+            path = only_match(Path(image))
             if is_folder(path):
                 raise InputError(f"{path}: a folder is no frame; extend() adds its pictures")
         name = name or str(path or f"frame {number}")
-        self._files += [each for each in (path, file) if each]
-        frame, placement, transform, reason = None, None, None, ""
+        self._files += [path] if path else []
+        view, placement, transform, reason = None, None, None, ""
         try:
-            pixels = load(image, "frame", keep_damaged=self._options.keeps_damaged).pixels
-            taken = taken or (read_metadata(path) if path else Metadata())
-            frame = self._describe(pixels, features, name, taken)
-            self._kept.keep(number, name, pixels, file or path)
-            submap, placement = self._place(frame)
-            transform = submap.frames[number].from_original
+            if not isinstance(image, Photograph):
+                image = load(path or image, "frame", keep_damaged=self._options.keeps_damaged)
+            view = self._describe(number, replace(image, name=name), features, path, taken)
+            placement = self._place(number, view)
+            transform = self._from_original(number, self._flight.part_of(number)[number])
         except FullError:
             raise
         except (CanvasError, InputError) as error:
-            placement, reason = None, str(error)
+            reason = str(error)
         self._frames.append((name, reason))
-        facts = () if frame is None else (frame.size, frame.features)
+        facts = () if view is None else (view.working_size, view.features)
         seconds = time.monotonic() - self._started_s
-        update = LiveUpdate(number, name, seconds, transform, placement, reason, len(self._submaps), *facts)
+        update = LiveUpdate(number, name, seconds, transform, placement, reason, len(self._flight.parts), *facts)
         self._on_frame(update)
         return update
 
@@ -226,109 +230,80 @@ class LiveMosaic:
             Without a frame.
         """
         refuse_inputs(Path(path), self._files)
-        with self.open_plan() as plan:
-            return plan.write(Path(path), overwrite=overwrite)[0]
+        with self.open_run() as run:
+            return run.write(Path(path), overwrite=overwrite)[0]
 
     @contextlib.contextmanager
-    def open_plan(self, tell: Callable[[str], None] = lambda _line: None) -> Iterator[MosaicPlan]:
-        """A plan whose flight is that of the frames, for as long as the context lasts; raises as `save`."""
+    def open_run(self, tell: Callable[[str], None] = lambda _line: None) -> Iterator[MosaicRun]:
+        """A run whose flight is that of the frames, for as long as the context lasts; raises as `save`."""
         if not self.transforms:
             raise RegistrationError("no frame could be used")
-        frames = tuple(self._mosaic.frames.values())
-        options = MosaicOptions(**vars(self._options))
-        with Workers(memory_bytes=options.memory_bytes) as workers:
-            flight = flight_of_frames(frames, self._mosaic.links, self._kept, options.flight_settings(), workers)
-            plan = MosaicPlan(flight.sources, options, workers, tell)
-            plan.flight = flight
-            tell_pages(flight, tell)
+        names = tuple(name for name, _ in self._frames)
+        left_out = {number: f"{name}: {reason}" for number, (name, reason) in enumerate(self._frames) if reason}
+        flight = self._flight.finished(self._sources, names, left_out, self._settings)
+        tell_pages(flight, tell)
+        with Workers(memory_bytes=self._run_options.memory_bytes) as workers:
             try:
-                yield plan
+                yield MosaicRun(flight.sources, self._run_options, workers, tell, flight)
             finally:
                 forget_decoded()
 
     def finish(self) -> None:
         """Recompute the layout after the last frame."""
-        self._mosaic.settle(at_last=True)
+        for part in tuple(self._flight.parts):
+            self._flight.lay_out(part)
 
-    @property
-    def _mosaic(self) -> Submap:
-        """The submap with the most frames; an empty submap before the first frame."""
-        return max(self._submaps, key=lambda submap: len(submap.frames), default=Submap(self._link))
-
-    def _link(self, left: Frame, right: Frame) -> Link:
+    def _link(self, pair: Candidate, left: View, right: View) -> Link:
         if self._chain:
-            return self._chain.link((left.number, right.number))
-        link = link_by_features(left, right, self._config, self._options.seed)
+            return self._chain.link(pair)
+        link = link_by_features(pair, left, right, config=self._config, seed=self._options.seed)
         self.left_out_moving |= link.moves_with_camera
         if link.moves_with_camera and not link.holds and left.thumbnail.shape == right.thumbnail.shape:
-            return self._link_without_pattern(left, right)
+            return self._link_without_pattern(pair, left, right)
         return link
 
-    def _link_without_pattern(self, left: Frame, right: Frame) -> Link:
+    def _link_without_pattern(self, pair: Candidate, left: View, right: View) -> Link:
         """Link two frames by their thumbnails, without what both show at the same pixels."""
         pattern = find_pattern((left.thumbnail, right.thumbnail))
-        pictures = [even_contrast(frame.thumbnail, pattern) for frame in (left, right)]
-        (one, other), config = extract_within_capacity(self._front_end, pictures, self._config)
-        sights = Sight(pictures[0]), Sight(pictures[1])
-        pair, seed = (left.number, right.number), self._options.seed
-        link = link_views(pair, one.features, other.features, config=config, seed=seed, sights=sights)
-        return link.move({frame.number: partial(apply, frame.from_thumbnail) for frame in (left, right)})
+        views = [describe_thumbnail(view.thumbnail, view, self._settings, True, pattern) for view in (left, right)]
+        link = link_by_features(pair, *views, config=self._config, seed=self._options.seed)
+        moves = {
+            number: partial(apply, view.sight.to_working) for number, view in zip(pair, (left, right), strict=True)
+        }
+        return link.move(moves)
 
-    def _describe(self, pixels: Pixels, features: Records | None, name: str, taken: Metadata) -> Frame:
-        """Reduce a frame to the working width, and compute its features unless they are given."""
-        working, to_original = reduce_for_front_end(pixels, self._options.working_width_px, "frame")
+    def _describe(
+        self,
+        number: int,
+        photograph: Photograph,
+        features: Records | None,
+        file: Path | None,
+        taken: Metadata | None,
+    ) -> View:
+        """Reduce a frame to the working width, compute its features unless they are given, and keep it."""
+        working, to_original = reduce_for_front_end(photograph.pixels, self._options.working_width_px, "frame")
         if features is None and self._chain:
-            features = self._chain.describe(len(self._frames), working)
+            features = self._chain.describe(number, working)
         elif features is None:
             results, _ = extract_within_capacity(self._front_end, [working], self._config)
             features = results[0].features
-        size = working.shape[1], working.shape[0]
-        thumbnail, from_thumbnail = reduce_to_width(working, THUMBNAIL_WIDTH_PX)
-        return Frame(
-            len(self._frames), size, features, to_original, to_original, name, taken, thumbnail, from_thumbnail
+        source = self._sources[number] = self._kept.keep(number, photograph.name, photograph.pixels, file)
+        # What is kept of a frame without a file says nothing of its camera.
+        taken = taken or (None if file else Metadata())
+        return make_view(
+            source, photograph, self._settings, working=working, to_original=to_original, features=features, taken=taken
         )
 
-    def _place(self, frame: Frame) -> tuple[Submap, Placement | None]:
-        """Add a frame to a submap that it overlaps, or to a new one."""
-        placement = None
-        if found := self._register(frame, self._submaps):
-            submap, placement = found
-            placed = frame.moved(placement.transform)
-            submap.add(placed)
-            # Parts stay apart that would look behind the camera together.
-            with contextlib.suppress(CanvasError):
-                submap = self._join(submap, placed)
-            submap.settle()
-        elif len(frame.features) < MIN_FEATURES:
-            raise InputError(f"too few features (flat or blurred?): {len(frame.features)}, {MIN_FEATURES} needed")
-        else:
-            submap = Submap(self._link)
-            submap.add(frame)
-            self._submaps.append(submap)
-        return submap, placement
+    def _place(self, number: int, view: View) -> Placement | None:
+        """Add a frame to a part that it overlaps, or begin one with it."""
+        placement = self._flight.add(number, view)
+        if placement is None:
+            if len(view.features) < MIN_FEATURES:
+                raise InputError(f"too few features (flat or blurred?): {len(view.features)}, {MIN_FEATURES} needed")
+            self._flight.begin(number, view)
+        self._flight.settle()
+        return placement
 
-    def _register(self, frame: Frame, submaps: list[Submap]) -> tuple[Submap, Placement] | None:
-        """Find a submap that the frame overlaps, and place the frame in it."""
-        home = {number: submap for submap in submaps for number in submap.frames}
-        placed = [other for submap in submaps for other in submap.frames.values()]
-        for other in likely_neighbours(frame, placed):
-            if (placement := home[other.number].register(frame, other)) is not None:
-                return home[other.number], placement
-        return None
-
-    def _join(self, submap: Submap, frame: Frame) -> Submap:
-        """Merge a submap with another one that its newest frame also overlaps; raises CanvasError as `Submap.add`.
-
-        The smaller submap is absorbed by the larger one, which is returned.
-        """
-        found = self._register(frame, [other for other in self._submaps if other is not submap])
-        if not found:
-            return submap
-        other, placement = found
-        corners = Canvas(0, 0, *frame.size).corners
-        mapped = {submap: apply(frame.transform, corners), other: apply(placement.transform, corners)}
-        # The frame lies in both submaps, so its corners relate them.
-        larger, smaller = (other, submap) if len(other.frames) >= len(submap.frames) else (submap, other)
-        larger.absorb(smaller, estimate_similarity(mapped[smaller], mapped[larger]))
-        self._submaps.remove(smaller)
-        return larger
+    def _from_original(self, number: int, place: Array) -> Array:
+        """Original pixels of a frame to the reference frame of its part, (3, 3)."""
+        return np.asarray(place @ np.linalg.inv(self._flight.views[number].to_original), dtype=np.float64)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from golden_model.arrays import Matrix, Records
-from skymosaic.mosaicking.live.submap import Placement
+from skymosaic.mosaicking.live.growing_flight import Placement
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,13 +19,13 @@ class LiveUpdate:
     seconds : float
         When it was placed or left out, since the mosaic was begun.
     transform : ndarray of float64, shape (3, 3), or None
-        Its original pixels to the reference frame of its submap; None if it was left out. Later frames may refine it.
+        Its original pixels to the reference frame of its part; None if it was left out. Later frames may refine it.
     placement : Placement or None
-        Its registration; None if it started a submap or was left out.
+        Its registration; None if it began a part or was left out.
     reason : str
         Why it was left out; else empty.
-    submaps : int
-        Number of submaps after this frame.
+    parts : int
+        Number of parts after this frame.
     size_px : tuple of int
         Width and height of the frame as registered.
     features : structured ndarray or None
@@ -38,7 +38,7 @@ class LiveUpdate:
     transform: Matrix | None
     placement: Placement | None
     reason: str
-    submaps: int
+    parts: int
     size_px: tuple[int, int] = (0, 0)
     features: Records | None = None
 
@@ -53,5 +53,5 @@ class LiveUpdate:
             "pose": None if self.transform is None else self.transform.tolist(),
             "ties": self.placement.ties if self.placement else 0,
             "error_px": self.placement.error_px if self.placement else None,
-            "parts": self.submaps,
+            "parts": self.parts,
         }

@@ -26,8 +26,8 @@ from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.images import save, save_bytes
 from skymosaic.imagery.photographs import Source, list_sources
 from skymosaic.maps.georeference import MIN_POSITIONS
-from skymosaic.mosaicking.api import open_plan_of_sources
-from skymosaic.mosaicking.plan import MosaicPlan
+from skymosaic.mosaicking.api import open_run_of_sources
+from skymosaic.mosaicking.run import MosaicRun
 from skymosaic.panel.explain import classify_matches
 from skymosaic.panel.options import Options, backend_options
 from skymosaic.panel.results import (
@@ -71,17 +71,17 @@ def make_mosaic(
     notes: list[str] = []
     sources = group_band_sets(photographs, tell=notes.append)
     deliveries, reason, output = [], "", [MOSAIC]
-    with open_plan_of_sources(sources, options, progress) as plan:
+    with open_run_of_sources(sources, options, progress) as run:
         try:
-            output = _choose_output(plan)
+            output = _choose_output(run)
             form = OutputForm(tiles=folder / TILES if TILES in output else None)
-            deliveries = plan.write(folder / output[0], form, preview_width_px=PREVIEW_WIDTH_PX)
+            deliveries = run.write(folder / output[0], form, preview_width_px=PREVIEW_WIDTH_PX)
         except RegistrationError as error:
             # The matches of a pair show why it could not be registered.
-            if plan.flight.pair is None:
+            if run.flight.pair is None:
                 raise
             reason = str(error)
-    flight, pair = plan.flight, plan.flight.pair
+    flight, pair = run.flight, run.flight.pair
     if pair is None:
         # A flight keeps no match records, so its pair with the most inliers is registered again.
         left, right, _ = _links(flight)[0]
@@ -114,14 +114,14 @@ def _describe_run(flight: Flight) -> dict[str, str]:
     return {CONFIG: to_toml(config), **rules, **tables}
 
 
-def _choose_output(plan: MosaicPlan) -> list[str]:
+def _choose_output(run: MosaicRun) -> list[str]:
     """A GeoTIFF for multi-band sets, with a page of tiles for photographs with GPS; otherwise a picture.
 
     As words of a command line, behind ``-o``.
     """
-    if plan.sources[0].bands:
+    if run.sources[0].bands:
         return [MAP]
-    views = plan.flight.views
+    views = run.flight.views
     on_map = sum(view.gps is not None for view in views)
     return [MAP, "--tiles", TILES] if on_map >= min(len(views), MIN_POSITIONS) else [MOSAIC]
 

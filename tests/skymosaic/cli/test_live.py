@@ -10,7 +10,7 @@ import pytest
 from skymosaic.cli import live
 from skymosaic.cli.live import _describe, _find_unused, report_absent
 from skymosaic.common.errors import RegistrationError
-from skymosaic.mosaicking.live.submap import Placement
+from skymosaic.mosaicking.live.growing_flight import Placement
 from skymosaic.mosaicking.live.update import LiveUpdate
 from tests.skymosaic.cli.test_mosaic import delivered
 
@@ -18,7 +18,7 @@ PLACEMENT = Placement(np.eye(3), (4, 7), 31, 0.567)
 
 
 @pytest.mark.parametrize(
-    ("placement", "reason", "submaps", "line"),
+    ("placement", "reason", "parts", "line"),
     [
         (None, "too few features", 2, "left out: too few features"),
         (None, "", 1, "starts a separate mosaic"),
@@ -27,8 +27,8 @@ PLACEMENT = Placement(np.eye(3), (4, 7), 31, 0.567)
         (PLACEMENT, "", 3, "31 ties to 4, 7, median 0.57 px; 3 separate parts"),
     ],
 )
-def test_each_frame_is_one_line(placement: Placement | None, reason: str, submaps: int, line: str) -> None:
-    assert _describe(LiveUpdate(0, "a.jpg", 0.1, np.eye(3), placement, reason, submaps)) == line
+def test_each_frame_is_one_line(placement: Placement | None, reason: str, parts: int, line: str) -> None:
+    assert _describe(LiveUpdate(0, "a.jpg", 0.1, np.eye(3), placement, reason, parts)) == line
 
 
 @pytest.mark.parametrize(("absent", "strict"), [({}, True), ({1: "x"}, False), ({1: "x", 2: "y"}, True)])

@@ -229,7 +229,7 @@ with claimed([Path(name) for name in sys.argv[1:]]):
     [
         ("mosaic", "photographs", "-o", "out/made.png"),
         ("mosaic", "photographs", "-o", "other.png", "--tiles", "linked/tiles"),
-        ("live", "photographs", "-o", "made.mp4.png"),
+        ("live", "broken.mp4", "-o", "made.mp4.png"),
     ],
     ids=" ".join,
 )
@@ -237,6 +237,7 @@ def test_of_two_runs_with_one_output_the_second_is_refused(run: Run, tmp_path: P
     for name in ("out", "photographs"):
         (tmp_path / name).mkdir()
     (tmp_path / "linked").symlink_to("out")
+    (tmp_path / "broken.mp4").write_text("no video")
     (tmp_path / "out" / "made.png").write_text("the first one's")
     outputs = ("out/made.png", "out/tiles", "made.mp4.preview.jpg")
     # Claimed by another process, which may know the folder by another name.

@@ -15,8 +15,9 @@ from skymosaic.flight.linking import surveyor
 from skymosaic.flight.linking.links import Link, link_views
 from skymosaic.flight.pairing.linked_views import LinkedViews
 from skymosaic.geometry.prosac import MIN_INLIERS
-from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.mosaicking.run import MosaicRun
 
 HARD = (0, 2)
 """Photographs that overlap, but match only once a layout says where."""
@@ -32,8 +33,8 @@ def test_a_layout_links_what_features_alone_do_not(flight: Flight, monkeypatch: 
         return link_views(pair, left, right, predicted=predicted, **settings)
 
     monkeypatch.setattr(surveyor, "link_views", link)
-    with open_plan(list(flight.images), MosaicOptions()) as plan:
-        (layout,) = plan.layouts
+    with open_run(list(flight.images), MosaicOptions()) as run:
+        (layout,) = run.layouts
     assert (HARD, False) in tried
     assert (HARD, True) in tried
     assert HARD in {(link.left, link.right) for link in layout.links}
@@ -49,11 +50,11 @@ def test_photographs_of_another_camera_stay_as_they_are_beside_a_lens_that_bends
     bent = [cv2.remap(image, places.reshape(grid.shape), None, cv2.INTER_LINEAR) for image in small]
     # Nothing links mirrored ground to the other photographs.
     others = [np.ascontiguousarray(image[30:210, ::-1]) for image in small[:2]]
-    with open_plan([*bent, *others], MosaicOptions(all_groups=True)) as plan:
-        assert plan.flight.calibration is not None
-        assert [layout.members for layout in plan.layouts] == [tuple(range(9)), (9, 10)]
-        assert [view.thumbnail.shape[:2] for view in plan.flight.views[9:]] == [(180, 320)] * 2
-        assert all(min(plan.composition(layout).size) > 180 for layout in plan.layouts)
+    with open_run([*bent, *others], MosaicOptions(all_groups=True)) as run:
+        assert run.flight.calibration is not None
+        assert [layout.members for layout in run.layouts] == [tuple(range(9)), (9, 10)]
+        assert [view.thumbnail.shape[:2] for view in run.flight.views[9:]] == [(180, 320)] * 2
+        assert all(min(run.composition(layout).size) > 180 for layout in run.layouts)
 
 
 def test_no_link_is_looked_for_around_a_place_in_dispute() -> None:
@@ -149,7 +150,7 @@ def test_why_a_photograph_is_alone_is_said_with_its_best_match() -> None:
     views[3].strongest = range(MIN_INLIERS - 1)
 
     def why(*links: Link, view: int = 0) -> str:
-        return survey._why_alone(view, views, links)
+        return survey.why_alone(view, views, links)
 
     def tried(left: int, right: int, inliers: int, *, moves: bool = False, ties: int = 0) -> Link:
         moving = points if moves else points[:0]
@@ -169,7 +170,8 @@ def test_why_a_photograph_is_alone_is_said_with_its_best_match() -> None:
 
 def test_photographs_that_no_layout_explains_are_refused_with_counts() -> None:
     noise = list(np.random.default_rng(2).integers(0, 256, (3, 160, 200), dtype=np.uint8))
-    with open_plan(noise, MosaicOptions()) as plan:
-        plan.flight = replace(plan.flight, links=(Link(0, 1, np.zeros((9, 2)), np.zeros((9, 2)), 9, 9),))
+    with open_run(noise, MosaicOptions()) as run:
+        flight = replace(run.flight, links=(Link(0, 1, np.zeros((9, 2)), np.zeros((9, 2)), 9, 9),))
+        linked = MosaicRun(run.sources, run.options, run._workers, print, flight)
         with pytest.raises(RegistrationError, match="no two photographs make a mosaic; 1 of 1 pairs show common"):
-            _ = plan.layouts
+            _ = linked.layouts

@@ -16,7 +16,7 @@ from skymosaic.compositing.blend import Blending
 from skymosaic.imagery.decoding import decode, read_header
 from skymosaic.imagery.images import load
 from skymosaic.maps.georeference import configured_rasterio
-from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
 
 
@@ -160,10 +160,10 @@ def test_a_mosaic_shows_none_of_what_is_transparent(flight: Flight, tmp_path: Pa
         # Nothing but the alpha channel tells the corners, which are as black as some ground, apart.
         pixels = np.dstack([np.maximum(image, 40), np.full((height, width), 255, np.uint8)])
         cv2.imwrite(str(tmp_path / f"{number}.png"), cv2.warpAffine(pixels, turn, (width, height)))
-    with open_plan(tmp_path, MosaicOptions(blending=blending)) as plan:
-        composition = plan.composition(plan.layouts[0])
-        features = [view.strongest for view in plan.flight.views]
-        pixels, shown = (np.concatenate(part) for part in zip(*plan.bands(composition), strict=True))
+    with open_run(tmp_path, MosaicOptions(blending=blending)) as run:
+        composition = run.composition(run.layouts[0])
+        features = [view.strongest for view in run.flight.views]
+        pixels, shown = (np.concatenate(part) for part in zip(*run.bands(composition), strict=True))
     assert len(composition.placements) == 4
     assert all(len(each) > 100 for each in features)
     assert pixels[shown].min() > 15

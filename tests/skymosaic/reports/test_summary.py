@@ -21,7 +21,7 @@ from skymosaic.flight.mapping.place import MapPlace
 from skymosaic.flight.picture.formats import OutputForm
 from skymosaic.imagery.exif import Metadata
 from skymosaic.maps.georeference import Georeference
-from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.reports.flight import write_report
 from skymosaic.reports.summary import describe_accuracy, list_files, on_white, summary_rows
@@ -40,9 +40,9 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         exif[Base.Make], exif[Base.Model] = "DJI\0\0", "FC300S\0"
         exif.get_ifd(IFD.Exif)[Base.DateTimeOriginal] = f"2026:05:01 10:2{minute}:30"
         pixels.save(folder / "flight" / name, quality=92, exif=exif)
-    with open_plan(folder / "flight", MosaicOptions()) as plan:
-        made = plan.write(folder / "map #1 of the site.tif", OutputForm(tiles=folder / "tiles"))
-        write_report(folder / "report", plan.flight, made)
+    with open_run(folder / "flight", MosaicOptions()) as run:
+        made = run.write(folder / "map #1 of the site.tif", OutputForm(tiles=folder / "tiles"))
+        write_report(folder / "report", run.flight, made)
     return folder
 
 
@@ -109,8 +109,8 @@ def test_links_lead_to_what_was_written(site: Path) -> None:
 
 
 def test_the_report_of_a_pair_names_its_maker_and_both_photographs(tmp_path: Path) -> None:
-    with open_plan(make_pair(seed=5, size=(320, 240)).images, MosaicOptions()) as plan:
-        write_report(tmp_path / "report", plan.flight, plan.write(tmp_path / "m.png"))
+    with open_run(make_pair(seed=5, size=(320, 240)).images, MosaicOptions()) as run:
+        write_report(tmp_path / "report", run.flight, run.write(tmp_path / "m.png"))
     numbers = json.loads((tmp_path / "report" / "report.json").read_text())
     assert numbers["version"] == VERSION
     assert numbers["left"]["size"] == [320, 240]

@@ -22,7 +22,7 @@ from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.imagery.lens import Lens
 from skymosaic.maps.control_points import load_control_points
 from skymosaic.maps.positions import load_positions
-from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
 from tests.skymosaic.flight.mapping.laid_out import lay_out
 
@@ -74,19 +74,19 @@ def test_control_points_put_a_mosaic_on_the_map_at_the_wanted_resolution(flight:
     options = MosaicOptions(control_points=load_control_points(tmp_path / "gcp.txt"), gsd_m=0.4)
     form = OutputForm("jpeg", tmp_path / "tiles")
     notes: list[str] = []
-    with open_plan([tmp_path / "flight"], options, tell=notes.append) as plan:
+    with open_run([tmp_path / "flight"], options, tell=notes.append) as run:
         (note,) = notes
         assert note.endswith("gcp.txt: no photograph is named O.png, other/1.png; these sightings are left out")
-        (made,) = plan.write(tmp_path / "m.tif", form)
-        place = place_on_map(plan.flight, plan.layouts[0], options.control_points)
+        (made,) = run.write(tmp_path / "m.tif", form)
+        place = place_on_map(run.flight, run.layouts[0], options.control_points)
         for gsd_m in (1e3, 1e300):
-            plan.options = replace(options, gsd_m=gsd_m)
+            run.options = replace(options, gsd_m=gsd_m)
             with pytest.raises(InputError, match="smaller than a pixel; raise `scale` or `canvas_limit_px`, or lower"):
-                plan.composition(plan.layouts[0])
+                run.composition(run.layouts[0])
         with pytest.raises(InputError, match="finer than the photographs"):
-            scale_for(plan.flight, plan.layouts[0], place.georeference, 0.05)
+            scale_for(run.flight, run.layouts[0], place.georeference, 0.05)
         with pytest.raises(InputError, match="no place on the map"):
-            scale_for(plan.flight, plan.layouts[0], None, 0.4)
+            scale_for(run.flight, run.layouts[0], None, 0.4)
     assert made.composition.place.by == "control points"
     assert made.georeference.residual_m < METRES
     assert len(made.composition.place.fitted_to) == 8
@@ -109,19 +109,19 @@ def test_a_file_of_positions_puts_a_flight_without_gps_on_the_map(flight: Flight
         east, north = CORNER + METRES * np.array([pose.x_px, -pose.y_px])
         lines.append(f"{index}.png {east} {north} 30 0 0 0 0.02 0.02")
     (tmp_path / "geo.txt").write_text("\n".join(lines))
-    with open_plan([tmp_path], MosaicOptions(positions=load_positions(tmp_path / "geo.txt"))) as plan:
-        layout = plan.layouts[0]
-        place = place_on_map(plan.flight, layout)
-    assert plan.flight.views[0].taken.accuracy_m == 0.02
+    with open_run([tmp_path], MosaicOptions(positions=load_positions(tmp_path / "geo.txt"))) as run:
+        layout = run.layouts[0]
+        place = place_on_map(run.flight, layout)
+    assert run.flight.views[0].taken.accuracy_m == 0.02
     assert place.georeference is not None
     assert place.georeference.metres_per_pixel == pytest.approx(METRES, rel=0.01)
     assert place.georeference.residual_m < 3 * METRES
     (tmp_path / "geo.txt").write_text("\n".join(lines[:3]))
     with (
-        open_plan([tmp_path], MosaicOptions(positions=load_positions(tmp_path / "geo.txt"))) as plan,
+        open_run([tmp_path], MosaicOptions(positions=load_positions(tmp_path / "geo.txt"))) as run,
         pytest.raises(RegistrationError, match=r"2 of 4 .* 3 are needed; .* nothing was written"),
     ):
-        plan.write(tmp_path / "m.tif", OutputForm(require_map=True))
+        run.write(tmp_path / "m.tif", OutputForm(require_map=True))
 
 
 def flown(folders: Sequence[str], position: Position | None = None) -> tuple[Any, Any]:

@@ -19,7 +19,7 @@ from skymosaic.flight.pairing.linked_views import LinkedViews
 from skymosaic.flight.pairing.own_mask import _explains, find_mask, mask_own
 from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.imagery.photographs import list_sources
-from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.reports.flight import write_report
 from skymosaic.running.workers import Workers
@@ -45,17 +45,17 @@ def flight() -> list[NDArray[np.uint8]]:
 
 def test_a_border_is_masked_as_the_file_of_the_report_masks_it(flight: list[NDArray[np.uint8]], tmp_path: Path) -> None:
     report = tmp_path / "report"
-    with open_plan(flight, MosaicOptions()) as plan:
-        (delivery,) = plan.write(tmp_path / "own.png")
-        write_report(report, plan.flight, [delivery])
-        assert any("is masked; a report has the mask" in problem for problem in check_flight(plan.flight).problems)
+    with open_run(flight, MosaicOptions()) as run:
+        (delivery,) = run.write(tmp_path / "own.png")
+        write_report(report, run.flight, [delivery])
+        assert any("is masked; a report has the mask" in problem for problem in check_flight(run.flight).problems)
     mask = cv2.imread(str(report / "mask.png"), cv2.IMREAD_GRAYSCALE)
     assert mask is not None
     assert (mask[:, : 80 * mask.shape[1] // 640] == 0).mean() > 0.9
     assert (mask[:, 130 * mask.shape[1] // 640 :] == 255).mean() > 0.95
-    with open_plan(flight, MosaicOptions(lens=load_lens(None, report / "mask.png"))) as plan:
-        plan.write(tmp_path / "given.png")
-        assert plan.flight.found_mask is None
+    with open_run(flight, MosaicOptions(lens=load_lens(None, report / "mask.png"))) as run:
+        run.write(tmp_path / "given.png")
+        assert run.flight.found_mask is None
     assert (tmp_path / "own.png").read_bytes() == (tmp_path / "given.png").read_bytes()
     picture = cv2.imread(str(tmp_path / "own.png"))
     assert picture is not None
@@ -64,8 +64,8 @@ def test_a_border_is_masked_as_the_file_of_the_report_masks_it(flight: list[NDAr
 
 
 def test_no_mask_without_a_flight_that_moves_with_its_camera(flight: list[NDArray[np.uint8]]) -> None:
-    with open_plan(flight[:3], MosaicOptions()) as plan:
-        views = plan.flight.views
+    with open_run(flight[:3], MosaicOptions()) as run:
+        views = run.flight.views
     points = np.stack(np.meshgrid(np.arange(0, 640, 12.0), np.arange(0, 480, 12.0)), axis=-1).reshape(-1, 2)
     here = points[points[:, 0] < 100]
     thumbnails = [view.thumbnail for view in views]
@@ -86,8 +86,8 @@ def test_no_mask_without_a_flight_that_moves_with_its_camera(flight: list[NDArra
 
 
 def test_what_is_drawn_is_masked_where_no_match_is_rejected(flight: list[NDArray[np.uint8]]) -> None:
-    with open_plan(flight[:3], MosaicOptions()) as plan:
-        views = plan.flight.views
+    with open_run(flight[:3], MosaicOptions()) as run:
+        views = run.flight.views
     above = np.array([(20.0, 20.0), (60.0, 40.0)])
     link = Link(0, 1, above[:0], above[:0], 0, 0, left_moving=above, right_moving=above)
     links = [replace(link, left=left, right=right) for left, right in ((0, 1), (0, 2), (1, 2))]

@@ -7,14 +7,14 @@ import numpy as np
 from sim.scene import Flight
 from skymosaic.compositing.tone import NEUTRAL
 from skymosaic.flight.picture.preparation import PALETTE, equalise, thumbnail_layers
-from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
 
 
 def test_thumbnails_need_no_larger_canvas_than_the_mosaic(flight: Flight, surveyed: Path) -> None:
-    with open_plan(list(flight.images), MosaicOptions(scale=0.1, cache=surveyed)) as plan:
-        composition = plan.composition(plan.layouts[0])
-        layers, reduction = thumbnail_layers(composition, plan.flight.views)
+    with open_run(list(flight.images), MosaicOptions(scale=0.1, cache=surveyed)) as run:
+        composition = run.composition(run.layouts[0])
+        layers, reduction = thumbnail_layers(composition, run.flight.views)
     assert reduction == 1
     for layer in layers:
         assert layer.footprint.intersection(composition.canvas.grown(1)) == layer.footprint
@@ -24,6 +24,6 @@ def test_thumbnails_need_no_larger_canvas_than_the_mosaic(flight: Flight, survey
         replace(layer, image=np.asarray(cv2.applyColorMap(layer.image[..., 1], cv2.COLORMAP_INFERNO), np.uint8))
         for layer in layers
     ]
-    left_alone = equalise(composition.with_each(tone=[NEUTRAL] * len(hot)), plan.flight.views, hot)
+    left_alone = equalise(composition.with_each(tone=[NEUTRAL] * len(hot)), run.flight.views, hot)
     assert left_alone.uneven == PALETTE
     assert all(placement.tone is NEUTRAL for placement in left_alone.placements)

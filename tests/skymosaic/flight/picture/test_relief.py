@@ -22,7 +22,7 @@ from skymosaic.flight.mapping.place import sightings_of
 from skymosaic.flight.picture.relief import bending_numbers, describe_bending, follow_relief
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.imagery.lens import Lens
-from skymosaic.mosaicking.api import mosaic, open_plan
+from skymosaic.mosaicking.api import mosaic, open_run
 from skymosaic.mosaicking.options import MosaicOptions
 
 SIZE_PX = (480, 360)
@@ -39,8 +39,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def flight(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Flight:
-    with open_plan([folder], MosaicOptions(cache=tmp_path_factory.mktemp("cache"))) as plan:
-        return plan.flight
+    with open_run([folder], MosaicOptions(cache=tmp_path_factory.mktemp("cache"))) as run:
+        return run.flight
 
 
 def test_meshes_halve_the_errors_of_matches_that_had_no_part_in_them(flight: Flight) -> None:
@@ -88,10 +88,10 @@ def test_photographs_agree_better_where_they_show_the_same_ground(flight: Flight
 def test_flat_ground_keeps_its_shape(tmp_path: Path) -> None:
     for number, image in enumerate(make_lawnmower(7, 4, SIZE_PX).images):
         cv2.imwrite(str(tmp_path / f"{number}.png"), image)
-    with open_plan([tmp_path], MosaicOptions(cache=tmp_path / "cache", warp="auto")) as plan:
-        assert follow_relief(plan.flight, "auto") is plan.flight
-        assert [layout.bent for layout in plan.flight.layouts] == [None]
-        assert plan.flight.layouts[0].meshes == {}
+    with open_run([tmp_path], MosaicOptions(cache=tmp_path / "cache", warp="auto")) as run:
+        assert follow_relief(run.flight, "auto") is run.flight
+        assert [layout.bent for layout in run.flight.layouts] == [None]
+        assert run.flight.layouts[0].meshes == {}
 
 
 def test_a_mask_keeps_photographs_in_shape(flight: Flight, folder: Path) -> None:

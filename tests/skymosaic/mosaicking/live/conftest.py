@@ -4,15 +4,33 @@ import itertools
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from golden_model.arrays import Matrix
+from golden_model.config import preset_config
 from sim.scene import Flight
+from skymosaic.flight.linking.view import Settings, View, make_view
 from skymosaic.geometry.homography import apply
+from skymosaic.imagery.images import Photograph
+from skymosaic.imagery.photographs import Source
 from tests.skymosaic.conftest import SIZE
 
 
 @pytest.fixture(scope="session")
 def frames(flight: Flight) -> list[np.ndarray]:
     return list(flight.images)
+
+
+def shift(x: float, y: float) -> Matrix:
+    return np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
+
+
+def view_of(pixels: NDArray[np.uint8]) -> View:
+    """A view of these pixels without a feature."""
+    settings = Settings(preset_config("aerial"))
+    none = np.zeros(0, settings.config.front_end.pattern.record.dtype)
+    photograph, source = Photograph("", pixels), Source(0, "", pixels)
+    return make_view(source, photograph, settings, working=pixels, to_original=np.eye(3), features=none)
 
 
 def pair_errors_px(transforms: dict[int, np.ndarray], flight: Flight, least_overlap: float = 0.2) -> np.ndarray:

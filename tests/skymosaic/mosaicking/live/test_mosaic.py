@@ -17,7 +17,7 @@ from skymosaic.features.backends import load_backend
 from skymosaic.flight.survey import lay_out_all
 from skymosaic.geometry.homography import apply, estimate_similarity
 from skymosaic.imagery.exif import Metadata, Position
-from skymosaic.imagery.images import check_output
+from skymosaic.imagery.images import Photograph, check_output
 from skymosaic.imagery.live_frames import LiveFrame
 from skymosaic.maps.georeference import project_to_utm
 from skymosaic.mosaicking.live.mosaic import LiveMosaic
@@ -63,7 +63,7 @@ def test_the_homographies_of_the_chip_alone_lay_the_frames_out(
     flight: Flight, frames: list[NDArray[np.uint8]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each frame follows from the one before it; nothing else of the flight is matched."""
-    monkeypatch.setattr("skymosaic.mosaicking.live.mosaic.link_views", None)
+    monkeypatch.setattr("skymosaic.mosaicking.live.mosaic.link_by_features", None)
     live = LiveMosaic(config=CONFIG, estimator="fabric")
     updates = [live.add(frame) for frame in frames[:5]]
     assert [update.placement.neighbours for update in updates[1:] if update.placement] == [(0,), (1,), (2,), (3,)]
@@ -92,7 +92,7 @@ def test_pages_that_are_not_read_are_told_once(frames: list[NDArray[np.uint8]], 
         page.save(tmp_path / f"{number}.tif", save_all=True, append_images=[page])
     live, told = LiveMosaic(config=CONFIG), list[str]()
     live.extend(tmp_path)
-    with live.open_plan(told.append):
+    with live.open_run(told.append):
         assert told == [f"note {tmp_path / '0.tif'}: only the first of 2 pages is read (2 such files)"]
 
 
@@ -109,19 +109,19 @@ def test_features_of_the_hardware_in_sequence_mode_make_a_live_mosaic(frames: An
 
 
 @pytest.mark.parametrize(
-    ("order", "submaps"),
+    ("order", "parts"),
     [
         ([0, 3, 4, 1, 2], [1, 2, 2, 1, 1]),  # into the later part, which is the larger
         ([3, 4, 0, 1, 2], [1, 1, 2, 1, 1]),  # into the earlier part
         ([0, 8, 7], [1, 2, 1]),  # both of one frame
     ],
 )
-def test_submaps_join_once_a_frame_overlaps_both(
-    flight: Flight, frames: list[NDArray[np.uint8]], order: list[int], submaps: list[int], tmp_path: Path
+def test_parts_join_once_a_frame_overlaps_both(
+    flight: Flight, frames: list[NDArray[np.uint8]], order: list[int], parts: list[int], tmp_path: Path
 ) -> None:
     live = LiveMosaic(config=CONFIG)
     updates = [live.add(frames[index]) for index in order]
-    assert [update.submaps for update in updates] == submaps
+    assert [update.parts for update in updates] == parts
     placed = {order[number]: transform for number, transform in live.transforms.items()}
     assert sorted(placed) == sorted(order)
     assert pair_errors_px(placed, flight).max() < 1.5
@@ -180,7 +180,7 @@ def test_what_happens_to_files_meanwhile_is_said_by_name(frames: list[NDArray[np
     cv2.imwrite(str(tmp_path / "3.png"), frames[0])
     written = live.save(tmp_path / "m.png")
     left_out = written.flight.absent_from(written.layout)
-    assert sorted(left_out) == [0, 3]
+    assert sorted(left_out) == [0, 3, 4]
     assert "0.png" in left_out[0]
     assert "3.png: was replaced after it had been read" in left_out[3]
 
@@ -196,9 +196,9 @@ def test_a_frame_whose_links_are_disputed_in_the_end_is_left_out_for_that(
         (layout,), _ = lay_out_all(views, *given)
         return [layout.without({2})], {2: ""}
 
-    monkeypatch.setattr("skymosaic.mosaicking.live.composing.lay_out_all", dispute)
-    with live.open_plan() as plan:
-        assert "its links contradict each other or the layout" in plan.flight.left_out[2]
+    monkeypatch.setattr("skymosaic.mosaicking.live.growing_flight.lay_out_all", dispute)
+    with live.open_run() as run:
+        assert "links contradict each other or the layout, so its place is unknown" in run.flight.left_out[2]
 
 
 def test_a_full_disk_ends_the_growth_and_not_the_mosaic(
@@ -207,7 +207,7 @@ def test_a_full_disk_ends_the_growth_and_not_the_mosaic(
     live, told = LiveMosaic(config=CONFIG), list[str]()
     size = len(cv2.imencode(".png", frames[0], [cv2.IMWRITE_PNG_COMPRESSION, 1])[1])
     monkeypatch.setattr("skymosaic.mosaicking.live.kept_frames.MAX_BYTES", int(3.5 * size))
-    coming = (LiveFrame(f"frame {number}", frame) for number, frame in enumerate(frames))
+    coming = (LiveFrame(f"frame {number}", Photograph("", frame)) for number, frame in enumerate(frames))
     # Nor does a preview that cannot be written.
     grow(live, coming, tmp_path / "none" / "preview.jpg", told.append)
     assert sorted(live.transforms) == [0, 1, 2]
@@ -222,7 +222,7 @@ def test_a_preview_takes_no_name_that_another_run_has_taken_meanwhile(
     check_output(preview := tmp_path / "m.preview.jpg")
     preview.write_bytes(b"another run's")
     with pytest.raises(AppearedError, match="choose another name"):
-        grow(LiveMosaic(config=CONFIG), [LiveFrame("frame 0", frames[0])], preview, lambda _line: None)
+        grow(LiveMosaic(config=CONFIG), [LiveFrame("frame 0", Photograph("", frames[0]))], preview, lambda _line: None)
     assert preview.read_bytes() == b"another run's"
 
 

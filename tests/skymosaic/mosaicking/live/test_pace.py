@@ -5,11 +5,12 @@ import pytest
 
 from golden_model.config import preset_config
 from golden_model.geometry.estimator import MAX_CYCLES
+from skymosaic.imagery.images import Photograph
 from skymosaic.imagery.live_frames import LiveFrame
 from skymosaic.mosaicking.live.pace import Pace
 from skymosaic.mosaicking.live.update import LiveUpdate
 
-PICTURE = np.zeros((64, 64), np.uint8)
+PICTURE = Photograph("", np.zeros((64, 64), np.uint8))
 
 
 def test_what_is_counted_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

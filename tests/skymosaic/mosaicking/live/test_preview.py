@@ -1,5 +1,6 @@
 """Previews are compared with the ground that their frames show."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,22 +10,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from skymosaic.imagery.exif import Metadata
+from golden_model.arrays import Matrix
+from skymosaic.flight.linking.view import View
+from skymosaic.imagery.images import Photograph
 from skymosaic.imagery.live_frames import LiveFrame
 from skymosaic.mosaicking.live import run
 from skymosaic.mosaicking.live.preview import paint_preview
-from skymosaic.mosaicking.live.submap import Frame
+from tests.skymosaic.mosaicking.live.conftest import shift, view_of
 
 
-def shift(x: float, y: float) -> np.ndarray:
-    return np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
-
-
-def frame(number: int, thumbnail: NDArray[np.uint8], transform: np.ndarray) -> Frame:
-    size = thumbnail.shape[1], thumbnail.shape[0]
-    return Frame(
-        number, size, np.zeros(0, [("x", "<u2")]), np.eye(3), transform, str(number), Metadata(), thumbnail, np.eye(3)
-    )
+def frame(thumbnail: NDArray[np.uint8], transform: Matrix) -> tuple[View, Matrix]:
+    return replace(view_of(thumbnail), thumbnail=thumbnail, to_thumbnail=np.eye(3)), transform
 
 
 @pytest.fixture(scope="module")
@@ -35,25 +31,25 @@ def ground() -> NDArray[np.uint8]:
 
 def test_two_frames_of_one_ground_show_the_ground(ground: NDArray[np.uint8]) -> None:
     """Upright and turned, beside the middle of the reference frame, and gray ones too."""
-    left, right = frame(0, ground[:, :240], shift(-30, 5)), frame(1, ground[:, 160:], shift(130, 5))
+    left, right = frame(ground[:, :240], shift(-30, 5)), frame(ground[:, 160:], shift(130, 5))
     np.testing.assert_array_equal(paint_preview([left, right]), ground)
-    upside_down = frame(1, np.ascontiguousarray(ground[::-1, 160:][:, ::-1]), shift(369, 244) @ np.diag([-1.0, -1, 1]))
+    upside_down = frame(np.ascontiguousarray(ground[::-1, 160:][:, ::-1]), shift(369, 244) @ np.diag([-1.0, -1, 1]))
     np.testing.assert_allclose(paint_preview([left, upside_down]), ground, atol=1)
     np.testing.assert_array_equal(
-        paint_preview([frame(0, ground[..., 0], np.eye(3))]), np.repeat(ground[..., :1], 3, axis=2)
+        paint_preview([frame(ground[..., 0], np.eye(3))]), np.repeat(ground[..., :1], 3, axis=2)
     )
 
 
 def test_the_farther_border_shows_whatever_the_order(ground: NDArray[np.uint8]) -> None:
-    other = frame(1, 250 - ground[:, :200], np.eye(3))
-    for frames in ([frame(0, ground, np.eye(3)), other], [other, frame(0, ground, np.eye(3))]):
+    other = frame(250 - ground[:, :200], np.eye(3))
+    for frames in ([frame(ground, np.eye(3)), other], [other, frame(ground, np.eye(3))]):
         where = slice(60, 180), slice(150, None)
         np.testing.assert_array_equal(paint_preview(frames)[where], ground[where])
 
 
 def test_a_preview_is_limited_and_may_be_empty(ground: NDArray[np.uint8]) -> None:
     assert paint_preview([]).size == 0
-    small = paint_preview([frame(0, ground, shift(7, 9) @ np.diag([3.0, 3, 1]))], width_px=100)
+    small = paint_preview([frame(ground, shift(7, 9) @ np.diag([3.0, 3, 1]))], width_px=100)
     assert small.shape[1] in (99, 100)
     np.testing.assert_allclose(small, cv2.resize(ground, small.shape[1::-1], interpolation=cv2.INTER_AREA), atol=12)
 
@@ -63,7 +59,7 @@ def test_a_narrow_preview_is_at_most_twice_as_high_as_it_may_be_wide(
     ground: NDArray[np.uint8], width_px: int, shape: tuple[int, int]
 ) -> None:
     tall = np.ascontiguousarray(ground[:, :50])
-    assert paint_preview([frame(0, tall, np.eye(3))], width_px).shape[:2] == shape
+    assert paint_preview([frame(tall, np.eye(3))], width_px).shape[:2] == shape
 
 
 @pytest.mark.parametrize(("preview_s", "least_s", "most_s"), [(0.0625, 1.0, 1.5), (0.5, 5.0, 5.5)])
@@ -87,8 +83,8 @@ def test_previews_take_a_tenth_of_the_time_and_come_at_most_once_a_second(
     monkeypatch.setattr(run, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
     monkeypatch.setattr(run, "_write_preview", write_preview)
     growing: Any = SimpleNamespace(add=add, transforms=[0])
-    pixels = np.zeros((4, 4), np.uint8)
-    run.grow(growing, (LiveFrame(str(number), pixels) for number in range(99)), Path("p.jpg"), print)
+    picture = Photograph("", np.zeros((64, 64), np.uint8))
+    run.grow(growing, (LiveFrame(str(number), picture) for number in range(99)), Path("p.jpg"), print)
     # The last one shows all.
     pauses_s = np.subtract(begun[1:-1], ended[:-2])
     assert numbers[-1] == 98

@@ -20,10 +20,10 @@ from skymosaic.flight.picture.formats import format_of
 from skymosaic.imagery.images import load
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import list_sources
-from skymosaic.mosaicking.api import open_plan
+from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.mosaicking.plan import MosaicPlan, lay_out
 from skymosaic.mosaicking.result import Mosaic
+from skymosaic.mosaicking.run import MosaicRun, lay_out
 from skymosaic.running.workers import Workers
 
 MASKED = Lens(mask=np.ones((4, 4), np.uint8))
@@ -61,8 +61,8 @@ def test_a_photograph_that_changes_after_its_features_is_left_out_by_name(
             done.append(now)
             change(folder)
 
-    with open_plan(folder, MosaicOptions(cache=surveyed), progress) as plan:
-        mosaic = next(plan.mosaics())
+    with open_run(folder, MosaicOptions(cache=surveyed), progress) as run:
+        mosaic = next(run.mosaics())
     assert {
         index: reason.split(": ", 1)[1][: len(reasons[index])] for index, reason in mosaic.left_out.items()
     } == reasons
@@ -77,7 +77,7 @@ def test_pages_that_are_not_read_are_told_once(tmp_path: Path, monkeypatch: pyte
         page.save(tmp_path / f"{number}.tif", save_all=True, append_images=[page] * number)
     told: list[str] = []
     read = SimpleNamespace(views=[load(source.name) for source in list_sources(tmp_path)])
-    monkeypatch.setattr("skymosaic.mosaicking.plan.survey", lambda *_, **__: read)
+    monkeypatch.setattr("skymosaic.mosaicking.run.survey", lambda *_, **__: read)
     with Workers() as workers:
         lay_out([], MosaicOptions(), workers, told.append)
     assert told == [f"note {tmp_path / '1.tif'}: only the first of 2 pages is read (2 such files)"]
@@ -94,23 +94,22 @@ def test_a_photograph_that_changes_while_the_picture_is_made_is_left_out_by_name
         if stage == "exposure and seams" and told:
             shutil.copy(folder / "4.png", folder / "0.png")
 
-    with open_plan(folder, MosaicOptions(cache=surveyed), progress) as plan:
-        plan.flight = plan.flight.without({0: reason})
-        expected = next(plan.mosaics())
-        del plan.flight
-        (delivery,) = plan.write(output, on_absent=lambda absent: told.append(dict(absent)))
+    with open_run(folder, MosaicOptions(cache=surveyed), progress) as run:
+        without = MosaicRun(run.sources, run.options, run._workers, print, run.flight.without({0: reason}))
+        expected = next(without.mosaics())
+        (delivery,) = run.write(output, on_absent=lambda absent: told.append(dict(absent)))
     assert told == [{}, {0: reason}]
     assert expected.left_out == delivery.flight.left_out == {0: reason}
     assert np.array_equal(np.asarray(cv2.imread(str(output))), expected.image)
 
 
 def test_where_all_photographs_change_there_is_no_mosaic(folder: Path, surveyed: Path, tmp_path: Path) -> None:
-    with open_plan(folder, MosaicOptions(cache=surveyed)) as plan:
-        assert plan.layouts
+    with open_run(folder, MosaicOptions(cache=surveyed)) as run:
+        assert run.layouts
         for path in folder.glob("*.png"):
             path.unlink()
         with pytest.raises(RegistrationError, match=r"no two photographs make a mosaic; .*0.png: was removed after it"):
-            plan.write(tmp_path / "m.tif")
+            run.write(tmp_path / "m.tif")
         assert not any(tmp_path.iterdir())
 
 
@@ -119,10 +118,10 @@ def test_all_groups_are_written_where_that_is_wanted(flight: Flight, surveyed: P
     # Nothing links mirrored ground to the other photographs.
     small = [cv2.resize(image[:, ::-1], (320, 240), interpolation=cv2.INTER_AREA) for image in flight.images[:3]]
     told: list[dict[int, str]] = []
-    with open_plan([*small, *flight.images[:3]], MosaicOptions(cache=surveyed)) as plan:
-        one = plan.write(tmp_path / "one.png", on_absent=lambda absent: told.append(dict(absent)))
-        plan.options = replace(plan.options, all_groups=True)
-        both = plan.write(tmp_path / "all.png", on_absent=lambda absent: told.append(dict(absent)))
+    with open_run([*small, *flight.images[:3]], MosaicOptions(cache=surveyed)) as run:
+        one = run.write(tmp_path / "one.png", on_absent=lambda absent: told.append(dict(absent)))
+        run.options = replace(run.options, all_groups=True)
+        both = run.write(tmp_path / "all.png", on_absent=lambda absent: told.append(dict(absent)))
     written = [[each.path.name for each in made] for made in (one, both)]
     assert written == [["one.png"], ["all.png", "all_2.png"]]
     assert {path.name for path in tmp_path.iterdir()} == {"one.png", "all.png", "all_2.png"}
@@ -137,20 +136,20 @@ def test_what_a_file_cannot_hold_is_refused_or_reduced_before_it_is_rendered(
     small = replace(format_of(Path("m.webp")), max_side_px=300)
     monkeypatch.setitem(formats._BY_SUFFIX, ".webp", small)
     rendered = list[object]()
-    monkeypatch.setattr(MosaicPlan, "bands", lambda _, composition: rendered.append(composition))
+    monkeypatch.setattr(MosaicRun, "bands", lambda _, composition: rendered.append(composition))
     refused = pytest.raises(
         InputError, match=r"m\.webp: \d+x\d+ cannot be stored as \.webp, whose sides have at most 300"
     )
-    with open_plan(flight.images[:2], MosaicOptions()) as plan:
+    with open_run(flight.images[:2], MosaicOptions()) as run:
         with refused:
-            plan.write(tmp_path / "m.webp")
+            run.write(tmp_path / "m.webp")
         image = np.zeros((4, 400), np.uint8)
-        mosaic = Mosaic(image, plan.flight, plan.layouts[0], plan.composition(plan.layouts[0]))
+        mosaic = Mosaic(image, run.flight, run.layouts[0], run.composition(run.layouts[0]))
         with refused:
             mosaic.save(tmp_path / "m.webp")
     assert not rendered
-    with open_plan(flight.images[:3], MosaicOptions(cache=surveyed, canvas_limit_px=9_000_000)) as plan:
-        composition = plan.composition(plan.layouts[0], tmp_path / "m.webp")
+    with open_run(flight.images[:3], MosaicOptions(cache=surveyed, canvas_limit_px=9_000_000)) as run:
+        composition = run.composition(run.layouts[0], tmp_path / "m.webp")
     assert 290 < max(composition.size) <= 300
     assert "because the limit is 9 megapixels, with sides of at most 300 px; `scale`" in composition.reduced
     assert not any(tmp_path.iterdir())
@@ -160,12 +159,12 @@ def test_control_points_must_reach_the_largest_group_and_no_other(monkeypatch: p
     def place(*_: Any) -> None:
         raise InputError("too few control points")
 
-    monkeypatch.setattr("skymosaic.mosaicking.plan.place_on_map", place)
+    monkeypatch.setattr("skymosaic.mosaicking.run.place_on_map", place)
     first, second = object(), object()
-    plan: Any = SimpleNamespace(layouts=[first, second], flight=None, options=MosaicOptions())
+    run: Any = SimpleNamespace(layouts=[first, second], flight=None, options=MosaicOptions())
     with pytest.raises(InputError, match="too few"):
-        MosaicPlan._place(plan, first)  # type: ignore[arg-type]
-    assert MosaicPlan._place(plan, second).note == "too few control points"  # type: ignore[arg-type]
+        MosaicRun._place(run, first)  # type: ignore[arg-type]
+    assert MosaicRun._place(run, second).note == "too few control points"  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -191,7 +190,7 @@ def test_a_flight_is_registered_repeated_or_laid_out(
         return f"two {warp}" + (" masked" if lens.mask is not None else "")
 
     laid_out = SimpleNamespace(lens=changes.get("lens", Lens()))
-    module, notes = "skymosaic.mosaicking.plan", list[str]()
+    module, notes = "skymosaic.mosaicking.run", list[str]()
     monkeypatch.setattr(f"{module}.register_two", register_two)
     monkeypatch.setattr(f"{module}.repeat_flight", lambda *_: "repeated")
     monkeypatch.setattr(f"{module}.lay_out", lambda *_: laid_out)
@@ -201,7 +200,7 @@ def test_a_flight_is_registered_repeated_or_laid_out(
     ]
     workers: Any = SimpleNamespace(progress=None)
     options = replace(MosaicOptions(), **changes)
-    flight: Any = MosaicPlan(sources, options, workers, notes.append).flight
+    flight: Any = MosaicRun(sources, options, workers, notes.append).flight
     assert flight == made
     assert [note.startswith("note: `warp`: a mask or other bands would not be bent") for note in notes] == [True] * told
 
@@ -215,13 +214,12 @@ def test_a_group_without_a_place_has_the_resolution_of_its_photographs(
     place = MapPlace(object() if placed else None)  # type: ignore[arg-type]
     layouts: Any = [object(), object()]
     flight = SimpleNamespace(layouts=layouts, pair=None if placed else SimpleNamespace(accepted=True))
-    monkeypatch.setattr("skymosaic.mosaicking.plan.place_on_map", lambda *_: place)
-    monkeypatch.setattr("skymosaic.mosaicking.plan.compose", lambda *_, **given: given)
+    monkeypatch.setattr("skymosaic.mosaicking.run.place_on_map", lambda *_: place)
+    monkeypatch.setattr("skymosaic.mosaicking.run.compose", lambda *_, **given: given)
     sources: Any = [SimpleNamespace(bands=()), SimpleNamespace(bands=("nir",))]
     stages = list[tuple[Any, ...]]()
     workers: Any = SimpleNamespace(progress=lambda *stage: stages.append(stage))
-    plan: Any = MosaicPlan(sources, MosaicOptions(gsd_m=0.5), workers, print)
-    plan.flight = flight
-    composed: Any = plan.composition(layouts[number])
+    run: Any = MosaicRun(sources, MosaicOptions(gsd_m=0.5), workers, print, flight)  # type: ignore[arg-type]
+    composed: Any = run.composition(layouts[number])
     assert (composed["gsd_m"], composed["place"]) == (gsd_m, place)
     assert stages == [("exposure and seams", 0, 0)] * placed

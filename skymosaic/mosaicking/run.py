@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 
 from golden_model.arrays import Intensities, Mask
@@ -35,20 +34,26 @@ MAX_REASONS = 3
 """Photographs of a refused flight that are named with their reasons; most have the same."""
 
 
-class MosaicPlan:
+class MosaicRun:
     """From photographs to mosaics; `write` is the whole road, `mosaic` the same into memory.
 
     The options are checked for this number of photographs. ``tell`` receives a line if the cache cannot be written, or
-    if control points name other photographs.
+    if control points name other photographs. A ``flight`` that is given is not computed.
     """
 
     def __init__(
-        self, sources: Sequence[Source], options: MosaicOptions, workers: Workers, tell: Callable[[str], None]
+        self,
+        sources: Sequence[Source],
+        options: MosaicOptions,
+        workers: Workers,
+        tell: Callable[[str], None],
+        flight: Flight | None = None,
     ) -> None:
         self.sources = sources
         self.options = options
         self._workers = workers
         self._tell = tell
+        self._flight = flight
         control = options.control_points
         # Unlike a position, a sighting is one of several, and surveys share a file; but it may be misspelt.
         if control is not None and (unknown := control.unmatched_names([source.name for source in sources])):
@@ -81,7 +86,7 @@ class MosaicPlan:
             As in `layouts`; for a mosaic without a place on the map where ``form`` requires one.
         """
         # What can be refused is refused before the work begins.
-        computed = "flight" in vars(self)
+        computed = self._flight is not None
         check_outputs(output, form, self.sources, self.options, overwrite=overwrite, computed=computed)
         absent: dict[int, str] = {}
         while True:
@@ -137,12 +142,17 @@ class MosaicPlan:
         """Leave out placed photographs that are no longer what they were when they were laid out; whether any were."""
         placed = [member for layout in self.flight.layouts for member in layout.members]
         changes = {member: change for member in placed if (change := self.flight.sources[member].change)}
-        self.flight = self.flight.without(changes)
+        self._flight = self.flight.without(changes)
         return bool(changes)
 
-    @cached_property
+    @property
     def flight(self) -> Flight:
         """Features, links, lens and layouts; computed when they are first needed."""
+        if self._flight is None:
+            self._flight = self._compute_flight()
+        return self._flight
+
+    def _compute_flight(self) -> Flight:
         options, progress = self.options, self._workers.progress
         if options.repeat is not None:
             cache = open_cache(options.cache, self._tell)
