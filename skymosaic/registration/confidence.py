@@ -86,7 +86,7 @@ class Confidence:
     ground: GroundAgreement
 
     @property
-    def is_flat(self) -> bool:
+    def is_well_supported(self) -> bool:
         """Whether many matches and the ground agree: then a refit to the whole overlap gains next to nothing."""
         agrees = self.quality.held_out_share >= FLAT_SHARE and self.ground.share >= FLAT_SHARE_OF_GROUND
         return agrees and self.quality.inliers >= CLEAR_INLIERS

@@ -104,6 +104,8 @@ class Pair:
         Name of the backend that computed features and matches.
     seconds : dict
         Wall time of each stage.
+    known_confidence : Confidence or None
+        How far to trust the homography, where ``working`` is not what tells it; None: computed from that.
     """
 
     left: Photograph
@@ -128,6 +130,7 @@ class Pair:
     inverted: bool
     backend: str
     seconds: dict[str, float]
+    known_confidence: Confidence | None = None
 
     @property
     def accepted(self) -> bool:
@@ -151,18 +154,20 @@ class Pair:
         inlier = transfer_error(working, *match_points(self.kept)) <= INLIER_PX
         homography = map_to_originals(working, self.to_original)
         inliers = self.kept[inlier]
-        return replace(self, homography=homography, ground=None, inliers=inliers, refined_inliers=refined_inliers)
+        unknown = replace(self, ground=None, known_confidence=None)
+        return replace(unknown, homography=homography, inliers=inliers, refined_inliers=refined_inliers)
 
     def refused(self, reason: str) -> Pair:
         """This pair without a homography."""
-        return replace(self, homography=None, refined_inliers=0, confirmed=False, reason=reason)
+        unknown = replace(self, known_confidence=None)
+        return replace(unknown, homography=None, refined_inliers=0, confirmed=False, reason=reason)
 
     @cached_property
     def confidence(self) -> Confidence | None:
         """How far to trust the homography; computed on first use. None where not accepted."""
         homography, points = self.working_homography, match_points(self.kept)
-        if homography is None:
-            return None
+        if homography is None or self.known_confidence is not None:
+            return self.known_confidence
         return assess(self.sights, homography, *points, ground=self.ground, confirmed=self.confirmed)
 
     def points(self, kind: str = "inliers") -> MatchedPoints:
@@ -261,10 +266,8 @@ class Pair:
     def without_pixels(self) -> Pair:
         """This pair with all its numbers, below 1 MB; `plot` reads files again."""
         left, right = (replace(photograph, pixels=NO_PIXELS) for photograph in (self.left, self.right))
-        bare = replace(self, left=left, right=right, working=(NO_PIXELS, NO_PIXELS), visible=(None, None))
-        # From here on only what is computed already can be told.
-        vars(bare)["confidence"] = self.confidence
-        return bare
+        none, confidence = (NO_PIXELS, NO_PIXELS), self.confidence
+        return replace(self, left=left, right=right, working=none, visible=(None, None), known_confidence=confidence)
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but the pixels, so that processes exchange little."""

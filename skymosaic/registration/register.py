@@ -182,17 +182,16 @@ def _register_without_pattern(pair: Pair, options: RegistrationOptions, lens: Le
     if not (trust.ground.suffices and trust.ground.wins):
         return pair
     to_original = pair.to_original[0] @ to_left, pair.to_original[1] @ to_right
-    found = dataclasses.replace(
+    return dataclasses.replace(
         again,
         left=pair.left,
         right=dataclasses.replace(pair.right, notes=(*pair.right.notes, MOVES_WITH_CAMERA)),
         to_original=to_original,
         working=(left, right),
         homography=map_to_originals(again.homography, to_original),
+        # Of the images without the pattern, because these have it.
+        known_confidence=trust,
     )
-    # Computed now, because these have the pattern.
-    vars(found)["confidence"] = trust
-    return found
 
 
 class _FirstPass(NamedTuple):
@@ -294,7 +293,7 @@ def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Po
     if fits_throughout(homography, *match_points(pair.kept), *(sight.size for sight in pair.sights)):
         return pair
     confidence = pair.confidence
-    if pair.effort != "fast" and confidence and not (confidence.verdict == "good" or confidence.is_flat):
+    if pair.effort != "fast" and confidence and not (confidence.verdict == "good" or confidence.is_well_supported):
         pair = refit_pair(pair, shows_ground)
         confidence = pair.confidence
     if confidence is None or options.accept_poor or not confidence.extrapolates:

@@ -69,7 +69,8 @@ def pair(left: str, right: str, options: Options, *, registered: bool = True) ->
     matches["rule"] = np.where(matches["rule"] < len(method.rule_names(config)), matches["rule"], 0)
     kept = matches[matches["verdict"] == 1]
     shift = np.array([[1.0, 0, -10], [0, 1, 0], [0, 0, 1]])
-    made = Pair(
+    trust: Any = SimpleNamespace(verdict="check", reason="few inliers", predicted_px=1.25) if registered else None
+    return Pair(
         left=Photograph(left, NO_PIXELS),
         right=Photograph(right, NO_PIXELS),
         to_original=(np.eye(3), np.eye(3)),
@@ -92,10 +93,8 @@ def pair(left: str, right: str, options: Options, *, registered: bool = True) ->
         inverted=False,
         backend="golden",
         seconds={},
+        known_confidence=trust,
     )
-    trust = SimpleNamespace(verdict="check", reason="few inliers", predicted_px=1.25) if registered else None
-    vars(made)["confidence"] = trust
-    return made
 
 
 def uploaded(name: str, *notes: str) -> InputFile:

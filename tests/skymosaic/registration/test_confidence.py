@@ -133,15 +133,15 @@ def test_flat_ground_needs_less_of_the_overlap(
 
 
 @pytest.mark.parametrize(
-    ("held_out_share", "share", "inliers", "flat"),
+    ("held_out_share", "share", "inliers", "supported"),
     [(0.75, 0.95, 60, True), (0.74, 0.95, 60, False), (0.75, 0.94, 60, False), (0.75, 0.95, 59, False)],
 )
-def test_flat_is_where_many_matches_and_the_ground_agree(
-    held_out_share: float, share: float, inliers: int, flat: bool
+def test_well_supported_is_where_many_matches_and_the_ground_agree(
+    held_out_share: float, share: float, inliers: int, supported: bool
 ) -> None:
     quality = FitQuality(0.12345678, held_out_share, 3.0, 0.5, inliers)
     trust = Confidence("check", "so it is", 2.0, 0.3, quality, ground(share, motion=0.3))
-    assert trust.is_flat is flat
+    assert trust.is_well_supported is supported
     assert trust.summary() == {
         "verdict": "check", "reason": "so it is", "predicted_px": 2.0, "correlation": 0.3, "instability_px": 0.1235,
         "held_out_share": held_out_share, "held_out_px": 3.0, "hull_share": 0.5, "inliers": inliers,

@@ -55,6 +55,13 @@ def test_all_of_a_pair_is_told_whether_it_is_accepted_or_not(pair: Pair) -> None
     assert told == [None, None, "aerial", "harris", "ilbp-128", "prosac", "fast", "golden"]
 
 
+def test_a_known_confidence_is_that_of_its_homography(pair: Pair) -> None:
+    bare = pair.without_pixels()
+    assert bare.confidence == pair.confidence is not None
+    assert bare.with_homography(SHIFT, 0).known_confidence is None
+    assert bare.refused("too far").confidence is None
+
+
 def test_a_picture_needs_the_pixels_of_both(pair: Pair) -> None:
     assert "base64" in pair._repr_html_()
     for side in ("left", "right"):

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,9 +26,8 @@ def pair() -> Pair:
 
 def test_the_rows_of_an_accepted_pair(pair: Pair) -> None:
     homography = np.array([[1.0, 0.25, -12.5], [0, 1, 3], [1e-5, 0, 1]])
-    shown = replace(pair, homography=homography, refined_inliers=77, passes=3)
-    # It is computed on first use.
-    shown.__dict__["confidence"] = SimpleNamespace(verdict="good", reason="most of the overlap agrees")
+    trust: Any = SimpleNamespace(verdict="good", reason="most of the overlap agrees")
+    shown = replace(pair, homography=homography, refined_inliers=77, passes=3, known_confidence=trust)
     rows = dict(_table_rows(shown))
     left, right = map(len, pair.features)
     assert left != right
