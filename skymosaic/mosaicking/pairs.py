@@ -13,7 +13,7 @@ from skymosaic.common.tables import Table, tabulate
 from skymosaic.imagery.photographs import Images, Source, list_sources
 from skymosaic.registration.extraction import Features, extract
 from skymosaic.registration.options import RegistrationOptions
-from skymosaic.registration.pair import NO_PIXELS, Pair
+from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register
 from skymosaic.running.workers import Progress, Workers, silent
 
@@ -77,7 +77,7 @@ def _describe(source: Source, options: RegistrationOptions) -> Path | Pixels | F
     if not options.choose_method()[0].on_accelerator:
         return source.content
     features = extract(source.content, options)
-    photograph = dataclasses.replace(features.photograph, name=source.name, pixels=NO_PIXELS)
+    photograph = dataclasses.replace(features.photograph, name=source.name).without_pixels()
     return dataclasses.replace(features, photograph=photograph)
 
 

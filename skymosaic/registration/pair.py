@@ -21,14 +21,13 @@ from skymosaic.features.positions import match_points
 from skymosaic.geometry.ground import GroundAgreement, Sight
 from skymosaic.geometry.homography import apply, rescale, transfer_error
 from skymosaic.geometry.prosac import INLIER_PX
-from skymosaic.imagery.images import Photograph, load
+from skymosaic.imagery.images import NO_PIXELS, Photograph, load
 from skymosaic.imagery.notebook import describe_in_html, draw_lines
 from skymosaic.registration.confidence import Confidence, assess
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-NO_PIXELS: Pixels = np.zeros((0, 0, 3), np.uint8)
 KINDS = ("inliers", "kept", "matches")
 """Kinds of matches that `Pair.points` returns, the strictest first."""
 
@@ -265,7 +264,7 @@ class Pair:
 
     def without_pixels(self) -> Pair:
         """This pair with all its numbers, below 1 MB; `plot` reads files again."""
-        left, right = (replace(photograph, pixels=NO_PIXELS) for photograph in (self.left, self.right))
+        left, right = self.left.without_pixels(), self.right.without_pixels()
         none, confidence = (NO_PIXELS, NO_PIXELS), self.confidence
         return replace(self, left=left, right=right, working=none, visible=(None, None), known_confidence=confidence)
 

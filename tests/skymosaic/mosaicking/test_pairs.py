@@ -41,6 +41,7 @@ def test_pairs_are_those_of_register_with_names_and_progress(folder: Path, pairs
     np.testing.assert_array_equal(pairs[2].homography, alone.homography)
     assert [Path(pairs[2].left.name).name, Path(pairs[2].right.name).name] == ["2.png", "1.png"]
     assert not pairs[2].left.pixels.size
+    assert pairs[2].left.size == pairs[2].right.size == (320, 240)
     assert pairs[2].summary()["left"] == alone.summary()["left"] == str(folder / "2.png")
     seen: list[tuple[str, int, int]] = []
     every_two = register_pairs(f"{folder}/[012].png", detector="orb", progress=lambda *stage: seen.append(stage))

@@ -18,7 +18,7 @@ from golden_model.matching.matcher import match
 from sim.simulators.scoreboard import Coverage
 from skymosaic.evaluation.hardware import Comparison
 from skymosaic.features.methods import choose_method
-from skymosaic.imagery.images import Photograph
+from skymosaic.imagery.images import NO_PIXELS, Photograph
 from skymosaic.panel.explain import FiredRule, Input, explain
 from skymosaic.panel.options import Options
 from skymosaic.panel.pages.page_layout import fill_in
@@ -32,7 +32,7 @@ from skymosaic.panel.results import (
     ShownMosaic,
     TrackingResult,
 )
-from skymosaic.registration.pair import NO_PIXELS, Pair
+from skymosaic.registration.pair import Pair
 from skymosaic.tracking.output import TrackedCorners
 
 RUN = Path("made up") / "07"

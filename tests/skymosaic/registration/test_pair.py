@@ -1,5 +1,6 @@
 """A pair in numbers and pictures: which matches count as inliers, and what is told of a pair that is refused."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,8 @@ import pytest
 from golden_model.records import MATCH
 from sim.scene import make_pair
 from skymosaic import register
-from skymosaic.registration.pair import NO_PIXELS, Pair
+from skymosaic.imagery.images import NO_PIXELS
+from skymosaic.registration.pair import Pair
 
 SHIFT = np.array([[1.0, 0, -40], [0, 1, 0], [0, 0, 1]])
 
@@ -60,6 +62,14 @@ def test_a_known_confidence_is_that_of_its_homography(pair: Pair) -> None:
     assert bare.confidence == pair.confidence is not None
     assert bare.with_homography(SHIFT, 0).known_confidence is None
     assert bare.refused("too far").confidence is None
+
+
+def test_a_pickled_pair_has_all_its_numbers(pair: Pair) -> None:
+    read: Pair = pickle.loads(pickle.dumps(pair))
+    assert read.left.size == read.right.size == (320, 240)
+    assert read.summary() == pair.summary()
+    assert read.row() == pair.row()
+    assert not read.left.pixels.size
 
 
 def test_a_picture_needs_the_pixels_of_both(pair: Pair) -> None:
