@@ -68,7 +68,7 @@ def live(
     def report(update: LiveUpdate) -> None:
         pace.add(update)
         session.stream(update.summary())
-        session.tell(f"{update.number} {update.name}: {_describe(update)}")
+        session.tell(f"{update.number} {update.name}: {update}")
 
     mosaic = LiveMosaic(options, on_frame=report)
     unusable: dict[str, str] = {}
@@ -196,13 +196,3 @@ def report_absent(absent: Absent, *, strict: bool) -> None:
         session.warn(f"left out: {reason}")
     if strict and absent:
         raise RegistrationError(f"{len(absent)} left out, and --strict allows none; nothing was written")
-
-
-def _describe(update: LiveUpdate) -> str:
-    if update.reason:
-        return f"left out: {update.reason}"
-    parts = f"; {update.parts} separate parts" if update.parts > 1 else ""
-    if update.placement is None:
-        return f"starts a separate mosaic{parts}"
-    neighbours = ", ".join(map(str, update.placement.neighbours))
-    return f"{update.placement.ties} ties to {neighbours}, median {update.placement.error_px:.2f} px{parts}"

@@ -75,7 +75,7 @@ class GrowingFlight:
         self.links: dict[Candidate, Link] = {}
         """Those that placed the views, and those that were tried and do not hold."""
         self.parts: dict[int, Part] = {}
-        """By the number of the view that began each."""
+        """By their names: each is the number of the view that began it. Of parts that are joined, the larger stays."""
         self._link = link
         self._levelling = levelling
         self._laid_out: dict[int, int] = {}
@@ -86,9 +86,9 @@ class GrowingFlight:
         """The part with the most views; an empty one before the first view."""
         return max(self.parts.values(), key=len, default={})
 
-    def part_of(self, number: int) -> Part:
-        """The part of a view that has been added."""
-        return next(part for part in self.parts.values() if number in part)
+    def part_of(self, number: int) -> int:
+        """The name of the part that a view is in."""
+        return next(name for name, part in self.parts.items() if number in part)
 
     def begin(self, number: int, view: View) -> None:
         """Begin a part with a view."""

@@ -196,20 +196,33 @@ class LiveMosaic:
         name = name or str(path or f"frame {number}")
         self._files += [path] if path else []
         view, placement, transform, reason = None, None, None, ""
+        part, before = None, set(self._flight.parts)
         try:
             if not isinstance(image, Photograph):
                 image = load(path or image, "frame", keep_damaged=self._options.keeps_damaged)
             view = self._describe(number, replace(image, name=name), features, path, taken)
             placement = self._place(number, view)
-            transform = self._from_original(number, self._flight.part_of(number)[number])
+            part = self._flight.part_of(number)
+            transform = self._from_original(number, self._flight.parts[part][number])
         except FullError:
             raise
         except (CanvasError, InputError) as error:
             reason = str(error)
         self._frames.append((name, reason))
-        facts = () if view is None else (view.working_size, view.features)
         seconds = time.monotonic() - self._started_s
-        update = LiveUpdate(number, name, seconds, transform, placement, reason, len(self._flight.parts), *facts)
+        update = LiveUpdate(
+            number,
+            name,
+            seconds,
+            transform,
+            placement,
+            reason,
+            len(self._flight.parts),
+            size_px=(0, 0) if view is None else view.working_size,
+            features=None if view is None else view.features,
+            part=part,
+            joined=tuple(sorted(before - self._flight.parts.keys())),
+        )
         self._on_frame(update)
         return update
 

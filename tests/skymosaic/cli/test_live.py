@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skymosaic.cli import live
-from skymosaic.cli.live import _describe, _find_unused, report_absent
+from skymosaic.cli.live import _find_unused, report_absent
 from skymosaic.common.errors import RegistrationError
 from skymosaic.mosaicking.live.growing_flight import Placement
 from skymosaic.mosaicking.live.update import LiveUpdate
@@ -18,17 +18,19 @@ PLACEMENT = Placement(np.eye(3), (4, 7), 31, 0.567)
 
 
 @pytest.mark.parametrize(
-    ("placement", "reason", "parts", "line"),
+    ("placement", "reason", "parts", "joined", "line"),
     [
-        (None, "too few features", 2, "left out: too few features"),
-        (None, "", 1, "starts a separate mosaic"),
-        (None, "", 2, "starts a separate mosaic; 2 separate parts"),
-        (PLACEMENT, "", 1, "31 ties to 4, 7, median 0.57 px"),
-        (PLACEMENT, "", 3, "31 ties to 4, 7, median 0.57 px; 3 separate parts"),
+        (None, "too few features", 2, (), "left out: too few features"),
+        (None, "", 1, (), "starts a separate mosaic"),
+        (None, "", 2, (), "starts a separate mosaic; 2 separate parts"),
+        (PLACEMENT, "", 1, (), "31 ties to 4, 7, median 0.57 px"),
+        (PLACEMENT, "", 3, (2,), "31 ties to 4, 7, median 0.57 px; joins part 2; 3 separate parts"),
     ],
 )
-def test_each_frame_is_one_line(placement: Placement | None, reason: str, parts: int, line: str) -> None:
-    assert _describe(LiveUpdate(0, "a.jpg", 0.1, np.eye(3), placement, reason, parts)) == line
+def test_each_frame_is_one_line(
+    placement: Placement | None, reason: str, parts: int, joined: tuple[int, ...], line: str
+) -> None:
+    assert str(LiveUpdate(0, "a.jpg", 0.1, np.eye(3), placement, reason, parts, joined=joined)) == line
 
 
 @pytest.mark.parametrize(("absent", "strict"), [({}, True), ({1: "x"}, False), ({1: "x", 2: "y"}, True)])

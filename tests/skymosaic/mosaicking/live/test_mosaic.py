@@ -122,6 +122,13 @@ def test_parts_join_once_a_frame_overlaps_both(
     live = LiveMosaic(config=CONFIG)
     updates = [live.add(frames[index]) for index in order]
     assert [update.parts for update in updates] == parts
+    assert len({update.part for update in updates[:2]}) == parts[1]
+    (joining,) = [update for update in updates if update.joined]
+    # Names are of the parts that there were.
+    assert {joining.part, *joining.joined} == {update.part for update in updates[: joining.number]}
+    told = joining.summary()
+    assert (told["part"], told["joined"]) == (joining.part, list(joining.joined))
+    assert all(len(repr(update)) < 150 and repr(update).count("\n") == 0 for update in updates)
     placed = {order[number]: transform for number, transform in live.transforms.items()}
     assert sorted(placed) == sorted(order)
     assert pair_errors_px(placed, flight).max() < 1.5
