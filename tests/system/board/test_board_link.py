@@ -21,7 +21,6 @@ from hdl.settings import REQUESTED
 from sim.backends.errors import BackendError
 from sim.backends.interface import FrameResult
 from skymosaic.features.backends import load_backend
-from skymosaic.features.board_client import KEY_VARIABLE
 from tests.system.board.conftest import CONFIG, FEATURE, Serve
 
 OF_OTHERS = ("0.0.0.0", "", "192.0.2.1", "board.example", "::")
