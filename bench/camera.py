@@ -47,7 +47,7 @@ FRAME_BLANK_LINES = 20
 WAIT_S_PER_CLOCK = 1e-7
 """A wait of the reader, 2 ms, lets the simulation run for 20,000 clocks."""
 PAINTED_PX, PAINTED_FRAMES, ANCHOR_EVERY = (320, 240), 60, 10
-"""Of the frames that are painted."""
+"""Size and number of the painted frames, and how many of them there are for each anchor."""
 PAINTING_BUILD = dataclasses.replace(
     BUILDS["camera"],
     config=CONFIG,

@@ -3,9 +3,12 @@
 The values are computed again from the records with the golden model's fuzzy systems.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from golden_model.arrays import Array
 from golden_model.feature.ilbp import PATTERNS
@@ -108,6 +111,7 @@ def _find_weighing(pair: Pair, index: int) -> tuple[SugenoSystem, tuple[int, ...
     system = pair.method.rules(pair.config)
     if system is None:
         return None
+    values: Iterable[NDArray[np.integer[Any]]]
     if pair.method.descriptor in WINDOWS_PX:
         values = correlation.fuzzy_inputs(left["descriptor"][np.newaxis], right["descriptor"][np.newaxis])
     else:

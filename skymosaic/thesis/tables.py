@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from skymosaic.thesis.corners import THRESHOLDS
 from skymosaic.thesis.experiments import STAGES
@@ -91,7 +92,7 @@ TABLES: dict[str, dict[str, str | tuple[str, str]]] = {
 
 Where there are two texts, the first is of the thesis's methods, which have rows of their own, the second of ours.
 """
-HOW: dict[str, Callable[[list[float]], object]] = {
+HOW: dict[str, Callable[[list[float]], ArrayLike]] = {
     "each": list, "sum": sum, "number": len, "median": lambda values: np.median(values or [np.nan])
 }  # fmt: skip
 """What a key of `_Row` may say before the quantity, in place of its mean."""

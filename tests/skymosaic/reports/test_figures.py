@@ -9,11 +9,11 @@ from skymosaic.geometry import estimators
 from skymosaic.registration.register import register
 from skymosaic.reports import figures
 
-IMAGES = make_pair(seed=5, size=(320, 240)).images
+LEFT, RIGHT = make_pair(seed=5, size=(320, 240)).images
 
 
 def test_fuzzy_ransac_shows_what_its_six_rules_decide() -> None:
-    pair = register(*IMAGES, detector="sift", descriptor="thesis-ilbp-4", estimator="fuzzy-ransac")
+    pair = register(LEFT, RIGHT, detector="sift", descriptor="thesis-ilbp-4", estimator="fuzzy-ransac")
     decided, names = figures._find_deciding_rules(pair)
     _, decision = estimators.fuzzy(*match_points(pair.matches), pair.matches["verdict"] == 1)
     assert decision is not None
@@ -26,7 +26,7 @@ def test_fuzzy_ransac_shows_what_its_six_rules_decide() -> None:
 
 
 def test_where_no_rule_fires_the_accepting_rule_is_not_shown() -> None:
-    pair = register(*IMAGES, preset="thesis")
+    pair = register(LEFT, RIGHT, preset="thesis")
     system = pair.method.rules(pair.config)
     assert isinstance(system, SugenoSystem)
     decided, names = figures._find_deciding_rules(pair)
