@@ -45,6 +45,8 @@ def hold(path: Path, *, timeout_s: float = -1) -> Iterator[bool]:
     OSError
         If the file cannot be made.
     """
+    # The library would make the folder, too.
+    path.parent.stat()
     # Importing it takes longer than printing the help.
     lock = importlib.import_module("filelock").FileLock(
         path, timeout=timeout_s, thread_local=False, fallback_to_soft=False

@@ -72,7 +72,7 @@ def keep_only(folder: Path, name: str) -> None:
 def _provide(name: str, build: Callable[[Path], None], kept_in: Path, what: str, progress: Progress) -> Path:
     kept_in.mkdir(mode=0o700, parents=True, exist_ok=True)
     entries = Cache(kept_in, tell=lambda reason: progress(f"{what} is not kept for the next run: {reason}"))
-    with _new_folder(kept_in) as folder:
+    with _new_folder(name, kept_in) as folder:
         if (files := entries.load(name)) is None:
             with _only_one(kept_in / f"{name}.lock", what, progress):
                 if (files := entries.load(name)) is None:
@@ -85,7 +85,7 @@ def _provide(name: str, build: Callable[[Path], None], kept_in: Path, what: str,
 
 def _provide_temporarily(name: str, build: Callable[[Path], None], what: str, progress: Progress) -> Path:
     try:
-        with _new_folder(None) as folder:
+        with _new_folder(name, None) as folder:
             if (files := Cache(cache_folder()).load(name)) is None:
                 _build(folder, build, f"for this run only, in {folder.parent}", what, progress)
             else:
@@ -99,10 +99,10 @@ def _provide_temporarily(name: str, build: Callable[[Path], None], what: str, pr
 
 
 @contextlib.contextmanager
-def _new_folder(beside: Path | None) -> Iterator[Path]:
+def _new_folder(name: str, beside: Path | None) -> Iterator[Path]:
     """Context that fills a new folder, which stays until this process ends if it does not fail."""
     # Each attempt has its own, so that a compiler that outlives a failed build cannot write into the next one.
-    folder = Path(tempfile.mkdtemp(dir=_own_folder(beside)))
+    folder = Path(tempfile.mkdtemp(prefix=f"{name}-", dir=_own_folder(beside)))
     try:
         yield folder
     except BaseException:

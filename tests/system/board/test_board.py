@@ -214,7 +214,7 @@ def run_failing(device: Any, match: str) -> None:
 
 
 def test_a_frame_passes_pynqs_own_classes(device: Any) -> None:
-    assert "pynq-4_0_0" in str(sys.modules["pynq.lib.dma"].__file__)
+    assert "pynq-4.0.0-" in str(sys.modules["pynq.lib.dma"].__file__)
     check_next_frames(device)
 
 
