@@ -205,7 +205,7 @@ class MatcherConfig:
     ----------
     rule_base : {"aerial", "ilbp", "none"} or MatchRules
         Fuzzy system that gives the mutual matches their weights; a file of the configuration names it, names an
-        ``.fll`` file beside itself, or holds the text of one.
+        ``.fll`` or ``.fis`` file beside itself, or holds FLL.
     keep_above : int
         A match is kept if its weight (UQ0.8) is larger than this: 64 represents 0.25.
     """

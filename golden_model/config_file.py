@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from golden_model.config import Config, preset_config
+from golden_model.fuzzy.fll import SUFFIXES
 from golden_model.fuzzy.rules import MatchRules, load_rules
 from golden_model.small_files import read_small_file
 
@@ -54,13 +55,13 @@ def to_toml(config: Config) -> str:
 
 
 def _read_rules(tables: dict[str, Any], path: Path) -> None:
-    """Replace a rule base that is FLL, or an ``.fll`` file beside the configuration, by its rules."""
+    """Replace a rule base that is FLL, or an ``.fll`` or ``.fis`` file beside the configuration, by its rules."""
     matcher = tables.get("matcher")
     if type(matcher) is not dict or type(written := matcher.get("rule_base")) is not str:
         return
     if "\n" in written:
         matcher["rule_base"] = MatchRules(written, "matcher.rule_base")
-    elif written.endswith(".fll"):
+    elif written.endswith(SUFFIXES):
         matcher["rule_base"] = load_rules(path.parent / written)
 
 

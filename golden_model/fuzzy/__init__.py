@@ -1,1 +1,1 @@
-"""Zero-order Sugeno systems: in real numbers, read from FLL files, and as the tables and integers of the hardware."""
+"""Zero-order Sugeno systems: in real numbers, read from FLL or MATLAB's files, and as the hardware's integers."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
+from golden_model.fuzzy.fis import to_fll
 from golden_model.fuzzy.sugeno import MAX_RULES
 from golden_model.fuzzy.system import FuzzySystem, IfThen, Input, Output
 from golden_model.fuzzy.terms import Term
@@ -15,6 +16,7 @@ from golden_model.small_files import read_small_file
 AND = {"Minimum": "minimum", "AlgebraicProduct": "product"}
 # The word behind the name changes nothing for rules with constants.
 DEFUZZIFIERS = ("WeightedAverage", "WeightedAverage TakagiSugeno", "WeightedAverage Automatic")
+SUFFIXES = (".fll", ".fis")
 BLOCKS = ("Engine", "InputVariable", "OutputVariable", "RuleBlock")
 MAX_BYTES = 1 << 24
 """Room for far more rules than are supported, so that the line of the first that is too many can be named."""
@@ -56,7 +58,7 @@ class _Block:
 
 
 def load_system(path: Path, output: str | None = None) -> FuzzySystem:
-    """Read a system from an ``.fll`` file; ``output`` as in `read_fll`.
+    """Read a system from an ``.fll`` or ``.fis`` file; ``output`` as in `read_fll`.
 
     Raises
     ------
@@ -71,21 +73,26 @@ def load_system(path: Path, output: str | None = None) -> FuzzySystem:
 
 
 def read_file(path: Path) -> str:
-    """Read the text of an ``.fll`` file.
+    """Read the text of an ``.fll`` file, or that of a ``.fis`` file in FLL.
 
     Raises
     ------
     ValueError
-        For a file of another kind, or one that cannot be read; the message is one line that names it.
+        For a file of another kind, one that cannot be read, or what `to_fll` refuses; the message is one line that
+        names it.
     """
-    if path.suffix.lower() != ".fll":
-        raise ValueError(f"{path}: unknown kind of file; fuzzy systems end in .fll")
+    if path.suffix.lower() not in SUFFIXES:
+        raise ValueError(f"{path}: unknown kind of file; fuzzy systems end in {' or '.join(SUFFIXES)}")
     try:
-        return read_small_file(path, MAX_BYTES).decode("utf-8-sig")
+        text = read_small_file(path, MAX_BYTES).decode("utf-8-sig")
+        return text if path.suffix.lower() == ".fll" else to_fll(text)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror}); check the path") from None
     except UnicodeDecodeError:
         raise ValueError(f"{path}: is not text in UTF-8; save it as such") from None
+    # Last, because UnicodeDecodeError is a ValueError, too.
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def read_fll(text: str, output: str | None = None) -> FuzzySystem:
@@ -249,6 +256,8 @@ def _check_entry(block: _Block, line: int, key: str, value: str) -> None:
 def _parse_input(block: _Block) -> Input:
     low, high = _parse_range(block)
     terms = [_parse_at(line, _parse_term, value) for line, value in block.find_all("term")]
+    if not terms:
+        raise ValueError(f"line {block.line}: {block.name} has no term; add one, or leave the input out")
     return Input(block.name, low, high, {term.name: term for term in terms}, block.line)
 
 

@@ -85,7 +85,7 @@ class MatchRules:
 
 
 def load_rules(path: str | Path) -> MatchRules:
-    """Read rules from an ``.fll`` file.
+    """Read rules from an ``.fll`` or ``.fis`` file.
 
     Raises
     ------

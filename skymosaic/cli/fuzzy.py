@@ -40,7 +40,7 @@ def fuzzy(
     systems: Annotated[
         list[str] | None,
         typer.Argument(
-            help=f"{', '.join(PLOTTED_SYSTEMS)}, or FLL files; by default the project's own.",
+            help=f"{', '.join(PLOTTED_SYSTEMS)}, or files of FLL or MATLAB (.fis); by default the project's own.",
             metavar="[SYSTEM|FILE]...",
             autocompletion=lambda: list(PLOTTED_SYSTEMS),
         ),
@@ -60,13 +60,13 @@ def fuzzy(
     output_variable: OutputVariableOption = None,
     overwrite: OverwriteOption = False,
 ) -> None:
-    """Print the rules of the fuzzy systems, or of your own in FLL files, and draw them.
+    """Print the rules of the fuzzy systems, or of your own in files of FLL or MATLAB (.fis), and draw them.
 
     For a file, print the integer model's errors against real numbers, too, as shares of the output's range.
     """
     names = systems or list(PLOTTED_SYSTEMS)
     if entries != ENTRIES and not any(Path(name).suffix for name in names):
-        raise InputError("--entries is the length of the tables of an .fll file; name one, or leave it out")
+        raise InputError("--entries is the length of the tables of a file; name one, or leave it out")
     folder = _check_plot(names, output, overwrite=overwrite) if plot else None
     if output and not plot:
         raise InputError(f"-o {output} is the folder for pictures; add --plot, or leave it out")
@@ -99,7 +99,7 @@ def _check_plot(names: list[str], output: Path | None, *, overwrite: bool) -> Pa
 
 def _describe_shipped(name: str) -> _Description:
     if name not in PLOTTED_SYSTEMS:
-        raise InputError(f"no fuzzy system {name}; valid: {', '.join(PLOTTED_SYSTEMS)}, or an .fll file")
+        raise InputError(f"no fuzzy system {name}; valid: {', '.join(PLOTTED_SYSTEMS)}, or an .fll or .fis file")
     plotted = PLOTTED_SYSTEMS[name]
     system = plotted.system()
     rules = [[*(chosen or "any" for chosen in rule.sets), rule.output] for rule in system.rules]

@@ -53,7 +53,7 @@ OverwriteOption = Annotated[
 ]
 OutputVariableOption = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="Which of several outputs of an .fll file is meant; by default match."),
+    typer.Option(metavar="NAME", help="Which of several outputs of a file is meant; by default match."),
 ]
 StrictOption = Annotated[
     bool,

@@ -29,7 +29,7 @@ EFFORTS: tuple[Effort, ...] = get_args(Effort)
 
 
 def read_rules(given: str) -> RuleBase | MatchRules:
-    """The rules in an ``.fll`` file; a name stays as it is.
+    """The rules in an ``.fll`` or ``.fis`` file; a name stays as it is.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def read_rules(given: str) -> RuleBase | MatchRules:
     for name in RULE_BASES:
         if name == given:
             return name
-    raise InputError(f"`rules` is {given!r}; valid: {', '.join(RULE_BASES)}, or an .fll file")
+    raise InputError(f"`rules` is {given!r}; valid: {', '.join(RULE_BASES)}, or an .fll or .fis file")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ class ConfigOptions(Checked):
     )
     rules: RuleBase | MatchRules | None = option(
         None,
-        "Fuzzy rules that decide matches: a name, or an .fll file; by default as configured.",
+        "Fuzzy rules that decide matches: a name, or an .fll or .fis file; by default as configured.",
         label="Fuzzy rules",
         read=read_rules,
     )

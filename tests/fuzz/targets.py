@@ -36,6 +36,7 @@ from skymosaic.imagery.photographs import list_sources
 from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.maps.control_points import load_control_points
 from tests.fuzz.mutators import change_directory, damage_block, mutated, mutated_text
+from tests.golden_model.fuzzy.tipper import TIPPER
 
 MAX_WRONG_SHARE = 0.01
 """Share of the pixels that may be wrong in a damaged photograph that is read all the same."""
@@ -237,9 +238,11 @@ def _videos(folder: Path, rng: np.random.Generator) -> str:
 
 
 def _fuzzy_systems(folder: Path, rng: np.random.Generator) -> str:
-    path = folder / "rules.fll"
     shipped = sorted(SHIPPED.glob("*.fll"))
-    path.write_bytes(mutated_text(shipped[rng.integers(len(shipped))].read_text(encoding="utf-8"), rng, ":"))
+    texts = [("fll", path.read_text(encoding="utf-8"), ":") for path in shipped] + [("fis", TIPPER, "=")]
+    suffix, text, sign = texts[rng.integers(len(texts))]
+    path = folder / f"rules.{suffix}"
+    path.write_bytes(mutated_text(text, rng, sign))
     try:
         system = load_system(path)
     except ValueError as error:

@@ -171,6 +171,7 @@ RuleBlock: rules
         ("Ramp 6 0", "GaussianProduct 1 2 3 0", "term low: GaussianProduct has a width of 0"),
         ("range: 0 6", "range: -inf 6", "line 1: x: range is -inf to 6.0; give two finite"),
         ("range: 0 6", "range: 6 6", "line 1: x: range is 6.0 to 6.0; give two finite"),
+        ("  term: low Ramp 6 0\n", "", "line 1: x has no term; add one, or leave the input out"),
         ("range: 0 6", "enabled: false", "line 2: enabled is false, which is not supported"),
         ("range: 0 6", "lock-range: true", "line 2: lock-range is true, which is not supported"),
         ("  term: one", "  lock-previous: true\n  term: one", "line 7: lock-previous is true, but hardware keeps no"),

@@ -82,7 +82,7 @@ def test_rules_and_a_configuration_replace_those_of_the_preset() -> None:
     given = RegistrationOptions(config=thesis, rules="none").base_config
     assert (given.matcher.rule_base, given.front_end) == ("none", thesis.front_end)
     assert [read_rules(name) for name in ("aerial", "ilbp", "none")] == ["aerial", "ilbp", "none"]
-    with pytest.raises(InputError, match=r"`rules` is 'mine'; valid: aerial, ilbp, none, or an .fll file"):
+    with pytest.raises(InputError, match=r"`rules` is 'mine'; valid: aerial, ilbp, none, or an .fll or .fis file"):
         read_rules("mine")
     own = RegistrationOptions()
     assert (own.seed, own.working_width_px, own.accept_poor, own.damaged) == (0, 1280, False, "refuse")
