@@ -12,7 +12,7 @@ from golden_model.version import VERSION
 from hdl.blocks.catalogue import CATALOGUE
 from hdl.blocks.flat import CLOCK, RESET, FlatBlock
 from hdl.blocks.testbench import Port, VerilogBench
-from hdl.blocks.vectors import Block
+from hdl.blocks.vectors import Block, Row
 from hdl.netlist import to_verilog
 from hdl.templates import render
 
@@ -58,12 +58,12 @@ def write_block(folder: Path, name: str, block: Block | wiring.Component) -> Non
     if not isinstance(block, Block):
         write_files(folder, {f"{name}.v": to_verilog(FlatBlock(block), name=name, aliases=False)})
         return
-    top = FlatBlock(block.component)
+    top = FlatBlock(block.component, block.names)
     bench = VerilogBench(
         module=name,
         ports=module_ports(top),
-        inputs={f"{each}_": rows for each, rows in block.inputs.items()},
-        outputs={f"{each}_": rows for each, rows in block.outputs.items()},
+        inputs=_name_rows(block.inputs, block.names),
+        outputs=_name_rows(block.outputs, block.names),
         settings=block.settings,
         spacing_cycles=block.spacing_cycles,
     )
@@ -72,6 +72,14 @@ def write_block(folder: Path, name: str, block: Block | wiring.Component) -> Non
     files[f"{name}.core"] = core_file(name, [f"{name}.v"], list(bench_files))
     files["README.md"] = _readme(name, block, top)
     write_files(folder, files)
+
+
+def _name_rows(streams: Mapping[str, Sequence[Row]], names: Mapping[str, str]) -> dict[str, list[Row]]:
+    """The rows of each stream, by its prefix, with the names that its ports have in Verilog."""
+    return {
+        f"{stream}_": [{names.get(port, port): value for port, value in row.items()} for row in rows]
+        for stream, rows in streams.items()
+    }
 
 
 def write_files(folder: Path, texts: Mapping[str, str]) -> None:

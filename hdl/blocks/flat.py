@@ -1,6 +1,6 @@
 """A component with a plain port for each field of its streams, beats and arrays."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from amaranth import ClockDomain, ClockSignal, Module, ResetSignal, Shape, ShapeLike, Value
@@ -51,18 +51,20 @@ class FlatBlock(FlatTop):
     clk, rst : In(1)
         Clock, and synchronous reset, active high.
     others
-        The `leaves` of the component's members; a stream ``i`` has ``i_valid``, ``i_ready`` and its fields.
+        The `leaves` of the component's members; a stream ``i`` has ``i_valid``, ``i_ready`` and its fields. What
+        ``names`` holds is called otherwise.
     """
 
-    def __init__(self, component: wiring.Component) -> None:
+    def __init__(self, component: wiring.Component, names: Mapping[str, str] | None = None) -> None:
         self.component = component
         pins: dict[str, tuple[wiring.Member, Value]] = {CLOCK: (In(1), ClockSignal()), RESET: (In(1), ResetSignal())}
         for path, member, value in component.signature.flatten(component):
             bits = Value.cast(value)
             for name, low, shape in leaves("_".join(str(part) for part in path if part != PAYLOAD), member.shape):
-                if name in pins:
-                    raise ValueError(f"two ports would be called {name}; rename a member of the component")
-                pins[name] = member.flow(shape), bits[low : low + shape.width]
+                port = (names or {}).get(name, name)
+                if port in pins:
+                    raise ValueError(f"two ports would be called {port}; rename a member of the component")
+                pins[port] = member.flow(shape), bits[low : low + shape.width]
         super().__init__(pins)
 
     def elaborate(self, platform: object) -> Module:

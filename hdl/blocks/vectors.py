@@ -27,6 +27,8 @@ class Block:
     """For each stream or beat, the inputs and the expected outputs, in order."""
     settings: Mapping[str, int] = field(default_factory=dict)
     """Values of other inputs, which stay."""
+    names: Mapping[str, str] = field(default_factory=dict)
+    """What ports are called when the block is exported, where not by their flat names."""
     spacing_cycles: int = 1
     """Minimum number of clocks from one input to the next."""
 

@@ -134,7 +134,7 @@ def block(
 
 def fuzzy(
     *,
-    file: Annotated[Path, typer.Argument(help="Zero-order Sugeno system, an .fll file.")],
+    file: Annotated[Path, typer.Argument(help="Zero-order Sugeno system, an .fll or .fis file.")],
     output: FolderOption,
     overwrite: OverwriteOption = False,
     entries: Annotated[int, typer.Option(min=2, help="Table entries of each input.")] = ENTRIES,
@@ -144,12 +144,12 @@ def fuzzy(
     system = read_file(load_system, file, output_variable)
 
     def write(folder: Path) -> None:
-        make_block = importlib.import_module("skymosaic.fuzzy.verilog").make_block
+        verilog = importlib.import_module("skymosaic.fuzzy.verilog")
         try:
-            made = make_block(quantise(system, entries))
+            made = verilog.make_block(quantise(system, entries))
         except ValueError as error:
             raise InputError(f"{file}: cannot be made of hardware: {error}") from None
-        _import_hdl("blocks.export").write_block(folder, "fuzzy", made)
+        _import_hdl("blocks.export").write_block(folder, verilog.identifier(f"fuzzy_{system.name or file.stem}"), made)
 
     _export(output, write, overwrite=overwrite)
 

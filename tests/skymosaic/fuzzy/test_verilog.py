@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 from golden_model.fuzzy.rules import SHIPPED
 from skymosaic.cli.commands import app
 from skymosaic.common.errors import InputError
+from tests.golden_model.fuzzy.tipper import TIPPER
 from tests.golden_model.fuzzy.valve import PRODUCT, VALVE
 from tests.hdl.blocks.test_export import simulate
 
@@ -29,29 +30,47 @@ def export(folder: Path, *words: object) -> None:
 
 @pytest.mark.needs("icarus")
 @pytest.mark.parametrize(
-    ("rules", "entries"),
+    ("rules", "entries", "name", "first"),
     [
-        (PRODUCT, 41),
-        (ONE_INPUT, 16),
-        pytest.param(SHIPPED / "correlation.fll", 100, marks=pytest.mark.slow),
-        (SHIPPED / "ransac.fll", 64),
+        (PRODUCT, 41, "fuzzy_valve", "temp"),
+        (ONE_INPUT, 16, "fuzzy_valve", "temp"),
+        pytest.param(SHIPPED / "correlation.fll", 100, "fuzzy_correlation", "SAD", marks=pytest.mark.slow),
+        (SHIPPED / "ransac.fll", 64, "fuzzy_ransac", "check"),
     ],
     ids=["product, no power of two", "one input", "27 rules", "two inputs, minimum"],
 )
-def test_the_bench_of_own_rules_passes(tmp_path: Path, rules: str | Path, entries: int) -> None:
+def test_the_bench_of_own_rules_passes(tmp_path: Path, rules: str | Path, entries: int, name: str, first: str) -> None:
     path = rules if isinstance(rules, Path) else tmp_path / "rules.fll"
     if isinstance(rules, str):
         path.write_text(rules)
     export(tmp_path / "out", path, "--entries", entries)
-    run = simulate(tmp_path / "out", "fuzzy")
+    run = simulate(tmp_path / "out", name)
     assert run.returncode == 0, run.stdout
     assert run.stdout.startswith("PASS: 403 answers")
     readme = (tmp_path / "out" / "README.md").read_text()
     assert f"and {entries - 1} for" in readme
     bits = len(f"{entries - 1:b}")
-    assert f"input [{bits - 1}:0] i_0;" in (tmp_path / "out" / "fuzzy.v").read_text()
+    assert f"input [{bits - 1}:0] i_{first};" in (tmp_path / "out" / f"{name}.v").read_text()
     answers = (tmp_path / "out" / "o.hex").read_text().split()
     assert len(set(answers)) > 3
+
+
+@pytest.mark.needs("icarus")
+def test_two_systems_stand_in_one_design(tmp_path: Path) -> None:
+    """Modules, cores and ports have names of their own: those of MATLAB's system, and of one that is hard to name."""
+    (tmp_path / "tipper.fis").write_text(TIPPER)
+    hard = VALVE.replace("valve", "in Löwen-Bad 2", 1).replace("pressure", "next").replace("temp", "Größe")
+    (tmp_path / "hard.fll").write_text(hard.replace("valve", "rule"))
+    names = {"tipper.fis": "fuzzy_tipper", "hard.fll": "fuzzy_in_L_wen_Bad_2"}
+    modules: list[str] = []
+    for file, name in names.items():
+        export(tmp_path / name, tmp_path / file, "--entries", 16)
+        assert simulate(tmp_path / name, name).stdout.startswith("PASS: 403 answers")
+        assert f"vision:{name}:" in (tmp_path / name / f"{name}.core").read_text()
+        modules += re.findall(r"^module (\S+?)[ (]", (tmp_path / name / f"{name}.v").read_text(), re.MULTILINE)
+    assert len(modules) == len(set(modules)) > 3
+    ports = set(re.findall(r"`(\w+)` \| (?:in|out)", (tmp_path / names["hard.fll"] / "README.md").read_text()))
+    assert {"i_Gr__e", "i_next_", "o_rule_", "o_rule"} <= ports
 
 
 @pytest.mark.parametrize(
