@@ -3,6 +3,7 @@
 Each flight has ten photographs of 800×600 px (75 % forward, 60 % side overlap where nothing else is said). The error is
 the median distance, over the overlap of two neighbouring photographs that were placed, between where the mosaic and
 where the truth puts a point of the first in the second: the median of all neighbours, and in brackets the largest.
+Where a nuisance moves pixels, the truth is that of the pictures with the nuisance.
 """
 
 import tempfile
@@ -36,6 +37,7 @@ MURKY_LEVEL, MURKY_CONTRAST = 110, 0.15
 Picture = np.ndarray[Any, np.dtype[Any]]
 Render = Callable[[float], Flight]
 Change = Callable[[Picture, int, float], Picture]
+Shift = Callable[[Array, int, float], Array]
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,9 @@ class Nuisance:
     flight: Render = lambda _strength: make_lawnmower(SEED, IMAGES, SIZE_PX)
     """The flight of a strength."""
     change: Change = lambda picture, _number, _strength: picture
-    """A picture, its number and the strength, to the picture that is saved."""
+    """A picture, its number and the strength, to the picture that is saved; pixels stay where they are."""
+    shift: Shift | None = None
+    """How far to the left each line is shifted, px, by its position, the picture's number and the strength."""
     jpeg: bool = False
     """Whether the strength is the quality of a JPEG file; otherwise files are lossless."""
 
@@ -93,11 +97,14 @@ def display(picture: Picture, number: int, lines: float) -> Picture:
     return shown
 
 
-def rolling_shutter(picture: Picture, number: int, shear_px: float) -> Picture:
-    """Lines shifted sideways while they are read: a shear that differs between pictures."""
-    y, x = np.indices(picture.shape[:2], dtype=np.float32)
-    shift = shear_px * np.sin(1.7 * number) * (y / len(picture) - 0.5)
-    return np.asarray(cv2.remap(picture, x + shift.astype(np.float32), y, cv2.INTER_CUBIC))
+def steady_turn(y: Array, number: int, shear_px: float) -> Array:
+    """A camera that turns at a steady rate while its lines are read: a shear, other in each picture."""
+    return np.asarray(shear_px * np.sin(1.7 * number) * (y / SIZE_PX[1] - 0.5))
+
+
+def vibration(y: Array, number: int, amplitude_px: float) -> Array:
+    """A camera that swings twice while its lines are read, from another phase in each picture."""
+    return np.asarray(amplitude_px * np.sin(4 * np.pi * y / SIZE_PX[1] + 1.7 * number))
 
 
 def water(picture: Picture, number: int, share: float) -> Picture:
@@ -133,7 +140,8 @@ NUISANCES = {
     ),
     "camera leans forward": Nuisance((15, 25, 35), "degrees", _change("poses", pitch_deg=lambda *given: given[-1])),
     "lens": Nuisance((-0.1, -0.25, -0.35), "k1", lambda k1: make_lawnmower(SEED, IMAGES + 4, SIZE_PX, k1=k1)),
-    "rolling shutter": Nuisance((2, 6, 12), "shear, px", change=rolling_shutter),
+    "rolling shutter, steady turn": Nuisance((2, 6, 12), "shear, px", shift=steady_turn),
+    "rolling shutter, vibration": Nuisance((0.5, 1, 3), "amplitude, px", shift=vibration),
     "text burned in": Nuisance((2, 6, 12), "lines", change=display),
     "water": Nuisance((0.3, 0.5, 0.7), "share of the picture", change=water),
     "soft, murky, lit from ahead": Nuisance((3, 5, 8), "sigma, px", change=murk),
@@ -161,25 +169,35 @@ def measure(nuisance: Nuisance, strength: float) -> str:
         suffix, quality = (".jpg", [cv2.IMWRITE_JPEG_QUALITY, int(strength)]) if nuisance.jpeg else (".tif", [])
         for number, image in enumerate(flight.images):
             path = Path(folder) / f"{number:02}{suffix}"
-            cv2.imwrite(str(path), nuisance.change(image, number, strength), quality)
+            picture = nuisance.change(image, number, strength)
+            if nuisance.shift:
+                y, x = np.indices(picture.shape[:2], dtype=np.float32)
+                read_at = x + nuisance.shift(y, number, strength).astype(np.float32)
+                picture = cv2.remap(picture, read_at, y, cv2.INTER_CUBIC)
+            cv2.imwrite(str(path), picture, quality)
         try:
             result = mosaic([folder])
         except RegistrationError:
             return f"0 of {IMAGES}"
-    errors = neighbour_errors_px(flight, result.transforms)
+    shift = nuisance.shift or (lambda y, _number, _strength: np.zeros_like(y))
+    errors = neighbour_errors_px(flight, result.transforms, lambda y, number: shift(y, number, strength))
     missing = f", {len(result.placed)} of {len(flight.poses)}" if len(result.placed) < len(flight.poses) else ""
     return f"{np.median(errors):.2f} ({max(errors):.2f}){missing}"
 
 
-def neighbour_errors_px(flight: Flight, transforms: dict[int, Array]) -> list[float]:
-    """The median error of each two neighbours that were placed and overlap."""
+def neighbour_errors_px(
+    flight: Flight, transforms: dict[int, Array], shift: Callable[[Array, int], Array]
+) -> list[float]:
+    """The median error of each two neighbours that were placed and overlap, whose lines are shifted."""
     grid = grid_over(SIZE_PX, 9)
     errors = []
     for left in range(len(flight.poses) - 1):
         right = left + 1
         if not {left, right} <= transforms.keys() or flight.overlap_between(left, right) < MIN_OVERLAP:
             continue
-        true = apply(flight.homography_between(left, right), grid)
+        rendered = np.stack([grid[:, 0] + shift(grid[:, 1], left), grid[:, 1]], axis=1)
+        true = apply(flight.homography_between(left, right), rendered)
+        true[:, 0] -= shift(true[:, 1], right)
         visible = ((true >= 0) & (true < SIZE_PX)).all(axis=1)
         between = np.linalg.inv(transforms[right]) @ transforms[left]
         errors.append(float(np.median(np.linalg.norm(apply(between, grid[visible]) - true[visible], axis=1))))
