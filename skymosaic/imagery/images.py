@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array, Intensities, Pixels
 from golden_model.config import MAX_FRAME_PX, MIN_FRAME_PX
 from golden_model.temporary import is_lock
+from skymosaic.common.brief import brief
 from skymosaic.common.errors import InputError, reading
 from skymosaic.common.replaced import refuse_inputs
 from skymosaic.common.temporary import existing_parent, expect_new, write_atomically
@@ -30,6 +31,7 @@ FIRST_PAGE = "only the first"
 """How the note begins which says that a file has more pages than are read."""
 
 
+@brief
 @dataclass(frozen=True)
 class Photograph:
     """A decoded photograph."""

@@ -13,6 +13,7 @@ from scipy.spatial import KDTree
 
 from golden_model.arrays import Mask, Matrix, Points
 from golden_model.pixel.gray import to_gray
+from skymosaic.common.brief import brief
 from skymosaic.geometry.acceptance import hull_share
 from skymosaic.geometry.ground import GroundAgreement, Sight, band_pass, mask_common, measure_agreement
 from skymosaic.geometry.homography import apply, transfer_error
@@ -59,6 +60,7 @@ COEFFICIENTS = {
 """Logarithm of the predicted error (px): intercept plus coefficients times `measure_inputs`."""
 
 
+@brief
 @dataclass(frozen=True)
 class Confidence:
     """How far a pair can be trusted.

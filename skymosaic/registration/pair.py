@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from golden_model.arrays import Array, Matrix, Pixels, Points, Records
 from golden_model.config import Config
 from golden_model.formats import WEIGHT
 from golden_model.text import how_to_install, one_line
+from skymosaic.common.brief import brief
 from skymosaic.common.errors import InputError
 from skymosaic.common.tables import Table
 from skymosaic.features.methods import Method
@@ -32,6 +34,7 @@ KINDS = ("inliers", "kept", "matches")
 """Kinds of matches that `Pair.points` returns, the strictest first."""
 
 
+@brief
 class MatchedPoints(NamedTuple):
     """Matches of two photographs.
 
@@ -257,6 +260,11 @@ class Pair:
             match_plot = importlib.import_module("skymosaic.registration.match_plot")
         except ModuleNotFoundError:
             raise InputError(f"a plot needs matplotlib; {how_to_install('plots')}") from None
+        for side in (self.left, self.right):
+            if not (side.pixels.size or Path(side.name).exists()):
+                raise InputError(
+                    f"{side.name}: no file to read again; a pair of arrays is plotted before it is pickled"
+                )
         left, right = (side.pixels if side.pixels.size else load(side.name).pixels for side in (self.left, self.right))
         images = left, right
         figure: Figure = match_plot.draw_matches(images, points.left, points.right, points.weights, title=repr(self))

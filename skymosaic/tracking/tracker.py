@@ -15,6 +15,7 @@ import numpy as np
 
 from golden_model.arrays import Array, Pixels
 from sim.backends.interface import Backend
+from skymosaic.common.brief import brief
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import choose_options, document_options, list_options
 from skymosaic.imagery.images import load
@@ -30,6 +31,7 @@ class TrackerOptions(Seeded, ConfigOptions, BackendOptions):
     """How an object is followed."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class TrackedFrame:
     """Result of tracking in one frame.

@@ -181,3 +181,70 @@ def test_the_examples_in_docstrings_run(module: str) -> None:
     results = doctest.testmod(importlib.import_module(f"skymosaic.{module}"))
     assert results.attempted > 0
     assert results.failed == 0
+
+
+@pytest.fixture(scope="module")
+def public(pair: Pair) -> dict[str, Any]:
+    """An object of each public class whose work is done: a live mosaic and a tracker hold processes."""
+    frames = [np.asarray(image) for image in make_lawnmower(3, 3, (320, 240)).images]
+    with skymosaic.LiveMosaic() as live:
+        updates = [live.add(frame) for frame in frames]
+    with skymosaic.Tracker(skymosaic.Roi(100, 80, 120, 90)) as tracker:
+        tracked = [tracker.follow(frames[0]) for _ in range(2)]
+    objects: list[Any] = [
+        pair,
+        pair.without_pixels(),
+        pair.points(),
+        pair.confidence,
+        pair.left,
+        pair.left.without_pixels(),
+    ]
+    objects += [skymosaic.extract(frames[0]), skymosaic.mosaic(frames), updates[-1], tracked[-1], pair.config]
+    objects += [skymosaic.Roi(1, 2, 3, 4), skymosaic.MosaicOptions(), skymosaic.TrackerOptions()]
+    named = [type(each).__name__ for each in objects]
+    return {f"{name} {named[:n].count(name)}": each for n, (name, each) in enumerate(zip(named, objects, strict=True))}
+
+
+PUBLIC = (
+    "Pair 0", "Pair 1", "MatchedPoints 0", "Confidence 0", "Photograph 0", "Photograph 1", "Features 0", "Mosaic 0",
+    "LiveUpdate 0", "TrackedFrame 0", "Config 0", "Roi 0", "MosaicOptions 0", "TrackerOptions 0",
+)  # fmt: skip
+
+
+def numbers_of(value: Any, depth: int = 4) -> Any:
+    """What a user reads of an object, but pixels: attributes, properties, and what can be asked without an argument."""
+    if isinstance(value, np.ndarray):
+        return "pixels" if value.dtype == np.uint8 and value.ndim >= 2 else value.tolist()
+    if isinstance(value, dict | list | tuple) and not hasattr(value, "_asdict"):
+        items = value.items() if isinstance(value, dict) else enumerate(value)
+        return {key: numbers_of(each, depth) for key, each in items}
+    if depth == 0 or not type(value).__module__.startswith(("skymosaic", "golden_model")):
+        return repr(value).partition(" at 0x")[0]
+    names = {name for name in dir(value) if not name.startswith("_") and not callable(getattr(value, name))}
+    numbers = {name: numbers_of(getattr(value, name), depth - 1) for name in names - PIXELS}
+    asked = [name for name in ("summary", "table", "row") if hasattr(value, name)]
+    return numbers | {f"{name}()": numbers_of(getattr(value, name)(), depth) for name in asked}
+
+
+PIXELS = {"pixels", "image", "working", "visible", "sights", "known_size", "known_confidence"}
+"""Pictures, and what stands in for them where they are not kept."""
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # Means of what a flight without a map has not.
+@pytest.mark.parametrize("name", PUBLIC)
+def test_a_public_object_keeps_its_numbers_when_pickled_and_is_one_line_when_printed(
+    public: dict[str, Any], name: str
+) -> None:
+    assert public.keys() == set(PUBLIC)
+    given = public[name]
+    read = pickle.loads(pickle.dumps(given))
+    assert repr(numbers_of(read)) == repr(numbers_of(given))
+    assert repr(read).startswith(type(given).__name__)
+    assert len(repr(read)) < 1000
+    assert "\n" not in repr(given)
+
+
+def test_a_pair_of_arrays_says_why_it_cannot_be_drawn_without_them(pair: Pair) -> None:
+    pytest.importorskip("matplotlib")
+    with pytest.raises(InputError, match="left image: no file to read again; a pair of arrays is plotted before it"):
+        pickle.loads(pickle.dumps(pair)).plot()
