@@ -46,8 +46,9 @@ def identifier(name: str) -> str:
 def _name_ports(system: FuzzySystem) -> dict[str, str]:
     """Ports by the names of their variables; one that stream or test bench use, too, gets underscores."""
     names: dict[str, str] = {}
-    for port, variable in [*((f"i_{n}", each) for n, each in enumerate(system.inputs)), ("o_weight", system.output)]:
-        name = f"{port[:2]}{identifier(variable.name)}"
+    variables = {f"i_{number}": each.name for number, each in enumerate(system.inputs)}
+    for port, variable in {**variables, "o_weight": system.output.name}.items():
+        name = f"{port[:2]}{identifier(variable)}"
         while name in names.values() or name[2:] in TAKEN:
             name += "_"
         names[port] = name

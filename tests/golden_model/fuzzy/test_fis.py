@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ def smf(x: float, a: float, b: float) -> float:
     return 1.0 if x >= b else 1 - 2 * ((x - b) / (b - a)) ** 2
 
 
-def gaussmf(x: float, s: float, c: float) -> float:
+def gaussmf(x: Any, s: float, c: float) -> Any:
     return np.exp(-((x - c) ** 2) / (2 * s**2))
 
 
