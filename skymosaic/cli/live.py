@@ -9,6 +9,7 @@ import typer
 
 from skymosaic.cli.options import PICTURES, OverwriteOption, RequireMapOption, StrictOption, output_option
 from skymosaic.cli.outputs import Writes
+from skymosaic.cli.progress import print_stages
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.options import INPUT
@@ -148,15 +149,14 @@ def _write(
     strict: bool,
 ) -> tuple[Delivery, Absent]:
     """Compose and write what was placed; also returns the frames and files that are not in it, with the reasons."""
-    # Without a moving display, which a closed terminal would not take.
-    session.tell("writing")
     lost: Absent = {**mosaic.left_out, **unusable}
     report_absent(lost, strict=strict)
 
     def report_more(absent: Mapping[int, str]) -> None:
         report_absent({number: reason for number, reason in absent.items() if number not in lost}, strict=strict)
 
-    with mosaic.open_run(session.note) as run:
+    # Without a moving display, which a closed terminal would not take.
+    with mosaic.open_run(session.note, print_stages(session.tell)) as run:
         (delivery,) = run.write(output, form, overwrite=overwrite, on_absent=report_more)
         return delivery, {**unusable, **delivery.flight.absent_from(delivery.layout)}
 

@@ -18,7 +18,7 @@ LINE_EVERY_S = 10.0
 def progress_bars() -> Iterator[Progress]:
     """A progress callback: on a terminal it draws a bar per stage, with the time that is left; else it prints lines."""
     if not session.animated:
-        yield _print_stages(session.tell)
+        yield print_stages(session.tell)
         return
     columns = (
         rich_progress.TextColumn("{task.description}", markup=False),
@@ -41,7 +41,7 @@ def progress_bars() -> Iterator[Progress]:
         yield show
 
 
-def _print_stages(tell: Callable[[str], None]) -> Progress:
+def print_stages(tell: Callable[[str], None]) -> Progress:
     """A progress callback that prints a line when a stage begins, one now and then, and one at its end."""
     last_stage, printed_s = "", 0.0
 

@@ -65,7 +65,7 @@ def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> tuple[Intensities, Ma
     average.
     """
     around = _with_margin(tile)
-    owner = _owners(layers, around)
+    owner, _ = find_owners(layers, around)
     if owner.min() == owner.max() >= 0:
         # The bands of a single photograph add up to the photograph itself.
         return layers[int(owner.max())].pixels(tile), np.ones((tile.height_px, tile.width_px), dtype=np.bool_)
@@ -126,8 +126,8 @@ def _halved(where: tuple[slice, slice]) -> tuple[slice, slice]:
     return rows, columns
 
 
-def _owners(layers: Sequence[Layer], canvas: Canvas) -> NDArray[np.int16]:
-    """Index of the layer with the largest claim to each pixel; -1 without a claim."""
+def find_owners(layers: Sequence[Layer], canvas: Canvas) -> tuple[NDArray[np.int16], Float32]:
+    """Index of the layer with the largest claim to each pixel, -1 without a claim; and that claim."""
     owner = np.full((canvas.height_px, canvas.width_px), -1, dtype=np.int16)
     strongest = np.zeros(owner.shape, dtype=np.float32)
     for index, layer in enumerate(layers):
@@ -139,7 +139,7 @@ def _owners(layers: Sequence[Layer], canvas: Canvas) -> NDArray[np.int16]:
         stronger = claim > strongest[where]
         strongest[where][stronger] = claim[stronger]
         owner[where][stronger] = index
-    return owner
+    return owner, strongest
 
 
 def _divide(total: Float32, weight: Float32) -> Float32:

@@ -181,6 +181,8 @@ def test_a_display_over_nothing_and_over_different_places_is_named(run: Run) -> 
             write(display)
     status, _, errors = run("live", "display.mkv", "-o", "m.png")
     assert (status, errors.count("hovered, or they show nothing but a display")) == (0, 1), errors
+    # What takes the time of a mosaic has a name.
+    assert "\nexposure and seams\nmosaic 1/1\n" in errors
     with write_video(Path("places.mkv"), Fraction(25)) as write:
         for place in np.random.default_rng(3).normal(0, 40, (2, 30, 40, 3)):
             write(np.maximum(display, cv2.resize(np.clip(90 + place, 0, 255).astype(np.uint8), (640, 480))))

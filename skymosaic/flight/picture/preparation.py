@@ -11,7 +11,7 @@ from skymosaic.compositing.blend import Blending
 from skymosaic.compositing.exposure import describe_uneven, estimate_levels, estimate_tones, measure_toned_range
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.palette import have_palette
-from skymosaic.compositing.seams import find_seams
+from skymosaic.compositing.seams import NOTHING, find_allowed, find_seams
 from skymosaic.compositing.warp import magnification
 from skymosaic.flight.flight import BLURRED, Flight
 from skymosaic.flight.layout.layout import Layout
@@ -81,13 +81,20 @@ def compose(
     views = [flight.views[member] for member in layout.members]
     # Exposure and seams are smooth, so thumbnails that are in memory already decide both; nothing is decoded here.
     thumbnails, reduction = thumbnail_layers(composition, views)
-    composition = equalise(composition, views, thumbnails)
-    if blending == "multiband":
-        release_free_memory()
-        # Seams run where neighbours look alike, so they are cut through thumbnails of equal exposure.
-        toned = [replace(layer, tone=p.tone) for layer, p in zip(thumbnails, composition.placements, strict=True)]
-        composition = composition.with_each(seam=find_seams(toned, reduction, composition.values))
-    return composition
+    if blending != "multiband":
+        return equalise(composition, views, thumbnails)
+    allowed = find_allowed(thumbnails)
+    thumbnails = [thumbnails[index] for index in allowed]
+    some = replace(composition, placements=tuple(composition.placements[index] for index in allowed))
+    some = equalise(some, [views[index] for index in allowed], thumbnails)
+    release_free_memory()
+    # Seams run where neighbours look alike, so they are cut through thumbnails of equal exposure.
+    toned = [replace(layer, tone=p.tone) for layer, p in zip(thumbnails, some.placements, strict=True)]
+    some = some.with_each(seam=find_seams(toned, allowed.values(), reduction, some.values))
+    placements = [replace(placement, seam=NOTHING) for placement in composition.placements]
+    for index, placement in zip(allowed, some.placements, strict=True):
+        placements[index] = placement
+    return replace(some, placements=tuple(placements))
 
 
 def equalise(composition: Composition, views: Sequence[View], thumbnails: Sequence[Layer]) -> Composition:

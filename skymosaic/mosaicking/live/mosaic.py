@@ -45,7 +45,7 @@ from skymosaic.mosaicking.live.update import LiveUpdate
 from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
 from skymosaic.mosaicking.run import MosaicRun, tell_pages
 from skymosaic.registration.extraction import extract_within_capacity
-from skymosaic.running.workers import Workers
+from skymosaic.running.workers import Progress, Workers, silent
 
 MIN_FEATURES = 50
 """A frame with fewer features begins no part."""
@@ -247,7 +247,9 @@ class LiveMosaic:
             return run.write(Path(path), overwrite=overwrite)[0]
 
     @contextlib.contextmanager
-    def open_run(self, tell: Callable[[str], None] = lambda _line: None) -> Iterator[MosaicRun]:
+    def open_run(
+        self, tell: Callable[[str], None] = lambda _line: None, progress: Progress = silent
+    ) -> Iterator[MosaicRun]:
         """A run whose flight is that of the frames, for as long as the context lasts; raises as `save`."""
         if not self.transforms:
             raise RegistrationError("no frame could be used")
@@ -255,7 +257,7 @@ class LiveMosaic:
         left_out = {number: f"{name}: {reason}" for number, (name, reason) in enumerate(self._frames) if reason}
         flight = self._flight.finished(self._sources, names, left_out, self._settings)
         tell_pages(flight, tell)
-        with Workers(memory_bytes=self._run_options.memory_bytes) as workers:
+        with Workers(progress=progress, memory_bytes=self._run_options.memory_bytes) as workers:
             try:
                 yield MosaicRun(flight.sources, self._run_options, workers, tell, flight)
             finally:

@@ -19,7 +19,7 @@ def test_beside_a_terminal_a_stage_is_a_line_at_its_begin_now_and_then_and_at_it
 ) -> None:
     now_s, told = [100.0], list[str]()
     monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
-    show = progress._print_stages(told.append)
+    show = progress.print_stages(told.append)
     for done in range(26):
         show("features", done, 25)
         now_s[0] += 1

@@ -10,7 +10,7 @@ from skymosaic.compositing.blend import Blending, blend_layers
 from skymosaic.compositing.exposure import estimate_levels, estimate_tones, measure_toned_range
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.mesh import Frame, Ties, fit_meshes
-from skymosaic.compositing.seams import find_seams
+from skymosaic.compositing.seams import find_allowed, find_seams
 from skymosaic.compositing.tone import Tone
 from skymosaic.compositing.warp import enclosing
 from skymosaic.geometry.homography import apply
@@ -63,7 +63,8 @@ def check_blended(name: str, given: list[Layer], method: Blending, unit: float =
 
 def toned(given: list[Layer], tones: list[Tone], values: ValueRange | None = None) -> list[Layer]:
     equal = [replace(layer, tone=tone) for layer, tone in zip(given, tones, strict=True)]
-    return [replace(layer, seam=seam) for layer, seam in zip(equal, find_seams(equal, 1.0, values), strict=True)]
+    seams = find_seams(equal, find_allowed(equal).values(), 1.0, values)
+    return [replace(layer, seam=seam) for layer, seam in zip(equal, seams, strict=True)]
 
 
 @pytest.mark.parametrize("method", ["average", "distance", "multiband"])

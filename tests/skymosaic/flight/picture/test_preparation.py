@@ -27,3 +27,12 @@ def test_thumbnails_need_no_larger_canvas_than_the_mosaic(flight: Flight, survey
     left_alone = equalise(composition.with_each(tone=[NEUTRAL] * len(hot)), run.flight.views, hot)
     assert left_alone.uneven == PALETTE
     assert all(placement.tone is NEUTRAL for placement in left_alone.placements)
+
+
+def test_a_photograph_that_others_make_up_for_shows_nothing(flight: Flight, surveyed: Path) -> None:
+    middle = flight.images[4][60:-60, 80:-80]
+    with open_run([*flight.images, middle], MosaicOptions(cache=surveyed)) as run:
+        assert run.layouts[0].members == tuple(range(10))
+        composition = run.composition(run.layouts[0])
+    shown = [placement.shows_in(composition.canvas) for placement in composition.placements]
+    assert shown == [True] * 9 + [False]
