@@ -1,6 +1,6 @@
 """The command for a mosaic that grows while the camera is still in the air."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import count
 from pathlib import Path
 from typing import Annotated, Any
@@ -32,6 +32,9 @@ from skymosaic.reports.summary import describe_mosaic
 
 PLANES = 4
 """A mosaic in colour has these, with alpha."""
+
+MAX_NAMED = 3
+"""Photographs that are left out for one reason and named."""
 
 Absent = Mapping[Any, str]
 """Why frames, by their numbers, or files that could not be read, by their names, are not in the mosaic."""
@@ -184,6 +187,19 @@ def show_notes(delivery: Delivery, path: Path) -> None:
         session.tell(f"note: {delivery.map_note}")
 
 
+def group_reasons(reasons: Iterable[str]) -> list[str]:
+    """Join lines of the form "name: reason" that have the reason in common, the first names with how many more."""
+    alike: dict[str, list[str]] = {}
+    for line in reasons:
+        alike.setdefault(line.partition(": ")[2] or line, []).append(line)
+    joined = []
+    for reason, lines in alike.items():
+        first = ", ".join(line.removesuffix(f": {reason}") for line in lines[:MAX_NAMED])
+        more = f" and {len(lines) - MAX_NAMED} more" if len(lines) > MAX_NAMED else ""
+        joined.append(lines[0] if len(lines) == 1 else f"{first}{more}: {reason}")
+    return joined
+
+
 def report_absent(absent: Absent, *, strict: bool) -> None:
     """Warn of what the mosaic does not contain, by the reasons, before anything is written.
 
@@ -192,7 +208,7 @@ def report_absent(absent: Absent, *, strict: bool) -> None:
     RegistrationError
         With ``strict``, if anything is absent.
     """
-    for reason in absent.values():
-        session.warn(f"left out: {reason}")
+    for line in group_reasons(absent.values()):
+        session.warn(f"left out: {line}")
     if strict and absent:
         raise RegistrationError(f"{len(absent)} left out, and --strict allows none; nothing was written")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skymosaic.cli import live
-from skymosaic.cli.live import _find_unused, report_absent
+from skymosaic.cli.live import _find_unused, group_reasons, report_absent
 from skymosaic.common.errors import RegistrationError
 from skymosaic.mosaicking.live.growing_flight import Placement
 from skymosaic.mosaicking.live.update import LiveUpdate
@@ -43,6 +43,17 @@ def test_only_strictness_makes_what_is_left_out_an_error(
     else:
         report_absent(absent, strict=strict)
     assert capsys.readouterr().err.splitlines() == [f"warning: left out: {reason}" for reason in absent.values()]
+
+
+def test_what_is_left_out_for_one_reason_is_one_line() -> None:
+    far = [f"{name}.jpg: in another group of 5 photographs: no" for name in "abcde"]
+    assert group_reasons([*far[:2], "x.jpg: dark", "none"]) == [
+        "a.jpg, b.jpg: in another group of 5 photographs: no",
+        "x.jpg: dark",
+        "none",
+    ]
+    assert group_reasons(far) == ["a.jpg, b.jpg, c.jpg and 2 more: in another group of 5 photographs: no"]
+    assert group_reasons([]) == []
 
 
 def test_a_name_that_nothing_has_is_found(tmp_path: Path) -> None:
