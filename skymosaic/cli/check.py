@@ -8,6 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from golden_model.text import one_line
+from skymosaic.cli.live import group_reasons
 from skymosaic.cli.options import OverwriteOption, PhotographsArgument, output_option
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.progress import progress_bars
@@ -74,9 +75,11 @@ def _print_check(flight: Flight, report: FlightCheck) -> None:
         name = Text(one_line(Path(photo.name).name))
         table.add_row(name, *numbers, "yes" if photo.gps else "no", ", ".join(photo.problems))
     session.show(table)
-    for errors in report.errors:
-        session.show(f"accuracy: {errors.description}")
-    for problem in (*flight.left_out.values(), *report.problems):
+    for problem in (*group_reasons(flight.left_out.values()), *report.problems):
         session.warn(problem)
+    for layout in flight.layouts:
+        session.show(f"overlaps: {layout.agreement.description}")
+    for errors in report.errors:
+        session.show(f"linked pairs: {errors.description}")
     if report.complete:
         session.show("complete: the photographs make one mosaic" + "; read the warnings" * bool(report.problems))

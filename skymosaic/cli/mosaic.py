@@ -178,10 +178,11 @@ def _show_mosaic(delivery: Delivery, path: Path) -> None:
     session.show(f"mosaic {path} ({width_px}x{height_px}), {len(layout.members)} photographs of {len(flight.names)}")
     if flight.pair is None:
         session.show(f"{layout.model}; {layout.reason}")
-        if (errors := layout_errors(flight, layout)) is not None:
-            session.show(f"accuracy: {errors.description}")
         for line in doubts(flight, layout):
             session.warn(line)
+        session.show(f"overlaps: {layout.agreement.description}")
+        if (errors := layout_errors(flight, layout)) is not None:
+            session.show(f"linked pairs: {errors.description}")
     if delivery.tiles:
         session.wrote(delivery.tiles)
         session.show(f"tiles {delivery.tiles / 'index.html'}")

@@ -90,7 +90,8 @@ class Flight:
         for member, other in group.items():
             if other is not layout:
                 joining = ends.count({layout, other})
-                why = f"whose links to it ({joining}) contradict" if joining else "which nothing links to this one"
+                false = other.apart or layout.apart or "contradict"
+                why = f"whose links to it ({joining}) {false}" if joining else "which nothing links to this one"
                 name, index = self.sources[member].name, self.sources[member].index
                 absent[index] = f"{name}: in another group of {len(other.members)} photographs, {why}"
         return dict(sorted(absent.items()))

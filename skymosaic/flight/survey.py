@@ -11,7 +11,8 @@ from golden_model.cache import Cache
 from skymosaic.common.errors import InputError
 from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.flight.flight import Flight
-from skymosaic.flight.layout.layout import Layout, lay_out
+from skymosaic.flight.layout.agreement import Agreement, find_false_joint, measure_agreement
+from skymosaic.flight.layout.layout import MAX_RELIEF, Layout, lay_out
 from skymosaic.flight.layout.linked_group import groups
 from skymosaic.flight.layout.self_calibration import (
     Calibration,
@@ -90,8 +91,9 @@ def survey(
     clock.lap("lens")
     workers.progress("layout", 0, 0)
     links = dict(linked.links)
-    layouts, alone = lay_out_all(linked.views, parts, links, partial(_link_nearby, linked, remaining))
     views = surveyor.fetch_thumbnails(linked.views)
+    look = partial(measure_agreement, views)
+    layouts, alone = lay_out_all(linked.views, parts, links, partial(_link_nearby, linked, remaining), look)
     clock.lap("layout")
     for view, reason in alone.items():
         why = reason or why_alone(view, views, links.values())
@@ -195,12 +197,15 @@ def lay_out_all(
     parts: Sequence[list[int]],
     links: dict[Candidate, Link],
     link_nearby: Callable[[Layout], dict[Candidate, Link]],
+    look: Callable[[Mapping[int, Array]], Agreement],
 ) -> tuple[list[Layout], dict[int, str]]:
     """The layouts of all parts of a flight, and the views that are in none of them, with the reason if it is known.
 
-    What ``link_nearby`` finds by a layout is added to ``links``, and the layout is made again.
+    What ``link_nearby`` finds by a layout is added to ``links``, and the layout is made again. Where the ground, at
+    which ``look`` looks, contradicts what joins two parts of it, each is laid out by itself.
     """
     layouts: list[Layout] = []
+    apart: dict[int, str] = {}
     reasons = dict.fromkeys(range(len(views)), "")
     todo = list(parts)
     while todo:
@@ -212,11 +217,19 @@ def lay_out_all(
         if nearby := link_nearby(layout):
             layout = _lay_out_again(views, layout, links, nearby)
             reasons |= layout.misplaced
+        agreement = look(layout.transforms)
         if layout.fault:
-            first, *others = layout.members
-            reasons |= {first: layout.fault} | dict.fromkeys(others, f"for the same reason as {views[first].name}")
+            reasons |= dict.fromkeys(layout.members, layout.fault)
+        # What is no plane looks different from each side.
+        elif layout.relief <= MAX_RELIEF and (
+            false := find_false_joint(agreement, layout.members, layout.links, links)
+        ):
+            part, reason = false
+            apart |= dict.fromkeys(part, reason)
+            reasons |= dict.fromkeys(part, f"it has links to others that {reason}")
+            todo += [part, [member for member in layout.members if member not in part]]
         elif len(layout.members) > 1:
-            layouts.append(layout)
+            layouts.append(replace(layout, agreement=agreement, apart=apart.get(layout.members[0], "")))
         # Views whose place is in doubt may still belong together.
         doubtful = [member for member in members if member not in layout.transforms]
         inside = [link for link in valid_links(links) if link.left in doubtful and link.right in doubtful]

@@ -102,6 +102,7 @@ def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
         "relief": round(layout.relief, 4),
         "median_error_px": round(layout.median_error_px, 4),
         "error_90_percent_px": round(float(np.percentile(fitted, 90)), 4),
+        "overlaps": layout.agreement.numbers,
         "independent_errors": None if errors is None else dataclasses.asdict(errors),
         "transforms": {
             placement.source.name: transform.tolist()
@@ -199,7 +200,8 @@ def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
         ("frame", f"{flight.views[layout.reference].name}, without its tilt"),
         ("model", f"{layout.model} ({layout.reason})"),
         ("ground", f"{ground} ({layout.relief:.0%} of the matches lie 3 to 12 px off the plane)"),
-        ("error", "unknown: no matches were kept aside" if errors is None else errors.description),
+        ("overlaps", layout.agreement.description),
+        ("linked pairs", "unknown: no matches were kept aside" if errors is None else errors.description),
         ("residual of the fit", f"median {layout.median_error_px:.2f} px, without the links that contradict it"),
         ("blending and writing", f"{delivery.seconds:.1f} s"),
     ]

@@ -45,7 +45,7 @@ def summary_rows(delivery: Delivery) -> list[tuple[str, str]]:
     """The same in words, with what is not known left out, and who made the mosaic."""
     facts, on_map = summarise(delivery), delivery.georeference
     width_px, height_px = delivery.composition.size
-    rows = [("accuracy", describe_accuracy(delivery))]
+    rows = [("overlaps", delivery.layout.agreement.description), ("accuracy", describe_accuracy(delivery))]
     if on_map is not None:
         hectares = facts["area_m2"] / HECTARE_M2
         area = f"{hectares:.2f} ha" if hectares >= 1 else f"{facts['area_m2']:.0f} m²"
@@ -69,13 +69,13 @@ def summary_rows(delivery: Delivery) -> list[tuple[str, str]]:
 def describe_accuracy(delivery: Delivery) -> str:
     """How far a mosaic is off, in one sentence without terms of the trade."""
     on_map, place = delivery.georeference, delivery.composition.place
+    within = "Half of the points by which photographs are linked meet within"
     if on_map is None:
         errors = layout_errors(delivery.flight, delivery.layout)
         if errors is None:
             return "Not known: no matches were kept aside to measure it."
-        return f"Half of the points that photographs have in common meet within {errors.median_px:.1f} pixels."
-    error_cm = 100 * ground_error_m(delivery)
-    within = f"Half of the points that photographs have in common meet within {error_cm:.1f} cm"
+        return f"{within} {errors.median_px:.1f} pixels."
+    within = f"{within} {100 * ground_error_m(delivery):.1f} cm"
     if place.checked_m:
         of_checked = f"{len(place.checked_m)} check points are off by {place.checked_rms_m:.2f} m (root mean square)"
         return f"{within}; {of_checked}."

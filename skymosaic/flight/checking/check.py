@@ -9,7 +9,7 @@ import numpy as np
 from skymosaic.flight.flight import BLURRED, Flight
 from skymosaic.flight.layout.accuracy import Errors
 from skymosaic.flight.layout.extent import outline, overlap
-from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.layout.layout import MAX_RELIEF, Layout
 from skymosaic.flight.layout.linked_group import groups
 from skymosaic.flight.linking.links import Link
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA, STILL
@@ -29,8 +29,6 @@ WEAK_OVERLAP = 0.2
 
 MAX_CONTRADICTING = 0.02
 """Share of links that contradict the layout above which it may be wrong: few links of distinct ground are false."""
-MAX_RELIEF = 1 / 3
-"""Share of the matches off the plane above which the scene is none: flights over villages have up to a quarter."""
 MAX_ERROR_PX = 10.0
 """Median error beyond which a photograph lies wrong, or shows ground too far from flat for its place in the mosaic."""
 MAX_NINETY_SHARE = 0.015
@@ -95,23 +93,26 @@ class FlightCheck:
     """Problems of the whole flight, each with the remedy."""
     errors: tuple[LayoutErrors, ...] = ()
     """Those of each layout, the largest first, where matches were kept aside."""
+    overlaps: tuple[dict[str, float | None], ...] = ()
+    """`Agreement.numbers` of each layout, the largest first."""
 
 
 def check_flight(flight: Flight) -> FlightCheck:
     """Find the problems of a flight that was laid out."""
-    overlaps = _best_overlaps(flight)
+    best = _best_overlaps(flight)
     measured = [layout.accuracy.photographs for layout in flight.layouts if layout.accuracy is not None]
     errors = {view: each for photographs in measured for view, each in photographs.items()}
     links = Counter(end for link in flight.links if link.holds for end in (link.left, link.right))
     photographs = []
     for index, (view, sharpness) in enumerate(zip(flight.views, flight.relative_sharpness.tolist(), strict=True)):
-        measures = links[index], overlaps[index], sharpness, view.clipped
+        measures = links[index], best[index], sharpness, view.clipped
         error_px = (errors[index].median_px, errors[index].ninety_px) if index in errors else (None, None)
         has_gps = view.gps is not None
         photographs.append(PhotographCheck(view.name, *measures, has_gps, _problems(*measures), *error_px))
     whole = len(flight.layouts) == 1 and len(flight.layouts[0].members) == len(flight.views)
     by_layout = tuple(each for layout in flight.layouts if (each := layout_errors(flight, layout)) is not None)
-    return FlightCheck(whole, tuple(photographs), tuple(_problems_of_all(flight)), by_layout)
+    overlaps = tuple(layout.agreement.numbers for layout in flight.layouts)
+    return FlightCheck(whole, tuple(photographs), tuple(_problems_of_all(flight)), by_layout, overlaps)
 
 
 def layout_errors(flight: Flight, layout: Layout) -> LayoutErrors | None:
@@ -209,8 +210,17 @@ def _stood_still(flight: Flight, layout: Layout) -> bool:
 
 
 def doubts(flight: Flight, layout: Layout) -> Iterator[str]:
-    """A line each if the scene is no plane, if many links contradict the layout, and if photographs are far off."""
+    """A line each where ground differs, links contradict the layout, the scene is no plane, photographs are far off."""
     names = short_names([view.name for view in flight.views])
+    if differing := layout.agreement.of(False):
+        linked = {(link.left, link.right) for link in layout.links}
+        (first, _), *others = Counter(end for pair in differing for end in pair).most_common(WORST_NAMED)
+        at = f" near {gps.latitude_deg:.5f}, {gps.longitude_deg:.5f}" if (gps := flight.views[first].gps) else ""
+        most = ", ".join([names[first] + at, *(names[view] for view, _ in others)])
+        yield (
+            f"{len(differing)} pairs of photographs lie on each other and show different ground, "
+            f"{len(set(differing) - linked)} of them without a link (most at {most}): look at the mosaic there"
+        )
     false, count = layout.contradicting, len(layout.links) + len(layout.contradicting)
     if len(false) > MAX_CONTRADICTING * count:
         ends = Counter(end for link in false for end in (link.left, link.right))

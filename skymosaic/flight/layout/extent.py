@@ -4,12 +4,13 @@ from collections.abc import Mapping, Sequence
 
 import cv2
 import numpy as np
+from scipy.spatial import KDTree
 
 from golden_model.arrays import Array
 from skymosaic.compositing import warp
 from skymosaic.compositing.warp import Canvas, nearest_corner, nearness
 from skymosaic.flight.layout.linked_group import groups
-from skymosaic.flight.linking.links import Link
+from skymosaic.flight.linking.links import Candidate, Link
 from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply
 
@@ -43,6 +44,16 @@ def overlap(one: Array, other: Array) -> float:
     one, other = one.astype(np.float32), other.astype(np.float32)
     area, _ = cv2.intersectConvexConvex(one, other)
     return float(area) / max(min(cv2.contourArea(one), cv2.contourArea(other)), 1.0)
+
+
+def overlaps(views: Sequence[View], transforms: Mapping[int, Array]) -> dict[Candidate, float]:
+    """Overlap of all pairs that are close enough for one, as a share of the smaller view."""
+    outlines = {member: outline(views[member], transform) for member, transform in transforms.items()}
+    centres = np.array([corners.mean(axis=0) for corners in outlines.values()])
+    radii = [np.linalg.norm(o - c, axis=1).max() for o, c in zip(outlines.values(), centres, strict=True)]
+    near = KDTree(centres).query_pairs(2 * max(radii), output_type="ndarray")
+    pairs = np.sort(np.array(list(transforms))[near], axis=1).tolist()
+    return {(left, right): overlap(outlines[left], outlines[right]) for left, right in pairs}
 
 
 def least_nearness(

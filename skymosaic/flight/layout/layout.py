@@ -12,6 +12,7 @@ from golden_model.arrays import Array
 from skymosaic.compositing.mesh import Mesh
 from skymosaic.flight.layout.accuracy import Accuracy, measure_accuracy
 from skymosaic.flight.layout.adjustment import MODELS, WIDEST_SCALE_PX, Network
+from skymosaic.flight.layout.agreement import Agreement
 from skymosaic.flight.layout.extent import find_misplaced
 from skymosaic.flight.layout.linked_group import LinkedGroup, groups, join, linked_group
 from skymosaic.flight.linking.links import Link
@@ -26,6 +27,8 @@ SURER = 2
 MAX_FALSE_SHARE = 0.1
 """Share of contradicting links above which no ground explains a layout that is also `FALSE_LINK_PX` off: real flights
 over relief have 3 %, rows of solar panels that all look the same 25 %."""
+MAX_RELIEF = 1 / 3
+"""Share of the matches off the plane above which the scene is none: flights over villages have up to a quarter."""
 TILTED_SCALE_PX = 25.0
 """Scale from which homographies are annealed: the simpler models leave so much of a tilt."""
 
@@ -57,6 +60,10 @@ class Layout:
     """Where photographs are warped by meshes: the share of held-out matches within 2 px without and with them."""
     meshes: dict[int, Mesh] = field(default_factory=dict)
     """By member, what warps its photograph before ``transforms`` apply; none where it keeps its shape."""
+    agreement: Agreement = field(default_factory=Agreement)
+    """Whether the ground of its views agrees where they lie on each other."""
+    apart: str = ""
+    """Why links to another group are false, if the ground contradicts them; else empty."""
 
     def without(self, absent: Collection[int]) -> "Layout":
         """The same places without some of the views."""
@@ -71,6 +78,7 @@ class Layout:
             links=tuple(self.links[row] for row in rows),
             contradicting=tuple(link for link in self.contradicting if {link.left, link.right}.isdisjoint(absent)),
             errors_px=tuple(self.errors_px[row] for row in rows),
+            agreement=self.agreement.without(absent),
         )
 
     @cached_property

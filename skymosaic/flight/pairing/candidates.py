@@ -16,7 +16,7 @@ from scipy import sparse
 from scipy.spatial import KDTree
 
 from golden_model.arrays import Array
-from skymosaic.flight.layout.extent import outline, overlap
+from skymosaic.flight.layout.extent import overlaps
 from skymosaic.flight.layout.normal_equations import factor_symmetric
 from skymosaic.flight.linking.links import Candidate, Link
 from skymosaic.flight.linking.view import View
@@ -59,7 +59,7 @@ def predicted(
 
     ``transforms`` are as in `Layout`; pairs with a link are not proposed, whether it holds or not.
     """
-    shares = _overlaps(views, transforms)
+    shares = overlaps(views, transforms)
     valid = {pair: link for pair, link in links.items() if link.holds and pair[0] in transforms}
     full_overlap_ties = float(np.median([link.ties / max(shares.get(p, 0), MIN_OVERLAP) for p, link in valid.items()]))
     pairs = [pair for pair, share in shares.items() if share >= MIN_OVERLAP and pair not in links]
@@ -70,16 +70,6 @@ def predicted(
             for member in pair:
                 proposals[member].append((gain, pair))
     return {pair for offers in proposals.values() for _, pair in sorted(offers, reverse=True)[:MAX_PREDICTED]}
-
-
-def _overlaps(views: Sequence[View], transforms: Mapping[int, Array]) -> dict[Candidate, float]:
-    """Predicted overlap of all pairs that are close enough for one, as a share of the smaller view."""
-    outlines = {member: outline(views[member], transform) for member, transform in transforms.items()}
-    centres = np.array([corners.mean(axis=0) for corners in outlines.values()])
-    radii = [np.linalg.norm(o - c, axis=1).max() for o, c in zip(outlines.values(), centres, strict=True)]
-    near = KDTree(centres).query_pairs(2 * max(radii), output_type="ndarray")
-    pairs = np.sort(np.array(list(transforms))[near], axis=1).tolist()
-    return {(left, right): overlap(outlines[left], outlines[right]) for left, right in pairs}
 
 
 def _resistances(members: Sequence[int], links: Mapping[Candidate, Link], pairs: Sequence[Candidate]) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from skymosaic.compositing.mesh import Ties
 from skymosaic.compositing.warp import Canvas, CanvasError, footprint
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.adjustment import MODELS, Network
+from skymosaic.flight.layout.agreement import measure_agreement
 from skymosaic.flight.layout.extent import outline, overlap
 from skymosaic.flight.layout.linked_group import groups, linked_group, normalisation
 from skymosaic.flight.layout.motions import shapes
@@ -157,7 +159,8 @@ class GrowingFlight:
             (row[left], row[right]): replace(self.links[left, right], left=row[left], right=row[right])
             for left, right in inside
         }
-        layouts, alone = lay_out_all(views, groups(len(views), valid_links(links)), links, lambda _layout: {})
+        look, parts = partial(measure_agreement, views), groups(len(views), valid_links(links))
+        layouts, alone = lay_out_all(views, parts, links, lambda _layout: {}, look)
         numbers = tuple(self.views)
         reasons = {
             numbers[view]: f"{views[view].name}: {reason or why_alone(view, views, links.values())}"

@@ -141,7 +141,8 @@ def _add_mosaic(result: MosaicResult, flight: Flight, delivery: Delivery, notes:
     facts = {
         "photographs placed": f"{len(layout.members)} of {len(flight.names)}",
         "pairs linked": f"{len(links)} of {len(flight.links)} tried",
-        "error": "unknown" if errors is None else errors.description,
+        "overlaps": layout.agreement.description,
+        "linked pairs": "unknown" if errors is None else errors.description,
         "model": f"{layout.model}: {layout.reason}",
     }
     facts |= {"notes": "; ".join(notes)} if notes else {}

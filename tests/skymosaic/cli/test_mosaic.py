@@ -21,6 +21,7 @@ EVERYWHERE = ["warning: odd", *(f"warning: m.tif: the {about}" for about in WARN
 def delivered(name: str, *, pair: bool, on_map: bool, note: str = "", tiles: bool = False) -> Any:
     flight = SimpleNamespace(names="abc", pair=SimpleNamespace(seconds={"warping and blending": 2.0}) if pair else None)
     layout = SimpleNamespace(members="ab", model="similarity", reason="as it is flat")
+    layout.agreement = SimpleNamespace(description="most")
     place = SimpleNamespace(contradictions=("two places",))
     composition = SimpleNamespace(size=(30, 40), place=place, reduced="small", uneven="", placements="ab")
     return SimpleNamespace(
@@ -57,7 +58,7 @@ def test_a_mosaic_is_described(
     mosaic._show_mosaic(delivered(name, **given), Path(name))
     printed = capsys.readouterr()
     assert printed.err.splitlines() == [line.replace("m.tif", name) for line in warned]
-    flight = [] if given["pair"] else ["similarity; as it is flat", "accuracy: 0.3 px"]
+    flight = [] if given["pair"] else ["similarity; as it is flat", "overlaps: most", "linked pairs: 0.3 px"]
     tiles = ["tiles tiles/index.html"] if "tiles" in given else []
     lines = [f"{about}: the {about}" for about in ABOUT[:-1] if about not in WARNED]
     assert printed.out.splitlines() == [f"mosaic {name} (30x40), 2 photographs of 3", *flight, *tiles, *lines]

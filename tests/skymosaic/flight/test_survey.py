@@ -10,6 +10,7 @@ from sim.scene import Flight
 from skymosaic.common.errors import RegistrationError
 from skymosaic.flight import survey
 from skymosaic.flight.flight import Flight as LaidOut
+from skymosaic.flight.layout.agreement import Agreement
 from skymosaic.flight.layout.layout import Layout, lay_out
 from skymosaic.flight.linking import surveyor
 from skymosaic.flight.linking.links import Link, link_views
@@ -105,7 +106,7 @@ def test_what_no_plane_explains_is_left_out_with_the_reason_and_what_it_contradi
     noise = [Link(left, right, points, points[::-1], 40, 40) for left, right in ((1, 2), (3, 4))]
     views: list[Any] = [SimpleNamespace(name=f"{view}.jpg", size=size_px, working_size=size_px) for view in range(5)]
     links = {(link.left, link.right): link for link in sorted([*true, *noise], key=lambda link: link.left)}
-    layouts, alone = survey.lay_out_all(views, [[0, 1, 2, 3, 4]], links, lambda _layout: {})
+    layouts, alone = survey.lay_out_all(views, [[0, 1, 2, 3, 4]], links, lambda _layout: {}, lambda _: Agreement())
     assert [layout.members for layout in layouts] == [(0, 1), (2, 3)]
     assert list(alone) == [4]
     assert "no plane explains the 40 matches of 3.jpg and 4.jpg" in alone[4]
@@ -137,10 +138,10 @@ def test_photographs_of_things_that_all_look_the_same_are_refused_with_counts(
     layout = Layout(tuple(eyes), 0, eyes, true if false != 2 else true * 4, contradicting)
     monkeypatch.setattr(survey, "lay_out", lambda *_: layout)
     views: list[Any] = [SimpleNamespace(name=f"{view}.jpg", size=(4, 3)) for view in range(6)]
-    layouts, alone = survey.lay_out_all(views, [list(eyes)], {}, lambda _layout: {})
-    assert layouts == ([] if refused else [layout])
+    layouts, alone = survey.lay_out_all(views, [list(eyes)], {}, lambda _layout: {}, lambda _: Agreement())
+    assert [each.members for each in layouts] == ([] if refused else [layout.members])
     reason = "6 of 11 links contradict the layout, and matches that it did not use are 30 px off in the median: "
-    reasons = [reason] + ["for the same reason as 0.jpg"] * 5 if refused else []
+    reasons = [reason] * 6 if refused else []
     assert all(each.startswith(start) for each, start in zip(alone.values(), reasons, strict=True))
 
 

@@ -108,7 +108,8 @@ def test_a_plain_mosaic_has_the_rows_that_all_have() -> None:
             "ground",
             "with relief: expect breaks at objects above the ground (20% of the matches lie 3 to 12 px off the plane)",
         ),
-        ("error", "unknown: no matches were kept aside"),
+        ("overlaps", "0 of 0 pairs that overlap by half agree; 0 cannot tell"),
+        ("linked pairs", "unknown: no matches were kept aside"),
         ("residual of the fit", "median 0.50 px, without the links that contradict it"),
         ("blending and writing", "1.3 s"),
     ]
@@ -131,7 +132,7 @@ def test_what_only_some_mosaics_have_is_a_row_of_its_own() -> None:
     )
     rows = dict(report._mosaic_rows(rich))
     assert rows["ground"] == "flat (1% of the matches lie 3 to 12 px off the plane)"
-    assert rows["error"].startswith("median 2.00 px, 90 % below 3.00 px")
+    assert rows["linked pairs"].startswith("median 2.00 px, 90 % below 3.00 px")
     assert (rows["size"], rows["light"]) == ("to a quarter", "burnt")
     why = "ground towards the horizon, far beyond their matches or too coarse"
     assert rows["cut off"] == f"3.jpg 12%, 0.jpg 50%: {why}"

@@ -61,7 +61,7 @@ def test_the_page_says_what_a_client_asks(site: Path) -> None:
     assert resolution
     assert float(resolution[1]) == pytest.approx(100 * METRES_PER_PIXEL, rel=0.05)
     assert re.fullmatch(
-        r"Half of the points that photographs have in common meet within [\d.]+ cm; "
+        r"Half of the points by which photographs are linked meet within [\d.]+ cm; "
         r"on the map, they fit the GPS within [\d.]+ m\.",
         rows["accuracy"],
     )
@@ -167,7 +167,7 @@ def test_accuracy_is_said_of_what_is_known() -> None:
     unknown = "Not known: no matches were kept aside to measure it."
     assert rows_of_delivery([None] * 3, None)["accuracy"] == unknown
     layout = dataclasses.replace(delivered().layout, links=(tie(0, 1, 120, 20, 3.0), tie(1, 3, 40, 20, 1.0)))
-    half = "Half of the points that photographs have in common meet within"
+    half = "Half of the points by which photographs are linked meet within"
     assert rows_of_delivery([None] * 3, None, layout=layout)["accuracy"] == f"{half} 2.0 pixels."
     # 2 px of a working image are 12 px of the canvas.
     assert rows_of_delivery([None] * 3, 0.05, layout=layout)["accuracy"] == (

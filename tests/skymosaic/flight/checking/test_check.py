@@ -22,11 +22,12 @@ from skymosaic.flight.checking.check import (
 )
 from skymosaic.flight.flight import BLURRED
 from skymosaic.flight.layout.accuracy import Errors
+from skymosaic.flight.layout.agreement import Agreement, GroundOfPair
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import survey
-from skymosaic.imagery.exif import Metadata
+from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.running.workers import Workers
 
@@ -91,7 +92,9 @@ def test_photographs_far_off_are_named_and_more_than_three_are_counted() -> None
     for count, more in ((3, ""), (5, " and 2 more")):
         errors = {view: Errors(20, 60.0 - 10 * view if view < count else 10.0, 99.0) for view in range(6)}
         accuracy = SimpleNamespace(photographs=errors, whole=Errors(120, 10.0, 19.0))
-        layout: Any = SimpleNamespace(links=[], contradicting=[], relief=0.0, accuracy=accuracy, members=range(6))
+        layout: Any = SimpleNamespace(
+            links=[], contradicting=[], relief=0.0, accuracy=accuracy, members=range(6), agreement=Agreement()
+        )
         named = "0.jpg by 60 px, 1.jpg by 50 px, 2.jpg by 40 px"
         assert list(doubts(flight, layout)) == [f"photographs are off: {named}{more}: look at the mosaic there"]
 
@@ -209,3 +212,18 @@ def test_halves_that_only_weak_links_join_are_named_with_their_number() -> None:
     assert weak_line(((2, 3, 30),), last=20).count("joined") == 2
     assert weak_line(((2, 3, 20),), last=30).startswith("1 photograph is joined only by 2 weak links, the best")
     assert weak_line(((2, 3, 20),), last=30).count("joined") == 1
+
+
+def test_ground_that_lies_on_other_ground_is_named_with_its_place() -> None:
+    views = [SimpleNamespace(name=f"{view}.jpg", gps=Position(46.5, 8.25) if view == 2 else None) for view in range(4)]
+    flight: Any = SimpleNamespace(views=views)
+    differs, agrees, unknown = GroundOfPair(1, 9, 4.0), GroundOfPair(2, 9, 4.0), GroundOfPair(0, 3, np.inf)
+    pairs = {(0, 2): differs, (1, 2): differs, (2, 3): unknown, (0, 1): agrees}
+    nothing = np.zeros((0, 2))
+    links = (Link(0, 2, nothing, nothing, 0, 0),)
+    layout = Layout((0, 1, 2, 3), 0, dict.fromkeys(range(4), np.eye(3)), links, agreement=Agreement(pairs))
+    assert list(doubts(flight, layout)) == [
+        "2 pairs of photographs lie on each other and show different ground, 1 of them without a link "
+        "(most at 2.jpg near 46.50000, 8.25000, 0.jpg, 1.jpg): look at the mosaic there"
+    ]
+    assert list(doubts(flight, replace(layout, agreement=layout.agreement.without({2})))) == []

@@ -1,0 +1,168 @@
+"""Whether the ground agrees where photographs lie on each other in a layout, linked or not.
+
+Links are what matched. Ground that lies on other ground and differs has none, so it takes a look to tell a layout that
+is false from one that is right. Crowns of trees, water, walls and displays differ in any two photographs. So a patch of
+a photograph counts only if it is recognised: if it looks the same in any of those that the layout lays over it.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import product
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import minimum_spanning_tree
+
+from golden_model.arrays import Array, Float32
+from golden_model.pixel.gray import to_gray
+from skymosaic.flight.layout.extent import overlaps
+from skymosaic.flight.layout.linked_group import groups, join
+from skymosaic.flight.linking.links import Candidate, Link
+from skymosaic.flight.linking.view import View
+from skymosaic.geometry.ground import band_pass
+
+MIN_OVERLAP = 0.5
+"""Photographs that share less, as a share of the smaller, have too few patches in common to be compared."""
+MAX_COMPARED = 16
+"""Later photographs that each one is compared with, spread over all of them: hundreds may show one place."""
+PATCH_PX, STEP_PX, REACH_PX = 48, 40, 12
+"""Side of a patch of a thumbnail, distance to the next one, and how far relief may move it."""
+LIGHT_PX, OUTSIDE = 8.0, 1e4
+"""Sigma of the band-pass: coarser differences are those of light. A value that it never has marks what is not shown."""
+MIN_CONTRAST, SAME = 1.5, 0.6
+"""Gray levels (standard deviation) of a patch with texture, and correlation of patches that show the same."""
+MIN_RECOGNISED, MIN_SAME = 4, 0.2
+"""Patches of two photographs that are recognised, without which they cannot tell, and the share of these that must be
+the same: under a kite over buildings 0.3 at least, in a false layout mostly none."""
+FALSE_JOINT = 0.5
+"""A joint is false where that share, of all pairs across it, is below so many times that of the other pairs: 0.7 for
+the worst of a kite's true joints, less than 0.45 for false ones by a twin half as wide as a photograph."""
+
+
+@dataclass(frozen=True)
+class GroundOfPair:
+    """What two photographs that lie on each other have in common."""
+
+    same: int
+    recognised: int
+    """Patches of either that are recognised, and those of them that are the same in the other one."""
+    off_px: float
+    """How far these are from where the layout puts them, median, working px of the right view."""
+
+    @property
+    def agrees(self) -> bool | None:
+        """Whether the ground agrees; None if too little of it can tell."""
+        return None if self.recognised < MIN_RECOGNISED else self.same >= MIN_SAME * self.recognised
+
+
+@dataclass(frozen=True, eq=False)
+class Agreement:
+    """The pairs of photographs of a layout that lie on each other."""
+
+    pairs: dict[Candidate, GroundOfPair] = field(default_factory=dict)
+
+    def of(self, agrees: bool | None) -> list[Candidate]:
+        """The pairs that agree, that do not, or that cannot tell."""
+        return [pair for pair, ground in self.pairs.items() if ground.agrees is agrees]
+
+    def without(self, absent: Collection[int]) -> "Agreement":
+        """The same without some of the views."""
+        return Agreement({pair: ground for pair, ground in self.pairs.items() if not set(pair) & set(absent)})
+
+    @property
+    def numbers(self) -> dict[str, float | None]:
+        """How many pairs agree or not, and how far nine in ten that tell are off, px; None where more disagree."""
+        agree, disagree, unknown = (self.of(agrees) for agrees in (True, False, None))
+        off_px = [self.pairs[pair].off_px for pair in agree] + [np.inf] * len(disagree)
+        ninety_px = float(np.percentile(off_px, 90, method="higher")) if off_px else np.inf
+        counts = {"agree": len(agree), "disagree": len(disagree), "cannot_tell": len(unknown)}
+        return {**counts, "ninety_px": round(ninety_px, 2) if np.isfinite(ninety_px) else None}
+
+    @property
+    def description(self) -> str:
+        """The numbers in one line."""
+        agree, told = len(self.of(True)), len(self.pairs) - len(self.of(None))
+        share = f" ({agree / told:.0%})" if told else ""
+        ninety_px = self.numbers["ninety_px"]
+        within = "" if ninety_px is None else f", nine in ten within {max(ninety_px, 1):.0f} px"
+        return f"{agree} of {told} pairs that overlap by half agree{share}{within}; {len(self.of(None))} cannot tell"
+
+
+def measure_agreement(views: Sequence[View], transforms: Mapping[int, Array]) -> Agreement:
+    """Compare the thumbnails of photographs where a layout lays them on each other."""
+    over: dict[int, list[int]] = {}
+    for (left, right), share in sorted(overlaps(views, transforms).items()):
+        if share >= MIN_OVERLAP:
+            over.setdefault(left, []).append(right)
+    pairs = [(left, right) for left, each in over.items() for right in each[:: -(-len(each) // MAX_COMPARED)]]
+    look = lru_cache(4 * MAX_COMPARED)(lambda member: band_pass(to_gray(views[member].thumbnail), LIGHT_PX))
+    fits, recognised = dict[Candidate, Array](), dict[int, NDArray[np.bool_]]()
+    for one, other in (each for pair in pairs for each in (pair, pair[::-1])):
+        to_ground = transforms[one] @ np.linalg.inv(views[one].to_thumbnail)
+        moved = views[other].to_thumbnail @ np.linalg.inv(transforms[other]) @ to_ground
+        fits[one, other] = fit = _fit_patches(look(one), look(other), moved)
+        recognised[other] = recognised.get(other, np.False_) | (fit[..., 0] > SAME)
+    grounds = {}
+    for left, right in pairs:
+        known = np.concatenate([fits[left, right][recognised[right]], fits[right, left][recognised[left]]])
+        off_px = known[known[:, 0] > SAME, 1] / views[right].to_thumbnail[0, 0]
+        median_px = float(np.median(off_px)) if len(off_px) else np.inf
+        grounds[left, right] = GroundOfPair(len(off_px), int(np.isfinite(known[:, 0]).sum()), median_px)
+    return Agreement(grounds)
+
+
+def _fit_patches(one: Float32, other: Float32, moved: Array) -> Array:
+    """Correlation of each patch of a thumbnail with another one, NaN where it cannot tell, and how far it is off, px.
+
+    The patches (rows, columns, 2) are those of the other thumbnail, onto which ``moved`` brings the one.
+    """
+    height, width = other.shape
+    warped = cv2.warpPerspective(one, moved, (width, height), borderValue=OUTSIDE)
+    around_px = PATCH_PX + 2 * REACH_PX
+    tops, lefts = (range(0, max(side - around_px + 1, 0), STEP_PX) for side in (height, width))
+    fits = np.full((len(tops), len(lefts), 2), np.nan)
+    for (row, top), (column, left) in product(enumerate(tops), enumerate(lefts)):
+        around = np.s_[top : top + around_px, left : left + around_px]
+        patch = warped[around][REACH_PX:-REACH_PX, REACH_PX:-REACH_PX]
+        if np.abs(patch).max() < 256 and patch.std() >= MIN_CONTRAST:
+            _, best, _, place = cv2.minMaxLoc(cv2.matchTemplate(other[around], patch, cv2.TM_CCOEFF_NORMED))
+            fits[row, column] = best, np.hypot(place[0] - REACH_PX, place[1] - REACH_PX)
+    return fits
+
+
+def find_false_joint(
+    agreement: Agreement, members: Sequence[int], links: Sequence[Link], tried: Mapping[Candidate, Link]
+) -> tuple[list[int], str] | None:
+    """The smaller of two parts of a layout, and what is said of the links that join them falsely; None without such.
+
+    A joint is judged as a whole, by the recognised patches of all pairs across it: single pairs agree by chance. The
+    parts are those into which the tree of the surest links falls without one of them; ``tried`` are all links.
+    """
+    if not agreement.of(False):
+        return None
+    pairs, unknown = np.array([*agreement.pairs]), GroundOfPair(0, 0, 0.0)
+    counts = np.array([(ground.same, ground.recognised) for ground in agreement.pairs.values()])
+    grounds = [agreement.pairs.get((link.left, link.right), unknown) for link in links]
+    sure = [link.inliers * (each.same + 1) / (each.recognised + 1) for link, each in zip(links, grounds, strict=True)]
+    costs = [1 + round(1e6 / (1 + strength)) for strength in sure]
+    joined = np.array(members)[np.array(minimum_spanning_tree(join(members, links, costs)).nonzero())].T.tolist()
+    tree = [link for link in links if [link.left, link.right] in joined or [link.right, link.left] in joined]
+    worst, found = FALSE_JOINT, None
+    for cut in tree:
+        sides = groups(members[-1] + 1, [link for link in tree if link is not cut])
+        part = min((side for side in sides if cut.left in side or cut.right in side), key=len)
+        across = np.isin(pairs, part).sum(axis=1) == 1
+        (same, known), (same_apart, known_apart) = (counts[each].sum(axis=0) for each in (across, ~across))
+        if known >= MIN_RECOGNISED and same * known_apart < worst * same_apart * known:
+            worst, found = same * known_apart / (same_apart * known), (part, pairs[across].tolist(), same / known)
+    if found is None:
+        return None
+    part, between, share = found
+    held = [tried[left, right].holds for left, right in between if (left, right) in tried]
+    differ = sum(agreement.pairs[left, right].agrees is False for left, right in between)
+    return part, (
+        f"the ground contradicts: across them {share:.0%} of what photographs recognise is the same, {differ} of "
+        f"{len(between)} pairs that overlap by half disagree, and {held.count(False)} of {len(held)} tried do not hold"
+    )

@@ -1,0 +1,139 @@
+"""Ground that lies on other ground: of photographs that are drawn, and of a rendered flight with a planted twin."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from sim.scene.flight import make_lawnmower
+from sim.scene.ground import render_ground
+from skymosaic.flight.layout.agreement import (
+    MAX_COMPARED,
+    Agreement,
+    GroundOfPair,
+    find_false_joint,
+    measure_agreement,
+)
+from skymosaic.flight.linking.links import Link
+from skymosaic.mosaicking.api import open_run
+from skymosaic.mosaicking.options import MosaicOptions
+
+SIZE, NEAR, COUNT, TWIN_PX = (480, 360), 5, 10, 140
+
+
+def photographs(*, twin: bool) -> list[NDArray[np.uint8]]:
+    """A flight; with a twin, its second half is far away, and one square of ground lies in both halves."""
+    made = make_lawnmower(seed=2, images=COUNT, size=SIZE, forward_overlap=0.7, side_overlap=0.6)
+    if not twin:
+        return list(made.images)
+    poses = [replace(pose, x_px=pose.x_px + 4000 * (view >= NEAR)) for view, pose in enumerate(made.poses)]
+    away, images = replace(made, poses=tuple(poses)), list[NDArray[np.uint8]]()
+    square, shown = render_ground(77, TWIN_PX, TWIN_PX), np.full((TWIN_PX, TWIN_PX), 255, np.uint8)
+    for view, image in enumerate(away.images):
+        middle = poses[NEAR // 2 + NEAR * (view >= NEAR)]
+        to_ground = np.array([[1, 0, middle.x_px - TWIN_PX / 2], [0, 1, middle.y_px - TWIN_PX / 2], [0, 0, 1]])
+        to_image = away.homographies[view] @ to_ground
+        inside = cv2.warpPerspective(shown, to_image, SIZE) == 255
+        pasted = np.where(inside[..., None], cv2.warpPerspective(square, to_image, SIZE), image)
+        images.append(np.asarray(pasted, np.uint8))
+    return images
+
+
+def test_parts_that_only_a_twin_joins_are_apart_with_the_counts() -> None:
+    with open_run(photographs(twin=True), MosaicOptions()) as run:
+        layouts, flight = run.layouts, run.flight
+    assert [layout.members for layout in layouts] == [(0, 1, 2, 3, 4), (5, 6, 7, 8, 9)]
+    assert any(link.holds and link.left < NEAR <= link.right for link in flight.links)
+    assert all(not layout.agreement.of(False) for layout in layouts)
+    reasons = list(flight.absent_from(layouts[0]).values())
+    assert len({reason.partition(": ")[2] for reason in reasons}) == 1
+    assert ") the ground contradicts: across them " in reasons[0]
+    assert " pairs that overlap by half disagree, and " in reasons[0]
+
+
+def test_a_flight_without_a_twin_is_one_mosaic_in_which_all_pairs_agree() -> None:
+    with open_run(photographs(twin=False), MosaicOptions()) as run:
+        (layout,) = run.layouts
+    assert len(layout.members) == COUNT
+    assert not layout.agreement.of(False)
+    assert len(layout.agreement.of(True)) > COUNT
+
+
+def seen(*thumbnails: NDArray[np.uint8]) -> list[Any]:
+    facts = {"working_size": (640, 480), "to_thumbnail": np.diag([0.5, 0.5, 1])}
+    return [SimpleNamespace(thumbnail=thumbnail, **facts) for thumbnail in thumbnails]
+
+
+def noise(seed: int) -> NDArray[np.uint8]:
+    fine = np.random.default_rng(seed).normal(0, 1, (240, 400))
+    return np.asarray(np.clip(128 + 200 * cv2.GaussianBlur(fine, (0, 0), 2), 0, 255), np.uint8)
+
+
+def aside(*offsets_px: float) -> dict[int, NDArray[np.float64]]:
+    return {view: np.array([[1.0, 0, at], [0, 1, 0], [0, 0, 1]]) for view, at in enumerate(offsets_px)}
+
+
+def test_ground_agrees_differs_or_cannot_tell() -> None:
+    ground, other, flat = noise(0), noise(1), np.full((240, 320), 90, np.uint8)
+    # Views 0 to 2 show one ground, each 20 px of a thumbnail farther; 3 and 4 show another.
+    views = seen(*(ground[:, at : at + 320] for at in (0, 20, 40)), other[:, :320], other[:, 20:340], flat)
+    found = measure_agreement(views, aside(0, 40, 80, 0, 40, 0))
+    assert found.of(True) == [(0, 1), (0, 2), (1, 2), (3, 4)]
+    assert found.of(False) == [(left, right) for left in range(3) for right in (3, 4)]
+    assert found.of(None) == [(view, 5) for view in range(5)]
+    assert found.without({3, 4, 5}).pairs.keys() == {(0, 1), (0, 2), (1, 2)}
+
+
+def test_what_no_other_photograph_recognises_tells_nothing() -> None:
+    # As waves: full of texture, and different in each photograph.
+    found = measure_agreement(seen(noise(2)[:, :320], noise(3)[:, :320]), aside(0, 0))
+    assert (found.of(True), found.of(False), found.of(None)) == ([], [], [(0, 1)])
+
+
+def test_ground_that_is_off_agrees_within_reach() -> None:
+    views = seen(noise(0)[:, :320], noise(0)[:, 20:340])
+    numbers = measure_agreement(views, aside(0, 40 + 12)).numbers
+    assert (numbers["agree"], numbers["ninety_px"]) == (1, 12)
+    assert measure_agreement(views, aside(0, 40 + 60)).numbers["agree"] == 0
+
+
+def test_photographs_of_one_place_are_compared_with_some_of_the_others() -> None:
+    many = 2 * MAX_COMPARED
+    found = measure_agreement(seen(*[noise(0)[:, :320]] * many), aside(*[0] * many))
+    assert max(sum(left == view for left, _ in found.pairs) for view in range(many)) <= MAX_COMPARED
+    assert {end for pair in found.pairs for end in pair} == set(range(many))
+
+
+def test_the_headline_counts_every_pair_that_tells() -> None:
+    agrees, differs, unknown = GroundOfPair(2, 9, 3.5), GroundOfPair(1, 9, 1.0), GroundOfPair(3, 3, 9.0)
+    pairs = {(0, 1): agrees, (0, 2): agrees, (1, 2): unknown}
+    assert Agreement(pairs).description == (
+        "2 of 2 pairs that overlap by half agree (100%), nine in ten within 4 px; 1 cannot tell"
+    )
+    mixed = Agreement(pairs | {(0, 3): differs})
+    assert mixed.numbers == {"agree": 2, "disagree": 1, "cannot_tell": 1, "ninety_px": None}
+    assert mixed.description == "2 of 3 pairs that overlap by half agree (67%); 1 cannot tell"
+
+
+@pytest.mark.parametrize(("same", "apart"), [(9, True), (10, False)])
+def test_a_joint_is_judged_by_all_pairs_across_it(same: int, apart: bool) -> None:
+    nothing = np.zeros((0, 2))
+    # Of what is recognised in one half or across, here less than half or just half is the same; single pairs agree.
+    inside, across = GroundOfPair(10, 10, 1.0), GroundOfPair(10, 10, 1.0)
+    grounds = {(0, 1): inside, (2, 3): inside, (0, 2): GroundOfPair(0, 10, np.inf), (1, 2): across}
+    grounds[1, 3] = GroundOfPair(same - 5, 10, 1.0)
+    grounds[0, 3] = GroundOfPair(5, 10, 1.0)
+    links = [Link(*pair, nothing + 1, nothing, 50, 50) for pair in ((0, 1), (2, 3), (1, 2))]
+    tried = {(1, 2): Link(1, 2, np.zeros((9, 2)), np.zeros((9, 2)), 9, 9), (0, 2): Link(0, 2, nothing, nothing, 4, 0)}
+    found = find_false_joint(Agreement(grounds), range(4), links, tried)
+    assert (found is not None) is apart
+    if found is not None:
+        assert found[0] in ([0, 1], [2, 3])
+        assert found[1] == (
+            "the ground contradicts: across them 48% of what photographs recognise is the same, 1 of 4 pairs that "
+            "overlap by half disagree, and 1 of 2 tried do not hold"
+        )
