@@ -20,6 +20,7 @@ import amaranth
 from amaranth.back.rtlil import ModuleEmitter, convert
 from amaranth.lib import wiring
 
+from golden_model.formats import PIXEL
 from hdl.port_names import name_ports
 
 # Registers of 512 bits and more keep their processes: Yosys would split them where bits have different enables, and a
@@ -52,6 +53,7 @@ FOLDERS = (Path(amaranth.__file__).parents[1], Path(__file__).parents[1])
 """Exported paths are relative to these: installed packages (which may be inside the project), and the project."""
 SOURCE = re.compile(rf'attribute \\src "(?:{"|".join(re.escape(f"{folder}{os.sep}") for folder in FOLDERS)})?([^"]*)"')
 
+PIXEL_BITS = 8
 Attributes = Mapping[str, Mapping[str, str]]
 
 
@@ -82,7 +84,14 @@ def to_verilog(
         Keep second names of signals, and signals that nothing reads, for waves; without effect if ``flat``.
     port_attributes : mapping of str to mapping of str to str, optional
         Attributes of the ports of the top module.
+
+    Raises
+    ------
+    ValueError
+        If pixels have other than 8 bits, which ports and arithmetic assume.
     """
+    if PIXEL.bits != PIXEL_BITS:
+        raise ValueError(f"PIXEL is {PIXEL}; hardware is made for pixels of {PIXEL_BITS} bits alone")
     internal = (*INTERNAL_ATTRIBUTES, "src") if flat else INTERNAL_ATTRIBUTES
     remove = " ".join(f"-remove {attribute}" for attribute in internal)
     passes = FLAT if flat else TIDY if aliases else (*TIDY, "opt_clean -purge")

@@ -1,26 +1,28 @@
 """The blocks for `skymosaic export block`, with their vectors."""
 
-import dataclasses
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from golden_model import front_end as golden_front_end
 from golden_model.arrays import Records
-from golden_model.config import PRESETS, EstimatorConfig, MatcherConfig
+from golden_model.config import MAX_FRAME_PX, EstimatorConfig, FrontEndConfig, MatcherConfig, check_choice, check_range
 from golden_model.feature import ilbp
 from golden_model.formats import encode_response
+from golden_model.fuzzy.rules import MatchRules
 from golden_model.fuzzy.sugeno import SugenoSystem
 from golden_model.geometry.estimator import FrameMatches, estimate, homography_record
 from golden_model.matching import correlation, rule_bases
-from golden_model.matching.matcher import match
+from golden_model.matching.matcher import check_rule_base, match
 from golden_model.pixel import fast, gray, half, nms, smooth, sobel
 from golden_model.records import FRAME_STATUS, MATCH, Tag
 from hdl.blocks.chain import Chain, Descriptor
 from hdl.blocks.flat import flat_values
 from hdl.blocks.vectors import Block, Row, answer_rows, packet, padded_status, pixel_rows, rows, sample_image
-from hdl.build import Build
+from hdl.build import Build, check_lanes
 from hdl.fuzzy.sugeno import Sugeno
 from hdl.geometry.records import RecordEstimator
 from hdl.matching.correlation import WindowCorrelation
@@ -36,15 +38,34 @@ from hdl.pixel.smooth import Binomial
 from hdl.pixel.sobel import Sobel
 from hdl.pixel.window import LineBuffer
 
-CONFIG = PRESETS["aerial"].front_end
-WIDTH_PX = Build.max_width_px
-"""Longest line that the blocks accept; the test benches send shorter ones."""
 SMALL_FRAME_PX = 64
 MATCHED_FRAME_PX = 160
 """Has some ninety features, twelve times as many as the matcher compares at once."""
 
 
-def _gray() -> Block:
+@dataclass(frozen=True, kw_only=True)
+class BlockConfig(FrontEndConfig):
+    """What blocks are built from; the threshold, which none has built in, is that of the test benches."""
+
+    levels: int = 1
+    threshold: int = 1000
+    max_features: int = 256
+    width_px: int = Build.max_width_px
+    """Longest line that a block accepts; the test benches send shorter ones."""
+    window_px: int = 3
+    """Side of the window that is smoothed, 3 or 5."""
+    lanes: int = 8
+    rule_base: str | MatchRules = MatcherConfig.rule_base
+    keep_above: int = MatcherConfig.keep_above
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_range("width_px", self.width_px, SMALL_FRAME_PX, MAX_FRAME_PX)
+        check_choice("window_px", self.window_px, (3, 5))
+        check_lanes(self.lanes, self.max_features)
+
+
+def _gray(_config: BlockConfig) -> Block:
     image = np.stack([sample_image(seed=seed) for seed in (1, 2, 3)], axis=-1)
     # Green in the lowest byte, then blue, red: the order of UG934.
     beats = image.astype(int) @ (1 << 8, 1, 1 << 16)
@@ -57,100 +78,89 @@ def _gray() -> Block:
     )
 
 
-def _half() -> Block:
+def _scan(
+    component: Any, about: str, sent: Mapping[str, NDArray[Any]], margin_px: int = 0, *, settings: Row | None = None,
+    **answers: NDArray[Any],
+) -> Block:  # fmt: skip
+    """A block that gets a frame, pixel by pixel, and answers with a frame."""
+    answered = answer_rows(lag_px=getattr(component, "lag_px", 0), margin_px=margin_px, **answers)
+    return Block(component, about, {"i": pixel_rows(**sent)}, {"o": answered}, settings or {})
+
+
+def _with_lines(config: BlockConfig, lines: int, blocks: Mapping[str, Any], **others: Any) -> Chain:
+    """Blocks of which the first takes columns of pixels, behind the line memory that makes them."""
+    memory = LineBuffer(shape=8, lines=lines, width_px=config.width_px)
+    lags = (getattr(block, name, 0) for block in blocks.values() for name in ("lag_px", "gradient_lag_px"))
+    return Chain({"lines": memory, **blocks}, lag_px=sum(lags), **others)
+
+
+def _half(config: BlockConfig) -> Block:
     image = sample_image()
-    halved = half.halve(image)
-    return Block(
-        Half(width_px=WIDTH_PX),
-        "Mean of each 2x2 pixels.",
-        {"i": pixel_rows(pixel=image)},
-        {"o": answer_rows(pixel=halved)},
-    )
+    return _scan(Half(width_px=config.width_px), "Mean of each 2x2 pixels.", {"pixel": image}, pixel=half.halve(image))
 
 
-def _window(
-    block: Any, lines: int, description: str, margin_px: int, settings: Row | None = None, **planes: Any
-) -> Block:
-    """Put a block that takes columns of pixels behind the line memory that makes them."""
-    lag_px = getattr(block, "lag_px", 0)
-    chain = Chain({"lines": LineBuffer(shape=8, lines=lines, width_px=WIDTH_PX), "block": block}, lag_px=lag_px)
-    answers = answer_rows(lag_px=lag_px, margin_px=margin_px, **planes)
-    return Block(chain, description, {"i": pixel_rows(pixel=sample_image())}, {"o": answers}, settings or {})
+def _smooth(config: BlockConfig) -> Block:
+    image, side_px = sample_image(), config.window_px
+    chain = _with_lines(config, side_px - 1, {"block": Binomial(window_px=side_px)})
+    about, smoothed = f"Binomial smoothing, {side_px}x{side_px}.", smooth.binomial(image, side_px)
+    return _scan(chain, about, {"pixel": image}, side_px // 2, pixel=smoothed)
 
 
-def _smooth() -> Block:
-    return _window(Binomial(window_px=3), 2, "Binomial smoothing, 3x3.", 1, pixel=smooth.binomial(sample_image(), 3))
+def _sobel(config: BlockConfig) -> Block:
+    image = sample_image()
+    x, y = sobel.gradients(image)
+    chain = _with_lines(config, 2, {"block": Sobel()})
+    return _scan(chain, "Sobel gradients.", {"pixel": image}, 1, gradient_x=x, gradient_y=y)
 
 
-def _sobel() -> Block:
-    x, y = sobel.gradients(sample_image())
-    return _window(Sobel(), 2, "Sobel gradients.", 1, gradient_x=x, gradient_y=y)
+def _fast(config: BlockConfig) -> Block:
+    image, settings = sample_image(), {"i_threshold_code": 12}
+    chain, code = _with_lines(config, WINDOW_PX - 1, {"block": Fast()}), fast.response_code(image, 12)
+    about = "FAST-9/16: segment test and score."
+    return _scan(chain, about, {"pixel": image}, fast.MARGIN_PX, settings=settings, code=code)
 
 
-def _fast() -> Block:
-    code, threshold = fast.response_code(sample_image(), 12), {"i_threshold_code": 12}
-    return _window(Fast(), WINDOW_PX - 1, "FAST-9/16: segment test and score.", fast.MARGIN_PX, threshold, code=code)
+def _response(config: BlockConfig) -> tuple[NDArray[np.uint8], golden_front_end.Plane, int]:
+    """A frame, its responses, and the code of the threshold."""
+    image = sample_image(SMALL_FRAME_PX, SMALL_FRAME_PX)
+    response = golden_front_end.trace(image, config).levels[0]["response_code"]
+    return image, response, int(encode_response(np.array(config.threshold)))
 
 
-def _planes() -> dict[str, golden_front_end.Plane]:
-    config = dataclasses.replace(CONFIG, levels=1, threshold=1000)
-    return golden_front_end.trace(sample_image(SMALL_FRAME_PX, SMALL_FRAME_PX), config).levels[0]
+def _harris(config: BlockConfig) -> Block:
+    image, response, threshold_code = _response(config)
+    blocks = {
+        "columns": GradientColumns(smoothed=config.smoothed_gradients, width_px=config.width_px),
+        "tensor": StructureTensor(window_px=config.tensor_window_px),
+        "raw": RawResponse(k_numerator=config.harris_k_numerator, k_shift=config.harris_k_shift),
+        "code": ResponseCode(),
+    }
+    chain = _with_lines(config, 2, blocks, fields={"column": "gradients"}, constants={"i_fast": 0})
+    about = "Harris's corner response as a logarithmic code; 0 below the threshold."
+    settings = {"i_threshold_code": threshold_code}
+    return _scan(chain, about, {"pixel": image}, response.margin_px, settings=settings, code=response.values)
 
 
-def _harris() -> Block:
-    response = _planes()["response_code"]
-    columns = GradientColumns(smoothed=CONFIG.smoothed_gradients, width_px=WIDTH_PX)
-    tensor = StructureTensor(window_px=CONFIG.tensor_window_px)
-    lag_px = columns.gradient_lag_px + tensor.lag_px
-    chain = Chain(
-        {
-            "lines": LineBuffer(shape=8, lines=2, width_px=WIDTH_PX),
-            "columns": columns,
-            "tensor": tensor,
-            "raw": RawResponse(k_numerator=CONFIG.harris_k_numerator, k_shift=CONFIG.harris_k_shift),
-            "code": ResponseCode(),
-        },
-        lag_px=lag_px,
-        fields={"column": "gradients"},
-        constants={"i_fast": 0},
-    )
-    return Block(
-        chain,
-        "Harris's corner response as a logarithmic code; 0 below the threshold.",
-        {"i": pixel_rows(pixel=sample_image(SMALL_FRAME_PX, SMALL_FRAME_PX))},
-        {"o": answer_rows(lag_px=lag_px, margin_px=response.margin_px, code=response.values)},
-        {"i_threshold_code": int(encode_response(np.array(1000)))},
-    )
-
-
-def _nms() -> Block:
-    radius_px = CONFIG.suppression_radius_px
+def _nms(config: BlockConfig) -> Block:
+    radius_px = config.suppression_radius_px
     codes = np.asarray(np.random.default_rng(4).integers(0, 40, (26, 30)), np.uint16)
-    return Block(
-        Suppression(radius_px=radius_px, width_px=WIDTH_PX),
-        f"Non-maximum suppression in a window of {2 * radius_px + 1}x{2 * radius_px + 1} px.",
-        {"i": pixel_rows(code=codes)},
-        {"o": answer_rows(lag_px=radius_px, margin_px=radius_px, code=nms.suppress(codes, radius_px))},
-        {"i_fast": 0},
-    )
+    about = f"Non-maximum suppression in a window of {2 * radius_px + 1}x{2 * radius_px + 1} px."
+    block, survivors = Suppression(radius_px=radius_px, width_px=config.width_px), nms.suppress(codes, radius_px)
+    return _scan(block, about, {"code": codes}, radius_px, settings={"i_fast": 0}, code=survivors)
 
 
-def _corners() -> Block:
-    image, response = sample_image(SMALL_FRAME_PX, SMALL_FRAME_PX), _planes()["response_code"]
-    block, radius_px = Corners(config=CONFIG, width_px=WIDTH_PX), CONFIG.suppression_radius_px
+def _corners(config: BlockConfig) -> Block:
+    image, response, threshold_code = _response(config)
+    radius_px = config.suppression_radius_px
+    chain = _with_lines(config, 2, {"corners": Corners(config=config, width_px=config.width_px)})
+    about = "Harris or FAST corners after suppression, with the codes of the four neighbours."
+    settings, margin_px = {"i_fast": 0, "i_threshold_code": threshold_code}, response.margin_px + radius_px
     survivors = nms.suppress(response.values, radius_px)
-    chain = Chain({"lines": LineBuffer(shape=8, lines=2, width_px=WIDTH_PX), "corners": block}, lag_px=block.lag_px)
-    return Block(
-        chain,
-        "Harris or FAST corners after suppression, with the codes of the four neighbours.",
-        {"i": pixel_rows(pixel=image)},
-        {"o": answer_rows(lag_px=block.lag_px, margin_px=response.margin_px + radius_px, code=survivors)},
-        {"i_fast": 0, "i_threshold_code": int(encode_response(np.array(1000)))},
-    )
+    return _scan(chain, about, {"pixel": image}, margin_px, settings=settings, code=survivors)
 
 
-def _ilbp() -> Block:
-    pattern, size_px = CONFIG.pattern, 41
+def _ilbp(config: BlockConfig) -> Block:
+    pattern, size_px = config.pattern, 41
     scene = np.concatenate([sample_image(size_px, size_px, seed) for seed in range(24)])
     y = np.arange(24) * size_px + size_px // 2
     x = np.full_like(y, size_px // 2)
@@ -190,15 +200,15 @@ def sugeno(system: SugenoSystem, value_bits: int, description: str, *, vectors: 
     )
 
 
-def _fuzzy() -> Block:
-    system = rule_bases.aerial_orientation(CONFIG.pattern.bits)
+def _fuzzy(config: BlockConfig) -> Block:
+    system = rule_bases.aerial_orientation(config.pattern.bits)
     names = ", ".join(variable.name for variable in system.inputs)
     description = f"Zero-order Sugeno system with the inputs {names}: weight (UQ0.8) and dominant rule."
     # 6 bits, because its tables are short: most values of 8 bits lie beyond them.
     return sugeno(system, value_bits=6, description=description, vectors=60)
 
 
-def _correlation() -> Block:
+def _correlation(_config: BlockConfig) -> Block:
     left, right = np.random.default_rng(6).integers(0, 256, (2, 30, 9)).astype(np.uint8)
     scores = zip(
         *(score(left, right).tolist() for score in (correlation.sad, correlation.zssd, correlation.ncc)), strict=True
@@ -211,17 +221,17 @@ def _correlation() -> Block:
     )
 
 
-def _frames() -> list[golden_front_end.FrameFeatures]:
+def _frames(config: BlockConfig) -> list[golden_front_end.FrameFeatures]:
     scene = sample_image(MATCHED_FRAME_PX, MATCHED_FRAME_PX + 8)
-    config = dataclasses.replace(CONFIG.for_size(MATCHED_FRAME_PX, MATCHED_FRAME_PX), levels=1, max_features=256)
     views = (np.ascontiguousarray(scene[:, shift : shift + MATCHED_FRAME_PX]) for shift in (0, 8))
     return [golden_front_end.extract(view, config, frame=number) for number, view in enumerate(views)]
 
 
-def matcher(config: MatcherConfig = PRESETS["aerial"].matcher) -> Block:
-    """Make a block of the matcher, with two frames whose matches are decided by the rules of ``config``."""
-    pattern, frames = CONFIG.pattern, _frames()
-    matches = match(frames[0].features, frames[1].features, pattern, config)
+def _matcher(config: BlockConfig) -> Block:
+    rules = MatcherConfig(rule_base=config.rule_base, keep_above=config.keep_above)
+    check_rule_base(config.pattern, rules)
+    pattern, frames = config.pattern, _frames(config)
+    matches = match(frames[0].features, frames[1].features, pattern, rules)
     counts = {"matches": len(matches), "kept": int(np.count_nonzero(matches["verdict"]))}
     sent: list[Any] = []
     for frame in frames:
@@ -229,7 +239,7 @@ def matcher(config: MatcherConfig = PRESETS["aerial"].matcher) -> Block:
     expected = packet(padded_status(frames[0].status, MATCH.record_bytes))
     expected += packet(matches, padded_status(frames[1].status, MATCH.record_bytes, **counts))
     return Block(
-        Matcher(config=config, pattern=pattern, lanes=8, max_features=256),
+        Matcher(config=rules, pattern=pattern, lanes=config.lanes, max_features=config.max_features),
         "Mutual nearest neighbours by Hamming distance, weighed by fuzzy rules: feature packets in, match packets out.",
         {"i_features": rows("i_features", sent)},
         {"o_matches": rows("o_matches", expected)},
@@ -254,7 +264,7 @@ def _match_packet(count: int, spread: int) -> tuple[Records, np.void]:
     return matches, status
 
 
-def _homography() -> Block:
+def _homography(_config: BlockConfig) -> Block:
     matches, status = _match_packet(30, spread=20)
     settings = EstimatorConfig(passes=1)
     result = estimate(FrameMatches.from_records(matches, status), settings)
@@ -268,19 +278,57 @@ def _homography() -> Block:
     )
 
 
-CATALOGUE: dict[str, Callable[[], Block]] = {
-    "gray": _gray,
-    "half": _half,
-    "smooth": _smooth,
-    "sobel": _sobel,
-    "harris": _harris,
-    "fast": _fast,
-    "nms": _nms,
-    "corners": _corners,
-    "ilbp": _ilbp,
-    "fuzzy": _fuzzy,
-    "correlation": _correlation,
-    "matcher": matcher,
-    "homography": _homography,
+class Entry(NamedTuple):
+    """A block of the catalogue."""
+
+    make: Callable[[BlockConfig], Block]
+    settings: tuple[str, ...] = ()
+    """The fields of the configuration on which it depends."""
+
+
+WIDTH = ("width_px",)
+HARRIS = ("smoothed_gradients", "tensor_window_px", "harris_k_numerator", "harris_k_shift")
+CATALOGUE = {
+    "gray": Entry(_gray),
+    "half": Entry(_half, WIDTH),
+    "smooth": Entry(_smooth, (*WIDTH, "window_px")),
+    "sobel": Entry(_sobel, WIDTH),
+    "harris": Entry(_harris, (*WIDTH, *HARRIS)),
+    "fast": Entry(_fast, WIDTH),
+    "nms": Entry(_nms, (*WIDTH, "suppression_radius_px")),
+    "corners": Entry(_corners, (*WIDTH, *HARRIS, "suppression_radius_px")),
+    "ilbp": Entry(_ilbp, ("descriptor",)),
+    "fuzzy": Entry(_fuzzy),
+    "correlation": Entry(_correlation),
+    "matcher": Entry(_matcher, ("lanes", "max_features", "descriptor", "rule_base", "keep_above")),
+    "homography": Entry(_homography),
 }
-"""For each block's name, the function that builds it."""
+"""The blocks by name."""
+
+
+def make_block(name: str, settings: Mapping[str, Any]) -> Block:
+    """Make a block of the catalogue with values of `BlockConfig`, which may be texts.
+
+    Raises
+    ------
+    ValueError
+        For an unknown block, name or value, naming the valid ones.
+    """
+    if name not in CATALOGUE:
+        raise ValueError(f"unknown block {name!r}; valid: {', '.join(CATALOGUE)}, or MODULE:CLASS of your own")
+    make, known = CATALOGUE[name]
+    for key in settings:
+        if key not in known:
+            raise ValueError(f"{name} does not depend on {key!r}; valid: {', '.join(known) or 'none'}")
+    try:
+        config = BlockConfig(**{key: _read_value(value) for key, value in settings.items()})
+        return replace(make(config), parameters={key: getattr(config, key) for key in known})
+    except ValueError as error:
+        # Elsewhere names in backquotes are those of options.
+        raise ValueError(str(error).replace("`", "")) from None
+
+
+def _read_value(value: Any) -> Any:
+    """The number or truth value that a text is; the configuration refuses other texts."""
+    words = {"true": True, "false": False}
+    return value if type(value) is not str else int(value) if value.isdecimal() else words.get(value, value)

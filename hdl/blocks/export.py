@@ -1,64 +1,67 @@
 """Exports one block: Verilog with flat ports, a test bench with vectors, and a README."""
 
-import importlib
+import re
+import shlex
+import sys
 from collections.abc import Mapping, Sequence
+from importlib.metadata import distribution
 from pathlib import Path
+from typing import Any
 
 from amaranth import Shape
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In
 
+from golden_model.cache import digest
 from golden_model.version import VERSION
-from hdl.blocks.catalogue import CATALOGUE
+from hdl.blocks.catalogue import make_block
 from hdl.blocks.flat import CLOCK, RESET, FlatBlock
+from hdl.blocks.own import make_own
 from hdl.blocks.testbench import Port, VerilogBench
-from hdl.blocks.vectors import Block, Row
+from hdl.blocks.vectors import LICENCE, Block, Row
 from hdl.netlist import to_verilog
 from hdl.templates import render
 
 CORE_VENDOR, CORE_LIBRARY = "skymosaic", "vision"
 """How FuseSoC, IP-XACT and Vivado name the cores, before their name and version."""
 
+IDENTIFIER = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 
-def find_block(name: str) -> tuple[str, Block | wiring.Component]:
+
+def find_block(name: str, settings: Mapping[str, Any] | None = None, model: str | None = None) -> tuple[str, Block]:
     """Make a block, and its name as a Verilog module.
 
     Parameters
     ----------
     name : str
-        A name in `hdl.blocks.catalogue.CATALOGUE`; or ``MODULE:CLASS``, a component of one's own, or a function that
-        returns a `hdl.blocks.vectors.Block`, both without arguments.
+        A name in `hdl.blocks.catalogue.CATALOGUE`, or ``MODULE:CLASS`` (`hdl.blocks.own.make_own`).
+    settings : mapping, optional
+        Values of `hdl.blocks.catalogue.BlockConfig` on which a block of the catalogue depends.
+    model : str, optional
+        ``MODULE:FUNCTION``, the golden model of a class of one's own.
 
     Raises
     ------
     ValueError
-        For an unknown block, naming the valid ones; for a module or class that cannot be used.
+        For an unknown block or setting, naming the valid ones; for a module, class or function that cannot be used.
     """
-    if ":" in name:
-        return name.partition(":")[2].lower(), _make_own(name)
-    if name not in CATALOGUE:
-        raise ValueError(f"unknown block {name!r}; valid: {', '.join(CATALOGUE)}, or MODULE:CLASS of your own")
-    return name, CATALOGUE[name]()
+    if ":" not in name:
+        made = make_block(name, settings or {})
+        if model:
+            raise ValueError(f"{name} has a golden model; `model` is for a MODULE:CLASS of your own")
+        return name, made
+    if settings:
+        raise ValueError(f"{name}: takes no settings; make a function without arguments that returns what you want")
+    return name.partition(":")[2].lower(), make_own(name, model)
 
 
-def _make_own(path: str) -> Block | wiring.Component:
-    module, _, maker = path.partition(":")
-    try:
-        made = getattr(importlib.import_module(module), maker)()
-    # Whatever the user's module raises.
-    except Exception as error:
-        raise ValueError(f"{path}: {' '.join(str(error).split())}; give MODULE:CLASS that takes no arguments") from None
-    if isinstance(made, Block | wiring.Component):
-        return made
-    raise ValueError(f"{path}: makes a {type(made).__name__}, no component and no block with vectors")
-
-
-def write_block(folder: Path, name: str, block: Block | wiring.Component) -> None:
-    """Write a block and its test bench into ``folder``; the Verilog module is called ``name``."""
-    if not isinstance(block, Block):
-        write_files(folder, {f"{name}.v": to_verilog(FlatBlock(block), name=name, aliases=False)})
-        return
+def write_block(folder: Path, name: str, block: Block, configuration: object = None) -> None:
+    """Write a block, made from a ``configuration``, with its test benches; the Verilog module is called ``name``."""
     top = FlatBlock(block.component, block.names)
+    # Of names that are words, Yosys escapes those that Verilog keeps for itself.
+    verilog = to_verilog(top, name=name, aliases=False) if IDENTIFIER.fullmatch(name) else ""
+    if f"module {name}(" not in verilog:
+        raise ValueError(f"{name!r} cannot be the name of a Verilog module; give another by `name`")
     bench = VerilogBench(
         module=name,
         ports=module_ports(top),
@@ -67,11 +70,14 @@ def write_block(folder: Path, name: str, block: Block | wiring.Component) -> Non
         settings=block.settings,
         spacing_cycles=block.spacing_cycles,
     )
-    bench_files = bench.files()
-    files = {f"{name}.v": to_verilog(top, name=name, aliases=False), **bench_files}
-    files[f"{name}.core"] = core_file(name, [f"{name}.v"], list(bench_files))
-    files["README.md"] = _readme(name, block, top)
-    write_files(folder, files)
+    # Without answers there is nothing to check.
+    benches = bench.files() | {f"test_{name}.py": bench.cocotb_test()} if block.outputs else {}
+    texts = {
+        f"{name}.v": verilog,
+        f"{name}.core": core_file(name, [f"{name}.v"], list(benches)),
+        "README.md": _readme(name, block, top),
+    }
+    write_files(folder, texts | benches, (configuration, block.parameters), block.licence)
 
 
 def _name_rows(streams: Mapping[str, Sequence[Row]], names: Mapping[str, str]) -> dict[str, list[Row]]:
@@ -82,12 +88,30 @@ def _name_rows(streams: Mapping[str, Sequence[Row]], names: Mapping[str, str]) -
     }
 
 
-def write_files(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write files by their paths in ``folder``."""
-    for name, text in texts.items():
+def write_files(folder: Path, texts: Mapping[str, str], configuration: object, licence: str = LICENCE) -> None:
+    """Write an export: files by their paths in ``folder``, licence and notice, and what made the Verilog on top of it.
+
+    Parameters
+    ----------
+    configuration : object
+        What is built; of its ``repr``, the Verilog carries a digest.
+    licence : str
+        SPDX identifier of the Verilog; empty for what is not of this project.
+    """
+    # A line break in a name would end the comment.
+    command = shlex.join([Path(sys.argv[0]).name.replace("__main__.py", CORE_VENDOR), *sys.argv[1:]])
+    head = render(
+        "head.v",
+        licence=licence,
+        version=VERSION,
+        command="".join(each if each.isprintable() else ascii(each)[1:-1] for each in command),
+        digest=digest(repr(configuration)),
+    )
+    licences = {name: distribution(CORE_VENDOR).read_text(f"licenses/{name}") or "" for name in ("LICENSE", "NOTICE")}
+    for name, text in {**texts, **licences}.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        path.write_text(head + text if path.suffix == ".v" else text, encoding="utf-8")
 
 
 def core_file(name: str, sources: Sequence[str], bench: Sequence[str]) -> str:

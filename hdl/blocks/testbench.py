@@ -89,13 +89,21 @@ class VerilogBench:
 
     def files(self) -> dict[str, str]:
         """The files of the bench by name: Verilog, and vectors."""
-        sources = [self._channel(*each) for each in self.inputs.items()]
-        sinks = [self._channel(*each) for each in self.outputs.items()]
+        sources, sinks = self._channels()
         files = {f"{each.name}.hex": each.words()[0] for each in (*sources, *sinks)}
         files |= {f"{each.name}_specified.hex": each.words()[1] for each in sinks}
+        files[f"{self.module}_tb.v"] = self._render("testbench.v")
+        return files
+
+    def cocotb_test(self) -> str:
+        """A cocotb test with the same vectors, for modules of one clock."""
+        return self._render("cocotb_test.py.jinja")
+
+    def _render(self, template: str) -> str:
+        sources, sinks = self._channels()
         clocks = dict.fromkeys((self.clock, *self.clocks.values()), 0)
-        files[f"{self.module}_tb.v"] = render(
-            "testbench.v",
+        return render(
+            template,
             sources=sources,
             sinks=sinks,
             starts={**clocks, self.reset: self.reset_level, **self.settings},
@@ -104,10 +112,14 @@ class VerilogBench:
             idle_cycles=IDLE_CYCLES,
             **vars(self),
         )
-        return files
+
+    def _channels(self) -> tuple[list[Channel], list[Channel]]:
+        inputs, outputs = self.inputs.items(), self.outputs.items()
+        return [self._channel(*each) for each in inputs], [self._channel(*each) for each in outputs]
 
     def _channel(self, prefix: str, rows: Sequence[Row]) -> Channel:
-        names = [name for name in self.ports if name.startswith(prefix) and name not in self.settings]
+        # A stream of plain numbers has its prefix as the name of its data.
+        names = [name for name in self.ports if f"{name}_".startswith(prefix) and name not in self.settings]
         handshake = (f"{prefix}valid", f"{prefix}ready")
         return Channel(
             prefix,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from golden_model.records import FRAME_STATUS
 from hdl.blocks.flat import flat_values
 
+LICENCE = "Apache-2.0"
 Row = dict[str, int]
 """Values of ports by their flat names; unspecified outputs are missing."""
 
@@ -31,6 +32,10 @@ class Block:
     """What ports are called when the block is exported, where not by their flat names."""
     spacing_cycles: int = 1
     """Minimum number of clocks from one input to the next."""
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    """What it was built from, by the names of the configuration."""
+    licence: str = LICENCE
+    """SPDX identifier; empty for what is not of this project."""
 
 
 def rows(name: str, values: Sequence[Any]) -> list[Row]:

@@ -68,6 +68,7 @@ def export_board(folder: Path, board: str, build: Build) -> None:
             **_vivado_files(board, family, build),
             "README.md": fill_readme(readme, build, **facts),
         },
+        build,
     )
     if has_processor:
         write_host(folder / "pynq", build)
@@ -84,6 +85,7 @@ def export_camera(folder: Path, build: Build) -> None:
             f"constraints/{CAMERA_TOP}.xdc": (SOURCES / "camera" / f"{CAMERA_TOP}.xdc").read_text(),
             "README.md": fill_readme(["camera/README.md"], build),
         },
+        build,
     )
     write_host(folder / "host", build)
 

@@ -57,7 +57,7 @@ def export_ulx3s(folder: Path, build: Build) -> None:
     )
     pins = (SOURCES / "ulx3s" / "ulx3s.lpf").read_text()
     files = {"ulx3s.lpf": pins, "config.toml": to_toml(build.config), "README.md": readme}
-    write_files(folder, core_files(TOP, verilog, build) | files)
+    write_files(folder, core_files(TOP, verilog, build) | files, build)
     write_host(folder / "host", build)
 
 

@@ -1,5 +1,4 @@
 // Self-checking test bench of {{ module }}; vectors from the golden model of skymosaic.
-`timescale 1ns / 1ps
 module {{ module }}_tb;
 {% for name, port in ports.items() %}
   {{ "reg" if port.is_input else "wire" }} {% if port.bits > 1 %}[{{ port.bits - 1 }}:0] {% endif %}{{ name }}

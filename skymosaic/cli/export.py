@@ -77,10 +77,12 @@ class CameraOptions(BuildOptions):
 
 
 OWN_NAMES = (
-    r"README\.md|config\.toml|[\w.-]+\.(core|hex|lpf|v|xml)|build|constraints|host|litex|pynq|registers|rtl|sim|vivado"
+    r"LICENSE|NOTICE|README\.md|config\.toml|test_\w+\.py|[\w.-]+\.(core|hex|lpf|v|xml)"
+    r"|build|constraints|host|litex|pynq|registers|rtl|sim|vivado"
 )
 """Regular expression of the names in an export's folder."""
 FolderOption = Annotated[Path, output_option("Folder to write."), Writes(OWN_NAMES)]
+ModuleOption = Annotated[str | None, typer.Option("--name", help="Name of the Verilog module and of its core.")]
 
 
 def board(
@@ -123,13 +125,27 @@ def block(
     name: Annotated[str, typer.Argument(help="harris, fast, ..., or MODULE:CLASS of your own.")],
     output: FolderOption,
     overwrite: OverwriteOption = False,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", rich_help_panel=HARDWARE, help="As in `width_px=640`."),
+    ] = None,
+    model: Annotated[
+        str | None, typer.Option(metavar="MODULE:FUNCTION", help="Golden model of your own class: records in and out.")
+    ] = None,
+    module: ModuleOption = None,
 ) -> None:
-    """Write Verilog and test bench of one block."""
+    """Write Verilog and test benches of one block."""
+    pairs = [each.partition("=") for each in settings or ()]
+    for key, separator, value in pairs:
+        if not key or not value:
+            raise InputError(f"--set {key}{separator}{value}: give NAME=VALUE, as in --set width_px=640")
     # A module of one's own lies in the folder where the command is called.
     sys.path.insert(0, str(Path.cwd()))
     blocks = _import_hdl("blocks.export")
-    found = read_file(blocks.find_block, name)
-    _export(output, lambda folder: blocks.write_block(folder, *found), overwrite=overwrite)
+    usual, found = read_file(blocks.find_block, name, {key: value for key, _, value in pairs}, model)
+    _export(output, lambda folder: blocks.write_block(folder, module or usual, found, name), overwrite=overwrite)
+    if not found.outputs:
+        session.note("without a golden model there is no test bench; give one by --model MODULE:FUNCTION")
 
 
 def fuzzy(
@@ -139,8 +155,9 @@ def fuzzy(
     overwrite: OverwriteOption = False,
     entries: Annotated[int, typer.Option(min=2, help="Table entries of each input.")] = ENTRIES,
     output_variable: OutputVariableOption = None,
+    module: ModuleOption = None,
 ) -> None:
-    """Write Verilog and test bench of a fuzzy system of your own."""
+    """Write Verilog and test benches of a fuzzy system of your own."""
     system = read_file(load_system, file, output_variable)
 
     def write(folder: Path) -> None:
@@ -149,7 +166,8 @@ def fuzzy(
             made = verilog.make_block(quantise(system, entries))
         except ValueError as error:
             raise InputError(f"{file}: cannot be made of hardware: {error}") from None
-        _import_hdl("blocks.export").write_block(folder, verilog.identifier(f"fuzzy_{system.name or file.stem}"), made)
+        usual = verilog.identifier(f"fuzzy_{system.name or file.stem}")
+        _import_hdl("blocks.export").write_block(folder, module or usual, made, (system, entries))
 
     _export(output, write, overwrite=overwrite)
 

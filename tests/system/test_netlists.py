@@ -8,15 +8,16 @@ RAMs, as in `bench.synthesis`.
 import os
 import re
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from bench.designs import largest_rules
-from golden_model.config import MIN_FRAME_PX, Config, FrontEndConfig, MatcherConfig
+from golden_model.config import MIN_FRAME_PX, Config, FrontEndConfig
+from golden_model.fuzzy.rules import MatchRules
 from hdl.accelerator import AcceleratorTop
-from hdl.blocks import catalogue
+from hdl.blocks.catalogue import CATALOGUE, Entry, make_block
 from hdl.blocks.export import find_block, module_ports, write_block
 from hdl.blocks.flat import FlatBlock
 from hdl.build import Build
@@ -63,9 +64,8 @@ endmodule
 
 
 @pytest.fixture(autouse=True)
-def narrow(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(catalogue, "WIDTH_PX", 64)
-    monkeypatch.setitem(catalogue.CATALOGUE, "raw_response", raw_response)
+def raw_response_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(CATALOGUE, "raw_response", Entry(lambda _: raw_response()))
 
 
 def export_accelerator(folder: Path, platform: object) -> None:
@@ -88,7 +88,9 @@ def count_cells(netlist: Path) -> int:
     return len(re.findall(r"^  [A-Z]\w+ ", netlist.read_text(), re.MULTILINE))
 
 
-def assert_equal(folder: Path, name: str, family: str, record_property: Recorder, title: str) -> None:
+def assert_equal(
+    folder: Path, name: str, family: str, record_property: Recorder, *, title: str, **own: MatchRules
+) -> None:
     """Synthesise and simulate; `python -m bench.synthesis netlists` makes its table of what is recorded."""
     record_property("netlist", f"{title}, {family}")
     record_property("simulator", "Verilator" if name in COMPILED else "Icarus")
@@ -98,9 +100,11 @@ def assert_equal(folder: Path, name: str, family: str, record_property: Recorder
     if name == "accelerator":
         export_accelerator(folder, platform)
     else:
-        write_block(folder, *find_block(name))
+        wide = "width_px" in CATALOGUE[name].settings
+        settings: dict[str, Any] = {"width_px": 64} if wide else own
+        write_block(folder, *find_block(name, settings))
         if platform:
-            block = FlatBlock(catalogue.CATALOGUE[name]().component)
+            block = FlatBlock(make_block(name, settings).component)
             source.write_text(to_verilog(block, name=name, platform=platform))
     netlist = synthesise(folder, name, family, source)
     record_property("cells", count_cells(netlist))
@@ -114,24 +118,23 @@ def assert_equal(folder: Path, name: str, family: str, record_property: Recorder
     ("name", "family"),
     [
         pytest.param(name, family, marks=[] if (name, family) == QUICK else [pytest.mark.slow])
-        for name in ("raw_response", *catalogue.CATALOGUE, "accelerator")
+        for name in ("raw_response", *CATALOGUE, "accelerator")
         for family in SYNTHESIS
     ],
 )
 def test_the_netlist_of_a_block_equals_the_golden_model(
     tmp_path: Path, record_property: Recorder, name: str, family: str
 ) -> None:
-    assert_equal(tmp_path, name, family, record_property, name.replace("_", " "))
+    assert_equal(tmp_path, name, family, record_property, title=name.replace("_", " "))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("family", SYNTHESIS)
 def test_the_netlist_of_the_matcher_with_own_rules_equals_the_golden_model(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, record_property: Recorder, family: str
+    tmp_path: Path, record_property: Recorder, family: str
 ) -> None:
-    block = partial(catalogue.matcher, MatcherConfig(rule_base=largest_rules()))
-    monkeypatch.setitem(catalogue.CATALOGUE, "matcher", block)
-    assert_equal(tmp_path, "matcher", family, record_property, "matcher, largest rules")
+    title, rules = "matcher, largest rules", largest_rules()
+    assert_equal(tmp_path, "matcher", family, record_property, title=title, rule_base=rules)
 
 
 @pytest.mark.slow

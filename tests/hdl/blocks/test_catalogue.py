@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from golden_model.matching import rule_bases
 from golden_model.records import HOMOGRAPHY, MATCH, WORD_BYTES, Record
-from hdl.blocks.catalogue import CATALOGUE, CONFIG
+from hdl.blocks.catalogue import BlockConfig, make_block
 from hdl.blocks.vectors import Row
 from tests.hdl.blocks.vector_bench import compare
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.usefixtures("unused_blocks")
 
 @pytest.mark.parametrize("name", ["half", "smooth", "sobel"])
 def test_a_block_in_amaranths_simulator_answers_its_vectors(name: str) -> None:
-    block = CATALOGUE[name]()
+    block = make_block(name, {})
     assert any(len(row) > 2 for row in block.outputs["o"])
     compare(block)
 
@@ -27,15 +27,15 @@ def records(rows: list[Row], port: str, record: Record) -> NDArray[np.void]:
 
 
 def test_vectors_of_the_rules_have_each_rule_decide_and_begin_at_zero() -> None:
-    block = CATALOGUE["fuzzy"]()
+    block = make_block("fuzzy", {})
     assert len({row["o_weight"] for row in block.outputs["o"]}) > 5
-    rules = rule_bases.aerial_orientation(CONFIG.pattern.bits).rules
+    rules = rule_bases.aerial_orientation(BlockConfig().pattern.bits).rules
     assert {row["o_rule"] for row in block.outputs["o"]} == set(range(len(rules)))
     assert set(block.inputs["i"][0].values()) == {0}
 
 
 def test_vectors_of_the_matcher_have_kept_and_rejected_matches() -> None:
-    rows = list(CATALOGUE["matcher"]().outputs["o_matches"])
+    rows = list(make_block("matcher", {}).outputs["o_matches"])
     ends = [number for number, row in enumerate(rows) if row["o_matches_last"]]
     record_words = MATCH.record_bytes // WORD_BYTES
     assert ends == [record_words - 1, len(rows) - 1]
@@ -45,6 +45,6 @@ def test_vectors_of_the_matcher_have_kept_and_rejected_matches() -> None:
 
 
 def test_vectors_of_the_estimator_have_a_homography() -> None:
-    (record,) = records(list(CATALOGUE["homography"]().outputs["o"]), "o", HOMOGRAPHY)
+    (record,) = records(list(make_block("homography", {}).outputs["o"]), "o", HOMOGRAPHY)
     assert record["causes"] == 0
     assert record["inliers"] > 8

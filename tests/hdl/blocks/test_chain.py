@@ -4,7 +4,7 @@ import pytest
 from amaranth.hdl import Fragment
 
 from golden_model.config import PRESETS
-from hdl.blocks.catalogue import CATALOGUE
+from hdl.blocks.catalogue import make_block
 from hdl.blocks.chain import Chain, Descriptor
 from hdl.pixel.fast import WINDOW_PX, Fast
 from hdl.pixel.window import LineBuffer
@@ -27,7 +27,7 @@ def test_inputs_besides_the_beats_are_ports_unless_they_are_constant(
 
 
 def test_candidates_four_clocks_apart_are_described() -> None:
-    block = CATALOGUE["ilbp"]()
+    block = make_block("ilbp", {})
     assert block.spacing_cycles == Descriptor.spacing_cycles == 4
     assert len({row["o_sector"] for row in block.outputs["o"]}) > 8
     compare(block)

@@ -63,6 +63,101 @@ def test_the_bench_fails_on_anything_else(fuzzy: Path, tmp_path: Path, file: str
     assert "FAIL" in run.stdout
 
 
+def run_cocotb(folder: Path, test: str, *sources: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, f"{test}.py", *sources], cwd=folder, capture_output=True, text=True, check=False
+    )
+
+
+def test_the_cocotb_test_passes_and_notices_each_wrong_line(fuzzy: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(fuzzy, tmp_path / "copy")
+    run = run_cocotb(folder, "test_fuzzy")
+    assert run.returncode == 0, run.stdout
+    assert "TESTS=1 PASS=1 FAIL=0" in run.stdout
+    right = (folder / "fuzzy.v").read_text()
+    # A clock, a handshake, and the arithmetic.
+    for old in ("posedge clk", "<= operands_valid", "<= folded["):
+        changed = right.replace(old, old.replace("posedge", "negedge").replace("<= ", "<= ~"), 1)
+        assert changed != right
+        own = tmp_path / "own rtl.v"
+        own.write_text(changed)
+        run = run_cocotb(folder, "test_fuzzy", own)
+        assert run.returncode != 0, (old, run.stdout)
+        assert "FAIL=1" in run.stdout
+
+
+STRANGER = """
+import cocotb
+from cocotb.clock import Clock
+from cocotb.triggers import ClockCycles
+from cocotb_tools.runner import get_results, get_runner
+
+
+@cocotb.test()
+async def it_ticks(dut):
+    Clock(dut.clk, 10, "ns").start()
+    await ClockCycles(dut.clk, 3)
+
+
+if __name__ == "__main__":
+    runner = get_runner("icarus")
+    runner.build(sources=["fuzzy.v"], hdl_toplevel="fuzzy", build_dir="built")
+    tests, failures = get_results(runner.test(test_module="stranger", hdl_toplevel="fuzzy", build_dir="built"))
+    raise SystemExit(failures or not tests)
+"""
+
+
+def test_a_cocotb_test_of_somebody_else_has_a_clock_of_nanoseconds(fuzzy: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(fuzzy, tmp_path / "copy")
+    (folder / "stranger.py").write_text(STRANGER)
+    run = run_cocotb(folder, "stranger")
+    assert run.returncode == 0, run.stdout + run.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("half", "width_px=4096"),
+        ("smooth", "width_px=640 window_px=5"),
+        ("sobel", "width_px=64"),
+        ("fast", "width_px=640"),
+        ("nms", "suppression_radius_px=1"),
+        ("harris", "width_px=64 tensor_window_px=3"),
+        ("harris", "width_px=64 smoothed_gradients=false tensor_window_px=3 harris_k_numerator=5 harris_k_shift=7"),
+        ("corners", "width_px=64 smoothed_gradients=false tensor_window_px=3 suppression_radius_px=1"),
+        ("ilbp", "descriptor=thesis-ilbp-4"),
+        ("matcher", "lanes=2 descriptor=thesis-ilbp-4 rule_base=ilbp keep_above=127 max_features=512"),
+    ],
+)
+def test_a_block_with_other_settings_equals_the_golden_model(tmp_path: Path, name: str, settings: str) -> None:
+    given = dict(each.split("=") for each in settings.split())
+    write_block(tmp_path, *find_block(name, given))
+    run = simulate(tmp_path, name)
+    assert run.returncode == 0, run.stdout
+    assert run_cocotb(tmp_path, f"test_{name}").returncode == 0
+    readme = (tmp_path / "README.md").read_text().lower()
+    assert all(f"`{key}={value}`" in readme for key, value in given.items())
+
+
+@pytest.mark.usefixtures("unused_blocks")
+@pytest.mark.parametrize("name", ["module", "a b", "8bit"])
+def test_a_name_that_verilog_has_not_is_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ValueError, match=f"'{name}' cannot be the name of a Verilog module"):
+        write_block(tmp_path / "made", name, find_block("gray")[1])
+    assert not (tmp_path / "made").exists()
+
+
+def test_settings_change_the_verilog(tmp_path: Path) -> None:
+    for width_px in ("640", "1920"):
+        write_block(tmp_path / width_px, *find_block("half", {"width_px": width_px}))
+    narrow, wide = ((tmp_path / width_px / "half.v").read_text() for width_px in ("640", "1920"))
+    assert "[319:0]" in narrow
+    assert "[959:0]" in wide
+    digests = {re.search(r"Digest of the configuration: (\w{20})\n", text)[1] for text in (narrow, wide)}
+    assert len(digests) == 2
+
+
 def test_the_bench_writes_waves_when_asked(tmp_path: Path) -> None:
     write_block(tmp_path, *find_block("gray"))
     assert simulate(tmp_path, "gray").returncode == 0
@@ -111,8 +206,8 @@ def test_the_command_writes_a_block_or_says_what_to_choose(tmp_path: Path, run: 
 def test_a_block_of_ones_own_is_exported_by_module_and_class(tmp_path: Path) -> None:
     write_block(tmp_path / "component", *find_block("hdl.pixel.gray:Gray"))
     assert "module gray(" in (tmp_path / "component" / "gray.v").read_text()
-    write_block(tmp_path / "block", *find_block("hdl.blocks.catalogue:_gray"))
-    assert (tmp_path / "block" / "_gray_tb.v").exists()
+    write_block(tmp_path / "block", *find_block("tests.hdl.lib.test_ecp5:wide_product"))
+    assert (tmp_path / "block" / "wide_product_tb.v").exists()
     assert all(re.fullmatch(OWN_NAMES, path.name) for path in (tmp_path / "block").iterdir())
     for name, says in {
         "nowhere:Gray": "No module named 'nowhere'",

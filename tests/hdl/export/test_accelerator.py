@@ -112,7 +112,7 @@ def test_everything_is_there(folder: Path) -> None:
         "README.md", "rtl/skymosaic.v", "vivado/package_ip.tcl", "vivado/build.tcl", "vivado/board.tcl",
         "vivado/system.tcl", "vivado/skymosaic_ooc.xdc", "vivado/bitstream.xdc", "registers/register_map.md",
         "registers/skymosaic.svd", "registers/skymosaic_registers.h", "sim/skymosaic_tb.v", *VECTORS,
-        "skymosaic.core", "skymosaic.xml", "litex/skymosaic_litex.py",
+        "skymosaic.core", "skymosaic.xml", "litex/skymosaic_litex.py", "LICENSE", "NOTICE",
     }  # fmt: skip
     if "arty_a7" in folder.name:
         expected |= {"vivado/bitstream_pins.xdc"}
@@ -147,9 +147,10 @@ def test_a_camera_build_has_all_its_files(tmp_path: Path, monkeypatch: pytest.Mo
     assert found == {
         "README.md", "constraints/skymosaic_camera.xdc", "registers/register_map.md", "registers/skymosaic.svd",
         "registers/skymosaic_registers.h", "skymosaic_camera.core", bench, core, *(f"sim/{name}" for name in vectors),
+        "LICENSE", "NOTICE",
         "host/pynq_overlay.py", "host/ring_bus.py", *(f"host/skymosaic_{name}.py" for name in drivers),
     }  # fmt: skip
-    assert (tmp_path / core).read_text() == "the Verilog"
+    assert (tmp_path / core).read_text().endswith("`timescale 1ns / 1ps\nthe Verilog")
 
 
 def test_every_file_has_the_same_version(folder: Path) -> None:

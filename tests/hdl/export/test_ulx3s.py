@@ -48,11 +48,12 @@ def test_the_export_has_what_its_readme_names(tmp_path: Path, monkeypatch: pytes
     host = ("serial_bus", "serve_serial", *(f"skymosaic_{name}" for name in ("driver", "map", "registers", "server")))
     assert found == {
         *("README.md", "ulx3s.lpf", "config.toml", f"rtl/{export.TOP}.v", *(f"host/{name}.py" for name in host)),
+        *("LICENSE", "NOTICE"),
         *(f"registers/{name}" for name in ("register_map.md", "skymosaic.svd", "skymosaic_registers.h")),
     }
     assert all(re.fullmatch(OWN_NAMES, Path(name).parts[0]) for name in (*found, "build/skymosaic.bit"))
     # The Verilog is made for the ECP5.
-    assert (tmp_path / "rtl" / f"{export.TOP}.v").read_text() == "True"
+    assert (tmp_path / "rtl" / f"{export.TOP}.v").read_text().endswith("\nTrue")
     assert load_config(tmp_path / "config.toml") == BUILD.config
     readme = (tmp_path / "README.md").read_text()
     named = {

@@ -14,7 +14,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import TENSOR_TRACE
 from golden_model.pixel import harris
-from hdl.blocks import catalogue
+from hdl.blocks.catalogue import CATALOGUE, Entry, make_block
 from hdl.blocks.export import find_block, write_block
 from hdl.blocks.flat import FlatBlock
 from hdl.blocks.vectors import Block, answer_rows, pixel_rows, rows
@@ -83,11 +83,11 @@ def wide_product() -> Block:
 def test_a_block_of_instances_equals_the_golden_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, width_px: int, cells: list[str]
 ) -> None:
-    monkeypatch.setattr(catalogue, "WIDTH_PX", width_px)
-    monkeypatch.setitem(catalogue.CATALOGUE, "raw_response", raw_response)
-    monkeypatch.setitem(catalogue.CATALOGUE, "wide_product", wide_product)
-    write_block(tmp_path, *find_block(name))
-    netlist = to_verilog(FlatBlock(catalogue.CATALOGUE[name]().component), name=name, platform=Ecp5())
+    monkeypatch.setitem(CATALOGUE, "raw_response", Entry(lambda _: raw_response()))
+    monkeypatch.setitem(CATALOGUE, "wide_product", Entry(lambda _: wide_product()))
+    settings = {"width_px": width_px} if CATALOGUE[name].settings else {}
+    write_block(tmp_path, *find_block(name, settings))
+    netlist = to_verilog(FlatBlock(make_block(name, settings).component), name=name, platform=Ecp5())
     assert sorted(re.findall(r"^  (DP16KD|MULT18X18D) ", netlist, re.MULTILINE)) == cells
     (tmp_path / f"{name}.v").write_text(netlist)
     printed = run_bench(tmp_path, name, [tmp_path / f"{name}.v", *models(tmp_path, "ecp5")])

@@ -1,6 +1,9 @@
 """What of a build the command line changes, and what it leaves as the board has it."""
 
 import re
+import shlex
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,6 +11,8 @@ from typing import Any
 import pytest
 
 from golden_model.config import PRESETS, EstimatorConfig
+from golden_model.fuzzy.rules import SHIPPED
+from golden_model.version import VERSION
 from hdl.build import BUILDS, VIDEO_BITS, Build
 from skymosaic.cli.export import BuildOptions, CameraOptions, _export
 from skymosaic.common.errors import InputError
@@ -51,6 +56,16 @@ def test_the_help_offers_only_widths_of_video_that_a_camera_has() -> None:
         (("board", "breadboard"), "unknown board 'breadboard'; valid: arty_a7_100, "),
         (("board", "pynq_z2", "--build"), "--build makes the bitstream of the ulx3s"),
         (("block", "prewitt"), "unknown block 'prewitt'; valid: gray, "),
+        (("block", "half", "--set", "lanes=8"), "half does not depend on 'lanes'; valid: width_px"),
+        (("block", "gray", "--set", "width_px=640"), "gray does not depend on 'width_px'; valid: none"),
+        (("block", "half", "--set", "width_px=63"), "width_px is 63; it must be a whole number from 64 to 4096"),
+        (("block", "half", "--set", "width_px=wide"), "width_px is 'wide'; it must be a whole number"),
+        (("block", "half", "--set", "width_px"), "--set width_px: give NAME=VALUE, as in --set width_px=640"),
+        (("block", "matcher", "--set", "lanes=3"), "lanes is 3; valid: 2, 4, 8, "),
+        (("block", "matcher", "--set", "rule_base=ilbp"), "rule base 'ilbp' needs the gray window"),
+        (("block", "harris", "--set", "smoothed_gradients=false"), "smoothed_gradients is 5; valid: 3"),
+        (("block", "half", "--model", "mine:model"), "half has a golden model; --model is for a MODULE:CLASS"),
+        (("block", "hdl.pixel.gray:Gray", "--set", "lanes=8"), "hdl.pixel.gray:Gray: takes no settings"),
         (("camera", "--video-bits", "32"), "--video-bits with shell 'camera' is 32; valid: 24, 8"),
         (("camera", "--max-width", "63"), "--max-width is 63; it must be a whole number from 64 to 4096"),
         (("camera", "--painter"), "--painter paints frames where their homographies say; add --homography"),
@@ -64,6 +79,54 @@ def test_what_cannot_be_built_is_refused_before_anything_is_written(
     assert message in only_error(errors)
     assert "writing" not in errors
     assert not (tmp_path / "made").exists()
+
+
+def test_every_export_says_what_it_is_and_has_its_name(run: Run, tmp_path: Path) -> None:
+    fll = str(SHIPPED / "aerial-turn.fll")
+    digests = set()
+    for kind, *words in (("block", "gray"), ("block", "half"), ("fuzzy", fll), ("fuzzy", fll, "--entries", "32")):
+        status, _, errors = run("export", kind, *words, "--name", "mine", "-o", "made", "--overwrite")
+        assert status == 0, errors
+        text = (tmp_path / "made" / "mine.v").read_text()
+        licence, command, digest, timescale = text.splitlines()[:4]
+        assert (licence, timescale) == ("// SPDX-License-Identifier: Apache-2.0", "`timescale 1ns / 1ps")
+        assert command.startswith(f"// Made by skymosaic {VERSION}: ")
+        assert command.endswith(f"export {shlex.join([kind, *words])} --name mine -o made --overwrite")
+        digests.add(digest)
+        assert "\nmodule mine(" in text
+        # Modules inside have its name, too, so that two exports can be in one FPGA.
+        assert all(name.lstrip("\\").startswith("mine") for name in re.findall(r"^module (\S+)", text, re.MULTILINE))
+        assert "name: skymosaic:vision:mine:" in (tmp_path / "made" / "mine.core").read_text()
+        for name in ("LICENSE", "NOTICE"):
+            assert (tmp_path / "made" / name).read_text() == (Path(__file__).parents[3] / name).read_text()
+    assert len(digests) == 4
+
+
+def test_a_line_break_on_the_command_line_ends_no_comment(run: Run, tmp_path: Path) -> None:
+    assert run("export", "block", "gray", "-o", "a\nb")[0] == 0
+    assert "-o 'a\\nb'\n// Digest" in (tmp_path / "a\nb" / "gray.v").read_text()
+
+
+@pytest.mark.parametrize("words", [("block", "half"), ("block", "hdl.pixel.gray:Gray"), ("board", "ulx3s")])
+def test_other_pixels_than_of_8_bits_are_refused(tmp_path: Path, words: tuple[str, ...]) -> None:
+    code = (
+        "import sys; from golden_model import formats; formats.PIXEL = formats.UQ(10);"
+        f"from skymosaic.cli import main; sys.argv[1:] = {['export', *words, '-o', 'made']}; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.splitlines()[-1].startswith("error: PIXEL is UQ(10, 0); hardware is made for pixels of 8 bits")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_class_of_ones_own_has_a_bench_with_a_model_alone(run: Run, tmp_path: Path) -> None:
+    status, _, says = run("export", "block", "hdl.pixel.gray:Gray", "-o", "made")
+    assert status == 0
+    assert "without a golden model there is no test bench; give one by --model MODULE:FUNCTION" in says
+    assert {path.name for path in (tmp_path / "made").iterdir()} == {
+        *("LICENSE", "NOTICE", "README.md", "gray.core", "gray.v"),
+    }
+    assert "There is no test bench" in (tmp_path / "made" / "README.md").read_text()
 
 
 def test_two_exports_to_one_folder_are_not_mixed(tmp_path: Path) -> None:
