@@ -9,29 +9,24 @@ from amaranth import Cat, Module, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.config import PRESETS, Config, EstimatorConfig, FrontEndConfig, MatcherConfig
+from golden_model.config import PRESETS, Config, EstimatorConfig, FrontEndConfig
 from golden_model.fuzzy.fll import MAX_PARAMETERS, MAX_TERMS
 from golden_model.fuzzy.rules import INPUTS, QUANTITIES, MatchRules
 from golden_model.fuzzy.sugeno import MAX_RULES
 from hdl.accelerator import AcceleratorTop
+from hdl.blocks.catalogue import make_block
 from hdl.build import BUILDS, Build
 from hdl.feature.extractor import CandidateFeatures
 from hdl.feature.ring_window import RingWindow
 from hdl.front_end import FrontEnd
-from hdl.geometry.records import RecordEstimator
 from hdl.level import Level
 from hdl.lib.delay import delayed
-from hdl.matching.correlation import WindowCorrelation
 from hdl.matching.fuzzy_correlation import FuzzyCorrelation
-from hdl.matching.matcher import Matcher
 from hdl.painting.painter import Painter
 from hdl.pixel.corners import Corners
 from hdl.pixel.fast import Fast
 from hdl.pixel.gradients import GradientColumns
-from hdl.pixel.gray import Gray
-from hdl.pixel.half import Half
 from hdl.pixel.harris import RawResponse, ResponseCode, StructureTensor
-from hdl.pixel.nms import Suppression
 from hdl.pixel.smooth import Binomial
 from hdl.pixel.sobel import Sobel
 from hdl.selection.selection import CellSelection
@@ -97,10 +92,9 @@ def block(component: type[wiring.Component], **parameters: Any) -> Design:
     return Design(lambda: component(**parameters))
 
 
-def matcher(config: MatcherConfig) -> Design:
-    """The matcher with as many features as the aerial preset has."""
-    front_end, lanes = AERIAL.front_end, Build.lanes
-    return block(Matcher, config=config, pattern=front_end.pattern, lanes=lanes, max_features=front_end.max_features)
+def listed(name: str, **settings: Any) -> Design:
+    """A block of the catalogue."""
+    return Design(lambda: make_block(name, settings).component)
 
 
 def largest_rules() -> MatchRules:
@@ -144,10 +138,10 @@ def designs() -> dict[str, Design]:
     """Every design whose area is recorded, by name."""
     config, wide = AERIAL.front_end, {"width_px": WIDTH_PX}
     estimating = replace(AERIAL, estimator=EstimatorConfig())
-    pattern = config.pattern
+    pattern, banks = config.pattern, {"lanes": Build.lanes, "max_features": config.max_features}
     return {
-        "gray": block(Gray),
-        "half": block(Half, **wide),
+        "gray": listed("gray"),
+        "half": listed("half"),
         "binomial 3x3": block(Binomial, window_px=3),
         "binomial 5x5": block(Binomial, window_px=5),
         "sobel": block(Sobel),
@@ -156,7 +150,7 @@ def designs() -> dict[str, Design]:
         "raw response": block(RawResponse, k_numerator=1, k_shift=4),
         "response code": block(ResponseCode),
         "fast": block(Fast),
-        "suppression": block(Suppression, radius_px=3, **wide),
+        "suppression": listed("nms"),
         "corners": block(Corners, config=config, **wide),
         "ring window": block(RingWindow, pattern=pattern, **wide),
         "candidate features": block(CandidateFeatures, pattern=pattern, spacing_cycles=2, level=0, lag_px=17),
@@ -173,11 +167,11 @@ def designs() -> dict[str, Design]:
             for width_px in (WIDTH_PX, 2 * WIDTH_PX)
         },
         "front end, thesis, 1920 wide": front_end(THESIS.front_end, WIDTH_PX, 1),
-        "window correlation": block(WindowCorrelation),
+        "window correlation": listed("correlation"),
         "fuzzy correlation": block(FuzzyCorrelation),
-        "matcher": matcher(AERIAL.matcher),
-        "matcher, largest rules": matcher(MatcherConfig(rule_base=largest_rules())),
-        "homography estimator": block(RecordEstimator),
+        "matcher": listed("matcher", **banks),
+        "matcher, largest rules": listed("matcher", rule_base=largest_rules(), **banks),
+        "homography estimator": listed("homography"),
         "camera crossing": block(CameraCrossing, video_bits=24, depth=4096),
         "camera gate": block(CameraGate),
         "ring writer": block(RingWriter, record_words=6, max_words=6 * (config.max_features + 2)),
