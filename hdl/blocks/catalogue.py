@@ -1,3 +1,5 @@
+# amaranth: UnusedElaboratable=no
+# Blocks that are refused are never elaborated, of which whoever reads the refusal would be warned, too.
 """The blocks for `skymosaic export block`, with their vectors."""
 
 from collections.abc import Callable, Mapping

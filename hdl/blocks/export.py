@@ -1,3 +1,5 @@
+# amaranth: UnusedElaboratable=no
+# Blocks that are refused are never elaborated, of which whoever reads the refusal would be warned, too.
 """Exports one block: Verilog with flat ports, a test bench with vectors, and a README."""
 
 import re
@@ -14,7 +16,7 @@ from amaranth.lib.wiring import In
 
 from golden_model.cache import digest
 from golden_model.version import VERSION
-from hdl.blocks.catalogue import make_block
+from hdl.blocks.catalogue import CATALOGUE, make_block
 from hdl.blocks.flat import CLOCK, RESET, FlatBlock
 from hdl.blocks.own import make_own
 from hdl.blocks.testbench import Port, VerilogBench
@@ -46,10 +48,9 @@ def find_block(name: str, settings: Mapping[str, Any] | None = None, model: str 
         For an unknown block or setting, naming the valid ones; for a module, class or function that cannot be used.
     """
     if ":" not in name:
-        made = make_block(name, settings or {})
-        if model:
+        if model and name in CATALOGUE:
             raise ValueError(f"{name} has a golden model; `model` is for a MODULE:CLASS of your own")
-        return name, made
+        return name, make_block(name, settings or {})
     if settings:
         raise ValueError(f"{name}: takes no settings; make a function without arguments that returns what you want")
     return name.partition(":")[2].lower(), make_own(name, model)

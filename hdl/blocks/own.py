@@ -1,3 +1,5 @@
+# amaranth: UnusedElaboratable=no
+# Blocks that are refused are never elaborated, of which whoever reads the refusal would be warned, too.
 """Blocks of one's own: a class, and a function that is its golden model."""
 
 import importlib

@@ -129,7 +129,7 @@ def test_unrelated_photographs_say_why_and_write_no_mosaic(photographs: tuple[Pa
         (("--preset", "martian"), "aerial, thesis"),
         (("--backend", "abacus"), "golden"),
         (("--blending", "stirred"), "--blending is 'stirred'; valid: average, distance, multiband"),
-        (("--rules", "golden"), "--rules is 'golden'; valid: aerial, ilbp, none, or an .fll file"),
+        (("--rules", "golden"), "--rules is 'golden'; valid: aerial, ilbp, none, or an .fll or .fis file"),
         (("-o", "nowhere/m.png"), "folder does not exist"),
         (("-o", "m.docx"), ".png"),
         (("--scale", "0"), "--scale is 0.0; it must be more than 0"),

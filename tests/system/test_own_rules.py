@@ -62,7 +62,7 @@ def test_rules_decide_and_are_reported(run: Run) -> None:
     [
         (("--rules", "bad.fll"), "bad.fll: line 45: rule"),
         (("--rules", "absent.fll"), "absent.fll: cannot be read"),
-        (("--rules", "arial"), "--rules is 'arial'; valid: aerial, ilbp, none, or an .fll file"),
+        (("--rules", "arial"), "--rules is 'arial'; valid: aerial, ilbp, none, or an .fll or .fis file"),
         (("--rules", "own.fll", "--detector", "sift"), "rules decide matches of ILBP descriptors, not of sift"),
         (("--rules", "own.fll", "--estimator", "fuzzy-ransac"), "fuzzy-ransac has rules of its own; leave out either"),
         (("--rules", "ilbp"), "rule base 'ilbp' needs the gray window"),
