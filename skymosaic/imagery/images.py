@@ -25,7 +25,6 @@ from skymosaic.imagery.patterns import only_match
 
 Image = str | Path | Pixels
 """A photograph as users give it."""
-NO_PIXELS: Pixels = np.zeros((0, 0, 3), np.uint8)
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 FIRST_PAGE = "only the first"
 """How the note begins which says that a file has more pages than are read."""
@@ -50,17 +49,20 @@ class Photograph:
     """0 where the file has no data or is transparent, else 255, (H, W); None: 255 everywhere."""
     orientation: int = UPRIGHT
     """The EXIF orientation by which it was turned upright."""
-    known_size: tuple[int, int] | None = None
-    """Width and height where the pixels are not kept."""
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height, px."""
-        return self.known_size or (self.pixels.shape[1], self.pixels.shape[0])
+        return self.pixels.shape[1], self.pixels.shape[0]
 
     def without_pixels(self) -> "Photograph":
         """The same photograph with all its numbers."""
-        return replace(self, pixels=NO_PIXELS, known_size=self.size)
+        return replace(self, pixels=without_channels(self.pixels))
+
+
+def without_channels(image: Pixels) -> Pixels:
+    """The image without what it shows, (H, W, 0): it takes no memory, and still has its size."""
+    return np.zeros((*image.shape[:2], 0), np.uint8)
 
 
 def load(

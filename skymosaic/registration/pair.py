@@ -23,7 +23,7 @@ from skymosaic.features.positions import match_points
 from skymosaic.geometry.ground import GroundAgreement, Sight
 from skymosaic.geometry.homography import apply, rescale, transfer_error
 from skymosaic.geometry.prosac import INLIER_PX
-from skymosaic.imagery.images import NO_PIXELS, Photograph, load
+from skymosaic.imagery.images import Photograph, load, without_channels
 from skymosaic.imagery.notebook import describe_in_html, draw_lines
 from skymosaic.registration.confidence import Confidence, assess
 
@@ -273,8 +273,8 @@ class Pair:
     def without_pixels(self) -> Pair:
         """This pair with all its numbers, below 1 MB; `plot` reads files again."""
         left, right = self.left.without_pixels(), self.right.without_pixels()
-        none, confidence = (NO_PIXELS, NO_PIXELS), self.confidence
-        return replace(self, left=left, right=right, working=none, visible=(None, None), known_confidence=confidence)
+        working, trust = (without_channels(self.working[0]), without_channels(self.working[1])), self.confidence
+        return replace(self, left=left, right=right, working=working, visible=(None, None), known_confidence=trust)
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but the pixels, so that processes exchange little."""

@@ -9,7 +9,7 @@ first.
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NoReturn, Self
 
 import numpy as np
 
@@ -110,6 +110,10 @@ class Tracker:
 
     def __exit__(self, *_: object) -> None:
         self._track = self._front_end = None
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse to be pickled."""
+        raise TypeError("a Tracker holds a front end, so it is not pickled; its tracked frames are")
 
     def follow(self, frame: Pixels) -> TrackedFrame:
         """Find the object in the next frame.

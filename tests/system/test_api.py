@@ -226,7 +226,7 @@ def numbers_of(value: Any, depth: int = 4) -> Any:
     return numbers | {f"{name}()": numbers_of(getattr(value, name)(), depth) for name in asked}
 
 
-PIXELS = {"pixels", "image", "working", "visible", "sights", "known_size", "known_confidence"}
+PIXELS = {"pixels", "image", "working", "visible", "known_confidence"}
 """Pictures, and what stands in for them where they are not kept."""
 
 
@@ -242,6 +242,13 @@ def test_a_public_object_keeps_its_numbers_when_pickled_and_is_one_line_when_pri
     assert repr(read).startswith(type(given).__name__)
     assert len(repr(read)) < 1000
     assert "\n" not in repr(given)
+
+
+def test_a_live_object_says_why_it_is_not_pickled() -> None:
+    for live in (skymosaic.LiveMosaic(), skymosaic.Tracker(skymosaic.Roi(100, 80, 120, 90))):
+        name = type(live).__name__
+        with pytest.raises(TypeError, match=f"^a {name} holds a front end.*, so it is not pickled; its .* are$"):
+            pickle.dumps(live)
 
 
 def test_a_pair_of_arrays_says_why_it_cannot_be_drawn_without_them(pair: Pair) -> None:

@@ -16,7 +16,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, NoReturn, Self
 
 import numpy as np
 
@@ -122,6 +122,10 @@ class LiveMosaic:
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, _: TracebackType | None) -> None:
         """What has been placed is laid out after an error, too."""
         self.finish()
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse to be pickled."""
+        raise TypeError("a LiveMosaic holds a front end and frames on disk, so it is not pickled; its updates are")
 
     @property
     def preview(self) -> Pixels:

@@ -18,7 +18,7 @@ from golden_model.matching.matcher import match
 from sim.simulators.scoreboard import Coverage
 from skymosaic.evaluation.hardware import Comparison
 from skymosaic.features.methods import choose_method
-from skymosaic.imagery.images import NO_PIXELS, Photograph
+from skymosaic.imagery.images import Photograph
 from skymosaic.panel.explain import FiredRule, Input, explain
 from skymosaic.panel.options import Options
 from skymosaic.panel.pages.page_layout import fill_in
@@ -69,12 +69,13 @@ def pair(left: str, right: str, options: Options, *, registered: bool = True) ->
     matches["rule"] = np.where(matches["rule"] < len(method.rule_names(config)), matches["rule"], 0)
     kept = matches[matches["verdict"] == 1]
     shift = np.array([[1.0, 0, -10], [0, 1, 0], [0, 0, 1]])
+    nothing = np.zeros((0, 0, 0), np.uint8)
     trust: Any = SimpleNamespace(verdict="check", reason="few inliers", predicted_px=1.25) if registered else None
     return Pair(
-        left=Photograph(left, NO_PIXELS),
-        right=Photograph(right, NO_PIXELS),
+        left=Photograph(left, nothing),
+        right=Photograph(right, nothing),
         to_original=(np.eye(3), np.eye(3)),
-        working=(NO_PIXELS, NO_PIXELS),
+        working=(nothing, nothing),
         visible=(None, None),
         ground=None,
         features=(one, other),

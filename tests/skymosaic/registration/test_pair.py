@@ -9,7 +9,6 @@ import pytest
 from golden_model.records import MATCH
 from sim.scene import make_pair
 from skymosaic import register
-from skymosaic.imagery.images import NO_PIXELS
 from skymosaic.registration.pair import Pair
 
 SHIFT = np.array([[1.0, 0, -40], [0, 1, 0], [0, 0, 1]])
@@ -66,7 +65,8 @@ def test_a_known_confidence_is_that_of_its_homography(pair: Pair) -> None:
 
 def test_a_pickled_pair_has_all_its_numbers(pair: Pair) -> None:
     read: Pair = pickle.loads(pickle.dumps(pair))
-    assert read.left.size == read.right.size == (320, 240)
+    sized = (read.left, read.right, *read.sights)
+    assert [each.size for each in sized] == 4 * [(320, 240)]
     assert read.summary() == pair.summary()
     assert read.row() == pair.row()
     assert not read.left.pixels.size
@@ -75,5 +75,5 @@ def test_a_pickled_pair_has_all_its_numbers(pair: Pair) -> None:
 def test_a_picture_needs_the_pixels_of_both(pair: Pair) -> None:
     assert "base64" in pair._repr_html_()
     for side in ("left", "right"):
-        bare = replace(pair, **{side: replace(getattr(pair, side), pixels=NO_PIXELS)})
+        bare = replace(pair, **{side: getattr(pair, side).without_pixels()})
         assert "base64" not in bare._repr_html_()
