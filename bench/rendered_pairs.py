@@ -5,8 +5,9 @@ the vertical, at any heading and from any side. The nearer view has one pixel fo
 less detail than a camera would. In ``horizon_80`` both look 50 degrees off the vertical, 80 degrees apart, so that one
 shows ground behind the other camera. ``overlap_15`` shares 15 % of the width; ``small_55`` shares 55 % at 240x180 px,
 turned, blurred and compressed; ``dark_3`` shares 55 % at an eighth of the light, blurred, with noise of 3 gray levels.
-For pairs with relief, no homography is right everywhere: the landscape lies over
-hills and raised blocks. Each pixel's ray is followed to the surface, which gives its true position in the other view.
+
+Of pairs with relief no homography is right everywhere: the landscape lies over hills and raised blocks. Each pixel's
+ray is followed to the surface, which gives its true position in the other view.
 """
 
 import csv

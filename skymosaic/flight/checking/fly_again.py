@@ -20,10 +20,8 @@ from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.features import Place
 from skymosaic.maps.georeference import Georeference, map_to_globe, reproject
 
-CELLS = 200
-"""Cells along the side of a photograph on the ground, in which holes are found; fewer where the area is large, ..."""
-MAX_CELLS = 4000
-"""... at most so many along its side."""
+CELLS, MAX_CELLS = 200, 4000
+"""Cells in which holes are found, along the side of a photograph on the ground; and at most along that of the area."""
 REACH = 1.25
 """A gap between photographs is a hole up to this many sides of a photograph; a wider one may be meant."""
 THINNEST, SMALLEST = 0.06, 0.01
