@@ -1,9 +1,9 @@
 """Smooth grids of displacements on top of homographies, for ground with relief.
 
-No homography fits two views of ground that is not flat: matches deviate from it by a few pixels. Their residuals, spread
-over coarse grids and smoothed, warp the photographs so that the homographies fit them better. (Zaragoza and others,
-As-projective-as-possible image stitching, 2013, move the homography instead. A grid of residuals is smaller, and falls
-back to the homography where there are no matches.)
+No homography fits two views of ground that is not flat: matches deviate from it by a few pixels. Their residuals,
+spread over coarse grids and smoothed, warp the photographs so that the homographies fit them better. (Zaragoza and
+others, As-projective-as-possible image stitching, 2013, move the homography instead. A grid of residuals is smaller,
+and falls back to the homography where there are no matches.)
 """
 
 from __future__ import annotations
