@@ -1,7 +1,8 @@
 """A pixel of the canvas after another frame has been painted on it.
 
 The frame in which a pixel is farther from the border shows it. Where two frames meet, at equal distances from their
-borders, one fades into the other. So the canvas needs no sums, and no order of the frames.
+borders, one fades into the other. So the canvas needs no sums, and their order hardly matters: where three frames meet,
+it changes a pixel by up to 8 levels.
 """
 
 import numpy as np

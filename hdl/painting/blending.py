@@ -39,7 +39,9 @@ class Blending(wiring.Component):
         result = data.View(PIXEL, queue.i_result)
         m.d.comb += result.weight.eq(weight)
         for n in range(CHANNELS):
-            under, over = (delayed(m, each.colour[n], SHARE_CYCLES) for each in (old, new))
+            # Outside the frame the colour means nothing: in a simulation it may be X, and 0 times X is X.
+            over = delayed(m, Mux(new.weight == 0, 0, new.colour[n]), SHARE_CYCLES)
+            under = delayed(m, old.colour[n], SHARE_CYCLES)
             product = multiply(m, f"channel{n}", over - under, share)
             rounded = Cat(Const(FADE >> 1, FADE_LOG2), delayed(m, under, Multiplier.latency_cycles))
             mixed = delayed(m, (rounded + product)[FADE_LOG2:], 1)

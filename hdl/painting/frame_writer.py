@@ -54,6 +54,8 @@ class FrameWriter(wiring.Component):
     """Where the buffers begin, in pages of 4 KiB."""
     i_buffer_pages: In(20)
     """From one buffer to the next, at least `frame_pages`."""
+    i_withdraw: In(1)
+    """Give up the frame that waits at ``o``, whatever is being painted."""
     bus: Out(AXI_WRITE)
     o: Out(stream.Signature(STORED))
     """Complete frames."""
@@ -195,7 +197,7 @@ class FrameWriter(wiring.Component):
         painted = Signal(range(BUFFERS), init=BUFFERS - 1)
         with m.If(self.o.valid & self.o.ready):
             m.d.sync += painted.eq(self.o.payload.buffer)
-        with m.If(self.o.ready | ~self.i_enable):
+        with m.If(self.o.ready | self.i_withdraw | ~self.i_enable):
             m.d.sync += self.o.valid.eq(0)
         used = [(painted == n) | (self.o.valid & (self.o.payload.buffer == n)) for n in range(BUFFERS - 1)]
         return Mux(~used[0], 0, Mux(~used[1], 1, 2))

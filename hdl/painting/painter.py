@@ -16,11 +16,8 @@ from hdl.painting.tiles import FRAME_SIDE
 
 REPORT = data.StructLayout({"frame": FRAME_NUMBER, "counts": COUNTS})
 """A frame that has been painted: its number, and what became of its tiles."""
-SETTINGS = {
-    *("i_enable", "i_replace", "i_width_px", "i_height_px"),
-    *("i_buffer_pages", "i_canvas_page", "i_columns", "i_rows", "i_max_links"),
-}
-"""They reach every block that has them."""
+NOWHERE = data.StructLayout({"valid": 1, "frame": FRAME_NUMBER})
+"""A frame that has no pose, and will have none."""
 POSE_COLUMNS = 3
 
 
@@ -28,8 +25,9 @@ class Painter(wiring.Component):
     """Paints each frame of a camera that has a pose; equal to `golden_model.painting.painter.Painter`.
 
     A frame and a pose meet by their number, counted from 1 at ``i``. Whichever is older is given up: a pose whose frame
-    was lost, a frame whose pose was refused or never came. While a frame is painted, the next waits in memory and its
-    pose is composed; further ones are skipped. The camera never waits.
+    was lost, a frame whose pose never came. A frame whose pose is refused is given up at once, also while another is
+    painted, so that it takes the place of no other. While a frame is painted, the next waits in memory and its pose is
+    composed; further ones are skipped. The camera never waits.
 
     All settings but ``i_enable`` may change only while ``o_idle`` and not ``i_enable``. There are four ports to memory:
     the camera's frames go in, their windows come out, tiles of the canvas come out and go in. Switched off, the painter
@@ -42,6 +40,8 @@ class Painter(wiring.Component):
     """The camera."""
     i_poses: In(stream.Signature(PLACEMENT))
     """In the order of the frames."""
+    i_nowhere: In(NOWHERE)
+    """In their order, too."""
     i_enable: In(1)
     """Take frames."""
     i_replace: In(1)
@@ -75,7 +75,7 @@ class Painter(wiring.Component):
     o_unmatched: Out(1)
     """A pose has been given up: its frame is not in memory, or the painter is off."""
     o_unplaced: Out(1)
-    """A frame has been given up: its pose has not come."""
+    """A frame has been given up: its pose has been refused, or has not come."""
     o_cut: Out(1)
     """A frame was not as large as set, or too fast for the memory."""
     o_lost: Out(1)
@@ -100,21 +100,36 @@ class Painter(wiring.Component):
         ):
             wiring.connect(m, inner, wiring.flipped(outer))
         wiring.connect(m, wiring.flipped(self.i_poses), poses.i)
-        for block in (writer, poses, painter):
-            settings = {name for name, member in block.signature.members.items() if member.flow == In}
-            m.d.comb += [getattr(block, name).eq(getattr(self, name)) for name in sorted(settings & SETTINGS)]
+        driven = {writer: {"i", "i_page", "i_withdraw"}, poses: {"i"}, painter: {"i", "i_begin", "i_page"}}
+        for block, names in driven.items():
+            # All others are settings, of the same names here.
+            settings = {name for name, member in block.signature.members.items() if member.flow == In} - names
+            m.d.comb += [getattr(block, name).eq(getattr(self, name)) for name in sorted(settings)]
         m.d.comb += [
             writer.i.eq(self.i),
             writer.i_page.eq(self.i_frames_page),
-            painter.i_clear.eq(self.i_clear),
             self.o_refused.eq(poses.o_refused),
             self.o_causes.eq(poses.o_causes),
             self.o_cut.eq(writer.o_cut),
             self.o_lost.eq(writer.o_failed),
             self.o_skipped.eq(writer.o_skipped),
         ]
+        self._give_up(m, writer, poses)
         self._meet(m, writer, poses, painter)
         return m
+
+    def _give_up(self, m: Module, writer: FrameWriter, poses: Poses) -> None:
+        """Withdraw the frame whose pose was refused, unless a host's has come; also one that is not in memory yet."""
+        nowhere, sent = view_signal(NOWHERE, name="nowhere"), self.i_poses.payload
+        is_its_frame = writer.o.valid & (writer.o.payload.number == nowhere.frame)
+        m.d.comb += writer.i_withdraw.eq(nowhere.valid & is_its_frame & ~writer.o.ready)
+        with m.If(self.i_nowhere.valid):
+            m.d.sync += nowhere.eq(self.i_nowhere)
+        # The homography of a frame for which a host's pose is refused may still come.
+        with m.Elif(poses.o_refused & sent.composed):
+            m.d.sync += [nowhere.valid.eq(1), nowhere.frame.eq(sent.frame)]
+        with m.Elif(writer.o.valid):
+            m.d.sync += nowhere.valid.eq(0)
 
     def _meet(self, m: Module, writer: FrameWriter, poses: Poses, painter: TilePainter) -> None:
         """Hold the frame that waits against the pose that waits; paint those of one number."""
@@ -122,13 +137,14 @@ class Painter(wiring.Component):
         waiting, pose = writer.o.payload, poses.o
         # Numbers wrap: the half of them is before a number, the other half behind it.
         ahead = (self.i_poses.payload.frame - waiting.number)[:FRAME_NUMBER]
-        swallows, forwards = Signal(), Signal()
+        swallows, forwards, is_older = Signal(), Signal(), Signal()
         passes = pose.valid & pose.ready
         m.d.comb += [
             pose.ready.eq(swallows | (forwards & painter.i.ready)),
             painter.i.valid.eq(forwards & pose.valid),
             painter.i.payload.eq(pose.payload),
             painter.i_page.eq(frame.page),
+            self.o_unplaced.eq(writer.i_withdraw | is_older),
             self.o.payload.frame.eq(frame.number),
             self.o.payload.counts.eq(painter.o_counts),
         ]
@@ -145,7 +161,7 @@ class Painter(wiring.Component):
                         m.d.comb += self.o_unmatched.eq(1)
                         m.next = "SWALLOW"
                     with m.Else():
-                        m.d.comb += [writer.o.ready.eq(1), self.o_unplaced.eq(ahead.any()), painter.i_begin.eq(1)]
+                        m.d.comb += [writer.o.ready.eq(1), is_older.eq(ahead.any()), painter.i_begin.eq(1)]
                         with m.If(~ahead.any()):
                             m.next = "PAINT"
             with m.State("SWALLOW"):

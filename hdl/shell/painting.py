@@ -138,6 +138,7 @@ class Painting(wiring.Component):
         wiring.connect(m, placements.o, painter.i_poses)
         m.d.comb += [
             placements.i_enable.eq(is_on),
+            painter.i_nowhere.eq(placements.o_nowhere),
             placements.i_set.eq(registers.o_pose_set),
             placements.i_pose.frame.eq(registers.o_pose_frame),
             *(placements.i_pose.elements[n].eq(getattr(registers, f"o_{POSE_ELEMENTS[n]}")) for n in range(ELEMENTS)),

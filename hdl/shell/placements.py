@@ -8,6 +8,7 @@ from golden_model.records import ELEMENTS, HOMOGRAPHY, WORD_BYTES, Tag
 from hdl.geometry.records import RECORD_WORDS, RecordCollector
 from hdl.lib.views import view_signal
 from hdl.painting.frame_writer import FRAME_NUMBER
+from hdl.painting.painter import NOWHERE
 from hdl.painting.pose import PLACEMENT
 from hdl.streams import WordPayload, record_layout
 
@@ -20,9 +21,9 @@ HOST_POSE = data.StructLayout({"elements": PLACEMENT["elements"].shape, "frame":
 class Placements(wiring.Component):
     """Makes placements (`golden_model.painting.pose.placement_of`) of records, and of poses that a host sets.
 
-    A record with causes says nothing of its frame and is passed over. A host's pose goes before the records that wait,
-    since those are of later frames, but never into one that is being taken. Nothing here makes the records wait: of
-    those that come while `MAX_WAITING` wait, none is taken.
+    A record with causes says nothing of its frame but that it has no place. A host's pose goes before the records that
+    wait, since those are of later frames, but never into one that is being taken. Nothing here makes the records wait:
+    of those that come while `MAX_WAITING` wait, none is taken.
 
     The accelerator counts frames from 0, the painter from 1. A reset forgets all that waits.
     """
@@ -36,6 +37,8 @@ class Placements(wiring.Component):
     i_set: In(1)
     """Take the host's pose, unless ``o_waiting``."""
     o: Out(stream.Signature(PLACEMENT))
+    o_nowhere: Out(NOWHERE)
+    """A record with causes is passed over in this clock."""
     o_waiting: Out(1)
     """A host's pose has not been taken from ``o`` yet."""
     o_ignored: Out(1)
@@ -63,15 +66,16 @@ class Placements(wiring.Component):
             # As its own reference, a host's pose does not keep that of another frame.
             taken.reference.eq(Mux(is_hosts, host.frame, found.reference) + 1),
             taken.composed.eq(~is_hosts),
+            self.o_nowhere.frame.eq(found.frame + 1),
         ]
         with m.FSM():
             with m.State("CHOOSE"):
                 m.d.sync += is_hosts.eq(self.o_waiting)
-                says_where = ~record.o.payload.cut & (found.tag == Tag.HOMOGRAPHY) & ~found.causes.any()
-                with m.If(self.o_waiting | (record.o.valid & says_where)):
+                is_whole = record.o.valid & ~record.o.payload.cut & (found.tag == Tag.HOMOGRAPHY)
+                with m.If(self.o_waiting | (is_whole & ~found.causes.any())):
                     m.next = "OFFER"
                 with m.Else():
-                    m.d.comb += record.o.ready.eq(1)
+                    m.d.comb += [record.o.ready.eq(1), self.o_nowhere.valid.eq(is_whole)]
             with m.State("OFFER"):
                 m.d.comb += [self.o.valid.eq(1), record.o.ready.eq(self.o.ready & ~is_hosts)]
                 with m.If(self.o.ready):

@@ -22,7 +22,7 @@ from sim.simulators.design import Design, Ports
 
 SETTINGS = (
     *("enable", "replace", "clear", "width_px", "height_px", "frames_page", "buffer_pages", "canvas_page"),
-    *("columns", "rows", "max_links"),
+    *("columns", "rows", "max_links", "nowhere_valid", "nowhere_frame"),
 )
 PORTS = Ports(
     outputs=(),

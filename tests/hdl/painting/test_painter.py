@@ -176,6 +176,32 @@ def test_poses_are_composed_and_refused() -> None:
     np.testing.assert_array_equal(bench.canvas, model.memory)
 
 
+@pytest.mark.parametrize("nowhere", [False, True], ids=["refused here", "refused by the estimator"])
+def test_a_refused_pose_costs_its_own_frame_alone(nowhere: bool) -> None:
+    """Also while another frame is painted: the one behind it finds the place in which the refused one waited free."""
+    bench, model = start()
+    places = homographies(4, seed=6)
+    elements = [quantise(H[np.newaxis])[0] for H in places]
+    for number in (1, 2, 3):
+        bench.show(frame(number))
+        if number != 2:
+            bench.place(elements[number], number)
+        elif nowhere:
+            bench.set(nowhere_frame=2, nowhere_valid=1)
+            bench.run(1)
+            bench.set(nowhere_valid=0)
+        else:
+            bench.place(elements[2], 2, reference=77)
+        bench.run(5_000)
+    assert not bench.reports, "the first one is still being painted"
+    bench.run(FRAME_CLOCKS, reports=2)
+    assert [report.frame for report in bench.reports] == [1, 3]
+    assert bench.events == {"unplaced": 1} | ({} if nowhere else {"refused": 1})
+    for number in (1, 3):
+        model.paint(frame(number), integers(places[number]))
+    np.testing.assert_array_equal(bench.canvas, model.memory)
+
+
 def test_a_clear_forgets_the_canvas_and_the_poses() -> None:
     bench, _ = start()
     bench.set(max_links=9)

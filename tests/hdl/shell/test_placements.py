@@ -54,6 +54,7 @@ class PlacementsBench:
         self.bench = BlockBench(self.dut, settings={"i_enable": 1, **settings}, pauses=pauses)
         self.received: list[dict[str, Any]] = []
         self.counts = {"o_lost": 0, "o_ignored": 0}
+        self.nowhere: list[int] = []
 
     async def send(self, ctx: Any, record: np.void, *, words: int = RECORD_WORDS) -> None:
         for n, word in enumerate(np.frombuffer(record.tobytes(), np.uint64).tolist()[:words]):
@@ -73,9 +74,11 @@ class PlacementsBench:
             self.received.append({"elements": elements, **{n: taken[n] for n in ("frame", "reference", "composed")}})
 
     async def count(self, ctx: Any) -> None:
-        async for *_, lost, ignored in ctx.tick().sample(self.dut.o_lost, self.dut.o_ignored):
+        ports = self.dut.o_lost, self.dut.o_ignored, self.dut.o_nowhere.valid, self.dut.o_nowhere.frame
+        async for *_, lost, ignored, is_nowhere, frame in ctx.tick().sample(*ports):
             self.counts["o_lost"] += lost
             self.counts["o_ignored"] += ignored
+            self.nowhere += [frame] * is_nowhere
 
     def run(self, *testbenches: Any, takes: bool = True) -> None:
         self.bench.run(*testbenches, background=[self.count, *([self.receive] if takes else [])])
@@ -85,6 +88,7 @@ class PlacementsBench:
 def test_records_and_poses_become_placements(pauses: Pauses) -> None:
     bench = PlacementsBench(pauses=pauses)
     sent: list[Any] = []
+    nowhere: list[np.void] = []
 
     async def feed(ctx: Any) -> None:
         for n, record in enumerate(records(20)):
@@ -95,7 +99,7 @@ def test_records_and_poses_become_placements(pauses: Pauses) -> None:
                 await bench.bench.wait_until_low(ctx, bench.dut.o_waiting, at_most=600)
                 sent.append(pose)
             await bench.send(ctx, record)
-            sent.extend([] if record["causes"] else [record])
+            (nowhere if record["causes"] else sent).append(record)
         await ctx.tick().repeat(300)
 
     bench.run(feed)
@@ -103,6 +107,7 @@ def test_records_and_poses_become_placements(pauses: Pauses) -> None:
     assert sorted(map(repr, bench.received)) == in_order
     composed = [each for each in bench.received if each["composed"]]
     assert composed == [expected(each) for each in sent if not isinstance(each, dict)]
+    assert bench.nowhere == [(int(record["frame"]) + 1) & 0xFFFF for record in nowhere]
     assert bench.counts == {"o_lost": 0, "o_ignored": 0}
 
 
@@ -188,3 +193,4 @@ def test_what_is_no_whole_record_is_passed_over() -> None:
 
     bench.run(feed)
     assert bench.received == [expected(good)]
+    assert bench.nowhere == []
