@@ -1,4 +1,5 @@
-"""Where tests lie: at the path of what they test, code or a helper of tests, or among the tests of several parts.
+"""Where tests lie: at the path of what they test, code or a helper of tests, in the file that a folder's small modules
+share and that has its name, or among the tests of several parts.
 
 In the golden model and the hardware, whatever computes has tests at its path.
 """
@@ -13,7 +14,7 @@ OF_SEVERAL_PARTS = ("tests/system", "tests/formal", "tests/cocotb", "tests/fuzz"
 
 
 def find_misplaced(root: Path) -> list[str]:
-    """Test files whose path, without ``tests/`` and ``test_``, names no file or folder, and no helper beside them."""
+    """Test files whose path, without ``tests/`` and ``test_``, names no code, folder or helper."""
     misplaced = []
     for test in sorted((root / "tests").rglob("test_*.py")):
         path = test.relative_to(root)
@@ -22,6 +23,7 @@ def find_misplaced(root: Path) -> list[str]:
             *tested.parent.glob(f"{tested.name}.*"),
             *tested.parent.glob(tested.name),
             *test.parent.glob(f"{tested.name}.py"),
+            *([tested.parent] if tested.parent.is_dir() and tested.name == tested.parent.name else []),
         ]:
             misplaced.append(path.as_posix())
     return misplaced
@@ -32,7 +34,8 @@ def test_tests_lie_at_the_path_of_the_code_that_they_test() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "misplaced"), [("test_harris.py", []), ("test_colour.py", ["tests/hdl/test_colour.py"])]
+    ("name", "misplaced"),
+    [("test_harris.py", []), ("test_hdl.py", []), ("test_colour.py", ["tests/hdl/test_colour.py"])],
 )
 def test_a_misplaced_test_is_found(tmp_path: Path, name: str, misplaced: list[str]) -> None:
     for path in ("hdl/harris.py", f"tests/hdl/{name}", "tests/system/test_colour.py"):
@@ -52,7 +55,9 @@ def test_every_module_of_model_and_hardware_that_computes_has_tests_at_its_path(
     modules = [path for package in ("golden_model", "hdl") for path in sorted((ROOT / package).rglob("*.py"))]
     computing = [path.relative_to(ROOT) for path in modules if path.stem != "__init__" and computes(path)]
     assert len(computing) > 100
-    assert [path for path in computing if not (ROOT / "tests" / path).with_name(f"test_{path.name}").exists()] == []
+    names = {path: (path.stem, path.parent.name) for path in computing}
+    tests = {path: [ROOT / "tests" / path.with_name(f"test_{name}.py") for name in names[path]] for path in computing}
+    assert [path for path, places in tests.items() if not any(place.exists() for place in places)] == []
 
 
 def test_the_tests_of_a_file_run_in_one_process(request: pytest.FixtureRequest) -> None:

@@ -1,11 +1,22 @@
-"""The programs, executed instruction by instruction, leave what their formulas give."""
+"""The programs, executed instruction by instruction, leave what their formulas give; and how they are scheduled."""
 
 from collections.abc import Sequence
 
 import numpy as np
+import pytest
 
 from golden_model.geometry.floating import Floats
-from golden_model.geometry.program import LANES, MAX_WAIT, SLOTS, Coordinate
+from golden_model.geometry.program import (
+    LANES,
+    LATENCY_CYCLES,
+    MAX_WAIT,
+    SLOTS,
+    Coordinate,
+    constants,
+    held,
+    loaded,
+    schedule,
+)
 from golden_model.geometry.programs import (
     ADD,
     AREAS,
@@ -23,11 +34,52 @@ from golden_model.geometry.programs import (
 from golden_model.geometry.refit import SUMS, factors, solve_sums
 from golden_model.geometry.sampling import SAMPLE
 from golden_model.geometry.solving import areas, solve
-from tests.golden_model.geometry.execution import executed, number
+from tests.golden_model.geometry.execution import executed, number, to_real
+
+
+def test_a_program_computes_its_formula() -> None:
+    zero, one = constants()
+    x = zero.plus(one, loaded(3, Coordinate.RIGHT_Y))
+    root = held(9).minus(x, x)
+    inverse = root.seed()
+    inverse = inverse.plus(inverse, one.minus(inverse, root))
+    # Old values are read before results overwrite them.
+    program = schedule([(9, held(9).plus(x, one)), (10, inverse)], first=20)
+    numbers = executed(program, {9: number(0.75)}, {3 * 8 + 3: Floats.from_integers(np.array([1 << 14]), 16)})
+    assert to_real(numbers[9]) == 1.0
+    assert to_real(numbers[10]) == pytest.approx(1 / (0.75 - 0.0625), rel=2**-13)
+
+
+def test_registers_are_used_again_and_never_too_early() -> None:
+    zero, one = constants()
+    total, expected = held(2), 0.5
+    for _ in range(40):
+        total = total.plus(zero.plus(held(3), one), held(3))
+        expected += 0.25**2
+    program = schedule([(2, total)], first=80)
+    assert to_real(executed(program, {2: number(0.5), 3: number(0.25)}, {})[2]) == expected
+    assert program.cycles >= 40 * LATENCY_CYCLES
+    # The others belong to those who run it.
+    assert min({each.result for each in program.instructions} - {2, 0}) == 80
+
+
+def test_too_few_registers_are_refused() -> None:
+    zero, one = constants()
+    values = [zero.plus(one, loaded(0, Coordinate.LEFT_X)) for _ in range(5)]
+    total = zero
+    for value in values:
+        total = total.plus(value, value)
+    with pytest.raises(ValueError, match="2 registers are not enough"):
+        schedule([(2, total)], first=126)
+
 
 CENTRE = [Floats.from_integers(np.array([side * 8]), 16) for side in (640, 480)]
+
+
 BITS = {Coordinate.WEIGHT: 8}
-ZERO, ONE = number(0), number(1)
+
+
+NOUGHT, ONE = number(0), number(1)
 
 
 def random_match(rng: np.random.Generator) -> list[Floats]:
@@ -63,11 +115,11 @@ def test_each_lane_solves_its_sample() -> None:
     for lane in range(LANES):
         sample = matches[SAMPLE * lane : SAMPLE * (lane + 1)]
         both = [match[:2] for match in sample], [match[2:4] for match in sample]
-        (left_areas, right_areas), products = areas(ZERO, ONE, both)
+        (left_areas, right_areas), products = areas(NOUGHT, ONE, both)
         first = FIRST_SUM + AREAS_KEPT * lane
         kept = [registers[first + n] for n in range(AREAS_KEPT)]
         assert bits(kept) == bits([*left_areas[:3], *right_areas])
-        rows = solve(ZERO, ONE, both, (left_areas, right_areas))
+        rows = solve(NOUGHT, ONE, both, (left_areas, right_areas))
         assert bits(elements(registers, lane)) == bits([each for row in rows for each in row])
         assert sum(bool(each.checks >> lane & 1) for each in AREAS.instructions) == len(products)
 
@@ -76,15 +128,15 @@ def test_the_fit_is_that_of_all_matches_that_were_added() -> None:
     rng = np.random.default_rng(2)
     matches = [random_match(rng) for _ in range(2 * GROUP)]
     registers = executed(CLEAR, {FIRST_SUM + n: number(n + 5) for n in range(SUMS)}, {})
-    sums = [ZERO] * SUMS
-    centre = [ZERO.plus(ONE, each) for each in CENTRE]
+    sums = [NOUGHT] * SUMS
+    centre = [NOUGHT.plus(ONE, each) for each in CENTRE]
     for group in (matches[:GROUP], matches[GROUP:]):
         registers = executed(ADD, registers, in_slots(group))
         for match in group:
-            pairs = factors(ZERO, ONE, centre, match[:4], match[4])
+            pairs = factors(NOUGHT, ONE, centre, match[:4], match[4])
             sums = [total.plus(*pair) for total, pair in zip(sums, pairs, strict=True)]
     assert bits([registers[FIRST_SUM + n] for n in range(SUMS)]) == bits(sums)
-    rows, determinant = solve_sums(ZERO, ONE, centre, sums)
+    rows, determinant = solve_sums(NOUGHT, ONE, centre, sums)
     registers = executed(FIT, registers, in_slots(matches[:1]))
     assert bits(elements(registers, 0)) == bits([each for row in rows for each in row])
     (checked,) = (each.result for each in FIT.instructions if each.checks)
