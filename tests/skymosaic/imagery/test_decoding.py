@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import rasterio
+from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
 from skymosaic.common.errors import InputError
@@ -21,56 +22,38 @@ def photograph(height: int = 96, width: int = 128) -> np.ndarray:
     return cv2.GaussianBlur(rng.integers(0, 256, (height, width, 3), dtype=np.uint8), (0, 0), 2)
 
 
-def _five_bands(path: Path) -> None:
-    profile = {"driver": "GTiff", "width": 128, "height": 96, "count": 5, "dtype": "uint8"}
-    with configured_rasterio(), rasterio.open(path, "w", **profile) as file:
-        file.write(np.zeros((5, 96, 128), np.uint8))
+def write_raster(path: Path, values: NDArray[Any], mask: NDArray[np.bool_] | None = None, **profile: object) -> None:
+    """Write bands (N, height, width) as GDAL does."""
+    count, height, width = values.shape
+    shape = {"driver": "GTiff", "count": count, "height": height, "width": width, "dtype": values.dtype}
+    with (
+        configured_rasterio(),
+        rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True),
+        rasterio.open(path, "w", **shape | profile) as file,
+    ):
+        file.write(values)
+        if mask is not None:
+            file.write_mask(mask)
+            file.build_overviews([2])
 
 
-def _text(path: Path) -> None:
-    path.write_text("no picture at all, only words " * 10)
+BAD: dict[str, Callable[[Path], object]] = {
+    "not an image": lambda path: path.write_text("no picture at all, only words " * 10),
+    "give PNG, JPEG, or TIFF of gray or RGB": lambda path: write_raster(path, np.zeros((5, 96, 128), np.uint8)),
+    "empty": lambda path: path.touch(),
+    "too small": lambda path: cv2.imwrite(str(path), photograph(10, 10)),
+    "truncated": lambda path: path.write_bytes(cv2.imencode(".png", photograph())[1].tobytes()[:-3000]),
+    "truncated;": lambda path: path.write_bytes(cv2.imencode(".jpg", photograph())[1].tobytes()[:-600]),
+    "not a file": lambda path: path.mkdir(),
+    "no such file": lambda path: None,
+}
+"""What is said of what is made."""
 
 
-def _empty(path: Path) -> None:
-    path.touch()
-
-
-def _small(path: Path) -> None:
-    cv2.imwrite(str(path), photograph(10, 10))
-
-
-def _truncated(path: Path) -> None:
-    path.write_bytes(cv2.imencode(".png", photograph())[1].tobytes()[:-3000])
-
-
-def _truncated_jpeg(path: Path) -> None:
-    path.write_bytes(cv2.imencode(".jpg", photograph())[1].tobytes()[:-600])
-
-
-def _folder(path: Path) -> None:
-    path.mkdir()
-
-
-def _missing(path: Path) -> None:
-    pass
-
-
-@pytest.mark.parametrize(
-    ("make", "says"),
-    [
-        (_text, "not an image"),
-        (_five_bands, "give PNG, JPEG, or TIFF of gray or RGB"),
-        (_empty, "empty"),
-        (_small, "too small"),
-        (_truncated, "truncated"),
-        (_truncated_jpeg, "truncated"),
-        (_folder, "not a file"),
-        (_missing, "no such file"),
-    ],
-)
-def test_a_bad_file_gets_one_line_that_names_it(tmp_path: Path, make: Callable[..., Any], says: str) -> None:
+@pytest.mark.parametrize("says", BAD)
+def test_a_bad_file_gets_one_line_that_names_it(tmp_path: Path, says: str) -> None:
     path = tmp_path / "bad.png"
-    make(path)
+    BAD[says](path)
     with pytest.raises(InputError) as caught:
         images.load(path)
     assert says in str(caught.value)
@@ -170,11 +153,7 @@ def _damaged_page(path: Path) -> None:
 
 
 def _overview_and_mask(path: Path) -> None:
-    profile = {"driver": "GTiff", "width": 128, "height": 96, "count": 3, "dtype": "uint8", "photometric": "RGB"}
-    with configured_rasterio(), rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True), rasterio.open(path, "w", **profile) as file:
-        file.write(np.moveaxis(photograph(), -1, 0))
-        file.write_mask(np.ones((96, 128), np.bool_))
-        file.build_overviews([2])
+    write_raster(path, np.moveaxis(photograph(), -1, 0), np.ones((96, 128), np.bool_), photometric="RGB")
 
 
 @pytest.mark.parametrize(("make", "pages"), [(_pages, 3), (_damaged_page, 1), (_overview_and_mask, 1)])
@@ -196,14 +175,12 @@ def test_an_invalid_orientation_counts_as_upright(
 
 
 def test_names_cannot_write_to_the_terminal(tmp_path: Path) -> None:
-    with pytest.raises(InputError) as caught:
-        images.load(tmp_path / "a\n\x1b[31m\u202ename.jpg")
-    assert str(caught.value).endswith("a\\n\\x1b[31m\\u202ename.jpg: no such file; check the path")
-
-
-def test_a_name_that_is_too_long_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="too long"):
-        images.load(tmp_path / ("x" * 300 + ".jpg"))
+    for name, says in (
+        ("a\n\x1b[31m\u202ename.jpg", r"a\\n\\x1b\[31m\\u202ename\.jpg: no such file; check the path$"),
+        ("x" * 300 + ".jpg", "too long"),
+    ):
+        with pytest.raises(InputError, match=says):
+            images.load(tmp_path / name)
 
 
 @pytest.mark.filterwarnings("ignore:Tag data larger than file")

@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -7,21 +8,29 @@ from PIL.ExifTags import IFD, Base
 
 from skymosaic.imagery.exif import Metadata, Position, _on_globe, explain_missing_gps, read_metadata
 
+SOUTH_WEST = {1: "S", 2: (33.0, 30.0, 0.0), 3: "W", 4: (70.0, 15.0, 0.0)}
+
+
+def metadata(folder: Path, *, gps: Any = (), camera: Any = (), model: Any = (), xmp: str | None = None) -> Metadata:
+    """What is read of a picture with these tags, and with XMP of these properties of DJI."""
+    exif = Image.Exif()
+    exif.update(model)
+    for directory, tags in ((IFD.GPSInfo, gps), (IFD.Exif, camera)):
+        if tags:
+            exif.get_ifd(directory).update(tags)
+    about = f"<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:Description {xmp}></rdf:Description></x:xmpmeta>"
+    added: dict[str, Any] = {} if xmp is None else {"xmp": about.encode()}
+    Image.new("RGB", (64, 64)).save(folder / "a.jpg", exif=exif, **added)
+    return read_metadata(folder / "a.jpg")
+
 
 def test_gps_and_focal_length_are_read_from_exif(tmp_path: Path) -> None:
-    exif = Image.Exif()
-    exif.get_ifd(IFD.Exif)[0xA405] = 24
-    exif.get_ifd(IFD.GPSInfo).update(
-        {1: "S", 2: (33.0, 30.0, 36.0), 3: "W", 4: (70.0, 15.0, 0.0), 5: b"\x00", 6: 520.5}
-    )
-    Image.new("RGB", (64, 64)).save(tmp_path / "gps.jpg", exif=exif)
-    record = read_metadata(tmp_path / "gps.jpg")
+    gps = SOUTH_WEST | {2: (33.0, 30.0, 36.0), 5: b"\x00", 6: 520.5}
+    record = metadata(tmp_path, gps=gps, camera={Base.FocalLengthIn35mmFilm: 24})
     assert record.focal_half_diagonals == pytest.approx(24 / 21.633, rel=1e-3)
-    position = record.position
-    assert position.latitude_deg == pytest.approx(-33.51, abs=1e-8)
-    assert position.longitude_deg == pytest.approx(-70.25)
-    Image.new("RGB", (64, 64)).save(tmp_path / "none.jpg")
-    assert read_metadata(tmp_path / "none.jpg") == Metadata()
+    assert record.position.latitude_deg == pytest.approx(-33.51, abs=1e-8)
+    assert record.position.longitude_deg == pytest.approx(-70.25)
+    assert metadata(tmp_path) == Metadata()
 
 
 @pytest.mark.parametrize("place", [(90, 180), (-90, -180), (0, 8.5), (46.5, 0)])
@@ -41,13 +50,10 @@ def test_what_cameras_without_reception_write_is_no_place(place: tuple[float, fl
 def test_the_hemisphere_is_read_in_any_case_and_not_guessed(
     tmp_path: Path, references: tuple[str, str], expected: Position | None
 ) -> None:
-    exif = Image.Exif()
-    exif.get_ifd(IFD.GPSInfo).update({1: references[0], 2: (33.0, 30.0, 0.0), 3: references[1], 4: (70.0, 15.0, 0.0)})
-    Image.new("RGB", (64, 64)).save(tmp_path / "gps.jpg", exif=exif)
-    assert read_metadata(tmp_path / "gps.jpg").position == expected
-    exif.get_ifd(IFD.GPSInfo).pop(3)
-    Image.new("RGB", (64, 64)).save(tmp_path / "gps.jpg", exif=exif)
-    without = read_metadata(tmp_path / "gps.jpg")
+    gps = SOUTH_WEST | {1: references[0], 3: references[1]}
+    assert metadata(tmp_path, gps=gps).position == expected
+    gps.pop(3)
+    without = metadata(tmp_path, gps=gps)
     assert without == Metadata(gps_fault="without a hemisphere (N or S, E or W)")
     assert explain_missing_gps([without, Metadata(), without]) == (
         "0 of 3 photographs have GPS that can be used, but 2 have GPS without a hemisphere (N or S, E or W)"
@@ -57,44 +63,33 @@ def test_the_hemisphere_is_read_in_any_case_and_not_guessed(
 
 @pytest.mark.parametrize("missing", [2, 4])
 def test_half_a_position_is_none(tmp_path: Path, missing: int) -> None:
-    exif = Image.Exif()
-    exif.get_ifd(IFD.GPSInfo).update({1: "S", 2: (33.0, 30.0, 0.0), 3: "W", 4: (70.0, 15.0, 0.0)})
-    exif.get_ifd(IFD.GPSInfo).pop(missing)
     half = f'drone-dji:Gps{"Latitude" if missing == 4 else "Longitude"}="+7.5"'
-    xmp = f"<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:Description {half}/></x:xmpmeta>"
-    Image.new("RGB", (64, 64)).save(tmp_path / "half.jpg", xmp=xmp.encode(), exif=exif)
-    assert read_metadata(tmp_path / "half.jpg") == Metadata()
+    gps = {tag: value for tag, value in SOUTH_WEST.items() if tag != missing}
+    assert metadata(tmp_path, gps=gps, xmp=half) == Metadata()
 
 
 @pytest.mark.parametrize(
-    "properties",
+    ("xmp", "read"),
     [
-        'drone-dji:RelativeAltitude="+50.30" drone-dji:GimbalYawDegree="-12.5" drone-dji:FlightYawDegree="3"',
-        "><drone-dji:RelativeAltitude>+50.30</drone-dji:RelativeAltitude><Camera:Yaw>-12.5</Camera:Yaw",
+        (
+            'drone-dji:RelativeAltitude="+50.30" drone-dji:GimbalYawDegree="-12.5" drone-dji:FlightYawDegree="3"',
+            Metadata(yaw_deg=-12.5, height_m=50.3),
+        ),
+        (
+            "><drone-dji:RelativeAltitude>+50.30</drone-dji:RelativeAltitude><Camera:Yaw>-12.5</Camera:Yaw",
+            Metadata(yaw_deg=-12.5, height_m=50.3),
+        ),
+        *(
+            (f'drone-dji:GpsLatitude="-44.812345678" drone-dji:{name}="+7.5"', Metadata(Position(-44.812345678, 7.5)))
+            for name in ("GpsLongitude", "GpsLongtitude")
+        ),
+        # The worse of its axes.
+        ('drone-dji:RtkStdLon="0.020" drone-dji:RtkStdLat="0.012"', Metadata(accuracy_m=0.02)),
+        ('drone-dji:RtkStdLon="0.020" drone-dji:RtkStdLat="0"', Metadata()),
     ],
 )
-def test_yaw_and_height_are_read_from_xmp(tmp_path: Path, properties: str) -> None:
-    xmp = f"<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:Description {properties}></rdf:Description></x:xmpmeta>"
-    Image.new("RGB", (64, 64)).save(tmp_path / "dji.jpg", xmp=xmp.encode())
-    assert read_metadata(tmp_path / "dji.jpg") == Metadata(yaw_deg=-12.5, height_m=50.3)
-
-
-@pytest.mark.parametrize("longitude", ["GpsLongitude", "GpsLongtitude"])
-def test_a_position_that_only_xmp_has_is_read(tmp_path: Path, longitude: str) -> None:
-    properties = f'drone-dji:GpsLatitude="-44.812345678" drone-dji:{longitude}="+7.5"'
-    xmp = f"<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:Description {properties}/></x:xmpmeta>"
-    exif = Image.Exif()
-    exif.get_ifd(IFD.GPSInfo)[0] = b"\x02\x03\0\0"
-    Image.new("RGB", (64, 64)).save(tmp_path / "dji.jpg", xmp=xmp.encode(), exif=exif)
-    assert read_metadata(tmp_path / "dji.jpg") == Metadata(Position(-44.812345678, 7.5))
-
-
-def test_the_accuracy_of_rtk_is_the_worse_of_its_axes(tmp_path: Path) -> None:
-    for stds, expected in (("0.012", 0.02), ("0", None)):
-        properties = f'drone-dji:RtkStdLon="0.020" drone-dji:RtkStdLat="{stds}"'
-        xmp = f"<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:Description {properties}/></x:xmpmeta>"
-        Image.new("RGB", (64, 64)).save(tmp_path / "rtk.jpg", xmp=xmp.encode())
-        assert read_metadata(tmp_path / "rtk.jpg").accuracy_m == expected
+def test_yaw_height_position_and_accuracy_are_read_from_xmp(tmp_path: Path, xmp: str, read: Metadata) -> None:
+    assert metadata(tmp_path, gps={0: b"\x02\x03\0\0"}, xmp=xmp) == read
 
 
 def test_the_black_level_of_a_sensor_is_read(tmp_path: Path) -> None:
@@ -126,10 +121,8 @@ def test_metres_between_positions() -> None:
     ],
 )
 def test_camera_and_time_are_read(tmp_path: Path, written: tuple[str, str, str], read: tuple[str, str]) -> None:
-    exif = Image.Exif()
-    exif[Base.Make], exif[Base.Model], exif.get_ifd(IFD.Exif)[Base.DateTimeOriginal] = written
-    Image.new("RGB", (64, 64)).save(tmp_path / "a.jpg", exif=exif)
-    taken = read_metadata(tmp_path / "a.jpg")
+    make, model, time = written
+    taken = metadata(tmp_path, model={Base.Make: make, Base.Model: model}, camera={Base.DateTimeOriginal: time})
     assert (taken.camera, taken.time) == read
 
 
@@ -159,11 +152,9 @@ FILM = np.hypot(36, 24) / 2
 def test_focal_lengths_come_from_pixels_or_from_film(
     tmp_path: Path, changes: dict[Base, float | None], focal_half_diagonals: float | None
 ) -> None:
-    exif = Image.Exif()
     usual = {Base.FocalPlaneXResolution: 10 / 0.0024, Base.FocalPlaneResolutionUnit: 3, Base.FocalLength: 8.8}
-    for tag, value in (usual | {Base.ExifImageWidth: 4000, Base.ExifImageHeight: 3000} | changes).items():
-        if value is not None:
-            exif.get_ifd(IFD.Exif)[tag] = value
-    Image.new("RGB", (64, 64)).save(tmp_path / "a.jpg", exif=exif)
-    found = read_metadata(tmp_path / "a.jpg").focal_half_diagonals
-    assert found == (None if focal_half_diagonals is None else pytest.approx(focal_half_diagonals, rel=1e-5))
+    tags = usual | {Base.ExifImageWidth: 4000, Base.ExifImageHeight: 3000} | changes
+    found = metadata(tmp_path, camera={tag: value for tag, value in tags.items() if value is not None})
+    assert found.focal_half_diagonals == (
+        None if focal_half_diagonals is None else pytest.approx(focal_half_diagonals, rel=1e-5)
+    )

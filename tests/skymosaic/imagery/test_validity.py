@@ -7,7 +7,6 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-import rasterio
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
@@ -15,9 +14,9 @@ from sim.scene import Flight
 from skymosaic.compositing.blend import Blending
 from skymosaic.imagery.decoding import decode, read_header
 from skymosaic.imagery.images import load
-from skymosaic.maps.georeference import configured_rasterio
 from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
+from tests.skymosaic.imagery.test_decoding import write_raster
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
@@ -63,14 +62,8 @@ def test_half_transparent_pixels_have_their_own_colours(
     )
     stored = np.rint(colours * (alpha / np.iinfo(dtype).max)) if kind == "PREMULTIPLIED" else colours
     path, photometric = tmp_path / "p.tif", "RGB" if channels == 3 else "MINISBLACK"
-    with (
-        configured_rasterio(),
-        rasterio.open(
-            path, "w", driver="GTiff", width=100, height=90, count=channels + 1, dtype=dtype, alpha=kind,
-            interleave=interleave, photometric=photometric,
-        ) as file,
-    ):  # fmt: skip
-        file.write(np.concatenate([stored.astype(dtype), np.tile(alpha, 100)]))
+    values = np.concatenate([stored.astype(dtype), np.tile(alpha, 100)])
+    write_raster(path, values, alpha=kind, interleave=interleave, photometric=photometric)
     pixels, visible, _ = decode(path, read_header(path), keep_damaged=False)
     assert visible is not None
     assert visible.all(axis=1).tolist() == [True] * 60 + [False] * 30
@@ -82,13 +75,8 @@ def test_half_transparent_pixels_have_their_own_colours(
 
 def test_whether_colours_are_premultiplied_is_that_of_the_first_page(tmp_path: Path) -> None:
     path = tmp_path / "p.tif"
-    shape = {"width": 128, "height": 128, "count": 4, "dtype": "uint16"}
-    with (
-        configured_rasterio(),
-        rasterio.open(path, "w", driver="GTiff", photometric="RGB", alpha="PREMULTIPLIED", **shape) as file,
-    ):
-        file.write(np.full((4, 128, 128), 9, np.uint16))
-        file.build_overviews([2])
+    values, mask = np.full((4, 128, 128), 9, np.uint16), np.ones((128, 128), np.bool_)
+    write_raster(path, values, mask, photometric="RGB", alpha="PREMULTIPLIED")
     premultiplied, straight = (struct.pack("<HHII", 338, 3, 1, value) for value in (1, 2))
     before, entry, after = path.read_bytes().rpartition(premultiplied)
     path.write_bytes(before + straight + after)
@@ -121,9 +109,7 @@ def test_a_transparent_gray_level_hides_its_pixels(tmp_path: Path, dtype: type) 
 def test_a_colour_has_no_data_where_all_its_channels_have_none(tmp_path: Path) -> None:
     values = np.full((3, 70, 80), 90, np.uint8)
     values[:, :9] = values[0, 9:20] = 255
-    profile = {"driver": "GTiff", "width": 80, "height": 70, "count": 3, "dtype": "uint8", "nodata": 255}
-    with configured_rasterio(), rasterio.open(tmp_path / "t.tif", "w", photometric="RGB", **profile) as file:
-        file.write(values)
+    write_raster(tmp_path / "t.tif", values, photometric="RGB", nodata=255)
     visible = load(tmp_path / "t.tif").visible
     assert visible is not None
     np.testing.assert_array_equal(visible.all(axis=1), np.arange(70) >= 9)
@@ -139,9 +125,7 @@ def test_nodata_neither_shows_nor_stretches_the_range(
 ) -> None:
     values = np.tile(np.linspace(10, 30, 100), (80, 1)).astype(dtype)
     values[:9, :] = np.array(nodata, dtype)
-    profile = {"driver": "GTiff", "width": 100, "height": 80, "count": 1, "dtype": dtype, "nodata": declared}
-    with configured_rasterio(), rasterio.open(tmp_path / "t.tif", "w", **profile) as file:
-        file.write(values, 1)
+    write_raster(tmp_path / "t.tif", values[np.newaxis], nodata=declared)
     photograph = load(tmp_path / "t.tif")
     assert photograph.visible is not None
     assert not photograph.visible[:9].any()

@@ -6,7 +6,6 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
 import av
 import cv2
@@ -31,12 +30,13 @@ def frames(texture: NDArray[np.uint8]) -> list[np.ndarray]:
     return [np.ascontiguousarray(texture[i : i + 240, 2 * i : 2 * i + 320]) for i in range(30)]
 
 
-def encode(path: Path, frames: list[np.ndarray], rotation: int = 0, **options: str) -> Path:
-    """Write a video without the module under test."""
+def encode(path: Path, frames: list[np.ndarray], rotation: int = 0, shape: str = "1", **options: str) -> Path:
+    """Write a video of pixels of a shape without the module under test."""
     with av.open(str(path), "w", options=options) as container:
         stream = container.add_stream("libx264", rate=25)
         stream.height, stream.width = frames[0].shape[:2]
         stream.pix_fmt = "yuv420p"
+        stream.codec_context.sample_aspect_ratio = Fraction(shape)
         if rotation:
             stream.set_display_rotation(rotation)
         for frame in frames:
@@ -106,7 +106,7 @@ def test_a_recording_cut_off_is_used_up_to_its_last_whole_frame(
     tmp_path: Path, frames: list[NDArray[np.uint8]], name: str
 ) -> None:
     path = encode(tmp_path / name, frames, movflags="faststart")
-    path.write_bytes(path.read_bytes()[: int(0.95 * path.stat().st_size)])
+    cut(path, 0.95)
     reader = VideoReader(path)
     read = list(reader)
     assert 10 < len(read) < len(frames)
@@ -189,33 +189,7 @@ def test_frames_are_shown_as_long_as_they_were(tmp_path: Path, frames: list[NDAr
     assert float(VideoReader(tmp_path / "copy.mp4").frame_rate) == pytest.approx(6 / (0.8 + 1 / 30), rel=1e-3)
 
 
-def _missing(path: Path, _frames: Any) -> None:
-    pass
-
-
-def _empty(path: Path, _frames: Any) -> None:
-    path.touch()
-
-
-def _folder(path: Path, _frames: Any) -> None:
-    path.mkdir()
-
-
-def _text(path: Path, _frames: Any) -> None:
-    path.write_text("words, not frames\n" * 100)
-
-
-def _without_index(path: Path, frames: Any) -> None:
-    data = encode(path, frames).read_bytes()
-    path.write_bytes(data[: len(data) // 2])
-
-
-def _within_first_frame(path: Path, frames: Any) -> None:
-    data = encode(path, frames, movflags="faststart").read_bytes()
-    path.write_bytes(data[: data.index(b"mdat") + 200])
-
-
-def _sound(path: Path, _frames: Any) -> None:
+def write_sound(path: Path) -> None:
     with av.open(str(path), "w") as container:
         stream = container.add_stream("aac", rate=8000, layout="mono")
         silence = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), format="fltp", layout="mono")
@@ -224,23 +198,30 @@ def _sound(path: Path, _frames: Any) -> None:
         container.mux(stream.encode())
 
 
-@pytest.mark.parametrize(
-    ("make", "says"),
-    [
-        (_missing, "no such file"),
-        (_empty, "empty"),
-        (_folder, "not a file"),
-        (_text, "not a readable video"),
-        (_without_index, "cut off before its index"),
-        (_within_first_frame, "without frames|no frame of the video can be decoded"),
-        (_sound, "without frames"),
-    ],
-)
-def test_a_bad_video_gets_one_line_that_names_it(
-    tmp_path: Path, frames: list[NDArray[np.uint8]], make: Callable[..., Any], says: str
-) -> None:
+BAD: dict[str, Callable[[Path, list[np.ndarray]], object]] = {
+    "no such file": lambda path, _: None,
+    "empty": lambda path, _: path.touch(),
+    "not a file": lambda path, _: path.mkdir(),
+    "not a readable video": lambda path, _: path.write_text("words, not frames\n" * 100),
+    "cut off before its index": lambda path, frames: cut(encode(path, frames), 0.5),
+    "without frames|no frame of the video can be decoded": lambda path, frames: cut(
+        encode(path, frames, movflags="faststart"), b"mdat"
+    ),
+    "without frames": lambda path, _: write_sound(path),
+}
+"""What is said of what is made."""
+
+
+def cut(path: Path, end: float | bytes) -> None:
+    """Keep a share of a file, or 200 bytes behind a mark."""
+    data = path.read_bytes()
+    path.write_bytes(data[: data.index(end) + 200 if isinstance(end, bytes) else int(end * len(data))])
+
+
+@pytest.mark.parametrize("says", BAD)
+def test_a_bad_video_gets_one_line_that_names_it(tmp_path: Path, frames: list[NDArray[np.uint8]], says: str) -> None:
     path = tmp_path / "v.mp4"
-    make(path, frames)
+    BAD[says](path, frames)
     with pytest.raises(InputError, match=says) as caught:
         list(VideoReader(path))
     assert str(caught.value).startswith(f"{path}: ")
@@ -314,16 +295,7 @@ def test_a_stream_that_cannot_be_opened_says_why(camera: str, monkeypatch: pytes
 def test_pixels_that_are_not_square_become_square(
     tmp_path: Path, frames: list[np.ndarray], shape: str, size: tuple[int, int], rotation: int
 ) -> None:
-    with av.open(str(tmp_path / "v.mp4"), "w") as container:
-        stream = container.add_stream("libx264", rate=25)
-        stream.height, stream.width, stream.pix_fmt = 240, 320, "yuv420p"
-        stream.codec_context.sample_aspect_ratio = Fraction(shape)
-        if rotation:
-            stream.set_display_rotation(rotation)
-        for frame in frames[:3]:
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="bgr24")))
-        container.mux(stream.encode())
-    reader = VideoReader(tmp_path / "v.mp4")
+    reader = VideoReader(encode(tmp_path / "v.mp4", frames[:3], rotation, shape))
     read = list(reader)
     assert {frame.shape[1::-1] for frame in read} == {size if rotation == 0 else size[::-1]}
     assert [note for note in reader.notes if "square" in note] == (
