@@ -29,6 +29,8 @@ from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS
 FAST_THRESHOLD = 10
 """FAST's threshold in gray levels; that of a Harris configuration has another unit."""
 MAX_BORDER_PX = 255
+GIVEN = "given"
+"""Detector and descriptor of matches that the user has given."""
 USUAL_DETECTOR = {name: name for name in DETECTORS} | {"freak": "brisk"}
 """The detector for a descriptor if none is named; other descriptors get the configuration's detector."""
 
@@ -54,6 +56,8 @@ class Method:
 
     def rule_names(self, config: Config) -> Sequence[str]:
         """The meaning of each value of a match record's ``rule``."""
+        if self.descriptor == GIVEN:
+            return ("as given",)
         if self.descriptor == TRACKED:
             return matchers.TRACKING_RULES
         if self.descriptor in WINDOWS_PX:

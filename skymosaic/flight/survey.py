@@ -10,6 +10,7 @@ from golden_model.arrays import Array
 from golden_model.cache import Cache
 from skymosaic.common.errors import InputError
 from skymosaic.common.stopwatch import Stopwatch
+from skymosaic.features.given_matches import GivenMatches
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.agreement import Agreement, find_false_joint, measure_agreement
 from skymosaic.flight.layout.layout import MAX_RELIEF, Layout, lay_out
@@ -46,6 +47,7 @@ def survey(
     positions: Positions | None = None,
     control: ControlPoints | None = None,
     keep_all: bool = False,
+    given: Mapping[Candidate, GivenMatches] | None = None,
 ) -> Flight:
     """Lay out a flight: features, links, lens, layouts (none where none can be made), and their place on the map.
 
@@ -61,6 +63,8 @@ def survey(
         Surveyed points, instead of positions.
     keep_all : bool
         Whether to take what differs from the other photographs in several properties.
+    given : mapping of pair to GivenMatches, or None
+        Matches of the user's, by the indices of two sources, the smaller first; other pairs are matched by features.
 
     Raises
     ------
@@ -73,7 +77,9 @@ def survey(
     clock = Stopwatch()
     linked, left_out = _describe(Surveyor(settings, seed, workers, cache), sources, fixes, keep_all=keep_all)
     clock.lap("features")
-    linked = mask_own(link_all(linked))
+    rows = {source.index: row for row, source in enumerate(linked.sources)}
+    own = {(rows[i], rows[j]): matches for (i, j), matches in (given or {}).items() if {i, j} <= rows.keys()}
+    linked = mask_own(link_all(replace(linked, surveyor=replace(linked.surveyor, given=own))))
     clock.lap("pairs")
     surveyor, lens = linked.surveyor, linked.surveyor.settings.lens
     parts = sorted(linked.groups, key=partial(_rank, linked.views))

@@ -7,6 +7,7 @@ import numpy as np
 
 from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.compositing.mesh import Frame, Mesh, Ties, fit_meshes
+from skymosaic.features.given_matches import GivenMatches
 from skymosaic.features.positions import match_points
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
@@ -26,13 +27,14 @@ def register_two(
     options: RegistrationOptions,
     lens: Lens,
     *,
+    given: GivenMatches | None = None,
     warp: str,
     memory_bytes: int,
     progress: Progress,
 ) -> Flight:
     """Register two photographs, left and right, and keep them decoded for the picture, if ``memory_bytes`` allow it.
 
-    ``warp`` is as in `choose_mesh`.
+    ``warp`` is as in `choose_mesh`; matches that are ``given`` take the place of features.
     """
     progress("registering", 0, 0)
     clock = Stopwatch()
@@ -41,7 +43,12 @@ def register_two(
         lens.check(photograph.size, photograph.name)
     clock.lap("reading")
     pair = register_photographs(
-        (left, right), options, lens=lens, seconds=clock.seconds, progress=lambda line: progress(line, 0, 0)
+        (left, right),
+        options,
+        lens=lens,
+        given=given,
+        seconds=clock.seconds,
+        progress=lambda line: progress(line, 0, 0),
     )
     for source, photograph in zip(sources, (left, right), strict=True):
         decoded_photographs(memory_bytes).keep(source, lens, (photograph.pixels, photograph.visible))

@@ -1,5 +1,6 @@
 """The options of a mosaic, and which of them apply to two photographs and which to more."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -7,6 +8,8 @@ from typing import Literal
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import INPUT, MACHINE, MAP, PICTURE, Checked, document_options, option, options_of
 from skymosaic.compositing.blend import Blending
+from skymosaic.features.given_matches import Given, GivenMatches
+from skymosaic.flight.linking.links import Candidate
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.picture.composition import MEMORY_BYTES
 from skymosaic.imagery.lens import Lens, load_lens
@@ -93,6 +96,16 @@ class SurveyOptions(FolderOptions, Seeded, PhotographOptions):
         MACHINE,
         not_for_two="two photographs are registered anew each time",
     )
+    matches: Mapping[Candidate, Given] | None = None
+
+    def read_matches(self, photographs: int) -> dict[Candidate, GivenMatches]:
+        """Check the matches that are given; raises for other photographs, and as `GivenMatches.read`."""
+        numbers, matches = set(range(photographs)), self.matches or {}
+        for pair in matches:
+            if not (len(pair) == 2 and numbers.issuperset(pair) and pair[0] < pair[1]):
+                valid = f"two of 0 to {photographs - 1}, the smaller first"
+                raise InputError(f"`matches` {pair}: a pair has the numbers of its photographs, {valid}")
+        return {pair: GivenMatches.read(given, f"`matches` {pair}") for pair, given in matches.items()}
 
     def flight_settings(self) -> Settings:
         """How the features of a flight's photographs are computed."""
@@ -109,7 +122,8 @@ class MosaicOptions(CanvasOptions, SurveyOptions, RegistrationOptions):
     The reference photograph of ``scale`` is the right one of two; of more it is the most connected one, without its
     tilt. With a ``scheduler``, two photographs are registered here and blended there. ``repeat`` is a mosaic whose
     transformations, links and lens are taken over for other photographs from the same places, in the same order:
-    another band, or another day.
+    another band, or another day. ``matches`` are your own as of `skymosaic.register`, by pairs such as
+    ``{(0, 1): (left, right)}``; other pairs are matched as always.
     """
 
     blending: Blending | None = option(
@@ -168,6 +182,9 @@ class MosaicOptions(CanvasOptions, SurveyOptions, RegistrationOptions):
         if photographs == 2:
             # Only two photographs have passes; `choose_effort` refuses those that the method does not allow.
             self.choose_effort(method)
+        if self.repeat is not None and self.matches is not None:
+            raise InputError("`repeat` takes over links, so `matches` would have no effect; leave one out")
+        self.read_matches(photographs)
         for each in options_of(type(self)):
             value, reason = getattr(self, each.name), each.not_for_two if photographs == 2 else each.not_for_more
             if reason and value != each.default:

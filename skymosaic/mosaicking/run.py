@@ -158,9 +158,14 @@ class MosaicRun:
             cache = open_cache(options.cache, self._tell)
             return repeat_flight(options.repeat.flight, self.sources, options.seed, self._workers, cache)
         if len(self.sources) == 2:
-            lens = options.lens or Lens()
             return register_two(
-                self.sources, options, lens, warp=options.warp, memory_bytes=options.memory_bytes, progress=progress
+                self.sources,
+                options,
+                options.lens or Lens(),
+                given=options.read_matches(2).get((0, 1)),
+                warp=options.warp,
+                memory_bytes=options.memory_bytes,
+                progress=progress,
             )
         flight = lay_out(self.sources, options, self._workers, self._tell)
         if options.warp == "mesh" and (flight.lens.mask is not None or self.sources[0].bands):
@@ -246,6 +251,7 @@ def lay_out(sources: Sequence[Source], options: SurveyOptions, workers: Workers,
         positions=options.positions,
         control=options.control_points,
         keep_all=options.keep_all,
+        given=options.read_matches(len(sources)),
     )
     tell_pages(flight, tell)
     return flight

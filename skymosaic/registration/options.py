@@ -18,7 +18,7 @@ from skymosaic.common.options import INPUT, MACHINE, Checked, document_options, 
 from skymosaic.features.backends import BackendName, load_backend
 from skymosaic.features.descriptors import Descriptor
 from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS, Detector
-from skymosaic.features.methods import HostBackend, Method, choose_method
+from skymosaic.features.methods import GIVEN, HostBackend, Method, choose_method
 from skymosaic.geometry.estimators import FUZZY_RANSAC, PROSAC, Estimator
 
 WORKING_WIDTH_PX = 1280
@@ -208,6 +208,14 @@ class RegistrationOptions(Seeded, FeatureOptions):
         if self.rules not in (None, "none"):
             raise InputError(f"`estimator` {FUZZY_RANSAC} has rules of its own; leave out either")
         return replace(config, matcher=replace(config.matcher, rule_base="none"))
+
+    def choose_given(self) -> tuple[Method, Config]:
+        """As `choose_method`, for matches that are given; raises for options that would have no effect on them."""
+        for name in ("detector", "descriptor", "rules", "backend", "effort"):
+            if getattr(self, name) != getattr(type(self), name):
+                raise InputError(f"`{name}` has no effect on matches that are given; leave it out")
+        config = self.base_config
+        return Method(GIVEN, GIVEN), replace(config, matcher=replace(config.matcher, rule_base="none"))
 
     def choose_effort(self, method: Method) -> Effort:
         """Choose the effort: the one that is asked for, or the default of the method.

@@ -16,6 +16,7 @@ from skymosaic.common.options import choose_options, list_options
 from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.features.contrast import even_contrast, find_pattern, share_pattern
 from skymosaic.features.frames import DescribedImage
+from skymosaic.features.given_matches import Given, GivenMatches
 from skymosaic.features.positions import are_on_ground, match_points
 from skymosaic.geometry.estimators import FABRIC, estimate
 from skymosaic.geometry.fabric import draw_config
@@ -39,6 +40,7 @@ def register(
     right: str | Path | Pixels | Features,
     options: RegistrationOptions | None = None,
     *,
+    matches: Given | None = None,
     progress: Progress = silent,
     **changes: Any,
 ) -> Pair:
@@ -50,6 +52,9 @@ def register(
         The photographs; they need not be of one size. `Features` of `skymosaic.extract` serve all pairs of a
         photograph: whatever one pair computes of it, the next one finds. They are matched by the golden model.
     options : RegistrationOptions, optional
+    matches : (left, right) or (left, right, weights), optional
+        Matches of your own: positions (N, 2) in pixels of the photographs, weights (N,) from 0 to 1. They take the
+        place of features and matches; estimator, checks and verdict are the same.
     progress : callable
         Receives lines about the first build of a simulation.
     **changes
@@ -64,7 +69,7 @@ def register(
     ------
     skymosaic.common.errors.InputError
         For a photograph that cannot be used, an unknown name or an impossible combination; for features that other
-        options gave, or of a method that only the host computes.
+        options gave, or of a method that only the host computes; for matches that cannot be those of the photographs.
 
     Examples
     --------
@@ -77,6 +82,7 @@ def register(
     options = choose_options(RegistrationOptions, options, changes)
     options.check()
     clock, features = Stopwatch(), None
+    given = None if matches is None else GivenMatches.read(matches)
     if isinstance(left, Features) or isinstance(right, Features):
         features = share_features(left, options, progress), share_features(right, options, progress)
         photographs = features[0].photograph, features[1].photograph
@@ -86,7 +92,9 @@ def register(
             load(right, "right image", keep_damaged=options.keeps_damaged),
         )
     clock.lap("reading and features" if features else "reading")
-    return register_photographs(photographs, options, seconds=clock.seconds, features=features, progress=progress)
+    return register_photographs(
+        photographs, options, seconds=clock.seconds, features=features, given=given, progress=progress
+    )
 
 
 def register_photographs(
@@ -96,14 +104,15 @@ def register_photographs(
     seconds: dict[str, float],
     lens: Lens | None = None,
     features: tuple[Features, Features] | None = None,
+    given: GivenMatches | None = None,
     progress: Progress = silent,
 ) -> Pair:
-    """`register` for photographs that are already decoded, and perhaps described.
+    """`register` for photographs that are already decoded, and perhaps described, or matched by the user.
 
     ``seconds`` holds the time spent so far. Matches in pixels that ``lens`` masks do not count.
     """
     clock = Stopwatch(seconds)
-    method, config = options.choose_method()
+    method, config = options.choose_method() if given is None else options.choose_given()
     effort = options.choose_effort(method)
     front_end = options.open_backend(method, progress)
     (left, to_left), (right, to_right) = (
@@ -113,7 +122,12 @@ def register_photographs(
     )
     masks = _mask(lens, left, photographs[0]), _mask(lens, right, photographs[1])
     masked = any(mask is not None for mask in masks)
-    first = _match_first(front_end, (left, right), config, options, features=features, masked=masked)
+    if given is None:
+        first = _match_first(front_end, (left, right), config, options, features=features, masked=masked)
+    else:
+        lenses = ((lens or Lens()).turned(each.orientation) for each in photographs)
+        sides = zip((each.size for each in photographs), (to_left, to_right), lenses, strict=True)
+        first = _FirstPass(*given.records(config.front_end.pattern.record.dtype, list(sides)), config)
     clock.lap("features and matches")
     shared = None if features is None else (features[0].working, features[1].working)
     state, agreement, left_out = _search(
@@ -155,7 +169,7 @@ def register_photographs(
     pair = _settle(pair, options, partial(_show_ground, masks=masks, left_out=left_out))
     clock.lap("refinement")
     in_doubt = not pair.accepted or (agreement is not None and not agreement.suffices)
-    if in_doubt and min(left.shape[:2]) >= 2 * MIN_FRAME_PX and share_pattern(*pair.working):
+    if given is None and in_doubt and min(left.shape[:2]) >= 2 * MIN_FRAME_PX and share_pattern(*pair.working):
         return _register_without_pattern(pair, options, lens, progress)
     return pair
 

@@ -123,6 +123,7 @@ def link_views(
     sights: tuple[Sight, Sight],
     max_samples: int = FIRST_LOOK_SAMPLES,
     predicted: Matrix | None = None,
+    matches: Records | None = None,
 ) -> Link:
     """Match the features of two views and fit a homography.
 
@@ -140,8 +141,12 @@ def link_views(
         Samples of the robust estimator, at most.
     predicted : ndarray of float64, shape (3, 3), or None
         Left to right working px as a layout has them: features match only within 32 px of their predicted place.
+    matches : structured array or None
+        Match records that somebody else has found; the features play no part then.
     """
-    if predicted is None:
+    if matches is not None:
+        predicted = None
+    elif predicted is None:
         matches = match(left, right, config.front_end.pattern, config.matcher)
     else:
         matches = match_nearby(left, right, predicted, config)

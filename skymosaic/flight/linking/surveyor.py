@@ -1,7 +1,7 @@
 """Computes what a flight is laid out from, or takes it from the cache."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from operator import attrgetter
 from typing import Any
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from golden_model.arrays import Float32, Matrix, Pixels, Records
 from golden_model.cache import Cache
 from skymosaic.common.errors import InputError
+from skymosaic.features.given_matches import GivenMatches
+from skymosaic.features.positions import are_on_ground, match_points
 from skymosaic.flight.linking import resemblance
 from skymosaic.flight.linking.links import FIRST_LOOK_SAMPLES, Candidate, Link, link_views
 from skymosaic.flight.linking.view import HEAVY, Settings, View, describe, describe_thumbnail
@@ -38,6 +40,8 @@ class Surveyor:
     cache: Cache
     max_samples: int = FIRST_LOOK_SAMPLES
     """Samples of the robust estimator per link, at most."""
+    given: Mapping[Candidate, GivenMatches] = field(default_factory=dict)
+    """Matches of the user's, by which these pairs of views are linked, whatever their features are."""
 
     def describe(self, sources: Sequence[Source]) -> list[View | str]:
         """Compute the view of each source, or say why there is none."""
@@ -110,13 +114,26 @@ class Surveyor:
         calls = []
         for pair, homography in sorted(predicted.items(), key=lambda item: item[0]):
             left, right = (views[side] for side in pair)
-            key = key_of(link_views, left.key, right.key, *how, None if homography is None else homography.tolist())
-            calls.append((pair, homography, key, *_LINKED_BY(left), *_LINKED_BY(right)))
+            matches = self._match_as_given(pair, left, right)
+            predictions = [None if each is None else each.tolist() for each in (homography, matches)]
+            key = key_of(link_views, left.key, right.key, *how, *predictions)
+            calls.append((pair, homography, matches, key, *_LINKED_BY(left), *_LINKED_BY(right)))
         link_pair = partial(link_views, config=self.settings.config, seed=self.seed, max_samples=self.max_samples)
         links = self.workers.run(
             "pairs", partial(_link, compute=link_pair, lens=self.settings.lens, cache=self.cache), calls
         )
         return dict(zip((pair for pair, *_ in calls), links, strict=True))
+
+    def _match_as_given(self, pair: Candidate, left: View, right: View) -> Records | None:
+        """Match records of what the user has given for a pair, but for what a mask hides; None where it is nothing."""
+        if pair not in self.given:
+            return None
+        lenses = [self.settings.lens.turned(view.orientation) for view in (left, right)]
+        sides = [(view.size, view.to_original, lens) for view, lens in zip((left, right), lenses, strict=True)]
+        _, matches = self.given[pair].records(self.settings.config.front_end.pattern.record.dtype, sides)
+        for view, lens, points in zip((left, right), lenses, match_points(matches), strict=True):
+            matches["verdict"] &= are_on_ground(points, lens.visible_mask(view.working_size, view.visible))
+        return matches
 
 
 def _describe(source: Source, settings: Settings, cache: Cache) -> View | str:
@@ -135,6 +152,7 @@ def _describe(source: Source, settings: Settings, cache: Cache) -> View | str:
 def _link(
     pair: Candidate,
     predicted: Matrix | None,
+    matches: Records | None,
     key: str,
     *sides: Any,
     compute: Callable[..., Link],
@@ -146,7 +164,7 @@ def _link(
         return Link.unpack(arrays, *pair)
     (left, *left_picture), (right, *right_picture) = sides[:5], sides[5:]
     sights = _see(lens, *left_picture), _see(lens, *right_picture)
-    link = compute(pair, left, right, sights=sights, predicted=predicted)
+    link = compute(pair, left, right, sights=sights, predicted=predicted, matches=matches)
     cache.save(key, link.pack())
     return link
 

@@ -39,7 +39,7 @@ def link_all(described: LinkedViews) -> LinkedViews:
     """Link likely pairs, then what the layout predicts; groups that stay isolated get a second look."""
     surveyor, views = described.surveyor, described.views
     votes = surveyor.count_votes(views)
-    links = surveyor.link(views, first_candidates(views, votes))
+    links = surveyor.link(views, first_candidates(views, votes) | surveyor.given.keys())
     _add_predicted(surveyor, views, links)
     # Thumbnails last: they serve only the groups that more features could not join.
     links |= link_by_more_features(surveyor, described.sources, views, links, votes)
