@@ -2,8 +2,9 @@
 # Blocks that are refused are never elaborated, of which whoever reads the refusal would be warned, too.
 """The blocks for `skymosaic export block`, with their vectors."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,19 +12,38 @@ from numpy.typing import NDArray
 
 from golden_model import front_end as golden_front_end
 from golden_model.arrays import Records
-from golden_model.config import MAX_FRAME_PX, EstimatorConfig, FrontEndConfig, MatcherConfig, check_choice, check_range
+from golden_model.config import (
+    DETECTORS,
+    MAX_FRAME_PX,
+    EstimatorConfig,
+    FrontEndConfig,
+    MatcherConfig,
+    check_choice,
+    check_range,
+)
 from golden_model.feature import ilbp
-from golden_model.formats import encode_response
+from golden_model.formats import RESPONSE_CODE, encode_response
 from golden_model.fuzzy.rules import MatchRules
 from golden_model.fuzzy.sugeno import SugenoSystem
 from golden_model.geometry.estimator import FrameMatches, estimate, homography_record
 from golden_model.matching import correlation, rule_bases
 from golden_model.matching.matcher import check_rule_base, match
-from golden_model.pixel import fast, gray, half, nms, smooth, sobel
+from golden_model.pixel import fast, gray, half, harris, nms, smooth, sobel
 from golden_model.records import FRAME_STATUS, MATCH, Tag
 from hdl.blocks.chain import Chain, Descriptor
 from hdl.blocks.flat import flat_values
-from hdl.blocks.vectors import Block, Row, answer_rows, packet, padded_status, pixel_rows, rows, sample_image
+from hdl.blocks.vectors import (
+    Block,
+    Row,
+    answer_rows,
+    neighbours,
+    packet,
+    padded_status,
+    pixel_rows,
+    rows,
+    sample_frames,
+    sample_image,
+)
 from hdl.build import Build, check_lanes
 from hdl.fuzzy.sugeno import Sugeno
 from hdl.geometry.records import RecordEstimator
@@ -54,6 +74,7 @@ class BlockConfig(FrontEndConfig):
     max_features: int = 256
     width_px: int = Build.max_width_px
     """Longest line that a block accepts; the test benches send shorter ones."""
+    pixels_per_clock: int = 1
     window_px: int = 3
     """Side of the window that is smoothed, 3 or 5."""
     lanes: int = 8
@@ -64,73 +85,93 @@ class BlockConfig(FrontEndConfig):
         super().__post_init__()
         check_range("width_px", self.width_px, SMALL_FRAME_PX, MAX_FRAME_PX)
         check_choice("window_px", self.window_px, (3, 5))
+        check_choice("pixels_per_clock", self.pixels_per_clock, (1, 2))
         check_lanes(self.lanes, self.max_features)
 
 
-def _gray(_config: BlockConfig) -> Block:
-    image = np.stack([sample_image(seed=seed) for seed in (1, 2, 3)], axis=-1)
-    # Green in the lowest byte, then blue, red: the order of UG934.
-    beats = image.astype(int) @ (1 << 8, 1, 1 << 16)
-    return Block(
-        Gray(),
-        "Luma of RGB pixels, or gray pixels unchanged.",
-        {"i": pixel_rows(data=beats)},
-        {"o": answer_rows(pixel=gray.to_gray(image))},
-        {"i_gray_input": 0},
-    )
-
-
-def _scan(
-    component: Any, about: str, sent: Mapping[str, NDArray[Any]], margin_px: int = 0, *, settings: Row | None = None,
-    **answers: NDArray[Any],
+def scan(
+    component: Any, about: str, frames: Sequence[Mapping[str, NDArray[Any]]], answer: Callable[..., dict[str, Any]],
+    *, margin_px: int = 0, settings: Row | None = None, answered_per_clock: int | None = None,
 ) -> Block:  # fmt: skip
-    """A block that gets a frame, pixel by pixel, and answers with a frame."""
-    answered = answer_rows(lag_px=getattr(component, "lag_px", 0), margin_px=margin_px, **answers)
-    return Block(component, about, {"i": pixel_rows(**sent)}, {"o": answered}, settings or {})
+    """A block that gets frames, pixel by pixel, and answers with what is computed of their planes."""
+    rate = getattr(component, "pixels_per_clock", 1)
+    places: dict[str, Any] = {"lag_px": getattr(component, "lag_px", 0), "margin_px": margin_px}
+    sent = [row for frame in frames for row in pixel_rows(rate, **frame)]
+    answered = [row for frame in frames for row in answer_rows(answered_per_clock or rate, **places, **answer(**frame))]
+    return Block(component, about, {"i": sent}, {"o": answered}, settings or {})
 
 
 def _with_lines(config: BlockConfig, lines: int, blocks: Mapping[str, Any], **others: Any) -> Chain:
     """Blocks of which the first takes columns of pixels, behind the line memory that makes them."""
-    memory = LineBuffer(shape=8, lines=lines, width_px=config.width_px)
+    rate = config.pixels_per_clock
+    memory = LineBuffer(shape=8, lines=lines, width_px=config.width_px, pixels_per_clock=rate)
     lags = (getattr(block, name, 0) for block in blocks.values() for name in ("lag_px", "gradient_lag_px"))
     return Chain({"lines": memory, **blocks}, lag_px=sum(lags), **others)
 
 
+def _pixels() -> list[dict[str, NDArray[Any]]]:
+    return [{"pixel": frame} for frame in sample_frames()]
+
+
+def _gray(config: BlockConfig) -> Block:
+    frames = sample_frames()
+    images = [np.stack([frames[n], frames[1 - n][::-1], frames[n][:, ::-1]], axis=-1) for n in (0, 1)]
+    # Green in the lowest byte, then blue, red: the order of UG934.
+    beats = [{"data": image.astype(int) @ (1 << 8, 1, 1 << 16)} for image in images]
+    colours = iter(images)
+    block, about = Gray(pixels_per_clock=config.pixels_per_clock), "Luma of RGB pixels, or gray pixels unchanged."
+    return scan(block, about, beats, lambda data: {"pixel": gray.to_gray(next(colours))}, settings={"i_gray_input": 0})
+
+
 def _half(config: BlockConfig) -> Block:
-    image = sample_image()
-    return _scan(Half(width_px=config.width_px), "Mean of each 2x2 pixels.", {"pixel": image}, pixel=half.halve(image))
+    rate = config.pixels_per_clock
+    block = Half(width_px=config.width_px, pixels_per_clock=rate)
+    # The right pixel of a beat is in the line, too.
+    frames = [{"pixel": frame[:, : 31 // rate * rate]} for frame in sample_frames()]
+    return scan(block, "Mean of each 2x2 pixels.", frames, lambda pixel: {"pixel": half.halve(pixel)},
+        answered_per_clock=1)  # fmt: skip
 
 
 def _smooth(config: BlockConfig) -> Block:
-    image, side_px = sample_image(), config.window_px
-    chain = _with_lines(config, side_px - 1, {"block": Binomial(window_px=side_px)})
-    about, smoothed = f"Binomial smoothing, {side_px}x{side_px}.", smooth.binomial(image, side_px)
-    return _scan(chain, about, {"pixel": image}, side_px // 2, pixel=smoothed)
+    side_px, rate = config.window_px, config.pixels_per_clock
+    chain = _with_lines(config, side_px - 1, {"block": Binomial(window_px=side_px, pixels_per_clock=rate)})
+    about = f"Binomial smoothing, {side_px}x{side_px}."
+    return scan(chain, about, _pixels(), lambda pixel: {"pixel": smooth.binomial(pixel, side_px)},
+        margin_px=side_px // 2)  # fmt: skip
 
 
 def _sobel(config: BlockConfig) -> Block:
-    image = sample_image()
-    x, y = sobel.gradients(image)
-    chain = _with_lines(config, 2, {"block": Sobel()})
-    return _scan(chain, "Sobel gradients.", {"pixel": image}, 1, gradient_x=x, gradient_y=y)
+    chain = _with_lines(config, 2, {"block": Sobel(pixels_per_clock=config.pixels_per_clock)})
+
+    def answer(pixel: NDArray[np.uint8]) -> dict[str, Any]:
+        return dict(zip(("gradient_x", "gradient_y"), sobel.gradients(pixel), strict=True))
+
+    return scan(chain, "Sobel gradients.", _pixels(), answer, margin_px=1)
 
 
 def _fast(config: BlockConfig) -> Block:
-    image, settings = sample_image(), {"i_threshold_code": 12}
-    chain, code = _with_lines(config, WINDOW_PX - 1, {"block": Fast()}), fast.response_code(image, 12)
-    about = "FAST-9/16: segment test and score."
-    return _scan(chain, about, {"pixel": image}, fast.MARGIN_PX, settings=settings, code=code)
+    chain = _with_lines(config, WINDOW_PX - 1, {"block": Fast(pixels_per_clock=config.pixels_per_clock)})
+    about, settings = "FAST-9/16: segment test and score.", {"i_threshold_code": 12}
+    return scan(chain, about, _pixels(), lambda pixel: {"code": fast.response_code(pixel, 12)},
+        margin_px=fast.MARGIN_PX, settings=settings)  # fmt: skip
 
 
-def _response(config: BlockConfig) -> tuple[NDArray[np.uint8], golden_front_end.Plane, int]:
-    """A frame, its responses, and the code of the threshold."""
-    image = sample_image(SMALL_FRAME_PX, SMALL_FRAME_PX)
-    response = golden_front_end.trace(image, config).levels[0]["response_code"]
-    return image, response, int(encode_response(np.array(config.threshold)))
+def _response(config: BlockConfig, pixel: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    """The codes of a frame's responses."""
+    if config.detector == "fast":
+        return fast.response_code(pixel, config.threshold)
+    smoothed = smooth.binomial(pixel, 3) if config.smoothed_gradients else pixel
+    tensor = harris.structure_tensor(*sobel.gradients(smoothed), config.tensor_window_px)
+    raw = harris.raw_response(*tensor, config.harris_k_numerator, config.harris_k_shift)
+    return harris.response_code(raw, config.threshold)
+
+
+def _threshold(config: BlockConfig) -> Row:
+    code = config.threshold if config.detector == "fast" else encode_response(np.array(config.threshold))
+    return {"i_threshold_code": int(code)}
 
 
 def _harris(config: BlockConfig) -> Block:
-    image, response, threshold_code = _response(config)
     blocks = {
         "columns": GradientColumns(smoothed=config.smoothed_gradients, width_px=config.width_px),
         "tensor": StructureTensor(window_px=config.tensor_window_px),
@@ -139,26 +180,36 @@ def _harris(config: BlockConfig) -> Block:
     }
     chain = _with_lines(config, 2, blocks, fields={"column": "gradients"}, constants={"i_fast": 0})
     about = "Harris's corner response as a logarithmic code; 0 below the threshold."
-    settings = {"i_threshold_code": threshold_code}
-    return _scan(chain, about, {"pixel": image}, response.margin_px, settings=settings, code=response.values)
+    return scan(chain, about, _pixels(), lambda pixel: {"code": _response(config, pixel)},
+        margin_px=config.response_support_px, settings=_threshold(config))  # fmt: skip
+
+
+def _survivors(config: BlockConfig, code: NDArray[np.uint16]) -> dict[str, Any]:
+    return {"code": nms.suppress(code, *config.suppression), **neighbours(code)}
+
+
+def _detector(config: BlockConfig) -> Row:
+    return {"i_fast": DETECTORS.index(config.detector)}
 
 
 def _nms(config: BlockConfig) -> Block:
-    radius_px = config.suppression_radius_px
-    codes = np.asarray(np.random.default_rng(4).integers(0, 40, (26, 30)), np.uint16)
+    radius_px, rate = config.suppression_radius_px, config.pixels_per_clock
+    # Equal ones, and the extremes: those of FAST have 8 bits.
+    most = np.array([2, 6, 40, 256 if config.detector == "fast" else 1 << RESPONSE_CODE.bits])[np.arange(31) // 8]
+    random = np.random.default_rng(4)
+    frames = [{"code": random.integers(0, most, (27, 31)).astype(np.uint16)} for _ in range(2)]
     about = f"Non-maximum suppression in a window of {2 * radius_px + 1}x{2 * radius_px + 1} px."
-    block, survivors = Suppression(radius_px=radius_px, width_px=config.width_px), nms.suppress(codes, radius_px)
-    return _scan(block, about, {"code": codes}, radius_px, settings={"i_fast": 0}, code=survivors)
+    block = Suppression(radius_px=radius_px, width_px=config.width_px, pixels_per_clock=rate)
+    return scan(block, about, frames, partial(_survivors, config), margin_px=radius_px, settings=_detector(config))
 
 
 def _corners(config: BlockConfig) -> Block:
-    image, response, threshold_code = _response(config)
-    radius_px = config.suppression_radius_px
-    chain = _with_lines(config, 2, {"corners": Corners(config=config, width_px=config.width_px)})
+    corners = Corners(config=config, width_px=config.width_px, pixels_per_clock=config.pixels_per_clock)
+    chain = _with_lines(config, 2, {"corners": corners})
     about = "Harris or FAST corners after suppression, with the codes of the four neighbours."
-    settings, margin_px = {"i_fast": 0, "i_threshold_code": threshold_code}, response.margin_px + radius_px
-    survivors = nms.suppress(response.values, radius_px)
-    return _scan(chain, about, {"pixel": image}, margin_px, settings=settings, code=survivors)
+    margin_px = config.response_support_px + config.suppression_radius_px
+    return scan(chain, about, _pixels(), lambda pixel: _survivors(config, _response(config, pixel)),
+        margin_px=margin_px, settings=_detector(config) | _threshold(config))  # fmt: skip
 
 
 def _ilbp(config: BlockConfig) -> Block:
@@ -288,17 +339,18 @@ class Entry(NamedTuple):
     """The fields of the configuration on which it depends."""
 
 
-WIDTH = ("width_px",)
+WIDTH = ("width_px", "pixels_per_clock")
 HARRIS = ("smoothed_gradients", "tensor_window_px", "harris_k_numerator", "harris_k_shift")
+SUPPRESSED = ("suppression_radius_px", "detector")
 CATALOGUE = {
-    "gray": Entry(_gray),
+    "gray": Entry(_gray, ("pixels_per_clock",)),
     "half": Entry(_half, WIDTH),
     "smooth": Entry(_smooth, (*WIDTH, "window_px")),
     "sobel": Entry(_sobel, WIDTH),
-    "harris": Entry(_harris, (*WIDTH, *HARRIS)),
+    "harris": Entry(_harris, ("width_px", *HARRIS)),
     "fast": Entry(_fast, WIDTH),
-    "nms": Entry(_nms, (*WIDTH, "suppression_radius_px")),
-    "corners": Entry(_corners, (*WIDTH, *HARRIS, "suppression_radius_px")),
+    "nms": Entry(_nms, (*WIDTH, *SUPPRESSED)),
+    "corners": Entry(_corners, (*WIDTH, *HARRIS, *SUPPRESSED, "threshold")),
     "ilbp": Entry(_ilbp, ("descriptor",)),
     "fuzzy": Entry(_fuzzy),
     "correlation": Entry(_correlation),
@@ -322,8 +374,10 @@ def make_block(name: str, settings: Mapping[str, Any]) -> Block:
     for key in settings:
         if key not in known:
             raise ValueError(f"{name} does not depend on {key!r}; valid: {', '.join(known) or 'none'}")
+    # FAST's scores are gray levels.
+    usual = {"threshold": 12} if settings.get("detector") == "fast" else {}
     try:
-        config = BlockConfig(**{key: _read_value(value) for key, value in settings.items()})
+        config = BlockConfig(**usual | {key: _read_value(value) for key, value in settings.items()})
         return replace(make(config), parameters={key: getattr(config, key) for key in known})
     except ValueError as error:
         # Elsewhere names in backquotes are those of options.

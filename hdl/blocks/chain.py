@@ -46,6 +46,7 @@ class Chain(wiring.Component):
         self._fields = fields or {}
         self._constants = constants or {}
         first, *_, last = self.blocks.values()
+        self.pixels_per_clock = getattr(first, "pixels_per_clock", 1)
         self._settings = {
             name: member.shape
             for block in self.blocks.values()

@@ -1,6 +1,6 @@
 """Vectors of a test bench: the inputs of a block and its expected outputs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -43,31 +43,56 @@ def rows(name: str, values: Sequence[Any]) -> list[Row]:
     return [flat_values(name, value) for value in values]
 
 
-def pixel_rows(**planes: NDArray[Any]) -> list[Row]:
-    """Convert a frame to the beats at the port ``i``, in raster order."""
+def pixel_beats(planes: Mapping[str, NDArray[Any]], pixels_per_clock: int) -> Iterator[dict[str, Any]]:
+    """The beats of a frame in raster order; the last beat of an odd line repeats the line's last pixel."""
     height, width = next(iter(planes.values())).shape[:2]
-    beats = [
-        {"x": x, "y": y, **{name: plane[y, x].tolist() for name, plane in planes.items()}}
-        for y, x in np.ndindex(height, width)
-    ]
-    return rows("i", beats)
+    for y, x in np.ndindex(height, -(-width // pixels_per_clock)):
+        columns = [min(pixels_per_clock * x + n, width - 1) for n in range(pixels_per_clock)]
+        payload = {name: [plane[y, column].tolist() for column in columns] for name, plane in planes.items()}
+        if pixels_per_clock == 1:
+            payload = {name: pixel for name, (pixel,) in payload.items()}
+        yield {"x": pixels_per_clock * x, "y": y, **payload}
 
 
-def answer_rows(*, lag_px: int = 0, margin_px: int = 0, **planes: NDArray[Any]) -> list[Row]:
+def pixel_rows(pixels_per_clock: int = 1, /, **planes: NDArray[Any]) -> list[Row]:
+    """Convert a frame to the beats at the port ``i``, in raster order."""
+    return rows("i", list(pixel_beats(planes, pixels_per_clock)))
+
+
+def answer_rows(
+    pixels_per_clock: int = 1, /, *, lag_px: int = 0, margin_px: int = 0, **planes: NDArray[Any]
+) -> list[Row]:
     """Convert the results for a frame to the beats at the port ``o``.
 
     Each comes ``lag_px`` to the right of and below its pixel. In the margin, where the block's window leaves the frame,
     outputs are unspecified.
     """
     height, width = next(iter(planes.values())).shape[:2]
-    beats: list[dict[str, Any]] = []
-    for y, x in np.ndindex(height, width):
-        at = (y - lag_px, x - lag_px)
-        inside = all(margin_px <= part < side - margin_px for part, side in zip(at, (height, width), strict=True))
-        beats.append(
-            {"x": x, "y": y, **({name: plane[at].tolist() for name, plane in planes.items()} if inside else {})}
-        )
-    return rows("o", beats)
+    beats: list[Row] = []
+    for y, x in np.ndindex(height, -(-width // pixels_per_clock)):
+        beats += rows("o", [{"x": pixels_per_clock * x, "y": y}])
+        for n in range(pixels_per_clock):
+            at = (y - lag_px, pixels_per_clock * x + n - lag_px)
+            if all(margin_px <= part < side - margin_px for part, side in zip(at, (height, width), strict=True)):
+                port = "o_{}" if pixels_per_clock == 1 else f"o_{{}}_{n}"
+                for name, plane in planes.items():
+                    beats[-1] |= flat_values(port.format(name), plane[at].tolist())
+    return beats
+
+
+def neighbours(plane: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """What lies to the left and right of each pixel, above and below it; wrong at the border."""
+    sides = {"left": (1, 1), "right": (-1, 1), "up": (1, 0), "down": (-1, 0)}
+    return {name: np.roll(plane, *side) for name, side in sides.items()}
+
+
+def sample_frames() -> list[NDArray[np.uint8]]:
+    """Two frames of an odd size: tiles, noise, and the extremes side by side."""
+    frames = [sample_image(27, 31, seed) for seed in (3, 4)]
+    for seed, frame in enumerate(frames):
+        frame[:9, 14:] = np.random.default_rng(seed).integers(0, 256, (9, 17))
+        frame[18:, 14:] = np.indices((9, 17)).sum(0) % 2 * 255
+    return frames
 
 
 def sample_image(height: int = 26, width: int = 30, seed: int = 3) -> NDArray[np.uint8]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,7 @@ from amaranth.lib import data, wiring
 from amaranth.sim import Simulator
 from numpy.typing import NDArray
 
+from hdl.blocks.vectors import pixel_beats
 from sim.simulators.recording import NO_PAUSES, Pauses
 
 CLOCK_S = 1e-8
@@ -97,7 +98,7 @@ def run_beats(
     layout = i.shape()
     count = getattr(dut, "pixels_per_clock", 1)
     pack = _make_packer(layout)
-    beats = [pack(beat) for frame in frames for beat in _list_beats(frame, count)]
+    beats = [pack({"valid": 1, **beat}) for frame in frames for beat in pixel_beats(frame, count)]
     sent: list[tuple[int, int]] = []
     received: list[tuple[int, int]] = []
 
@@ -124,18 +125,6 @@ def run_beats(
     simulator.add_testbench(testbench)
     simulator.run()
     return _decode(sent, layout, count), _decode(received, o.shape(), received_per_clock or count)
-
-
-def _list_beats(frame: Mapping[str, NDArray[np.integer]], pixels_per_clock: int) -> Iterator[dict[str, Any]]:
-    """Beats in raster order; the last beat of an odd line repeats the line's last pixel."""
-    height, width = next(iter(frame.values())).shape[:2]
-    for y, x in np.ndindex(height, -(-width // pixels_per_clock)):
-        left = x * pixels_per_clock
-        columns = [min(left + n, width - 1) for n in range(pixels_per_clock)]
-        payload = {name: [plane[y, column].tolist() for column in columns] for name, plane in frame.items()}
-        if pixels_per_clock == 1:
-            payload = {name: pixel for name, (pixel,) in payload.items()}
-        yield {"valid": 1, "x": left, "y": y, **payload}
 
 
 def _decode(beats: Sequence[tuple[int, int]], layout: data.Layout, pixels_per_clock: int) -> Beats:

@@ -27,9 +27,9 @@ from hdl.netlist import to_verilog
 from sim.benches.painter import PainterTop
 from sim.simulators import verilator
 from sim.simulators.design import Design
-from tests.hdl.lib.test_ecp5 import raw_response
 from tests.hdl.netlists import SYNTHESIS, models, run_bench, run_compiled_bench, synthesise
 from tests.hdl.painting import test_painter
+from tests.hdl.pixel.test_rows import raw_response
 
 Recorder = Callable[[str, object], None]
 

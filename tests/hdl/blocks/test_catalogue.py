@@ -1,5 +1,7 @@
 """The blocks answer their vectors, and the vectors reach what they are there for."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -7,20 +9,24 @@ from numpy.typing import NDArray
 from golden_model.matching import rule_bases
 from golden_model.records import HOMOGRAPHY, MATCH, WORD_BYTES, Record
 from hdl.blocks.catalogue import BlockConfig, make_block
-from hdl.blocks.vectors import Row
-from tests.hdl.blocks.vector_bench import compare
+from hdl.blocks.vectors import Row as Fields
+from tests.hdl.rows import Row, check, table
 
 pytestmark = pytest.mark.usefixtures("unused_blocks")
 
 
-@pytest.mark.parametrize("name", ["half", "smooth", "sobel"])
-def test_a_block_in_amaranths_simulator_answers_its_vectors(name: str) -> None:
-    block = make_block(name, {})
-    assert any(len(row) > 2 for row in block.outputs["o"])
-    compare(block)
+@table(
+    harris=partial(make_block, "harris", {}),
+    ilbp=partial(make_block, "ilbp", {}),
+    fuzzy=partial(make_block, "fuzzy", {}),
+    matcher=Row(partial(make_block, "matcher", {}), idle_cycles=20_000, remembers=True),
+)
+def test_a_block_of_the_catalogue_answers_its_vectors(row: Row) -> None:
+    """The others are among the rows of their folders."""
+    check(row)
 
 
-def records(rows: list[Row], port: str, record: Record) -> NDArray[np.void]:
+def records(rows: list[Fields], port: str, record: Record) -> NDArray[np.void]:
     """The records in the words of a packet; words that are not compared are 0."""
     words = [row.get(f"{port}_data", 0) for row in rows]
     return np.array(words, np.uint64).view(record.dtype)

@@ -3,14 +3,9 @@
 import pytest
 from amaranth.hdl import Fragment
 
-from golden_model.config import PRESETS
-from hdl.blocks.catalogue import make_block
-from hdl.blocks.chain import Chain, Descriptor
+from hdl.blocks.chain import Chain
 from hdl.pixel.fast import WINDOW_PX, Fast
 from hdl.pixel.window import LineBuffer
-from tests.hdl.blocks.vector_bench import compare
-
-PATTERN = PRESETS["aerial"].front_end.pattern
 
 
 @pytest.mark.parametrize(
@@ -24,10 +19,3 @@ def test_inputs_besides_the_beats_are_ports_unless_they_are_constant(
     Fragment.get(chain, None)
     assert set(chain.signature.members) == ports
     assert chain.lag_px == 3
-
-
-def test_candidates_four_clocks_apart_are_described() -> None:
-    block = make_block("ilbp", {})
-    assert block.spacing_cycles == Descriptor.spacing_cycles == 4
-    assert len({row["o_sector"] for row in block.outputs["o"]}) > 8
-    compare(block)

@@ -9,7 +9,6 @@ from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from hdl.blocks.flat import FlatBlock, flat_values, leaves
-from tests.hdl.blocks.vector_bench import pack
 
 NESTED = data.StructLayout(
     {"valid": 1, "pair": data.ArrayLayout(data.StructLayout({"x": 5, "y": signed(7)}), 2), "code": 3}
@@ -32,7 +31,9 @@ def test_values_get_the_bits_that_amaranth_gives_them() -> None:
     value: dict[int | str, Any] = {"valid": 1, "pair": [{"x": 17, "y": -3}, {"x": 2, "y": 40}], "code": 5}
     flat = flat_values("i", value)
     assert flat.keys() == {name for name, _, _ in leaves("i", NESTED)}
-    assert pack("i", NESTED, flat) == NESTED.const(value).as_bits()
+    bits = NESTED.const(value).as_bits()
+    assert all(flat[name] & (1 << shape.width) - 1 == bits >> low & (1 << shape.width) - 1
+        for name, low, shape in leaves("i", NESTED))  # fmt: skip
 
 
 class Doubler(wiring.Component):

@@ -5,46 +5,25 @@ import re
 from collections import Counter
 from pathlib import Path
 
-import numpy as np
 import pytest
 from amaranth.back import rtlil
 from amaranth.hdl import Module, Signal, signed
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import TENSOR_TRACE
-from golden_model.pixel import harris
 from hdl.blocks.catalogue import CATALOGUE, Entry, make_block
 from hdl.blocks.export import find_block, write_block
 from hdl.blocks.flat import FlatBlock
-from hdl.blocks.vectors import Block, answer_rows, pixel_rows, rows
+from hdl.blocks.vectors import Block, rows
 from hdl.lib.delay import delayed
 from hdl.lib.ecp5 import Ecp5
 from hdl.lib.line_memory import LineMemory
 from hdl.lib.multiplier import multiply_wide
 from hdl.netlist import to_verilog
 from hdl.painting.painter import Painter
-from hdl.pixel.harris import RawResponse
 from tests.hdl.lib.test_multiplier import FACTORS
 from tests.hdl.netlists import models, run_bench
-
-
-def raw_response() -> Block:
-    """The extremes of the structure tensor, and much in between."""
-    rng = np.random.default_rng(3)
-    largest = TENSOR_TRACE.max_raw // 2
-    a, b = rng.integers(0, largest + 1, (2, 20, 20), np.int32)
-    a[0, :4], b[0, :4] = (0, largest, 0, largest), (0, 0, 1, largest)
-    # The mixed sum is never larger than the geometric mean of the other two.
-    c = (np.sqrt(a.astype(float) * b) * rng.choice([-1, 1, 0.3], a.shape)).astype(np.int32)
-    expected = harris.raw_response(a, b, c, 1, 4)
-    return Block(
-        RawResponse(k_numerator=1, k_shift=4),
-        "Harris's response.",
-        {"i": pixel_rows(a=a, b=b, c=c)},
-        {"o": answer_rows(raw=expected)},
-        {},
-    )
+from tests.hdl.pixel.test_rows import raw_response
 
 
 class WideProduct(wiring.Component):

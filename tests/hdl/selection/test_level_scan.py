@@ -1,8 +1,6 @@
 # amaranth: UnusedElaboratable=no
 """Marks of pixels inside the border, and of the ends of cell rows and levels."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from amaranth import Module
@@ -11,7 +9,7 @@ from amaranth.lib.wiring import In, Out
 
 from hdl.selection.level_scan import WARNING_BEATS, LevelScan
 from hdl.streams import beat
-from sim.benches.drivers import Beats, run_beats
+from sim.benches.drivers import run_beats
 from sim.simulators.recording import Pauses
 
 LAG_PX, BORDER_PX, CELL_LOG2 = 4, 7, 4
@@ -76,10 +74,11 @@ def test_marks_belong_to_the_lagging_pixel(
             np.testing.assert_array_equal(part.plane(name, shape)[:, ::pixels_per_clock], plane, name)
 
 
-def test_a_border_wider_than_the_smallest_level_still_ends_it(run_block: Callable[..., list[Beats]]) -> None:
+def test_a_border_wider_than_the_smallest_level_still_ends_it() -> None:
     shape = (32, 32)
     dut = LevelScan(lag_px=LAG_PX, border_px=60, cells=True)
     settings = {"i_width_px": 32, "i_height_px": 32, "i_cell_log2": CELL_LOG2}
-    _, part = run_block(dut, [{"pixel": np.zeros(shape, int)}] * 2, settings)
+    _, received = run_beats(dut, [{"pixel": np.zeros(shape, int)}] * 2, settings=settings)
+    _, part = received.split()
     assert not part.fields["inside"].any()
     assert part.fields["ends_level"].sum() == part.fields["ends_row"].sum() == 1
