@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -99,32 +99,6 @@ def open_advanced(page: Page) -> None:
     if advanced.get_attribute("aria-expanded") != "true":
         advanced.click()
     expect(page.get_by_role("combobox", name="Detector")).to_be_visible()
-
-
-def threshold_to_corners_ms(page: Page, keys: Sequence[str]) -> list[float]:
-    """Milliseconds from each key press that moves the threshold to the next frame the browser paints.
-
-    The thumb is set to the middle of its range first. Each key has to change the corners.
-    """
-    before = corner_counts(page).text_content() or ""
-    open_advanced(page)
-    page.get_by_role("slider", name="Harris threshold").click()
-    expect(corner_counts(page)).not_to_have_text(before)
-    page.evaluate(
-        """() => {
-            const drawing = document.querySelector(".viewer > svg g");
-            addEventListener("keydown", () => (window.pressed = performance.now()), true);
-            new MutationObserver(() => requestAnimationFrame(() => (window.painted = performance.now())))
-                .observe(drawing, { childList: true });
-        }"""
-    )
-    milliseconds = []
-    for key in keys:
-        page.evaluate("window.painted = 0")
-        page.keyboard.press(key)
-        page.wait_for_function("window.painted > 0")
-        milliseconds.append(page.evaluate("window.painted - window.pressed"))
-    return milliseconds
 
 
 if __name__ == "__main__":

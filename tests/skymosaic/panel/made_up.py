@@ -1,6 +1,7 @@
-"""Made-up results, whose every number is known, and what a page is made of, as text."""
+"""Made-up results, whose every number is known, and what a page says, as text."""
 
-import hashlib
+import html
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -37,14 +38,11 @@ from skymosaic.tracking.output import TrackedCorners
 
 RUN = Path("made up") / "07"
 SQUARE = np.array([[0.0, 0], [60, 0], [60, 40], [0, 40]])
-MAX_SHOWN = 2200
-"""Of longer values, as of curves, the digest is compared."""
-# What NiceGUI adds by itself.
-LIBRARY_PROPS = {
-    "_autocomplete", "accent", "color", "custom-colors", "dark", "dark-page", "disable", "error", "for", "info",
-    "loopback", "model-value", "negative", "options", "pagination", "positive", "rows", "secondary", "target", "type",
-    "value", "warning",
-}  # fmt: skip
+SAID = (
+    "aria-label", "label", "title", "hint", "role", "href", "aria-current", "words", "min", "max", "start", "pictures",
+    "tiles", "url", "accept", "indeterminate",
+)  # fmt: skip
+"""Properties by which a user or a screen reader knows an element; how it looks is not recorded."""
 
 
 def features(shift_px: int) -> Records:
@@ -151,10 +149,9 @@ def tracking_result(folder: Path) -> TrackingResult:
     return TrackingResult(folder, RUN, "skymosaic track", RUN / "tracked.mp4", rows, 0.0125, ("2 frames are missing",))
 
 
-def shorten(value: object) -> str:
-    text = str(value)
-    digest = hashlib.sha256(text.encode()).hexdigest()[:12]
-    return text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}... {len(text)} characters, {digest}"
+def words_of(markup: str) -> str:
+    """What is read of HTML."""
+    return " ".join(html.unescape(re.sub("<[^>]*>", " ", markup)).split())
 
 
 def explanations() -> Iterator[tuple[str, list[str]]]:
@@ -164,31 +161,30 @@ def explanations() -> Iterator[tuple[str, list[str]]]:
     by_rules = pair("a.png", "b.png", aerial)
     for made, index in ((by_rules, 0), (by_rules, 5), (by_rules, 6), (method, 0)):
         explained = explain(made, index)
-        yield f"match {index}", fill_in("explanation.html", explanation=explained).splitlines()
+        yield f"match {index}", [words_of(fill_in("explanation.html", explanation=explained))]
     many = replace(explained, rules=(FiredRule("if near then sure", 0.5, 0.0, dominant=False),) * 9)
     table = np.array([0, 64, 256])
     distance = Variable("distance", {"far": table, "near": 256 - table})
     many = replace(many, inputs=(Input(distance, 7, {"far": 0.75, "near": 0.25}),))
     few = replace(many, rules=many.rules[:8])
     for name, each in (("nine rules", many), ("eight rules", few)):
-        yield name, fill_in("explanation.html", explanation=each).splitlines()
+        yield name, [words_of(fill_in("explanation.html", explanation=each))]
 
 
-def describe(element: Element, depth: int = 0) -> Iterator[str]:
-    """An element and all inside, a line for each: what it is called, shows and looks like, and whether one sees it."""
-    if not isinstance(element, ui.timer):
-        shown: Any = element
-        name = element.tag if type(element) is Element else type(element).__name__
-        classes = (each for each in element.classes if not each.startswith("nicegui-"))
-        props = {key: value for key, value in element.props.items() if key not in LIBRARY_PROPS}
-        words = [f"{key}={shorten(value)}" for key, value in sorted(props.items()) if value not in (None, False, "")]
-        if isinstance(element, ui.select | ui.checkbox | ui.switch | ui.input | ui.linear_progress | ui.tab_panels):
-            words.append(f"value={shorten(shown.value)}")
-        words += [f"of={shown.options}"] if isinstance(element, ui.select) else []
-        words += [f"rows={shown.rows}"] if isinstance(element, ui.table) else []
-        words += [f"says {shown.text!r}"] if isinstance(element, ui.label | ui.link | ui.checkbox | ui.switch) else []
-        words += [] if getattr(element, "enabled", True) else ["disabled"]
-        words += [] if element.visible else ["hidden"]
-        yield "  " * depth + " ".join(" ".join([".".join([name, *sorted(classes)]), *words]).split())
-        for child in [] if isinstance(element, ui.code) else element.default_slot.children:
-            yield from describe(child, depth + 1)
+def describe(element: Element) -> Iterator[str]:
+    """What one reads of an element and of all inside, a line for each that says something, and whether one sees it."""
+    if isinstance(element, ui.timer):
+        return
+    shown: Any = element
+    words = [f"{key}={element.props[key]}" for key in SAID if element.props.get(key) not in (None, False, "")]
+    if isinstance(element, ui.select | ui.checkbox | ui.switch | ui.input | ui.linear_progress | ui.tab_panels):
+        words.append(f"value={shown.value}")
+    words += [f"of={shown.options}"] if isinstance(element, ui.select) else []
+    words += [f"rows={shown.rows}"] if isinstance(element, ui.table) else []
+    said = getattr(shown, "text", "") or words_of(str(element.props.get("innerHTML", "")))
+    words += [f"says {said!r}"] if said and said != element.props.get("label") else []
+    if words:
+        states = (("disabled", not getattr(element, "enabled", True)), ("hidden", not element.visible))
+        yield " ".join([type(element).__name__, *words, *(state for state, holds in states if holds)])
+    for child in element.default_slot.children:
+        yield from describe(child)

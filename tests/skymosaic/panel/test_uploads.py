@@ -1,5 +1,4 @@
 import asyncio
-import time
 from collections.abc import AsyncIterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -40,10 +39,13 @@ def test_stems_have_harmless_characters_only() -> None:
 def test_an_upload_without_progress_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(uploads, "STALLED_SECONDS", 0.1)
 
+    sent: list[bytes] = []
+
     async def stalled() -> AsyncIterator[bytes]:
         # A byte now and then is no progress.
-        for _ in range(1000):
-            yield b"\xff\xd8\xff"
+        while len(sent) < 1000:
+            sent.append(b"\xff\xd8\xff")
+            yield sent[-1]
             await asyncio.sleep(0.05)
 
     async def scenario() -> None:
@@ -51,9 +53,8 @@ def test_an_upload_without_progress_is_given_up(tmp_path: Path, monkeypatch: pyt
             await uploads.receive(stalled(), "field.jpg", PHOTOGRAPH, tmp_path / "1.part", room_bytes=1000)
         assert caught.value.status == 408
 
-    start = time.monotonic()
     asyncio.run(scenario())
-    assert time.monotonic() - start < 30
+    assert len(sent) < 1000
     assert not list(tmp_path.iterdir())
 
 

@@ -1,0 +1,286 @@
+"""Small modules of the panel: results, steps, folders, files of a session, options, and where it listens."""
+
+import itertools
+import zipfile
+from pathlib import Path
+
+import httpx
+import pytest
+
+from skymosaic.common.errors import InputError
+from skymosaic.panel.folders import Roots
+from skymosaic.panel.options import LABELLED, OPTION_VALUES, SCALES, STRONGEST, Options, SliderScale, fault_of
+from skymosaic.panel.results import InputFile, Picture, Run, side_by_side
+from skymosaic.panel.server import _listen
+from skymosaic.panel.session_files import SessionFiles
+from skymosaic.panel.steps import Steps
+from tests.skymosaic.panel.visitor import noise_png
+
+
+def test_pictures_stand_in_a_row_with_gaps() -> None:
+    sizes = (100, 50), (60, 40), (30, 20)
+    assert side_by_side((Path(f"pictures/07/{width}.png"), (width, height)) for width, height in sizes) == (
+        Picture("/picture/07/100.png", 100, 50, 0, 0, 1),
+        Picture("/picture/07/60.png", 60, 40, 112, 0, 1),
+        Picture("/picture/07/30.png", 30, 20, 184, 0, 1),
+    )
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    now = [100.0]
+    monkeypatch.setattr("skymosaic.panel.steps.time.monotonic", lambda: now[0])
+    return now
+
+
+def test_the_time_left_follows_the_pace_of_the_stage(clock: list[float]) -> None:
+    followed = Steps()
+    followed.follow("features", 0, 10)
+    assert followed.seconds_left() is None
+    clock[0] += 6
+    # Not before the first of the steps is done.
+    assert followed.seconds_left() is None
+    followed.follow("features", 1, 10)
+    assert followed.seconds_left() == pytest.approx(54)
+    followed.follow("features", 3, 10)
+    assert followed.share == pytest.approx(0.3)
+    assert followed.seconds_left() == pytest.approx(14)
+    followed.follow("pairs", 1, 4)
+    clock[0] += 0.9
+    followed.follow("pairs", 3, 4)
+    assert followed.seconds_left() is None
+    clock[0] += 4.1
+    assert followed.seconds_left() == pytest.approx(2.5)
+    followed.follow("writing", 0, 0)
+    assert followed.share is None
+    assert followed.seconds_left() is None
+
+
+def test_the_panel_listens_on_this_machine_only_and_refuses_a_taken_port() -> None:
+    with _listen(0) as listener:
+        host, port = listener.getsockname()
+        assert host == "127.0.0.1"
+        with pytest.raises(InputError, match=rf"port {port}: cannot be used \(Address already in use\); choose"):
+            _listen(port)
+
+
+def test_uploads_are_removed_with_their_thumbnails_and_others_stay(tmp_path: Path) -> None:
+    files = SessionFiles(tmp_path)
+    uploads, opened = files.folder("uploads"), tmp_path / "opened"
+    opened.mkdir()
+    for path in (uploads / "a.jpg", uploads / "b.jpg", tmp_path / "a.png", opened / "c.jpg", tmp_path / "c.png"):
+        path.touch()
+    a, c = InputFile("a.jpg", tmp_path / "a.png"), InputFile(str(opened / "c.jpg"), tmp_path / "c.png")
+    # Its picture could not be made, and of another one the file is gone, too.
+    lost, gone = (InputFile(name, tmp_path / "missing.png") for name in ("b.jpg", "gone.jpg"))
+    files.remove([a, c, lost, gone])
+    left = sorted(path.name for path in tmp_path.rglob("*") if path.is_file())
+    assert left == ["c.jpg", "c.png"]
+
+
+def test_a_run_keeps_its_uploads_and_earlier_runs_go(tmp_path: Path) -> None:
+    files = SessionFiles(tmp_path)
+    (files.folder("uploads") / "a.jpg").write_text("pixels")
+    given = [InputFile("a.jpg", tmp_path / "a.png"), InputFile(str(tmp_path / "c.jpg"), tmp_path / "c.png")]
+    first, shown = files.new_run(given, ())
+    second, _ = files.new_run(given, [first.name, shown.name])
+    assert (first.name, second.name) == ("01", "02")
+    assert sorted(path.name for path in (tmp_path / "runs").iterdir()) == ["01", "02"]
+    files.remove(given)
+    assert [path.read_text() for path in second.iterdir()] == ["pixels"]
+    archive = files.write_archive({"result": Run(second, shown, "")})
+    with zipfile.ZipFile(archive) as packed:
+        assert packed.namelist() == ["result/a.jpg"]
+    files.new_run(given[1:], ["02"])
+    assert sorted(path.name for path in (tmp_path / "runs").iterdir()) == ["02", "04"]
+
+
+def test_only_files_count_and_only_pictures_are_found(tmp_path: Path) -> None:
+    files = SessionFiles(tmp_path / "root")
+    assert (files.size_bytes, files.find_picture("uploads", "a.png")) == (0, None)
+    for folder, name in (("pictures/uploads", "a.png"), ("uploads", "a.jpg")):
+        (files.folder(folder) / name).write_bytes(bytes(7))
+    assert files.size_bytes == 14
+    assert files.find_picture("uploads", "a.png") == tmp_path / "root" / "pictures/uploads/a.png"
+    assert files.find_picture("../uploads", "a.jpg") is None
+
+
+@pytest.fixture
+def flights(tmp_path: Path) -> Path:
+    """A root with a flight, beside a folder that is none of it."""
+    for folder in ("root/flight", "root/.hidden", "outside", "root with more"):
+        (tmp_path / folder).mkdir(parents=True)
+    for folder in ("root/flight", "outside"):
+        for number in (10, 2):
+            (tmp_path / folder / f"DJI_{number}.png").write_bytes(noise_png(96, number))
+    return tmp_path / "root"
+
+
+def test_photographs_inside_are_listed_as_by_every_command(flights: Path) -> None:
+    roots = Roots([flights])
+    folder = roots.find_folder("flight")
+    assert folder == roots.find_folder(str(flights / "flight" / ".." / "flight")) == flights / "flight"
+    assert [path.name for path in roots.list_photographs(folder).pictures] == ["DJI_2.png", "DJI_10.png"]
+    assert roots.list_folders(folder) == [flights]
+    assert roots.list_folders(flights) == [flights / "flight"]
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["..", "flight/../../outside", "{top}/outside", "{top}/root with more", "/", "/etc", "/no such folder", "~root",
+     "link", "link/../outside", "{top}/root/link", "\0", "flight\0", "x" * 5000, "loop", "~no such user/x"],
+)  # fmt: skip
+def test_no_path_leads_out(flights: Path, path: str) -> None:
+    (flights / "link").symlink_to(flights.parent / "outside")
+    (flights / "loop").symlink_to(flights / "loop")
+    roots = Roots([flights])
+    with pytest.raises(InputError) as refused:
+        roots.find_folder(path.format(top=flights.parent))
+    assert "\n" not in str(refused.value)
+    assert flights / "link" not in roots.list_folders(flights)
+
+
+def test_a_photograph_that_is_a_link_out_is_refused_by_name(flights: Path) -> None:
+    roots = Roots([flights])
+    (flights / "flight" / "inside.png").symlink_to("DJI_2.png")
+    assert len(roots.list_photographs(flights / "flight").pictures) == 3
+    (flights / "flight" / "secret.png").symlink_to(flights.parent / "outside" / "DJI_2.png")
+    with pytest.raises(InputError, match=r"secret\.png: a link that leads out"):
+        roots.list_photographs(flights / "flight")
+
+
+def test_a_folder_without_pictures_says_what_to_do(flights: Path) -> None:
+    roots = Roots([flights, flights.parent / "outside"])
+    for folder, says in (
+        (flights / ".hidden", "open another folder"),
+        (flights, r"2 .* inside \(flight\): open one of them"),
+    ):
+        with pytest.raises(InputError, match=f"contains no pictures; {says}$"):
+            roots.list_photographs(folder)
+    # Each of the roots may be opened, a relative path is below the first.
+    assert roots.find_folder(str(flights.parent / "outside")) == flights.parent / "outside"
+    assert roots.find_folder("flight") == flights / "flight"
+
+
+def test_outside_of_the_roots_one_cannot_ask_what_exists(flights: Path) -> None:
+    """The refusal is the same for a folder that exists and one that does not."""
+    refusals = []
+    for name in ("outside", "nowhere"):
+        with pytest.raises(InputError) as refused:
+            Roots([flights]).find_folder(str(flights.parent / name))
+        refusals.append(str(refused.value).replace(f"/{name}", ""))
+    assert refusals[0] == refusals[1]
+
+
+def test_a_link_to_a_root_is_the_root(flights: Path) -> None:
+    (flights.parent / "link").symlink_to(flights)
+    assert Roots([flights.parent / "link"]).find_folder("flight") == flights / "flight"
+
+
+@pytest.mark.parametrize("slider", [*SCALES.values(), STRONGEST], ids=lambda slider: slider.title)
+def test_slider_values_rise_and_convert_back_to_positions(slider: SliderScale) -> None:
+    values = list(slider.values.values())
+    assert list(slider.values) == list(range(min(slider.values), max(slider.values) + 1))
+    assert values == sorted(values)
+    assert values[0] >= 1
+    assert all(slider.values[slider.position(value)] == value for value in values)
+
+
+@pytest.mark.parametrize(
+    ("slider", "lowest", "second", "highest"),
+    [
+        (SCALES["harris"], (19, 2), 1024, (48, 1 << 24)),
+        (SCALES["fast"], (1, 1), 2, (120, 120)),
+        (STRONGEST, (14, 128), 181, (22, 2048)),
+    ],
+    ids=lambda value: value.title if isinstance(value, SliderScale) else "",
+)
+def test_a_slider_has_a_value_at_each_position(
+    slider: SliderScale, lowest: tuple[int, int], second: int, highest: tuple[int, int]
+) -> None:
+    values = [*slider.values.items()]
+    assert (values[0], values[1][1], values[-1]) == (lowest, second, highest)
+    # A value between two positions is at the upper one, and one beyond all at the last.
+    assert [slider.position(each) for each in (0, lowest[1] + 1, 1 << 30)] == [lowest[0], lowest[0] + 1, highest[0]]
+
+
+def test_options_begin_as_the_preset_has_them() -> None:
+    aerial = Options.of_preset("aerial")
+    shown = {name: aerial.shown(name) for name in LABELLED}
+    assert [*shown][-1] == "damaged"
+    assert (shown["rules"], shown["blending"], shown["backend"], aerial.position) == (
+        "aerial",
+        "automatic",
+        "golden",
+        19,
+    )
+    assert [aerial.changed("detector", name).position for name in ("fast", "sift")] == [10, 22]
+    multiband = aerial.changed("blending", "multiband")
+    assert multiband.changed("blending", "automatic") == aerial
+    # No photograph, one, or two.
+    assert [fault_of(aerial, count) for count in range(3)] == ["", "", ""]
+    board = aerial.changed("backend", "board:pynq:5000")
+    assert (board.backend, board.address, board.shown("backend")) == ("board", "pynq:5000", "board:pynq:5000")
+    assert (board.changed("backend", "rtl").address, aerial.address) == (None, None)
+
+
+@pytest.mark.parametrize("preset", OPTION_VALUES["preset"])
+def test_a_preset_resolves_to_its_own_configuration(preset: str) -> None:
+    options = Options.of_preset(preset)
+    _, config = options.choose_method()
+    assert config.preset == preset
+    assert options.slider_scale.values[options.position] >= config.front_end.threshold
+
+
+def test_every_combination_of_options_resolves_or_is_refused_with_a_reason() -> None:
+    lists = (OPTION_VALUES[name] for name in ("preset", "detector", "descriptor", "rules"))
+    reasons = [_why_refused(*combination) for combination in itertools.product(*lists)]
+    assert reasons.count("") > 200
+    assert "another method" not in reasons
+    assert not any("\n" in reason for reason in reasons)
+
+
+def _why_refused(preset: str, detector: str, descriptor: str, rules: str) -> str:
+    options = Options.of_preset(preset).changed("detector", detector).changed("descriptor", descriptor)
+    try:
+        method, _ = options.changed("rules", rules).choose_method()
+    except InputError as error:
+        return str(error)
+    return "" if (method.detector, method.descriptor) == (detector, descriptor) else "another method"
+
+
+def test_the_slider_sets_the_front_ends_threshold_or_number() -> None:
+    harris = Options.of_preset("aerial").changed("position", 20)
+    assert harris.choose_method()[1].front_end.threshold == 1024
+    strongest = harris.changed("detector", "sift").changed("position", 16)
+    assert strongest.choose_method()[1].front_end.max_features == 256
+
+
+def test_a_preset_resets_all_options() -> None:
+    changed = Options.of_preset("aerial").changed("detector", "fast").changed("descriptor", "ilbp-256")
+    assert changed.changed("preset", "thesis") == Options.of_preset("thesis")
+
+
+def test_a_flight_has_fewer_options_than_a_pair() -> None:
+    aerial = Options.of_preset("aerial")
+    assert fault_of(aerial, 3) == fault_of(aerial.changed("detector", "fast"), 3) == ""
+    for name, value in (("detector", "sift"), ("estimator", "magsac"), ("accept_poor", True)):
+        changed = aerial.changed(name, value)
+        assert fault_of(changed) == ""
+        assert "keep only two photographs" in fault_of(changed, 3)
+    # By the names that the page shows.
+    assert fault_of(aerial.changed("estimator", "magsac"), 3).startswith("Estimator magsac: ")
+    assert fault_of(aerial.changed("accept_poor", True), 3).startswith("Deliver a poor pair: ")
+
+
+def test_a_backend_that_does_not_compute_the_method_is_refused() -> None:
+    simulated = Options.of_preset("aerial").changed("backend", "rtl")
+    assert fault_of(simulated) == ""
+    assert "computes only harris, fast" in fault_of(simulated.changed("detector", "orb"))
+
+
+def test_a_board_is_offered_as_a_backend(owner_address: str, silent_board: str) -> None:
+    with httpx.Client(base_url=owner_address.partition("?")[0], timeout=None) as owner:
+        owner.get(owner_address)
+        for path in ("/", "/tracking"):
+            assert f"board:{silent_board}" in owner.get(path).text
