@@ -12,7 +12,7 @@ import pytest
 from amaranth import ResetInserter, Signal, Value
 
 from hdl.blocks.flat import leaves
-from hdl.blocks.vectors import Block
+from hdl.blocks.vectors import Block, rows
 from hdl.blocks.vectors import Row as Fields
 from sim.benches import drivers
 from sim.benches.drivers import CLOCK_S, DRAIN_CYCLES, Garbage
@@ -35,23 +35,28 @@ class Row(NamedTuple):
     """What it answers depends on what came before, since the last reset."""
 
 
-def table(**rows: Row | Callable[[], Block]) -> pytest.MarkDecorator:
+def table(**each: Row | Callable[[], Block]) -> pytest.MarkDecorator:
     """Parametrise a test by ``row``; the names of the rows are words."""
-    made = {name.replace("_", " "): row if isinstance(row, Row) else Row(row) for name, row in rows.items()}
+    made = {name.replace("_", " "): row if isinstance(row, Row) else Row(row) for name, row in each.items()}
     return pytest.mark.parametrize("row", made.values(), ids=made)
+
+
+def of_stream(dut: Any, sent: Sequence[Any], answers: Sequence[Any], **settings: int) -> Block:
+    """A block with a stream or a beat ``i`` and ``o``: payloads that go in, and those that come out."""
+    return Block(dut, "", {"i": rows("i", sent)}, {"o": rows("o", answers)}, settings)
 
 
 class _Port:
     """A stream or a beat: its fields in one word, what is sent or expected there, and the clocks of what has passed."""
 
-    def __init__(self, dut: Any, name: str, number: int, rows: Sequence[Fields]) -> None:
+    def __init__(self, dut: Any, name: str, number: int, expected: Sequence[Fields]) -> None:
         port, self.number = getattr(dut, name), number
         self.is_stream = dut.signature.members[name].is_signature
         data = port.payload if self.is_stream else port
         self.word, self.valid, self.ready = Value.cast(data), port.valid, port.ready if self.is_stream else Signal()
         self.places = {leaf: (low, (1 << shape.width) - 1) for leaf, low, shape in leaves(name, data.shape())}
-        self.rows = rows
-        self.words = [self._pack(row) for row in rows]
+        self.rows = expected
+        self.words = [self._pack(row) for row in expected]
         self.begin([])
 
     def _pack(self, row: Fields) -> int:
@@ -103,7 +108,7 @@ class _Bench:
         self.row, self.block = row, row.make()
         self.dut: Any = self.block.component
         streams = (*self.block.inputs.items(), *self.block.outputs.items())
-        ports = [_Port(self.dut, name, n, rows) for n, (name, rows) in enumerate(streams)]
+        ports = [_Port(self.dut, name, n, each) for n, (name, each) in enumerate(streams)]
         self.sources, self.sinks = ports[: len(self.block.inputs)], ports[len(self.block.inputs) :]
         self.reset, self.cycle, self.garbage = Signal(), 0, Garbage(3)
 
