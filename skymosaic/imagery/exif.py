@@ -8,11 +8,13 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import rasterio.warp
 from PIL.ExifTags import GPS, IFD, Base
 
 from golden_model.text import one_line
@@ -29,6 +31,17 @@ _HEIGHT = ("drone-dji:RelativeAltitude", "Camera:AboveGroundAltitude")
 # DJI's older firmware has the misspelt name.
 _LATITUDE, _LONGITUDE = ("drone-dji:GpsLatitude",), ("drone-dji:GpsLongitude", "drone-dji:GpsLongtitude")
 _ACCURACY = ("drone-dji:RtkStdLon", "drone-dji:RtkStdLat")
+_DATUMS = {
+    **dict.fromkeys(("", "WGS84"), 4326),
+    **{"TOKYO": 4301, "JGD2000": 4612, "JGD2011": 6668, "NAD27": 4267, "NAD83": 4269},
+    **{"ED50": 4230, "ETRS89": 4258, "GDA94": 4283, "GDA2020": 7844, "CGCS2000": 4490},
+}
+"""EPSG's numbers of datums, by their names in capitals, without spaces and hyphens."""
+_RECEIVED = (GPS.GPSLatitude, GPS.GPSLongitude, GPS.GPSAltitude, GPS.GPSTimeStamp, GPS.GPSDateStamp)
+"""What cameras write, in part also while their receivers do not know the place yet."""
+NIGHT = timedelta(hours=8)
+"""A longer break lies between two days. A flight may last through midnight, which clocks of another zone have at noon.
+"""
 _EARTH_RADIUS_M = 6_371_000
 
 
@@ -142,6 +155,18 @@ def describe_gps_faults(taken: Sequence[Metadata]) -> str:
     return f"{faults.total()} {has} GPS {faults.most_common(1)[0][0]}" if faults else ""
 
 
+def describe_days(taken: Sequence[Metadata]) -> str:
+    """On which days photographs were taken and what to do; empty if they are of one day, as far as that is known."""
+    times = sorted(datetime.fromisoformat(each.time) for each in taken if each.time)
+    days, day = Counter[str](), ""
+    for before, time in pairwise([datetime.min, *times]):
+        day = str(time.date()) if time - before > NIGHT else day
+        days[day] += 1
+    counts = ", ".join(f"{count} of {day}" for day, count in days.items())
+    remedy = "what has changed between them shows in patches; make a mosaic of each day"
+    return f"taken on {len(days)} days ({counts}): {remedy}" if len(days) > 1 else ""
+
+
 def _time(written: Any) -> str:
     """EXIF's 2026:05:01 10:20:30 as ISO writes dates."""
     with contextlib.suppress(ValueError):
@@ -164,16 +189,31 @@ def _black(levels: Any) -> float | None:
 def _position(gps: Mapping[int, Any]) -> tuple[Position | None, str]:
     """The position that EXIF has, or None and what is wrong with it."""
     if GPS.GPSLatitude not in gps or GPS.GPSLongitude not in gps:
-        return None, ""
+        return None, "without latitude and longitude" if any(tag in gps for tag in _RECEIVED) else ""
     if not gps.get(GPS.GPSLatitudeRef) or not gps.get(GPS.GPSLongitudeRef):
         return None, "without a hemisphere (N or S, E or W)"
     try:
         latitude = _degrees(gps[GPS.GPSLatitude], gps[GPS.GPSLatitudeRef], {"N": 1, "S": -1})
         longitude = _degrees(gps[GPS.GPSLongitude], gps[GPS.GPSLongitudeRef], {"E": 1, "W": -1})
-    # Text, 0/0, another hemisphere: none of it is a position.
+    # Text, another hemisphere: none of it is a position.
     except Exception:
         return None, "that is no position"
-    return _on_globe(latitude, longitude), "that is no position"
+    if (position := _on_globe(latitude, longitude)) is None:
+        return None, f"that is no position (latitude {latitude:g}, longitude {longitude:g})"
+    return _to_wgs84(position, str(gps.get(GPS.GPSMapDatum, "")).partition("\0")[0])
+
+
+def _to_wgs84(position: Position, datum: str) -> tuple[Position | None, str]:
+    """A position that a camera wrote in another datum, some of which are hundreds of metres off."""
+    epsg = _DATUMS.get(re.sub(r"[\s-]", "", datum.upper()))
+    if epsg is None:
+        return None, f"in the datum {one_line(datum)!r}, which is not known; give `positions` in a system that is"
+    if epsg == _DATUMS["WGS84"]:
+        return position, ""
+    ((longitude_deg,), (latitude_deg,)) = rasterio.warp.transform(
+        f"EPSG:{epsg}", "EPSG:4326", [position.longitude_deg], [position.latitude_deg]
+    )
+    return Position(latitude_deg, longitude_deg), ""
 
 
 def _on_globe(latitude_deg: float, longitude_deg: float) -> Position | None:

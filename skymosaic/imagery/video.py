@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from av.error import FFmpegError
 from av.sidedata.sidedata import Type
+from av.stream import Disposition
 from numpy.typing import NDArray
 
 from golden_model.arrays import Pixels
@@ -88,7 +89,15 @@ class VideoReader:
         if not streams:
             self._container.close()
             raise InputError(f"{self.name}: a video without frames; give another file")
-        self._stream = streams[0]
+        # A thermal camera's track, or a picture for a list of films, may be the first.
+        self._stream = max(streams, key=lambda each: (not _is_cover(each), each.width * each.height))
+        others = [
+            f"{each.width}x{each.height}{' (a cover)' * _is_cover(each)}" for each in streams if each != self._stream
+        ]
+        if others:
+            self.notes.append(
+                f"of its tracks that of {self._stream.width}x{self._stream.height} is read, not {', '.join(others)}"
+            )
         self._stream.thread_type = "AUTO"
         # A hostile file may declare frames of any size.
         self._stream.codec_context.options = {"max_pixels": str(MAX_AREA_PX)}
@@ -177,6 +186,10 @@ class VideoReader:
         except FFmpegError as error:
             if self._is_stream:
                 self.notes.append(f"the stream broke off: {error.strerror}")
+
+
+def _is_cover(stream: av.VideoStream) -> bool:
+    return bool(stream.disposition & Disposition.attached_pic)
 
 
 def _matrix(frame: av.VideoFrame) -> NDArray[np.int32]:

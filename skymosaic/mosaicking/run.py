@@ -21,6 +21,7 @@ from skymosaic.flight.picture.spectrum import in_all_bands
 from skymosaic.flight.repetition import repeat_flight
 from skymosaic.flight.survey import survey
 from skymosaic.flight.two_photographs import register_two
+from skymosaic.imagery.exif import describe_days
 from skymosaic.imagery.images import FIRST_PAGE
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
@@ -241,7 +242,7 @@ class MosaicRun:
 
 
 def lay_out(sources: Sequence[Source], options: SurveyOptions, workers: Workers, tell: Callable[[str], None]) -> Flight:
-    """The photographs linked and laid out; ``tell`` receives a line about the cache, and one about pages left out."""
+    """The photographs linked and laid out; ``tell`` receives lines about the cache and of `tell_notes`."""
     flight = survey(
         sources,
         options.flight_settings(),
@@ -253,12 +254,14 @@ def lay_out(sources: Sequence[Source], options: SurveyOptions, workers: Workers,
         keep_all=options.keep_all,
         given=options.read_matches(len(sources)),
     )
-    tell_pages(flight, tell)
+    tell_notes(flight, tell)
     return flight
 
 
-def tell_pages(flight: Flight, tell: Callable[[str], None]) -> None:
-    """Say once that files have pages which are not read."""
+def tell_notes(flight: Flight, tell: Callable[[str], None]) -> None:
+    """Say once that files have pages which are not read, and that photographs are of several days."""
     paged = [f"{view.name}: {note}" for view in flight.views for note in view.notes if note.startswith(FIRST_PAGE)]
     if paged:
         tell(f"note {paged[0]} ({len(paged)} such files)")
+    if days := describe_days([view.taken for view in flight.views]):
+        tell(f"note {days}")

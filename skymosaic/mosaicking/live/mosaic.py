@@ -43,7 +43,7 @@ from skymosaic.mosaicking.live.preview import paint_preview
 from skymosaic.mosaicking.live.record_chain import RecordChain
 from skymosaic.mosaicking.live.update import LiveUpdate
 from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
-from skymosaic.mosaicking.run import MosaicRun, tell_pages
+from skymosaic.mosaicking.run import MosaicRun, tell_notes
 from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.running.workers import Progress, Workers, silent
 
@@ -260,7 +260,7 @@ class LiveMosaic:
         names = tuple(name for name, _ in self._frames)
         left_out = {number: f"{name}: {reason}" for number, (name, reason) in enumerate(self._frames) if reason}
         flight = self._flight.finished(self._sources, names, left_out, self._settings)
-        tell_pages(flight, tell)
+        tell_notes(flight, tell)
         with Workers(progress=progress, memory_bytes=self._run_options.memory_bytes) as workers:
             try:
                 yield MosaicRun(flight.sources, self._run_options, workers, tell, flight)

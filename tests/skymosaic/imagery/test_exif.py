@@ -6,7 +6,7 @@ import pytest
 from PIL import Image, TiffImagePlugin
 from PIL.ExifTags import IFD, Base
 
-from skymosaic.imagery.exif import Metadata, Position, _on_globe, explain_missing_gps, read_metadata
+from skymosaic.imagery.exif import Metadata, Position, _on_globe, describe_days, explain_missing_gps, read_metadata
 
 SOUTH_WEST = {1: "S", 2: (33.0, 30.0, 0.0), 3: "W", 4: (70.0, 15.0, 0.0)}
 
@@ -65,7 +65,48 @@ def test_the_hemisphere_is_read_in_any_case_and_not_guessed(
 def test_half_a_position_is_none(tmp_path: Path, missing: int) -> None:
     half = f'drone-dji:Gps{"Latitude" if missing == 4 else "Longitude"}="+7.5"'
     gps = {tag: value for tag, value in SOUTH_WEST.items() if tag != missing}
-    assert metadata(tmp_path, gps=gps, xmp=half) == Metadata()
+    assert metadata(tmp_path, gps=gps, xmp=half) == Metadata(gps_fault="without latitude and longitude")
+
+
+NOWHERE = (TiffImagePlugin.IFDRational(0, 0),) * 3
+
+
+@pytest.mark.parametrize(
+    ("gps", "fault"),
+    [
+        ({0: b"\x02\x03\0\0", 18: "WGS-84"}, ""),
+        ({6: 100.0, 7: (10.0, 20.0, 30.0)}, "without latitude and longitude"),
+        (SOUTH_WEST | {2: NOWHERE, 4: NOWHERE}, "that is no position (latitude nan, longitude nan)"),
+        (SOUTH_WEST | {18: "MARS"}, "in the datum 'MARS', which is not known; give `positions` in a system that is"),
+    ],
+)
+def test_what_is_wrong_with_gps_is_said(tmp_path: Path, gps: Any, fault: str) -> None:
+    assert metadata(tmp_path, gps=gps) == Metadata(gps_fault=fault)
+
+
+@pytest.mark.parametrize(
+    ("datum", "away_m"),
+    [("WGS-84\0", (0, 0)), ("JGD2000", (0, 0)), ("TOKYO", (-293, 355)), ("tokyo ", (-293, 355))],
+)
+def test_the_datum_that_the_camera_names_counts(tmp_path: Path, datum: str, away_m: tuple[float, float]) -> None:
+    gps = {1: "N", 2: (35.0, 40.0, 0.0), 3: "E", 4: (139.0, 45.0, 0.0), 18: datum}
+    found = metadata(tmp_path, gps=gps).position
+    assert found is not None
+    assert found.metres_from(Position(35 + 40 / 60, 139.75)) == pytest.approx(away_m, abs=10)
+
+
+@pytest.mark.parametrize(
+    ("times", "days"),
+    [
+        (["2026-01-10 23:50:00", "", "2026-01-11 00:10:00"], ""),
+        (["2026-06-12 07:00:00", "2026-06-12 19:00:00"], ""),
+        (["2026-06-12 17:00:00", "2026-01-10 12:00:00", "2026-06-12 09:30:00"], "1 of 2026-01-10, 2 of 2026-06-12"),
+    ],
+)
+def test_photographs_of_several_days_are_counted(times: list[str], days: str) -> None:
+    described = describe_days([Metadata(time=time) for time in times])
+    assert described.startswith(f"taken on 2 days ({days}): " if days else "")
+    assert bool(described) == bool(days)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from av.stream import Disposition
 from numpy.typing import NDArray
 
 from skymosaic.common.errors import InputError
@@ -80,6 +81,30 @@ def test_frames_are_upright(tmp_path: Path, frames: list[NDArray[np.uint8]], rot
     upright = [np.rot90(frame, quarter_turns) for frame in frames[:3]]
     assert all(difference(*pair) < 3 for pair in zip(reader, upright, strict=True))
     assert reader.notes == ["turned upright by its rotation tag"]
+
+
+@pytest.mark.parametrize(("name", "cover"), [("v.mp4", False), ("v.mkv", False), ("v.mp4", True)])
+def test_the_largest_track_that_is_no_cover_is_read(
+    tmp_path: Path, frames: list[NDArray[np.uint8]], name: str, *, cover: bool
+) -> None:
+    other = cv2.resize(frames[0], (640, 480) if cover else (160, 120))
+    with av.open(str(tmp_path / name), "w") as container:
+        # Only a cover may be larger than the film.
+        first = container.add_stream("mjpeg" if cover else "libx264", rate=25)
+        (first.height, first.width), first.pix_fmt = other.shape[:2], "yuvj420p" if cover else "yuv420p"
+        first.disposition = Disposition.attached_pic if cover else Disposition.default
+        second = container.add_stream("libx264", rate=25)
+        (second.height, second.width), second.pix_fmt = frames[0].shape[:2], "yuv420p"
+        for number, frame in enumerate(frames):
+            if not (cover and number):
+                container.mux(first.encode(av.VideoFrame.from_ndarray(other, format="bgr24")))
+            container.mux(second.encode(av.VideoFrame.from_ndarray(frame, format="bgr24")))
+        for stream in (first, second):
+            container.mux(stream.encode())
+    reader = VideoReader(tmp_path / name)
+    assert [difference(*pair) < 3 for pair in zip(reader, frames, strict=True)] == [True] * 30
+    other_track = "640x480 (a cover)" if cover else "160x120"
+    assert reader.notes == [f"of its tracks that of 320x240 is read, not {other_track}"]
 
 
 @pytest.mark.parametrize("mirrored", [(-1, 0, 0, 1), (1, 0, 0, -1), (0, 1, 1, 0), (0, -1, -1, 0)])

@@ -17,6 +17,7 @@ from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.flight.mapping.place import MapPlace
 from skymosaic.flight.picture import formats
 from skymosaic.flight.picture.formats import format_of
+from skymosaic.imagery.exif import Metadata
 from skymosaic.imagery.images import load
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import list_sources
@@ -71,16 +72,29 @@ def test_a_photograph_that_changes_after_its_features_is_left_out_by_name(
     assert mosaic.image.any()
 
 
-def test_pages_that_are_not_read_are_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pages_that_are_not_read_and_several_days_are_told_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     page = PillowImage.new("RGB", (80, 80))
     for number in range(3):
         page.save(tmp_path / f"{number}.tif", save_all=True, append_images=[page] * number)
     told: list[str] = []
-    read = SimpleNamespace(views=[load(source.name) for source in list_sources(tmp_path)])
+    photographs = [load(source.name) for source in list_sources(tmp_path)]
+    taken = [Metadata(time=f"2026-0{month}-12 10:00:00") for month in (1, 1, 6)]
+    read = SimpleNamespace(
+        views=[
+            SimpleNamespace(name=each.name, notes=each.notes, taken=how)
+            for each, how in zip(photographs, taken, strict=True)
+        ]
+    )
     monkeypatch.setattr("skymosaic.mosaicking.run.survey", lambda *_, **__: read)
     with Workers() as workers:
         lay_out([], MosaicOptions(), workers, told.append)
-    assert told == [f"note {tmp_path / '1.tif'}: only the first of 2 pages is read (2 such files)"]
+    assert told == [
+        f"note {tmp_path / '1.tif'}: only the first of 2 pages is read (2 such files)",
+        "note taken on 2 days (2 of 2026-01-12, 1 of 2026-06-12): "
+        "what has changed between them shows in patches; make a mosaic of each day",
+    ]
 
 
 def test_a_photograph_that_changes_while_the_picture_is_made_is_left_out_by_name(
