@@ -172,16 +172,12 @@ front_ends = st.builds(
     max_features=st.integers(16, 4096),
     descriptor=st.sampled_from(sorted(PATTERNS)),
 )
-
-
 configs = st.builds(
     Config,
     preset=st.sampled_from(sorted(PRESETS)),
     front_end=st.one_of(front_ends, st.sampled_from([config.front_end for config in PRESETS.values()])),
     matcher=st.builds(MatcherConfig, rule_base=st.sampled_from(["aerial", "none"]), keep_above=st.integers(0, 255)),
 )
-
-
 WRITTEN = {
     "aerial": "detector = 'harris' levels = 2 smoothed_gradients = true tensor_window_px = 5 harris_k_numerator = 1 "
     "harris_k_shift = 4 threshold = 2 suppression_radius_px = 3 border_px = 20 selection = true max_features = 2048 "

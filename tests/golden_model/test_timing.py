@@ -23,8 +23,6 @@ from tests.hdl.conftest import unused_blocks
 
 LANES = 4
 CONFIG = Config(front_end=FrontEndConfig(max_features=80))
-
-
 __all__ = ["unused_blocks"]
 
 

@@ -49,10 +49,10 @@ def test_each_mutant_is_one_other_program() -> None:
     [
         (
             "skymosaic/maps/positions.py",
-            "tests/skymosaic/maps/test_positions.py",
+            "tests/skymosaic/maps/test_maps.py",
             "tests/skymosaic/flight/checking/test_check.py",
         ),
-        ("skymosaic/common/replaced.py", "tests/skymosaic/common/test_replaced.py", "tests/skymosaic/imagery"),
+        ("skymosaic/common/replaced.py", "tests/skymosaic/common/test_common.py", "tests/skymosaic/imagery"),
         ("skymosaic/cli/track.py", "tests/skymosaic/cli/", "tests/system/test_full_disk.py"),
         ("skymosaic/panel/pages/sidebar.py", "tests/skymosaic/panel/pages/", "tests/skymosaic/panel/pages/test_mosaic"),
     ],

@@ -22,7 +22,6 @@ from skymosaic.geometry.homography import apply, estimate_similarity
 from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.running.workers import Workers
-from tests.conftest import Run
 from tests.system.command_line import closed_pipe, skymosaic, skymosaic_process
 
 IMAGES, SIZE, K1 = 12, (480, 360), -0.12
@@ -135,17 +134,3 @@ def test_the_lens_is_kept_beside_the_links_and_as_a_camera_file(
     with_camera = surveyed(sorted(folder.iterdir())[:4], lens)
     assert with_camera.calibration is None
     assert mean_position_error_px(with_camera, truth) < 1
-
-
-def test_a_camera_file_that_could_not_be_written_is_refused_at_once(folder: Path, tmp_path: Path, run: Run) -> None:
-    (tmp_path / "camera.toml").touch()
-    pictures = sorted(folder.iterdir())
-    for options, says in (
-        ([*pictures[:3], "--save-camera", "camera.toml"], "exists"),
-        ([*pictures[:2], "--save-camera", "other.toml"], "too few to estimate the lens"),
-        ([*pictures[:3], "--save-camera", "other.toml", "--camera", "camera.toml"], "missing"),
-    ):
-        status, _, error = run("mosaic", *map(str, options), "-o", "m.png")
-        assert status == 2
-        assert says in error
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.toml"]

@@ -13,6 +13,7 @@ from skymosaic.common.errors import InputError
 COMMANDS = {
     "mosaic": ("mosaic", "left.png", "right.png", "-o", "taken.png"),
     "report": ("mosaic", "left.png", "right.png", "-o", "new.png", "--report", "folder"),
+    "camera": ("mosaic", "left.png", "right.png", "left.png", "-o", "new.png", "--save-camera", "taken.toml"),
     "groups": ("mosaic", "left.png", "right.png", "left.png", "-o", "group.png", "--all-groups"),
     "live": ("live", "photographs", "-o", "taken.png"),
     "live preview": ("live", "photographs", "-o", "grown.png"),
@@ -24,7 +25,10 @@ COMMANDS = {
     "fuzzy": ("fuzzy", "ransac", "--plot", "-o", "folder"),
     "export": ("export", "board", "pynq_z2", "-o", "folder"),
 }
-TAKEN = ("taken.png", "taken.mp4", "taken.csv", "taken.vcd", "grown.preview.jpg", "group_2.png", "folder/README.md")
+TAKEN = (
+    "taken.png", "taken.mp4", "taken.csv", "taken.vcd", "taken.toml", "grown.preview.jpg", "group_2.png",
+    "folder/README.md",
+)  # fmt: skip
 
 
 @pytest.fixture

@@ -15,8 +15,6 @@ from golden_model.matching.rule_bases import aerial
 from tests.golden_model.fuzzy.valve import PRODUCT, VALVE
 
 fuzzylite = pytest.importorskip("fuzzylite")
-
-
 TERMS = [
     ("Ramp", (-1.0, 2.0)),
     ("Ramp", (2.5, 0.5)),
@@ -90,11 +88,7 @@ def test_wrong_parameters_are_refused(shape: str, parameters: tuple[float, ...],
 
 
 HALF_STEP = 1 / 512
-
-
 """Largest error of a degree that is rounded to 8 fraction bits."""
-
-
 INDEX = np.arange(50)
 
 
@@ -158,8 +152,6 @@ def test_a_rule_may_leave_an_input_out() -> None:
 
 
 GOOD = crisp("a", [256, 0], [0, 256])
-
-
 RULES = (Rule(("s0",), 1.0), Rule(("s1",), 0.0))
 
 

@@ -65,8 +65,6 @@ def test_seeds_approximate_reciprocals_to_seven_bits() -> None:
 
 
 IDENTITY = np.eye(3)
-
-
 SHIFTED = np.array([[1.0, 0, 40], [0, 1, 25], [0, 0, 1]])
 
 

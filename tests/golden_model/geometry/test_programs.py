@@ -74,11 +74,7 @@ def test_too_few_registers_are_refused() -> None:
 
 
 CENTRE = [Floats.from_integers(np.array([side * 8]), 16) for side in (640, 480)]
-
-
 BITS = {Coordinate.WEIGHT: 8}
-
-
 NOUGHT, ONE = number(0), number(1)
 
 

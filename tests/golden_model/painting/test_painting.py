@@ -71,8 +71,6 @@ def test_the_horizon_and_the_format_put_a_tile_behind() -> None:
 
 
 SIDE_PX = MAX_TILES * TILE_PX
-
-
 SIZES = [(1920, 1080), (640, 480), (4096, 2160), (33, 4096)]
 
 
@@ -150,8 +148,6 @@ def test_positions_are_near_those_of_the_homography(zoom: float, tilt: float, wo
 
 
 NEEDED_DB = 57
-
-
 ZOOMS, TURNS = (0.5, 1.0, 1.5, 2.0), (0.0, 0.3, 2.2, 3.9)
 
 

@@ -28,8 +28,6 @@ OF_OURS = {
 }
 FILES = ("made.png", "made_2.png", "made.preview.jpg")
 IN_FOLDERS = ("index.html", "mosaic_2.jpg", "7/3/a.webp", "report/index.html", "left.png", "rtl/a.v", "config.toml")
-
-
 SIGNATURES = {
     words: inspect.signature(function) for name in COMMANDS for words, function in import_functions(name, {}).items()
 }

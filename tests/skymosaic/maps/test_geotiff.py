@@ -19,7 +19,6 @@ from skymosaic.maps.georeference import Georeference
 from skymosaic.maps.geotiff import tee_to_raster, write_cog
 
 cogeo = pytest.importorskip("rio_cogeo.cogeo")
-
 PLACE = Georeference("EPSG:32615", np.array([[0.1, 0, 430_000], [0, -0.1, 5_190_000], [0, 0, 1]]), 0.5)
 
 

@@ -21,7 +21,6 @@ from skymosaic.panel.tasks.jobs import Job, JobCancelledError, JobFailedError, L
 from tools.panel import LONG_MS
 
 pytestmark = pytest.mark.usefixtures("workers")
-
 TASKS = """
 import os, subprocess, sys, time
 from skymosaic.common.errors import InputError

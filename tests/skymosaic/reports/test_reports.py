@@ -1,17 +1,70 @@
-"""What the report of a pair says, accepted and refused."""
+"""Texts, rules and rows of reports."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from xml.etree import ElementTree as XmlTree
 
 import numpy as np
 import pytest
 
+from golden_model.fuzzy.sugeno import SugenoSystem
 from sim.scene import make_pair
+from skymosaic.features.positions import match_points
+from skymosaic.geometry import estimators
+from skymosaic.maps.features import Place, write_places
 from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register
+from skymosaic.reports import figures, pages
 from skymosaic.reports.pair import _table_rows, collect_pair_numbers, write_pair_report
+
+NAME = "a\udcff\x1b[31m<b>&\x00.jpg"
+
+
+def test_names_that_are_no_text_are_shown_and_written(tmp_path: Path) -> None:
+    page = pages.render("pair.html", title=NAME, rows=[("name", f"{NAME}\nsecond")], pictures={})
+    pages.write_report_files(tmp_path, {"name": NAME}, page)
+    shown = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert "\\udcff\\x1b[31m&lt;b&gt;&amp;\\x00.jpg" in shown
+    assert json.loads((tmp_path / "report.json").read_bytes())["name"] == NAME
+    write_places(tmp_path / "p.kml", NAME, [Place(NAME, "Polygon", np.zeros((5, 2)))])
+    kml = XmlTree.fromstring((tmp_path / "p.kml").read_bytes())
+    assert [each.text for each in kml.iter() if each.tag.endswith("name")] == ["a\\udcff\\x1b[31m<b>&\\x00.jpg"] * 2
+
+
+def test_values_are_escaped_once_also_in_macros(tmp_path: Path) -> None:
+    (tmp_path / "rows.html").write_text("{% macro row(name) %}<b>{{ name }}</b>{% endmacro %}{{ row(name) }}")
+    assert pages.open_templates(tmp_path).get_template("rows.html").render(name="<i>") == "<b>&lt;i&gt;</b>"
+
+
+LEFT, RIGHT = make_pair(seed=5, size=(320, 240)).images
+
+
+def test_fuzzy_ransac_shows_what_its_six_rules_decide() -> None:
+    pair = register(LEFT, RIGHT, detector="sift", descriptor="thesis-ilbp-4", estimator="fuzzy-ransac")
+    decided, names = figures._find_deciding_rules(pair)
+    _, decision = estimators.fuzzy(*match_points(pair.matches), pair.matches["verdict"] == 1)
+    assert decision is not None
+    np.testing.assert_array_equal(decided["verdict"], decision.inliers)
+    assert not np.array_equal(decided["verdict"], pair.matches["verdict"])
+    accepted = np.isin(
+        decided["rule"], [names.index(f"bidirectional check verified, error {e}") for e in ("less", "equal")]
+    )
+    np.testing.assert_array_equal(decided["verdict"] == 1, accepted)
+
+
+def test_where_no_rule_fires_the_accepting_rule_is_not_shown() -> None:
+    pair = register(LEFT, RIGHT, preset="thesis")
+    system = pair.method.rules(pair.config)
+    assert isinstance(system, SugenoSystem)
+    decided, names = figures._find_deciding_rules(pair)
+    silent = decided["rule"] == len(names) - 1
+    assert silent.any()
+    np.testing.assert_array_equal(silent, (pair.matches["rule"] == 0) & (pair.matches["weight"] == 0))
+    assert not decided["verdict"][silent].any()
+    assert figures._rule_color(len(names) - 1, names) not in figures._RULE_COLORS
 
 
 @pytest.fixture(scope="module")

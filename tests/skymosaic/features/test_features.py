@@ -1,0 +1,195 @@
+"""Backends by name, a board's answers, contrast, orientations and positions."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from golden_model.config import EstimatorConfig, preset_config
+from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, Cause, Tag
+from sim.backends.errors import BackendError
+from sim.backends.interface import FrameResult
+from sim.scene import make_pair
+from skymosaic.features.backends import load_backend
+from skymosaic.features.board_client import PORT, BoardBackend, _check_status, _list_packets
+from skymosaic.features.contrast import even_contrast, find_pattern, find_shared, share_pattern
+from skymosaic.features.detectors import detect, keep_one_per_position
+from skymosaic.features.positions import MASK_MARGIN_PX, are_on_ground, feature_points, match_points, raw_positions
+
+
+@pytest.mark.parametrize("name", ["fpga", "fpga:here", "golden:here", "rtl:7"])
+def test_unknown_backend_names_the_valid_ones(name: str) -> None:
+    with pytest.raises(BackendError, match=f"unknown backend '{name}'; valid: golden, rtl, board"):
+        load_backend(name)
+
+
+@pytest.mark.parametrize("name", ["golden", "board:somewhere"])
+def test_only_a_simulation_has_waves(tmp_path: Path, name: str) -> None:
+    with pytest.raises(BackendError, match=f"the backend {name.partition(':')[0]} cannot write waves; use rtl"):
+        load_backend(name, waves=tmp_path / "waves.vcd")
+    assert not (tmp_path / "waves.vcd").exists()
+
+
+TOO_MANY = int(Cause.TOO_MANY_FEATURES)
+
+
+@pytest.mark.parametrize(
+    ("address", "reached"),
+    [("pynq", ("pynq", PORT)), ("pynq:", ("pynq", PORT)), ("10.0.0.7:0", ("10.0.0.7", 0)), ("b:65535", ("b", 65535))],
+)
+def test_a_port_may_be_left_out(address: str, reached: tuple[str, int]) -> None:
+    assert BoardBackend(address).address == reached
+
+
+@pytest.mark.parametrize("address", [":", ":7", "b:65536", "b:-1", "b:x", "b:7:8", ""])
+def test_what_is_no_address_is_refused(address: str) -> None:
+    with pytest.raises(BackendError, match=r"is missing; give it with|is not the address of a board; give HOST or"):
+        BoardBackend(address)
+
+
+@pytest.mark.parametrize(
+    ("where", "changed", "says"),
+    [
+        ("status", {}, ""),
+        ("status", {"good": 0, "causes": TOO_MANY}, ""),
+        ("match_status", {"good": 0, "causes": TOO_MANY}, ""),
+        ("status", {"tag": Tag.MATCH}, "sent an answer without a frame's status; restart"),
+        ("match_status", {"frame": 4}, "sent frame 4 instead of 0; restart"),
+        ("match_status", {"width": 95}, "sent a frame of 95x64; restart"),
+        ("status", {"height": 65}, "sent a frame of 96x65; restart"),
+        ("status", {"causes": TOO_MANY}, r"sent a bad frame \(causes 0x10\); restart"),
+        ("status", {"good": 0}, r"sent a bad frame \(causes 0x0\); restart"),
+        ("match_status", {"good": 0, "causes": TOO_MANY | 1}, r"sent a bad frame \(causes 0x11\); restart"),
+        ("homography", {}, ""),
+        ("homography", {"tag": Tag.MATCH}, "sent another frame's homography; restart"),
+        ("homography", {"frame": 5}, "sent another frame's homography; restart"),
+    ],
+)
+def test_an_answer_has_to_be_of_the_frame_that_was_sent(where: str, changed: dict[str, int], says: str) -> None:
+    """Its number wraps with the counter of the board."""
+    config = preset_config("aerial")
+    parts: dict[str, Any] = {name: np.zeros(1, FRAME_STATUS.dtype) for name in ("status", "match_status")}
+    for status in parts.values():
+        status["tag"], status["good"], status["width"], status["height"] = Tag.FRAME_STATUS, 1, 96, 64
+    if where == "homography":
+        parts["homography"] = np.zeros(1, HOMOGRAPHY.dtype)
+        parts["homography"]["tag"] = Tag.HOMOGRAPHY
+    for name, value in changed.items():
+        parts[where][name] = value
+    features, matches = np.zeros(0, config.front_end.pattern.record.dtype), np.zeros(0, MATCH.dtype)
+    result = FrameResult(features, matches, cycles=0, **{name: part[0] for name, part in parts.items()})
+    for shape in ((64, 96), (64, 96, 3)):
+        if says:
+            with pytest.raises(BackendError, match=f"the board at here {says} serve.py on it$"):
+                _check_status(result, 1 << 32, shape, "here")
+        else:
+            _check_status(result, 1 << 32, shape, "here")
+
+
+@pytest.mark.parametrize("estimator", [None, EstimatorConfig()])
+def test_packets_are_as_long_as_all_records_that_fit(estimator: EstimatorConfig | None) -> None:
+    aerial = preset_config("aerial")
+    packets = _list_packets(replace(aerial, estimator=estimator))
+    feature, status = aerial.front_end.pattern.record.record_bytes, FRAME_STATUS.record_bytes
+    most = aerial.front_end.max_features
+    expected = [(most * feature, feature), (status, status), (most * MATCH.record_bytes, MATCH.record_bytes)]
+    homography = [(HOMOGRAPHY.record_bytes, HOMOGRAPHY.record_bytes)] if estimator else []
+    found = [(most * dtype.itemsize, dtype.itemsize) for dtype, most in packets]
+    assert found == [*expected, (status, status), *homography]
+
+
+SIZE = (120, 160)
+
+
+@pytest.fixture
+def pattern() -> NDArray[np.float64]:
+    return np.random.default_rng(0).normal(0, 6, SIZE)
+
+
+def see(pattern: NDArray[np.float64], place: int) -> NDArray[np.uint8]:
+    """Soft ground of a place under a pattern."""
+    rows, columns = np.indices(SIZE) / 15
+    return np.rint(120 + 20 * np.sin(rows + place) * np.cos(columns * (1 + place / 9)) + pattern).astype(np.uint8)
+
+
+def test_the_pattern_is_what_images_of_different_places_share(pattern: NDArray[np.float64]) -> None:
+    images = [see(pattern, place) for place in range(8)]
+    found = find_pattern(images)
+    assert np.corrcoef(found.ravel(), pattern.ravel())[0, 1] > 0.95
+    # It has nothing of the ground.
+    assert abs(np.corrcoef(found.ravel(), see(0 * pattern, 3).ravel())[0, 1]) < 0.1
+    assert np.corrcoef((images[3] - found).ravel(), see(0 * pattern, 3).ravel())[0, 1] > 0.98
+
+
+def test_images_share_a_pattern_at_the_same_pixels_only(pattern: NDArray[np.float64]) -> None:
+    assert share_pattern(see(pattern, 1), see(pattern, 2))
+    assert not share_pattern(see(pattern, 1), see(np.roll(pattern, 3, axis=1), 2))
+    assert not share_pattern(see(pattern, 1), see(pattern, 2)[:-8])
+    # The upper half shares it, which the first quarter alone would not tell from the whole.
+    upper = np.where(np.arange(SIZE[0])[:, None] < SIZE[0] // 2, pattern, np.roll(pattern, 3, axis=1))
+    assert not share_pattern(see(pattern, 1), see(upper, 2))
+    assert not share_pattern(see(pattern, 1)[::-1], see(upper, 2)[::-1])
+
+
+def test_a_display_is_where_images_are_alike(pattern: NDArray[np.float64]) -> None:
+    rng = np.random.default_rng(2)
+    left, right = (rng.integers(0, 256, SIZE, np.uint8) for _ in range(2))
+    left[60:100, 20:140] = right[60:100, 20:140] = see(4 * pattern, 1)[60:100, 20:140]
+    shared = find_shared(left, right)
+    assert shared[60:100, 20:140].all()
+    # The margin is half of the square that is compared, and half of one more.
+    assert not shared[:38].any()
+
+
+def test_contrast_is_even_without_light_and_pattern(pattern: NDArray[np.float64]) -> None:
+    rng = np.random.default_rng(1)
+    texture, light = rng.normal(0, 1, SIZE), np.linspace(70, 150, SIZE[1])
+    dim = np.rint(light + pattern + texture * np.linspace(2, 10, SIZE[1])).clip(0, 255).astype(np.uint8)
+    even = even_contrast(dim, pattern.astype(np.float32)).astype(np.float64)
+    quarters = [even[:, start : start + 40] for start in range(0, SIZE[1], 40)]
+    assert [quarter.mean() for quarter in quarters] == pytest.approx([128] * 4, abs=12)
+    assert max(quarter.std() for quarter in quarters) < 1.6 * min(quarter.std() for quarter in quarters)
+    assert np.corrcoef(even.ravel(), texture.ravel())[0, 1] > 0.9
+    assert np.corrcoef(even_contrast(dim).astype(float).ravel(), texture.ravel())[0, 1] < 0.85
+    # No direction of the image is special.
+    np.testing.assert_allclose(even_contrast(dim.T).astype(int), even_contrast(dim).T.astype(int), atol=1)
+
+
+def test_orientations_of_one_place_count_once() -> None:
+    gray = cv2.cvtColor(make_pair(seed=9, size=(320, 240)).images[0], cv2.COLOR_BGR2GRAY)
+    points = detect(gray, "sift", 500)
+    single = keep_one_per_position(points)
+    assert len(single) == len({point.pt for point in points}) < len(points)
+    assert [point.response for point in single] == sorted((point.response for point in single), reverse=True)
+
+
+def test_points_count_that_are_far_enough_from_what_is_masked() -> None:
+    visible = np.full((120, 200), 255, np.uint8)
+    visible[60, 100] = 0
+    assert MASK_MARGIN_PX == 40
+    near = [(60, 60), (140, 60), (100, 20), (100, 100), (60.4, 60), (60, 20)]
+    far = [(59, 60), (141, 60), (100, 19), (100, 101), (59.4, 60)]
+    # The border of the picture is none of the mask; what lies beyond it is judged as its border is.
+    far += [(0, 0), (199, 119), (-3, -9), (250, 300)]
+    points = np.array([*near, *far], np.float64)
+    assert are_on_ground(points, visible).tolist() == [False] * len(near) + [True] * len(far)
+    assert are_on_ground(points, None).all()
+
+
+def test_records_hold_sixteenths_of_pixels() -> None:
+    matches = np.zeros(2, MATCH.dtype)
+    for number, name in enumerate(("left_x", "left_y", "right_x", "right_y")):
+        matches[name] = 8 * number, 16 * number
+    left, right = match_points(matches)
+    assert (left.tolist(), right.tolist()) == ([[0, 0.5], [0, 1]], [[1, 1.5], [2, 3]])
+    features = np.array([(24, 32)], [("x", "<u2"), ("y", "<u2")])
+    assert feature_points(features).tolist() == [[1.5, 2]]
+
+
+def test_positions_are_rounded_half_up_and_stay_in_the_format() -> None:
+    points = np.array([[1.0, 1 + 1 / 32], [1 + 1 / 32 - 1e-6, -5], [0, 1e6]])
+    assert raw_positions(points).tolist() == [[16, 17], [16, 0], [0, 65535]]
