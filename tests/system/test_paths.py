@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+SHARED = ("rows", "refusals")
+"""Files of tests that the modules of a folder share beside the one of the folder's name."""
 OF_SEVERAL_PARTS = ("tests/system", "tests/formal", "tests/cocotb", "tests/fuzz", "tests/soak")
 
 
@@ -23,7 +25,7 @@ def find_misplaced(root: Path) -> list[str]:
             *tested.parent.glob(f"{tested.name}.*"),
             *tested.parent.glob(tested.name),
             *test.parent.glob(f"{tested.name}.py"),
-            *([tested.parent] if tested.parent.is_dir() and tested.name == tested.parent.name else []),
+            *(name for name in (test.parent.name, *SHARED) if name == tested.name),
         ]:
             misplaced.append(path.as_posix())
     return misplaced
@@ -55,7 +57,7 @@ def test_every_module_of_model_and_hardware_that_computes_has_tests_at_its_path(
     modules = [path for package in ("golden_model", "hdl") for path in sorted((ROOT / package).rglob("*.py"))]
     computing = [path.relative_to(ROOT) for path in modules if path.stem != "__init__" and computes(path)]
     assert len(computing) > 100
-    names = {path: (path.stem, path.parent.name) for path in computing}
+    names = {path: (path.stem, path.parent.name, *SHARED) for path in computing}
     tests = {path: [ROOT / "tests" / path.with_name(f"test_{name}.py") for name in names[path]] for path in computing}
     assert [path for path, places in tests.items() if not any(place.exists() for place in places)] == []
 

@@ -57,7 +57,7 @@ def test_the_help_offers_only_widths_of_video_that_a_camera_has() -> None:
         (("board", "pynq_z2", "--build"), "--build makes the bitstream of the ulx3s"),
         (("block", "prewitt"), "unknown block 'prewitt'; valid: gray, "),
         (("block", "half", "--set", "lanes=8"), "half does not depend on 'lanes'; valid: width_px"),
-        (("block", "gray", "--set", "width_px=640"), "gray does not depend on 'width_px'; valid: none"),
+        (("block", "gray", "--set", "width_px=640"), "gray does not depend on 'width_px'; valid: pixels_per_clock"),
         (("block", "half", "--set", "width_px=63"), "width_px is 63; it must be a whole number from 64 to 4096"),
         (("block", "half", "--set", "width_px=wide"), "width_px is 'wide'; it must be a whole number"),
         (("block", "half", "--set", "width_px"), "--set width_px: give NAME=VALUE, as in --set width_px=640"),
