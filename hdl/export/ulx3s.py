@@ -2,20 +2,17 @@
 
 import json
 import shlex
-import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from golden_model.config_file import to_toml
-from golden_model.text import how_to_install
 from hdl.blocks.export import write_files
 from hdl.build import Build
 from hdl.export.accelerator import core_files, fill_readme
 from hdl.export.boards import SOURCES
 from hdl.export.host import write_host
+from hdl.export.tools import BuildError, run_tool
 from hdl.lib.ecp5 import Ecp5, synthesis_commands
 from hdl.netlist import to_verilog
 from hdl.serial.ulx3s import BAUD, CLOCK_HZ, Ulx3s
@@ -36,10 +33,6 @@ STEPS = (
     ("ecppack", "--compress", f"build/{TOP}.config", "build/skymosaic.bit"),
 )
 """The tools and their arguments, run in the export's folder."""
-
-
-class BuildError(Exception):
-    """A tool is missing or has failed; the message is one line."""
 
 
 def export_ulx3s(folder: Path, build: Build) -> None:
@@ -77,11 +70,7 @@ def build_bitstream(folder: Path, tell: Callable[[str], None] = lambda _name: No
     (folder / "build").mkdir(exist_ok=True)
     for tool, *arguments in STEPS:
         tell(tool)
-        done = subprocess.run([_find_tool(tool), *arguments], cwd=folder, capture_output=True, text=True, check=False)
-        if done.returncode:
-            lines = (done.stderr + done.stdout).splitlines()
-            reason = next((line for line in lines if "ERROR" in line), f"exit status {done.returncode}")
-            raise BuildError(f"{tool} failed: {reason}")
+        run_tool(folder, tool, *arguments)
     report = json.loads((folder / "build" / "report.json").read_text())
     (clock,) = report["fmax"].values()
     if clock["achieved"] * 1e6 < CLOCK_HZ:
@@ -91,12 +80,3 @@ def build_bitstream(folder: Path, tell: Callable[[str], None] = lambda _name: No
         "clock_mhz": round(clock["achieved"], 1),
         **{name: (cells["used"], cells["available"]) for name, cells in report["utilization"].items() if cells["used"]},
     }
-
-
-def _find_tool(tool: str) -> str:
-    """Find the tool in this environment (YoWASP's packages), or else on the system."""
-    packaged = Path(sys.executable).with_name(f"yowasp-{tool}")
-    path = str(packaged) if packaged.exists() else shutil.which(tool)
-    if path is None:
-        raise BuildError(f"{tool} is not installed; {how_to_install('ulx3s')}")
-    return path

@@ -15,6 +15,7 @@ from golden_model.fuzzy.fll import load_system
 from golden_model.temporary import temporary_folder
 from hdl.build import BUILDS, Build
 from hdl.export.boards import ALL_BOARDS, SERIAL_BOARD, check_board
+from hdl.export.tools import BuildError
 from skymosaic.cli.options import OutputVariableOption, OverwriteOption, output_option, read_file
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.session import session
@@ -133,6 +134,9 @@ def block(
         str | None, typer.Option(metavar="MODULE:FUNCTION", help="Golden model of your own class: records in and out.")
     ] = None,
     module: ModuleOption = None,
+    area: Annotated[
+        bool, typer.Option("--area", help="Say, too, what it takes of a Xilinx FPGA of series 7, by Yosys.")
+    ] = False,
 ) -> None:
     """Write Verilog and test benches of one block."""
     pairs = [each.partition("=") for each in settings or ()]
@@ -143,7 +147,16 @@ def block(
     sys.path.insert(0, str(Path.cwd()))
     blocks = _import_hdl("blocks.export")
     usual, found = read_file(blocks.find_block, name, {key: value for key, _, value in pairs}, model)
-    _export(output, lambda folder: blocks.write_block(folder, module or usual, found, name), overwrite=overwrite)
+
+    def write(folder: Path) -> None:
+        blocks.write_block(folder, module or usual, found, name)
+        if area:
+            sizes.append(_import_hdl("export.area").describe_area(found.component))
+
+    sizes: list[str] = []
+    _export(output, write, overwrite=overwrite)
+    for each in sizes:
+        session.show(each)
     if not found.outputs:
         session.note("without a golden model there is no test bench; give one by --model MODULE:FUNCTION")
 
@@ -188,7 +201,7 @@ def _export(output: Path, write: Callable[[Path], None], *, overwrite: bool) -> 
                 target = output / path.relative_to(folder)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 path.replace(target)
-    except ValueError as error:
+    except (ValueError, BuildError) as error:
         raise InputError(str(error)) from None
     except OSError as error:
         raise InputError(f"{output}: cannot be written ({error.strerror}); choose another folder") from None
@@ -206,10 +219,7 @@ def _make_bitstream(folder: Path) -> None:
     """Run the open tools in the folder of an export, and show what they reached."""
     ulx3s = _import_hdl("export.ulx3s")
     session.tell("building the bitstream, about a quarter of an hour")
-    try:
-        numbers = ulx3s.build_bitstream(folder, tell=lambda tool: session.tell(f"running {tool}"))
-    except ulx3s.BuildError as error:
-        raise InputError(str(error)) from None
+    numbers = ulx3s.build_bitstream(folder, tell=lambda tool: session.tell(f"running {tool}"))
     length, mhz = numbers.pop("bytes"), numbers.pop("clock_mhz")
     cells = ", ".join(f"{name} {count} of {available}" for name, (count, available) in numbers.items())
     session.show(f"bitstream of {length} bytes; {mhz} MHz reached, 25 needed; {cells}")

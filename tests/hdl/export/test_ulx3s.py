@@ -11,6 +11,7 @@ from golden_model.config_file import load_config
 from hdl.build import BUILDS
 from hdl.export import ulx3s as export
 from hdl.export.boards import SOURCES
+from hdl.export.tools import BuildError
 from hdl.lib.ecp5 import Ecp5
 from skymosaic.cli.export import OWN_NAMES
 
@@ -74,7 +75,7 @@ def test_the_export_has_what_its_readme_names(tmp_path: Path, monkeypatch: pytes
 
 def test_a_missing_tool_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(export, "STEPS", (("no-such-tool",),))
-    with pytest.raises(export.BuildError, match=r"no-such-tool is not installed; .*\.\[ulx3s\]"):
+    with pytest.raises(BuildError, match=r"no-such-tool is not installed; .*\.\[ulx3s\]"):
         export.build_bitstream(tmp_path)
 
 
@@ -91,5 +92,5 @@ def test_what_the_tools_report_is_read(
     if builds:
         assert export.build_bitstream(tmp_path) == {"bytes": 123, "clock_mhz": 25.0, "TRELLIS_IO": (13, 365)}
         return
-    with pytest.raises(export.BuildError, match=r"reaches 24\.96 MHz, less than the board's 25; make it smaller"):
+    with pytest.raises(BuildError, match=r"reaches 24\.96 MHz, less than the board's 25; make it smaller"):
         export.build_bitstream(tmp_path)
