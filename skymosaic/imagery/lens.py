@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from golden_model.arrays import Array, Intensities, Pixels, Points
+from golden_model.arrays import Array, Intensities, Matrix, Pixels, Points
 from golden_model.small_files import read_small_file
 from skymosaic.common.errors import InputError, reading
 from skymosaic.geometry.homography import resize_matrix
@@ -160,13 +160,23 @@ class Lens:
         return self.size, self.matrix, self.distortion
 
 
+def turn_matrix(size: tuple[int, int], orientation: int) -> Matrix:
+    """The map (3, 3) from stored pixels to those of the upright photograph, whose ``size`` is width and height."""
+    return _turn_matrix(size, np.array(_AXES[orientation]))
+
+
+def _turn_matrix(size: tuple[int, int], axes: Array) -> Matrix:
+    turned = np.eye(3)
+    turned[:2, :2], turned[:2, 2] = axes, np.where(axes.sum(axis=1) < 0, np.array(size) - 1, 0)
+    return turned
+
+
 def _turn_axes(camera: _Camera, axes: Array) -> _Camera:
     """Size, calibration matrix and distortion of photographs that have been turned."""
-    (width, height), matrix, (k1, k2, p1, p2, k3) = camera
-    width, height = np.abs(axes) @ (width, height)
-    turned, back = np.eye(3), np.eye(3)
-    turned[:2, :2], back[:2, :2] = axes, axes.T
-    turned[:2, 2] = np.where(axes.sum(axis=1) < 0, (width - 1, height - 1), 0)
+    size, matrix, (k1, k2, p1, p2, k3) = camera
+    width, height = (np.abs(axes) @ size).tolist()
+    turned, back = _turn_matrix((width, height), axes), np.eye(3)
+    back[:2, :2] = axes.T
     p2, p1 = axes @ (p2, p1)
     return (int(width), int(height)), np.asarray(turned @ matrix @ back), np.array([k1, k2, p1, p2, k3])
 

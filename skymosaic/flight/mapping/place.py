@@ -13,7 +13,9 @@ from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.cameras import Camera, cameras_of, measure_turn
 from skymosaic.flight.mapping.contradictions import compare_places, doubt_records, doubt_scale
 from skymosaic.geometry.homography import apply
+from skymosaic.imagery.decoding import UPRIGHT
 from skymosaic.imagery.exif import Position, describe_gps_faults, explain_missing_gps
+from skymosaic.imagery.lens import turn_matrix
 from skymosaic.imagery.photographs import index_names, short_names
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map, map_to_globe, project_to_utm
@@ -175,38 +177,61 @@ def tolerance_m(accuracy_m: float | None) -> float:
 
 
 def _fit_to_control_points(control: ControlPoints, flight: Flight, layout: Layout) -> MapPlace:
+    _check_site(control, flight, layout)
+    place = _fit_to_clicks(control, flight, layout, as_stored=_are_clicked_as_stored(control, flight, layout))
+    if place.georeference is None:
+        raise InputError(f"{control.name}: {place.note}")
+    return place
+
+
+def _fit_to_clicks(control: ControlPoints, flight: Flight, layout: Layout, *, as_stored: bool) -> MapPlace:
     """Fit a layout to the control points that its photographs show, each at the mean of its sightings."""
     transforms = layout.to_reference(flight.views)
     places: dict[int, list[Points]] = {}
-    for member, point, pixel in sightings_of(control, flight, layout):
+    for member, point, pixel in _locate(control, flight, layout, as_stored=as_stored):
         places.setdefault(point, []).append(apply(transforms[member], pixel))
     points = [point for point in sorted(places) if not control.checks(point)]
     if len(points) < MIN_POSITIONS:
-        raise InputError(
-            f"{control.name}: the mosaic shows {len(points)} of its {len(control.names)} points; "
-            f"{MIN_POSITIONS} are needed: check the names of the photographs"
-        )
-    _check_site(control, flight, layout)
+        shown = f"the mosaic shows {len(points)} of its {len(control.names)} points; {MIN_POSITIONS} are needed"
+        return MapPlace(note=f"{shown}: check the names of the photographs")
     means = {point: np.mean(each, axis=0) for point, each in places.items()}
     names = tuple(control.names[point] for point in points)
     georeference, reason = fit_to_map(
         np.array([means[point] for point in points]), control.metres[points], control.crs, names
     )
     if georeference is None:
-        raise InputError(f"{control.name}: {reason}; check the coordinates and pixels")
-    checked_m = {
-        control.names[point]: float(np.linalg.norm(apply(georeference.to_map, mean) - control.metres[point]))
-        for point, mean in means.items()
-        if control.checks(point)
-    }
-    doubts = tuple(doubt_scale(georeference))
+        return MapPlace(note=f"{reason}; check the coordinates and pixels")
     return MapPlace(
-        georeference=georeference, fitted_to=names, by="control points", checked_m=checked_m, contradictions=doubts
+        georeference=georeference,
+        fitted_to=names,
+        by="control points",
+        note=f"the pixels of {control.name} fit photographs as stored, before EXIF turns them" if as_stored else "",
+        checked_m={
+            control.names[point]: float(np.linalg.norm(apply(georeference.to_map, mean) - control.metres[point]))
+            for point, mean in means.items()
+            if control.checks(point)
+        },
+        contradictions=tuple(doubt_scale(georeference)),
     )
+
+
+def _are_clicked_as_stored(control: ControlPoints, flight: Flight, layout: Layout) -> bool:
+    """Whether the pixels of control points fit better in photographs as stored: some programs do not turn them."""
+    if all(flight.views[member].orientation == UPRIGHT for member in layout.members):
+        return False
+    fits = [_fit_to_clicks(control, flight, layout, as_stored=stored).georeference for stored in (False, True)]
+    misfit_m, misfit_as_stored_m = (np.inf if fit is None else fit.residual_of_all_m for fit in fits)
+    return misfit_as_stored_m < misfit_m
 
 
 def sightings_of(control: ControlPoints, flight: Flight, layout: Layout) -> Iterator[tuple[int, int, Points]]:
     """The view, the point and the straightened pixel (2,) of each sighting in a layout's photographs."""
+    return _locate(control, flight, layout, as_stored=_are_clicked_as_stored(control, flight, layout))
+
+
+def _locate(
+    control: ControlPoints, flight: Flight, layout: Layout, *, as_stored: bool
+) -> Iterator[tuple[int, int, Points]]:
     find = index_names([flight.views[member].name for member in layout.members])
     for sighting in control.sightings:
         members = [layout.members[index] for index in find(sighting.photograph)]
@@ -214,8 +239,10 @@ def sightings_of(control: ControlPoints, flight: Flight, layout: Layout) -> Iter
             raise InputError(f"{control.name}: {sighting.photograph} is {len(members)} photographs; add their folders")
         for member in members:
             view, mesh = flight.views[member], layout.meshes.get(member)
-            lens = flight.lens.turned(view.orientation)
-            pixel = lens.straighten_points(np.array([[sighting.x_px, sighting.y_px]]), view.size)
+            pixel = np.array([[sighting.x_px, sighting.y_px]])
+            if as_stored:
+                pixel = apply(turn_matrix(view.size, view.orientation), pixel)
+            pixel = flight.lens.turned(view.orientation).straighten_points(pixel, view.size)
             if mesh is not None:
                 to_working = np.asarray(np.linalg.inv(view.to_original))
                 pixel = apply(view.to_original, mesh.find(apply(to_working, pixel)))

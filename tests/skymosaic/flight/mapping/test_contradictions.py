@@ -15,6 +15,7 @@ from skymosaic.flight.mapping.cameras import Camera
 from skymosaic.flight.mapping.contradictions import compare_places
 from skymosaic.flight.mapping.place import list_contradictions, place_cameras, place_on_map
 from skymosaic.imagery.exif import Metadata, Position
+from skymosaic.imagery.jpeg import TURNS
 from skymosaic.maps.control_points import load_control_points
 from skymosaic.maps.georeference import Georeference, map_to_globe
 from tests.skymosaic.flight.mapping.laid_out import lay_out
@@ -53,6 +54,28 @@ def write_control(path: Path, place: Change, pixel: Change, shift: int) -> Path:
                 lines.append(f"{east} {north} 0 {x_px} {y_px} {(number + shift) % len(STEPS)}.jpg")
     path.write_text("\n".join(lines))
     return path
+
+
+@pytest.mark.parametrize("orientation", range(2, 9))
+@pytest.mark.parametrize("as_stored", [False, True])
+def test_pixels_of_photographs_that_exif_turns_may_be_those_of_the_file(
+    tmp_path: Path, orientation: int, *, as_stored: bool
+) -> None:
+    stored_size = SIZE if orientation < 5 else SIZE[::-1]
+    upright = TURNS[orientation](np.arange(SIZE[0] * SIZE[1]).reshape(stored_size[::-1]))
+
+    def click(seen: np.ndarray) -> np.ndarray:
+        row, column = divmod(int(upright[int(seen[1]), int(seen[0])]), stored_size[0])
+        return np.array([column, row]) if as_stored else seen
+
+    flight, layout = flown()
+    for view in flight.views:
+        view.orientation = orientation
+    write_control(tmp_path / "gcp.txt", same, click, 0)
+    place = place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt"))
+    assert place.georeference is not None
+    assert place.georeference.residual_m < 1e-6
+    assert ("as stored" in place.note) == as_stored
 
 
 def same(values: np.ndarray) -> np.ndarray:
