@@ -18,11 +18,11 @@ from skymosaic.flight.flight import Flight as SurveyedFlight
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.picture.preparation import compose
 from skymosaic.flight.survey import survey
-from skymosaic.geometry.homography import apply, estimate_similarity
 from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.running.workers import Workers
 from tests.system.command_line import closed_pipe, skymosaic, skymosaic_process
+from tests.system.conftest import position_errors_px
 
 IMAGES, SIZE, K1 = 12, (480, 360), -0.12
 SURVEY: dict[str, Any] = {
@@ -66,16 +66,9 @@ def surveyed(images: Sequence[Path | Pixels], lens: Lens | None = None, cache: P
 
 
 def mean_position_error_px(flight: SurveyedFlight, truth: Flight) -> float:
-    """On the ground, after the best similarity alignment of all; where the lens is straightened."""
-    grid = np.stack(np.meshgrid(np.linspace(0, SIZE[0] - 1, 4), np.linspace(0, SIZE[1] - 1, 4)), -1).reshape(-1, 2)
-    layout = flight.layouts[0]
-    assert len(layout.members) == len(flight.views)
-    found = np.array([apply(matrix, grid) for matrix in layout.to_reference(flight.views).values()])
-    true = np.array(
-        [apply(np.asarray(np.linalg.inv(matrix), np.float64), grid) for matrix in truth.homographies[: len(found)]]
-    )
-    alignment = estimate_similarity(found.reshape(-1, 2), true.reshape(-1, 2))
-    return float(np.linalg.norm(apply(alignment, found) - true, axis=-1).mean())
+    """Where the lens is straightened."""
+    assert len(flight.layouts[0].members) == len(flight.views)
+    return float(position_errors_px(flight.layouts[0].to_reference(flight.views), truth).mean())
 
 
 def test_the_distortion_is_found_and_straightened(flight: SurveyedFlight, truth: Flight) -> None:

@@ -4,14 +4,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from golden_model.cache import Cache
 from golden_model.config import preset_config
@@ -21,11 +19,10 @@ from skymosaic.common.errors import InputError
 from skymosaic.flight.flight import Flight as SurveyedFlight
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import survey
-from skymosaic.geometry.homography import apply, estimate_similarity
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.running.workers import Workers
 from tests.system.command_line import only_error, skymosaic
-from tests.system.conftest import IMAGES, SIZE
+from tests.system.conftest import IMAGES, SIZE, position_errors_px
 
 
 def elsewhere(images: int) -> list[np.ndarray]:
@@ -38,17 +35,6 @@ def elsewhere(images: int) -> list[np.ndarray]:
 def survey_anew(images: list[Any]) -> SurveyedFlight:
     with Workers() as workers:
         return survey(list_sources(images), Settings(preset_config("aerial")), 0, workers, Cache(None))
-
-
-def position_errors_px(transforms: Mapping[int, NDArray[np.float64]], flight: Flight) -> np.ndarray:
-    """Mean error of each image on the ground after the best similarity alignment of all."""
-    grid = np.stack(np.meshgrid(np.linspace(0, SIZE[0] - 1, 4), np.linspace(0, SIZE[1] - 1, 4)), -1).reshape(-1, 2)
-    found = np.array([apply(transforms[index], grid) for index in sorted(transforms)])
-    true = np.array(
-        [apply(np.asarray(np.linalg.inv(flight.homographies[index]), np.float64), grid) for index in sorted(transforms)]
-    )
-    alignment = estimate_similarity(found.reshape(-1, 2), true.reshape(-1, 2))
-    return np.linalg.norm(apply(alignment, found) - true, axis=-1).mean(axis=1)
 
 
 def test_every_image_of_a_rendered_flight_is_placed_within_a_pixel(whole: Mosaic, flight: Flight) -> None:

@@ -4,6 +4,7 @@ import csv
 import json
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -83,7 +84,7 @@ def test_every_frame_is_a_line_of_json(short_video: Path, roi: Roi, tmp_path: Pa
 
 def test_corners_are_written_as_json(short_video: Path, roi: Roi, tmp_path: Path) -> None:
     text = ",".join(map(str, roi))
-    outputs = {"output": tmp_path / "out.mkv", "corners": tmp_path / "c.json"}
+    outputs: Any = {"output": tmp_path / "out.mkv", "corners": tmp_path / "c.json"}
     track_command(inputs=[short_video], roi=text, **outputs, options=TrackerOptions())
     assert (tmp_path / "out.mkv").exists()
     written = json.loads((tmp_path / "c.json").read_text())

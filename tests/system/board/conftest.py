@@ -21,13 +21,12 @@ FEATURE = PATTERN.record.dtype
 
 
 class StandIn:
-    """Answers each frame at once with three features and no matches; `change` alters a status before it is sent."""
+    """Answers each frame at once with three features and no matches."""
 
     max_width_px, max_height_px = 192, 160
 
     def __init__(self) -> None:
         self.frames = 0
-        self.change: dict[str, int] = {}
 
     def check(self, settings: dict[str, int]) -> None:
         """The driver's own check, which needs the map only."""
@@ -45,8 +44,6 @@ class StandIn:
         status = np.zeros((), FRAME_STATUS.dtype)
         status["tag"], status["good"], status["frame"] = Tag.FRAME_STATUS, 1, self.frames
         status["height"], status["width"], status["features"] = *frame.shape[:2], 3
-        for name, value in self.change.items():
-            status[name] = value
         self.frames += 1
         features, matches = np.zeros(3, FEATURE), np.zeros(0, MATCH.dtype)
         return SimpleNamespace(features=features, matches=matches, status=status, match_status=status)

@@ -196,23 +196,3 @@ def test_a_broken_peer_is_one_line(
     with answering(answer) as address, pytest.raises(BackendError, match=says) as caught:
         run(address, 1)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"tag": 2}, "without a frame's status"),
-        ({"frame": 7}, "frame 7 instead of 8"),
-        ({"width": 640}, "640x64"),
-        ({"good": 0, "causes": 1}, "a bad frame"),
-        ({"good": 0}, "a bad frame"),
-        ({"good": 1, "causes": 16}, "a bad frame"),
-    ],
-)
-def test_a_wrong_status_is_refused(serve: Serve, change: dict[str, int], says: str) -> None:
-    with serve() as (device, address):
-        device.change = change
-        with pytest.raises(BackendError, match=says):
-            run(address)
-        device.change = {"good": 0, "causes": 16}
-        assert not run(address)[0].status["good"]

@@ -1,11 +1,15 @@
-"""The golden backend's memory of frames changes nothing but the time."""
+"""Backends: the golden model's, and what all of them answer."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from golden_model.config import preset_config
 from golden_model.front_end import extract
+from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH
 from sim.backends.golden import REMEMBERED_FRAMES, GoldenBackend
+from sim.backends.interface import FrameResult
 from sim.scene import make_pair
 
 CONFIG = preset_config("aerial")
@@ -31,3 +35,18 @@ def test_a_frame_that_comes_again_is_not_extracted_again(monkeypatch: pytest.Mon
     backend.run([np.full((64, 64), gray, np.uint8) for gray in range(REMEMBERED_FRAMES)], CONFIG)
     backend.run([left], CONFIG)
     assert len(extracted) == 3 + REMEMBERED_FRAMES
+
+
+@pytest.mark.parametrize(
+    ("good", "causes", "accepted"), [(1, 0, True), (1, 2, False), (0, 0, None), (1, None, None), (0, None, None)]
+)
+def test_the_homography_of_a_good_frame_is_accepted_without_causes(
+    good: int, causes: int | None, accepted: bool | None
+) -> None:
+    status, homography = np.zeros(1, FRAME_STATUS.dtype)[0], np.zeros(1, HOMOGRAPHY.dtype)[0]
+    matches = np.zeros(5, MATCH.dtype)
+    status["good"], homography["causes"], matches["verdict"] = good, causes or 0, (1, 0, 1, 1, 0)
+    result = FrameResult.count_matches(matches[:0], matches, status)
+    result = replace(result, homography=None if causes is None else homography)
+    assert result.accepted is accepted
+    assert (result.match_status["matches"], result.match_status["kept"], result.status["kept"]) == (5, 3, 0)
