@@ -128,7 +128,7 @@ def read_metadata(path: Path) -> Metadata:
     position, fault = _position(gps)
     if position is None:
         latitude, longitude = _from_xmp(text, _LATITUDE), _from_xmp(text, _LONGITUDE)
-        position = None if latitude is None or longitude is None else _on_globe(latitude, longitude)
+        position = None if latitude is None or longitude is None else on_globe(latitude, longitude)
     return Metadata(
         position,
         _focal(details),
@@ -198,7 +198,7 @@ def _position(gps: Mapping[int, Any]) -> tuple[Position | None, str]:
     # Text, another hemisphere: none of it is a position.
     except Exception:
         return None, "that is no position"
-    if (position := _on_globe(latitude, longitude)) is None:
+    if (position := on_globe(latitude, longitude)) is None:
         return None, f"that is no position (latitude {latitude:g}, longitude {longitude:g})"
     return _to_wgs84(position, str(gps.get(GPS.GPSMapDatum, "")).partition("\0")[0])
 
@@ -216,8 +216,8 @@ def _to_wgs84(position: Position, datum: str) -> tuple[Position | None, str]:
     return Position(latitude_deg, longitude_deg), ""
 
 
-def _on_globe(latitude_deg: float, longitude_deg: float) -> Position | None:
-    # Cameras without GPS reception write zeros, NaN or values out of range.
+def on_globe(latitude_deg: float, longitude_deg: float) -> Position | None:
+    """The position, unless it is none: without reception, cameras write zeros, NaN or values out of range."""
     known = (latitude_deg, longitude_deg) != (0, 0) and abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180
     return Position(latitude_deg, longitude_deg) if known else None
 

@@ -14,9 +14,11 @@ from golden_model.arrays import Float32, Pixels
 from golden_model.temporary import temporary_folder
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.decoding import check_file, check_size
+from skymosaic.imagery.exif import Metadata
 from skymosaic.imagery.images import check_given, reduce_to_width, save
 from skymosaic.imagery.patterns import is_folder
 from skymosaic.imagery.photographs import Images, Source, list_images, list_sources
+from skymosaic.imagery.subtitles import read_track
 from skymosaic.imagery.video import DEFAULT_RATE, VIDEO_SUFFIXES, VideoReader
 
 KEY_OVERLAP = 0.65
@@ -77,13 +79,31 @@ def _is_video(path: Path) -> bool:
 
 
 def _store_key_frames(video: str | Path, folder: Path, tell: Callable[[str], None]) -> Iterator[Source]:
-    reader = VideoReader(video)
-    for frame in select_key_frames(reader, reader.frame_rate, reader.notes.append):
-        path, name = folder / f"{frame.number}.jpg", name_frame(video, frame.number)
+    for name, frame, taken in read_key_frames(video, tell):
+        path = folder / f"{frame.number}.jpg"
         # Later, the file would be named, which the user does not know.
         check_size(name, frame.pixels.shape[1], frame.pixels.shape[0])
         save(path, frame.pixels)
-        yield Source(0, name, path)
+        yield Source(0, name, path, taken=taken)
+
+
+def read_key_frames(video: str | Path, tell: Callable[[str], None]) -> Iterator[tuple[str, "KeyFrame", Metadata]]:
+    """The key frames of a video or stream, each with its name and where it was taken, if subtitles beside it say that.
+
+    ``tell`` receives a line per note about the video.
+    """
+    reader = VideoReader(video)
+    track = None if reader.is_stream else read_track(Path(video), reader.length_s, reader.notes.append)
+    seconds: list[float] = []
+
+    def timed() -> Iterator[Pixels]:
+        for pixels in reader:
+            seconds.append(reader.seconds)
+            yield pixels
+
+    for frame in select_key_frames(timed(), reader.frame_rate, reader.notes.append):
+        taken = Metadata() if track is None else Metadata(track(seconds[frame.number]))
+        yield name_frame(video, frame.number), frame, taken
     for note in reader.notes:
         tell(f"note {video}: {note}")
 

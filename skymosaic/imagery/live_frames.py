@@ -15,12 +15,12 @@ from golden_model.arrays import Pixels
 from skymosaic.common.errors import InputError
 from skymosaic.common.temporary import resolved
 from skymosaic.imagery.band_sets import select_band
+from skymosaic.imagery.exif import Metadata
 from skymosaic.imagery.folders import list_pictures
 from skymosaic.imagery.images import Photograph, load
-from skymosaic.imagery.key_frames import name_frame, select_key_frames
+from skymosaic.imagery.key_frames import name_frame, read_key_frames, select_key_frames
 from skymosaic.imagery.patterns import is_folder
 from skymosaic.imagery.photographs import Source, list_sources
-from skymosaic.imagery.video import VideoReader
 
 POLL_SECONDS = 0.2
 SETTLED_SECONDS = 0.5
@@ -39,6 +39,7 @@ class LiveFrame(NamedTuple):
     photograph: Photograph
     seen: int = 0
     file: Path | None = None
+    taken: Metadata | None = None
 
 
 def read_live_frames(
@@ -94,12 +95,8 @@ def read_live_frames(
         unusable = {} if unusable is None else unusable
         yield from _watch_folder(read, idle_seconds, tell, unusable, own, band=band, keep_damaged=keep_damaged)
     else:
-        reader = VideoReader(source)
-        for frame in select_key_frames(reader, reader.frame_rate, reader.notes.append):
-            name = name_frame(source, frame.number)
-            yield LiveFrame(name, Photograph(name, frame.pixels), frame.number + 1)
-        for note in reader.notes:
-            tell(f"{source}: {note}")
+        for name, frame, taken in read_key_frames(source, tell):
+            yield LiveFrame(name, Photograph(name, frame.pixels), frame.number + 1, taken=taken)
 
 
 def _watch_folder(

@@ -19,6 +19,7 @@ from golden_model.small_files import open_regular
 from skymosaic.common.errors import InputError, reading
 from skymosaic.imagery.decoding import check_file
 from skymosaic.imagery.depth import ValueRange
+from skymosaic.imagery.exif import Metadata, read_metadata
 from skymosaic.imagery.folders import list_matches, list_pictures
 from skymosaic.imagery.images import PICTURE_SUFFIXES, Image, Photograph, check_given, load, load_intensities
 from skymosaic.imagery.lens import Lens
@@ -51,6 +52,8 @@ class Source:
     """Why it cannot be used, where that is known before it is read; else empty."""
     folder: Path | None = None
     """The folder that was given and has it, perhaps in a folder inside; None where it was named itself."""
+    taken: Metadata | None = None
+    """How it was taken, where its file does not say that."""
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -67,6 +70,12 @@ class Source:
         """The same source, which uses damaged files as far as they can be decoded, or refuses them."""
         bands = {band: source.with_damaged(keep=keep) for band, source in self.bands.items()}
         return dataclasses.replace(self, keep_damaged=keep, bands=bands)
+
+    def read_metadata(self) -> Metadata:
+        """How it was taken, as far as that is known."""
+        if self.taken is not None:
+            return self.taken
+        return read_metadata(self.content) if isinstance(self.content, Path) else Metadata()
 
     @cached_property
     def digest(self) -> str:

@@ -76,14 +76,14 @@ class VideoReader:
         """Changes to the frames, and faults of the file."""
         self.seconds = 0.0
         """When the latest frame is shown, after the first. Telephones and screen recorders vary the rate."""
-        self._is_stream = "://" in self.name
-        if not self._is_stream:
+        self.is_stream = "://" in self.name
+        if not self.is_stream:
             check_file(Path(path), "a video")
-        options, timeout_s = (STREAM_OPTIONS, (OPEN_SECONDS, None)) if self._is_stream else (FILE_OPTIONS, None)
+        options, timeout_s = (STREAM_OPTIONS, (OPEN_SECONDS, None)) if self.is_stream else (FILE_OPTIONS, None)
         try:
             self._container = av.open(self.name, options=options, timeout=timeout_s)
         except (FFmpegError, OSError, ValueError) as error:
-            raise InputError(f"{self.name}: {_explain(error) if self._is_stream else UNREADABLE}") from None
+            raise InputError(f"{self.name}: {_explain(error) if self.is_stream else UNREADABLE}") from None
         # A stream that was cut off inside its first frame has no codec context.
         streams = [stream for stream in self._container.streams.video if stream.codec_context]
         if not streams:
@@ -104,7 +104,7 @@ class VideoReader:
         # What a telephone trimmed off stays in the file.
         trimmed = sum(entry.is_discard for entry in self._stream.index_entries)
         self._declared = self._stream.frames - trimmed
-        self._length_s = float((self._container.duration or 0) / av.time_base)
+        self.length_s = float((self._container.duration or 0) / av.time_base)
         self._damaged = 0
         # An AVI counts the frames, too, that its camera had no time for; its index does not. A cut one, whose duration
         # FFmpeg shortens, has no index.
@@ -137,15 +137,15 @@ class VideoReader:
             self.notes.append(f"the size changes; {other_size} frames that are not {first[1]}x{first[0]} are left out")
         if frames + other_size < self._declared:
             self.notes.append(f"{frames} of {self._declared} frames can be decoded; the others are left out")
-        elif self._declared <= 0 and not self._is_stream:
+        elif self._declared <= 0 and not self.is_stream:
             self._note_missing(self.seconds + usual_s)
 
     def _note_missing(self, shown_s: float) -> None:
         """Note what is missing of a file that does not count its frames, as Matroska and MPEG-TS."""
         if self._damaged:
             self.notes.append(f"damaged packets or frames that are left out: {self._damaged}")
-        if self._length_s > shown_s + MISSING_S:
-            self.notes.append(f"the last frame ends at {shown_s:.1f} of {self._length_s:.1f} s; the others are missing")
+        if self.length_s > shown_s + MISSING_S:
+            self.notes.append(f"the last frame ends at {shown_s:.1f} of {self.length_s:.1f} s; the others are missing")
 
     def _make_upright(self, stored: Pixels, matrix: NDArray[np.int32]) -> Pixels:
         """Turn and mirror a frame by the quarter nearest to its display matrix, (2, 2), which row vectors x, y meet."""
@@ -184,7 +184,7 @@ class VideoReader:
                     self._damaged += 1
         # The demuxer raises an error if the file ends in the middle of a packet.
         except FFmpegError as error:
-            if self._is_stream:
+            if self.is_stream:
                 self.notes.append(f"the stream broke off: {error.strerror}")
 
 

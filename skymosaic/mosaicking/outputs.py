@@ -13,7 +13,7 @@ from skymosaic.flight.picture.canvas import check_scale
 from skymosaic.flight.picture.composition import Room
 from skymosaic.flight.picture.formats import OutputForm, format_of, room_for, too_deep_for_jpeg
 from skymosaic.imagery.decoding import read_header
-from skymosaic.imagery.exif import Metadata, explain_missing_gps, read_metadata
+from skymosaic.imagery.exif import explain_missing_gps
 from skymosaic.imagery.images import check_output, check_output_folder
 from skymosaic.imagery.photographs import Source
 from skymosaic.maps.tiles import OWN_NAMES
@@ -105,7 +105,7 @@ def _explain_no_place(sources: Sequence[Source], options: MosaicOptions) -> str:
         # What cannot be read is said when it is read.
         if isinstance(source.content, Path) and not os.access(source.content, os.R_OK):
             return ""
-        taken.append(read_metadata(source.content) if isinstance(source.content, Path) else Metadata())
+        taken.append(source.read_metadata())
         if taken[-1].position is not None:
             return ""
     return explain_missing_gps(taken)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -24,7 +23,7 @@ from skymosaic.features.positions import are_on_ground, feature_points
 from skymosaic.flight.linking.resemblance import compact
 from skymosaic.geometry.ground import Sight
 from skymosaic.imagery.depth import ValueRange
-from skymosaic.imagery.exif import Metadata, Position, read_metadata
+from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end, reduce_to_width
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
@@ -127,7 +126,7 @@ class Settings:
         module = BACKENDS.get(self.backend.partition(":")[0])
         code = module and digest_code(module)
         bands = [band.digest for band in source.bands.values()]
-        return key_of(describe, source.digest, *bands, source.keep_damaged, *how, code)
+        return key_of(describe, source.digest, *bands, source.taken, source.keep_damaged, *how, code)
 
     def with_more_features(self) -> Settings | None:
         """Twice the features and descriptor bits, by the golden model; None if the preset cannot have more."""
@@ -228,7 +227,7 @@ def make_view(
         value_range=photograph.value_range,
         sharpness=float(cv2.Laplacian(to_gray(working), cv2.CV_32F).var()),
         clipped=float(np.mean((gray <= 2) | (gray >= 253))),
-        taken=taken or (read_metadata(source.content) if isinstance(source.content, Path) else Metadata()),
+        taken=taken or source.read_metadata(),
         orientation=photograph.orientation,
         notes=photograph.notes,
     )

@@ -6,7 +6,7 @@ import pytest
 from PIL import Image, TiffImagePlugin
 from PIL.ExifTags import IFD, Base
 
-from skymosaic.imagery.exif import Metadata, Position, _on_globe, describe_days, explain_missing_gps, read_metadata
+from skymosaic.imagery.exif import Metadata, Position, describe_days, explain_missing_gps, on_globe, read_metadata
 
 SOUTH_WEST = {1: "S", 2: (33.0, 30.0, 0.0), 3: "W", 4: (70.0, 15.0, 0.0)}
 
@@ -35,12 +35,12 @@ def test_gps_and_focal_length_are_read_from_exif(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("place", [(90, 180), (-90, -180), (0, 8.5), (46.5, 0)])
 def test_a_place_on_the_globe_is_one(place: tuple[float, float]) -> None:
-    assert _on_globe(*place) == Position(*place)
+    assert on_globe(*place) == Position(*place)
 
 
 @pytest.mark.parametrize("place", [(0, 0), (90.5, 8), (-90.5, 8), (46, 180.5), (46, -180.5), (np.nan, 8), (46, np.nan)])
 def test_what_cameras_without_reception_write_is_no_place(place: tuple[float, float]) -> None:
-    assert _on_globe(*place) is None
+    assert on_globe(*place) is None
 
 
 @pytest.mark.parametrize(

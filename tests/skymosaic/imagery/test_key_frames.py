@@ -1,13 +1,17 @@
+from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 from sim.scene import Camera, CameraPose, Flight, Photometry
 from skymosaic.common.errors import InputError
-from skymosaic.imagery.key_frames import MIN_CORNERS, _motion, flight_sources, select_key_frames
+from skymosaic.imagery.exif import Position
+from skymosaic.imagery.key_frames import MIN_CORNERS, _motion, flight_sources, read_key_frames, select_key_frames
+from skymosaic.imagery.subtitles import read_track
 from skymosaic.imagery.video import DEFAULT_RATE, write_video
 
 
@@ -103,3 +107,74 @@ def test_a_video_that_is_too_small_is_named_itself(tmp_path: Path) -> None:
             write_frame(np.zeros((48, 64, 3), np.uint8))
     with pytest.raises(InputError, match=rf"^{video}/frame 0: 64x48 pixels is too small"), flight_sources(video):
         pass
+
+
+PLACE = Position(41.4247, -2.2341)
+FORMATS = {
+    # As an Air 2S, a Mavic 2, a Matrice 300 and a Mini 2 write them.
+    "[iso : 100] [latitude: {lat}] [longitude: {lon}] [altitude: 117.0]</font>": PLACE,
+    "[latitude : {lat}] [longtitude : {lon}] [altitude: 117.0]": PLACE,
+    "2022.06.21 16:06:17\nGPS({lat},{lon},0.0M) BAROMETER:0.3M": PLACE,
+    "HOME(9,9) 2017.07.29 15:18:50\nGPS({lon},{lat},14) BAROMETER:0.0": PLACE,
+    "F/2.8, SS 206.14, EV 0, GPS ({lon}, {lat}, 26), D 224.78m, H 15.30m": PLACE,
+    "[latitude: 0.000000] [longitude: 0.000000]": None,
+    "[latitude: 1.2.3] [longitude: 4]": None,
+    "GPS(n/a,n/a)": None,
+    "And now for something completely different": None,
+}
+
+
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three seconds over ground that moves by a hundred pixels in each."""
+    texture = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 256, (240, 960, 3), dtype=np.uint8), (0, 0), 3)
+    path = tmp_path_factory.mktemp("film") / "DJI_0001.MP4"
+    with write_video(path, Fraction(25)) as write_frame:
+        for number in range(75):
+            write_frame(texture[:, 4 * number : 4 * number + 320])
+    return path
+
+
+def _subtitle(video: Path, line: str, seconds: int = 3) -> None:
+    """Write the places of a drone that flies 0.001 degrees to the north a second."""
+    cues = [
+        f"{s + 1}\n00:00:{s:02},000 --> 00:00:{s + 1:02},000\n"
+        + line.format(lat=f"{PLACE.latitude_deg + s / 1000:.4f}", lon=PLACE.longitude_deg)
+        for s in range(seconds)
+    ]
+    video.with_suffix(".SRT").write_text("\n\n".join(cues))
+
+
+@pytest.mark.parametrize("line", FORMATS)
+def test_places_in_subtitles_of_drones_are_read(tmp_path: Path, line: str) -> None:
+    _subtitle(video := tmp_path / "v.mp4", line)
+    told: list[str] = []
+    track = read_track(video, 3.5, told.append)
+    if FORMATS[line] is None:
+        assert track is None
+        assert told == [f"{tmp_path / 'v.SRT'} has no positions"]
+    else:
+        assert track is not None
+        assert track(0.5).degrees == pytest.approx((PLACE.longitude_deg, PLACE.latitude_deg + 0.0005), abs=1e-9)
+
+
+def test_key_frames_have_the_places_of_the_subtitles_beside_their_video(filmed: Path) -> None:
+    _subtitle(filmed, next(iter(FORMATS)))
+    told: list[str] = []
+    frames = [(frame.number, taken.position) for _, frame, taken in read_key_frames(filmed, told.append)]
+    assert len(frames) > 2
+    for number, position in frames:
+        assert position is not None
+        north_deg = min(number / 25, 2) / 1000
+        assert position.degrees == pytest.approx((PLACE.longitude_deg, PLACE.latitude_deg + north_deg), abs=1e-9)
+    assert told == [f"note {filmed}: positions are those of {filmed.with_suffix('.SRT')}"]
+    with flight_sources(filmed) as sources:
+        assert [source.read_metadata().position for source in sources] == [position for _, position in frames]
+
+
+def test_subtitles_of_another_video_give_no_positions(filmed: Path) -> None:
+    _subtitle(filmed, next(iter(FORMATS)), seconds=6)
+    told: list[str] = []
+    assert not any(taken.position for *_, taken in read_key_frames(filmed, told.append))
+    srt = filmed.with_suffix(".SRT")
+    assert told == [f"note {filmed}: {srt} lasts 6 s, the video 3 s: it is of another, and gives no positions"]
