@@ -84,7 +84,7 @@ class Chain(wiring.Component):
 class Descriptor(Component):
     """`RingDescriptor` that takes a candidate's pixels together with its valid bit.
 
-    Candidates come at least 4 clocks apart.
+    Candidates come at least ``spacing_cycles`` apart.
     """
 
     i: data.View
@@ -92,10 +92,10 @@ class Descriptor(Component):
     o: data.View
     """``valid``, ``sector`` and ``descriptor``, of which bit 8 j + i is bit i of byte j."""
 
-    spacing_cycles = 4
-
-    def __init__(self, *, pattern: DescriptorPattern) -> None:
-        self._block = RingDescriptor(pattern=pattern, spacing_cycles=self.spacing_cycles)
+    def __init__(self, *, pattern: DescriptorPattern, spacing_cycles: int = 4) -> None:
+        self.spacing_cycles = spacing_cycles
+        self._block = RingDescriptor(pattern=pattern, spacing_cycles=spacing_cycles)
+        self.latency_cycles = self._block.latency_cycles
         rings = data.ArrayLayout(data.ArrayLayout(8, pattern.angles), len(pattern.radii_px))
         result = data.StructLayout({"valid": 1, "sector": 4, "descriptor": pattern.bits})
         super().__init__(i=In(data.StructLayout({"valid": 1, "rings": rings})), o=Out(result))
