@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -101,24 +100,6 @@ def test_cells_keep_their_best_in_the_order_of_emission(texture: Callable[..., A
     np.testing.assert_array_equal(features["index"], np.arange(len(features)))
 
 
-def test_fast_candidates_are_opencvs(texture: Callable[..., Any]) -> None:
-    for planes in trace(texture(160, 200), FAST).levels:
-        gray, candidates = planes["gray"].values, planes["candidates"].values
-        expected = np.zeros_like(candidates)
-        for corner in cv2.FastFeatureDetector.create(FAST.threshold).detect(gray):
-            expected[int(corner.pt[1]), int(corner.pt[0])] = corner.response
-        inside = (slice(FAST.border_px, -FAST.border_px),) * 2
-        np.testing.assert_array_equal(candidates[inside], expected[inside])
-
-
-def test_of_equal_harris_corners_the_first_in_raster_order_stays() -> None:
-    # Around a symmetrical dot the responses are symmetrical too, so its four pixels have equal responses.
-    image = np.zeros((100, 100), np.uint8)
-    image[50:52, 50:52] = 255
-    candidates = trace(image, AERIAL).levels[0]["candidates"].values
-    assert np.argwhere(candidates).tolist() == [[50, 50]]
-
-
 @CONFIGS
 def test_planes_are_specified_up_to_their_margin(texture: Callable[..., Any], config: FrontEndConfig) -> None:
     """Pixels beyond a frame's border must not influence a stage inside its margin."""
@@ -172,26 +153,6 @@ def test_half_turn_mirrors_the_features(texture: Callable[..., Any]) -> None:
     )
     assert sorted(second[["level", "x", "y", "response"]].tolist()) == expected
     assert len(expected) > 300
-
-
-def test_both_levels_find_a_square_at_the_same_position() -> None:
-    image = np.zeros((160, 160), np.uint8)
-    image[64:96, 64:96] = 200  # its corners, between pixels, are at 63.5 and 95.5
-    features = extract(cv2.GaussianBlur(image, (0, 0), 2), AERIAL).features
-    for level in (0, 1):
-        corners = np.sort(features[features["level"] == level], order="response")[-4:]
-        x, y = corners["x"] / 16, corners["y"] / 16
-        # Harris peaks inside a corner, by symmetry equally far in x and y and at all four.
-        depth = 16 - np.abs(np.stack((x, y)) - 79.5)
-        assert np.ptp(depth) == 0
-        assert 0 < depth[0, 0] < 2 << level
-        assert {(px < 79.5, py < 79.5) for px, py in zip(x, y, strict=True)} == {(a, b) for a in (0, 1) for b in (0, 1)}
-
-
-def test_colour_is_its_gray(texture: Callable[..., Any]) -> None:
-    colour = np.stack([texture(128, 160, seed) for seed in range(3)], axis=2)
-    gray = trace(colour, AERIAL).levels[0]["gray"].values
-    np.testing.assert_array_equal(extract(colour, AERIAL).features, extract(gray, AERIAL).features)
 
 
 def test_too_many_corners_make_a_bad_frame_without_features(texture: Callable[..., Any]) -> None:

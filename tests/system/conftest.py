@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from sim.scene import Flight
 from skymosaic import Mosaic, mosaic
 from skymosaic.geometry.homography import apply, estimate_similarity
+from tests.made import write_pictures
 from tests.skymosaic.conftest import IMAGES, SIZE, default_cache, flight, surveyed
 from tests.skymosaic.flight.picture.conftest import band_folder
 from tests.skymosaic.panel.conftest import browser, kept, opened, owner_address, panel, root, silent_board
@@ -25,8 +25,7 @@ __all__ = [
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory: pytest.TempPathFactory, flight: Flight) -> Path:
     folder = tmp_path_factory.mktemp("flight")
-    for index, image in enumerate(flight.images):
-        cv2.imwrite(str(folder / f"{index}.png"), image)
+    write_pictures(folder, flight.images)
     return folder
 
 

@@ -28,6 +28,7 @@ from skymosaic.mosaicking.live.pace import Pace
 from skymosaic.mosaicking.live.run import grow
 from skymosaic.mosaicking.options import LiveOptions
 from tests.conftest import Run
+from tests.made import write_pictures
 from tests.skymosaic.mosaicking.live.conftest import pair_errors_px
 from tests.system.command_line import skymosaic
 from tests.system.conftest import SIZE
@@ -153,8 +154,7 @@ def test_a_strict_mosaic_that_lacks_a_frame_leaves_no_preview(run: Run, frames: 
 
 def test_a_file_that_cannot_be_read_counts_as_left_out(run: Run, frames: list[np.ndarray]) -> None:
     (folder := Path("flight")).mkdir()
-    for number, frame in enumerate(frames[:2]):
-        cv2.imwrite(str(folder / f"{number}.png"), frame)
+    write_pictures(folder, frames[:2])
     (folder / "2.jpg").write_bytes(b"cut off")
     status, _, errors = run("live", "flight", "-o", "m.png", "--idle-seconds", "1", "--strict")
     assert (status, "1 left out, and --strict allows none" in errors) == (3, True), errors
@@ -204,8 +204,7 @@ def test_a_folder_that_cannot_be_read_is_refused_at_once(tmp_path: Path, monkeyp
 
 def start_live(tmp_path: Path, frames: list[np.ndarray], *before: str) -> subprocess.Popen[str]:
     """A live mosaic of a folder that never ends by itself, which has placed its second frame."""
-    for index, image in enumerate(frames[:2]):
-        cv2.imwrite(str(tmp_path / f"{index}.png"), image)
+    write_pictures(tmp_path, frames[:2])
     command = [*before, "-m", "skymosaic", "live", str(tmp_path), "-o", str(tmp_path / "grown.jpg")]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     process = subprocess.Popen([sys.executable, *command], stderr=subprocess.PIPE, text=True, env=environment)

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 from sim.scene import make_pair
 from skymosaic.cli.commands import app
 from skymosaic.common.errors import InputError
+from tests.made import write_pictures
 
 COMMANDS = {
     "mosaic": ("mosaic", "left.png", "right.png", "-o", "taken.png"),
@@ -36,8 +37,7 @@ def full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The current folder, with two photographs and a file under each name of `TAKEN`."""
     (tmp_path / "folder").mkdir()
     (tmp_path / "photographs").mkdir()
-    for name, image in zip(("left.png", "right.png"), make_pair(seed=5, size=(320, 240)).images, strict=True):
-        cv2.imwrite(str(tmp_path / name), image)
+    write_pictures(tmp_path, make_pair(seed=5, size=(320, 240)).images, ("left.png", "right.png"))
     for name in TAKEN:
         (tmp_path / name).write_text("somebody's work")
     monkeypatch.chdir(tmp_path)

@@ -3,13 +3,13 @@
 import json
 from pathlib import Path
 
-import cv2
 import pytest
 
 from bench.designs import largest_rules
 from golden_model.fuzzy.rules import MatchRules, read_shipped
 from sim.scene import make_pair
 from tests.conftest import Run
+from tests.made import write_pictures
 from tests.system.command_line import only_error
 
 AERIAL = read_shipped("aerial")
@@ -20,8 +20,7 @@ OWN = AERIAL.replace("Engine: aerial", "Engine: own").replace("likely Constant 0
 def _files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    for name, image in zip(("left.png", "right.png"), make_pair(seed=5, size=(320, 240)).images, strict=True):
-        cv2.imwrite(str(tmp_path / name), image)
+    write_pictures(tmp_path, make_pair(seed=5, size=(320, 240)).images, ("left.png", "right.png"))
     Path("own.fll").write_text(OWN)
     Path("own.toml").write_text('[matcher]\nrule_base = "own.fll"\n')
 

@@ -21,6 +21,7 @@ from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import survey
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.running.workers import Workers
+from tests.made import write_pictures
 from tests.system.command_line import only_error, skymosaic
 from tests.system.conftest import IMAGES, SIZE, position_errors_px
 
@@ -95,8 +96,7 @@ def test_sizes_may_differ(flight: Flight, surveyed: Path) -> None:
 
 
 def test_photographs_without_links_are_one_line(flight: Flight, tmp_path: Path) -> None:
-    for index, image in enumerate((flight.images[0], *elsewhere(1), flight.images[IMAGES - 1])):
-        cv2.imwrite(str(tmp_path / f"{index}.png"), image)
+    write_pictures(tmp_path, (flight.images[0], *elsewhere(1), flight.images[IMAGES - 1]))
     result = skymosaic("mosaic", tmp_path, "-o", "m.png", "--cache", "cache", cwd=tmp_path)
     assert result.returncode == 3
     assert "12 are needed" in only_error(result.stderr)

@@ -7,24 +7,19 @@ import cv2
 import numpy as np
 import pytest
 import rasterio
-from PIL import Image
-from PIL.ExifTags import IFD
 
 from sim.scene import Flight
 from skymosaic import mosaic
 from skymosaic.common.errors import InputError
+from tests.made import write_located
 from tests.system.command_line import only_error, skymosaic
 from tests.system.conftest import IMAGES, SIZE
 
 
 def with_gps(path: Path, image: np.ndarray, east_m: float, north_m: float) -> None:
     """A JPEG whose EXIF says where it was taken, near 46 degrees north, 92 west."""
-    degrees = 46 + north_m / 111_147, 92 - east_m / (111_320 * np.cos(np.radians(46)))
-    exif = Image.Exif()
-    exif.get_ifd(IFD.Exif)[0xA405] = round(21.633 * 0.8 * SIZE[0] / (np.hypot(*SIZE) / 2))
-    minutes = [(int(value), float(60 * (value % 1)), 0.0) for value in degrees]
-    exif.get_ifd(IFD.GPSInfo).update({1: "N", 2: minutes[0], 3: "W", 4: minutes[1]})
-    Image.fromarray(image[..., ::-1]).save(path, quality=92, exif=exif)
+    tags = {0xA405: round(21.633 * 0.8 * SIZE[0] / (np.hypot(*SIZE) / 2))}
+    write_located(path, image, (46.0, -92.0), (east_m, north_m), tags)
 
 
 def test_gps_puts_the_mosaic_on_the_map(flight: Flight, tmp_path: Path) -> None:

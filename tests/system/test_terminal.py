@@ -18,6 +18,7 @@ from golden_model.fuzzy.rules import read_shipped
 from sim.scene import make_pair
 from skymosaic.cli import main
 from skymosaic.cli.terminal import ended_by_signals
+from tests.made import write_pictures
 from tests.system.command_line import closed_pipe, only_error, skymosaic_process
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
@@ -59,8 +60,7 @@ def test_a_full_standard_output_is_one_line() -> None:
 
 @pytest.mark.parametrize("outputs", [pytest.param("2>/dev/full", marks=pytest.mark.slow), ">&- 2>&-"])
 def test_a_result_does_not_depend_on_standard_error(tmp_path: Path, outputs: str) -> None:
-    for name, image in zip("ab", make_pair(seed=9, size=(200, 160)).images, strict=True):
-        cv2.imwrite(str(tmp_path / f"{name}.png"), image)
+    write_pictures(tmp_path, make_pair(seed=9, size=(200, 160)).images, ("a.png", "b.png"))
     words = shlex.join(command("mosaic", tmp_path / "a.png", tmp_path / "b.png", "-o", tmp_path / "m.png"))
     done = subprocess.run(f"{words} {outputs}", shell=True, check=False, env=ENVIRONMENT)
     assert done.returncode == 0
@@ -83,8 +83,7 @@ def test_a_closed_pipe_is_not_taken_for_a_difference(tmp_path: Path, words: str,
 
 
 def test_a_closed_standard_error_costs_no_mosaic(tmp_path: Path) -> None:
-    for name, image in zip("ab", make_pair(seed=9, size=(200, 160)).images, strict=True):
-        cv2.imwrite(str(tmp_path / f"{name}.png"), image)
+    write_pictures(tmp_path, make_pair(seed=9, size=(200, 160)).images, ("a.png", "b.png"))
     with closed_pipe() as pipe:
         done = skymosaic_process("mosaic", "a.png", "b.png", "-o", "m.png", cwd=tmp_path, stderr=pipe)
     assert done.returncode == 0

@@ -42,15 +42,10 @@ def write_out(m: Measurements) -> Iterator[str]:
     for name, figure in zip(charts.CHARTS, drawn, strict=True):
         every: list[Any] = figure.axes
         for legend in [*figure.legends, *filter(None, (axes.get_legend() for axes in every))]:
-            texts = legend.get_texts()
-            look = f"{'framed' if legend.get_frame_on() else 'plain'} {texts[0].get_fontsize()}"
-            yield f"diagram {name}: legend {look}: {' | '.join(each.get_text() for each in texts)}"
+            yield f"diagram {name}: legend: {' | '.join(each.get_text() for each in legend.get_texts())}"
         for axes in every:
-            shape = (*figure.get_size_inches(), *axes.get_ylim())
             words = axes.get_xlabel(), axes.get_xscale(), axes.get_ylabel(), axes.get_yscale()
-            yield f"diagram {name}: {' '.join(words)} {' '.join(f'{each:.4g}' for each in shape)}"
-            borders = [side for side, border in axes.spines.items() if border.get_visible()]
-            yield f"diagram {name}: {' '.join(borders)} {'grid' if axes.xaxis.get_gridlines()[0].get_visible() else ''}"
+            yield f"diagram {name}: {' '.join(words)} {' '.join(f'{each:.4g}' for each in axes.get_ylim())}"
             series: dict[str, Any] = {line.get_label(): line.get_xydata() for line in axes.lines}
             series |= {"bars": [(bar.get_x(), bar.get_height()) for bar in axes.patches]}
             series |= {"segments": [end for each in axes.collections for ends in each.get_segments() for end in ends]}

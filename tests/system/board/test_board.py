@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
@@ -30,6 +29,7 @@ from sim.simulators.accelerator_designs import MATCHES
 from skymosaic.features import board_client
 from skymosaic.features.backends import load_backend
 from tests.conftest import Run
+from tests.made import write_pictures
 from tests.system.board.pynq_board import AcceleratorSystem, open_board
 from tests.system.board.pynq_package import OLDER, remove_pynq
 from tests.system.command_line import only_error
@@ -111,8 +111,7 @@ def test_the_board_gives_what_the_golden_model_gives(
 
 @pytest.mark.parametrize("name", ["register", "check"])
 def test_a_command_asks_the_board_at_an_address(address: str, name: str, tmp_path: Path, run: Run) -> None:
-    for side, image in zip(("left.png", "right.png"), frames(gray=False), strict=True):
-        cv2.imwrite(str(tmp_path / side), image)
+    write_pictures(tmp_path, frames(gray=False), ("left.png", "right.png"))
     (tmp_path / "config.toml").write_text(to_toml(CONFIG))
     # A board registers in one pass, so the golden model has to as well.
     effort = ("--effort", "fast") if name == "register" else ()
@@ -136,8 +135,7 @@ def test_a_command_asks_the_board_at_an_address(address: str, name: str, tmp_pat
     ],
 )
 def test_a_wrong_address_is_told_in_one_line(options: tuple[str, ...], says: str, tmp_path: Path, run: Run) -> None:
-    for number, image in enumerate([*frames(gray=True), frames(gray=True)[0]]):
-        cv2.imwrite(str(tmp_path / f"{number}.png"), image)
+    write_pictures(tmp_path, [*frames(gray=True), frames(gray=True)[0]])
     for words in (("register", "0.png", "1.png"), ("mosaic", ".", "-o", "m.tif")):
         status, _, errors = run(*words, *options)
         assert status == 2

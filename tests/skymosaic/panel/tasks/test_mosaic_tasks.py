@@ -2,7 +2,6 @@
 
 import csv
 import json
-import math
 import re
 import shlex
 from dataclasses import replace
@@ -13,8 +12,6 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from PIL import Image
-from PIL.ExifTags import IFD
 from typer.testing import CliRunner
 
 from golden_model.version import VERSION
@@ -31,10 +28,9 @@ from skymosaic.panel.tasks.mosaic_tasks import (
     write_command,
 )
 from skymosaic.registration.register import register
+from tests.made import write_located, write_pictures
 
 METRES_PER_PIXEL = 0.15
-NORTH_DEG, EAST_DEG = 46.0, 7.0
-METRES_PER_DEGREE = 111_147
 
 
 def silent(_line: str, _done: int = 0, _total: int = 0) -> None:
@@ -60,8 +56,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         for option, value in OPTIONS[name].items():
             options = options.changed(option, value)
         (folder / "pictures").mkdir()
-        for number, image in enumerate(images):
-            cv2.imwrite(str(folder / f"{number}.png"), image)
+        write_pictures(folder, images)
         result = make_mosaic(folder, ["0.png", "1.png"], options, folder / "pictures", progress=silent)
         assert result.mosaic is not None, result.reason
     return folders
@@ -158,12 +153,8 @@ def write_flight_with_gps(folder: Path) -> list[str]:
     rendered = make_lawnmower(seed=9, images=4, size=(400, 300))
     names = [f"DJI_{number}.jpg" for number in range(len(rendered.images))]
     for name, image, pose in zip(names, rendered.images, rendered.poses, strict=True):
-        north = NORTH_DEG - METRES_PER_PIXEL * pose.y_px / METRES_PER_DEGREE
-        east = EAST_DEG + METRES_PER_PIXEL * pose.x_px / (METRES_PER_DEGREE * math.cos(math.radians(NORTH_DEG)))
-        exif = Image.Exif()
-        minutes = [(math.floor(angle), 60 * (angle % 1), 0.0) for angle in (north, east)]
-        exif.get_ifd(IFD.GPSInfo).update({1: "N", 2: minutes[0], 3: "E", 4: minutes[1]})
-        Image.fromarray(image[..., ::-1]).save(folder / name, quality=92, exif=exif)
+        moved_m = METRES_PER_PIXEL * pose.x_px, -METRES_PER_PIXEL * pose.y_px
+        write_located(folder / name, image, (46.0, 7.0), moved_m)
     return names
 
 
