@@ -40,9 +40,11 @@ RUN = Path("made up") / "07"
 SQUARE = np.array([[0.0, 0], [60, 0], [60, 40], [0, 40]])
 SAID = (
     "aria-label", "label", "title", "hint", "role", "href", "aria-current", "words", "min", "max", "start", "pictures",
-    "tiles", "url", "accept", "indeterminate",
+    "tiles", "url", "accept", "indeterminate", "drawing", "curves", "corners", "high",
 )  # fmt: skip
-"""Properties by which a user or a screen reader knows an element; how it looks is not recorded."""
+"""Properties by which a user or a screen reader knows an element, and our own drawings; its style is not recorded."""
+MAX_SHOWN = 240
+"""Of longer ones, as of curves, both ends."""
 
 
 def features(shift_px: int) -> Records:
@@ -149,6 +151,11 @@ def tracking_result(folder: Path) -> TrackingResult:
     return TrackingResult(folder, RUN, "skymosaic track", RUN / "tracked.mp4", rows, 0.0125, ("2 frames are missing",))
 
 
+def shorten(value: object) -> str:
+    text, half = str(value), MAX_SHOWN // 2
+    return text if len(text) <= MAX_SHOWN else f"{text[:half]} ... {text[-half:]}"
+
+
 def words_of(markup: str) -> str:
     """What is read of HTML."""
     return " ".join(html.unescape(re.sub("<[^>]*>", " ", markup)).split())
@@ -176,7 +183,7 @@ def describe(element: Element) -> Iterator[str]:
     if isinstance(element, ui.timer):
         return
     shown: Any = element
-    words = [f"{key}={element.props[key]}" for key in SAID if element.props.get(key) not in (None, False, "")]
+    words = [f"{key}={shorten(element.props[key])}" for key in SAID if element.props.get(key) not in (None, False, "")]
     if isinstance(element, ui.select | ui.checkbox | ui.switch | ui.input | ui.linear_progress | ui.tab_panels):
         words.append(f"value={shown.value}")
     words += [f"of={shown.options}"] if isinstance(element, ui.select) else []
