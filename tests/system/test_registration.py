@@ -126,13 +126,6 @@ def test_scale_sets_the_size_of_the_mosaic(images: list[Pixels], made: Mosaic) -
     assert np.abs(grown[middle].astype(int) - full[middle]).mean() < 12
 
 
-def test_unknown_presets_and_one_image_are_refused(images: list[Pixels]) -> None:
-    with pytest.raises(InputError, match="aerial, thesis"):
-        register(images[0], images[1], preset="martian")
-    with pytest.raises(InputError):
-        mosaic(images[:1])
-
-
 def test_a_thesis_frame_with_too_many_corners_raises_the_threshold_for_both() -> None:
     rng = np.random.default_rng(0)
     noise = cv2.GaussianBlur(rng.integers(0, 256, (480, 640), dtype=np.uint8), (0, 0), 1.0)
