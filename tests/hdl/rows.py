@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import pytest
-from amaranth import ResetInserter, Signal, Value
+from amaranth import Cat, ResetInserter, Signal, Value
 
 from hdl.blocks.flat import leaves
 from hdl.blocks.vectors import Block, rows
@@ -114,11 +114,10 @@ class _Bench:
         self._set(ctx)
         waits = any(port.is_stream for port in self.sources) and not self.row.remembers
         await self._send(ctx, 0.4 if waits else 0.13, PAUSES)
-        ctx.set(self.reset, 1)
-        await ctx.tick()
-        ctx.set(self.reset, 0)
-        # Until it is ready again.
-        await ctx.tick()
+        for reset in (1, 0):
+            ctx.set(Cat(self.reset, (port.valid for port in self.sources)), reset)
+            # The second clock is that in which it becomes ready.
+            await ctx.tick()
         await self._send(ctx, 1, NO_PAUSES if waits else PAUSES)
         self._check_times()
 
