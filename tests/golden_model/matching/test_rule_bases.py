@@ -1,10 +1,9 @@
 """The matcher's fuzzy systems are the published ones: corners, rules and outputs, and what they give for any input.
 
-`tests/golden_model/fuzzy/test_rules.py` has the tables of `aerial`, and FuzzyLite's answers for the files of all.
+In `tests/golden_model/fuzzy`, `test_rules.py` has the tables of `aerial` and `ilbp`, `test_fll.py` FuzzyLite's answers.
 """
 
 import itertools
-import math
 
 import numpy as np
 import pytest
@@ -56,11 +55,8 @@ def check_weights(system: SugenoSystem, name: str, per_unit: list[float]) -> Non
     assert (chosen >= strengths.max(axis=1) - 2 * len(system.inputs) * HALF_STEP).all()
 
 
-def test_aerial_constants_are_the_nearest_integers() -> None:
-    """The hardware is built with exactly these numbers."""
+def test_aerial_weighs_as_its_rules_say() -> None:
     system = rule_bases.aerial(128)
-    assert [rule.singleton for rule in system.rules] == [256, 38, 154, 13, 154, 5, 51, 0]
-    assert system.inputs[2].sets["common"].tolist() == [256, 256, 154, 51, 0]
     weight, rule = system.evaluate(np.array([0, 128]), np.array([128, 0]), np.array([0, 8]))
     assert (weight.tolist(), rule.tolist()) == ([255, 0], [0, 7]), "a full weight saturates"
     check_weights(system, "aerial", [128, 128, 1])
@@ -77,15 +73,7 @@ def test_the_vote_for_an_orientation_is_as_published() -> None:
 
 @pytest.mark.parametrize("bits", [8, 32])
 def test_ilbp_has_four_rules_over_distance_and_belongings(bits: int) -> None:
-    """The sigmoid falls to 0.95 at 6 gray levels per pixel and to 0.05 at 13 (window of 9 pixels)."""
     system = rule_bases.ilbp(bits)
-    check_ramps(system, 0, {"low": [(bits / 8, 1), (3 * bits / 8, 0)], "high": [(bits / 8, 0), (3 * bits / 8, 1)]})
-    slope = 2 * math.log(19) / (9 * (13 - 6))
-    for belonging in system.inputs[1:]:
-        entries = np.arange(belonging.entries)
-        falls = 1 / (1 + np.exp(slope * (entries - 9 * 9.5)))
-        for name, degrees in (("belongs", falls), ("does_not", 1 - falls)):
-            assert np.abs(belonging.sets[name] / ONE - degrees).max() <= HALF_STEP
     yes, no = "belongs", "does_not"
     assert [(rule.sets, rule.output) for rule in system.rules] == [
         (("low", yes, yes), 1), (("high", no, no), 0), (("low", no, yes), 0), (("high", yes, no), 0),

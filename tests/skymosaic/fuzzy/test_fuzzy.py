@@ -1,47 +1,16 @@
 """The integer model of a system from a file, and what is plotted of it."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
-from golden_model.formats import POSITION, WEIGHT
 from golden_model.fuzzy.fll import load_system, read_fll
 from golden_model.fuzzy.rules import SHIPPED
 from golden_model.fuzzy.sugeno import ONE
 from golden_model.fuzzy.system import FuzzySystem, IfThen, Input, Output
 from golden_model.fuzzy.terms import Term
-from golden_model.matching import correlation, rule_bases
 from skymosaic.fuzzy.plotted_systems import PLOTTED_SYSTEMS, plan_plot
 from skymosaic.fuzzy.quantised import measure_errors, quantise
-from skymosaic.geometry import fuzzy_ransac
 from tests.golden_model.fuzzy.valve import VALVE
-
-BITS = 32
-SYSTEMS: dict[str, Any] = {
-    "correlation": (
-        rule_bases.correlation,
-        (correlation.SAD_PER_PIXEL.one, correlation.ZSSD_PER_PIXEL.one, correlation.NCC.one),
-    ),
-    "ilbp": (lambda: rule_bases.ilbp(BITS), (BITS, 9, 9)),
-    "ransac": (fuzzy_ransac.rule_base, (1, POSITION.one)),
-}
-"""The project's system, and the table entries per unit of each input of the file."""
-
-
-@pytest.mark.parametrize("name", SYSTEMS)
-def test_the_shipped_files_are_the_systems_that_the_project_computes(name: str) -> None:
-    make, scales = SYSTEMS[name]
-    model, shipped = make(), load_system(SHIPPED / f"{name}.fll")
-    rng = np.random.default_rng(1)
-    entries = [rng.integers(0, variable.entries, 4000) for variable in model.inputs]
-    values = [index / scale for index, scale in zip(entries, scales, strict=True)]
-    strengths = model.strengths(*entries) / ONE
-    np.testing.assert_allclose(shipped.strengths(*values), strengths, atol=1 / 512 + 1e-6)
-    firm = strengths.sum(axis=1) >= 0.25
-    weights = model.evaluate(*entries)[0] / WEIGHT.one
-    assert firm.mean() > 0.2
-    np.testing.assert_allclose(shipped.evaluate(*values)[firm], weights[firm], atol=0.05)
 
 
 @pytest.mark.parametrize(("name", "entries"), [("correlation", 64), ("ilbp", 17), ("ransac", 17), ("ransac", 64)])
