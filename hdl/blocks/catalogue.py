@@ -2,7 +2,7 @@
 # Blocks that are refused are never elaborated, of which whoever reads the refusal would be warned, too.
 """The blocks for `skymosaic export block`, with their vectors."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model import front_end as golden_front_end
-from golden_model.arrays import Records
 from golden_model.config import (
     DETECTORS,
     MAX_FRAME_PX,
@@ -29,20 +28,20 @@ from golden_model.geometry.estimator import FrameMatches, estimate, homography_r
 from golden_model.matching import correlation, rule_bases
 from golden_model.matching.matcher import check_rule_base, match
 from golden_model.pixel import fast, gray, half, harris, nms, smooth, sobel
-from golden_model.records import FRAME_STATUS, MATCH, Tag
+from golden_model.records import MATCH
 from hdl.blocks.chain import Chain, Descriptor
 from hdl.blocks.flat import flat_values
 from hdl.blocks.vectors import (
     Block,
     Row,
-    answer_rows,
     neighbours,
+    of_stream,
     packet,
     padded_status,
-    pixel_rows,
     rows,
     sample_frames,
     sample_image,
+    scan,
 )
 from hdl.build import Build, check_lanes
 from hdl.fuzzy.sugeno import Sugeno
@@ -89,28 +88,17 @@ class BlockConfig(FrontEndConfig):
         check_lanes(self.lanes, self.max_features)
 
 
-def scan(
-    component: Any, about: str, frames: Sequence[Mapping[str, NDArray[Any]]], answer: Callable[..., dict[str, Any]],
-    *, margin_px: int = 0, settings: Row | None = None, answered_per_clock: int | None = None,
+def _with_lines(
+    config: BlockConfig, about: str, lines: int, blocks: Mapping[str, Any], answer: Callable[..., dict[str, Any]],
+    *, margin_px: int, settings: Row | None = None, **others: Any,
 ) -> Block:  # fmt: skip
-    """A block that gets frames, pixel by pixel, and answers with what is computed of their planes."""
-    rate = getattr(component, "pixels_per_clock", 1)
-    places: dict[str, Any] = {"lag_px": getattr(component, "lag_px", 0), "margin_px": margin_px}
-    sent = [row for frame in frames for row in pixel_rows(rate, **frame)]
-    answered = [row for frame in frames for row in answer_rows(answered_per_clock or rate, **places, **answer(**frame))]
-    return Block(component, about, {"i": sent}, {"o": answered}, settings or {})
-
-
-def _with_lines(config: BlockConfig, lines: int, blocks: Mapping[str, Any], **others: Any) -> Chain:
     """Blocks of which the first takes columns of pixels, behind the line memory that makes them."""
     rate = config.pixels_per_clock
     memory = LineBuffer(shape=8, lines=lines, width_px=config.width_px, pixels_per_clock=rate)
     lags = (getattr(block, name, 0) for block in blocks.values() for name in ("lag_px", "gradient_lag_px"))
-    return Chain({"lines": memory, **blocks}, lag_px=sum(lags), **others)
-
-
-def _pixels() -> list[dict[str, NDArray[Any]]]:
-    return [{"pixel": frame} for frame in sample_frames()]
+    chain = Chain({"lines": memory, **blocks}, lag_px=sum(lags), **others)
+    frames = [{"pixel": frame} for frame in sample_frames()]
+    return scan(chain, about, frames, answer, margin_px=margin_px, settings=settings)
 
 
 def _gray(config: BlockConfig) -> Block:
@@ -124,36 +112,36 @@ def _gray(config: BlockConfig) -> Block:
 
 
 def _half(config: BlockConfig) -> Block:
-    rate = config.pixels_per_clock
-    block = Half(width_px=config.width_px, pixels_per_clock=rate)
+    block = Half(width_px=config.width_px, pixels_per_clock=config.pixels_per_clock)
     # The right pixel of a beat is in the line, too.
-    frames = [{"pixel": frame[:, : 31 // rate * rate]} for frame in sample_frames()]
+    frames = [{"pixel": frame[:, : 32 - block.pixels_per_clock]} for frame in sample_frames()]
     return scan(block, "Mean of each 2x2 pixels.", frames, lambda pixel: {"pixel": half.halve(pixel)},
         answered_per_clock=1)  # fmt: skip
 
 
 def _smooth(config: BlockConfig) -> Block:
-    side_px, rate = config.window_px, config.pixels_per_clock
-    chain = _with_lines(config, side_px - 1, {"block": Binomial(window_px=side_px, pixels_per_clock=rate)})
-    about = f"Binomial smoothing, {side_px}x{side_px}."
-    return scan(chain, about, _pixels(), lambda pixel: {"pixel": smooth.binomial(pixel, side_px)},
-        margin_px=side_px // 2)  # fmt: skip
+    side_px = config.window_px
+    return _with_lines(
+        config, f"Binomial smoothing, {side_px}x{side_px}.", side_px - 1,
+        {"block": Binomial(window_px=side_px, pixels_per_clock=config.pixels_per_clock)},
+        lambda pixel: {"pixel": smooth.binomial(pixel, side_px)}, margin_px=side_px // 2,
+    )  # fmt: skip
 
 
 def _sobel(config: BlockConfig) -> Block:
-    chain = _with_lines(config, 2, {"block": Sobel(pixels_per_clock=config.pixels_per_clock)})
-
-    def answer(pixel: NDArray[np.uint8]) -> dict[str, Any]:
-        return dict(zip(("gradient_x", "gradient_y"), sobel.gradients(pixel), strict=True))
-
-    return scan(chain, "Sobel gradients.", _pixels(), answer, margin_px=1)
+    return _with_lines(
+        config, "Sobel gradients.", 2, {"block": Sobel(pixels_per_clock=config.pixels_per_clock)},
+        lambda pixel: dict(zip(("gradient_x", "gradient_y"), sobel.gradients(pixel), strict=True)), margin_px=1,
+    )  # fmt: skip
 
 
 def _fast(config: BlockConfig) -> Block:
-    chain = _with_lines(config, WINDOW_PX - 1, {"block": Fast(pixels_per_clock=config.pixels_per_clock)})
-    about, settings = "FAST-9/16: segment test and score.", {"i_threshold_code": 12}
-    return scan(chain, about, _pixels(), lambda pixel: {"code": fast.response_code(pixel, 12)},
-        margin_px=fast.MARGIN_PX, settings=settings)  # fmt: skip
+    return _with_lines(
+        config, "FAST-9/16: segment test and score.", WINDOW_PX - 1,
+        {"block": Fast(pixels_per_clock=config.pixels_per_clock)},
+        lambda pixel: {"code": fast.response_code(pixel, 12)},
+        margin_px=fast.MARGIN_PX, settings={"i_threshold_code": 12},
+    )  # fmt: skip
 
 
 def _response(config: BlockConfig, pixel: NDArray[np.uint8]) -> NDArray[np.uint16]:
@@ -166,9 +154,11 @@ def _response(config: BlockConfig, pixel: NDArray[np.uint8]) -> NDArray[np.uint1
     return harris.response_code(raw, config.threshold)
 
 
-def _threshold(config: BlockConfig) -> Row:
+def _settings(config: BlockConfig, *ports: str) -> Row:
+    """What is set at run time, of the detector and its smallest code."""
     code = config.threshold if config.detector == "fast" else encode_response(np.array(config.threshold))
-    return {"i_threshold_code": int(code)}
+    values = {"i_fast": DETECTORS.index(config.detector), "i_threshold_code": int(code)}
+    return {port: values[port] for port in ports}
 
 
 def _harris(config: BlockConfig) -> Block:
@@ -178,18 +168,16 @@ def _harris(config: BlockConfig) -> Block:
         "raw": RawResponse(k_numerator=config.harris_k_numerator, k_shift=config.harris_k_shift),
         "code": ResponseCode(),
     }
-    chain = _with_lines(config, 2, blocks, fields={"column": "gradients"}, constants={"i_fast": 0})
     about = "Harris's corner response as a logarithmic code; 0 below the threshold."
-    return scan(chain, about, _pixels(), lambda pixel: {"code": _response(config, pixel)},
-        margin_px=config.response_support_px, settings=_threshold(config))  # fmt: skip
+    return _with_lines(
+        config, about, 2, blocks, lambda pixel: {"code": _response(config, pixel)},
+        margin_px=config.response_support_px, settings=_settings(config, "i_threshold_code"),
+        fields={"column": "gradients"}, constants={"i_fast": 0},
+    )  # fmt: skip
 
 
 def _survivors(config: BlockConfig, code: NDArray[np.uint16]) -> dict[str, Any]:
     return {"code": nms.suppress(code, *config.suppression), **neighbours(code)}
-
-
-def _detector(config: BlockConfig) -> Row:
-    return {"i_fast": DETECTORS.index(config.detector)}
 
 
 def _nms(config: BlockConfig) -> Block:
@@ -200,16 +188,18 @@ def _nms(config: BlockConfig) -> Block:
     frames = [{"code": random.integers(0, most, (27, 31)).astype(np.uint16)} for _ in range(2)]
     about = f"Non-maximum suppression in a window of {2 * radius_px + 1}x{2 * radius_px + 1} px."
     block = Suppression(radius_px=radius_px, width_px=config.width_px, pixels_per_clock=rate)
-    return scan(block, about, frames, partial(_survivors, config), margin_px=radius_px, settings=_detector(config))
+    return scan(block, about, frames, partial(_survivors, config), margin_px=radius_px,
+        settings=_settings(config, "i_fast"))  # fmt: skip
 
 
 def _corners(config: BlockConfig) -> Block:
     corners = Corners(config=config, width_px=config.width_px, pixels_per_clock=config.pixels_per_clock)
-    chain = _with_lines(config, 2, {"corners": corners})
     about = "Harris or FAST corners after suppression, with the codes of the four neighbours."
-    margin_px = config.response_support_px + config.suppression_radius_px
-    return scan(chain, about, _pixels(), lambda pixel: _survivors(config, _response(config, pixel)),
-        margin_px=margin_px, settings=_detector(config) | _threshold(config))  # fmt: skip
+    return _with_lines(
+        config, about, 2, {"corners": corners}, lambda pixel: _survivors(config, _response(config, pixel)),
+        margin_px=config.response_support_px + config.suppression_radius_px,
+        settings=_settings(config, "i_fast", "i_threshold_code"),
+    )  # fmt: skip
 
 
 def _ilbp(config: BlockConfig) -> Block:
@@ -224,14 +214,8 @@ def _ilbp(config: BlockConfig) -> Block:
         {"sector": sector, "descriptor": int.from_bytes(row.tobytes(), "little")}
         for sector, row in zip(sectors.tolist(), descriptors, strict=True)
     ]
-    block = Descriptor(pattern=pattern)
-    return Block(
-        block,
-        f"Orientation and descriptor ({pattern.name}) of the pixels on rings around a candidate.",
-        {"i": rows("i", sent)},
-        {"o": rows("o", expected)},
-        spacing_cycles=block.spacing_cycles,
-    )
+    about = f"Orientation and descriptor ({pattern.name}) of the pixels on rings around a candidate."
+    return of_stream(Descriptor(pattern=pattern), about, sent, expected)
 
 
 def sugeno(system: SugenoSystem, value_bits: int, description: str, *, vectors: int) -> Block:
@@ -242,36 +226,25 @@ def sugeno(system: SugenoSystem, value_bits: int, description: str, *, vectors: 
     random = np.random.default_rng(5).integers(0, 1 << value_bits, (vectors, len(last)))
     inputs = np.vstack([ends, random])
     weights, chosen = system.evaluate(*inputs.T)
-    expected = [
-        {"weight": weight, "rule": rule} for weight, rule in zip(weights.tolist(), chosen.tolist(), strict=True)
-    ]
-    return Block(
-        Sugeno(system=system, value_bits=value_bits),
-        description,
-        {"i": rows("i", inputs.tolist())},
-        {"o": rows("o", expected)},
-    )
+    expected = [{"weight": weight, "rule": rule} for weight, rule in np.stack([weights, chosen], 1).tolist()]
+    return of_stream(Sugeno(system=system, value_bits=value_bits), description, inputs.tolist(), expected)
 
 
 def _fuzzy(config: BlockConfig) -> Block:
     system = rule_bases.aerial_orientation(config.pattern.bits)
     names = ", ".join(variable.name for variable in system.inputs)
-    description = f"Zero-order Sugeno system with the inputs {names}: weight (UQ0.8) and dominant rule."
+    about = f"Zero-order Sugeno system with the inputs {names}: weight (UQ0.8) and dominant rule."
     # 6 bits, because its tables are short: most values of 8 bits lie beyond them.
-    return sugeno(system, value_bits=6, description=description, vectors=60)
+    return sugeno(system, 6, about, vectors=60)
 
 
 def _correlation(_config: BlockConfig) -> Block:
-    left, right = np.random.default_rng(6).integers(0, 256, (2, 30, 9)).astype(np.uint8)
-    scores = zip(
-        *(score(left, right).tolist() for score in (correlation.sad, correlation.zssd, correlation.ncc)), strict=True
-    )
-    return Block(
-        WindowCorrelation(),
-        "SAD, ZSSD and NCC of two windows of 3x3 pixels.",
-        {"i": rows("i", [{"left": a, "right": b} for a, b in zip(left.tolist(), right.tolist(), strict=True)])},
-        {"o": rows("o", [dict(zip(("sad", "zssd", "ncc"), each, strict=True)) for each in scores])},
-    )
+    pairs = np.random.default_rng(6).integers(0, 256, (2, 30, 9)).astype(np.uint8)
+    names = ("sad", "zssd", "ncc")
+    scores = np.transpose([getattr(correlation, name)(*pairs) for name in names]).tolist()
+    sent = [dict(zip(("left", "right"), pair, strict=True)) for pair in pairs.swapaxes(0, 1).tolist()]
+    expected = [dict(zip(names, each, strict=True)) for each in scores]
+    return of_stream(WindowCorrelation(), "SAD, ZSSD and NCC of two windows of 3x3 pixels.", sent, expected)
 
 
 def _frames(config: BlockConfig) -> list[golden_front_end.FrameFeatures]:
@@ -286,9 +259,8 @@ def _matcher(config: BlockConfig) -> Block:
     pattern, frames = config.pattern, _frames(config)
     matches = match(frames[0].features, frames[1].features, pattern, rules)
     counts = {"matches": len(matches), "kept": int(np.count_nonzero(matches["verdict"]))}
-    sent: list[Any] = []
-    for frame in frames:
-        sent += packet(frame.features, padded_status(frame.status, frame.features.dtype.itemsize))
+    statuses = [padded_status(frame.status, frame.features.dtype.itemsize) for frame in frames]
+    sent = [word for frame, status in zip(frames, statuses, strict=True) for word in packet(frame.features, status)]
     expected = packet(padded_status(frames[0].status, MATCH.record_bytes))
     expected += packet(matches, padded_status(frames[1].status, MATCH.record_bytes, **counts))
     return Block(
@@ -301,31 +273,20 @@ def _matcher(config: BlockConfig) -> Block:
     )
 
 
-def _match_packet(count: int, spread: int) -> tuple[Records, np.void]:
-    """Match records whose positions differ by up to ``spread``, 1/16 px, a fifth of them rejected; and the status."""
-    rng = np.random.default_rng(8)
-    matches = np.zeros(count, MATCH.dtype)
-    left = rng.integers(0, 1 << 13, (count, 2))
-    right = np.abs(left + rng.integers(-spread, spread + 1, left.shape))
-    matches["tag"], matches["weight"] = Tag.MATCH, rng.integers(0, 256, count)
-    matches["verdict"] = rng.random(count) < 0.8
-    for side, points in (("left", left), ("right", right)):
-        matches[f"{side}_x"], matches[f"{side}_y"] = points.T
-    status: np.void = np.zeros(1, FRAME_STATUS.dtype)[0]
-    for name, value in {"tag": Tag.FRAME_STATUS, "good": 1, "width": 512, "height": 512}.items():
-        status[name] = value
-    return matches, status
-
-
-def _homography(_config: BlockConfig) -> Block:
-    matches, status = _match_packet(30, spread=20)
-    settings = EstimatorConfig(passes=1)
-    result = estimate(FrameMatches.from_records(matches, status), settings)
+def _homography(config: BlockConfig) -> Block:
+    left, right = _frames(config)
+    # A third of the matches, spread as all are; a fifth of them rejected, and none exactly where it should be.
+    matches = match(left.features, right.features, config.pattern, MatcherConfig())[::3]
+    random, settings = np.random.default_rng(8), EstimatorConfig(passes=1)
+    matches["verdict"] = random.random(len(matches)) < 0.8
+    for name in ("right_x", "right_y"):
+        matches[name] += random.integers(0, 20, len(matches), np.uint16)
+    result = estimate(FrameMatches.from_records(matches, right.status), settings)
     return Block(
         RecordEstimator(),
         "Estimates the homography of each frame's kept matches: packets of matches in, a packet of one record out for "
         "each.",
-        {"i_matches": rows("i_matches", packet(matches, padded_status(status, MATCH.record_bytes)))},
+        {"i_matches": rows("i_matches", packet(matches, padded_status(right.status, MATCH.record_bytes)))},
         {"o": rows("o", packet(homography_record(result)))},
         flat_values("i_settings", vars(settings)) | {"i_enable": 1, "i_clear": 0},
     )

@@ -1,6 +1,6 @@
 """Vectors of a test bench: the inputs of a block and its expected outputs."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -78,6 +78,25 @@ def answer_rows(
                 for name, plane in planes.items():
                     beats[-1] |= flat_values(port.format(name), plane[at].tolist())
     return beats
+
+
+def scan(
+    component: Any, about: str, frames: Sequence[Mapping[str, NDArray[Any]]], answer: Callable[..., dict[str, Any]],
+    *, margin_px: int = 0, settings: Row | None = None, answered_per_clock: int | None = None,
+) -> Block:  # fmt: skip
+    """A block that gets frames, pixel by pixel, and answers with what is computed of their planes."""
+    rate = getattr(component, "pixels_per_clock", 1)
+    places: dict[str, Any] = {"lag_px": getattr(component, "lag_px", 0), "margin_px": margin_px}
+    sent = [row for frame in frames for row in pixel_rows(rate, **frame)]
+    answered = [row for frame in frames for row in answer_rows(answered_per_clock or rate, **places, **answer(**frame))]
+    return Block(component, about, {"i": sent}, {"o": answered}, settings or {})
+
+
+def of_stream(component: Any, about: str, sent: Sequence[Any], expected: Sequence[Any], **settings: int) -> Block:
+    """A block with a stream or a beat ``i`` and ``o``: the payloads that go in, and those that come out."""
+    spacing_cycles = getattr(component, "spacing_cycles", 1)
+    answers = {"o": rows("o", expected)}
+    return Block(component, about, {"i": rows("i", sent)}, answers, settings, spacing_cycles=spacing_cycles)
 
 
 def neighbours(plane: NDArray[Any]) -> dict[str, NDArray[Any]]:

@@ -12,7 +12,7 @@ import pytest
 from amaranth import Cat, ResetInserter, Signal, Value
 
 from hdl.blocks.flat import leaves
-from hdl.blocks.vectors import Block, rows
+from hdl.blocks.vectors import Block
 from hdl.blocks.vectors import Row as Fields
 from sim.benches import drivers
 from sim.benches.drivers import CLOCK_S, DRAIN_CYCLES, Garbage
@@ -37,11 +37,6 @@ def table(**each: Row | Callable[[], Block]) -> pytest.MarkDecorator:
     """Parametrise a test by ``row``; the names of the rows are words."""
     made = {name.replace("_", " "): row if isinstance(row, Row) else Row(row) for name, row in each.items()}
     return pytest.mark.parametrize("row", made.values(), ids=made)
-
-
-def of_stream(dut: Any, sent: Sequence[Any], answers: Sequence[Any], **settings: int) -> Block:
-    """A block with a stream or a beat ``i`` and ``o``: payloads that go in, and those that come out."""
-    return Block(dut, "", {"i": rows("i", sent)}, {"o": rows("o", answers)}, settings)
 
 
 class _Port:

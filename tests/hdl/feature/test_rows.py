@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from golden_model.feature.ilbp import PATTERNS, describe, gather
 from hdl.blocks.chain import Descriptor
-from hdl.blocks.vectors import Block, rows
+from hdl.blocks.vectors import Block, of_stream
 from hdl.feature.ilbp import RingDescriptor
 from tests.hdl.rows import Row, check, table
 
@@ -43,7 +43,7 @@ def descriptor(name: str, spacing_cycles: int) -> Block:
         for sector, row in zip(sectors.tolist(), descriptors, strict=True)
     ]
     dut = Descriptor(pattern=pattern, spacing_cycles=spacing_cycles)
-    return Block(dut, "", {"i": rows("i", sent)}, {"o": rows("o", answers)}, spacing_cycles=spacing_cycles)
+    return of_stream(dut, "", sent, answers)
 
 
 CASES = [

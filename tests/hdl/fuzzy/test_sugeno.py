@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from golden_model.fuzzy.sugeno import Rule, SugenoSystem, Variable
 from golden_model.matching import rule_bases
+from hdl.blocks.vectors import of_stream
 from hdl.fuzzy.sugeno import Sugeno
-from tests.hdl.rows import Row, check, of_stream
+from tests.hdl.rows import Row, check
 
 
 def distinct(variable: Variable) -> list[int]:
@@ -29,7 +30,7 @@ def golden(system: SugenoSystem, inputs: list[Any]) -> NDArray[np.uint8]:
 def check_inputs(system: SugenoSystem, value_bits: int, inputs: list[Any]) -> None:
     """The hardware answers the same, the first after exactly its latency, whatever gaps, stalls and a reset."""
     answers = [{"weight": weight, "rule": rule} for weight, rule in golden(system, inputs).tolist()]
-    check(Row(lambda: of_stream(Sugeno(system=system, value_bits=value_bits), inputs, answers)))
+    check(Row(lambda: of_stream(Sugeno(system=system, value_bits=value_bits), "", inputs, answers)))
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,11 @@ from amaranth import Module
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from hdl.blocks.vectors import Block
+from hdl.blocks.vectors import Block, of_stream
 from hdl.lib.delay import delayed
 from hdl.lib.result_queue import ResultQueue
 from hdl.lib.skid_buffer import SkidBuffer
-from tests.hdl.rows import Row, check, of_stream, table
+from tests.hdl.rows import Row, check, table
 
 
 class Increment(wiring.Component):
@@ -38,11 +38,11 @@ class Increment(wiring.Component):
 
 
 def queue(pipeline_cycles: int) -> Block:
-    return of_stream(Increment(pipeline_cycles), range(100), range(1, 101))
+    return of_stream(Increment(pipeline_cycles), "", range(100), range(1, 101))
 
 
 @table(
-    buffer=Row(lambda: of_stream(SkidBuffer(shape=8), range(100), range(100)), clocks_each=1),
+    buffer=Row(lambda: of_stream(SkidBuffer(shape=8), "", range(100), range(100)), clocks_each=1),
     queue_of_1=Row(partial(queue, 1), clocks_each=1),
     queue_of_4=Row(partial(queue, 4), clocks_each=1),
     queue_of_11=Row(partial(queue, 11), clocks_each=1),

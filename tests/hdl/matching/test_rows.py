@@ -8,11 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from golden_model.matching import correlation, rule_bases
-from hdl.blocks.vectors import Block
+from hdl.blocks.vectors import Block, of_stream
 from hdl.matching.correlation import PIXELS, SumOfAbsoluteDifferences, WindowCorrelation
 from hdl.matching.fuzzy_correlation import FuzzyCorrelation, scale_constants
 from tests.hdl.drivers import run_clocks
-from tests.hdl.rows import Row, check, of_stream, table
+from tests.hdl.rows import Row, check, table
 
 
 def windows() -> NDArray[np.uint8]:
@@ -45,7 +45,7 @@ def graded_windows() -> NDArray[np.uint8]:
 def of_windows(dut: object, pairs: NDArray[np.uint8], **answers: NDArray[np.integer]) -> Block:
     sent = [{"left": a, "right": b} for a, b in zip(*pairs.tolist(), strict=True)]
     found = zip(*(values.tolist() for values in answers.values()), strict=True)
-    return of_stream(dut, sent, [dict(zip(answers, each, strict=True)) for each in found])
+    return of_stream(dut, "", sent, [dict(zip(answers, each, strict=True)) for each in found])
 
 
 def scores() -> Block:

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from golden_model.painting.blending import FADE, blend
 from golden_model.painting.corners import CORNER
 from golden_model.painting.positions import positions
-from hdl.blocks.vectors import Block
+from hdl.blocks.vectors import Block, of_stream
 from hdl.painting.blending import Blending
 from hdl.painting.positions import Positions
 from tests.golden_model.painting import tilted
 from tests.hdl.painting.payloads import corner_payload, pixel_payload
-from tests.hdl.rows import Row, check, of_stream, table
+from tests.hdl.rows import Row, check, table
 
 COUNT = 600
 
@@ -38,7 +38,7 @@ def blending() -> Block:
     each = zip(old, colours, weights, strict=True)
     sent = [{"old": pixel_payload(under[:3], under[3]), "new": pixel_payload(over, now)} for under, over, now in each]
     answers = [pixel_payload(pixel[:3], pixel[3]) for pixel in blend(old, colours, weights)]
-    return of_stream(Blending(), sent, answers)
+    return of_stream(Blending(), "", sent, answers)
 
 
 def places() -> Block:
@@ -56,7 +56,7 @@ def places() -> Block:
     answers: list[dict[str, Any]] = [
         {"x": x, "y": y, **of_tile} for of_tile, tile in zip(flags, found, strict=True) for x, y in tile
     ]
-    return of_stream(Positions(), sent, answers)
+    return of_stream(Positions(), "", sent, answers)
 
 
 @table(blending=Row(blending, clocks_each=1), positions=places)

@@ -120,46 +120,6 @@ def test_pixels_equal_the_golden_model(name: str, pauses: Pauses) -> None:
     assert {bool(weight) for *_, weight in results} == {True, False} or name.startswith("the largest")
 
 
-def test_a_pixel_leaves_per_clock_while_the_other_window_is_written() -> None:
-    """Alternating windows: each is read with nothing of the other."""
-    size = (640, 480)
-    boxes = [(301, 177, 330, 200), (290, 163, 330, 190), (0, 440, 40, 479)]
-    drawn = [draw(size, box, seed) for seed, box in enumerate(boxes)]
-    dut = Sampling()
-    bench = BlockBench(dut, settings=settings_of(size), cycle_limit=8000)
-    results: list[list[int]] = []
-    clocks: list[int] = []
-    written: list[int] = []
-
-    async def load(ctx: Any) -> None:
-        for n, (box, (colours, _)) in enumerate(zip(boxes, drawn, strict=True)):
-            # The window is free when the pixels of the tile before last have left.
-            while len(results) < COUNT * (n - 1):
-                await ctx.tick()
-            await write(ctx, dut.i_write, n % 2, box, colours)
-            written.append(n)
-
-    async def send(ctx: Any) -> None:
-        for n, (_, at) in enumerate(drawn):
-            while n not in written:
-                await ctx.tick()
-            await put(ctx, bench, n % 2, at)
-
-    async def receive(ctx: Any) -> None:
-        await get(ctx, bench, results, COUNT * len(boxes))
-
-    async def count(ctx: Any) -> None:
-        clock = 0
-        async for _, _, taken in ctx.tick().sample(dut.i.valid & dut.i.ready):
-            clock += 1
-            clocks.extend([clock] * taken)
-
-    bench.run(load, send, receive, background=[count])
-    for n, (box, (colours, at)) in enumerate(zip(boxes, drawn, strict=True)):
-        assert_equal(results[n * COUNT : (n + 1) * COUNT], *expected(size, box, colours, at))
-        assert clocks[(n + 1) * COUNT - 1] - clocks[n * COUNT] == COUNT - 1
-
-
 def test_blank_positions_weigh_nothing_and_a_reset_forgets_what_is_under_way() -> None:
     size, box = BOXES["a whole frame of odd size"]
     colours, at = draw(size, box, seed=4)

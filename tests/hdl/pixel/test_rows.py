@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from golden_model.config import DETECTORS
 from golden_model.formats import TENSOR_TRACE, encode_response
 from golden_model.pixel import fast, harris, smooth, sobel
-from hdl.blocks.catalogue import make_block, scan
-from hdl.blocks.vectors import Block, sample_frames
+from hdl.blocks.catalogue import make_block
+from hdl.blocks.vectors import Block, sample_frames, scan
 from hdl.pixel.fast import WINDOW_PX, Fast
 from hdl.pixel.gradients import GradientColumns
 from hdl.pixel.gray import Gray

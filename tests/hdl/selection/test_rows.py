@@ -8,10 +8,10 @@ import numpy as np
 
 from golden_model.feature.ilbp import PATTERNS
 from golden_model.records import Tag
-from hdl.blocks.vectors import Block
+from hdl.blocks.vectors import Block, of_stream
 from hdl.feature.extractor import feature_layout
 from hdl.selection.record_serializer import FeatureWords
-from tests.hdl.rows import Row, check, of_stream, table
+from tests.hdl.rows import Row, check, table
 
 FEATURES = 40
 ENDS_AFTER = {11: [0], 12: [0, 1], 39: [1]}
@@ -39,7 +39,7 @@ def record_words(name: str, level: int) -> Block:
             # The other fields of an end's payload are ignored.
             items.append({**items[-1], "ends_row": 1, "ends_level": ends_level})
             answers.append({"ends_row": 1, "ends_level": ends_level})
-    return of_stream(FeatureWords(pattern=pattern, level=level), items, answers)
+    return of_stream(FeatureWords(pattern=pattern, level=level), "", items, answers)
 
 
 @table(**{
