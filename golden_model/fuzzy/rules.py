@@ -11,8 +11,7 @@ import numpy as np
 from golden_model.arrays import Array
 from golden_model.fuzzy.fll import read_file, read_fll
 from golden_model.fuzzy.sugeno import SugenoSystem
-from golden_model.fuzzy.system import FuzzySystem, Input, Output
-from golden_model.fuzzy.tables import make_tables
+from golden_model.fuzzy.system import FuzzySystem, Input, Output, make_tables
 
 SHIPPED = Path(__file__).parent / "systems"
 """Folder of the project's own systems."""

@@ -10,9 +10,9 @@ from hdl.build import Build
 from hdl.export import ip_xact, register_docs
 from hdl.export.accelerator_bench import make_accelerator_bench
 from hdl.export.boards import SOURCES, board_facts
-from hdl.export.bus_interfaces import vivado_attributes
 from hdl.export.camera_bench import make_camera_bench
 from hdl.export.host import write_host
+from hdl.export.ip_xact import vivado_attributes
 from hdl.netlist import to_verilog
 from hdl.registers.shell_register_map import list_registers
 from hdl.shell.camera_top import CameraTop

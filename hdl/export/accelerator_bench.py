@@ -14,7 +14,7 @@ from golden_model.records import FRAME_STATUS, WORD_BYTES
 from hdl.blocks.testbench import Port, VerilogBench
 from hdl.blocks.vectors import Row, packet, padded_status, sample_image
 from hdl.build import Build, pixels_per_clock
-from hdl.export.bus_interfaces import CLOCK, RESET
+from hdl.export.ip_xact import CLOCK, RESET
 from hdl.registers.register_map import IDENTITY, REGISTERS, register_writes
 from hdl.registers.shell_register_map import ALL_REGISTERS
 from hdl.settings import RUNNING, estimator_settings, matched_frame_settings

@@ -14,7 +14,7 @@ from hdl.export.accelerator_bench import (
     control_outputs,
     list_writes,
 )  # fmt: skip
-from hdl.export.bus_interfaces import CLOCK, RESET
+from hdl.export.ip_xact import CLOCK, RESET
 from hdl.settings import MIN_SLOTS, PAGE_BYTES
 from hdl.shell.painting import PORTS
 from hdl.shell.slot import HEADER, HEADER_BYTES

@@ -15,7 +15,6 @@ from hdl.serial.ulx3s import Ulx3s
 from hdl.shell.camera_top import CameraTop
 from hdl.shell.painting import PORTS
 from sim.simulators.design import Design, Ports
-from sim.simulators.front_end_top import SETTINGS, FrontEndTop, Tap
 
 FEATURES, MATCHES, HOMOGRAPHIES = "m_axis_features", "m_axis_matches", "m_axis_homographies"
 CONTROL = "s_axi_ctrl"
@@ -49,17 +48,6 @@ def camera_ports(build: Build) -> Ports:
         tuple(f"m_axi_{name}" for name, bus in buses.items() if bus is kind) for kind in (AXI_WRITE, AXI_READ)
     )
     return Ports(outputs=(), control=CONTROL, writers=writers, readers=readers)
-
-
-def design_front_end(build: Build, *, taps: tuple[Tap, ...] = ()) -> Design:
-    """The front end alone, with ``taps`` that show stages."""
-    build = strip_settings(build)
-    return Design(
-        "the front end",
-        Ports(outputs=(FEATURES,), settings=SETTINGS, taps=tuple(tap.port for tap in taps)),
-        lambda: FrontEndTop(build, taps=taps),
-        f"{build} {taps}",
-    )
 
 
 def strip_settings(build: Build) -> Build:

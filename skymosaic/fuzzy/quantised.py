@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array
 from golden_model.formats import WEIGHT
 from golden_model.fuzzy.sugeno import SugenoSystem
-from golden_model.fuzzy.system import FuzzySystem, Input
-from golden_model.fuzzy.tables import make_tables
+from golden_model.fuzzy.system import FuzzySystem, Input, make_tables
 
 ENTRIES = 64
 """Default number of entries per table."""

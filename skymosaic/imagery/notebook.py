@@ -25,10 +25,14 @@ def describe_in_html(text: str, picture: Pixels | None = None) -> str:
 
 
 def jpeg_address(picture: Pixels, width_px: int) -> str:
-    """A picture, reduced to a width, as a data URL, so that a page needs no other file."""
+    """A picture, reduced to a width, as a data URL."""
     small, _ = reduce_to_width(picture, width_px)
-    _, encoded = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    return f"data:image/jpeg;base64,{base64.b64encode(encoded.tobytes()).decode()}"
+    return data_address(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes(), "jpeg")
+
+
+def data_address(picture: bytes, kind: str) -> str:
+    """The file of a picture as a data URL, so that a page needs no other file."""
+    return f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"
 
 
 def draw_lines(pictures: tuple[Pixels, Pixels], points: tuple[Points, Points]) -> Pixels:

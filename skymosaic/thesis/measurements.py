@@ -33,18 +33,13 @@ class Measurements:
         """The settings of a table, in order."""
         return list(dict.fromkeys(line.setting for line in self.lines if line.table == table))
 
-    def values(self, table: str, setting: str, column: str, group: str | None = None) -> list[float]:
-        """The values of one column, for all pairs (of a group) on which it was measured."""
+    def values(self, table: str, setting: str, column: str) -> list[float]:
+        """The values of one column, for all pairs on which it was measured."""
         return [
             line.values[column]
             for line in self.lines
-            if line.table == table and line.setting == setting and column in line.values and group in (None, line.group)
+            if line.table == table and line.setting == setting and column in line.values
         ]
-
-    def mean(self, table: str, setting: str, column: str, group: str | None = None) -> float:
-        """Mean of `values`; NaN if there are none."""
-        values = self.values(table, setting, column, group)
-        return float(np.mean(values)) if values else float("nan")
 
     def number(self, table: str, setting: str, key: str) -> float:
         """Mean of a quantity, or of a sum or difference of several ("matches-good"); NaN if there is none.
@@ -63,9 +58,10 @@ class Measurements:
         return sum(float(f"{sign}1") * float(over_pairs(found or [np.nan])) for sign, found in values)
 
     @property
-    def groups(self) -> list[str]:
-        """The groups of pairs, in order."""
-        return list(dict.fromkeys(line.group for line in self.lines))
+    def groups(self) -> dict[str, "Measurements"]:
+        """The measurements of each group of pairs, in order."""
+        names = dict.fromkeys(line.group for line in self.lines)
+        return {name: Measurements([line for line in self.lines if line.group == name]) for name in names}
 
     @property
     def pairs(self) -> list[str]:

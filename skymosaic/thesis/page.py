@@ -1,8 +1,6 @@
 """The HTML page: what the thesis shows, what the same experiment gives here, and why the two differ."""
 
-import base64
 import dataclasses
-from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -12,7 +10,7 @@ from golden_model.config import PRESETS
 from skymosaic.common.errors import RegistrationError
 from skymosaic.fuzzy.plots import draw_system
 from skymosaic.fuzzy.plotted_systems import PLOTTED_SYSTEMS
-from skymosaic.imagery.notebook import jpeg_address
+from skymosaic.imagery.notebook import data_address, jpeg_address
 from skymosaic.mosaicking.api import mosaic
 from skymosaic.registration.register import register
 from skymosaic.reports import figures
@@ -33,8 +31,7 @@ def compose_page(m: Measurements, source: str, shown: DatasetPair) -> bytes:
 
     ``source`` is the origin of the pairs, as text; ``shown`` is the pair of the pictures.
     """
-    pairs = Counter(group for _, group in {(line.pair, line.group) for line in m.lines})
-    groups = ", ".join(f"{group} ({pairs[group]})" for group in m.groups)
+    groups = ", ".join(f"{name} ({len(group.pairs)})" for name, group in m.groups.items())
     m = tables.scale_thresholds(m)
     return render(
         "thesis.html",
@@ -42,12 +39,13 @@ def compose_page(m: Measurements, source: str, shown: DatasetPair) -> bytes:
         rows=[("pairs", f"{len(m.pairs)}: {source}"), ("groups", groups), ("images", f"{WORKING_WIDTH_PX} px at most")],
         m=m,
         tables=tables,
-        charts={table: _embed(draw(m), "svg+xml") for table, draw in charts.CHARTS.items()},
+        charts={table: data_address(draw(m), "svg+xml") for table, draw in charts.CHARTS.items()},
         corners=CORNERS,
         key_points=KEY_POINTS,
         quality_target=f"{QUALITY_TARGET:.0%}",
         systems=[
-            (system.title, _embed(draw_system(system), "png")) for system in (PLOTTED_SYSTEMS[name] for name in SYSTEMS)
+            (system.title, data_address(draw_system(system), "png"))
+            for system in (PLOTTED_SYSTEMS[name] for name in SYSTEMS)
         ],
         pair=shown.name,
         pictures=[(caption, jpeg_address(picture, PICTURE_WIDTH_PX)) for caption, picture in draw_pair(shown)],
@@ -72,8 +70,3 @@ def draw_pair(pair: DatasetPair) -> Iterator[tuple[str, Pixels]]:
         yield "Mosaic by the aerial preset", np.asarray(mosaic(sides).image, dtype=np.uint8)
     except RegistrationError:
         return
-
-
-def _embed(picture: bytes, kind: str) -> str:
-    """Turn a picture into a data URL, so that the page needs no other file."""
-    return f"data:image/{kind};base64,{base64.b64encode(picture).decode()}"

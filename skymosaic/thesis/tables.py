@@ -152,8 +152,8 @@ def tabulate_groups(m: Measurements, table: str, unit: str) -> Sheet:
     return [
         {"good of all matches": f"{setting} {unit}"}
         | {
-            group: f"{m.mean(table, setting, 'good', group):.1f} of {m.mean(table, setting, 'matches', group):.1f}"
-            for group in m.groups
+            name: f"{group.number(table, setting, 'good'):.1f} of {group.number(table, setting, 'matches'):.1f}"
+            for name, group in m.groups.items()
         }
         for setting in m.settings(table)
     ]
@@ -173,7 +173,7 @@ def scale_thresholds(m: Measurements) -> Measurements:
     for setting in settings:
         log = highest + np.log(float(setting) / float(settings[0]))
         values = {name: float(np.interp(log, logs, count)) for name, count in counts.items()}
-        lines.append(Measurement("IV-1", setting, m.pairs[0], m.groups[0], values))
+        lines.append(Measurement("IV-1", setting, m.pairs[0], m.lines[0].group, values))
     return Measurements(lines)
 
 

@@ -25,9 +25,10 @@ from hdl.selection.cell_ranking import CellRanking
 from hdl.settings import frame_settings
 from sim.scene import make_pair
 from sim.simulators import verilator
-from sim.simulators.accelerator_designs import FEATURES, design_front_end
+from sim.simulators.accelerator_designs import FEATURES
 from sim.simulators.compiled import Bench
 from sim.simulators.recording import NO_PAUSES, Pauses, Segment, flatten_frame
+from sim.simulators.stages import design_front_end
 
 AERIAL = PRESETS["aerial"].front_end
 FAST = dataclasses.replace(AERIAL, detector="fast", threshold=10)

@@ -22,7 +22,7 @@ from hdl.settings import (
     matched_frame_settings,
 )
 from hdl.streams import FRONT_END_SETTINGS
-from sim.simulators import front_end_top
+from sim.simulators import stages
 from tests.hdl.shell.bench import RINGS
 
 
@@ -49,7 +49,7 @@ def test_every_setting_has_one_register_field_that_holds_its_values() -> None:
 def test_struct_and_ports_of_the_front_end_have_its_settings_in_order() -> None:
     expected = [(setting.name, setting.bits) for setting in FRONT_END]
     assert [(name, field.width) for name, field in FRONT_END_SETTINGS] == expected
-    assert list(front_end_top.SETTINGS.items()) == expected
+    assert list(stages.SETTINGS.items()) == expected
 
 
 LARGEST = {

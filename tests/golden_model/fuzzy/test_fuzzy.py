@@ -8,8 +8,7 @@ import pytest
 
 from golden_model.fuzzy.fll import read_fll
 from golden_model.fuzzy.sugeno import Rule, SugenoSystem, Variable
-from golden_model.fuzzy.system import FuzzySystem, IfThen, Input, Output
-from golden_model.fuzzy.tables import make_tables
+from golden_model.fuzzy.system import FuzzySystem, IfThen, Input, Output, make_tables
 from golden_model.fuzzy.terms import Term
 from golden_model.matching.rule_bases import aerial
 from tests.golden_model.fuzzy.valve import PRODUCT, VALVE

@@ -18,7 +18,7 @@ from golden_model.formats import POSITION
 from golden_model.fuzzy.fll import load_system
 from golden_model.fuzzy.rules import SHIPPED, MatchRules, load_rules, match_tables, read_shipped
 from golden_model.fuzzy.sugeno import ONE, SugenoSystem
-from golden_model.fuzzy.tables import make_tables
+from golden_model.fuzzy.system import make_tables
 from golden_model.matching import rule_bases
 from skymosaic.geometry import fuzzy_ransac
 

@@ -78,14 +78,14 @@ def test_means_and_pooled_shares_by_hand() -> None:
     ]
     found = Measurements(lines)
     assert found.number("T", "s", "good") == 2
-    assert found.mean("T", "s", "matches", "two") == 8
+    assert found.groups["two"].number("T", "s", "matches") == 8
     assert found.number("T", "s", "matches-good") == 4
     assert found.number("T", "s", "good / matches") == pytest.approx(4 / 18)
     assert found.number("T", "s", "matches-good / matches+good") == pytest.approx(14 / 22)
     assert np.isnan(found.number("T", "s", "seconds"))
     assert np.isnan(found.number("T", "s", "good / seconds"))
     assert np.isnan(found.number("U", "s", "good / none"))
-    assert (found.groups, found.pairs) == (["one", "two"], ["a", "b", "c"])
+    assert ([*found.groups], found.pairs) == (["one", "two"], ["a", "b", "c"])
     assert (found.settings("T"), found.settings("U")) == (["s", "other"], ["s"])
 
 
