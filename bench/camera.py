@@ -7,7 +7,7 @@ A camera has its own clock, memory has random latency and back-pressure, and the
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.progress import track
 
 from bench.painter import CONFIG, RULES, fit_canvas, fly_straight, invert
-from bench.report import JsonFile, Row, program, report
+from bench.report import Row, program, reported
 from golden_model.arrays import Matrix, Pixels, Records
 from golden_model.front_end import extract
 from golden_model.geometry.estimator import MAX_CYCLES
@@ -62,12 +62,12 @@ MISSING_PX = 288
 
 
 @app.command()
+@reported("camera build")
 def flight(
     frames: Annotated[int, typer.Option(min=2, help="Length of the flight.")] = 100,
     size: Annotated[str, typer.Option(help="Of the frames.")] = "1280x720",
     seed: Annotated[int, typer.Option(help="Of flight and memory.")] = 1,
-    json_file: JsonFile = None,
-) -> None:
+) -> Iterator[Row]:
     """What becomes of the frames of a rendered flight.
 
     From time to time the host pauses. Every frame that is delivered, its homography included, is compared with the
@@ -78,9 +78,8 @@ def flight(
     images = make_lawnmower(seed, frames, (width_px, height_px), forward_overlap=0.9).images
     gray = [cv2.cvtColor(images[n], cv2.COLOR_BGR2GRAY) for n in track(range(frames), "rendering", transient=True)]
     figures = fly(gray, (width_px, height_px), seed)
-    heading = f"{frames} frames of {width_px}×{height_px}"
-    rows: list[Row] = [{heading: name, "measured": figures[name]} for name in figures]
-    report("camera build", rows, json_file)
+    for name, figure in figures.items():
+        yield {f"{frames} frames of {width_px}×{height_px}": name, "measured": figure}
 
 
 def fly(frames: list[Pixels], size_px: tuple[int, int], seed: int) -> dict[str, int]:
@@ -156,9 +155,8 @@ def count_equal(frames: list[Pixels], delivered: list[tuple[int, Records, Record
 
 
 @app.command()
-def paint(
-    pictures: Annotated[Path | None, typer.Option(help="Folder for pictures.")] = None, json_file: JsonFile = None
-) -> None:
+@reported("The painter in the whole camera build")
+def paint(pictures: Annotated[Path | None, typer.Option(help="Folder for pictures.")] = None) -> Iterator[Row]:
     """A mosaic and stabilised video, with bad frames among the good ones.
 
     For the mosaic, `Anchors` finds by the features where every tenth frame lies, and the chip's homographies carry that
@@ -180,9 +178,8 @@ def paint(
     first, *others = stable.values()
     before = motion_px([images[n] for n in stable][1:], images[:1] * len(others))
     moved: Row = {"motion (px)": motion_px(others, [first] * len(others)), "of the camera": before}
-    table: list[Row] = [{"painting": "mosaic of a survey", **mosaic, **dict.fromkeys(moved, "")}]
-    table.append({"painting": "stabilised video", **video, **moved})
-    report("The painter in the whole camera build", table, json_file)
+    yield {"painting": "mosaic of a survey", **mosaic, **dict.fromkeys(moved, "")}
+    yield {"painting": "stabilised video", **video, **moved}
     if pictures:
         pictures.mkdir(parents=True, exist_ok=True)
         save(pictures / "painter-mosaic.webp", [*painted.values()][-1])

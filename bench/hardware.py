@@ -13,6 +13,7 @@ streams without pauses; tests compare it with the simulated hardware, clock by c
 
 import dataclasses
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -22,7 +23,7 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from bench.report import JsonFile, Row, program, public_folder, report
+from bench.report import Row, program, public_folder, reported
 from golden_model.arrays import Pixels, Records
 from golden_model.config import PRESETS, Config, EstimatorConfig
 from golden_model.feature.ilbp import DescriptorPattern
@@ -87,7 +88,8 @@ def matching_cycles(count: int, config: Config, lanes: int) -> int:
 
 
 @app.command()
-def matcher(json_file: JsonFile = None) -> None:
+@reported("clocks from a frame's last word of features to its last match")
+def matcher() -> Iterator[Row]:
     """Clocks of the matcher for frames whose features nearly all match, beside F * F / lanes."""
     fronts = [dataclasses.replace(AERIAL.front_end, descriptor=name) for name in ("ilbp-128", "ilbp-256")]
     builds = {
@@ -95,18 +97,16 @@ def matcher(json_file: JsonFile = None) -> None:
         for lanes in LANES
         for front_end in fronts
     }
-    rows: list[Row] = []
     for count in FEATURES:
         cycles = {name: matching_cycles(count, *build) for name, build in builds.items()}
-        rows.append({"F": count, **cycles, "F² / 16": count**2 // 16})
-    report("clocks from a frame's last word of features to its last match", rows, json_file)
+        yield {"F": count, **cycles, "F² / 16": count**2 // 16}
 
 
 @app.command()
+@reported(f"pairs of {{pairs}}, {max(LANES)} lanes")
 def homography(
     pairs: Annotated[str, typer.Argument(help="Folder of pairs of photographs.", metavar="SET")],
-    json_file: JsonFile = None,
-) -> None:
+) -> Iterator[Row]:
     """Clocks from a frame's last pixel to its homography, over pairs with the left photograph as the frame before."""
     stages: dict[str, list[int]] = {"last pixel to last match": [], "last match to homography": []}
     for pair in track(read_pairs(public_folder(pairs)), console=Console(stderr=True)):
@@ -119,23 +119,20 @@ def homography(
         stages["last pixel to last match"].append(line.matches_end - line.last_pixel)
         stages["last match to homography"].append(result.cycles + CYCLES.records)
     stages["last pixel to homography"] = [sum(each) for each in zip(*stages.values(), strict=True)]
-    rows: list[Row] = [
-        {
+    for name, cycles in stages.items():
+        yield {
             "clocks": name,
             "median": int(np.median(cycles)),
             "most": max(cycles),
             f"median at {CLOCK_MHZ} MHz, ms": round(float(np.median(cycles)) / CLOCK_MHZ / 1000, 2),
             "most, ms": round(max(cycles) / CLOCK_MHZ / 1000, 2),
         }
-        for name, cycles in stages.items()
-    ]
-    report(f"{len(stages['last pixel to homography'])} pairs, {max(LANES)} lanes", rows, json_file)
 
 
 @app.command()
-def rates(json_file: JsonFile = None) -> None:
+@reported(f"camera builds, {CAMERA_FEATURES} features of which {CAMERA_MATCHES} match")
+def rates() -> Iterator[Row]:
     """What a camera build reaches at its clock, with many features in every frame."""
-    rows: list[Row] = []
     for width_px, height_px in SIZES_PX:
         indices = np.linspace(0, CAMERA_FEATURES - 1, CAMERA_MATCHES).astype(int)
         work = FrameWork(width_px, height_px, good=True, left=CAMERA_FEATURES, right=CAMERA_FEATURES, rows=indices)
@@ -143,16 +140,13 @@ def rates(json_file: JsonFile = None) -> None:
         longest = steady_pace(dataclasses.replace(work, estimate_cycles=MAX_CYCLES), AERIAL, lanes=max(LANES))
         assert pace is not None
         assert longest is not None
-        rows.append(
-            {
-                "frames": f"{width_px}×{height_px}",
-                "clocks per frame": pace[0],
-                f"frames per second at {CLOCK_MHZ} MHz": round(1e6 * CLOCK_MHZ / pace[0], 1),
-                "with homographies, at least": round(1e6 * CLOCK_MHZ / longest[0], 1),
-                "last pixel to last match, ms": round(pace[1] / CLOCK_MHZ / 1000, 2),
-            }
-        )
-    report(f"camera builds, {CAMERA_FEATURES} features of which {CAMERA_MATCHES} match", rows, json_file)
+        yield {
+            "frames": f"{width_px}×{height_px}",
+            "clocks per frame": pace[0],
+            f"frames per second at {CLOCK_MHZ} MHz": round(1e6 * CLOCK_MHZ / pace[0], 1),
+            "with homographies, at least": round(1e6 * CLOCK_MHZ / longest[0], 1),
+            "last pixel to last match, ms": round(pace[1] / CLOCK_MHZ / 1000, 2),
+        }
 
 
 def compared_pairs() -> dict[str, tuple[Image, Image, int]]:
@@ -168,33 +162,28 @@ def compared_pairs() -> dict[str, tuple[Image, Image, int]]:
 
 
 @app.command()
+@reported("hardware and golden model")
 def equality(
     address: Annotated[str | None, typer.Option(help="HOST[:PORT] of a board; by default the simulation.")] = None,
-    json_file: JsonFile = None,
-) -> None:
+) -> Iterator[Row]:
     """Compare every field of every feature, match and status of public pairs and of that of `make demo`."""
     backend: BackendName = "board" if address else "rtl"
-    rows: list[Row] = []
     for name, (left, right, width_px) in compared_pairs().items():
         options = PhotographOptions(backend=backend, address=address, working_width_px=width_px)
         result = compare(left, right, options, progress=print)
-        rows.append(
-            {
-                "pair": name,
-                "equal": f"no: {result.mismatch}" if result.mismatch else "yes",
-                "features of level 0 + 1": " + ".join(map(str, result.coverage.features)),
-                "sectors": result.coverage.sectors,
-                "matches": result.coverage.matches,
-                "clocks per frame": max(result.cycles_per_frame),
-            }
-        )
-    report(f"{backend} and golden model", rows, json_file)
+        yield {
+            "pair": name,
+            "equal": f"no: {result.mismatch}" if result.mismatch else "yes",
+            "features of level 0 + 1": " + ".join(map(str, result.coverage.features)),
+            "sectors": result.coverage.sectors,
+            "matches": result.coverage.matches,
+            "clocks per frame": max(result.cycles_per_frame),
+        }
 
 
 @app.command()
-def speed(
-    runs: Annotated[int, typer.Option(min=1, help="Runs; the best counts.")] = 5, json_file: JsonFile = None
-) -> None:
+@reported("best of {runs}")
+def speed(runs: Annotated[int, typer.Option(min=1, help="Runs; the best counts.")] = 5) -> Iterator[Row]:
     """Simulate a rendered 640x480 pair in the accelerator, features and matches, on one core.
 
     Counts processor time, which other work on the machine lengthens less than wall time. The build is not timed.
@@ -208,13 +197,12 @@ def speed(
         recording = verilator.simulate(design, segments)[-1]
         seconds.append(time.process_time() - started)
     cycles = max(int(output.ends[-1, 1]) for output in recording.outputs.values()) - int(recording.starts[0]) + 1
-    row: Row = {
+    yield {
         "design": "accelerator, Verilator",
         "clocks of two frames and their matching": cycles,
         "s": f"{min(seconds):.2f}",
         "M cycles/s": f"{cycles / min(seconds) / 1e6:.2f}",
     }
-    report(f"best of {runs}", [row], json_file)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ Where a nuisance moves pixels, the truth is that of the pictures with the nuisan
 """
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.progress import track
 
 from bench.flight_pairs import draw_display
-from bench.report import JsonFile, Row, report
+from bench.report import Row, reported
 from golden_model.arrays import Array
 from sim.scene import Flight, make_lawnmower
 from skymosaic.common.errors import RegistrationError
@@ -148,18 +148,16 @@ NUISANCES = {
 }
 
 
+@reported("rendered flights of ten photographs")
 def nuisances(
     names: Annotated[list[str] | None, typer.Argument(help=f"Of: {', '.join(NUISANCES)}.")] = None,
-    json_file: JsonFile = None,
-) -> None:
+) -> Iterator[Row]:
     """What flights survive, from darkness to water; those measured replace their rows in the file."""
-    rows: list[Row] = []
     for name in track(names or list(NUISANCES), console=Console(stderr=True)):
         nuisance = NUISANCES[name]
         outcomes = [measure(nuisance, strength) for strength in nuisance.strengths]
         strengths = f"{', '.join(map(str, nuisance.strengths))} ({nuisance.meaning})"
-        rows.append({"nuisance": name, "strengths": strengths, "error, px": " · ".join(outcomes)})
-    report("rendered flights of ten photographs", rows, json_file, keep_others=bool(names))
+        yield {"nuisance": name, "strengths": strengths, "error, px": " · ".join(outcomes)}
 
 
 def measure(nuisance: Nuisance, strength: float) -> str:

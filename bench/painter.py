@@ -8,13 +8,13 @@ import dataclasses
 import math
 import time
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.report import JsonFile, Row, program, report
+from bench.report import Row, program, reported
 from golden_model.arrays import Array, Matrix, Pixels
 from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.front_end import extract
@@ -29,7 +29,8 @@ from sim.backends.golden import add_matches
 from sim.backends.interface import FrameResult
 from sim.benches.memory import MemoryRules
 from sim.benches.painter import PainterBench
-from sim.scene import Camera, CameraPose, Flight, Photometry, make_lawnmower
+from sim.scene import Camera, Flight, Photometry, make_lawnmower
+from sim.scene.camera import poses_along
 from skymosaic.geometry.fabric import in_pixels
 from skymosaic.geometry.homography import apply
 from skymosaic.mosaicking.live.anchors import Anchors
@@ -62,7 +63,8 @@ STEP_PX = 4
 
 
 @app.command()
-def speed(json_file: JsonFile = None) -> None:
+@reported("The painter in a simulation")
+def speed() -> Iterator[Row]:
     """Frames per second that the painter keeps, in a simulation; and what it asks of a Zynq's memory, on paper.
 
     Three frames each, at several headings. The memory refuses one word in six, and answers after up to 119 clocks.
@@ -74,7 +76,6 @@ def speed(json_file: JsonFile = None) -> None:
     Zybo Z7, at 1,066. Half of its peak is left to the painter: the rest goes into opening rows, turning the bus round
     and refreshing, and to the processor.
     """
-    rows: list[Row] = []
     for (size, rate), degrees in product(VIDEOS.items(), HEADINGS_DEG):
         flight = fly_straight(size, FRAMES, shake=1, heading_deg=degrees)
         move, tiles = fit_canvas(flight)
@@ -86,8 +87,7 @@ def speed(json_file: JsonFile = None) -> None:
         row |= {"traffic per frame (MB)": round(frame_mb, 1), "MB/s": round(rate * frame_mb)}
         for bits, peak in PEAK_MB_PER_S.items():
             row[f"per second, with {bits} bits"] = math.floor(USABLE * peak / frame_mb)
-        rows.append(row)
-    report("The painter in a simulation", rows, json_file)
+        yield row
 
 
 def fly_straight(
@@ -104,9 +104,9 @@ def fly_straight(
     wind = shake * rng.normal(0, [4, 4, 0.02 * camera.focal_px, 4, 1.5, 1.5], (frames, 6))
     steady = [[*np.multiply(number, speed_px), camera.focal_px, heading_deg, 0, 0] for number in range(frames)]
     names = ("x_px", "y_px", "altitude_px", "heading_deg", "pitch_deg", "roll_deg")
-    poses = [CameraPose(**dict(zip(names, row, strict=True))) for row in (wind + steady).tolist()]
+    poses = poses_along(**dict(zip(names, (wind + steady).T, strict=True)))
     light = Photometry(blur_sigma_px=0.4, noise_sigma=1.5, vignetting=0.1)
-    return Flight(5, camera, tuple(poses), (light,) * frames)
+    return Flight(5, camera, poses, (light,) * frames)
 
 
 def fit_canvas(flight: Flight) -> tuple[Matrix, tuple[int, int]]:
@@ -167,7 +167,8 @@ def count_bytes(size: tuple[int, int], H: Matrix, tiles: tuple[int, int]) -> int
 
 
 @app.command()
-def seams(json_file: JsonFile = None) -> None:
+@reported("Seams")
+def seams() -> Iterator[Row]:
     """Seams of a mosaic whose frames the chip places, by its own homographies and a host that says now and then where.
 
     A rendered flight of 240 frames in six legs, 90 % forward and 50 % side overlap. The chip's homographies are those
@@ -191,23 +192,19 @@ def seams(json_file: JsonFile = None) -> None:
         },
         "with an exact one every 10": every(10, truth),
     }
-    rows: list[Row] = []
     for name, chosen in runs.items():
         poses = place_frames(frames, chosen)
         found = find_seams(flight.camera, poses, flight.homographies)
         seams_px = np.concatenate([*found.values()])
         legs_px = np.concatenate([px for (i, j), px in found.items() if abs(i - j) > LEG_OVERLAP])
-        rows.append(
-            {
-                "frames are placed": name,
-                "frames": len(poses),
-                "seams, 90th percentile (px)": round(float(np.percentile(seams_px, 90)), 2),
-                "worst": round(float(seams_px.max()), 1),
-                "between legs, median": round(float(np.median(legs_px)), 2),
-                "between legs, 90th percentile": round(float(np.percentile(legs_px, 90)), 2),
-            }
-        )
-    report("Seams", rows, json_file)
+        yield {
+            "frames are placed": name,
+            "frames": len(poses),
+            "seams, 90th percentile (px)": round(float(np.percentile(seams_px, 90)), 2),
+            "worst": round(float(seams_px.max()), 1),
+            "between legs, median": round(float(np.median(legs_px)), 2),
+            "between legs, 90th percentile": round(float(np.percentile(legs_px, 90)), 2),
+        }
     print(f"processor time of the host: {max(place_s):.2f} s for a frame, {max(layout_s):.1f} s for a layout, at most")
 
 

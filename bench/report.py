@@ -3,12 +3,14 @@
 Also what programs that measure take: folders of public photographs by their names.
 """
 
+import functools
+import inspect
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -37,6 +39,27 @@ def public_folder(name: str | Path) -> Path:
     raise SystemExit(f"{name}: no such folder; set SKYMOSAIC_DATA to that of the public photographs, or name a path")
 
 
+def reported(title: str) -> Callable[[Callable[..., Iterable[Row]]], Callable[..., None]]:
+    """Decorate what measures rows: a command that reports them, with the option ``--json``.
+
+    The title may have names of the command's options in braces. Where some rows were chosen by ``names``, the others
+    stay in the file.
+    """
+
+    def decorate(measure: Callable[..., Iterable[Row]]) -> Callable[..., None]:
+        @functools.wraps(measure)
+        def command(*, json_file: Path | None = None, **options: Any) -> None:
+            rows = list(measure(**options))
+            report(title.format(**options), rows, json_file, keep_others=bool(options.get("names")))
+
+        signature = inspect.signature(measure)
+        with_json = inspect.Parameter("json_file", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=JsonFile)
+        vars(command)["__signature__"] = signature.replace(parameters=[*signature.parameters.values(), with_json])
+        return command
+
+    return decorate
+
+
 def report(title: str, rows: Sequence[Row], json_file: Path | None = None, *, keep_others: bool = False) -> None:
     """Print rows as a table, and write them with the command that measured them.
 
@@ -48,15 +71,10 @@ def report(title: str, rows: Sequence[Row], json_file: Path | None = None, *, ke
     Console(width=None if sys.stdout.isatty() else 200).print(table)
     if json_file and keep_others and json_file.exists():
         before = json.loads(json_file.read_text(encoding="utf-8"))
-        measured = {_name(row): row for row in rows}
-        kept = [measured.pop(_name(row), row) for row in before["rows"]]
-        write(json_file, before["command"], [*kept, *measured.values()])
+        named = {next(iter(row.values())): row for row in (*before["rows"], *rows)}
+        write(json_file, before["command"], [*named.values()])
     elif json_file:
         write(json_file, command_line(), rows)
-
-
-def _name(row: Row) -> str:
-    return str(next(iter(row.values())))
 
 
 def write(path: Path, command: str, rows: Sequence[Row]) -> None:

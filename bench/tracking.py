@@ -23,7 +23,7 @@ from rich.progress import track
 
 from bench.methods import TOLERANCE_PX, match_words, sift_words
 from bench.nuisances import haze
-from bench.report import JsonFile, Row, report
+from bench.report import Row, reported
 from golden_model.arrays import Array, Mask, Pixels
 from sim.scene import Camera, CameraPose, Flight, Photometry, make_pursuit, render_ground
 from sim.scene.flight import FOCAL_WIDTHS
@@ -215,11 +215,9 @@ def _iou(first: Array, second: Array) -> float:
     return float(shared / (cv2.contourArea(one) + cv2.contourArea(other) - shared))
 
 
-def main(
-    seeds: Annotated[int, typer.Option(min=1, help="Videos of each kind.")] = 3, json_file: JsonFile = None
-) -> None:
+@reported("tracking")
+def main(seeds: Annotated[int, typer.Option(min=1, help="Videos of each kind.")] = 3) -> Iterator[Row]:
     """Print a row for each kind of video, and the frames per second of processor time."""
-    rows: list[Row] = []
     seconds = dict.fromkeys(TRACKERS, 0.0)
     for kind, render in track(VIDEOS.items(), "tracking", transient=True):
         videos = [render(seed) for seed in range(1, 1 + seeds)]
@@ -230,10 +228,9 @@ def main(
             seconds[name] += time.process_time() - start
             right, wrong = map(np.concatenate, zip(*map(measure, videos, found), strict=True))
             row[name] = f"{100 * right.mean():.0f} ({wrong.sum()})"
-        rows.append(row)
+        yield row
     frames = FRAMES * seeds * len(VIDEOS)
-    rows.append({"video": "frames per second", **{name: f"{frames / seconds[name]:.0f}" for name in TRACKERS}})
-    report("tracking", rows, json_file)
+    yield {"video": "frames per second", **{name: f"{frames / seconds[name]:.0f}" for name in TRACKERS}}
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from golden_model.arrays import Float32, Matrix, Pixels, Points
 
@@ -104,6 +104,12 @@ class CameraPose:
     def footprint(self, camera: Camera) -> Points:
         """Ground positions of the corners of the image, shape (4, 2), clockwise from the image's top left."""
         return project(np.linalg.inv(self.homography(camera)), camera.undistort(camera.corners))
+
+
+def poses_along(**fields: ArrayLike) -> tuple[CameraPose, ...]:
+    """Poses one after the other, from the values (N,) of their fields."""
+    rows = np.column_stack([*fields.values()]).tolist()
+    return tuple(CameraPose(**dict(zip(fields, row, strict=True))) for row in rows)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Float32, Matrix, Pixels
-from sim.scene.camera import Camera, CameraPose, Photometry, find_visible_box, project, render_view
+from sim.scene.camera import Camera, CameraPose, Photometry, find_visible_box, poses_along, project, render_view
 from sim.scene.ground import render_ground, render_heights
 from sim.scene.noise import Stream, make_rng
 from sim.scene.terrain import render_terrain
@@ -192,23 +192,21 @@ def make_lawnmower(
     leg, along = np.divmod(np.arange(images), leg_images)
     backwards = leg % 2
     row = np.where(backwards, leg_images - 1 - along, along)
-    wandering = {
-        "x_px": leg * side_px + rng.normal(0, 0.01 * size[0], images),
-        "y_px": -row * forward_px + rng.normal(0, 0.01 * size[1], images),
-        "altitude_px": camera.focal_px * rng.normal(1, 0.01, images),
-        "heading_deg": 180 * backwards + rng.normal(0, 1.5, images),
-        "pitch_deg": rng.normal(0, 0.8, images),
-        "roll_deg": rng.normal(0, 0.8, images),
-    }
-    rows = np.column_stack([*wandering.values()]).tolist()
-    poses = [CameraPose(**dict(zip(wandering, values, strict=True))) for values in rows]
+    poses = poses_along(
+        x_px=leg * side_px + rng.normal(0, 0.01 * size[0], images),
+        y_px=-row * forward_px + rng.normal(0, 0.01 * size[1], images),
+        altitude_px=camera.focal_px * rng.normal(1, 0.01, images),
+        heading_deg=180 * backwards + rng.normal(0, 1.5, images),
+        pitch_deg=rng.normal(0, 0.8, images),
+        roll_deg=rng.normal(0, 0.8, images),
+    )
     gains = np.clip(1 + np.cumsum(rng.normal(0, exposure_step, images)), 0.85, 1.15).tolist()
     balances = (1 + balance_sigma * rng.standard_normal((images, 3))).tolist()
     photometries = [
         Photometry(gain=gain, blur_sigma_px=0.4, noise_sigma=1.5, vignetting=vignetting, balance=tuple(balance))
         for gain, balance in zip(gains, balances, strict=True)
     ]
-    return Flight(seed, camera, tuple(poses), tuple(photometries), relief, terrain)
+    return Flight(seed, camera, poses, tuple(photometries), relief, terrain)
 
 
 def _check_overlap(name: str, share: float) -> None:

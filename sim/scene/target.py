@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Float32, Pixels
-from sim.scene.camera import Camera, CameraPose, Photometry, project
+from sim.scene.camera import Camera, Photometry, poses_along, project
 from sim.scene.flight import FOCAL_WIDTHS, Flight, RenderedImages
 from sim.scene.noise import Stream, make_noise, make_rng
 
@@ -113,17 +113,15 @@ def make_pursuit(
     car_to_ground = tuple(_place_car(*values) for values in zip(x, y, heading, strict=True))
     camera = Camera(width_px=size[0], height_px=size[1], focal_px=FOCAL_WIDTHS * size[0])
     sway_px = 0.15 * size[1] / magnification
-    ways = {
-        "x_px": x + _make_wave(time, sway_px, 15, rng),
-        "y_px": y + _make_wave(time, sway_px, 19, rng),
-        "altitude_px": camera.focal_px / magnification * (1 + _make_wave(time, 0.1, 23, rng)),
-        "heading_deg": rng.uniform(0, 360) + _make_wave(time, 10, 30, rng),
-        "pitch_deg": _make_wave(time, 1.5, 11, rng),
-        "roll_deg": _make_wave(time, 1.5, 13, rng),
-    }
-    rows = np.column_stack([*ways.values()]).tolist()
-    poses = [CameraPose(**dict(zip(ways, values, strict=True))) for values in rows]
-    flight = Flight(seed, camera, tuple(poses), (Photometry(),) * images)
+    poses = poses_along(
+        x_px=x + _make_wave(time, sway_px, 15, rng),
+        y_px=y + _make_wave(time, sway_px, 19, rng),
+        altitude_px=camera.focal_px / magnification * (1 + _make_wave(time, 0.1, 23, rng)),
+        heading_deg=rng.uniform(0, 360) + _make_wave(time, 10, 30, rng),
+        pitch_deg=_make_wave(time, 1.5, 11, rng),
+        roll_deg=_make_wave(time, 1.5, 13, rng),
+    )
+    flight = Flight(seed, camera, poses, (Photometry(),) * images)
     return Pursuit(flight, car_to_ground, car_to_ground[images // 2] if bridge else None)
 
 

@@ -103,10 +103,7 @@ def _compare_records(
     frame: int, kind: str, expected: Records, actual: Records, position: tuple[str, str]
 ) -> Mismatch | None:
     common = min(len(expected), len(actual))
-    wrong = np.zeros(common, bool)
-    for name in expected.dtype.names or ():
-        differs = expected[name][:common] != actual[name][:common]
-        wrong |= differs.any(axis=tuple(range(1, differs.ndim)))
+    wrong = np.asarray(expected[:common] != actual[:common])
     if wrong.any():
         row = int(wrong.argmax())
         return _compare_fields(frame, f"{kind} {row}", expected[row], actual[row], position)
