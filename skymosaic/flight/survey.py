@@ -15,12 +15,7 @@ from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.agreement import Agreement, find_false_joint, measure_agreement
 from skymosaic.flight.layout.layout import MAX_RELIEF, Layout, lay_out
 from skymosaic.flight.layout.linked_group import groups
-from skymosaic.flight.layout.self_calibration import (
-    Calibration,
-    calibrate,
-    measure_remaining_distortion,
-    straighten_links,
-)
+from skymosaic.flight.layout.self_calibration import Calibration, calibrate, straighten_links
 from skymosaic.flight.linking.links import Candidate, Link, valid_links
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings, View
@@ -83,23 +78,18 @@ def survey(
     clock.lap("pairs")
     surveyor, lens = linked.surveyor, linked.surveyor.settings.lens
     parts = sorted(linked.groups, key=partial(_rank, linked.views))
-    calibration, remaining = None, dict[int, Array]()
+    calibration = None
     workers.progress("lens", 0, 0)
     # A lens that was given is trusted: photographs through it are straight already.
     if lens.matrix is None:
         calibration = calibrate(linked.views, parts[0], valid_links(linked.links), lens.mask, cache)
     if calibration is not None:
-        # The features of distorted photographs need no memory while new ones are computed.
-        light = tuple(view.light if calibration.lens.fits(view.size) else view for view in linked.views)
-        linked = replace(linked, views=light)
-        linked, remaining = _straighten(linked, parts[0], calibration)
-        calibration = calibration.with_remaining(remaining[parts[0][0]])
+        linked = _straighten(linked, calibration)
     clock.lap("lens")
     workers.progress("layout", 0, 0)
-    links = dict(linked.links)
-    views = surveyor.fetch_thumbnails(linked.views)
+    links, views = dict(linked.links), surveyor.fetch_thumbnails(linked.views)
     look = partial(measure_agreement, views)
-    layouts, alone = lay_out_all(linked.views, parts, links, partial(_link_nearby, linked, remaining), look)
+    layouts, alone = lay_out_all(linked.views, parts, links, partial(_link_nearby, linked), look)
     clock.lap("layout")
     for view, reason in alone.items():
         why = reason or why_alone(view, views, links.values())
@@ -170,32 +160,17 @@ def _read(surveyor: Surveyor, sources: Sequence[Source]) -> tuple[dict[Source, V
     return views, left_out
 
 
-def _straighten(
-    linked: LinkedViews, members: Sequence[int], calibration: Calibration
-) -> tuple[LinkedViews, dict[int, Array]]:
-    """Describe and link the photographs again without their distortion, and measure what distortion remains in each.
+def _straighten(linked: LinkedViews, calibration: Calibration) -> LinkedViews:
+    """The photographs and their ties as a camera without distortion would have shown them.
 
-    Near the border of a distorted photograph a corner looks different from what it is in the middle of a neighbour, and
-    its position is off, so features are computed anew. Where the new ones do not link two views, the old ties stay.
+    Those of another camera, which no link joins to these, stay as they are.
     """
-    surveyor, sources, views = linked.surveyor, linked.sources, linked.views
-    through_lens = replace(surveyor, settings=replace(surveyor.settings, lens=calibration.lens))
-    # Photographs of another camera, which no link joins to these, stay as they are.
-    through = [index for index, view in enumerate(views) if calibration.lens.fits(view.size)]
-    # Nor is another photograph read in the place of one that was replaced meanwhile; it will be left out.
-    through = [index for index in through if not sources[index].change]
-    straight_views = list(views)
-    for index, view in zip(through, through_lens.describe_all([sources[index] for index in through]), strict=True):
-        # Positions may come from a file instead of the photographs.
-        straight_views[index] = replace(view, taken=views[index].taken)
-    straight = straighten_links(valid_links(linked.links), views, dict.fromkeys(through, calibration.distortion))
-    straight |= {pair: link for pair, link in through_lens.link(straight_views, straight).items() if link.holds}
-    # Features of distorted photographs made k1 0.1 to 0.3 % too small.
-    terms = min(len(calibration.distortion), 2)
-    distortion = measure_remaining_distortion(straight_views, members, valid_links(straight), terms, surveyor.cache)
-    remaining = dict.fromkeys(through, distortion)
-    straight = straighten_links(valid_links(straight), straight_views, remaining)
-    return replace(linked, views=tuple(straight_views), links={**linked.links, **straight}), remaining
+    settings = replace(linked.surveyor.settings, lens=calibration.lens)
+    surveyor = replace(linked.surveyor, settings=settings)
+    through = [index for index, view in enumerate(linked.views) if calibration.lens.fits(view.size)]
+    distortion = dict.fromkeys(through, calibration.distortion)
+    links = straighten_links(valid_links(linked.links), linked.views, distortion)
+    return replace(linked, surveyor=surveyor, views=surveyor.straighten(linked.views), links={**linked.links, **links})
 
 
 def lay_out_all(
@@ -223,19 +198,19 @@ def lay_out_all(
         if nearby := link_nearby(layout):
             layout = _lay_out_again(views, layout, links, nearby)
             reasons |= layout.misplaced
-        agreement = look(layout.transforms)
         if layout.fault:
             reasons |= dict.fromkeys(layout.members, layout.fault)
-        # What is no plane looks different from each side.
-        elif layout.relief <= MAX_RELIEF and (
-            false := find_false_joint(agreement, layout.members, layout.links, links)
-        ):
-            part, reason = false
-            apart |= dict.fromkeys(part, reason)
-            reasons |= dict.fromkeys(part, f"it has links to others that {reason}")
-            todo += [part, [member for member in layout.members if member not in part]]
         elif len(layout.members) > 1:
-            layouts.append(replace(layout, agreement=agreement, apart=apart.get(layout.members[0], "")))
+            agreement = look(layout.transforms)
+            # What is no plane looks different from each side.
+            flat = layout.relief <= MAX_RELIEF
+            if flat and (false := find_false_joint(agreement, layout.members, layout.links, links)):
+                part, reason = false
+                apart |= dict.fromkeys(part, reason)
+                reasons |= dict.fromkeys(part, f"it has links to others that {reason}")
+                todo += [part, [member for member in layout.members if member not in part]]
+            else:
+                layouts.append(replace(layout, agreement=agreement, apart=apart.get(layout.members[0], "")))
         # Views whose place is in doubt may still belong together.
         doubtful = [member for member in members if member not in layout.transforms]
         inside = [link for link in valid_links(links) if link.left in doubtful and link.right in doubtful]
@@ -262,11 +237,8 @@ def _lay_out_again(
     return again if len(confirmed) == len(nearby) else lay_out(views, layout.members, valid_links(links))
 
 
-def _link_nearby(linked: LinkedViews, remaining: Mapping[int, Array], layout: Layout) -> dict[Candidate, Link]:
-    """Links of pairs that overlap in a layout, although their features alone did not link them.
-
-    ``remaining`` is the distortion of each view that its features still have.
-    """
+def _link_nearby(linked: LinkedViews, layout: Layout) -> dict[Candidate, Link]:
+    """Links that hold of pairs that overlap in a layout, although their features alone did not link them."""
     transforms = layout.transforms
     known = {(link.left, link.right): link for link in layout.links}
     # Among repeated textures, a search around a false place would find one more link that confirms it.
@@ -277,7 +249,8 @@ def _link_nearby(linked: LinkedViews, remaining: Mapping[int, Array], layout: La
         for left, right in pairs
         if disputed.isdisjoint((left, right))
     }
-    return straighten_links(valid_links(linked.surveyor.link_nearby(linked.views, near)), linked.views, remaining)
+    found = linked.surveyor.link_nearby(linked.views, near)
+    return {pair: link for pair, link in found.items() if link.holds}
 
 
 def why_alone(view: int, views: Sequence[View], links: Iterable[Link]) -> str:

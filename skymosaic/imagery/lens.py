@@ -104,6 +104,10 @@ class Lens:
         maps = cv2.initUndistortRectifyMap(*camera, None, camera[0], size, cv2.CV_16SC2)
         return np.asarray(cv2.remap(pixels, *maps, interpolation), dtype=pixels.dtype)
 
+    def straighten_mask(self, visible: Pixels) -> Pixels:
+        """Remove distortion from a photograph's mask: 255 where all that a pixel interpolates is ground, else 0."""
+        return np.where(self.straighten(visible) == 255, np.uint8(255), np.uint8(0))
+
     def straighten_points(self, points: Points, size: tuple[int, int]) -> Points:
         """Move points (N, 2), px, to where the straightened photograph of ``size`` (width, height) shows them."""
         if (camera := self.camera_at(size)) is None:

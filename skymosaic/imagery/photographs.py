@@ -126,7 +126,7 @@ class Source:
         decoded = load(self.content, self.name, keep_damaged=self.keep_damaged)
         lens = lens.turned(decoded.orientation)
         pixels = np.asarray(lens.straighten(decoded.pixels), dtype=np.uint8)
-        visible = _straighten_mask(decoded.visible, lens)
+        visible = None if decoded.visible is None else lens.straighten_mask(decoded.visible)
         return dataclasses.replace(decoded, name=self.name, pixels=pixels, visible=visible)
 
     def read_intensities(self, lens: Lens, values: ValueRange | None) -> Shown:
@@ -135,14 +135,7 @@ class Source:
             self.content, self.name, values, keep_damaged=self.keep_damaged
         )
         lens = lens.turned(orientation)
-        return lens.straighten(decoded), _straighten_mask(visible, lens)
-
-
-def _straighten_mask(visible: Pixels | None, lens: Lens) -> Pixels | None:
-    if visible is None:
-        return None
-    # A pixel that interpolates across the edge does not count.
-    return np.where(lens.straighten(visible) == 255, np.uint8(255), np.uint8(0))
+        return lens.straighten(decoded), None if visible is None else lens.straighten_mask(visible)
 
 
 def _state_of(status: os.stat_result) -> tuple[int, ...]:

@@ -6,14 +6,13 @@ strong lenses need them. Every second tie is fitted and the others are predicted
 predicts them clearly better.
 
 Features of bent photographs are a little off towards the borders, which makes the coefficient 0.2 % too small in
-rendered flights. What distortion remains between features of the straightened photographs is therefore added to it.
+rendered flights; straightening and describing them again gains less than a layout is off.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -60,19 +59,6 @@ class Calibration:
         """The same as a camera file describes it, for photographs as they are stored."""
         return self.upright.turned_back(self.orientation)
 
-    def with_remaining(self, distortion: Array) -> Calibration:
-        """Add the distortion (1,) or (2,) that is left once ``lens`` has straightened the photographs."""
-        assert self.upright.size is not None
-        whole = self.distortion.copy()
-        whole[: len(distortion)] += distortion
-        if len(distortion) > 1:
-            # What moves points by r³ twice moves them by r⁵ and r⁷, too: k1 and k2 that come nearest.
-            straight = np.linspace(0.05, 1, 20)[:, None]
-            first = straight + straight ** [3, 5] @ distortion[:, None]
-            moved = first + first ** [3, 5] @ self.distortion[:2, None] - straight
-            whole[:2] = np.linalg.lstsq(straight ** [3, 5], moved[:, 0])[0]
-        return dataclasses.replace(self, distortion=whole, upright=_lens(whole, self.upright.size, self.upright.mask))
-
     @property
     def camera_file(self) -> str:
         """The lens as a file that `skymosaic.imagery.lens.load_lens` reads."""
@@ -99,31 +85,16 @@ def calibrate(
     group = linked_group(views, members, links)
     # Where photographs were turned in several ways, the centre of the lens is in several places.
     most = 4 if len({(views[member].size, views[member].orientation) for member in members}) == 1 else 1
-    before_px, after_px, *distortion = _load_or_measure(_measure, group, most, cache).tolist()
+    key = key_of(_measure, group.units_px, _digest(group.links), most)
+    if (arrays := cache.load(key)) is None:
+        arrays = {"numbers": _measure(group, most)}
+        cache.save(key, arrays)
+    before_px, after_px, *distortion = arrays["numbers"].tolist()
     if not distortion:
         return None
     distortion = np.array(distortion)
     first = views[members[0]]
     return Calibration(distortion, before_px, after_px, _lens(distortion, first.size, mask), first.orientation)
-
-
-def measure_remaining_distortion(
-    views: Sequence[View], members: Sequence[int], links: Sequence[Link], terms: int, cache: Cache = NO_CACHE
-) -> Array:
-    """Measure the first terms of the distortion between straightened photographs, about their middle."""
-    return _load_or_measure(_measure_remaining, linked_group(views, members, links), terms, cache)
-
-
-def _load_or_measure(
-    measure: Callable[[LinkedGroup, int], Array], group: LinkedGroup, terms: int, cache: Cache
-) -> Array:
-    """Call ``measure``, or load its result from the cache where sizes and ties are those of an earlier run."""
-    key = key_of(measure, group.units_px, _digest(group.links), terms)
-    arrays = cache.load(key)
-    if arrays is None:
-        arrays = {"numbers": measure(group, terms)}
-        cache.save(key, arrays)
-    return np.asarray(arrays["numbers"], np.float64)
 
 
 def _digest(links: Sequence[Link]) -> str:
@@ -152,12 +123,6 @@ def _measure(group: LinkedGroup, most: int) -> Array:
         whole.adjust(transforms, "homography")
         distortion = whole.distortion
     return np.array([before_px, after_px, *distortion])
-
-
-def _measure_remaining(group: LinkedGroup, terms: int) -> Array:
-    whole = group.network(slice(None), distortion=np.zeros(terms))
-    _fit(whole, group.start)
-    return whole.distortion
 
 
 def _try(group: LinkedGroup, distortion: Array, start: Array | None) -> tuple[float, Array, Array]:

@@ -16,7 +16,7 @@ from skymosaic.features.given_matches import GivenMatches
 from skymosaic.features.positions import are_on_ground, match_points
 from skymosaic.flight.linking import resemblance
 from skymosaic.flight.linking.links import FIRST_LOOK_SAMPLES, Candidate, Link, link_views
-from skymosaic.flight.linking.view import HEAVY, Settings, View, describe, describe_thumbnail
+from skymosaic.flight.linking.view import HEAVY, Settings, View, describe, describe_thumbnail, straighten
 from skymosaic.geometry.ground import Sight
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.parcel import Parcel
@@ -79,6 +79,10 @@ class Surveyor:
         """Replace the features of the views by those of their thumbnails, or of thumbnails of even contrast."""
         calls = [(view.thumbnail, view.light, self.settings, even, pattern) for view in views]
         return list(self.workers.run("thumbnails", describe_thumbnail, calls, kept=HEAVY))
+
+    def straighten(self, views: Sequence[View]) -> tuple[View, ...]:
+        """The views as if the photographs had been taken without the lens's distortion, see `straighten`."""
+        return tuple(self.workers.run("lens", straighten, [(view, self.settings.lens) for view in views], kept=HEAVY))
 
     def count_votes(self, views: Sequence[View], across: Sequence[int] = ()) -> NDArray[np.int16]:
         """Count the votes for pairs of views that share words, (V, V), else 0; see `resemblance`.

@@ -19,7 +19,7 @@ from golden_model.pixel.gray import to_gray
 from skymosaic.common.errors import InputError
 from skymosaic.features.backends import BACKENDS, load_backend
 from skymosaic.features.contrast import even_contrast
-from skymosaic.features.positions import are_on_ground, feature_points
+from skymosaic.features.positions import are_on_ground, feature_points, raw_positions
 from skymosaic.flight.linking.resemblance import compact
 from skymosaic.geometry.ground import Sight
 from skymosaic.imagery.depth import ValueRange
@@ -179,6 +179,25 @@ def describe_thumbnail(
         features=features,
         strongest=compact(features),
         thumbnail=thumbnail,
+    )
+
+
+def straighten(view: View, lens: Lens) -> View:
+    """Show a view as a camera without the lens's distortion would have: features are moved, but not described again.
+
+    Those that leave the picture are dropped.
+    """
+    upright = lens.turned(view.orientation)
+    points = upright.straighten_points(feature_points(view.features), view.working_size)
+    inside = ((points >= 0) & (points < view.working_size)).all(axis=1)
+    features = view.features[inside]
+    features["x"], features["y"] = raw_positions(points[inside]).T
+    return dataclasses.replace(
+        view,
+        key=key_of(straighten, view.key, lens.key),
+        features=features,
+        thumbnail=np.asarray(upright.straighten(view.thumbnail), dtype=np.uint8),
+        visible=None if view.visible is None else upright.straighten_mask(view.visible),
     )
 
 

@@ -73,7 +73,7 @@ def test_no_link_is_looked_for_around_a_place_in_dispute() -> None:
     linked = LinkedViews(cast(Any, Stub()), (), tuple(views), {})
     for contradicting in ((), (Link(0, 2, ties, ties, 50, 50),)):
         layout = Layout(tuple(transforms), 0, transforms, links, contradicting)
-        assert survey._link_nearby(linked, {}, layout) == {}
+        assert survey._link_nearby(linked, layout) == {}
     assert {(0, 2), (1, 3), (3, 5)} <= asked[0]
     assert asked[1] == {pair for pair in asked[0] if not {0, 2} & set(pair)}
 

@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 
 from skymosaic.flight.layout.layout import lay_out
 from skymosaic.flight.layout.linked_group import LinkedGroup, normalisation
-from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS, straighten
-from skymosaic.flight.layout.self_calibration import Calibration, calibrate, straighten_links
+from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS
+from skymosaic.flight.layout.self_calibration import calibrate, straighten_links
 from skymosaic.flight.linking.links import Link
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.lens import Lens
 
 SIZE_PX = (1280, 960)
 
@@ -84,15 +83,6 @@ def test_a_strong_lens_beside_the_middle_is_found() -> None:
     assert lens.numbers["centre_x_px"] == pytest.approx(SIZE_PX[0] - 1 - centre[0])
     assert lens.turned_back(3).numbers == pytest.approx(calibration.lens.numbers)
     assert len(calibrate([*views[:-1], turned[0]], range(len(views)), links).distortion) == 1
-
-
-def test_what_remains_is_a_second_distortion_on_top_of_the_first() -> None:
-    points = np.random.default_rng(0).uniform(-0.55, 0.55, (50, 2))
-    first, second = np.array([-0.2, 0.03, 0, 0]), np.array([-0.01, 0.004])
-    whole = Calibration(first, 2, 1, Lens(size=SIZE_PX)).with_remaining(second).distortion
-    twice = straighten(straighten(points, first), second)
-    np.testing.assert_allclose(straighten(points, whole), twice, atol=5e-4)
-    assert np.abs(straighten(points, first) - twice).max() > 3e-3
 
 
 def test_a_straight_lens_is_left_alone_and_errors_are_those_of_ties_that_no_fit_has_seen(
