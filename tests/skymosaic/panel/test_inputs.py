@@ -28,6 +28,12 @@ def picture(seed: int) -> bytes:
     return noise_png(96, seed)
 
 
+async def refuse(inputs: Inputs, says: str, status: int) -> None:
+    with pytest.raises(UploadRefusedError, match=says) as refused:
+        await inputs.upload("photograph", body(picture(1)), "field.png")
+    assert refused.value.status == status
+
+
 def test_a_file_keeps_its_name(inputs: Inputs, run_in_loop: Callable[[Scenario], None]) -> None:
     """Its letters of any script; with a number where another file has that name, or a run will write it."""
 
@@ -48,12 +54,7 @@ def test_a_full_disk_refuses_an_upload_in_one_line(
 
     monkeypatch.setattr("anyio.AsyncFile.write", fail)
 
-    async def scenario() -> None:
-        with pytest.raises(UploadRefusedError, match="field: cannot be stored") as refused:
-            await inputs.upload("photograph", body(picture(1)), "field.png")
-        assert refused.value.status == 507
-
-    run_in_loop(scenario)
+    run_in_loop(lambda: refuse(inputs, "field: cannot be stored", 507))
     assert not any(inputs._files.folder("uploads").iterdir())
 
 
@@ -128,19 +129,9 @@ def test_uploads_beyond_the_size_of_the_session_are_refused(
     inputs: Inputs, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("skymosaic.panel.inputs.MAX_BYTES", 1)
-
-    async def scenario() -> None:
-        refusals = []
-        for seed in (1, 2):
-            try:
-                await inputs.upload("photograph", body(picture(seed)), "field.png")
-            except UploadRefusedError as error:
-                refusals.append(error)
-        assert refusals
-        assert all(error.status == 413 and "larger than the 0 MB" in str(error) for error in refusals)
-
-    run_in_loop(scenario)
-    assert len(list(inputs._files.folder("uploads").iterdir())) == len(inputs.photographs) <= 1
+    for _ in range(2):
+        run_in_loop(lambda: refuse(inputs, "larger than the 0 MB", 413))
+    assert not any(inputs._files.folder("uploads").iterdir())
 
 
 def test_uploads_leave_room_on_the_disk(
@@ -148,12 +139,7 @@ def test_uploads_leave_room_on_the_disk(
 ) -> None:
     monkeypatch.setattr("shutil.disk_usage", lambda _folder: SimpleNamespace(free=1 << 30))
 
-    async def scenario() -> None:
-        with pytest.raises(UploadRefusedError, match="disk is almost full") as refused:
-            await inputs.upload("photograph", body(picture(1)), "field.png")
-        assert refused.value.status == 507
-
-    run_in_loop(scenario)
+    run_in_loop(lambda: refuse(inputs, "disk is almost full", 507))
 
 
 def test_a_limited_number_of_uploads_is_under_way(
