@@ -63,6 +63,13 @@ def _scene() -> np.ndarray:
     return cv2.GaussianBlur(rng.integers(0, 256, (96, 128, 3), dtype=np.uint8), (0, 0), 1.5)
 
 
+def _saved(kind: str, **options: object) -> bytes:
+    """The scene as Pillow writes it."""
+    file = io.BytesIO()
+    PillowImage.fromarray(_scene()).save(file, kind, **options)
+    return file.getvalue()
+
+
 @functools.cache
 def _encoded() -> list[tuple[str, bytes]]:
     """One small photograph in every format and depth that is read."""
@@ -72,12 +79,8 @@ def _encoded() -> list[tuple[str, bytes]]:
     pictures += [(".png", deep), (".tif", deep), (".tif", scene[..., 0].astype(np.float32)), (".pgm", deep[..., 0])]
     found = [(suffix, cv2.imencode(suffix, pixels)[1].tobytes()) for suffix, pixels in pictures]
     for options in ({"progressive": True}, {"subsampling": 0}, {"comment": b"x" * 300}):
-        file = io.BytesIO()
-        PillowImage.fromarray(scene).save(file, "JPEG", **options)
-        found.append((".jpg", file.getvalue()))
-    file = io.BytesIO()
-    PillowImage.fromarray(scene).save(file, "PNG", icc_profile=b"profile" * 20, exif=_exif())
-    return [*found, (".png", file.getvalue())]
+        found.append((".jpg", _saved("JPEG", **options)))
+    return [*found, (".png", _saved("PNG", icc_profile=b"profile" * 20, exif=_exif()))]
 
 
 def _exif() -> PillowImage.Exif:
@@ -85,13 +88,6 @@ def _exif() -> PillowImage.Exif:
     exif[0x0112], exif[0x010F], exif[0x829A] = 6, "maker", (1, 500)
     exif.get_ifd(IFD.GPSInfo).update({1: "N", 2: (46.0, 30.0, 36.0), 3: "E", 4: (7.0, 15.0, 0.0), 6: 520.5})
     return exif
-
-
-@functools.cache
-def _photograph_with_exif() -> bytes:
-    file = io.BytesIO()
-    PillowImage.fromarray(_scene()).save(file, "JPEG", exif=_exif())
-    return file.getvalue()
 
 
 def _read_photograph(path: Path, rng: np.random.Generator) -> str:
@@ -111,7 +107,7 @@ def _photographs(folder: Path, rng: np.random.Generator) -> str:
 
 
 def _exif_of_a_photograph(folder: Path, rng: np.random.Generator) -> str:
-    whole = _photograph_with_exif()
+    whole = _saved("JPEG", exif=_exif())
     start, end = whole.index(b"Exif\0\0") + 6, whole.index(b"\xff\xdb")
     changed = mutated(whole[start:end], rng)[: end - start].ljust(end - start, b"\0")
     path = folder / "exif.jpg"
@@ -183,13 +179,8 @@ def _records(_folder: Path, rng: np.random.Generator) -> str:
 @functools.cache
 def _telling() -> list[tuple[str, bytes]]:
     """One photograph in every format that can tell damage; a small JPEG may decode to just as many blocks."""
-    scene = _scene()
-    found = [(".png", cv2.imencode(".png", scene)[1].tobytes())]
-    for compression in ("tiff_lzw", "tiff_deflate", "jpeg"):
-        file = io.BytesIO()
-        PillowImage.fromarray(scene).save(file, "TIFF", compression=compression)
-        found.append((".tif", file.getvalue()))
-    return found
+    tiffs = [(".tif", _saved("TIFF", compression=each)) for each in ("tiff_lzw", "tiff_deflate", "jpeg")]
+    return [(".png", cv2.imencode(".png", _scene())[1].tobytes()), *tiffs]
 
 
 def _tiff_directories(folder: Path, rng: np.random.Generator) -> str:
