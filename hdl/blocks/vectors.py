@@ -1,6 +1,6 @@
 """Vectors of a test bench: the inputs of a block and its expected outputs."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -43,20 +43,17 @@ def rows(name: str, values: Sequence[Any]) -> list[Row]:
     return [flat_values(name, value) for value in values]
 
 
-def pixel_beats(planes: Mapping[str, NDArray[Any]], pixels_per_clock: int) -> Iterator[dict[str, Any]]:
-    """The beats of a frame in raster order; the last beat of an odd line repeats the line's last pixel."""
+def pixel_rows(pixels_per_clock: int = 1, /, **planes: NDArray[Any]) -> list[Row]:
+    """Convert a frame to the beats at the port ``i``, in raster order; the last of an odd line repeats its pixel."""
     height, width = next(iter(planes.values())).shape[:2]
+    beats: list[dict[str, Any]] = []
     for y, x in np.ndindex(height, -(-width // pixels_per_clock)):
         columns = [min(pixels_per_clock * x + n, width - 1) for n in range(pixels_per_clock)]
         payload = {name: [plane[y, column].tolist() for column in columns] for name, plane in planes.items()}
         if pixels_per_clock == 1:
             payload = {name: pixel for name, (pixel,) in payload.items()}
-        yield {"x": pixels_per_clock * x, "y": y, **payload}
-
-
-def pixel_rows(pixels_per_clock: int = 1, /, **planes: NDArray[Any]) -> list[Row]:
-    """Convert a frame to the beats at the port ``i``, in raster order."""
-    return rows("i", list(pixel_beats(planes, pixels_per_clock)))
+        beats.append({"x": pixels_per_clock * x, "y": y, **payload})
+    return rows("i", beats)
 
 
 def answer_rows(

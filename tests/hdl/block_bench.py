@@ -11,7 +11,7 @@ from amaranth.hdl import ShapeCastable, Value
 from amaranth.lib import wiring
 from amaranth.sim import Simulator
 
-from sim.benches.drivers import CLOCK_S, Garbage
+from sim.benches.rows import CLOCK_S, Garbage
 from sim.simulators.recording import NO_PAUSES, Pauses
 
 Testbench = Callable[[Any], Coroutine[Any, Any, None]]

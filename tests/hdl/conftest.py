@@ -8,7 +8,7 @@ from amaranth.sim import Simulator
 
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
-from sim.benches import drivers
+from sim.benches import rows
 from sim.simulators.recording import Pauses
 from tests.hdl import block_bench
 
@@ -49,7 +49,7 @@ def collisions(monkeypatch: pytest.MonkeyPatch) -> None:
             patched.setattr(LineMemory, "elaborate", elaborate_with_collisions)
             return Simulator(dut)
 
-    for module in (block_bench, drivers):
+    for module in (block_bench, rows):
         monkeypatch.setattr(module, "Simulator", simulator)
 
 

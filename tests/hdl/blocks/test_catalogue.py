@@ -10,7 +10,8 @@ from golden_model.matching import rule_bases
 from golden_model.records import HOMOGRAPHY, MATCH, WORD_BYTES, Record
 from hdl.blocks.catalogue import BlockConfig, make_block
 from hdl.blocks.vectors import Row as Fields
-from tests.hdl.rows import Row, check, table
+from sim.benches.rows import Row, check
+from tests.hdl.rows import table
 
 pytestmark = pytest.mark.usefixtures("unused_blocks")
 

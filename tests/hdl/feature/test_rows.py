@@ -11,7 +11,8 @@ from golden_model.feature.ilbp import PATTERNS, describe, gather
 from hdl.blocks.chain import Descriptor
 from hdl.blocks.vectors import Block, of_stream
 from hdl.feature.ilbp import RingDescriptor
-from tests.hdl.rows import Row, check, table
+from sim.benches.rows import Row, check
+from tests.hdl.rows import table
 
 CENTRE_PX = 20
 PATCH_PX = 2 * CENTRE_PX + 1

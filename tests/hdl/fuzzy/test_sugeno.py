@@ -13,7 +13,7 @@ from golden_model.fuzzy.sugeno import Rule, SugenoSystem, Variable
 from golden_model.matching import rule_bases
 from hdl.blocks.vectors import of_stream
 from hdl.fuzzy.sugeno import Sugeno
-from tests.hdl.rows import Row, check
+from sim.benches.rows import Row, check
 
 
 def distinct(variable: Variable) -> list[int]:

@@ -11,7 +11,8 @@ from hdl.blocks.vectors import Block, of_stream
 from hdl.lib.delay import delayed
 from hdl.lib.result_queue import ResultQueue
 from hdl.lib.skid_buffer import SkidBuffer
-from tests.hdl.rows import Row, check, table
+from sim.benches.rows import Row, check
+from tests.hdl.rows import table
 
 
 class Increment(wiring.Component):

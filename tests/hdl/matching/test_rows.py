@@ -11,8 +11,9 @@ from golden_model.matching import correlation, rule_bases
 from hdl.blocks.vectors import Block, of_stream
 from hdl.matching.correlation import PIXELS, SumOfAbsoluteDifferences, WindowCorrelation
 from hdl.matching.fuzzy_correlation import FuzzyCorrelation, scale_constants
+from sim.benches.rows import Row, check
 from tests.hdl.drivers import run_clocks
-from tests.hdl.rows import Row, check, table
+from tests.hdl.rows import table
 
 
 def windows() -> NDArray[np.uint8]:

@@ -12,9 +12,10 @@ from golden_model.painting.positions import positions
 from hdl.blocks.vectors import Block, of_stream
 from hdl.painting.blending import Blending
 from hdl.painting.positions import Positions
+from sim.benches.rows import Row, check
 from tests.golden_model.painting import tilted
 from tests.hdl.painting.payloads import corner_payload, pixel_payload
-from tests.hdl.rows import Row, check, table
+from tests.hdl.rows import table
 
 COUNT = 600
 

@@ -20,7 +20,8 @@ from hdl.pixel.gray import Gray
 from hdl.pixel.harris import TENSOR_LINES, RawResponse, ResponseCode, StructureTensor
 from hdl.pixel.smooth import Binomial
 from hdl.pixel.window import LineBuffer, OffsetColumns, Window
-from tests.hdl.rows import Row, check, table
+from sim.benches.rows import Row, check
+from tests.hdl.rows import table
 
 Pixels = NDArray[Any]
 TWO = {"pixels_per_clock": 2}

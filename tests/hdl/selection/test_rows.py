@@ -11,7 +11,8 @@ from golden_model.records import Tag
 from hdl.blocks.vectors import Block, of_stream
 from hdl.feature.extractor import feature_layout
 from hdl.selection.record_serializer import FeatureWords
-from tests.hdl.rows import Row, check, table
+from sim.benches.rows import Row, check
+from tests.hdl.rows import table
 
 FEATURES = 40
 ENDS_AFTER = {11: [0], 12: [0, 1], 39: [1]}
