@@ -8,10 +8,10 @@ from rich.table import Table
 from rich.text import Text
 
 from golden_model.text import one_line
-from skymosaic.cli.live import group_reasons
 from skymosaic.cli.options import OverwriteOption, PhotographsArgument, output_option
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.progress import progress_bars
+from skymosaic.cli.remarks import group_reasons
 from skymosaic.cli.session import session
 from skymosaic.common.errors import RegistrationError
 from skymosaic.flight.checking.check import FlightCheck, check_flight

@@ -1,21 +1,21 @@
 """The command for a mosaic that grows while the camera is still in the air."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from itertools import count
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from skymosaic.cli.options import PICTURES, OverwriteOption, RequireMapOption, StrictOption, output_option
 from skymosaic.cli.outputs import Writes
 from skymosaic.cli.progress import print_stages
+from skymosaic.cli.remarks import Absent, report_absent, show_notes
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.options import INPUT
 from skymosaic.flight.checking.check import describe_moving
-from skymosaic.flight.mapping.place import explain_absence
-from skymosaic.flight.picture.formats import OutputForm, format_of, numbered, room_for
+from skymosaic.flight.picture.formats import OutputForm, numbered, room_for
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA
 from skymosaic.imagery import images
@@ -28,16 +28,9 @@ from skymosaic.mosaicking.live.run import grow
 from skymosaic.mosaicking.live.update import LiveUpdate
 from skymosaic.mosaicking.options import LiveOptions
 from skymosaic.mosaicking.outputs import check_room
-from skymosaic.reports.summary import describe_mosaic
 
 PLANES = 4
 """A mosaic in colour has these, with alpha."""
-
-MAX_NAMED = 3
-"""Photographs that are left out for one reason and named."""
-
-Absent = Mapping[Any, str]
-"""Why frames, by their numbers, or files that could not be read, by their names, are not in the mosaic."""
 
 
 def live(
@@ -171,44 +164,3 @@ def _show(delivery: Delivery, absent: Absent, mosaic: LiveMosaic, pace: Pace) ->
     session.numbers = {"size": [width_px, height_px], "frames": count, "left_out": absent, "pace": pace.numbers}
     session.show(f"mosaic {delivery.path} ({width_px}x{height_px}): {count} frames, {len(absent)} left out")
     show_notes(delivery, delivery.path)
-
-
-def show_notes(delivery: Delivery, path: Path) -> None:
-    """Print what only some mosaics have, and warn of what is wrong with one; ``path`` is its name as typed."""
-    for about, line in describe_mosaic(delivery).items():
-        if about in ("size", "light", "contradiction"):
-            session.warn(f"{path}: {line}")
-        elif about in ("warp", "cut off", "bands", "range", "map"):
-            session.show(f"{about}: {line}")
-    if not delivery.georeference and format_of(delivery.path).on_map:
-        session.warn(explain_absence(path, delivery.composition.place))
-    # Who asks for a picture of two photographs expects no map.
-    elif delivery.map_note and (delivery.georeference or delivery.flight.pair is None):
-        session.tell(f"note: {delivery.map_note}")
-
-
-def group_reasons(reasons: Iterable[str]) -> list[str]:
-    """Join lines of the form "name: reason" that have the reason in common, the first names with how many more."""
-    alike: dict[str, list[str]] = {}
-    for line in reasons:
-        alike.setdefault(line.partition(": ")[2] or line, []).append(line)
-    joined = []
-    for reason, lines in alike.items():
-        first = ", ".join(line.removesuffix(f": {reason}") for line in lines[:MAX_NAMED])
-        more = f" and {len(lines) - MAX_NAMED} more" if len(lines) > MAX_NAMED else ""
-        joined.append(lines[0] if len(lines) == 1 else f"{first}{more}: {reason}")
-    return joined
-
-
-def report_absent(absent: Absent, *, strict: bool) -> None:
-    """Warn of what the mosaic does not contain, by the reasons, before anything is written.
-
-    Raises
-    ------
-    RegistrationError
-        With ``strict``, if anything is absent.
-    """
-    for line in group_reasons(absent.values()):
-        session.warn(f"left out: {line}")
-    if strict and absent:
-        raise RegistrationError(f"{len(absent)} left out, and --strict allows none; nothing was written")

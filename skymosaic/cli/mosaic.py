@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from skymosaic.cli.live import report_absent, show_notes
 from skymosaic.cli.options import (
     OverwriteOption,
     PhotographsArgument,
@@ -19,6 +18,7 @@ from skymosaic.cli.options import (
 )
 from skymosaic.cli.outputs import Typed, Writes
 from skymosaic.cli.progress import progress_bars
+from skymosaic.cli.remarks import report_absent, show_notes
 from skymosaic.cli.session import STDOUT, session
 from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.options import MAP, OUTPUT

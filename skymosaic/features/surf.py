@@ -7,7 +7,6 @@ out OpenCV's own SURF. Only the detector is implemented here; any descriptor can
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter
 
 from golden_model.arrays import Array, Pixels
 
@@ -74,7 +73,9 @@ def _box(
 
 def _octave(integral: NDArray[np.int32], sizes: tuple[int, ...]) -> list[cv2.KeyPoint]:
     planes = np.stack([determinant(integral, size) for size in sizes])
-    peaks = (planes > MIN_RESPONSE) & (planes == maximum_filter(planes, 3))
+    around = np.stack([cv2.dilate(plane, np.ones((3, 3))) for plane in planes])
+    around[1:-1] = np.max((around[:-2], around[1:-1], around[2:]), axis=0)
+    peaks = (planes > MIN_RESPONSE) & (planes == around)
     peaks[[0, -1]] = False
     scale, y, x = np.nonzero(peaks)
     step, response = _fitted_maxima(planes, scale, y, x)

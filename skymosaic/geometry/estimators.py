@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 
 from golden_model.arrays import Array, Mask
+from skymosaic.common.later import Later
 from skymosaic.geometry import fuzzy_ransac
-from skymosaic.geometry.fabric import estimate_as_in_fabric, homography_in_pixels
 from skymosaic.geometry.homography import DegenerateError, dlt, transfer_error
 from skymosaic.geometry.prosac import CONFIDENCE, INLIER_PX, MIN_INLIERS, estimate_homography
 
@@ -15,6 +15,7 @@ Estimator = Literal["prosac", "fabric", "ransac", "magsac", "fuzzy-ransac"]
 ESTIMATORS: tuple[Estimator, ...] = get_args(Estimator)
 PROSAC = "prosac"
 FUZZY_RANSAC = "fuzzy-ransac"
+fabric = Later("skymosaic.geometry.fabric")
 FABRIC = "fabric"
 """What the chip computes, which also decides what is accepted; the checks of the host come after it."""
 MIN_MATCHES = 4
@@ -68,9 +69,9 @@ def estimate(
         H, decision = fuzzy(left, right, verified)
         inliers = inliers if decision is None else decision.inliers
     elif name == FABRIC and record is not None:
-        H = homography_in_pixels(record)
+        H = fabric.homography_in_pixels(record)
     elif name == FABRIC:
-        H = estimate_as_in_fabric(left[verified], right[verified], weight[verified], size, rng=rng)
+        H = fabric.estimate_as_in_fabric(left[verified], right[verified], weight[verified], size, rng=rng)
     else:
         H = (magsac if name == "magsac" else ransac)(left[verified], right[verified])
     if H is None:

@@ -15,11 +15,10 @@ from typing import NamedTuple, TypeVar
 
 import cv2
 import numpy as np
-from scipy import fft
-from scipy.spatial import KDTree
 
 from golden_model.arrays import Array, Float32, Mask, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
+from skymosaic.common.later import Later
 from skymosaic.geometry.acceptance import overlap_mask
 from skymosaic.geometry.homography import apply, resize_matrix, transfer_error
 from skymosaic.geometry.horizon import Size, warp_reflected
@@ -59,6 +58,7 @@ EXPLAINED_PX, APART_PX = 3.0, 16.0
 """A match that a rejected homography explains to the first distance, or that has an inlier of it within the second, may
 move with the camera, too. Working px."""
 Fit = TypeVar("Fit")
+spatial = Later("scipy.spatial")
 MOVES_WITH_CAMERA = "what moves with the camera (a display, a border, dirt, a sensor's pattern) is not counted"
 """Note of a result that leaves such matches out."""
 
@@ -267,7 +267,7 @@ def _fit_best_here(own: Float32, other: Float32, votes: Mask) -> Mask:
     templates, windows = _windows(own, votes, BLOCK_PX), _windows(around, votes, BLOCK_PX + 2 * SEARCH_PX)
     templates -= templates.mean(axis=(1, 2), keepdims=True)
     side = windows.shape[1:]
-    alike = fft.irfft2(fft.rfft2(windows) * np.conj(fft.rfft2(templates, side)), side)[:, :SHIFTS, :SHIFTS]
+    alike = np.fft.irfft2(np.fft.rfft2(windows) * np.conj(np.fft.rfft2(templates, side)), side)[:, :SHIFTS, :SHIFTS]
     # Where nothing varies, only rounding fits.
     spread = np.sqrt(np.maximum(_windows(_block_variances(around), votes, SHIFTS), 1e-4))
     best = np.array(np.divmod((alike / spread).reshape(-1, SHIFTS**2).argmax(axis=1), SHIFTS))
@@ -286,7 +286,7 @@ class LeftOut:
         for homography, *inliers in self.rejected:
             apart &= ~(transfer_error(homography, left, right) <= EXPLAINED_PX)
             for points, moving in zip((left, right), inliers, strict=True):
-                apart &= KDTree(moving).query(points)[0] > APART_PX
+                apart &= spatial.KDTree(moving).query(points)[0] > APART_PX
         return apart
 
 

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import rasterio.warp
 from PIL.ExifTags import GPS, IFD, Base
 
 from golden_model.text import one_line
+from skymosaic.common.later import Later
 from skymosaic.imagery.decoding import open_header
 
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0}  # EXIF's codes of inch, centimetre and millimetre
@@ -210,7 +210,7 @@ def _to_wgs84(position: Position, datum: str) -> tuple[Position | None, str]:
         return None, f"in the datum {one_line(datum)!r}, which is not known; give `positions` in a system that is"
     if epsg == _DATUMS["WGS84"]:
         return position, ""
-    ((longitude_deg,), (latitude_deg,)) = rasterio.warp.transform(
+    ((longitude_deg,), (latitude_deg,)) = Later("rasterio.warp").transform(
         f"EPSG:{epsg}", "EPSG:4326", [position.longitude_deg], [position.latitude_deg]
     )
     return Position(latitude_deg, longitude_deg), ""

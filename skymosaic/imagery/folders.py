@@ -8,8 +8,9 @@ from pathlib import Path
 from skymosaic.imagery.images import PICTURE_SUFFIXES
 from skymosaic.imagery.own_outputs import exclude_recorded
 from skymosaic.imagery.patterns import expand_pattern, walk_folders
-from skymosaic.imagery.video import VIDEO_SUFFIXES
 
+VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".ts", ".mts", ".m2ts", ".webm", ".wmv", ".mpg", ".mpeg")
+"""Suffixes of videos where photographs are accepted too."""
 RAW_SUFFIXES = (".dng", ".arw", ".cr2", ".cr3", ".nef", ".orf", ".raf", ".rw2")
 OTHER_SUFFIXES = (".heic", ".heif", ".avif", ".jp2", ".jxl", ".gif", ".pgm", ".pnm", ".ppm")
 JPEG_SUFFIXES = (".jfif", ".jpe", ".mpo")

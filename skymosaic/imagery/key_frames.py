@@ -13,13 +13,14 @@ import numpy as np
 from golden_model.arrays import Float32, Pixels
 from golden_model.temporary import temporary_folder
 from skymosaic.common.errors import InputError
+from skymosaic.common.later import Later
 from skymosaic.imagery.decoding import check_file, check_size
 from skymosaic.imagery.exif import Metadata
+from skymosaic.imagery.folders import VIDEO_SUFFIXES
 from skymosaic.imagery.images import check_given, reduce_to_width, save
 from skymosaic.imagery.patterns import is_folder
 from skymosaic.imagery.photographs import Images, Source, list_images, list_sources
 from skymosaic.imagery.subtitles import read_track
-from skymosaic.imagery.video import DEFAULT_RATE, VIDEO_SUFFIXES, VideoReader
 
 KEY_OVERLAP = 0.65
 """Share of its area that a key frame has in common with the next, or slightly more: enough for reliable registration,
@@ -92,7 +93,7 @@ def read_key_frames(video: str | Path, tell: Callable[[str], None]) -> Iterator[
 
     ``tell`` receives a line per note about the video.
     """
-    reader = VideoReader(video)
+    reader = Later("skymosaic.imagery.video").VideoReader(video)
     track = None if reader.is_stream else read_track(Path(video), reader.length_s, reader.notes.append)
     seconds: list[float] = []
 
@@ -122,7 +123,7 @@ class KeyFrame(NamedTuple):
 
 def select_key_frames(
     frames: Iterable[Pixels],
-    frame_rate: Fraction | float = DEFAULT_RATE,
+    frame_rate: Fraction | float = 25.0,
     tell: Callable[[str], None] = lambda _line: None,
 ) -> Iterator[KeyFrame]:
     """Select the first frame, then repeatedly the last one that still shows `KEY_OVERLAP` of the previous key frame.

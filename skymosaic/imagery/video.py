@@ -18,8 +18,6 @@ from skymosaic.common.errors import InputError
 from skymosaic.common.temporary import write_atomically
 from skymosaic.imagery.decoding import MAX_AREA_PX, check_file
 
-VIDEO_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".ts", ".mts", ".m2ts", ".webm", ".wmv", ".mpg", ".mpeg")
-"""Suffixes of videos where photographs are accepted too."""
 OUTPUT_SUFFIXES = (".mp4", ".mov", ".mkv")
 DEFAULT_RATE = Fraction(25)
 """Frames per second of a video that does not state them."""

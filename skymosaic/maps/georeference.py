@@ -15,10 +15,10 @@ import rasterio.errors
 import rasterio.warp
 from numpy.typing import NDArray
 from rasterio._err import CPLE_BaseError
-from scipy.special import stdtrit
 
 from golden_model.arrays import Array, Matrix, Points
 from skymosaic.common.errors import InputError
+from skymosaic.common.later import Later
 from skymosaic.geometry.homography import DegenerateError, estimate_similarity, transfer_error
 from skymosaic.imagery.exif import Position
 
@@ -183,7 +183,7 @@ def fit_to_map(
     # Of the 2 n coordinates, four go into the similarity; the spread, times the root of n, is what fixes the scale.
     free = 2 * int(agreeing.sum()) - 4
     sigma = residual / spread / math.sqrt(free) if free else math.nan
-    scale_error = float(stdtrit(free, 0.975)) * sigma if free else math.nan
+    scale_error = float(Later("scipy.special").stdtrit(free, 0.975)) * sigma if free else math.nan
     return Georeference(crs, to_map, residual, tuple(all_offsets.tolist()), disagreeing, scale_error), ""
 
 

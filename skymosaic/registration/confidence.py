@@ -9,7 +9,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-from scipy.spatial import KDTree
 
 from golden_model.arrays import Mask, Matrix, Points
 from golden_model.pixel.gray import to_gray
@@ -45,6 +44,7 @@ CLEAR_SHARE_OF_OVERLAP = 0.5
 # the inliers, or more. None of 298 good pairs of other ground has so many; a roof has.
 REPEATED_SHARE = 0.2
 REPEATED_PX = 8.0
+MOST_COMPARED = 1000
 HIGH_PASS_SIGMA_PX = 3.0
 # Fewer pixels correlate by chance.
 MIN_OVERLAP_PX = 400
@@ -167,8 +167,10 @@ def describe_repetition(homography: Matrix, left: Points, right: Points) -> str:
     if len(offset) < least:
         return ""
     # A row away is nearly the same everywhere: the offset that most others are like.
-    like = KDTree(offset).query_ball_point(offset, 0.3 * away_px, return_length=True)
-    usual = offset[np.argmax(like / away_px)]
+    some = np.arange(0, len(offset), 1 + len(offset) // MOST_COMPARED)
+    apart_px = np.linalg.norm(offset[some, None] - offset[some], axis=2)
+    like = np.count_nonzero(apart_px <= 0.3 * away_px[some, None], axis=1)
+    usual = offset[some[np.argmax(like / away_px[some])]]
     near = np.linalg.norm(offset - usual, axis=1) < 0.4 * np.linalg.norm(usual)
     if np.count_nonzero(near) < least:
         return ""

@@ -18,8 +18,7 @@ from skymosaic.features.contrast import even_contrast, find_pattern, share_patte
 from skymosaic.features.frames import DescribedImage
 from skymosaic.features.given_matches import Given, GivenMatches
 from skymosaic.features.positions import are_on_ground, match_points
-from skymosaic.geometry.estimators import FABRIC, estimate
-from skymosaic.geometry.fabric import draw_config
+from skymosaic.geometry.estimators import FABRIC, estimate, fabric
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA, GroundAgreement, LeftOut, Sight, find_ground
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end, reduce_to_width
 from skymosaic.imagery.lens import Lens
@@ -234,7 +233,7 @@ def _match_first(
         return _FirstPass(records, match(*records, config.front_end.pattern, config.matcher), config)
     # The hardware does not know what is masked.
     if options.estimator == FABRIC and not masked:
-        config = dataclasses.replace(config, estimator=draw_config(np.random.default_rng(options.seed)))
+        config = dataclasses.replace(config, estimator=fabric.draw_config(np.random.default_rng(options.seed)))
     # The left frame is held as the reference, so the matches come with the right one.
     (left, right), config = extract_within_capacity(front_end, list(images), config)
     return _FirstPass((left.features, right.features), right.matches, config, right.homography)

@@ -3,9 +3,12 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
+import cv2
 import pytest
 
+from sim.scene import make_pair
 from skymosaic.cli.commands import COMMANDS
 from skymosaic.cli.completion import TABLE
 from tools.completion import describe_commands
@@ -61,3 +64,12 @@ def test_the_program_introduces_itself_at_once(flag: str) -> None:
 
 def test_the_table_is_that_of_the_commands() -> None:
     assert TABLE.read_text(encoding="utf-8") == describe_commands(), "run python -m tools.completion"
+
+
+def test_two_photographs_are_registered_without_what_only_others_need(tmp_path: Path) -> None:
+    files = [tmp_path / f"{number}.png" for number in range(2)]
+    for file, image in zip(files, make_pair(seed=5, size=(640, 480)).images, strict=True):
+        cv2.imwrite(str(file), image)
+    words, packages = imported("register", *map(str, files))
+    assert {"confidence", "good"} <= {word.strip("(:;,") for word in words}
+    assert packages.isdisjoint(("scipy", "rasterio", "av"))

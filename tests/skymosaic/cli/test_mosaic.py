@@ -8,8 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from skymosaic.cli import live, mosaic
-from skymosaic.cli.live import _find_unused, group_reasons, report_absent
+from skymosaic.cli import live, mosaic, remarks
+from skymosaic.cli.live import _find_unused
+from skymosaic.cli.remarks import group_reasons, report_absent
 from skymosaic.cli.session import session
 from skymosaic.common.errors import RegistrationError
 from skymosaic.mosaicking.live.growing_flight import Placement
@@ -38,8 +39,8 @@ def delivered(name: str, *, pair: bool, on_map: bool, note: str = "", tiles: boo
 def _fake(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mosaic, "layout_errors", lambda *_: SimpleNamespace(description="0.3 px"))
     monkeypatch.setattr(mosaic, "doubts", lambda *_: ["odd"])
-    monkeypatch.setattr(live, "describe_mosaic", lambda _: {about: f"the {about}" for about in ABOUT})
-    monkeypatch.setattr(live, "explain_absence", lambda path, _: f"{path}: no place")
+    monkeypatch.setattr(remarks, "describe_mosaic", lambda _: {about: f"the {about}" for about in ABOUT})
+    monkeypatch.setattr(remarks, "explain_absence", lambda path, _: f"{path}: no place")
     session.begin("", started_s=0, quiet=False, verbose=False, as_json=False)
 
 
@@ -154,8 +155,8 @@ def test_a_live_mosaic_is_described(
     left_out: bool,
 ) -> None:
     monkeypatch.setattr(live, "describe_moving", lambda _: "still moves")
-    monkeypatch.setattr(live, "describe_mosaic", lambda _: {"size": "small", "map": "UTM"})
-    monkeypatch.setattr(live, "explain_absence", lambda path, _: f"{path}: no place")
+    monkeypatch.setattr(remarks, "describe_mosaic", lambda _: {"size": "small", "map": "UTM"})
+    monkeypatch.setattr(remarks, "explain_absence", lambda path, _: f"{path}: no place")
     grown: Any = SimpleNamespace(left_out_moving=left_out)
     pace: Any = SimpleNamespace(numbers={})
     live._show(delivered(name, pair=False, on_map=on_map), {3: "dark"}, grown, pace)
