@@ -38,6 +38,13 @@ NEGLIGIBLE = 2e-3
 """... and more than this share of the spread of the positions."""
 MAX_TRIALS = 500
 REFITS = 5
+LAGS = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0)
+"""Shots after which the errors of positions have forgotten themselves; each is as likely before they are seen. Those of
+receivers drift, so that a strip may be shifted, turned or stretched as a whole."""
+EXACT_M = 1e-6
+"""No position is known better."""
+CONFIDENCE = 0.95
+"""Share of cases in which the scale is true within what is said of it."""
 ROUNDING = 1e-9
 WORST_NAMED = 5
 GDAL_CACHE_BYTES = 64 << 20
@@ -59,8 +66,7 @@ class Georeference:
     disagreeing: tuple[int, ...] = ()
     """Indices of positions too far off, which the fit leaves out."""
     scale_error: float = math.nan
-    """The scale is true within this share of it in 95 % of cases, if the errors of the positions that agree are
-    independent; NaN for two."""
+    """The scale is true within this share of it in 95 % of cases; NaN for two positions."""
 
     @property
     def residual_of_all_m(self) -> float:
@@ -148,11 +154,13 @@ def fit_to_map(
     names: Sequence[str] | None = None,
     *,
     tolerances_m: Array | float = 0.0,
+    in_time: bool = True,
 ) -> tuple[Georeference | None, str]:
     """Fit a similarity from pixels (N, 2) to the map (N, 2), metres east and north; what is far off is left out.
 
     Metres are NaN where they are unknown. Of few positions, offsets up to ``tolerances_m``, one or (N,), are no
-    disagreement. Returns also why there is no georeference, with the names of the places; empty if there is one.
+    disagreement. Errors of positions taken one after the other, ``in_time``, may drift. Returns also why there is no
+    georeference, with the names of the places; empty if there is one.
     """
     known = np.flatnonzero(np.isfinite(metres).all(axis=1))
     # With two photographs there is no third position to check the fit; the caller has to say so.
@@ -180,11 +188,48 @@ def fit_to_map(
     all_offsets[known] = offsets
     to_map = similarity @ np.diag([1.0, -1.0, 1.0])
     disagreeing = tuple(known[~agreeing].tolist())
-    # Of the 2 n coordinates, four go into the similarity; the spread, times the root of n, is what fixes the scale.
-    free = 2 * int(agreeing.sum()) - 4
-    sigma = residual / spread / math.sqrt(free) if free else math.nan
-    scale_error = float(Later("scipy.special").stdtrit(free, 0.975)) * sigma if free else math.nan
+    lags = LAGS if in_time else LAGS[:1]
+    scale_error = _scale_error(upright[agreeing], targets[agreeing], known[agreeing], lags)
     return Georeference(crs, to_map, residual, tuple(all_offsets.tolist()), disagreeing, scale_error), ""
+
+
+def _scale_error(points: Points, targets: Points, order: NDArray[np.intp], lags: Sequence[float]) -> float:
+    """Share of the scale of a similarity within which the true one lies in 95 % of cases; NaN for two positions.
+
+    Errors may be correlated over any of ``lags``. Each is weighed by how well it explains the residuals (restricted
+    likelihood, Patterson and Thompson 1971), and tells how far the scale may be off. Independent errors are lag 0.
+    """
+    free = 2 * len(points) - 4
+    if not free:
+        return math.nan
+    # On complex numbers, w = a + b z is a similarity.
+    z, w = ((each - each.mean(axis=0)) @ [1, 1j] for each in (points, targets))
+    columns = np.column_stack((np.ones(len(z)), z, w))
+    fits = []
+    for lag in lags:
+        kept = np.exp(-np.diff(order) / lag)[:, None] if lag else np.zeros((len(z) - 1, 1))
+        # What each error brings that the one before does not tell: these are independent.
+        new = np.concatenate((columns[:1], (columns[1:] - kept * columns[:-1]) / np.sqrt(1 - kept**2)))
+        design, seen = new[:, :2], new[:, 2]
+        normal = design.conj().T @ design
+        found = np.linalg.solve(normal, design.conj().T @ seen)
+        squares = float((np.abs(seen - design @ found) ** 2).sum()) + EXACT_M**2
+        likelihood = -np.log(1 - kept**2).sum() - np.linalg.slogdet(normal)[1] - free / 2 * np.log(squares)
+        sigma = np.sqrt(np.linalg.inv(normal)[1, 1].real * squares / free)
+        fits.append((found[1], sigma / abs(found[1]), likelihood))
+    special = Later("scipy.special")
+    slopes, sigmas, likelihoods = map(np.array, zip(*fits, strict=True))
+    # The fit is that of independent errors.
+    off = (slopes / slopes[0]).real - 1
+    weights = np.exp(likelihoods - likelihoods.max())
+    weights /= weights.sum()
+
+    def excess(share: float) -> float:
+        inside = special.stdtr(free, (share - off) / sigmas) - special.stdtr(free, (-share - off) / sigmas)
+        return float(weights @ inside) - CONFIDENCE
+
+    most = np.abs(off).max() + special.stdtrit(free, (1 + CONFIDENCE) / 2) * sigmas.max()
+    return float(Later("scipy.optimize").brentq(excess, 0, 2 * most))
 
 
 def _explain_refusal(agreeing: NDArray[np.bool_], offsets: Array, residual: float, spread: float) -> str:

@@ -197,7 +197,7 @@ def _fit_to_clicks(control: ControlPoints, flight: Flight, layout: Layout, *, as
     means = {point: np.mean(each, axis=0) for point, each in places.items()}
     names = tuple(control.names[point] for point in points)
     georeference, reason = fit_to_map(
-        np.array([means[point] for point in points]), control.metres[points], control.crs, names
+        np.array([means[point] for point in points]), control.metres[points], control.crs, names, in_time=False
     )
     if georeference is None:
         return MapPlace(note=f"{reason}; check the coordinates and pixels")

@@ -101,12 +101,30 @@ def test_of_few_positions_one_disagrees_only_farther_off(count: int, limit: floa
 def test_the_scale_is_as_exact_as_the_positions_that_are_left(count: int, quantile: float) -> None:
     """By Student's distribution, of which these are the quantiles of 2 and of 6 degrees of freedom."""
     places, metres = scattered(count, 1.0)
-    place, _ = fit_to_map(places, metres, "EPSG:32615")
+    place, _ = fit_to_map(places, metres, "EPSG:32615", in_time=False)
     assert place is not None
     assert not place.disagreeing
-    spread = np.sqrt(((metres - metres.mean(axis=0)) ** 2).sum(axis=1).mean())
+    spread = place.metres_per_pixel * np.sqrt(((places - places.mean(axis=0)) ** 2).sum(axis=1).mean())
     expected = quantile * place.residual_m / spread / np.sqrt(2 * count - 4) if count > 2 else np.nan
     assert place.scale_error == pytest.approx(expected, rel=1e-4, nan_ok=True)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9, 0.98])
+def test_the_scale_is_true_within_what_is_said_though_errors_drift(memory: float) -> None:
+    """From shot to shot, each error keeps so much of the one before."""
+    row, column = np.divmod(np.arange(40), 8)
+    places = 400.0 * np.column_stack((np.where(row % 2, 7 - column, column), 0.9 * row))
+    within, errors = 0, []
+    for seed in range(100):
+        error_m = np.random.default_rng(seed).normal(0, 3, (40, 2))
+        for shot in range(1, 40):
+            error_m[shot] = memory * error_m[shot - 1] + np.sqrt(1 - memory**2) * error_m[shot]
+        metres = [430_000, 5_190_000] + 0.05 * places * [1, -1] + error_m
+        fit, _ = fit_to_map(places, metres, "EPSG:32615", tolerances_m=10.0)
+        within += abs(fit.metres_per_pixel / 0.05 - 1) <= fit.scale_error
+        errors.append(fit.scale_error)
+    assert within >= 88
+    assert np.median(errors) < 0.035
 
 
 @pytest.mark.parametrize(("known", "count", "fewest"), [(0, 1, 2), (1, 2, 2), (2, 3, 3), (2, 9, 3)])
