@@ -55,8 +55,8 @@ class CameraCrossing(wiring.Component):
         # The queue is only as wide as its pixels: gray needs 8 of the 24 bits.
         width = CAMERA_BEAT.size - 24 + self.video_bits
         # Buffered: without an output register, the way from its memory through the gate and back is the longest of all.
-        domains = {"r_domain": "sync", "w_domain": "camera"}
-        m.submodules.queue = queue = fifo.AsyncFIFOBuffered(width=width, depth=self.depth, **domains)
+        queue = fifo.AsyncFIFOBuffered(width=width, depth=self.depth, r_domain="sync", w_domain="camera")
+        m.submodules.queue = queue
         lost = Signal()
         number = Signal(NUMBER_BITS)
         this_number = Signal.like(number)
