@@ -18,7 +18,7 @@ MUTATIONS = {
     ),
     "rule of ties": (
         "golden_model/pixel/nms.py", "code >= largest_after", "code > largest_after",
-        "tests/golden_model/pixel/test_nms.py",
+        "tests/golden_model/pixel/test_pixel.py",
     ),
     "radius of a ring": (
         "golden_model/feature/ilbp.py", "(0, 2, 4, 6, 9, 12, 15)", "(0, 2, 4, 6, 9, 12, 14)",
