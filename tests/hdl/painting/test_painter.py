@@ -336,3 +336,34 @@ def test_the_exported_block_is_verilog_with_four_buses(tmp_path: Path) -> None:
     # Frames in, windows out, tiles of the canvas both ways; and the streams around them.
     assert {"frames_wdata", "windows_rdata", "old_tiles_rdata", "new_tiles_wdata"} <= ports
     assert {"clk", "rst", "i_data", "i_poses_elements_8", "o_counts_painted"} <= ports
+
+
+OUTSIDE = """
+module bench;
+  reg clk = 0, rst = 1, valid = 0;
+  wire [7:0] blue, green, red, weight;
+  wire is_valid;
+  always #5 clk = ~clk;
+  blending dut(.clk(clk), .rst(rst), .i_valid(valid), .o_ready(1'b1), .o_valid(is_valid), .i_old_colour_0(8'd11),
+    .i_old_colour_1(8'd22), .i_old_colour_2(8'd33), .i_old_weight(8'd4), .i_new_colour_0(8'hxx),
+    .i_new_colour_1(8'hxx), .i_new_colour_2(8'hxx), .i_new_weight(8'd0), .o_colour_0(blue), .o_colour_1(green),
+    .o_colour_2(red), .o_weight(weight));
+  initial begin
+    repeat (3) @(negedge clk);
+    rst = 0;
+    valid = 1;
+    @(posedge is_valid) #1 $display("%0d %0d %0d %0d", blue, green, red, weight);
+    $finish;
+  end
+endmodule
+"""
+
+
+@pytest.mark.needs("icarus")
+def test_what_is_unknown_outside_the_frame_stays_there(tmp_path: Path) -> None:
+    """A memory that was never written is X in a simulation of four values."""
+    write_block(tmp_path, *find_block("hdl.painting.blending:Blending"))
+    (tmp_path / "bench.v").write_text(OUTSIDE)
+    subprocess.run(["iverilog", "-g2012", "-o", "bench", "bench.v", "blending.v"], cwd=tmp_path, check=True)
+    told = subprocess.run(["vvp", "-n", "bench"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+    assert told.splitlines()[0] == "11 22 33 4"
