@@ -206,9 +206,9 @@ def _spell_type(annotation: Any) -> str:
 def list_options(function: Function) -> Function:
     """Give a function with a parameter ``options``, and single ones as ``**changes``, a signature that has them all.
 
-    ``help`` and the completion of notebooks read it. Type checkers read the class, which ``options`` is an object of.
+    ``help`` and the completion of notebooks read it. Type checkers read `skymosaic.keywords`.
     """
-    signature = inspect.signature(function, eval_str=True)
+    signature = inspect.signature(function)
     cls = get_args(signature.parameters["options"].annotation)[0]
     types = get_type_hints(cls)
     parameters = [each for each in signature.parameters.values() if each.kind is not each.VAR_KEYWORD]

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Unpack
 
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import choose_options, list_options
@@ -14,6 +14,9 @@ from skymosaic.mosaicking.result import Mosaic
 from skymosaic.mosaicking.run import MosaicRun
 from skymosaic.running.workers import Progress, Workers, silent
 
+if TYPE_CHECKING:
+    from skymosaic.keywords import MosaicKeywords
+
 
 @list_options
 def mosaic(
@@ -21,7 +24,7 @@ def mosaic(
     options: MosaicOptions | None = None,
     *,
     progress: Progress = silent,
-    **changes: Any,
+    **changes: "Unpack[MosaicKeywords]",
 ) -> Mosaic:
     """Make a mosaic of overlapping photographs; of several groups, the largest.
 
@@ -65,7 +68,7 @@ def mosaics(
     options: MosaicOptions | None = None,
     *,
     progress: Progress = silent,
-    **changes: Any,
+    **changes: "Unpack[MosaicKeywords]",
 ) -> Iterator[Mosaic]:
     """Make a mosaic of each group of photographs that overlap, the largest first; arguments as `mosaic`."""
     options = choose_options(MosaicOptions, options, changes)

@@ -4,7 +4,7 @@ import dataclasses
 import itertools
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Unpack
 
 from golden_model.arrays import Pixels
 from skymosaic.common.errors import InputError
@@ -17,6 +17,9 @@ from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register
 from skymosaic.running.workers import Progress, Workers, silent
 
+if TYPE_CHECKING:
+    from skymosaic.keywords import RegistrationKeywords
+
 
 @list_options
 def register_pairs(
@@ -25,7 +28,7 @@ def register_pairs(
     options: RegistrationOptions | None = None,
     *,
     progress: Progress = silent,
-    **changes: Any,
+    **changes: "Unpack[RegistrationKeywords]",
 ) -> list[Pair]:
     """Register many pairs on all cores, as `register` does each.
 

@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Unpack
 
 import cv2
 import numpy as np
@@ -27,6 +27,10 @@ from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end
 from skymosaic.imagery.notebook import describe_in_html
 from skymosaic.registration.options import FeatureOptions
+
+if TYPE_CHECKING:
+    from skymosaic.keywords import FeatureKeywords
+
 
 MARK_COLOR = (0, 200, 0)
 
@@ -93,7 +97,7 @@ def extract(
     options: FeatureOptions | None = None,
     *,
     progress: Progress = silent,
-    **changes: Any,
+    **changes: "Unpack[FeatureKeywords]",
 ) -> Features:
     """Find and describe the features of one photograph.
 

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Unpack
 
 import numpy as np
 
@@ -30,6 +30,10 @@ from skymosaic.registration.options import RegistrationOptions
 from skymosaic.registration.pair import Pair, map_to_originals
 from skymosaic.registration.passes import Evidence, Search, SearchState, explain_refusal
 
+if TYPE_CHECKING:
+    from skymosaic.keywords import RegistrationKeywords
+
+
 INVERTED_NOTE = "it matches only as its negative, as thermal and infrared photographs may"
 
 
@@ -41,7 +45,7 @@ def register(
     *,
     matches: Given | None = None,
     progress: Progress = silent,
-    **changes: Any,
+    **changes: "Unpack[RegistrationKeywords]",
 ) -> Pair:
     """Find the homography between two photographs.
 

@@ -9,7 +9,7 @@ first.
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn, Self
+from typing import TYPE_CHECKING, NoReturn, Self, Unpack
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.registration.options import BackendOptions, ConfigOptions, Seeded
 from skymosaic.tracking.template import MIN_ROI_PX, Roi, Template, TemplatePose
 from skymosaic.tracking.track import Track
+
+if TYPE_CHECKING:
+    from skymosaic.keywords import TrackerKeywords
 
 
 @document_options
@@ -91,7 +94,7 @@ class Tracker:
         options: TrackerOptions | None = None,
         *,
         on_frame: Callable[[TrackedFrame], object] = lambda _frame: None,
-        **changes: Any,
+        **changes: "Unpack[TrackerKeywords]",
     ) -> None:
         options = choose_options(TrackerOptions, options, changes)
         options.check()

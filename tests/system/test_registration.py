@@ -155,6 +155,6 @@ def test_warp_bends_the_left_of_two_photographs_only_where_asked(images: list[Pi
     assert np.abs(plain.astype(int) - bent).max() > 0
     assert np.array_equal(plain, chosen)  # flat ground
     with pytest.raises(InputError, match="homography, mesh, auto"):
-        mosaic(images, warp="rubber")
+        mosaic(images, warp="rubber")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="more than two"):
         mosaic([*images, images[0]], effort="thorough")

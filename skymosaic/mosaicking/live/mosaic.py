@@ -16,7 +16,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NoReturn, Self
+from typing import TYPE_CHECKING, NoReturn, Self, Unpack
 
 import numpy as np
 
@@ -46,6 +46,10 @@ from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
 from skymosaic.mosaicking.run import MosaicRun, tell_notes
 from skymosaic.registration.extraction import extract_within_capacity
 from skymosaic.running.workers import Progress, Workers, silent
+
+if TYPE_CHECKING:
+    from skymosaic.keywords import LiveKeywords
+
 
 MIN_FEATURES = 50
 """A frame with fewer features begins no part."""
@@ -96,7 +100,7 @@ class LiveMosaic:
         options: LiveOptions | None = None,
         *,
         on_frame: Callable[[LiveUpdate], object] = lambda _update: None,
-        **changes: Any,
+        **changes: "Unpack[LiveKeywords]",
     ) -> None:
         self._options = options = choose_options(LiveOptions, options, changes)
         options.check()

@@ -26,6 +26,7 @@ from skymosaic.maps.positions import Positions
 from skymosaic.mosaicking.options import LiveOptions, MosaicOptions
 from skymosaic.registration.options import FeatureOptions, RegistrationOptions
 from skymosaic.tracking.tracker import TrackerOptions
+from tools.keywords import STUB, describe_keywords
 
 TAKERS: dict[Callable[..., object], type] = {
     extract: FeatureOptions,
@@ -57,22 +58,26 @@ def test_ipython_completes_options() -> None:
             assert [each.text for each in completer.completions(begun, len(begun))] == [whole]
 
 
+def test_keywords_have_the_types_of_the_declaration() -> None:
+    assert STUB.read_text(encoding="utf-8") == describe_keywords(), "run python -m tools.keywords"
+
+
 def test_a_misspelt_name_and_another_type_are_errors() -> None:
     picture = np.zeros((100, 100), np.uint8)
     with pytest.raises(InputError, match="`effort` is 'fastt'; valid: fast, normal, thorough"):
-        register(picture, picture, effort="fastt")
+        register(picture, picture, effort="fastt")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="`blending` is 'multiban'"):
         mosaic([picture, picture], MosaicOptions(blending="multiban"))  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"options is 'fast'; give RegistrationOptions\(\.\.\.\), or single options"):
         register(picture, picture, "fast")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="`scale` is '2'; it must be more than 0"):
-        mosaic([picture, picture], scale="2")
+        mosaic([picture, picture], scale="2")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="`accept_poor` is 'no'; it must be bool"):
-        register(picture, picture, accept_poor="no")
+        register(picture, picture, accept_poor="no")  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"`lens` is 'camera\.toml'; it must be Lens or None"):
-        mosaic([picture, picture], lens="camera.toml")
+        mosaic([picture, picture], lens="camera.toml")  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="efforts"):
-        register(picture, picture, efforts="fast")
+        register(picture, picture, efforts="fast")  # type: ignore[call-arg]
 
 
 def test_names_are_those_of_the_code_behind_them() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from golden_model.arrays import Pixels
 from skymosaic.geometry.homography import apply
+from skymosaic.registration.options import Effort
 from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register
 from tests.system.recorded.rows import HEIGHT_PX, WIDTH_PX, as_pixels, check_recorded, view, with_hills
@@ -61,7 +62,7 @@ def check(name: str, pair: Pair) -> None:
         ("tilt", "fast"), ("small", "fast"), ("edge", "fast"), ("elsewhere", "fast"),
     ],
 )  # fmt: skip
-def test_pairs_end_as_recorded(kind: str, effort: str) -> None:
+def test_pairs_end_as_recorded(kind: str, effort: Effort) -> None:
     check(f"{kind}, {effort}", register(*make(kind), effort=effort))
 
 

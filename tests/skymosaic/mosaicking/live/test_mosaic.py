@@ -72,7 +72,7 @@ def test_the_homographies_of_the_chip_alone_lay_the_frames_out(
     assert errors.mean() < 0.8
     assert errors.max() < 2.5
     with pytest.raises(InputError, match="prosac, fabric"):
-        LiveMosaic(config=CONFIG, estimator="magsac")
+        LiveMosaic(config=CONFIG, estimator="magsac")  # type: ignore[arg-type]
 
 
 def test_given_features_make_the_same_mosaic_as_computed_ones(frames: list[NDArray[np.uint8]]) -> None:
