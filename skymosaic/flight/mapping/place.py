@@ -99,6 +99,8 @@ def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None =
     """
     cameras = cameras_of(flight, layout)
     place, by = place_cameras(cameras), "GPS"
+    if found := _find_break(layout, place):
+        place = MapPlace(note=found)
     if flight.positions:
         own = [replace(each, taken=replace(each.taken, position=each.taken.own_position)) for each in cameras]
         known, by = place_cameras(own), f"positions ({flight.positions})"
@@ -107,6 +109,29 @@ def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None =
         fitted = _fit_to_control_points(control, flight, layout)
         place = _hold_against(fitted, f"control points ({control.name})", place, by, cameras)
     return place
+
+
+def _find_break(layout: Layout, place: MapPlace) -> str:
+    """Where a layout broke, by a run of positions that disagree behind contradicted links; empty if it did not.
+
+    Single positions may be wrong. Several in a row, all behind one place of the flight across which as many links
+    contradict the layout as hold, tell that it is the layout.
+    """
+    off = place.georeference.disagreeing if place.georeference else ()
+    if not any({row + 1, row + 2} <= set(off) for row in off):
+        return ""
+    for row in (*range(off[-1] + 1, len(layout.members)), *range(off[0], 0, -1)):
+        first = layout.members[row]
+        hold, contradict = (
+            sum(link.left < first <= link.right for link in links) for links in (layout.links, layout.contradicting)
+        )
+        if contradict >= hold:
+            between, count = f"{place.fitted_to[row - 1]} and {place.fitted_to[row]}", hold + contradict
+            return (
+                f"the layout breaks between {between}, where {contradict} of {count} links contradict it; behind, "
+                f"it leaves {place.describe_disagreeing()}: fly again there"
+            )
+    return ""
 
 
 def _hold_against(place: MapPlace, by: str, other: MapPlace, by_other: str, cameras: Sequence[Camera]) -> MapPlace:

@@ -13,6 +13,7 @@ import rasterio
 from sim.scene import make_lawnmower
 from sim.scene.flight import Flight
 from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.flight.linking.links import Link
 from skymosaic.flight.mapping.cameras import Camera, cameras_of, measure_turn
 from skymosaic.flight.mapping.place import place_cameras, place_on_map, require_place
 from skymosaic.flight.picture.canvas import scale_for
@@ -257,3 +258,27 @@ def test_a_scale_that_few_positions_hardly_give_is_a_warning_or_no_required_map(
     assert [f"± {place.georeference.scale_error:.0%} only" in line for line in place.contradictions] == [True] * doubted
     with pytest.raises(RegistrationError, match=r"a required map needs 15%") if refused else nullcontext():
         require_place(Path("m.tif"), place)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "contradicting", "broken"),
+    [((7, 8, 9), ((4, 6), (5, 7)), True), ((0, 1, 2), ((4, 6), (5, 7)), True), ((7, 8, 9), ((5, 7),), False)]
+    + [(wrong, ((4, 6), (5, 7)), False) for wrong in ((5, 7, 9), (4, 5, 6), (7, 9))],
+)
+def test_positions_in_a_row_behind_contradicted_links_tell_that_the_layout_broke(
+    wrong: tuple[int, ...], contradicting: tuple[tuple[int, int], ...], broken: bool
+) -> None:
+    metadata = [
+        Metadata(Position(45 + 40 * (number in wrong) / 111_132, 9 + number * 20 / 78_847)) for number in range(10)
+    ]
+    views = [SimpleNamespace(name=f"{i}.jpg", size=SIZE, orientation=1, taken=each) for i, each in enumerate(metadata)]
+    flight, layout = lay_out(views, [(100.0 * number, 0.0) for number in range(10)])
+    points = np.zeros((20, 2))
+    # Two pairs hold across each place of the flight but its ends.
+    pairs = {(view, view + step) for view in range(9) for step in (1, 2) if view + step < 10} - {(4, 6), (5, 7)}
+    layout.links = [Link(*each, points, points, 20, 20) for each in (*pairs, (3, 6))]
+    layout.contradicting = [Link(*each, points, points, 20, 20) for each in contradicting]
+    place = place_on_map(flight, layout)
+    assert (place.georeference is None) == broken
+    assert place.note.startswith("the layout breaks between 5.jpg and 6.jpg, where 2 of 4 links") == broken
+    assert broken == (not place.disagreeing)
