@@ -29,7 +29,7 @@ from skymosaic.registration.options import WORKING_WIDTH_PX
 
 MAX_SECONDS = 20.0
 MAX_MEMORY_MB = 2048
-SIZES = {20: (5472, 3648), 50: (8660, 5773), 89: (11540, 7690)}
+SIZES = {20: (5472, 3648), 50: (8660, 5773), 105: (12544, 8368)}
 """Megapixels: width and height."""
 
 
@@ -81,24 +81,24 @@ Write = Callable[[Path, int], None]
 CASES: dict[str, tuple[str, int, Write]] = {
     "JPEG, 20 megapixels": (".jpg", 20, by_opencv),
     "JPEG, 50 megapixels": (".jpg", 50, by_opencv),
-    "JPEG, 89 megapixels": (".jpg", 89, by_opencv),
-    "JPEG, progressive": (".jpg", 89, partial(by_pillow, progressive=True, quality=90)),
-    "JPEG, damaged and kept": (".jpg", 89, with_zeros),
-    "JPEG, CMYK": (".jpg", 89, partial(by_pillow, mode="CMYK")),
-    "JPEG, 13 scans, invalid and kept": (".jpg", 89, partial(with_scans, count=13)),
+    "JPEG, 105 megapixels": (".jpg", 105, by_opencv),
+    "JPEG, progressive": (".jpg", 105, partial(by_pillow, progressive=True, quality=90)),
+    "JPEG, damaged and kept": (".jpg", 105, with_zeros),
+    "JPEG, CMYK": (".jpg", 105, partial(by_pillow, mode="CMYK")),
+    "JPEG, 11 scans, invalid and kept": (".jpg", 105, partial(with_scans, count=11)),
     "JPEG, 20 megapixels, 60 scans, invalid and kept": (".jpg", 20, partial(with_scans, count=60)),
-    "PNG": (".png", 89, by_opencv),
-    "PNG, 16 bits": (".png", 89, partial(by_opencv, dtype=np.uint16)),
-    "TIFF": (".tif", 89, by_opencv),
-    "TIFF, 16 bits": (".tif", 89, partial(by_opencv, dtype=np.uint16)),
-    "TIFF, 16 bits, LZW": (".tif", 89, partial(by_opencv, compression=LZW, dtype=np.uint16)),
-    "TIFF, 16 bits, Deflate": (".tif", 89, partial(by_opencv, compression=DEFLATE, dtype=np.uint16)),
-    "TIFF, gray, float": (".tif", 89, partial(by_opencv, dtype=np.float32, channels=1)),
-    "WebP": (".webp", 89, by_opencv),
-    "BMP": (".bmp", 89, by_opencv),
-    "PPM, 16 bits": (".ppm", 89, partial(by_opencv, dtype=np.uint16)),
+    "PNG": (".png", 105, by_opencv),
+    "PNG, 16 bits": (".png", 105, partial(by_opencv, dtype=np.uint16)),
+    "TIFF": (".tif", 105, by_opencv),
+    "TIFF, 16 bits": (".tif", 105, partial(by_opencv, dtype=np.uint16)),
+    "TIFF, 16 bits, LZW": (".tif", 105, partial(by_opencv, compression=LZW, dtype=np.uint16)),
+    "TIFF, 16 bits, Deflate": (".tif", 105, partial(by_opencv, compression=DEFLATE, dtype=np.uint16)),
+    "TIFF, gray, float": (".tif", 105, partial(by_opencv, dtype=np.float32, channels=1)),
+    "WebP": (".webp", 105, by_opencv),
+    "BMP": (".bmp", 105, by_opencv),
+    "PPM, 16 bits": (".ppm", 105, partial(by_opencv, dtype=np.uint16)),
 }
-"""Suffix, megapixels, and what writes the file; 89 megapixels where nothing is said."""
+"""Suffix, megapixels, and what writes the file; 105 megapixels where nothing is said."""
 
 
 def read(path: Path) -> tuple[float, int, str]:

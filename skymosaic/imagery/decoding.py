@@ -21,12 +21,13 @@ from golden_model.arrays import Pixels
 from golden_model.config import MIN_FRAME_PX
 from golden_model.small_files import open_regular, read_small_file
 from skymosaic.common.errors import DamagedError, InputError, reading
+from skymosaic.imagery.colour import convert_to_srgb
 from skymosaic.imagery.jpeg import END, TURNS, decode_strictly
 from skymosaic.imagery.tiff import check_tiff
 
-MAX_AREA_PX = 89_000_000
-"""Just below the limit of Pillow, which reads the header first."""
-MAX_DECODED_BYTES = 600_000_000
+MAX_AREA_PX = 105_000_000
+"""Room for cameras of 102 megapixels."""
+MAX_DECODED_BYTES = 640_000_000
 """Room for the maximum area in colour at 16 bits. With the copies made by decoding and mapping to 8 bits, a photograph
 stays below 2 GB."""
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "PPM")
@@ -45,7 +46,9 @@ MAX_PAGES = 1000
 # libtiff would print every unknown tag and fault, even where standard error is not ours to redirect.
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
-# Pillow only warns about images beyond its limit. `read_header` turns the error into a message of our own.
+# Pillow reads the header first, and only warns about images beyond its limit, which is 89 megapixels unless it is set.
+# `read_header` turns the error into a message of our own.
+PillowImage.MAX_IMAGE_PIXELS = MAX_AREA_PX
 warnings.filterwarnings("error", category=PillowImage.DecompressionBombWarning)
 
 
@@ -73,6 +76,8 @@ class Header:
     """Pictures of a TIFF, the first of which is read."""
     premultiplied: bool = False
     """Its colours are multiplied by alpha, of a TIFF."""
+    profile: bytes = b""
+    """The ICC profile of its colours."""
 
 
 class _MeasuredFile(io.FileIO):
@@ -141,9 +146,10 @@ def read_header(path: Path, min_side_px: int = MIN_FRAME_PX) -> Header:
             gray = len(header.getbands()) == 1 and header.mode != "P"
             kind, size = str(header.format), header.size
             premultiplied = _tiff_tag(header, EXTRA_SAMPLES, 0) == (ASSOCIATED_ALPHA,)
+            profile = header.info.get("icc_profile") or b""
             # Last, because it leaves the first picture.
             pages = _count_pages(header)
-            declared = Header(kind, size, orientation, *sizes, transparent, gray, nodata, pages, premultiplied)
+            declared = Header(kind, size, orientation, *sizes, transparent, gray, nodata, pages, premultiplied, profile)
     except UnidentifiedImageError:
         raise InputError(f"{path}: not an image that can be read; give PNG, JPEG, or TIFF of gray or RGB") from None
     except (PillowImage.DecompressionBombError, PillowImage.DecompressionBombWarning):
@@ -232,8 +238,8 @@ def _tiff_tag(header: PillowImage.Image, tag: int, default: int = 1) -> tuple[in
     return value if isinstance(value, tuple) else (value,)
 
 
-def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[np.generic], Pixels | None, str]:
-    """Decode a file and turn it upright; pixels that show nothing get the values of their neighbours.
+def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[np.generic], Pixels | None, str, str]:
+    """Decode a file and turn it upright, in sRGB; pixels that show nothing get the values of their neighbours.
 
     Of a damaged JPEG or TIFF, with ``keep_damaged``, as much as possible is decoded.
 
@@ -245,6 +251,8 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
         See `find_visible`.
     damage : str
         The report about a damaged file that is kept; else empty.
+    colours : str
+        The note about its colour profile; else empty.
 
     Raises
     ------
@@ -256,7 +264,8 @@ def decode(path: Path, header: Header, *, keep_damaged: bool) -> tuple[NDArray[n
     decoded, damage = _decode_data(path, header, data, keep_damaged=keep_damaged)
     visible = find_visible(decoded, header.nodata)
     pixels = np.ascontiguousarray(decoded[..., :3] if decoded.ndim == 3 else decoded)
-    return pixels if visible is None else fill_hidden(pixels, visible), visible, damage
+    colours = convert_to_srgb(pixels, header.profile) if header.profile else ""
+    return pixels if visible is None else fill_hidden(pixels, visible), visible, damage, colours
 
 
 def _decode_data(path: Path, header: Header, data: bytes, *, keep_damaged: bool) -> tuple[NDArray[np.generic], str]:

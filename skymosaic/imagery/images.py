@@ -116,18 +116,18 @@ def check_given(source: Image, name: str) -> None:
 
 def _read(path: Path, *, keep_damaged: bool, min_side_px: int) -> Photograph:
     header = read_header(path, min_side_px)
-    decoded, visible, damage = decode(path, header, keep_damaged=keep_damaged)
+    decoded, visible, damage, colours = decode(path, header, keep_damaged=keep_damaged)
     turned = "turned upright by its EXIF orientation" if header.orientation != UPRIGHT else ""
     hidden = "" if visible is None else f"{np.mean(visible == 0):.1%} has no data or is transparent, and no ground"
     paged = f"{FIRST_PAGE} of {header.pages} pages is read" if header.pages > 1 else ""
     kept = f"kept although {damage.removeprefix(f'{path}: ')}" if damage else ""
     whole = partial(Photograph, str(path), visible=visible, orientation=header.orientation)
     if decoded.dtype == np.uint8:
-        notes = tuple(filter(None, (turned, hidden, paged, kept)))
+        notes = tuple(filter(None, (turned, hidden, paged, colours, kept)))
         return whole(decoded.astype(np.uint8, copy=False), notes)
     values = measure_range(decoded, str(path))
     mapping = f"{decoded.dtype}: {values.low:g}..{values.high:g} mapped to 0..255"
-    notes = tuple(filter(None, (turned, hidden, paged, mapping, kept)))
+    notes = tuple(filter(None, (turned, hidden, paged, colours, mapping, kept)))
     return whole(values.to_8_bit(decoded), notes, values, sample_values(decoded))
 
 
@@ -143,7 +143,7 @@ def load_intensities(
         return photograph.pixels, photograph.visible, photograph.orientation
     path = Path(source)
     header = read_header(path)
-    decoded, visible, _ = decode(path, header, keep_damaged=keep_damaged)
+    decoded, visible, *_ = decode(path, header, keep_damaged=keep_damaged)
     if decoded.dtype == np.uint8 or (values.deep and decoded.dtype == np.uint16):
         return np.asarray(decoded), visible, header.orientation
     return values.to_8_bit(decoded), visible, header.orientation

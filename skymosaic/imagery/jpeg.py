@@ -16,7 +16,7 @@ MAX_SCANS = 100
 """Progressive JPEG files have about ten. Every scan costs a pass over the whole picture, however short it is."""
 MAX_SCANNED_AREA_PX = 1_200_000_000
 """Limit of scans times area: 15 s of processor time, measured by bench/photographs.py. The largest photograph may
-have 13 scans."""
+have 11 scans."""
 MAX_SEGMENTS = 100_000
 END = b"\xff\xd9"
 _KINDS = (0xC0, 0xC1, 0xC2)

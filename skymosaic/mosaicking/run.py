@@ -21,6 +21,7 @@ from skymosaic.flight.picture.spectrum import in_all_bands
 from skymosaic.flight.repetition import repeat_flight
 from skymosaic.flight.survey import survey
 from skymosaic.flight.two_photographs import register_two
+from skymosaic.imagery.colour import PROFILE
 from skymosaic.imagery.exif import describe_days
 from skymosaic.imagery.images import FIRST_PAGE
 from skymosaic.imagery.lens import Lens
@@ -259,9 +260,9 @@ def lay_out(sources: Sequence[Source], options: SurveyOptions, workers: Workers,
 
 
 def tell_notes(flight: Flight, tell: Callable[[str], None]) -> None:
-    """Say once that files have pages which are not read, and that photographs are of several days."""
-    paged = [f"{view.name}: {note}" for view in flight.views for note in view.notes if note.startswith(FIRST_PAGE)]
-    if paged:
-        tell(f"note {paged[0]} ({len(paged)} such files)")
+    """Say once that files have pages which are not read, or profiles, and that photographs are of several days."""
+    for kind in (FIRST_PAGE, PROFILE):
+        if such := [f"{view.name}: {note}" for view in flight.views for note in view.notes if note.startswith(kind)]:
+            tell(f"note {such[0]} ({len(such)} such files)")
     if days := describe_days([view.taken for view in flight.views]):
         tell(f"note {days}")

@@ -84,22 +84,22 @@ def test_the_decoded_size_has_a_limit_in_bytes(tmp_path: Path) -> None:
 
 def test_the_limits_of_size_themselves_are_valid(tmp_path: Path) -> None:
     decoding.check_size("a.png", 64, 64)
-    decoding.check_size("a.png", 89_000_000, 1, min_side_px=1)
+    decoding.check_size("a.png", 105_000_000, 1, min_side_px=1)
     for width, height, fault in (
         (64, 63, "64x63 pixels is too small; at least 64x64 needed"),
         (63, 64, "63x64 pixels is too small; at least 64x64 needed"),
-        (89_000_064, 64, "89000064x64 is larger than 89 megapixels; reduce it first"),
+        (105_000_064, 64, "105000064x64 is larger than 105 megapixels; reduce it first"),
     ):
         with pytest.raises(InputError, match=f"^a.png: {fault}$"):
             decoding.check_size("a.png", width, height)
-    with pytest.raises(InputError, match="larger than 89 megapixels"):
-        decoding.check_size("a.png", 89_000_001, 1, min_side_px=1)
+    with pytest.raises(InputError, match="larger than 105 megapixels"):
+        decoding.check_size("a.png", 105_000_001, 1, min_side_px=1)
     with (tmp_path / "large").open("wb") as file:
-        file.truncate(600_000_000)
+        file.truncate(640_000_000)
         decoding.check_file(tmp_path / "large", "an image")
-        file.truncate(600_000_001)
+        file.truncate(640_000_001)
     decoding.check_file(tmp_path / "large", "a video")
-    with pytest.raises(InputError, match="large: larger than 600 MB; reduce it first"):
+    with pytest.raises(InputError, match="large: larger than 640 MB; reduce it first"):
         decoding.check_file(tmp_path / "large", "an image")
 
 

@@ -1,6 +1,7 @@
 import contextlib
 import errno
 import os
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
+from PIL import ImageCms
 
 from golden_model.config import MIN_FRAME_PX
 from skymosaic.common.errors import AppearedError, InputError
 from skymosaic.imagery import images
+from skymosaic.imagery.depth import ValueRange
 
 
 def photograph(height: int = 96, width: int = 128) -> np.ndarray:
@@ -187,3 +190,57 @@ def test_written_files_have_the_permissions_of_the_user(tmp_path: Path) -> None:
     (tmp_path / "plain").touch()
     images.save(tmp_path / "picture.png", np.zeros((4, 4), np.uint8))
     assert (tmp_path / "picture.png").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+SRGB = np.array([[0.43607, 0.38515, 0.14307], [0.22249, 0.71687, 0.06061], [0.01392, 0.09708, 0.71410]])
+P3 = np.array([[0.51512, 0.29198, 0.15710], [0.24120, 0.69225, 0.06657], [-0.00105, 0.04189, 0.78407]])
+"""XYZ of the primaries, in the columns, for the white of profiles, D50."""
+
+
+def display_p3() -> bytes:
+    """The profile of Display P3: that of sRGB with other primaries."""
+    srgb = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    data = bytearray(srgb.replace("sRGB built-in".encode("utf-16-be"), "Display P3 A1".encode("utf-16-be")))
+    for tag, primary in zip((b"rXYZ", b"gXYZ", b"bXYZ"), P3.T, strict=True):
+        start = int.from_bytes(data[(at := data.index(tag) + 4) : at + 4], "big") + 8
+        data[start : start + 12] = b"".join(round(65536 * each).to_bytes(4, "big", signed=True) for each in primary)
+    return bytes(data)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".webp"])
+def test_colours_become_those_of_srgb(tmp_path: Path, suffix: str) -> None:
+    levels = np.random.default_rng(0).integers(60, 190, (300, 64, 3), dtype=np.uint8)
+    path = tmp_path / f"a{suffix}"
+    PillowImage.fromarray(levels).save(path, icc_profile=display_p3(), lossless=True)
+    light = ((levels / 255 + 0.055) / 1.055) ** 2.4 @ (np.linalg.inv(SRGB) @ P3).T
+    expected = 255 * (1.055 * np.clip(light, 0.0032, 1) ** (1 / 2.4) - 0.055)
+    read, inside = images.load(path), (light.min(axis=2) > 0.0032) & (light.max(axis=2) < 1)
+    assert np.abs(read.pixels[inside][:, ::-1] - expected[inside]).max() < 2
+    assert read.notes == ("colour profile Display P3 A1: converted to sRGB",)
+    decoded, _, _ = images.load_intensities(path, "a", ValueRange(0, 255))
+    assert np.array_equal(decoded, read.pixels)
+
+
+@pytest.mark.parametrize(
+    ("profile", "depth", "notes"),
+    [
+        (ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes(), 8, ()),
+        (b"colours" * 40, 8, ("colour profile that is damaged: the colours are taken for sRGB",)),
+        (display_p3(), 16, ("colour profile Display P3 A1: only 8 bits are converted to sRGB; they stay as they are",)),
+    ],
+)
+def test_colours_without_a_profile_that_can_be_used_stay(
+    tmp_path: Path, profile: bytes, depth: int, notes: tuple[str, ...]
+) -> None:
+    pixels = photograph()
+    if depth == 8:
+        PillowImage.fromarray(pixels).save(tmp_path / "a.png", icc_profile=profile)
+    else:
+        cv2.imwrite(str(tmp_path / "a.png"), pixels.astype(np.uint16) * 257)
+        data = (tmp_path / "a.png").read_bytes()
+        chunk = b"iCCPp\0\0" + zlib.compress(profile)
+        chunk = (len(chunk) - 4).to_bytes(4, "big") + chunk + zlib.crc32(chunk).to_bytes(4, "big")
+        (tmp_path / "a.png").write_bytes(data[:33] + chunk + data[33:])
+    read = images.load(tmp_path / "a.png")
+    assert tuple(note for note in read.notes if "profile" in note) == notes
+    assert depth > 8 or np.array_equal(read.pixels, pixels[..., ::-1])

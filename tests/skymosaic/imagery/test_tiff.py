@@ -78,7 +78,7 @@ def test_whole_files_are_read_as_opencv_reads_them(tmp_path: Path, compression: 
     # Pillow, which reads the header, knows float pixels in gray only.
     pixels = SCENE[..., 0] if dtype == np.float32 else SCENE
     assert cv2.imwrite(str(path), pixels.astype(dtype) * 3, [cv2.IMWRITE_TIFF_COMPRESSION, compression])
-    decoded, _, damage = decode(path, read_header(path), keep_damaged=False)
+    decoded, _, damage, _ = decode(path, read_header(path), keep_damaged=False)
     np.testing.assert_array_equal(decoded, cv2.imread(str(path), cv2.IMREAD_UNCHANGED))
     assert not damage
     if compression == 8 and dtype == np.uint16:
@@ -93,7 +93,7 @@ def test_lzw_is_turned_upright_as_opencv_turns_it(tmp_path: Path, orientation: i
     path = tmp_path / "p.tif"
     pixels = SCENE[:70, :100, 0] if gray else SCENE[:70, :100]
     PillowImage.fromarray(pixels).save(path, compression="tiff_lzw", tiffinfo={274: orientation, 317: 2})
-    decoded, _, _ = decode(path, read_header(path), keep_damaged=False)
+    decoded, *_ = decode(path, read_header(path), keep_damaged=False)
     expected = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_ANYCOLOR)
     np.testing.assert_array_equal(decoded, expected)
 

@@ -64,7 +64,7 @@ def test_half_transparent_pixels_have_their_own_colours(
     path, photometric = tmp_path / "p.tif", "RGB" if channels == 3 else "MINISBLACK"
     values = np.concatenate([stored.astype(dtype), np.tile(alpha, 100)])
     write_raster(path, values, alpha=kind, interleave=interleave, photometric=photometric)
-    pixels, visible, _ = decode(path, read_header(path), keep_damaged=False)
+    pixels, visible, *_ = decode(path, read_header(path), keep_damaged=False)
     assert visible is not None
     assert visible.all(axis=1).tolist() == [True] * 60 + [False] * 30
     assert not visible[60:].any()
