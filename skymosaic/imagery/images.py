@@ -4,7 +4,6 @@ import contextlib
 import os
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 
 import cv2
@@ -38,7 +37,7 @@ class Photograph:
     name: str
     """The file as given, or ``"image N"`` for an array."""
     pixels: Pixels
-    """Gray (H, W) or BGR (H, W, 3), turned upright by the EXIF orientation."""
+    """Gray (H, W) or BGR (H, W, 3), turned upright by the EXIF orientation; 16 bits only of a deep range."""
     notes: tuple[str, ...] = ()
     """Changes made to the file's pixels, for instance a rotation."""
     value_range: ValueRange | None = None
@@ -66,7 +65,12 @@ def without_channels(image: Pixels) -> Pixels:
 
 
 def load(
-    source: str | Path | Pixels, name: str = "image", *, keep_damaged: bool = False, min_side_px: int = MIN_FRAME_PX
+    source: str | Path | Pixels,
+    name: str = "image",
+    values: ValueRange | None = None,
+    *,
+    keep_damaged: bool = False,
+    min_side_px: int = MIN_FRAME_PX,
 ) -> Photograph:
     """Read a file, or check an array of pixels.
 
@@ -74,6 +78,8 @@ def load(
     ----------
     name : str
         Name of an array, for messages.
+    values : ValueRange or None
+        The range of a whole flight, by which more than 8 bits are mapped, or kept where it is deep; None: the file's.
     keep_damaged : bool
         Accept a damaged JPEG or TIFF with a note, as far as it can be decoded.
     min_side_px : int
@@ -82,7 +88,7 @@ def load(
     Returns
     -------
     Photograph
-        More than 8 bits are mapped linearly; the outer 0.1 % at each end saturate.
+        More than 8 bits are mapped linearly; of the file's own range, the outer 0.1 % at each end saturate.
 
     Raises
     ------
@@ -91,7 +97,7 @@ def load(
     """
     check_given(source, name)
     if isinstance(source, str | Path):
-        return _read(only_match(Path(source)), keep_damaged=keep_damaged, min_side_px=min_side_px)
+        return _read(only_match(Path(source)), values, keep_damaged=keep_damaged, min_side_px=min_side_px)
     check_size(name, source.shape[1], source.shape[0], min_side_px)
     return Photograph(name, source)
 
@@ -114,39 +120,21 @@ def check_given(source: Image, name: str) -> None:
         )
 
 
-def _read(path: Path, *, keep_damaged: bool, min_side_px: int) -> Photograph:
+def _read(path: Path, values: ValueRange | None, *, keep_damaged: bool, min_side_px: int) -> Photograph:
     header = read_header(path, min_side_px)
     decoded, visible, damage, colours = decode(path, header, keep_damaged=keep_damaged)
     turned = "turned upright by its EXIF orientation" if header.orientation != UPRIGHT else ""
     hidden = "" if visible is None else f"{np.mean(visible == 0):.1%} has no data or is transparent, and no ground"
     paged = f"{FIRST_PAGE} of {header.pages} pages is read" if header.pages > 1 else ""
     kept = f"kept although {damage.removeprefix(f'{path}: ')}" if damage else ""
-    whole = partial(Photograph, str(path), visible=visible, orientation=header.orientation)
-    if decoded.dtype == np.uint8:
-        notes = tuple(filter(None, (turned, hidden, paged, colours, kept)))
-        return whole(decoded.astype(np.uint8, copy=False), notes)
-    values = measure_range(decoded, str(path))
-    mapping = f"{decoded.dtype}: {values.low:g}..{values.high:g} mapped to 0..255"
-    notes = tuple(filter(None, (turned, hidden, paged, colours, mapping, kept)))
-    return whole(values.to_8_bit(decoded), notes, values, sample_values(decoded))
-
-
-def load_intensities(
-    source: str | Path | Pixels, name: str, values: ValueRange | None, *, keep_damaged: bool = False
-) -> tuple[Intensities, Pixels | None, int]:
-    """As `load`, but more than 8 bits are mapped by the range of a whole flight, or kept where that is deep.
-
-    Returns the pixels, and as `Photograph` which of them show something, and the orientation.
-    """
-    if values is None or not isinstance(source, str | Path):
-        photograph = load(source, name, keep_damaged=keep_damaged)
-        return photograph.pixels, photograph.visible, photograph.orientation
-    path = Path(source)
-    header = read_header(path)
-    decoded, visible, *_ = decode(path, header, keep_damaged=keep_damaged)
-    if decoded.dtype == np.uint8 or (values.deep and decoded.dtype == np.uint16):
-        return np.asarray(decoded), visible, header.orientation
-    return values.to_8_bit(decoded), visible, header.orientation
+    notes = tuple(filter(None, (turned, hidden, paged, colours, kept)))
+    read = Photograph(str(path), np.asarray(decoded), notes, visible=visible, orientation=header.orientation)
+    if decoded.dtype == np.uint8 or (values is not None and values.deep and decoded.dtype == np.uint16):
+        return read
+    own = values or measure_range(decoded, str(path))
+    mapping = f"{decoded.dtype}: {own.low:g}..{own.high:g} mapped to 0..255"
+    pixels, sample = own.to_8_bit(decoded), sample_values(decoded)
+    return replace(read, pixels=pixels, notes=(*notes, mapping), value_range=own, sample=sample)
 
 
 def reduce_to_width(pixels: Pixels, width_px: int) -> tuple[Pixels, Array]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 from threading import Lock
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from skymosaic.imagery.decoding import check_file
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.exif import Metadata, read_metadata
 from skymosaic.imagery.folders import list_matches, list_pictures
-from skymosaic.imagery.images import PICTURE_SUFFIXES, Image, Photograph, check_given, load, load_intensities
+from skymosaic.imagery.images import PICTURE_SUFFIXES, Image, Photograph, check_given, load
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.own_outputs import exclude_recorded
 from skymosaic.imagery.patterns import is_folder
@@ -115,7 +116,7 @@ class Source:
                 return f"{source.name}: was removed after it had been read"
         return ""
 
-    def read_photograph(self, lens: Lens) -> Photograph:
+    def read_photograph(self, lens: Lens, values: ValueRange | None = None) -> Photograph:
         """Decode the photograph, turn it upright and remove the lens's distortion.
 
         Raises
@@ -123,19 +124,11 @@ class Source:
         InputError
             As in `skymosaic.imagery.images.load`.
         """
-        decoded = load(self.content, self.name, keep_damaged=self.keep_damaged)
+        decoded = load(self.content, self.name, values, keep_damaged=self.keep_damaged)
         lens = lens.turned(decoded.orientation)
-        pixels = np.asarray(lens.straighten(decoded.pixels), dtype=np.uint8)
+        pixels: Any = lens.straighten(decoded.pixels)
         visible = None if decoded.visible is None else lens.straighten_mask(decoded.visible)
         return dataclasses.replace(decoded, name=self.name, pixels=pixels, visible=visible)
-
-    def read_intensities(self, lens: Lens, values: ValueRange | None) -> Shown:
-        """Read the straightened pixels as a mosaic shows them, see `skymosaic.imagery.images.load_intensities`."""
-        decoded, visible, orientation = load_intensities(
-            self.content, self.name, values, keep_damaged=self.keep_damaged
-        )
-        lens = lens.turned(orientation)
-        return lens.straighten(decoded), None if visible is None else lens.straighten_mask(visible)
 
 
 def _state_of(status: os.stat_result) -> tuple[int, ...]:
@@ -250,14 +243,15 @@ class DecodedPhotographs:
         return sum(part.nbytes for shown in self._pixels.values() for part in shown if part is not None)
 
     def pixels(self, source: Source, lens: Lens, values: ValueRange | None = None) -> Shown:
-        """The straightened pixels of ``source``, and which show something; as `Source.read_intensities`."""
+        """The straightened pixels of ``source``, and which show something; as `Source.read_photograph`."""
         key = _key(source, lens, values)
         with self._lock:
             if key in self._pixels:
                 self._pixels.move_to_end(key)
                 return self._pixels[key]
         # Outside the lock, so that threads decode different photographs at the same time.
-        shown = source.read_intensities(lens, values)
+        read = source.read_photograph(lens, values)
+        shown = read.pixels, read.visible
         # Afterwards, so that no change is missed.
         if source.change:
             raise InputError(f"{source.change}; make the mosaic again")

@@ -18,7 +18,7 @@ from PIL import Image
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.band_writer import write_png
 from skymosaic.imagery.depth import ValueRange, measure_common_range, measure_range, sample_values, show_in_8_bit
-from skymosaic.imagery.images import load, load_intensities, save
+from skymosaic.imagery.images import load, save
 from skymosaic.imagery.live_frames import read_live_frames
 from skymosaic.imagery.notebook import describe_in_html, draw_lines
 from skymosaic.imagery.own_outputs import record_output
@@ -230,14 +230,14 @@ def test_the_same_number_is_shown_alike_in_all_photographs(tmp_path: Path, value
         ramp = np.linspace(0, brightest, 64 * 80).reshape(64, 80).astype(np.uint16)
         ramp[0, 0] = 10_000
         cv2.imwrite(str(tmp_path / f"{name}.tif"), ramp)
-    shown = [load_intensities(tmp_path / f"{name}.tif", name, values)[0][0, 0] for name in ("dark", "bright")]
+    shown = [load(tmp_path / f"{name}.tif", name, values).pixels[0, 0] for name in ("dark", "bright")]
     assert shown == [10_000 if values.deep else 64] * 2
     own = [load(tmp_path / f"{name}.tif").pixels[0, 0] for name in ("dark", "bright")]
     assert own[0] != own[1]
     pixels = np.full((64, 80), 7, np.uint8)
-    np.testing.assert_array_equal(load_intensities(pixels, "image 3", values)[0], pixels)
+    np.testing.assert_array_equal(load(pixels, "image 3", values).pixels, pixels)
     cv2.imwrite(str(tmp_path / "plain.tif"), pixels)
-    np.testing.assert_array_equal(load_intensities(tmp_path / "plain.tif", "plain", values)[0], pixels)
+    np.testing.assert_array_equal(load(tmp_path / "plain.tif", "plain", values).pixels, pixels)
 
 
 def test_libtiff_is_silent_about_tags_it_does_not_know(tmp_path: Path) -> None:

@@ -102,7 +102,7 @@ def test_a_photograph_turned_by_exif_has_the_lens_turned(tmp_path: Path, orienta
     PillowImage.fromarray(stored).save(tmp_path / "a.tif", exif=exif)
     expected = TURNS[orientation](lens.straighten(stored))
     values = ValueRange(0, 255, deep=deep)
-    shown, _ = Source(0, "a", tmp_path / "a.tif").read_intensities(lens, values)
+    shown = Source(0, "a", tmp_path / "a.tif").read_photograph(lens, values).pixels
     np.testing.assert_allclose(shown.astype(int), expected, atol=1)
     if not deep:
         photograph = Source(0, "a", tmp_path / "a.tif").read_photograph(lens)

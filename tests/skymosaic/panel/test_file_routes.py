@@ -137,7 +137,7 @@ def test_a_video_is_accepted_and_its_first_frame_shown(client: Client) -> None:
         ("video", picture(), 415, "is not a video"),
         ("video", b"#EXTM3U\nfile:///etc/passwd\n", 415, "is not a video"),
         ("video", film(320, 240)[:300], 422, "not a readable video"),
-        ("video", film(6000, 4000), 422, "frames of 6000x4000 pixels are too large"),
+        ("video", film(6000, 4500), 422, "frames of 6000x4500 pixels are too large"),
         ("template", film(320, 240), 415, "is not a photograph"),
         ("uploads", picture(), 422, ""),
         ("..%2fviews", picture(), 404, ""),
