@@ -287,7 +287,7 @@ def _homography(config: BlockConfig) -> Block:
         "Estimates the homography of each frame's kept matches: packets of matches in, a packet of one record out for "
         "each.",
         {"i_matches": rows("i_matches", packet(matches, padded_status(right.status, MATCH.record_bytes)))},
-        {"o": rows("o", packet(homography_record(result)))},
+        {"o": rows("o", packet(homography_record(result, frame=1)))},
         flat_values("i_settings", vars(settings)) | {"i_enable": 1, "i_clear": 0},
     )
 
