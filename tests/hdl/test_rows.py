@@ -1,0 +1,73 @@
+# amaranth: UnusedElaboratable=no
+"""Running a row fails on whatever a block does wrong."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+from amaranth.hdl import Module, Signal
+from amaranth.lib import stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from hdl.blocks.vectors import of_stream
+from hdl.lib.skid_buffer import SkidBuffer
+from sim.benches.rows import Row, check
+
+SENT = range(100)
+
+
+class Wrong(wiring.Component):
+    """A register stage of a stream that does one thing wrong."""
+
+    i: In(stream.Signature(8))
+    o: Out(stream.Signature(8))
+    latency_cycles = 1
+
+    def __init__(self, fault: str) -> None:
+        super().__init__()
+        self.fault = fault
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        full, kept = Signal(), Signal()
+        ready = 1 if self.fault == "forgets" else ~self.o.valid | self.o.ready
+        m.d.comb += [self.i.ready.eq(ready), self.o.valid.eq(full)]
+        with m.If(self.i.ready):
+            m.d.sync += [full.eq(self.i.valid), self.o.payload.eq(self.i.payload)]
+        if self.fault == "doubles":
+            m.d.sync += kept.eq(~kept)
+            m.d.comb += self.i.ready.eq(ready & kept)
+            with m.If(~kept):
+                m.d.sync += full.eq(full)
+        if self.fault == "stops":
+            m.d.sync += kept.eq(kept | (self.i.payload == SENT[60]))
+            m.d.comb += self.o.valid.eq(full & ~kept)
+        return m
+
+
+def row(dut: Any, answers: Sequence[int] = SENT, clocks_each: int | None = None) -> Row:
+    return Row(lambda: of_stream(dut, "", SENT, answers), clocks_each, idle_cycles=200)
+
+
+@pytest.mark.parametrize(
+    ("fault", "says"),
+    [("forgets", "withdrawn or changed"), ("doubles", "answer 1"), ("stops", r"withdrawn|no more answers")],
+)
+def test_a_stream_that_breaks_its_rules_is_found_out(fault: str, says: str) -> None:
+    with pytest.raises(AssertionError, match=says):
+        check(row(Wrong(fault)))
+
+
+def test_times_are_checked() -> None:
+    check(row(Wrong("")))
+    late, slow = SkidBuffer(shape=8), SkidBuffer(shape=8)
+    late.latency_cycles += 1
+    for wrong in (row(late), row(slow, clocks_each=2)):
+        with pytest.raises(AssertionError):
+            check(wrong)
+
+
+def test_an_answer_too_many_and_one_too_few_are_found_out() -> None:
+    for answers in (SENT[:-1], [*SENT, 7]):
+        with pytest.raises(AssertionError, match=r"more answers than inputs|no more answers"):
+            check(row(SkidBuffer(shape=8), answers))
