@@ -1,5 +1,9 @@
 # amaranth: UnusedElaboratable=no
-"""Match records of whole sequences equal the golden model word for word."""
+"""Match records of whole sequences equal the golden model word for word.
+
+It stands for tests of its parts, all of whose faults it notices: `feature_banks`, `hamming`, `mutual_neighbours`,
+`orientation_histogram` and `match_weigher`.
+"""
 
 from collections.abc import Iterator, Sequence
 from itertools import starmap

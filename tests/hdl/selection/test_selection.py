@@ -1,5 +1,8 @@
 # amaranth: UnusedElaboratable=no
-"""Selection of one level keeps the golden model's features in its order, under any back-pressure."""
+"""Selection of one level keeps the golden model's features in its order, under any back-pressure.
+
+It stands for tests of its parts, all of whose faults it notices: `cell_ranking` and `row_buffer`.
+"""
 
 from collections.abc import Callable, Iterator
 from typing import Any
