@@ -171,7 +171,7 @@ def paint(pictures: Annotated[Path | None, typer.Option(help="Folder for picture
     # Anchors have the first frame's pixels.
     start[:2, 2] = move[:2, 2] + (0, MISSING_PX) - apply(invert(survey.homographies[0]), np.zeros((1, 2)))[0]
     mosaic, painted = paint_frames(spoil(survey.images), start, (columns, rows - MISSING_PX // TILE_PX), replace=False)
-    images = spoil(fly_straight(PAINTED_PX, PAINTED_FRAMES, shake=1, speed_px=(0, 0)).images)
+    images = spoil(fly_straight(PAINTED_PX, PAINTED_FRAMES, speed_px=(0, 0)).images)
     video, stable = paint_frames(
         images, np.eye(3), (-(-PAINTED_PX[0] // TILE_PX), -(-PAINTED_PX[1] // TILE_PX)), replace=True
     )
