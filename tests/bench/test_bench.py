@@ -36,8 +36,6 @@ def test_a_flight_and_a_host_that_pauses(monkeypatch: pytest.MonkeyPatch) -> Non
     assert figures["of these, equal to the golden model in every record"] == delivered < FRAMES
     assert figures["reported as dropped"] == figures["really missing"] == FRAMES - delivered
     assert figures["the chip's homographies, accepted"] > delivered // 2
-    answered = figures["homographies answered"]
-    assert figures["of these answers, equal to the golden model"] == answered > 10 * delivered
     assert (figures["the chip's homographies, lost"], figures["AXI rules broken"]) == (0, 0)
     assert json.loads(json.dumps(figures)) == figures, "they are written to a file"
 
