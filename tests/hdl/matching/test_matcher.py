@@ -1,8 +1,8 @@
 # amaranth: UnusedElaboratable=no
 """Match records of whole sequences equal the golden model word for word.
 
-It stands for tests of its parts, all of whose faults it notices: `feature_banks`, `hamming`, `mutual_neighbours`,
-`orientation_histogram` and `match_weigher`.
+It stands for tests of its parts, whose wrong lines it notices in samples: `feature_banks`, `hamming`,
+`mutual_neighbours`, `orientation_histogram` and `match_weigher`.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,7 @@
 """The whole painter, with a camera and a memory that waits, is late and fails: every byte is the model's.
 
-It stands for tests of its parts, all of whose faults it notices: `tile_painter`, `corners`, `windows`, `window_reader`
-and `canvas_port`.
+It stands for tests of its parts, whose wrong lines it notices in samples: `tile_painter`, `corners`, `windows`,
+`window_reader` and `canvas_port`.
 """
 
 import itertools

@@ -1,7 +1,7 @@
 # amaranth: UnusedElaboratable=no
 """Selection of one level keeps the golden model's features in its order, under any back-pressure.
 
-It stands for tests of its parts, all of whose faults it notices: `cell_ranking` and `row_buffer`.
+It stands for tests of its parts, whose wrong lines it notices in samples: `cell_ranking` and `row_buffer`.
 """
 
 from collections.abc import Callable, Iterator
