@@ -44,7 +44,7 @@ def compare(
     with session.working("comparing") as step, write_atomically(waves) if waves else nullcontext() as path:
         result = compare_pair(left, right, options, homography=homography, waves=path, progress=step)
     session.numbers = result.summary()
-    session.seconds["simulating"] = result.seconds
+    session.seconds = result.stages
     session.show(f"NOT EQUAL: {result.mismatch}" if result.mismatch else "equal")
     session.show(f"compared {result.coverage}")
     session.show(f"cycles per frame {', '.join(map(str, result.cycles_per_frame))}")

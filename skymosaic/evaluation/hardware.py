@@ -44,6 +44,8 @@ class Comparison:
     and for a configuration whose clocks are not predicted."""
     rules: dict[str, str]
     """Name and digest of the rules that decided matches."""
+    stages: dict[str, float] = dataclasses.field(default_factory=dict)
+    """Wall time of each stage; of a simulation, ``building`` includes a first run."""
 
     @property
     def cycles_per_second(self) -> float:
@@ -94,27 +96,29 @@ def compare(
         For an unusable photograph or option.
     """
     options.check()
+    clock = Stopwatch()
     photographs = [
         load(image, name, keep_damaged=options.keeps_damaged)
         for image, name in ((left, "left image"), (right, "right image"))
     ]
     frames = [reduce_for_front_end(each.pixels, options.working_width_px, each.name)[0] for each in photographs]
     config = dataclasses.replace(options.base_config, estimator=EstimatorConfig() if homography else None)
-    clock = Stopwatch()
+    clock.lap("reading")
     golden, config = extract_within_capacity(load_backend("golden"), frames, config)
     golden_seconds = clock.lap("golden model")
     hardware = load_backend(options.backend_name, progress=progress, waves=waves)
     if waves is None:
         # The first run may build the simulator, so only the second one is timed.
         hardware.run(frames, config)
-    clock = Stopwatch()
+    clock.lap("building")
     results = hardware.run(frames, config)
-    seconds = clock.lap("hardware")
+    seconds = clock.lap("simulating")
     timelines = predict_timelines(golden, results, Build(config=config), "held")
     mismatch = find_mismatch(golden, results)
     if mismatch:
         # A wrong record says little about the cause; the first stage that went wrong says more.
         mismatch = hardware.locate(frames[mismatch.frame], config, frame=mismatch.frame) or mismatch
+    clock.lap("comparing")
     mismatch = mismatch or find_clock_mismatch(timelines, results)
     return Comparison(
         mismatch=mismatch,
@@ -126,4 +130,5 @@ def compare(
         notes=tuple(Coverage.of(golden).missing(config.front_end)),
         timelines=tuple(timelines),
         rules=config.rules_summary(),
+        stages=clock.seconds,
     )

@@ -39,6 +39,7 @@ def run(*arguments: str) -> str:
 )
 def test_compare_finds_every_field_equal(photographs: tuple[str, str], backend: str, preset: str) -> None:
     found = json.loads(run("compare", *photographs, "--backend", backend, "--preset", preset, "--json"))
+    assert {"reading", "golden model", "building", "simulating", "comparing"} <= found["seconds"].keys()
     assert found["equal"], found["mismatch"]
     assert found["notes"] == []
     # Without selection by cells the clocks are not predicted.

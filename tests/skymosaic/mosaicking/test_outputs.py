@@ -117,7 +117,7 @@ def test_a_map_needs_something_that_places_it(tmp_path: Path, monkeypatch: pytes
     cv2.imwrite(str(photographs[1]), np.zeros((80, 100), np.uint8))
     position = Position(46, 7) if given == "gps" else None
     by_path = {photographs[1]: Metadata(position=position)}
-    monkeypatch.setattr("skymosaic.mosaicking.outputs.read_metadata", lambda path: by_path[path])
+    monkeypatch.setattr("skymosaic.imagery.photographs.read_metadata", lambda path: by_path[path])
     access = os.access
     monkeypatch.setattr(
         os, "access", lambda path, mode: given != "unreadable" if path == photographs[1] else access(path, mode)

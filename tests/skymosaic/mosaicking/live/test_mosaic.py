@@ -246,6 +246,9 @@ def test_what_was_placed_is_written_as_large_as_the_disk_allows(
         height_px, width_px = cv2.imread(str(written.path)).shape[:2]
         assert 0.9 * free_bytes < height_px * width_px * (4 if suffix == ".jpg" else 24) <= free_bytes
         assert written.path.stat().st_size < free_bytes / 2
+    monkeypatch.setattr(shutil, "disk_usage", lambda _path: SimpleNamespace(free=10))
+    with pytest.raises(InputError, match=r"smaller than a pixel: the disk has 0 MB left; make room$"):
+        live.save(tmp_path / "none.png")
 
 
 def test_a_scale_beyond_one_is_refused() -> None:
