@@ -156,6 +156,8 @@ def choose_tests(path: Path) -> list[Path]:
     reaching = [each for each, modules in _closures().items() if module in modules]
     # Of its folder all: pages and commands are tested in another process, which imports do not show.
     near = [each for each in _closures() if each.parent == beside.parent]
+    # First those that import it, as the file that small modules share.
+    near.sort(key=lambda each: module not in (ROOT / each).read_text(encoding="utf-8"))
     chosen = dict.fromkeys([*([beside] if (ROOT / beside).exists() else []), *near])
     others = [each for each in reaching if each not in chosen]
     # First those that name it, as a command is named.
