@@ -81,6 +81,6 @@ def test_operands_are_widened_where_linters_read(aliases: bool, platform: object
 
 def test_the_stages_of_synchronisers_are_marked_and_nothing_else() -> None:
     verilog = to_verilog(CameraCrossing(video_bits=8, depth=32))
-    # Two counters and a reset cross, over two stages each.
-    assert len(re.findall(r'\(\* ASYNC_REG = "TRUE" \*\)\n  reg (?:\[\d+:0\] )?stage[01] =', verilog)) == 6
-    assert verilog.count("ASYNC_REG") == 6
+    # Two counters and a reset cross, over two stages each; the mark of a full output register, over four.
+    assert len(re.findall(r'\(\* ASYNC_REG = "TRUE" \*\)\n  reg (?:\[\d+:0\] )?stage\d =', verilog)) == 10
+    assert verilog.count("ASYNC_REG") == 10
