@@ -102,7 +102,7 @@ def open_advanced(page: Page) -> None:
 
 
 if __name__ == "__main__":
-    with tempfile.TemporaryDirectory() as log_folder, running_panel(Path(log_folder)) as panel, chromium() as visited:
-        visitor = open_page(visited, panel)
-        load_built_in_pair(visitor)
-        make_mosaic(visitor)
+    with tempfile.TemporaryDirectory() as log_folder, running_panel(Path(log_folder)) as panel, chromium() as browser:
+        opened = open_page(browser, panel)
+        load_built_in_pair(opened)
+        make_mosaic(opened)
