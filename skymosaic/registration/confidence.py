@@ -14,7 +14,15 @@ from golden_model.arrays import Mask, Matrix, Points
 from golden_model.pixel.gray import to_gray
 from skymosaic.common.brief import brief
 from skymosaic.geometry.acceptance import hull_share
-from skymosaic.geometry.ground import GroundAgreement, Sight, band_pass, mask_common, measure_agreement
+from skymosaic.geometry.ground import (
+    REPEATS,
+    GroundAgreement,
+    Sight,
+    band_pass,
+    mask_common,
+    measure_agreement,
+    measure_rival,
+)
 from skymosaic.geometry.homography import apply, transfer_error
 from skymosaic.geometry.horizon import Size
 from skymosaic.geometry.prosac import INLIER_PX, MIN_INLIERS
@@ -45,6 +53,7 @@ CLEAR_SHARE_OF_OVERLAP = 0.5
 REPEATED_SHARE = 0.2
 REPEATED_PX = 8.0
 MOST_COMPARED = 1000
+REPEATED = "the ground repeats itself so far that it fits as well elsewhere"
 HIGH_PASS_SIGMA_PX = 3.0
 # Fewer pixels correlate by chance.
 MIN_OVERLAP_PX = 400
@@ -143,7 +152,9 @@ def assess(
     verdict = "good" if predicted_px < GOOD_PX else "check" if predicted_px < POOR_PX else "poor"
     error = f"expected error {'below ' * limited}{predicted_px:.1f} px at a width of {sights[0].size[0]} px"
     reason = f"{_explain(quality, correlation, verdict)}; {error}"
-    if verdict == "good" and (repeats := describe_repetition(homography, left, right)):
+    if measure_rival(*sights, homography) >= REPEATS:
+        verdict, reason = "poor", f"{REPEATED}; {reason}"
+    elif verdict == "good" and (repeats := describe_repetition(homography, left, right)):
         verdict, reason = "check", f"{repeats}; {reason}"
     ground = ground or measure_agreement(*sights, homography)
     if not ground.is_good:

@@ -19,10 +19,18 @@ from skymosaic.features.frames import DescribedImage
 from skymosaic.features.given_matches import Given, GivenMatches
 from skymosaic.features.positions import are_on_ground, match_points
 from skymosaic.geometry.estimators import FABRIC, estimate, fabric
-from skymosaic.geometry.ground import MOVES_WITH_CAMERA, GroundAgreement, LeftOut, Sight, find_ground
+from skymosaic.geometry.ground import (
+    MOVES_WITH_CAMERA,
+    REPEATS,
+    GroundAgreement,
+    LeftOut,
+    Sight,
+    find_ground,
+    measure_rival,
+)
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end, reduce_to_width
 from skymosaic.imagery.lens import Lens
-from skymosaic.registration.confidence import fits_throughout
+from skymosaic.registration.confidence import REPEATED, fits_throughout
 from skymosaic.registration.dense import refit_pair
 from skymosaic.registration.display import DELIVER, look_behind_display
 from skymosaic.registration.extraction import Features, extract_within_capacity, share_features
@@ -303,10 +311,12 @@ def _show_ground(left: Points, right: Points, *, masks: Sequence[Pixels | None],
 
 
 def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Points, Points], Mask]) -> Pair:
-    """Refit a pair where the verdict is not good, and refuse what is mostly extrapolated."""
+    """Refit a pair where the verdict is not good; refuse what is mostly extrapolated, or fits as well elsewhere."""
     homography = pair.working_homography
     if homography is None:
         return pair
+    if not options.accept_poor and measure_rival(*pair.sights, homography) >= REPEATS:
+        return pair.refused(f"{REPEATED}{DELIVER}")
     if fits_throughout(homography, *match_points(pair.kept), *(sight.size for sight in pair.sights)):
         return pair
     confidence = pair.confidence

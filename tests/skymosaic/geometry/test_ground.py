@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from skymosaic import register
 from skymosaic.geometry import ground as module
-from skymosaic.geometry.ground import GroundAgreement, LeftOut, Sight, find_ground, measure_agreement
+from skymosaic.geometry.ground import GroundAgreement, LeftOut, Sight, find_ground, measure_agreement, measure_rival
 from skymosaic.geometry.homography import apply
 from tests.skymosaic.geometry.covered import (
     SIZE,
@@ -100,11 +100,12 @@ def test_where_nothing_has_moved_a_watermark_may_be_what_agrees(sites: list[NDAr
     """Of two places as of one: the picture does not tell them apart."""
     hazy = (np.asarray(80 + 0.3 * sites[n].astype(np.float64), np.uint8) for n in (0, other))
     left, right = (with_watermarks(image) for image in hazy)
-    pair = register(left, right)
-    assert pair.accepted
+    refused, pair = (register(left, right, accept_poor=accept_poor) for accept_poor in (False, True))
+    assert not refused.accepted
+    assert "repeats itself" in refused.reason
     assert pair.confidence is not None
     assert pair.confidence.ground.suffices
-    assert pair.confidence.verdict == "check"
+    assert pair.confidence.verdict == "poor"
     assert pair.confidence.reason.startswith("nothing has moved: the camera stands on a tripod, or a watermark is ")
 
 
@@ -117,9 +118,10 @@ def test_a_display_over_nothing_or_over_gravel_is_not_good_and_says_how_much_it_
             text = f"ALT 1{line}7 M SPD {line}.4 GPS 12 BAT 14.{line}V"
             cv2.putText(shown, text, (5, 25 + 60 * line), cv2.FONT_HERSHEY_SIMPLEX, 0.8, (255, 255, 255), 2)
         displays.append(shown)
-    pair = register(*displays)
+    assert not register(*displays).accepted
+    pair = register(*displays, accept_poor=True)
     assert pair.confidence is not None
-    assert pair.confidence.verdict == "check"
+    assert pair.confidence.verdict == "poor"
     assert re.match(r"what agrees covers [2-6]\d % of the picture, which may be a display: ", pair.confidence.reason)
     assert pair.confidence.summary()["ground_covered"] == pytest.approx(pair.confidence.ground.covered, abs=1e-4)
 
@@ -185,7 +187,6 @@ def test_the_farther_a_camera_moves_the_less_must_agree(sites: list[NDArray[np.u
     moved = [measure_agreement(sight, sight, np.array([[1.0, 0, x], [0, 1, 0], [0, 0, 1]])) for x in (0, 64, 160)]
     assert [each.required for each in moved] == pytest.approx([0.7, 0.4, -0.05])
     assert [each.suffices for each in moved] == [True, False, True]
-    assert measure_agreement(sight, Sight(~sites[0]), np.eye(3)).share == 0
 
 
 def test_faint_ground_votes_in_the_coarsest_pictures_alone() -> None:
@@ -297,6 +298,31 @@ def test_other_sizes_decide_where_the_camera_stood_still_or_there_is_a_doubt(
     # What is explained otherwise is for one size alone.
     assert measure_agreement(sight, sight, np.eye(3), np.ones((1, 1), np.bool_)) is coarse
     assert sizes[len(asked) :] == [160]
+
+
+@pytest.mark.parametrize("written", [0, 40])
+def test_a_form_fits_elsewhere_unless_it_is_filled_in(written: int) -> None:
+    rng, form = np.random.default_rng(3), np.full((1000, 1500), 250, np.uint8)
+    form[60::40, 40:-40] = form[60:, 40::145] = 60
+    for _ in range(written):
+        cv2.putText(form, str(rng.integers(10**6)), rng.integers(60, 1400, 2).tolist(), 0, 1.2, 40, 3)
+    left, right = form[:, :800], form[:, 290:1090]
+    shift = np.array([[1.0, 0, -290], [0, 1, 0], [0, 0, 1]])
+    assert (measure_rival(Sight(left), Sight(right), shift) >= 0.98) == (not written)
+
+
+def test_what_fits_as_well_elsewhere_is_refused_and_delivered_as_poor(sites: list[NDArray[np.uint8]]) -> None:
+    tile = cv2.resize(sites[0], (80, 80))
+    left, right = (np.tile(tile, (9, 12, 1))[y : y + 480, x : x + 640] for x, y in ((0, 0), (31, 17)))
+    refused, delivered = (register(left, right, accept_poor=accept_poor) for accept_poor in (False, True))
+    assert not refused.accepted
+    assert delivered.confidence is None or delivered.confidence.verdict == "poor"
+    assert measure_rival(Sight(sites[0]), Sight(sites[0]), np.eye(3)) < 0.9
+
+
+def test_edges_that_are_bright_in_one_band_and_dark_in_the_other_agree(sites: list[NDArray[np.uint8]]) -> None:
+    assert measure_agreement(Sight(sites[0]), Sight(~sites[0]), np.eye(3)).share == 1
+    assert measure_agreement(Sight(sites[0]), Sight(~sites[1]), np.eye(3)).is_refused
 
 
 @pytest.mark.parametrize(
