@@ -311,7 +311,7 @@ def _show_ground(left: Points, right: Points, *, masks: Sequence[Pixels | None],
 
 
 def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Points, Points], Mask]) -> Pair:
-    """Refit a pair where the verdict is not good; refuse what is mostly extrapolated, or fits as well elsewhere."""
+    """Refit a pair where the verdict is not good; refuse a guess, other ground, and what fits as well elsewhere."""
     homography = pair.working_homography
     if homography is None:
         return pair
@@ -323,6 +323,6 @@ def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Po
     if pair.effort != "fast" and confidence and not (confidence.verdict == "good" or confidence.is_well_supported):
         pair = refit_pair(pair, shows_ground)
         confidence = pair.confidence
-    if confidence is None or options.accept_poor or not confidence.extrapolates:
+    if confidence is None or options.accept_poor or not (confidence.extrapolates or confidence.ground.is_refused):
         return pair
     return pair.refused(f"{confidence.reason}{DELIVER}{_what_else(pair.effort)}")
