@@ -332,9 +332,8 @@ def make_block(name: str, settings: Mapping[str, Any]) -> Block:
     if name not in CATALOGUE:
         raise ValueError(f"unknown block {name!r}; valid: {', '.join(CATALOGUE)}, or MODULE:CLASS of your own")
     make, known = CATALOGUE[name]
-    for key in settings:
-        if key not in known:
-            raise ValueError(f"{name} does not depend on {key!r}; valid: {', '.join(known) or 'none'}")
+    if unknown := next((key for key in settings if key not in known), ""):
+        raise ValueError(f"{name} does not depend on {unknown!r}; valid: {', '.join(known) or 'none'}")
     # FAST's scores are gray levels.
     usual = {"threshold": 12} if settings.get("detector") == "fast" else {}
     try:

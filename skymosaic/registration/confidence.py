@@ -52,7 +52,7 @@ CLEAR_SHARE_OF_OVERLAP = 0.5
 # the inliers, or more. None of 298 good pairs of other ground has so many; a roof has.
 REPEATED_SHARE = 0.2
 REPEATED_PX = 8.0
-MOST_COMPARED = 1000
+MAX_COMPARED = 1000
 REPEATED = "the ground repeats itself so far that it fits as well elsewhere"
 HIGH_PASS_SIGMA_PX = 3.0
 # Fewer pixels correlate by chance.
@@ -178,7 +178,7 @@ def describe_repetition(homography: Matrix, left: Points, right: Points) -> str:
     if len(offset) < least:
         return ""
     # A row away is nearly the same everywhere: the offset that most others are like.
-    some = np.arange(0, len(offset), 1 + len(offset) // MOST_COMPARED)
+    some = np.arange(0, len(offset), 1 + len(offset) // MAX_COMPARED)
     apart_px = np.linalg.norm(offset[some, None] - offset[some], axis=2)
     like = np.count_nonzero(apart_px <= 0.3 * away_px[some, None], axis=1)
     usual = offset[some[np.argmax(like / away_px[some])]]

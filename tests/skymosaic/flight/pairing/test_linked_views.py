@@ -24,6 +24,6 @@ def test_what_a_second_look_joins_predicts_further_links(monkeypatch: pytest.Mon
     for name in ("link_across_heights", "link_by_coarse_detail"):
         monkeypatch.setattr(linked_views, name, lambda *_: {})
     views: Any = [SimpleNamespace(size=(400, 300), working_size=(400, 300))] * 3
-    stub: Any = SimpleNamespace(count_votes=lambda _views: None, link=link)
+    stub: Any = SimpleNamespace(count_votes=lambda _views: None, link=link, given={})
     assert set(link_all(LinkedViews(stub, (), tuple(views), {})).links) == {(0, 1), (1, 2), (0, 2)}
     assert asked == [{(0, 1)}, {(0, 2)}]
