@@ -40,8 +40,8 @@ class FrameWriter(wiring.Component):
     The camera never waits. A frame that is shorter than set, that has a line of another length, or of which a pixel
     finds the queue full, is cut off and counted; so is one that starts before this is over. Of a frame with too many
     lines the upper ones are kept, and it is counted as well. A frame that is complete waits at ``o`` until it is taken;
-    while it waits, every other is skipped. Switched off, the writer cuts off the frame under way, and withdraws the one
-    that waits: it is idle within a few bursts, also when the camera has stopped in a frame.
+    while it waits, every other is skipped, unless it yields. Switched off, the writer cuts off the frame under way, and
+    withdraws the one that waits: it is idle within a few bursts, also when the camera has stopped in a frame.
     """
 
     i: In(VIDEO)
@@ -54,8 +54,8 @@ class FrameWriter(wiring.Component):
     """Where the buffers begin, in pages of 4 KiB."""
     i_buffer_pages: In(20)
     """From one buffer to the next, at least `frame_pages`."""
-    i_withdraw: In(1)
-    """Give up the frame that waits at ``o``, whatever is being painted."""
+    i_yields: In(1)
+    """The frame that waits at ``o`` is given up for the next one that is complete."""
     bus: Out(AXI_WRITE)
     o: Out(stream.Signature(STORED))
     """Complete frames."""
@@ -65,6 +65,8 @@ class FrameWriter(wiring.Component):
     """A frame has been given up, since the memory answered with an error."""
     o_skipped: Out(1)
     """A complete frame has been given up, since another waits at ``o``."""
+    o_yielded: Out(1)
+    """Another has taken the place of the frame at ``o``."""
     o_idle: Out(1)
     """Nothing is being written."""
 
@@ -197,7 +199,7 @@ class FrameWriter(wiring.Component):
         painted = Signal(range(BUFFERS), init=BUFFERS - 1)
         with m.If(self.o.valid & self.o.ready):
             m.d.sync += painted.eq(self.o.payload.buffer)
-        with m.If(self.o.ready | self.i_withdraw | ~self.i_enable):
+        with m.If(self.o.ready | ~self.i_enable):
             m.d.sync += self.o.valid.eq(0)
         used = [(painted == n) | (self.o.valid & (self.o.payload.buffer == n)) for n in range(BUFFERS - 1)]
         return Mux(~used[0], 0, Mux(~used[1], 1, 2))
@@ -212,7 +214,8 @@ class FrameWriter(wiring.Component):
             m.next = "IDLE"
             with m.If(failed):
                 m.d.comb += self.o_failed.eq(1)
-            with m.Elif(self.o.valid):
+            with m.Elif(self.o.valid & ~self.i_yields):
                 m.d.comb += self.o_skipped.eq(1)
             with m.Else():
+                m.d.comb += self.o_yielded.eq(self.o.valid & ~self.o.ready)
                 m.d.sync += [self.o.valid.eq(1), self.o.payload.eq(frame)]

@@ -17,7 +17,7 @@ from hdl.painting.tiles import FRAME_SIDE
 REPORT = data.StructLayout({"frame": FRAME_NUMBER, "counts": COUNTS})
 """A frame that has been painted: its number, and what became of its tiles."""
 NOWHERE = data.StructLayout({"valid": 1, "frame": FRAME_NUMBER})
-"""A frame that has no pose, and will have none."""
+"""A frame of which no homography says where it is."""
 POSE_COLUMNS = 3
 
 
@@ -25,9 +25,9 @@ class Painter(wiring.Component):
     """Paints each frame of a camera that has a pose; equal to `golden_model.painting.painter.Painter`.
 
     A frame and a pose meet by their number, counted from 1 at ``i``. Whichever is older is given up: a pose whose frame
-    was lost, a frame whose pose never came. A frame whose pose is refused is given up at once, also while another is
-    painted, so that it takes the place of no other. While a frame is painted, the next waits in memory and its pose is
-    composed; further ones are skipped. The camera never waits.
+    was lost, a frame whose pose never came. While a frame is painted, the next waits in memory and its pose is
+    composed; further ones are skipped. A frame whose pose is refused waits for a host's until the next one is complete,
+    which takes its place. The camera never waits.
 
     All settings but ``i_enable`` may change only while ``o_idle`` and not ``i_enable``. There are four ports to memory:
     the camera's frames go in, their windows come out, tiles of the canvas come out and go in. Switched off, the painter
@@ -100,7 +100,7 @@ class Painter(wiring.Component):
         ):
             wiring.connect(m, inner, wiring.flipped(outer))
         wiring.connect(m, wiring.flipped(self.i_poses), poses.i)
-        driven = {writer: {"i", "i_page", "i_withdraw"}, poses: {"i"}, painter: {"i", "i_begin", "i_page"}}
+        driven = {writer: {"i", "i_page", "i_yields"}, poses: {"i"}, painter: {"i", "i_begin", "i_page"}}
         for block, names in driven.items():
             # All others are settings, of the same names here.
             settings = {name for name, member in block.signature.members.items() if member.flow == In} - names
@@ -114,21 +114,21 @@ class Painter(wiring.Component):
             self.o_lost.eq(writer.o_failed),
             self.o_skipped.eq(writer.o_skipped),
         ]
-        self._give_up(m, writer, poses)
+        self._yield(m, writer, poses)
         self._meet(m, writer, poses, painter)
         return m
 
-    def _give_up(self, m: Module, writer: FrameWriter, poses: Poses) -> None:
-        """Withdraw the frame whose pose was refused, unless a host's has come; also one that is not in memory yet."""
+    def _yield(self, m: Module, writer: FrameWriter, poses: Poses) -> None:
+        """Let a frame whose pose was refused wait for a host's no longer than the next one comes."""
         nowhere, sent = view_signal(NOWHERE, name="nowhere"), self.i_poses.payload
-        is_its_frame = writer.o.valid & (writer.o.payload.number == nowhere.frame)
-        m.d.comb += writer.i_withdraw.eq(nowhere.valid & is_its_frame & ~writer.o.ready)
+        is_its_frame = writer.o.payload.number == nowhere.frame
+        m.d.comb += writer.i_yields.eq(nowhere.valid & is_its_frame)
         with m.If(self.i_nowhere.valid):
             m.d.sync += nowhere.eq(self.i_nowhere)
         # The homography of a frame for which a host's pose is refused may still come.
         with m.Elif(poses.o_refused & sent.composed):
             m.d.sync += [nowhere.valid.eq(1), nowhere.frame.eq(sent.frame)]
-        with m.Elif(writer.o.valid):
+        with m.Elif(writer.o.valid & ~is_its_frame):
             m.d.sync += nowhere.valid.eq(0)
 
     def _meet(self, m: Module, writer: FrameWriter, poses: Poses, painter: TilePainter) -> None:
@@ -144,7 +144,7 @@ class Painter(wiring.Component):
             painter.i.valid.eq(forwards & pose.valid),
             painter.i.payload.eq(pose.payload),
             painter.i_page.eq(frame.page),
-            self.o_unplaced.eq(writer.i_withdraw | is_older),
+            self.o_unplaced.eq(writer.o_yielded | is_older),
             self.o.payload.frame.eq(frame.number),
             self.o.payload.counts.eq(painter.o_counts),
         ]

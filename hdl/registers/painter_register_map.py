@@ -82,7 +82,7 @@ PAINTER_REGISTERS = (
     _counts(
         "FRAMES_SKIPPED", 0x1CC, "Frames in memory that were not painted.",
         frames_skipped="Another one waited to be painted.",
-        frames_unplaced="Its homography was refused, or a pose of a later frame came.",
+        frames_unplaced="A pose of a later frame came; or its homography was refused, and the next frame.",
     ),
     Register(
         "POSES_REFUSED", 0x1D0, "Poses that are none.",
