@@ -4,8 +4,7 @@ A display, the border of scanned film, dirt on the lens or a sensor's pattern ag
 also in those of different places. A camera that has hardly moved sees no parallax: then nearly all of the ground must
 agree, not only what the matches lie on. The farther it has moved, the more of the ground may differ by relief. So both
 pictures are reduced until a sensor's pattern averages out, one is warped onto the other, and blocks vote, each once,
-whether they fit best where the homography says. Their correlation counts without its sign: infrared and visible light
-show the same edges the other way round.
+whether they fit best where the homography says.
 """
 
 from __future__ import annotations
@@ -266,7 +265,7 @@ def _windows(values: Float32, votes: Mask, side_px: int) -> Float32:
 
 
 def _fit_best_here(own: Float32, other: Float32, votes: Mask) -> Mask:
-    """Which blocks that vote fit best, by the size of `cv2.TM_CCOEFF_NORMED`, where they are in the other one, (N,)."""
+    """Which blocks that vote fit best, by `cv2.TM_CCOEFF_NORMED`, where they are in the other picture, (N,)."""
     around = np.asarray(cv2.copyMakeBorder(other, SEARCH_PX, SEARCH_PX, SEARCH_PX, SEARCH_PX, cv2.BORDER_CONSTANT))
     templates, windows = _windows(own, votes, BLOCK_PX), _windows(around, votes, BLOCK_PX + 2 * SEARCH_PX)
     templates -= templates.mean(axis=(1, 2), keepdims=True)
@@ -274,7 +273,7 @@ def _fit_best_here(own: Float32, other: Float32, votes: Mask) -> Mask:
     alike = np.fft.irfft2(np.fft.rfft2(windows) * np.conj(np.fft.rfft2(templates, side)), side)[:, :SHIFTS, :SHIFTS]
     # Where nothing varies, only rounding fits.
     spread = np.sqrt(np.maximum(_windows(_block_variances(around), votes, SHIFTS), 1e-4))
-    best = np.array(np.divmod((np.abs(alike) / spread).reshape(-1, SHIFTS**2).argmax(axis=1), SHIFTS))
+    best = np.array(np.divmod((alike / spread).reshape(-1, SHIFTS**2).argmax(axis=1), SHIFTS))
     return np.asarray((np.abs(best - SEARCH_PX) <= NEAR_PX).all(axis=0))
 
 
