@@ -227,6 +227,8 @@ def test_colours_become_those_of_srgb(tmp_path: Path, suffix: str) -> None:
         (b"colours" * 40, 8, ("colour profile that is damaged: the colours are taken for sRGB",)),
         (display_p3(), 16, ("colour profile Display P3 A1: only 8 bits are converted to sRGB; they stay as they are",)),
     ],
+    # Not the profiles themselves, which have the second in which they were made.
+    ids=["sRGB", "damaged", "of 16 bits"],
 )
 def test_colours_without_a_profile_that_can_be_used_stay(
     tmp_path: Path, profile: bytes, depth: int, notes: tuple[str, ...]
