@@ -43,7 +43,7 @@ def live(
     ] = None,
     output: Annotated[
         Path,
-        output_option("The mosaic, written at the end: .png, .tif ..."),
+        output_option("The mosaic, written at the end: .png, .tif, .mbtiles, .kmz ..."),
         Writes(list_outputs=lambda output, _: [output, _preview_of(output)]),
     ],
     overwrite: OverwriteOption = False,

@@ -45,7 +45,9 @@ def mosaic(
     *,
     photographs: PhotographsArgument,
     output: Annotated[
-        Path, output_option("The mosaic: .png, .tif ...; -: PNG on stdout."), Writes(list_outputs=_list_groups)
+        Path,
+        output_option("The mosaic: .png, .tif, .mbtiles, .kmz ...; -: PNG on stdout."),
+        Writes(list_outputs=_list_groups),
     ],
     report: Annotated[
         Path | None, typer.Option(rich_help_panel=OUTPUT, help="Folder for pictures and numbers."), Writes(REPORT_NAMES)

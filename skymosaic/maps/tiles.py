@@ -1,9 +1,11 @@
-"""Cuts a mosaic into map tiles (XYZ, Web Mercator) with a page that shows them without a network."""
+"""Cuts a mosaic into map tiles (XYZ, Web Mercator), with a page that shows them without a network, or as MBTiles."""
 
 import contextlib
 import json
 import math
 import re
+import sqlite3
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +20,7 @@ import rasterio.windows
 
 from golden_model.arrays import Pixels
 from skymosaic.common.errors import InputError
-from skymosaic.common.temporary import PAGE, staged_folder
+from skymosaic.common.temporary import PAGE, staged_folder, write_atomically
 from skymosaic.imagery.depth import ValueRange, show_in_8_bit
 from skymosaic.maps.georeference import configured_rasterio
 
@@ -65,15 +67,60 @@ def write_tiles(folder: Path, raster: Path, title: str, values: ValueRange | Non
     """
     try:
         with staged_folder(folder, OWN_NAMES) as staged:
+
+            def put(zoom: int, column: int, row: int, tile: bytes) -> None:
+                path = staged / str(zoom) / str(column) / f"{row}.webp"
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(tile)
+
             with configured_rasterio(), rasterio.open(raster) as file:
-                pyramid = _plan_pyramid(file, folder)
-                with _warp(file, pyramid) if pyramid.georeferenced else contextlib.nullcontext(file) as source:
-                    column, row = (index >> (pyramid.zoom - pyramid.top) for index in pyramid.first)
-                    _Writer(staged, source, pyramid, values).write(pyramid.top, column, row)
+                pyramid = _cut(file, folder, values, put)
             (staged / PAGE).write_bytes(_render_page(title, pyramid))
     except (rasterio.errors.RasterioError, OSError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{folder}: tiles cannot be made ({reason}); choose another folder") from None
+    return pyramid
+
+
+def write_mbtiles(path: Path, raster: Path, values: ValueRange | None) -> None:
+    """Write the same tiles of a raster that has a place into one file of the format MBTiles 1.3.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, or the mosaic lies beyond Web Mercator.
+    """
+    try:
+        with write_atomically(path) as made, contextlib.closing(sqlite3.connect(made)) as database, database:
+            database.execute("CREATE TABLE metadata (name TEXT PRIMARY KEY, value TEXT)")
+            keys = "zoom_level INTEGER, tile_column INTEGER, tile_row INTEGER"
+            database.execute(
+                f"CREATE TABLE tiles ({keys}, tile_data BLOB, PRIMARY KEY (zoom_level, tile_column, tile_row))"
+            )
+
+            def put(zoom: int, column: int, row: int, tile: bytes) -> None:
+                # MBTiles count rows from the south.
+                place = zoom, column, (1 << zoom) - 1 - row
+                database.execute("INSERT INTO tiles VALUES (?, ?, ?, ?)", (*place, tile))
+
+            with configured_rasterio(), rasterio.open(raster) as file:
+                pyramid = _cut(file, path, values, put)
+                bounds = rasterio.warp.transform_bounds(file.crs, "EPSG:4326", *file.bounds)
+            about = {
+                "name": path.stem, "type": "overlay", "version": 1, "description": path.stem, "format": "webp",
+                "bounds": ",".join(map(str, bounds)), "minzoom": pyramid.top, "maxzoom": pyramid.zoom,
+            }  # fmt: skip
+            database.executemany("INSERT INTO metadata VALUES (?, ?)", about.items())
+    except (rasterio.errors.RasterioError, sqlite3.Error) as error:
+        raise InputError(f"{path}: cannot be written ({error}); choose another folder") from None
+
+
+def _cut(file: Any, path: Path, values: ValueRange | None, put: Callable[[int, int, int, bytes], None]) -> Pyramid:
+    """Cut an open raster into tiles, each of which ``put`` receives with its zoom, column and row."""
+    pyramid = _plan_pyramid(file, path)
+    with _warp(file, pyramid) if pyramid.georeferenced else contextlib.nullcontext(file) as source:
+        column, row = (index >> (pyramid.zoom - pyramid.top) for index in pyramid.first)
+        _Writer(put, source, pyramid, values).write(pyramid.top, column, row)
     return pyramid
 
 
@@ -97,13 +144,7 @@ def _plan_pyramid(file: Any, folder: Path) -> Pyramid:
     if file.crs is None:
         columns, rows = (-(-side // TILE_PX) for side in (file.width, file.height))
         return Pyramid(False, (max(columns, rows) - 1).bit_length(), (0, 0), (columns - 1, rows - 1))
-    left, bottom, right, top = rasterio.warp.transform_bounds(file.crs, _MERCATOR, *file.bounds)
-    # The bounds of what crosses 180 degrees go round the world.
-    if right - left > _HALF_WORLD_M or max(top, -bottom) > _HALF_WORLD_M:
-        raise InputError(
-            f"{folder}: the mosaic reaches beyond Web Mercator (across 180 degrees of longitude, or past 85 of "
-            "latitude), so it has no tiles; leave them out"
-        )
+    left, bottom, right, top = mercator_bounds(file, folder)
     # A turned raster fills its bounds only in part.
     box = file.bounds
     stretch = (right - left) * (top - bottom) / ((box.right - box.left) * (box.top - box.bottom))
@@ -114,6 +155,18 @@ def _plan_pyramid(file: Any, folder: Path) -> Pyramid:
     west, east = math.floor((left + _HALF_WORLD_M) / side_m), math.ceil((right + _HALF_WORLD_M) / side_m)
     north, south = math.floor((_HALF_WORLD_M - top) / side_m), math.ceil((_HALF_WORLD_M - bottom) / side_m)
     return Pyramid(True, zoom, (west, north), (east - 1, south - 1))
+
+
+def mercator_bounds(file: Any, path: Path) -> tuple[float, float, float, float]:
+    """Left, bottom, right and top of a raster in Web Mercator, m; raises `InputError` where it has none."""
+    left, bottom, right, top = rasterio.warp.transform_bounds(file.crs, _MERCATOR, *file.bounds)
+    # The bounds of what crosses 180 degrees go round the world.
+    if right - left > _HALF_WORLD_M or max(top, -bottom) > _HALF_WORLD_M:
+        raise InputError(
+            f"{path}: the mosaic reaches beyond Web Mercator (across 180 degrees of longitude, or past 85 of "
+            "latitude), so it has no tiles; a .tif needs none"
+        )
+    return left, bottom, right, top
 
 
 def _warp(file: Any, pyramid: Pyramid) -> Any:
@@ -135,7 +188,7 @@ def _warp(file: Any, pyramid: Pyramid) -> Any:
 class _Writer:
     """Writes tiles from the deepest zoom upwards, so that each part of the mosaic is read once."""
 
-    folder: Path
+    put: Callable[[int, int, int, bytes], None]
     source: Any
     pyramid: Pyramid
     values: ValueRange | None
@@ -148,9 +201,8 @@ class _Writer:
             return None
         tile = self._read(column, row) if shift == 0 else self._join_four(zoom + 1, 2 * column, 2 * row)
         if tile is not None:
-            path = self.folder / str(zoom) / str(column) / f"{row}.webp"
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(cv2.imencode(".webp", tile, [cv2.IMWRITE_WEBP_QUALITY, WEBP_QUALITY])[1].tobytes())
+            encoded = cv2.imencode(".webp", tile, [cv2.IMWRITE_WEBP_QUALITY, WEBP_QUALITY])[1]
+            self.put(zoom, column, row, encoded.tobytes())
         return tile
 
     def _read(self, column: int, row: int) -> Pixels | None:

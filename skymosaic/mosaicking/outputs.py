@@ -50,7 +50,7 @@ def check_outputs(
     check_output(output, inputs, overwrite=overwrite)
     if options.canvas_limit_px is None and not computed:
         check_room(output, room_of(output, sources, options))
-    if form.require_map and (note := _explain_no_place(sources, options)):
+    if form.needs_place(output) and (note := _explain_no_place(sources, options)):
         require_place(output, MapPlace(note=note))
     if options.all_groups:
         for path in list_numbered(output):

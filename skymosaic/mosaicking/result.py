@@ -96,14 +96,14 @@ class Mosaic:
         return tabulate(rows)
 
     def save(self, path: str | Path, *, overwrite: bool = False, require_map: bool = False) -> None:
-        """Write the mosaic; for a ``.tif``, which lies on the map where its place is known, it is rendered again.
+        """Write the mosaic; for a map, as a ``.tif`` is where its place is known, it is rendered again.
 
         Photographs given as files are read again then, so they must still be there; key frames of a video are not.
 
         Parameters
         ----------
         path : str or Path
-            ``.png``, ``.jpg``, ``.tif`` ...; by others than ``.tif``, 8 bits are shown.
+            ``.png``, ``.tif``, ``.mbtiles``, ``.kmz`` ...; by others than ``.tif``, 8 bits are shown.
         overwrite : bool
             Whether an existing file may be replaced.
         require_map : bool
@@ -118,10 +118,11 @@ class Mosaic:
         """
         path = Path(path)
         files = [file for source in self.flight.sources for file in source.files]
-        OutputForm(require_map=require_map).check(path, len(self.composition.band_names))
+        form = OutputForm(require_map=require_map)
+        form.check(path, len(self.composition.band_names))
         check_size(path, self.composition.size)
         check_output(path, files, overwrite=overwrite)
-        if require_map:
+        if form.needs_place(path):
             require_place(path, self.composition.place)
         if not format_of(path).from_raster:
             save(path, self.composition.in_8_bit(self.image))

@@ -108,7 +108,7 @@ class MosaicRun:
     ) -> list[Delivery]:
         # Canvas, exposure and seams; of all groups, since one that cannot be made leaves no half of the mosaics behind.
         compositions = [self.composition(layout, output) for layout in layouts]
-        for composition in compositions if form.require_map else ():
+        for composition in compositions if form.needs_place(output) else ():
             require_place(output, composition.place)
         deliveries, failures = list[Delivery](), list[str]()
         for number, (layout, composition) in enumerate(zip(layouts, compositions, strict=True), start=1):

@@ -173,6 +173,11 @@ class Composition:
         """Reduce pixels of the mosaic to 8 bits."""
         return show_in_8_bit(pixels, self.values)
 
+    def in_colour(self, pixels: Intensities) -> Pixels:
+        """Reduce pixels of the mosaic to 8 bits of blue, green and red."""
+        shown = self.in_8_bit(pixels)
+        return shown if shown.ndim == 3 else np.dstack([shown] * 3)
+
     def joined(self, bands: Iterable[tuple[Intensities, Mask]]) -> Intensities:
         """Join the bands of `bands` into one picture, (H, W, 3) or (H, W), which is never in memory twice."""
         picture = self.empty(*self.size)

@@ -18,6 +18,8 @@ from skymosaic.flight.picture.composition import Composition, Room
 from skymosaic.imagery.band_writer import write_png
 from skymosaic.imagery.images import check_suffix, save
 from skymosaic.maps.geotiff import COMPRESSIONS, write_cog
+from skymosaic.maps.kmz import write_kmz
+from skymosaic.maps.tiles import write_mbtiles
 
 BYTES_PER_SAMPLE = 6
 """Two bytes in the plain raster, its overviews, and as much again in the finished file."""
@@ -54,10 +56,11 @@ def _write_png(path: Path, picture: Picture) -> None:
         write_png(path, composition.size, 3 if composition.coloured else 1, picture.in_8_bit())
 
 
-def _write_geotiff(path: Path, picture: Picture) -> None:
+def _complete(picture: Picture) -> Path:
+    """The raster of a picture, once its bands have ended."""
     for _ in picture.bands:
         pass
-    write_cog(path, picture.raster, picture.compress)
+    return picture.raster
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,10 @@ class Format:
     """Whether it is written from a plain GeoTIFF, which has all bits, bands and transparency."""
     on_map: bool = False
     """Whether it says where on the map the mosaic lies."""
+    only_map: bool = False
+    """Whether it cannot be without that place."""
+    in_colour: bool = False
+    """Whether the GeoTIFF has 8 bits of three colours, whatever the photographs have."""
     any_bands: bool = False
     """Whether it holds other bands than gray or colour."""
     compressions: tuple[str, ...] = ()
@@ -84,12 +91,29 @@ FORMATS = (
     Format((".jpg", ".jpeg"), _write_whole, max_side_px=65_500),
     Format(
         (".tif", ".tiff"),
-        _write_geotiff,
+        lambda path, picture: write_cog(path, _complete(picture), picture.compress),
         in_memory=False,
         from_raster=True,
         on_map=True,
         any_bands=True,
         compressions=COMPRESSIONS,
+    ),
+    Format(
+        (".mbtiles",),
+        lambda path, picture: write_mbtiles(path, _complete(picture), picture.composition.values),
+        in_memory=False,
+        from_raster=True,
+        on_map=True,
+        only_map=True,
+    ),
+    Format(
+        (".kmz",),
+        lambda path, picture: write_kmz(path, _complete(picture)),
+        in_memory=False,
+        from_raster=True,
+        on_map=True,
+        only_map=True,
+        in_colour=True,
     ),
     Format((".webp",), _write_whole, max_side_px=16_383),
     Format((".bmp",), _write_whole),
@@ -160,6 +184,10 @@ class OutputForm:
             raise InputError(f"{path}: {self.compress} compression is for .tif; leave it out, or end the name in .tif")
         if self.require_map and not kind.on_map and self.tiles is None:
             raise InputError(f"{path}: {path.suffix} files are no maps, and a map is required; end the name in .tif")
+
+    def needs_place(self, path: Path) -> bool:
+        """Whether nothing is written into a file of this name without a place on the map."""
+        return self.require_map or format_of(path).only_map
 
     def numbered(self, number: int) -> OutputForm:
         """The form of one of several mosaics, counted from 1."""

@@ -89,6 +89,8 @@ def deliver(
     bands = _collect_previews(bands, composition, min(1.0, preview_width_px / composition.size[0]), previews)
     with temporary_folder(path.parent) as folder:
         raster = folder / "mosaic.tif"
+        if kind.in_colour:
+            bands = ((composition.in_colour(pixels), mask) for pixels, mask in bands)
         if kind.from_raster or form.tiles is not None:
             bands = tee_to_raster(raster, composition.size, bands, on_map, composition.band_names, mosaic=path)
         kind.write(path, Picture(composition, bands, raster, form.compress, flight.pair is not None))
@@ -102,7 +104,7 @@ def deliver(
                 tiles = form.tiles
     note = composition.place.note
     if not note and not kind.on_map:
-        note = f"{path.suffix} files have no georeference; .tif files do"
+        note = f"{path.suffix} files have no georeference; .tif, .mbtiles and .kmz files do"
     preview, coverage = map(np.concatenate, zip(*previews, strict=True))
     return Delivery(
         path, flight, layout, composition, note, preview, coverage, clock.lap("writing"), tiles, tuple(failures)

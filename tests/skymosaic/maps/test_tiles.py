@@ -1,17 +1,22 @@
+import contextlib
 import json
 import re
+import resource
+import sqlite3
 from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import rasterio
+import rasterio.warp
 
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.exif import Position
 from skymosaic.maps.georeference import Georeference, map_to_globe, project_to_utm
 from skymosaic.maps.geotiff import tee_to_raster
-from skymosaic.maps.tiles import TILE_PX, Pyramid, write_tiles
+from skymosaic.maps.tiles import TILE_PX, Pyramid, write_mbtiles, write_tiles
 
 WIDTH, HEIGHT, METRES = 900, 700, 0.1
 PLACE = Georeference("EPSG:32615", np.array([[METRES, 0, 430_000], [0, -METRES, 5_190_000], [0, 0, 1]]), 0.5)
@@ -126,3 +131,36 @@ def test_the_page_needs_no_network_and_quotes_its_title(tmp_path: Path) -> None:
     (facts,) = map(json.loads, re.findall(r"const facts = (.*);", page))
     assert facts["title"] == "</script><b>"
     assert page.count("</script>") == 1
+
+
+def test_mbtiles_have_the_same_tiles_where_gdal_finds_the_mosaic(tmp_path: Path) -> None:
+    raw = raster(tmp_path / "m.tif", PLACE)
+    pyramid = write_tiles(tmp_path / "tiles", raw, "m", None)
+    write_mbtiles(tmp_path / "field.mbtiles", raw, None)
+    with contextlib.closing(sqlite3.connect(tmp_path / "field.mbtiles")) as database:
+        rows = database.execute("SELECT * FROM tiles").fetchall()
+        about = dict(database.execute("SELECT * FROM metadata"))
+    files = {f"{zoom}/{column}/{2**zoom - 1 - row}.webp": tile for zoom, column, row, tile in rows}
+    written = (tmp_path / "tiles").rglob("*.webp")
+    assert files == {path.relative_to(tmp_path / "tiles").as_posix(): path.read_bytes() for path in written}
+    assert (about["name"], about["minzoom"], about["maxzoom"]) == ("field", str(pyramid.top), str(pyramid.zoom))
+    with rasterio.open(tmp_path / "field.mbtiles") as made, rasterio.open(raw) as file:
+        box = np.array(rasterio.warp.transform_bounds(file.crs, made.crs, *file.bounds))
+        assert np.abs(np.array(made.bounds) - box).max() < made.res[0]
+        x, y = rasterio.warp.transform(file.crs, made.crs, [430_000 + 64.0], [5_190_000 - 21.0])
+        row, column = made.index(x[0], y[0])
+        window = rasterio.windows.Window(column - 40, row - 40, 80, 80)
+        assert np.abs(red(np.moveaxis(made.read([3, 2, 1], window=window), 0, -1)) - 40).max() < 1
+        assert made.overviews(1) == [2, 4][: pyramid.zoom - pyramid.top]
+
+
+def test_mbtiles_on_a_full_disk_are_refused_in_a_line(tmp_path: Path) -> None:
+    raw = raster(tmp_path / "m.tif", PLACE)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))
+    try:
+        with pytest.raises(InputError, match=r"m\.mbtiles: cannot be written \(.*\); choose another folder"):
+            write_mbtiles(tmp_path / "m.mbtiles", raw, None)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert [each.name for each in tmp_path.iterdir()] == ["m.tif"]

@@ -169,6 +169,17 @@ def test_what_a_file_cannot_hold_is_refused_or_reduced_before_it_is_rendered(
     assert not any(tmp_path.iterdir())
 
 
+def test_a_map_for_the_eye_needs_a_place(flight: Flight, surveyed: Path, tmp_path: Path) -> None:
+    with open_run(flight.images[:3], MosaicOptions(cache=surveyed)) as run:
+        refused = pytest.raises(RegistrationError, match=r"m\.kmz has no place on the map: .*; nothing was written")
+        with refused:
+            run.write(tmp_path / "m.kmz")
+        mosaic = Mosaic(np.zeros((4, 4), np.uint8), run.flight, run.layouts[0], run.composition(run.layouts[0]))
+        with refused:
+            mosaic.save(tmp_path / "m.kmz")
+    assert not any(tmp_path.iterdir())
+
+
 def test_control_points_must_reach_the_largest_group_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
     def place(*_: Any) -> None:
         raise InputError("too few control points")

@@ -69,6 +69,9 @@ TILES = Path("tiles")
         ("m.png", OutputForm(require_map=True), 0, "m.png: .png files are no maps, and a map is required"),
         ("m.png", OutputForm(tiles=TILES, require_map=True), 0, ""),
         ("m.tif", OutputForm(require_map=True), 0, ""),
+        ("m.kmz", OutputForm(require_map=True), 0, ""),
+        ("m.kmz", OutputForm(), 5, "m.kmz: a mosaic of 5 bands must be a .tif"),
+        ("m.mbtiles", OutputForm("jpeg"), 0, "m.mbtiles: jpeg compression is for .tif; leave it out"),
         ("m.png", OutputForm(), 0, ""),
     ],
 )

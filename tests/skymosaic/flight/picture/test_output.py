@@ -6,6 +6,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import rasterio
 
 from skymosaic.common.errors import InputError
 from skymosaic.compositing.warp import Canvas
@@ -15,14 +16,15 @@ from skymosaic.flight.picture.formats import OutputForm
 from skymosaic.flight.picture.output import deliver
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.lens import Lens
+from skymosaic.maps.georeference import Georeference
 
 
 @pytest.mark.parametrize(
     ("name", "note", "says"),
     [
-        ("m.png", "", ".png files have no georeference; .tif files do"),
+        ("m.png", "", ".png files have no georeference; .tif, .mbtiles and .kmz files do"),
         ("m.png", "no GPS", "no GPS"),
-        ("m.bmp", "", ".bmp files have no georeference; .tif files do"),
+        ("m.bmp", "", ".bmp files have no georeference; .tif, .mbtiles and .kmz files do"),
         ("m.tif", "", ""),
         ("m.TIFF", "no GPS", "no GPS"),
     ],
@@ -50,6 +52,24 @@ def test_what_is_delivered_is_written_and_previewed(
         np.asarray(cv2.imread(str(tmp_path / name), cv2.IMREAD_UNCHANGED))[..., 0:60].max(), 90
     )
     assert {each.name for each in tmp_path.iterdir()} == {name, "tiles"}
+
+
+@pytest.mark.parametrize("name", ["m.kmz", "m.mbtiles"])
+def test_maps_for_the_eye_show_gray_of_16_bits_in_8(tmp_path: Path, name: str) -> None:
+    on_map = Georeference("EPSG:32633", np.array([[1, 0, 480_000], [0, -1, 5_200_000], [0, 0, 1]]), 0.5)
+    values = ValueRange(0, 20_000, deep=True)
+    composition = Composition(
+        (), Canvas(0, 0, 90, 60), False, "distance", Lens(), values, place=MapPlace(georeference=on_map)
+    )
+    flight: Any = SimpleNamespace(pair=None, folders=[])
+    bands = [(np.full((60, 90), 10_000, np.uint16), np.ones((60, 90), np.bool_))]
+    made = deliver(tmp_path / name, flight, flight, composition, bands)
+    assert (made.map_note, made.failures) == ("", ())
+    with rasterio.open(tmp_path / name) as file:
+        assert file.count == 4
+        np.testing.assert_allclose(
+            file.read([1, 2, 3, 4])[:, *[side // 2 for side in file.shape]], [128] * 3 + [255], atol=2
+        )
 
 
 @pytest.mark.parametrize("values", [None, ValueRange(0, 1), ValueRange(0, 1, deep=True)])
