@@ -57,7 +57,7 @@ def tee_to_raster(
             planes = [pixels] if pixels.ndim == 2 else cv2.split(pixels)
             # OpenCV's order is BGR, a file's RGB; bands are in order already.
             planes = planes[::-1] if len(planes) == 3 and not names else planes
-            with writing(mosaic or path):
+            with _writing(mosaic or path):
                 if file is None:
                     file = stack.enter_context(_create(path, (*size, len(planes)), pixels.dtype, georeference, names))
                 opaque = shown * pixels.dtype.type(np.iinfo(pixels.dtype).max)
@@ -68,7 +68,7 @@ def tee_to_raster(
 
 
 @contextlib.contextmanager
-def writing(path: Path, least_bytes: int = 1 << 20) -> Iterator[None]:
+def _writing(path: Path, least_bytes: int = 1 << 20) -> Iterator[None]:
     """Context in which rasterio's errors become one line about ``path``; with less free space the disk is full."""
     with configured_rasterio():
         try:
@@ -121,5 +121,5 @@ def write_cog(path: Path, raster: Path, compress: str = "deflate") -> None:
     # Several threads give the same bytes as one.
     options = {"num_threads": "ALL_CPUS", "overview_resampling": "average", "bigtiff": "if_safer"} | _OPTIONS[compress]
     # The errors' context is the inner one: by then what was written still fills the disk, except GDAL's overviews.
-    with write_atomically(path) as finished, writing(path, raster.stat().st_size):
+    with write_atomically(path) as finished, _writing(path, raster.stat().st_size):
         rasterio.shutil.copy(raster, finished, driver="COG", compress=compress, **options)

@@ -1,10 +1,12 @@
-"""Cuts a mosaic into map tiles (XYZ, Web Mercator), with a page that shows them without a network, or as MBTiles."""
+"""Maps for the eye: tiles (XYZ, Web Mercator) with a page that shows them without a network, MBTiles and KMZ."""
 
 import contextlib
+import html
 import json
 import math
 import re
 import sqlite3
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +21,7 @@ import rasterio.warp
 import rasterio.windows
 
 from golden_model.arrays import Pixels
+from golden_model.text import one_line
 from skymosaic.common.errors import InputError
 from skymosaic.common.temporary import PAGE, staged_folder, write_atomically
 from skymosaic.imagery.depth import ValueRange, show_in_8_bit
@@ -26,6 +29,13 @@ from skymosaic.maps.georeference import configured_rasterio
 
 TILE_PX = 256
 WEBP_QUALITY = 85
+KMZ_SIDE_PX = 8192
+"""What graphics cards show of one picture."""
+_KML = """<?xml version="1.0" encoding="UTF-8"?>
+<kml xmlns="http://www.opengis.net/kml/2.2"><Document><name>{name}</name>{content}</Document></kml>"""
+_REGION = "<Region><LatLonAltBox>{box}</LatLonAltBox></Region>"
+_LINK = f"<NetworkLink>{_REGION}<Link><href>map.kml</href></Link></NetworkLink>"
+_OVERLAY = f"{_REGION}<GroundOverlay><Icon><href>map.png</href></Icon><LatLonBox>{{box}}</LatLonBox></GroundOverlay>"
 MAX_ZOOM = 24
 """Zoom at which a pixel of Web Mercator is 9 mm; tiles are not finer."""
 _HALF_WORLD_M = math.pi * 6_378_137.0
@@ -82,8 +92,8 @@ def write_tiles(folder: Path, raster: Path, title: str, values: ValueRange | Non
     return pyramid
 
 
-def write_mbtiles(path: Path, raster: Path, values: ValueRange | None) -> None:
-    """Write the same tiles of a raster that has a place into one file of the format MBTiles 1.3.
+def write_mbtiles(path: Path, raster: Path) -> None:
+    """Write the same tiles of a raster that has 8 bits and a place into one file of the format MBTiles 1.3.
 
     Raises
     ------
@@ -93,18 +103,15 @@ def write_mbtiles(path: Path, raster: Path, values: ValueRange | None) -> None:
     try:
         with write_atomically(path) as made, contextlib.closing(sqlite3.connect(made)) as database, database:
             database.execute("CREATE TABLE metadata (name TEXT PRIMARY KEY, value TEXT)")
-            keys = "zoom_level INTEGER, tile_column INTEGER, tile_row INTEGER"
-            database.execute(
-                f"CREATE TABLE tiles ({keys}, tile_data BLOB, PRIMARY KEY (zoom_level, tile_column, tile_row))"
-            )
+            keys = "zoom_level", "tile_column", "tile_row"
+            database.execute(f"CREATE TABLE tiles ({', '.join(keys)}, tile_data BLOB, PRIMARY KEY ({', '.join(keys)}))")
 
             def put(zoom: int, column: int, row: int, tile: bytes) -> None:
                 # MBTiles count rows from the south.
-                place = zoom, column, (1 << zoom) - 1 - row
-                database.execute("INSERT INTO tiles VALUES (?, ?, ?, ?)", (*place, tile))
+                database.execute("INSERT INTO tiles VALUES (?, ?, ?, ?)", (zoom, column, (1 << zoom) - 1 - row, tile))
 
             with configured_rasterio(), rasterio.open(raster) as file:
-                pyramid = _cut(file, path, values, put)
+                pyramid = _cut(file, path, None, put)
                 bounds = rasterio.warp.transform_bounds(file.crs, "EPSG:4326", *file.bounds)
             about = {
                 "name": path.stem, "type": "overlay", "version": 1, "description": path.stem, "format": "webp",
@@ -112,6 +119,33 @@ def write_mbtiles(path: Path, raster: Path, values: ValueRange | None) -> None:
             }  # fmt: skip
             database.executemany("INSERT INTO metadata VALUES (?, ?)", about.items())
     except (rasterio.errors.RasterioError, sqlite3.Error) as error:
+        raise InputError(f"{path}: cannot be written ({error}); choose another folder") from None
+
+
+def write_kmz(path: Path, raster: Path) -> None:
+    """Write the same raster as one picture for Google Earth, reduced to at most 8192 pixels a side.
+
+    Raises
+    ------
+    InputError
+        As `write_mbtiles`.
+    """
+    try:
+        with configured_rasterio(), rasterio.open(raster) as file:
+            mercator_bounds(file, path)
+            with rasterio.vrt.WarpedVRT(file, crs="EPSG:4326", resampling=rasterio.enums.Resampling.cubic) as globe:
+                shape = [math.ceil(side / max(1, max(globe.shape) / KMZ_SIDE_PX)) for side in globe.shape]
+                average = rasterio.enums.Resampling.average
+                pixels = globe.read([3, 2, 1, 4], out_shape=(4, *shape), resampling=average)
+                edges = zip(("west", "south", "east", "north"), globe.bounds, strict=True)
+        box = "".join(f"<{edge}>{degrees:.10f}</{edge}>" for edge, degrees in edges)
+        with write_atomically(path) as made, zipfile.ZipFile(made, "w") as archive:
+            # GDAL reads a picture behind a link alone.
+            for part, content in (("doc.kml", _LINK), ("map.kml", _OVERLAY)):
+                name = html.escape(one_line(path.stem))
+                archive.writestr(part, _KML.format(name=name, content=content.format(box=box)))
+            archive.writestr("map.png", cv2.imencode(".png", np.moveaxis(pixels, 0, -1))[1].tobytes())
+    except rasterio.errors.RasterioError as error:
         raise InputError(f"{path}: cannot be written ({error}); choose another folder") from None
 
 

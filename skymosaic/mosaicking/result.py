@@ -124,7 +124,7 @@ class Mosaic:
         check_output(path, files, overwrite=overwrite)
         if form.needs_place(path):
             require_place(path, self.composition.place)
-        if not format_of(path).from_raster:
+        if not format_of(path).on_map:
             save(path, self.composition.in_8_bit(self.image))
             record_output(path, self.flight.folders)
             return

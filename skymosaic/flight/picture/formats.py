@@ -18,8 +18,7 @@ from skymosaic.flight.picture.composition import Composition, Room
 from skymosaic.imagery.band_writer import write_png
 from skymosaic.imagery.images import check_suffix, save
 from skymosaic.maps.geotiff import COMPRESSIONS, write_cog
-from skymosaic.maps.kmz import write_kmz
-from skymosaic.maps.tiles import write_mbtiles
+from skymosaic.maps.tiles import write_kmz, write_mbtiles
 
 BYTES_PER_SAMPLE = 6
 """Two bytes in the plain raster, its overviews, and as much again in the finished file."""
@@ -33,7 +32,7 @@ class Picture:
     bands: Iterable[tuple[Intensities, Mask]]
     """Whole rows from the top, rendered as they are asked for, each with a mask of where a photograph shows."""
     raster: Path
-    """A plain GeoTIFF of all bands for kinds that are made ``from_raster``; complete when the bands have ended."""
+    """A plain GeoTIFF of all bands, complete, for kinds that are ``on_map``; the bands have ended then."""
     compress: str
     of_two: bool
     """Whether two photographs make it, whose picture fits in memory."""
@@ -56,13 +55,6 @@ def _write_png(path: Path, picture: Picture) -> None:
         write_png(path, composition.size, 3 if composition.coloured else 1, picture.in_8_bit())
 
 
-def _complete(picture: Picture) -> Path:
-    """The raster of a picture, once its bands have ended."""
-    for _ in picture.bands:
-        pass
-    return picture.raster
-
-
 @dataclass(frozen=True)
 class Format:
     """A kind of file."""
@@ -72,14 +64,10 @@ class Format:
     max_side_px: int = Room.side_px
     in_memory: bool = True
     """Whether it is written from a whole picture in memory; otherwise it may become as large as the disk."""
-    from_raster: bool = False
-    """Whether it is written from a plain GeoTIFF, which has all bits, bands and transparency."""
     on_map: bool = False
-    """Whether it says where on the map the mosaic lies."""
+    """Whether it says where on the map the mosaic lies, and is written from a plain GeoTIFF with all bits and bands."""
     only_map: bool = False
-    """Whether it cannot be without that place."""
-    in_colour: bool = False
-    """Whether the GeoTIFF has 8 bits of three colours, whatever the photographs have."""
+    """Whether it cannot be without that place; the GeoTIFF has 8 bits of three colours then."""
     any_bands: bool = False
     """Whether it holds other bands than gray or colour."""
     compressions: tuple[str, ...] = ()
@@ -91,30 +79,14 @@ FORMATS = (
     Format((".jpg", ".jpeg"), _write_whole, max_side_px=65_500),
     Format(
         (".tif", ".tiff"),
-        lambda path, picture: write_cog(path, _complete(picture), picture.compress),
+        lambda path, picture: write_cog(path, picture.raster, picture.compress),
         in_memory=False,
-        from_raster=True,
         on_map=True,
         any_bands=True,
         compressions=COMPRESSIONS,
     ),
-    Format(
-        (".mbtiles",),
-        lambda path, picture: write_mbtiles(path, _complete(picture), picture.composition.values),
-        in_memory=False,
-        from_raster=True,
-        on_map=True,
-        only_map=True,
-    ),
-    Format(
-        (".kmz",),
-        lambda path, picture: write_kmz(path, _complete(picture)),
-        in_memory=False,
-        from_raster=True,
-        on_map=True,
-        only_map=True,
-        in_colour=True,
-    ),
+    Format((".mbtiles",), lambda path, it: write_mbtiles(path, it.raster), in_memory=False, on_map=True, only_map=True),
+    Format((".kmz",), lambda path, it: write_kmz(path, it.raster), in_memory=False, on_map=True, only_map=True),
     Format((".webp",), _write_whole, max_side_px=16_383),
     Format((".bmp",), _write_whole),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,10 +90,12 @@ def deliver(
     bands = _collect_previews(bands, composition, min(1.0, preview_width_px / composition.size[0]), previews)
     with temporary_folder(path.parent) as folder:
         raster = folder / "mosaic.tif"
-        if kind.in_colour:
+        if kind.only_map:
             bands = ((composition.in_colour(pixels), mask) for pixels, mask in bands)
-        if kind.from_raster or form.tiles is not None:
+        if kind.on_map or form.tiles is not None:
             bands = tee_to_raster(raster, composition.size, bands, on_map, composition.band_names, mosaic=path)
+        if kind.on_map:
+            deque(bands, maxlen=0)
         kind.write(path, Picture(composition, bands, raster, form.compress, flight.pair is not None))
         # At once: if the tiles fail, the next run must not take the mosaic for a photograph.
         with noting(failures):

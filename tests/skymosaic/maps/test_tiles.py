@@ -136,7 +136,7 @@ def test_the_page_needs_no_network_and_quotes_its_title(tmp_path: Path) -> None:
 def test_mbtiles_have_the_same_tiles_where_gdal_finds_the_mosaic(tmp_path: Path) -> None:
     raw = raster(tmp_path / "m.tif", PLACE)
     pyramid = write_tiles(tmp_path / "tiles", raw, "m", None)
-    write_mbtiles(tmp_path / "field.mbtiles", raw, None)
+    write_mbtiles(tmp_path / "field.mbtiles", raw)
     with contextlib.closing(sqlite3.connect(tmp_path / "field.mbtiles")) as database:
         rows = database.execute("SELECT * FROM tiles").fetchall()
         about = dict(database.execute("SELECT * FROM metadata"))
@@ -160,7 +160,7 @@ def test_mbtiles_on_a_full_disk_are_refused_in_a_line(tmp_path: Path) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))
     try:
         with pytest.raises(InputError, match=r"m\.mbtiles: cannot be written \(.*\); choose another folder"):
-            write_mbtiles(tmp_path / "m.mbtiles", raw, None)
+            write_mbtiles(tmp_path / "m.mbtiles", raw)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert [each.name for each in tmp_path.iterdir()] == ["m.tif"]
