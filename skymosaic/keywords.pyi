@@ -4,6 +4,7 @@
 # mypy: disable-error-code="attr-defined"
 from typing import TypedDict
 
+from skymosaic.mosaicking.options import BaseMap
 from skymosaic.mosaicking.options import Blending
 from skymosaic.mosaicking.options import Candidate
 from skymosaic.mosaicking.options import ControlPoints
@@ -71,6 +72,7 @@ class MosaicKeywords(TypedDict, total=False):
     lens: Lens | None
     control_points: ControlPoints | None
     positions: Positions | None
+    onto: BaseMap | None
     keep_all: bool
     scheduler: str | None
     cache: Path | None

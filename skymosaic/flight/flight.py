@@ -14,6 +14,7 @@ from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import Settings, View
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
+from skymosaic.maps.control_points import ControlPoints
 from skymosaic.registration.pair import Pair
 
 BLURRED = 0.25
@@ -47,6 +48,8 @@ class Flight:
     """The lens estimated from tie points. Views, links and layouts are then those of straightened photographs."""
     found_mask: Pixels | None = None
     """The lens's mask, where it was found in the photographs, see `skymosaic.flight.pairing.own_mask`."""
+    onto: ControlPoints | None = None
+    """What ties it to another map."""
     positions: str = ""
     """The file that says where the cameras were, instead of their GPS; else empty."""
 

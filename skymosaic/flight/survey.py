@@ -20,6 +20,7 @@ from skymosaic.flight.linking.links import Candidate, Link, valid_links
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import Settings, View
 from skymosaic.flight.mapping.anchoring import fit_layout
+from skymosaic.flight.mapping.onto import tie_to_map
 from skymosaic.flight.pairing.belonging import find_strangers
 from skymosaic.flight.pairing.candidates import predicted
 from skymosaic.flight.pairing.linked_views import LinkedViews, link_all
@@ -27,6 +28,7 @@ from skymosaic.flight.pairing.own_mask import mask_own
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.photographs import Source
+from skymosaic.maps.base_map import BaseMap
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.positions import Fix, Positions
 from skymosaic.running.workers import Workers
@@ -41,6 +43,7 @@ def survey(
     *,
     positions: Positions | None = None,
     control: ControlPoints | None = None,
+    onto: BaseMap | None = None,
     keep_all: bool = False,
     given: Mapping[Candidate, GivenMatches] | None = None,
 ) -> Flight:
@@ -56,6 +59,8 @@ def survey(
         Where the cameras were, instead of what the photographs contain.
     control : ControlPoints or None
         Surveyed points, instead of positions.
+    onto : BaseMap or None
+        A map onto which it is laid where the photographs register with it.
     keep_all : bool
         Whether to take what differs from the other photographs in several properties.
     given : mapping of pair to GivenMatches, or None
@@ -107,7 +112,12 @@ def survey(
         found_mask=lens.mask if settings.lens.mask is None else None,
         positions="" if positions is None else positions.name,
     )
-    return replace(flight, layouts=tuple(fit_layout(flight, layout, control) for layout in layouts))
+    flight = replace(flight, layouts=tuple(fit_layout(flight, layout, control) for layout in layouts))
+    if onto is None:
+        return flight
+    flight = replace(flight, onto=tie_to_map(onto, flight, control, seed, workers))
+    clock.lap("map")
+    return replace(flight, layouts=tuple(fit_layout(flight, layout, control) for layout in flight.layouts))
 
 
 def _describe(

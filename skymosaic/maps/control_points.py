@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import rasterio.crs
 
-from golden_model.arrays import Points
+from golden_model.arrays import Matrix, Points
 from golden_model.small_files import read_small_file
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.exif import Position
@@ -54,6 +54,16 @@ class ControlPoints:
     """East and north, (N, 2)."""
     names: tuple[str, ...]
     sightings: tuple[Sighting, ...]
+    tried: int = 0
+    """Photographs that may have been tied to another map. If any, pixels are those of straightened, upright ones."""
+    grid: Matrix | None = None
+    """The pixels of that map, centres at integers, to metres; None where they are no squares in metres."""
+
+    @property
+    def description(self) -> str:
+        """How many photographs are tied to another map."""
+        held = len({sighting.photograph for sighting in self.sightings})
+        return f"{held} of {self.tried} photographs register with {Path(self.name).name}"
 
     def checks(self, point: int) -> bool:
         """Whether a point has no part in the layout and shows how exact it is."""
@@ -92,7 +102,7 @@ def load_control_points(path: Path) -> ControlPoints:
         if not names[point] or name.startswith(CHECK_PREFIX):
             names[point] = name
         sightings.append(Sighting(point, photograph, *pixel))
-    crs, metres = _convert_to_metres(path, lines[0][1], np.array(list(index))[:, :2])
+    crs, metres = convert_to_metres(path, lines[0][1], np.array(list(index))[:, :2])
     named = tuple(name or f"point {number}" for number, name in enumerate(names, start=1))
     return ControlPoints(str(path), crs, metres, named, tuple(sightings))
 
@@ -191,7 +201,7 @@ def _check_unit(path: Path, crs: Any, points: Points) -> None:
         )
 
 
-def _convert_to_metres(path: Path, name: str, points: Points) -> tuple[str, Points]:
+def convert_to_metres(path: Path, name: str, points: Points) -> tuple[str, Points]:
     """Points in metres to the east and north, and the name of their system: UTM, unless theirs is such."""
     crs = read_system(path, name)
     utm, metres = project_to_utm(_positions(path, crs, points))

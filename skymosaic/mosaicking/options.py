@@ -13,6 +13,7 @@ from skymosaic.flight.linking.links import Candidate
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.picture.composition import MEMORY_BYTES
 from skymosaic.imagery.lens import Lens, load_lens
+from skymosaic.maps.base_map import BaseMap, load_base_map
 from skymosaic.maps.control_points import ControlPoints, load_control_points
 from skymosaic.maps.positions import Positions, load_positions
 from skymosaic.mosaicking.result import Mosaic
@@ -83,6 +84,13 @@ class SurveyOptions(FolderOptions, Seeded, PhotographOptions):
         read=load_positions,
         not_for_two="two photographs stay in the frame of the right one",
     )
+    onto: BaseMap | None = option(
+        None,
+        "Lay the mosaic onto this map, any georeferenced raster, in its system and on its grid; needs GPS.",
+        MAP,
+        read=load_base_map,
+        not_for_two="two photographs stay in the frame of the right one",
+    )
     keep_all: bool = option(
         False,
         "Take pictures that differ from the others in size, kind, GPS and the like, as maps and contact sheets do.",
@@ -118,7 +126,8 @@ class MosaicOptions(CanvasOptions, SurveyOptions, RegistrationOptions):
     """How photographs become a mosaic. Each option applies, or `check_for` refuses it with the reason.
 
     ``lens`` comes from `skymosaic.imagery.lens.load_lens`, ``control_points`` from
-    `skymosaic.maps.control_points.load_control_points`, ``positions`` from `skymosaic.maps.positions.load_positions`.
+    `skymosaic.maps.control_points.load_control_points`, ``positions`` from `skymosaic.maps.positions.load_positions`,
+    ``onto`` from `skymosaic.maps.base_map.load_base_map`.
     The reference photograph of ``scale`` is the right one of two; of more it is the most connected one, without its
     tilt. With a ``scheduler``, two photographs are registered here and blended there. ``repeat`` is a mosaic whose
     transformations, links and lens are taken over for other photographs from the same places, in the same order:
@@ -169,8 +178,11 @@ class MosaicOptions(CanvasOptions, SurveyOptions, RegistrationOptions):
         self.check()
         if self.gsd_m is not None and self.scale != 1:
             raise InputError("`gsd_m` and `scale` both set the size of the mosaic; leave one out")
-        if self.repeat is not None and self.positions is not None:
-            raise InputError("`positions` and `repeat` both place the photographs; leave one out")
+        if self.onto is not None and self.scale != 1:
+            raise InputError("`onto` and `scale` both set the size of the mosaic; leave one out, or give `gsd_m`")
+        for name in ("positions", "onto"):
+            if self.repeat is not None and getattr(self, name) is not None:
+                raise InputError(f"`{name}` and `repeat` both place the photographs; leave one out")
         if self.lens is not None and self.lens.mask is not None and self.warp != "homography":
             raise InputError("`warp`: a mask would not be bent with the photograph; leave one out")
         method, _ = self.choose_method()

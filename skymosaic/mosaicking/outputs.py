@@ -45,6 +45,7 @@ def check_outputs(
     """
     form.check(output, len(sources[0].bands))
     inputs = [file for source in sources for file in source.files]
+    inputs += [Path(options.onto.name)] if options.onto is not None else []
     if form.tiles is not None:
         check_output_folder(form.tiles, inputs, OWN_NAMES, overwrite=overwrite)
     check_output(output, inputs, overwrite=overwrite)

@@ -252,6 +252,7 @@ def lay_out(sources: Sequence[Source], options: SurveyOptions, workers: Workers,
         open_cache(options.cache, tell),
         positions=options.positions,
         control=options.control_points,
+        onto=options.onto,
         keep_all=options.keep_all,
         given=options.read_matches(len(sources)),
     )

@@ -124,7 +124,7 @@ def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
 
 
 def _map_numbers(delivery: Delivery) -> dict[str, Any]:
-    on_map, place = delivery.georeference, delivery.composition.place
+    on_map, place, onto = delivery.georeference, delivery.composition.place, delivery.flight.onto
     if on_map is None:
         return {"crs": None}
     offsets = {name: round(m, 3) for name, m in zip(place.fitted_to, on_map.offsets_m, strict=True) if np.isfinite(m)}
@@ -133,6 +133,7 @@ def _map_numbers(delivery: Delivery) -> dict[str, Any]:
         "canvas_to_map": on_map.to_map.tolist(),
         "metres_a_pixel": on_map.metres_per_pixel,
         "fitted_to": place.by,
+        "onto": onto and onto.description,
         "residual_m": round(on_map.residual_m, 3),
         "residual_of_all_m": round(on_map.residual_of_all_m, 3),
         "scale_error_95": None if np.isnan(on_map.scale_error) else round(on_map.scale_error, 6),

@@ -108,6 +108,8 @@ def _describe_map(delivery: Delivery) -> str:
     if delivery.flight.pair is None:
         of_all = f" ({on_map.residual_of_all_m:.2f} m of all)" if on_map.disagreeing else ""
         parts.append(f"{place.by} residual {on_map.residual_m:.2f} m{of_all}")
+    if delivery.flight.onto is not None:
+        parts.append(delivery.flight.onto.description)
     if place.checked_m:
         parts.append(f"{len(place.checked_m)} check points off by {place.checked_rms_m:.2f} m (root mean square)")
     if np.isfinite(on_map.scale_error):

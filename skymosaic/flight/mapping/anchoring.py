@@ -67,11 +67,12 @@ def fit_layout(flight: Flight, layout: Layout, control: ControlPoints | None = N
 def _observe(flight: Flight, layout: Layout, control: ControlPoints | None) -> Iterator[Observation]:
     """What is known of places in a layout."""
     place = place_on_map(flight, layout, control)
-    if (on_map := place.georeference) is None:
+    # A map that does not hold must not move the layout.
+    if (on_map := place.georeference) is None or (flight.onto is not None and place.control is not flight.onto):
         return
     to_ground = np.asarray(np.linalg.inv(on_map.to_map @ flight.views[layout.reference].to_original), np.float64)
     px_per_m = magnification(flight.views[layout.reference].size, to_ground @ on_map.to_map) / on_map.metres_per_pixel
-    if control is not None:
+    if (control := place.control) is not None:
         scales = {m: magnification(flight.views[m].size, each) for m, each in layout.to_reference(flight.views).items()}
         for member, point, pixel in sightings_of(control, flight, layout):
             if not control.checks(point):

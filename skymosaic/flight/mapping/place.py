@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from golden_model.arrays import Points
+from golden_model.arrays import Matrix, Points
 from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
@@ -38,7 +38,9 @@ class MapPlace:
     fitted_to: tuple[str, ...] = ()
     """Names of the photographs or control points that the georeference's offsets belong to."""
     by: str = "GPS"
-    """Or "positions", or "control points"."""
+    """Or "positions", "control points", or "other map"."""
+    control: ControlPoints | None = None
+    """The control points that it is fitted to, or ties to another map."""
     note: str = ""
     """Why there is none, or why it may be wrong; else empty."""
     height_m: float | None = None
@@ -53,6 +55,11 @@ class MapPlace:
     """What makes it doubtful, a line each: two sources that contradict each other, or a scale known badly."""
 
     @property
+    def grid(self) -> Matrix | None:
+        """The pixels of the other map, which the mosaic takes over, to metres."""
+        return None if self.control is None else self.control.grid
+
+    @property
     def disagreeing(self) -> list[tuple[str, float]]:
         """Photographs or control points that disagree with the others, and by how many metres, the worst first."""
         if (on_map := self.georeference) is None:
@@ -62,6 +69,9 @@ class MapPlace:
 
     def describe_disagreeing(self) -> str:
         """Name the positions that the map is made without, as "the GPS of A (6 m off)"; empty if there are none."""
+        if self.disagreeing and self.control is not None and self.control.tried:
+            off = f"{len(self.disagreeing)} of {len(self.fitted_to)}"
+            return f"{off} ties to the {self.by} (up to {self.disagreeing[0][1]:.1f} m off)"
         names = ", ".join(f"{name} ({offset:.0f} m off)" for name, offset in self.disagreeing)
         return names and f"the {self.by} of {names}"
 
@@ -107,8 +117,16 @@ def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None =
         place = _hold_against(replace(place, by="positions"), by, known, "GPS", cameras)
     if control is not None:
         fitted = _fit_to_control_points(control, flight, layout)
-        place = _hold_against(fitted, f"control points ({control.name})", place, by, cameras)
-    return place
+        by_control = f"control points ({control.name})"
+        place, by = _hold_against(fitted, by_control, place, by, cameras), by_control
+    if (ties := flight.onto) is None:
+        return place
+    try:
+        fitted = replace(_fit_to_control_points(ties, flight, layout), by="other map")
+        return _hold_against(fitted, f"the map {ties.name}", place, by, cameras)
+    except InputError as error:
+        # Too few hold, or they contradict each other or the place without them.
+        return replace(place, contradictions=(*place.contradictions, f"{error}; the mosaic is not laid onto it"))
 
 
 def _find_break(layout: Layout, place: MapPlace) -> str:
@@ -202,11 +220,13 @@ def tolerance_m(accuracy_m: float | None) -> float:
 
 
 def _fit_to_control_points(control: ControlPoints, flight: Flight, layout: Layout) -> MapPlace:
+    if control.tried and len({member for member, *_ in sightings_of(control, flight, layout)}) < MIN_POSITIONS:
+        raise InputError(f"{control.description}, and {MIN_POSITIONS} are needed")
     _check_site(control, flight, layout)
     place = _fit_to_clicks(control, flight, layout, as_stored=_are_clicked_as_stored(control, flight, layout))
     if place.georeference is None:
         raise InputError(f"{control.name}: {place.note}")
-    return place
+    return replace(place, control=control)
 
 
 def _fit_to_clicks(control: ControlPoints, flight: Flight, layout: Layout, *, as_stored: bool) -> MapPlace:
@@ -222,7 +242,11 @@ def _fit_to_clicks(control: ControlPoints, flight: Flight, layout: Layout, *, as
     means = {point: np.mean(each, axis=0) for point, each in places.items()}
     names = tuple(control.names[point] for point in points)
     georeference, reason = fit_to_map(
-        np.array([means[point] for point in points]), control.metres[points], control.crs, names, in_time=False
+        np.array([means[point] for point in points]),
+        control.metres[points],
+        control.crs,
+        names,
+        in_time=bool(control.tried),
     )
     if georeference is None:
         return MapPlace(note=f"{reason}; check the coordinates and pixels")
@@ -242,7 +266,7 @@ def _fit_to_clicks(control: ControlPoints, flight: Flight, layout: Layout, *, as
 
 def _are_clicked_as_stored(control: ControlPoints, flight: Flight, layout: Layout) -> bool:
     """Whether the pixels of control points fit better in photographs as stored: some programs do not turn them."""
-    if all(flight.views[member].orientation == UPRIGHT for member in layout.members):
+    if control.tried or all(flight.views[member].orientation == UPRIGHT for member in layout.members):
         return False
     fits = [_fit_to_clicks(control, flight, layout, as_stored=stored).georeference for stored in (False, True)]
     misfit_m, misfit_as_stored_m = (np.inf if fit is None else fit.residual_of_all_m for fit in fits)
@@ -267,7 +291,8 @@ def _locate(
             pixel = np.array([[sighting.x_px, sighting.y_px]])
             if as_stored:
                 pixel = apply(turn_matrix(view.size, view.orientation), pixel)
-            pixel = flight.lens.turned(view.orientation).straighten_points(pixel, view.size)
+            if not control.tried:
+                pixel = flight.lens.turned(view.orientation).straighten_points(pixel, view.size)
             if mesh is not None:
                 to_working = np.asarray(np.linalg.inv(view.to_original))
                 pixel = apply(view.to_original, mesh.find(apply(to_working, pixel)))

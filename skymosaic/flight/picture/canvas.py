@@ -35,7 +35,7 @@ def place_on_canvas(
 
     def lay(scale: float) -> tuple[Array, list[Array], Canvas]:
         if on_map is not None and flight.pair is None:
-            to_canvas = north_up(on_map, on_map.metres_per_pixel * usual / scale)
+            to_canvas = north_up(on_map, on_map.metres_per_pixel * usual / scale, place.grid)
         else:
             to_canvas = resize_matrix(scale / usual)
         transforms = [to_canvas @ transform for transform in to_reference]
@@ -84,9 +84,18 @@ def check_scale(scale: float, sizes: Sequence[tuple[int, int]], lack: str = "") 
         raise InputError(f"each photograph is smaller than a pixel{remedy}")
 
 
-def north_up(georeference: Georeference, metres_per_pixel: float) -> Matrix:
-    """Pixels of a georeference to pixels of a map with north up and ``metres_per_pixel``, (3, 3)."""
+def north_up(georeference: Georeference, metres_per_pixel: float, grid: Matrix | None = None) -> Matrix:
+    """Pixels of a georeference to pixels of a map with north up and ``metres_per_pixel``, (3, 3).
+
+    With the ``grid`` of another map, pixels to metres, they lie on its pixels; where theirs are of another size, their
+    corners are at multiples of it.
+    """
     to_canvas = np.diag([1 / metres_per_pixel, -1 / metres_per_pixel, 1.0]) @ georeference.to_map
+    if grid is not None:
+        if math.isclose(math.hypot(*grid[:2, 0]), metres_per_pixel):
+            to_canvas = np.linalg.inv(grid) @ georeference.to_map
+        else:
+            to_canvas[:2] -= 0.5 * to_canvas[2]
     # The origin is arbitrary; small numbers keep their digits.
     to_canvas[:2, 2] -= np.round(to_canvas[:2, 2])
     return np.asarray(to_canvas)

@@ -1,5 +1,6 @@
 """Prepares the picture of a layout: its canvas, exposure and seams, from thumbnails alone."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -17,7 +18,7 @@ from skymosaic.flight.flight import BLURRED, Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.view import View
 from skymosaic.flight.mapping.place import NOWHERE, MapPlace
-from skymosaic.flight.picture.canvas import place_on_canvas, scale_for
+from skymosaic.flight.picture.canvas import place_on_canvas, scale_for, usual_magnification
 from skymosaic.flight.picture.composition import Composition, Room
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.depth import ValueRange
@@ -73,6 +74,9 @@ def compose(
     blending = blending or ("multiband" if flight.pair is None else "distance")
     if gsd_m is not None:
         scale = scale_for(flight, layout, place.georeference, gsd_m)
+    elif place.georeference is not None and place.grid is not None:
+        finest_m = place.georeference.metres_per_pixel * usual_magnification(flight, layout)
+        scale = finest_m / math.hypot(*place.grid[:2, 0])
     composition = place_on_canvas(flight, layout, blending, scale=scale, room=room or Room(), place=place)
     if flight.pair is not None:
         return composition

@@ -55,6 +55,7 @@ def delivered(**changes: Any) -> Any:
         names=NAMES,
         views=views,
         pair=None,
+        onto=None,
         links=(*layout.links, *layout.contradicting, SimpleNamespace(holds=False)),
         left_out={2: "/site/2.jpg: blurred"},
     )

@@ -19,4 +19,5 @@ def lay_out(views: Sequence[Any], steps: Sequence[tuple[float, float]]) -> tuple
         settings=SimpleNamespace(lens=Lens()),
         layouts=(layout,),
         positions="",
+        onto=None,
     ), layout

@@ -1,0 +1,186 @@
+"""The second half of a rendered flight onto a map of the first; their GPS differs by 3 m, and the truth is known."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import rasterio
+import rasterio.enums
+import rasterio.vrt
+
+from sim.scene import make_lawnmower
+from skymosaic import Mosaic, mosaic
+from skymosaic.common.errors import InputError
+from skymosaic.geometry.homography import apply
+from skymosaic.maps.base_map import load_base_map
+from skymosaic.maps.georeference import reproject
+from skymosaic.mosaicking.options import MosaicOptions
+from tests.made import write_located
+
+METRES, PLACE, SIZE = 0.15, (46.0, 15.0), (640, 480)
+FLIGHT = make_lawnmower(3, 12, SIZE)
+HALVES = {"first": (range(7), (1.2, -0.8)), "second": (range(6, 11), (-1.0, 1.5))}
+"""Numbers of the photographs, and by how many metres all their GPS is off."""
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Mosaic]:
+    """A folder with the photographs of the second half, and the map of the first half as a file and as it was made."""
+    base = tmp_path_factory.mktemp("onto")
+    rng = np.random.default_rng(0)
+    for half, (numbers, off_m) in HALVES.items():
+        (base / half).mkdir()
+        for number in numbers:
+            pose = FLIGHT.poses[number]
+            moved_m = np.array([pose.x_px, -pose.y_px]) * METRES + off_m + rng.normal(0, 0.3, 2)
+            write_located(base / half / f"{number:02}.jpg", FLIGHT.images[number], PLACE, (moved_m[0], moved_m[1]))
+    first = mosaic(str(base / "first"), cache=base / "cache")
+    first.save(base / "map.tif")
+    return base, first
+
+
+def places(made: Mosaic, half: str, crs: str) -> np.ndarray:
+    """Where a mosaic has points of the ground that both halves show, in metres."""
+    ground = np.stack(np.meshgrid(*(np.arange(0, 2000, 40.0),) * 2), axis=-1).reshape(-1, 2) - 1000
+    found = np.full((len(HALVES[half][0]), len(ground), 2), np.nan)
+    for index, number in enumerate(HALVES[half][0]):
+        seen = apply(FLIGHT.homographies[number], ground)
+        inside = ((seen >= 0) & (seen <= np.array(SIZE) - 1)).all(axis=1)
+        on_map: Any = made.composition.place.georeference
+        at = apply(on_map.to_map @ made.transforms[index], seen[inside])
+        found[index, inside] = reproject(at, on_map.crs, crs)
+    known = np.isfinite(found).any(axis=(0, 2))
+    found[0, known] = np.nanmedian(found[:, known], axis=0)
+    return found[0]
+
+
+def rewrite(source: Path, target: Path, change: Callable[[np.ndarray], np.ndarray], **profile: Any) -> Path:
+    with rasterio.open(source) as file:
+        pixels, grid = change(file.read()), {"crs": file.crs, "transform": file.transform}
+    shape = {"count": len(pixels), "height": pixels.shape[1], "width": pixels.shape[2], "dtype": pixels.dtype}
+    with rasterio.open(target, "w", driver="GTiff", **{**grid, **shape, **profile}) as file:
+        file.write(pixels)
+    return target
+
+
+def turned(source: Path, target: Path) -> Path:
+    with rasterio.open(source) as file:
+        a, _, c, _, e, f = file.transform[:6]
+        transform = rasterio.Affine(0, -a, c + a * file.width, e, 0, f)
+    return rewrite(source, target, lambda pixels: np.rot90(pixels, axes=(1, 2)), transform=transform)
+
+
+def halved(source: Path, target: Path) -> Path:
+    with rasterio.open(source) as file:
+        a, _, c, _, e, f = file.transform[:6]
+
+    def halve(pixels: np.ndarray) -> np.ndarray:
+        even = pixels[:, : pixels.shape[1] // 2 * 2, : pixels.shape[2] // 2 * 2]
+        return np.stack([cv2.resize(each, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for each in even])
+
+    return rewrite(source, target, halve, transform=rasterio.Affine(2 * a, 0, c, 0, 2 * e, f))
+
+
+def gray_of_16_bits(source: Path, target: Path) -> Path:
+    def mix(pixels: np.ndarray) -> np.ndarray:
+        return np.where(pixels[3:] > 0, 500 + 100 * pixels[:3].mean(axis=0, keepdims=True), 0).astype(np.uint16)
+
+    return rewrite(source, target, mix, nodata=0)
+
+
+def in_system(crs: str) -> Callable[[Path, Path], Path]:
+    def warp(source: Path, target: Path) -> Path:
+        cubic = rasterio.enums.Resampling.cubic
+        with rasterio.open(source) as file, rasterio.vrt.WarpedVRT(file, crs=crs, resampling=cubic) as warped:
+            return rewrite(source, target, lambda _: warped.read(), crs=crs, transform=warped.transform)
+
+    return warp
+
+
+def elsewhere(source: Path, target: Path) -> Path:
+    """Ground of another place."""
+    return rewrite(source, target, lambda pixels: np.concatenate([pixels[:3, ::-1], pixels[3:, ::-1]]))
+
+
+MAPS: dict[str, tuple[Callable[[Path, Path], Path], str, bool]] = {
+    "same": (lambda source, _: source, "EPSG:32633", True),
+    "turned": (turned, "EPSG:32633", True),
+    "half": (halved, "EPSG:32633", True),
+    "gray": (gray_of_16_bits, "EPSG:32633", True),
+    "degrees": (in_system("EPSG:4326"), "EPSG:32633", False),
+    "zone": (in_system("EPSG:32632"), "EPSG:32632", True),
+}
+
+
+@pytest.mark.parametrize("kind", MAPS)
+def test_a_flight_is_laid_onto_a_map_of_any_form(flown: tuple[Path, Mosaic], tmp_path: Path, kind: str) -> None:
+    base, first = flown
+    make, crs, on_grid = MAPS[kind]
+    base_map = load_base_map(make(base / "map.tif", tmp_path / "map.tif"))
+    made = mosaic(str(base / "second"), onto=base_map, cache=base / "cache")
+    place, on_first = made.composition.place, first.composition.place.georeference
+    assert (place.by, place.contradictions) == ("other map", ())
+    assert made.flight.onto is not None
+    assert int(made.flight.onto.description[0]) >= 3
+    assert place.georeference is not None
+    assert on_first is not None
+    assert place.georeference.crs == crs
+    off_m = places(made, "second", "EPSG:32633") - places(first, "first", "EPSG:32633")
+    off_px = np.linalg.norm(off_m[np.isfinite(off_m).all(axis=1)], axis=1) / on_first.metres_per_pixel
+    assert len(off_px) > 100
+    assert np.median(off_px) < 0.5
+    assert np.percentile(off_px, 90) < 1
+    if on_grid:
+        between = np.linalg.inv(base_map.to_map) @ place.georeference.to_map
+        np.testing.assert_allclose(between[:2, :2], np.eye(2), atol=1e-6)
+        np.testing.assert_allclose(between[:2, 2], np.rint(between[:2, 2]), atol=1e-4)
+
+
+def test_a_map_that_nothing_registers_with_moves_nothing(flown: tuple[Path, Mosaic], tmp_path: Path) -> None:
+    base, _ = flown
+    alone = mosaic(str(base / "second"), cache=base / "cache").composition.place
+    made = mosaic(
+        str(base / "second"),
+        onto=load_base_map(elsewhere(base / "map.tif", tmp_path / "other.tif")),
+        cache=base / "cache",
+    ).composition.place
+    assert made.georeference is not None
+    assert alone.georeference is not None
+    np.testing.assert_array_equal(made.georeference.to_map, alone.georeference.to_map)
+    assert made.by == "GPS"
+    says = "0 of 5 photographs register with other.tif, and 3 are needed; the mosaic is not laid onto it"
+    assert made.contradictions[-1] == says
+
+
+def test_with_a_resolution_corners_of_pixels_are_at_its_multiples(flown: tuple[Path, Mosaic]) -> None:
+    base, _ = flown
+    made = mosaic(str(base / "second"), onto=load_base_map(base / "map.tif"), gsd_m=0.4, cache=base / "cache")
+    on_map = made.composition.place.georeference
+    assert on_map is not None
+    corner = on_map.to_map @ [-0.5, -0.5, 1]
+    np.testing.assert_allclose(np.diag(on_map.to_map)[:2], [0.4, -0.4], rtol=1e-9)
+    np.testing.assert_allclose(corner[:2] / 0.4, np.rint(corner[:2] / 0.4), atol=1e-4)
+
+
+def test_what_is_no_map_of_the_ground_is_refused_in_a_line(flown: tuple[Path, Mosaic], tmp_path: Path) -> None:
+    base, _ = flown
+    (tmp_path / "text.tif").write_text("no raster")
+    with pytest.raises(InputError, match=r"text\.tif: cannot be read as a map \(.*\); give a GeoTIFF"):
+        load_base_map(tmp_path / "text.tif")
+    cut = (base / "map.tif").read_bytes()
+    (tmp_path / "cut.tif").write_bytes(cut[: len(cut) // 2])
+    with pytest.raises(InputError, match=r"cut\.tif: cannot be read as a map \(.*\); give a GeoTIFF"):
+        mosaic(str(base / "second"), onto=load_base_map(tmp_path / "cut.tif"), cache=base / "cache")
+    plain = rewrite(base / "map.tif", tmp_path / "plain.tif", lambda pixels: pixels, crs=None)
+    with pytest.raises(InputError, match=r"plain\.tif: has no coordinate system, so it is no map"):
+        load_base_map(plain)
+    far = rasterio.Affine(0.15, 0, 600_000, 0, -0.15, 5_090_000)
+    away = rewrite(base / "map.tif", tmp_path / "away.tif", lambda pixels: pixels, transform=far)
+    with pytest.raises(InputError, match=r"away\.tif: shows too little of the photographs' ground; give a map of it"):
+        mosaic(str(base / "second"), onto=load_base_map(away), cache=base / "cache")
+    for options, says in (({"scale": 0.5}, "`onto` and `scale`"), ({"repeat": object()}, "`onto` and `repeat`")):
+        with pytest.raises(InputError, match=says):
+            MosaicOptions(onto=load_base_map(base / "map.tif"), **options).check_for(3)
