@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.arrays import Array, Pixels
+from skymosaic.flight.layout.agreement import compare_sharpness
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.layout.self_calibration import Calibration
 from skymosaic.flight.linking.links import Link
@@ -17,8 +18,8 @@ from skymosaic.imagery.photographs import Source
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.registration.pair import Pair
 
-BLURRED = 0.25
-"""Relative sharpness below which a photograph is blurred: a blur of about 0.8 working px."""
+BLURRED = 0.27
+"""Relative sharpness below which a photograph is blurred; sharp ones of public flights have 0.28 and more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,18 +73,22 @@ class Flight:
 
     @cached_property
     def relative_sharpness(self) -> Array:
-        """Sharpness of each view over the median of the views it is linked with, or of all if it has no link, (V,).
+        """Sharpness of each view over that of others of the same ground; outside layouts over the median of all, (V,).
 
-        Sharpness depends more on the ground than on the lens, so only views of the same ground are compared.
+        Sharpness depends more on the ground than on the lens.
         """
-        neighbours: list[list[float]] = [[] for _ in self.views]
-        for link in self.links:
-            if link.holds:
-                neighbours[link.left].append(self.views[link.right].sharpness)
-                neighbours[link.right].append(self.views[link.left].sharpness)
-        overall = float(np.median([view.sharpness for view in self.views]))
-        expected = [float(np.median(around)) if around else overall for around in neighbours]
-        return np.array([view.sharpness / max(value, 1e-9) for view, value in zip(self.views, expected, strict=True)])
+        own = np.array([float(np.median(view.sharpness)) for view in self.views])
+        relative: Array = np.exp(own - np.median(own))
+        for layout in self.layouts:
+            pairs = {*layout.agreement.pairs, *((link.left, link.right) for link in layout.links)}
+            for view, value in compare_sharpness(self.views, layout.transforms, pairs).items():
+                relative[view] = value
+        return relative
+
+    def describe_blurred(self, layout: Layout) -> str:
+        """Name the photographs of a layout that are blurred, beside others of the same ground; else empty."""
+        names = [Path(self.sources[m].name).name for m in layout.members if self.relative_sharpness[m] < BLURRED]
+        return f"{', '.join(names)}: shown only where no other photograph is" if names else ""
 
     def absent_from(self, layout: Layout) -> dict[int, str]:
         """Photographs that are not in a layout, by their index among those given, with the reason."""

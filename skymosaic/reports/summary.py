@@ -89,6 +89,7 @@ def describe_mosaic(delivery: Delivery) -> dict[str, str]:
         "warp": describe_bending(delivery.layout),
         "size": composition.reduced,
         "light": composition.uneven,
+        "blurred": delivery.flight.describe_blurred(delivery.layout),
         "cut off": _describe_cuts(composition) if composition.cut_off else "",
         "bands": _describe_bands(composition) if composition.band_names else "",
         "range": composition.values.description if composition.values else "",

@@ -22,6 +22,7 @@ from skymosaic.flight.layout.linked_group import groups, join
 from skymosaic.flight.linking.links import Candidate, Link
 from skymosaic.flight.linking.view import View
 from skymosaic.geometry.ground import band_pass
+from skymosaic.geometry.homography import apply
 
 MIN_OVERLAP = 0.5
 """Photographs that share less, as a share of the smaller, have too few patches in common to be compared."""
@@ -130,6 +131,31 @@ def _fit_patches(one: Float32, other: Float32, moved: Array) -> Array:
             _, best, _, place = cv2.minMaxLoc(cv2.matchTemplate(other[around], patch, cv2.TM_CCOEFF_NORMED))
             fits[row, column] = best, np.hypot(place[0] - REACH_PX, place[1] - REACH_PX)
     return fits
+
+
+def compare_sharpness(
+    views: Sequence[View], transforms: Mapping[int, Array], pairs: Collection[Candidate]
+) -> dict[int, float]:
+    """Sharpness of views over that of others of the same ground in ``pairs``, medians over blocks.
+
+    Of several that show a block, the second sharpest counts, because noise looks like detail.
+    """
+    least = dict[int, Array]()
+    for one, other in (each for pair in pairs for each in (pair, pair[::-1])):
+        ours, theirs = views[one].sharpness, views[other].sharpness
+        block, block_there = (np.array(views[each].working_size) / ours.shape[::-1] for each in (one, other))
+        middles = np.stack(np.meshgrid(*map(np.arange, ours.shape[::-1])), axis=-1) + 0.5
+        moved = np.linalg.inv(transforms[other]) @ transforms[one]
+        at = (apply(moved, middles * block - 0.5) + 0.5) / block_there
+        inside = ((at > 0) & (at < theirs.shape[::-1])).all(axis=-1)
+        at = np.clip(np.nan_to_num(at), 0, theirs.shape[::-1]) - 0.5
+        there = cv2.remap(theirs, at.astype(np.float32), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        over = np.where(inside, ours - there, np.inf)
+        known = least.get(one, np.full((2, *over.shape), np.inf))
+        least[one] = np.sort(np.concatenate((known, over[None])), axis=0)[:2]
+    seconds = {view: np.where(np.isfinite(second), second, first) for view, (first, second) in least.items()}
+    shown = {view: each[np.isfinite(each)] for view, each in seconds.items()}
+    return {view: float(np.exp(np.median(each))) for view, each in shown.items() if len(each)}
 
 
 def find_false_joint(

@@ -32,6 +32,8 @@ from skymosaic.registration.options import WORKING_WIDTH_PX
 from skymosaic.running.cache import key_of
 
 THUMBNAIL_WIDTH_PX = 320
+SHARPNESS_BLOCKS = (16, 12)
+"""Blocks along the width and the height of a photograph, of which each is as sharp as it is."""
 HEAVY = ("features", "thumbnail")
 """Attributes of a view that stay with the worker that computed them, as Dask's futures."""
 
@@ -61,8 +63,9 @@ class View:
     """Values of a photograph of more than 8 bits, at evenly spaced places; else empty."""
     value_range: ValueRange | None
     """The range that the thumbnail shows; None for a photograph of 8 bits."""
-    sharpness: float
-    """Variance of the Laplacian of the gray working image; falls with blur, and depends on what is shown."""
+    sharpness: Float32
+    """(12, 16): in blocks of the gray working image, the logarithm of the mean square of its Laplacian over its
+    variance; falls with blur, hardly depends on exposure, and depends on what is shown."""
     clipped: float
     """Share of thumbnail pixels that are black or white."""
     taken: Metadata
@@ -244,9 +247,17 @@ def make_view(
         visible=Lens().visible_mask((thumbnail.shape[1], thumbnail.shape[0]), photograph.visible),
         sample=photograph.sample,
         value_range=photograph.value_range,
-        sharpness=float(cv2.Laplacian(to_gray(working), cv2.CV_32F).var()),
+        sharpness=_measure_sharpness(to_gray(working).astype(np.float32)),
         clipped=float(np.mean((gray <= 2) | (gray >= 253))),
         taken=taken or source.read_metadata(),
         orientation=photograph.orientation,
         notes=photograph.notes,
     )
+
+
+def _measure_sharpness(gray: Float32) -> Float32:
+    """Measure the `View.sharpness` of a working image."""
+    planes = gray, gray * gray, np.square(cv2.Laplacian(gray, cv2.CV_32F))
+    mean, square, fine = (cv2.resize(plane, SHARPNESS_BLOCKS, interpolation=cv2.INTER_AREA) for plane in planes)
+    # What rounding adds to each counts where nothing is shown.
+    return np.asarray(np.log(fine + 0.5) - np.log(np.maximum(square - mean * mean, 1)), dtype=np.float32)

@@ -1,12 +1,13 @@
 """What a flight says of its photographs, on flights without any."""
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from skymosaic.flight.flight import Flight
+from skymosaic.flight.flight import BLURRED, Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
 
@@ -17,10 +18,10 @@ def link(left: int, right: int, ties: int = 20) -> Link:
     return Link(left, right, TIES[:ties], TIES[:ties], 20, 20)
 
 
-def flown(sharpness: list[float], links: list[Link], layouts: list[Layout]) -> Flight:
+def flown(sharpness: Sequence[Any], links: list[Link], layouts: list[Layout]) -> Flight:
     """A flight whose first photograph could not be read, so that indices of views and photographs differ."""
     count = len(sharpness)
-    views = cast(Any, tuple(SimpleNamespace(sharpness=each) for each in sharpness))
+    views = cast(Any, tuple(SimpleNamespace(sharpness=each, working_size=(400, 300)) for each in sharpness))
     sources = cast(Any, tuple(SimpleNamespace(index=view + 1, name=f"{view}.jpg") for view in range(count)))
     names = tuple("abcdefgh"[: count + 1])
     settings: Any = None
@@ -33,11 +34,22 @@ def laid_out(*members: int, links: tuple[Link, ...] = (), contradicting: tuple[L
     return Layout(members, members[0], transforms, links, contradicting, errors)
 
 
-def test_sharpness_is_relative_to_the_photographs_of_the_same_ground() -> None:
-    # One tie links nothing; the last photograph has no link, so it is held against all.
-    links = [link(0, 1), link(1, 2), link(0, 2), link(0, 3, ties=1)]
-    flight = flown([2.0, 4.0, 10.0, 6.0], links, [])
-    assert flight.relative_sharpness == pytest.approx([2 / 7, 4 / 6, 10 / 3, 6 / 5])
+@pytest.mark.parametrize("blurred", [[], [1], [1, 3], [0, 2]], ids=str)
+def test_what_is_sharp_elsewhere_on_the_same_ground_is_blurred(blurred: list[int]) -> None:
+    """Four in a row, half of each on the next; sharpness belongs to the ground, and blurred ones link with each other.
+
+    The last photograph is in no layout, so it is held against all.
+    """
+    ground = np.random.default_rng(1).normal(0, 1, 64).repeat(2)
+    along = [ground[8 * view : 8 * view + 16] - 2.0 * (view in blurred) for view in range(4)]
+    links = (link(0, 1), link(1, 2), link(2, 3), link(1, 3))
+    places = {view: np.array([[1.0, 0, 200 * view], [0, 1, 0], [0, 0, 1]]) for view in range(4)}
+    layout = Layout((0, 1, 2, 3), 0, places, links)
+    sharpness = [np.array([each] * 12, np.float32) for each in (*along, np.full(16, -9.0))]
+    flight = flown(sharpness, [], [layout])
+    assert np.flatnonzero(flight.relative_sharpness < BLURRED).tolist() == [*blurred, 4]
+    named = ", ".join(f"{view}.jpg" for view in blurred)
+    assert flight.describe_blurred(layout).partition(":")[0] == named
 
 
 def test_a_layout_without_some_views_keeps_what_joins_the_others() -> None:
