@@ -1,4 +1,5 @@
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -32,13 +33,20 @@ from skymosaic.imagery.photographs import list_sources
 from skymosaic.running.workers import Workers
 
 
-def test_a_blurred_photograph_is_named(flight: Flight) -> None:
+@pytest.mark.parametrize("more", [[], range(9)], ids=["alone", "beside_sharp_ones"])
+def test_blurred_photographs_are_named(flight: Flight, more: Sequence[int]) -> None:
+    """One in place of a sharp one, or with others that are linked with it, each beside a sharp one."""
     images = list(flight.images)
-    images[4] = cv2.GaussianBlur(images[4], (0, 0), 1.5)
+    blurred = {4: images[4]} if not more else {len(images) + k: images[each][6:, 8:] for k, each in enumerate(more)}
+    images += [images[0]] * len(more)
+    for number, image in blurred.items():
+        images[number] = cv2.GaussianBlur(image, (0, 0), 4 if more else 1.5)
     with Workers() as workers:
         surveyed = survey(list_sources(images), Settings(preset_config("aerial")), 0, workers, NO_CACHE)
     checked = check_flight(surveyed)
-    assert [photo.name for photo in checked.photographs if "blurred" in photo.problems] == ["image 4"]
+    assert [photo.name for photo in checked.photographs if "blurred" in photo.problems] == [
+        f"image {each}" for each in blurred
+    ]
     assert checked.complete
     (errors,) = checked.errors
     assert errors.matches > 100
