@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from golden_model.arrays import Mask, Pixels
+from golden_model.arrays import Pixels
 from skymosaic.compositing.blend import find_owners
 from skymosaic.compositing.layer import Layer, SeamMask
 from skymosaic.compositing.warp import Canvas, enclosing
@@ -49,7 +49,8 @@ def find_allowed(thumbnails: Sequence[Layer]) -> dict[int, Allowed]:
         if enough or (missing[where] & (owner[where] == index)).any():
             missing[where] &= ~near_enough
             # The finder compares whole rectangles, but in a dense flight most of each is far from all its seams.
-            part = _surround(near_enough, canvas)
+            some = canvas.bounding(near_enough) if near_enough.any() else Canvas(canvas.x_px, canvas.y_px, 1, 1)
+            part = some.grown(SURROUND_PX).intersection(canvas) or canvas
             allowed[index] = part, near_enough[part.within(canvas)].astype(np.uint8) * 255
     return dict(sorted(allowed.items()))
 
@@ -70,10 +71,3 @@ def find_seams(
     pixels = [to_opencv(show_in_8_bit(each, values)) for each in shown]
     masks = finder.find(pixels, [(part.x_px, part.y_px) for part in parts], masks)
     return [SeamMask(Parcel(mask.get()), part, scale) for mask, part in zip(masks, parts, strict=True)]
-
-
-def _surround(mask: Mask, canvas: Canvas) -> Canvas:
-    """The part of a canvas that contains the mask and `SURROUND_PX` around it; one pixel if the mask is empty."""
-    if not mask.any():
-        return Canvas(canvas.x_px, canvas.y_px, 1, 1)
-    return canvas.bounding(mask).grown(SURROUND_PX).intersection(canvas) or canvas
