@@ -8,9 +8,8 @@ planes: where ours correlates better than the truth, the truth is the one that i
 """
 
 import random
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -18,11 +17,8 @@ import numpy as np
 from rich.progress import track
 
 from bench.methods import sift_matches
-from bench.report import Row
 from golden_model.arrays import Array, Float32, Matrix, Pixels
 from golden_model.pixel.gray import to_gray
-from skymosaic import Pair, extract, register
-from skymosaic.evaluation.metrics import grid_error
 from skymosaic.geometry.acceptance import hull_area, overlap
 from skymosaic.imagery.images import load, reduce_to_width
 from skymosaic.imagery.photographs import list_sources
@@ -131,55 +127,6 @@ def read_flight(folder: Path, count: int) -> list[Pixels]:
     """The first photographs of a flight, at one size."""
     paths = [Path(source.content) for source in list_sources([folder])[:count] if isinstance(source.content, Path)]
     return [cv2.resize(load(path).pixels, SIZE_PX, interpolation=cv2.INTER_AREA) for path in paths]
-
-
-def true_neighbours(flights: Sequence[Sequence[Pixels]]) -> list[Pair]:
-    """Neighbours in the flights whose registration, undecorated, is good: their truth."""
-    pairs = [register(left, right) for flight in flights for left, right in pairwise(flight)]
-    return [pair for pair in pairs if pair.confidence and pair.confidence.verdict == "good"]
-
-
-def measure_row(name: str, neighbours: Sequence[Pair], places: Sequence[tuple[Pixels, Pixels]], seeds: int) -> Row:
-    """What becomes of the pairs under one decoration, with how many of them are good."""
-    same = [
-        (pair, _is_right(pair, truth, maps))
-        for truth in neighbours
-        for pair, maps in _register(name, (truth.left.pixels, truth.right.pixels), seeds)
-    ]
-    different = [pair for images in places for pair, _ in _register(name, images, seeds)]
-    return {
-        "decoration": name,
-        "neighbours": len(same),
-        "right (good)": _count([pair for pair, right in same if right]),
-        "wrong (good)": _count([pair for pair, right in same if not right]),
-        "different places": len(different),
-        "accepted (good)": _count(different),
-    }
-
-
-def _register(name: str, images: tuple[Pixels, Pixels], seeds: int) -> Iterator[tuple[Pair, tuple[Array, Array]]]:
-    """The decorated pair by each seed, and how the pictures moved."""
-    (left, from_left), (right, from_right) = (
-        DRAWN[name](image, np.random.default_rng(1), np.random.default_rng(2 + number))
-        for number, image in enumerate(images)
-    )
-    features = extract(left), extract(right)
-    for seed in range(seeds):
-        yield register(*features, seed=seed), (from_left, from_right)
-
-
-def _is_right(pair: Pair, truth: Pair, moved: tuple[Array, Array]) -> bool:
-    """Whether a pair puts the points of the left picture within 20 px, in the mean, of where its truth does."""
-    if pair.homography is None or truth.homography is None:
-        return False
-    found = np.linalg.inv(moved[1]) @ pair.homography @ moved[0]
-    return grid_error(found, truth.homography, SIZE_PX, SIZE_PX) < WRONG_PX
-
-
-def _count(pairs: Sequence[Pair]) -> str:
-    """How many were accepted, and how many of them are good."""
-    accepted = [pair.confidence.verdict for pair in pairs if pair.confidence is not None]
-    return f"{len(accepted)} ({accepted.count('good')})"
 
 
 def cut(folder: Path, count: int, known: Collection[str]) -> Iterator[tuple[str, str, Pixels, Pixels, Matrix]]:

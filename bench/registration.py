@@ -3,7 +3,6 @@
     python -m bench.registration methods SET ...
     python -m bench.registration relief
     python -m bench.registration unrelated FLIGHT FLIGHT ...
-    python -m bench.registration decorated FLIGHT FLIGHT ...
     python -m bench.registration render DIR
     python -m bench.registration cut DIR FLIGHT=COUNT ...
 
@@ -16,7 +15,7 @@ import random
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import chain, combinations, pairwise
+from itertools import chain, combinations
 from pathlib import Path
 from typing import Annotated
 
@@ -236,26 +235,6 @@ def unrelated(
             if is_accepted:
                 progress.print(f"accepted, {row['effort']}: {left}, {right}, {count} inliers")
     report("photographs of different flights", rows)
-
-
-@app.command()
-def decorated(
-    flights: Flights,
-    photographs: Annotated[int, typer.Option(min=2, help="Of each flight, the first ones.")] = 8,
-    seeds: Seeds = 5,
-    json_file: JsonFile = None,
-) -> None:
-    """What moves with the camera, over neighbours and over photographs of different places.
-
-    Right is within 20 px of what the plain photographs gave; in brackets, how many have the verdict good.
-    """
-    cv2.setNumThreads(1)
-    read = [flight_pairs.read_flight(public_folder(flight), photographs) for flight in flights]
-    neighbours = flight_pairs.true_neighbours(read)
-    places = [pair for one, other in pairwise(read) for pair in zip(one, other, strict=False)]
-    names = track(flight_pairs.DRAWN, description="decorations", console=progress)
-    rows = [flight_pairs.measure_row(name, neighbours, places, seeds) for name in names]
-    report(f"decorated photographs, {seeds} seeds", rows, json_file)
 
 
 @app.command()

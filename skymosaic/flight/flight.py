@@ -87,7 +87,9 @@ class Flight:
 
     def describe_blurred(self, layout: Layout) -> str:
         """Name the photographs of a layout that are blurred, beside others of the same ground; else empty."""
-        names = [Path(self.sources[m].name).name for m in layout.members if self.relative_sharpness[m] < BLURRED]
+        # Two photographs are blended as they are.
+        members = layout.members if self.pair is None else ()
+        names = [Path(self.sources[m].name).name for m in members if self.relative_sharpness[m] < BLURRED]
         return f"{', '.join(names)}: shown only where no other photograph is" if names else ""
 
     def absent_from(self, layout: Layout) -> dict[int, str]:

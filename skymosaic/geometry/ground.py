@@ -23,7 +23,7 @@ from skymosaic.geometry.acceptance import overlap_mask
 from skymosaic.geometry.homography import apply, resize_matrix, transfer_error
 from skymosaic.geometry.horizon import Size, warp_reflected
 
-COARSEST_SIDE_PX, COARSE_SIDE_PX, FINE_SIDE_PX = 80, 160, 480
+SIDES_PX = COARSEST_SIDE_PX, COARSE_SIDE_PX, FINE_SIDE_PX = 80, 160, 480
 """Longer sides of the reduced pictures, in whose pixels the sizes below are. In the coarsest ones, nothing is left of a
 sensor's pattern; they are compared, too, where it may be what agrees. In the finest ones, what lies between the lines
 of a display has blocks of its own; they are compared where the others leave a doubt."""
@@ -40,22 +40,16 @@ MIN_BLOCKS = 12
 """Fewer tell nothing, but that nothing of the ground is seen to agree where the camera stood still."""
 STILL_SHARE, SHARE_PER_SIDE = 0.7, 3.0
 """Share of the blocks that must agree where the camera stood still, and how much less for each longer side that it
-moved. Where it stood still, a pair is good only if they are as much of the picture: a display over nothing looks like
-lamps at night."""
+moved."""
 STILL, FAR = 0.01, STILL_SHARE / SHARE_PER_SIDE
 """Below the first motion the camera stood still, or a sensor's pattern is what agrees; from the second on, nothing must
 agree."""
-UNMOVED = 0.0005
-"""Below this motion, half a pixel of a thousand, a pair is not good. No camera in the air stands so still: it is on a
-tripod, or a watermark over the whole picture is what agrees."""
-DOUBT, DECISIVE_DOUBT = 0.2, 0.15
-"""What lacks more of the share is refused, in the first pictures or in those that decide; what lacks less is in doubt.
-Displays reach 62 and 49 % where a camera stands still, a shore with 45 % of water 56 and 57 %."""
-GOOD_SHARE, RIVAL_SHARE = 0.4, 0.25
-"""Share without which no pair is good, and without which no other homography is taken instead of a rejected one."""
-REPEATS, ALIKE, ELSEWHERE_PX = 0.98, 0.8, 8
-"""A rival from which the ground repeats itself; the correlation of one, and how far away it is, at least, in pixels of
-the coarse pictures."""
+DOUBT = 0.2
+"""Where more of the share is lacking, no finer pictures are asked."""
+RIVAL_SHARE = 0.25
+"""Share without which no other homography is taken instead of a rejected one."""
+ALIKE, ELSEWHERE_PX = 0.8, 8
+"""Correlation of a rival, and how far away it is, at least, in pixels of the coarse pictures."""
 MAX_RIVALS = 3
 EXPLAINED_PX, APART_PX = 3.0, 16.0
 """A match that a rejected homography explains to the first distance, or that has an inlier of it within the second, may
@@ -107,7 +101,7 @@ class GroundAgreement:
     decisive : GroundAgreement or None
         That of coarser or finer pictures, which decides where these leave a doubt.
     covered : float
-        Share of the overlap whose blocks vote and agree; where the camera stood still, in the finest pictures.
+        Share of the overlap whose blocks vote and agree.
     """
 
     agreeing: Mask
@@ -131,6 +125,20 @@ class GroundAgreement:
         return float(np.count_nonzero(self.agreeing)) / self.blocks
 
     @property
+    def false_alarms(self) -> float:
+        """Decimal logarithm of how improbable it is that so many blocks agree by chance, as one in nine does; positive.
+
+        The binomial tail by its bound (Hoeffding 1963), as a contrario methods take it (Desolneux and others 2000).
+        """
+        by_chance, share = 1 / 9, float(np.count_nonzero(self.agreeing)) / max(self.blocks, 1)
+        if share <= by_chance:
+            return 0.0
+        entropy = share * np.log10(share / by_chance)
+        if share < 1:
+            entropy += (1 - share) * np.log10((1 - share) / (1 - by_chance))
+        return float(self.blocks * entropy)
+
+    @property
     def required(self) -> float:
         """Share that must agree, at least; 0 and less where the camera moved too far for that to tell anything."""
         return STILL_SHARE - SHARE_PER_SIDE * self.motion
@@ -145,64 +153,33 @@ class GroundAgreement:
         """Whether enough agrees that it is taken instead of a homography that was rejected."""
         return self.tells and self.share >= RIVAL_SHARE
 
-    @property
-    def is_good(self) -> bool:
-        """Whether a pair may be good."""
-        agrees = self.share >= max(GOOD_SHARE, self.required)
-        return agrees and self.motion >= UNMOVED and not self.may_be_display
-
-    @property
-    def may_be_display(self) -> bool:
-        """Whether the camera stood still, but most of the picture does not show it."""
-        return self.motion < STILL and self.covered < STILL_SHARE
-
-    @property
-    def is_refused(self) -> bool:
-        """Whether far less agrees than must."""
-        return self.share < self.required - (DOUBT if self.decisive is None else DECISIVE_DOUBT)
-
-    def explain(self) -> str:
-        """What agrees, how much of the ground it covers, how much it should, and what may be the cause."""
-        tells = (self.decisive or self).tells
-        covers = f"what agrees covers {100 * self.share:.0f} % of the ground" if tells else "too little ground is seen"
-        if self.suffices and self.may_be_display:
-            shown = f"what agrees covers {100 * self.covered:.0f} % of the picture, which may be a display"
-            return f"{shown}: most must agree to show that the camera stood still"
-        if self.suffices and self.motion < UNMOVED:
-            return "nothing has moved: the camera stands on a tripod, or a watermark is what agrees"
-        if self.suffices:
-            return covers
-        moved = f"a camera that moved by {100 * self.motion:.0f} % of the picture needs {100 * self.required:.0f} %"
-        causes = "mask what moves with it (display, border, dirt); or water or cars move, or nothing overlaps"
-        return f"{covers}, and {moved}: {causes}"
-
 
 def measure_agreement(left: Sight, right: Sight, homography: Matrix, explained: Mask | None = None) -> GroundAgreement:
     """Measure how much of the ground agrees with a homography (3, 3) between working images, left to right.
 
     Blocks (rows, columns) that are ``explained`` otherwise do not vote.
     """
-    coarse = _count(COARSE_SIDE_PX, left, right, homography, explained)
-    if explained is not None or (coarse.tells and coarse.is_refused):
+    coarse = count_agreeing(COARSE_SIDE_PX, left, right, homography, explained)
+    if explained is not None or (coarse.tells and coarse.share < coarse.required - DOUBT):
         return coarse
-    if coarse.motion < STILL:
-        coarse = replace(coarse, covered=_count(FINE_SIDE_PX, left, right, homography).covered)
     sides = [COARSEST_SIDE_PX] * (coarse.motion < STILL) + [FINE_SIDE_PX] * (coarse.tells and not coarse.suffices)
-    others = [_count(side, left, right, homography) for side in sides]
+    others = [count_agreeing(side, left, right, homography) for side in sides]
     decisive = min((other for other in others if other.tells), key=lambda other: other.share, default=coarse)
     return coarse if coarse.suffices and decisive.suffices else replace(coarse, decisive=decisive)
 
 
-def _count(
+def count_agreeing(
     side_px: int, left: Sight, right: Sight, homography: Matrix, explained: Mask | None = None
 ) -> GroundAgreement:
-    """`measure_agreement` in pictures of one size."""
+    """`measure_agreement` in pictures of one size; of the finest ones, a quarter of the blocks is asked."""
     left, right = left.reduced(side_px), right.reduced(side_px)
     to_right = np.asarray(np.linalg.inv(right.to_working) @ homography @ left.to_working)
     warped = warp_reflected(right.pixels, to_right, left.size)
     own, other = band_pass(left.pixels, LIGHT_PX), band_pass(warped, LIGHT_PX)
     blocks = tuple(slice(0, side // BLOCK_PX * BLOCK_PX, BLOCK_PX) for side in own.shape)
     common = cv2.blur(mask_common(left, right, to_right), (BLOCK_PX, BLOCK_PX), anchor=(0, 0))[blocks] > 250
+    if side_px == FINE_SIDE_PX:
+        common[1::2] = common[:, 1::2] = False
     contrast = MIN_CONTRAST if side_px > COARSEST_SIDE_PX else LOW_CONTRAST
     votes = common & (_block_variances(own)[blocks] > contrast**2)
     votes &= _block_variances(other)[blocks] > LOW_CONTRAST**2

@@ -1,4 +1,4 @@
-"""Judges a fitted homography by its matches: how well they determine it, and how well it describes the scene.
+"""Judges a fitted homography by its matches: how well it describes the scene.
 
 The covariance of the fit would assume that the inliers' errors are independent. With relief they are not, because
 neighbouring matches deviate together. So the fit is repeated without a part of the image, and the held-out matches show
@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from golden_model.arrays import Array, Mask, Matrix, Points
-from skymosaic.geometry.acceptance import CELL_PX, hull_share, overlap
-from skymosaic.geometry.homography import DegenerateError, apply, transfer_error
+from skymosaic.geometry.acceptance import CELL_PX, hull_share
+from skymosaic.geometry.homography import DegenerateError, transfer_error
 from skymosaic.geometry.horizon import Size
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.geometry.refinement import refine_robustly
@@ -19,7 +19,6 @@ from skymosaic.geometry.refinement import refine_robustly
 NEAR_PX = 12.0
 """Matches this close to the homography are considered correct, though relief may have displaced them."""
 FOLDS = 2
-GRID_POINTS = 12
 BLOCKS = 6
 """Blocks across the extent of the matches, held out like the fields of a chessboard."""
 
@@ -28,8 +27,6 @@ BLOCKS = 6
 class FitQuality:
     """Quality of a homography, measured on its matches."""
 
-    instability_px: float
-    """Mean distance, over the overlap, between the fit to all matches and fits without a part of them."""
     held_out_share: float
     """Share of the held-out matches within 12 px that lie within 2 px, 0..1."""
     held_out_px: float
@@ -48,11 +45,8 @@ def assess_fit(homography: Matrix, left: Points, right: Points, left_size: Size,
     left, right = one_per_place(left, right)
     error_px = transfer_error(homography, left, right)
     near, inlier = error_px <= NEAR_PX, error_px <= INLIER_PX
-    grid = _grid(overlap(homography, left_size, right_size))
-    held_out_px, fits = _cross_validated(homography, left[near], right[near]) if len(grid) else (np.zeros(0), [])
-    distances = [transfer_error(fit, grid, apply(homography, grid)).mean() for fit in fits]
+    held_out_px = _cross_validate(homography, left[near], right[near])
     return FitQuality(
-        instability_px=float(np.mean(distances)) if distances else NEAR_PX,
         held_out_share=float(np.mean(held_out_px <= INLIER_PX)) if len(held_out_px) else 0.0,
         held_out_px=float(np.percentile(held_out_px, 90)) if len(held_out_px) else NEAR_PX,
         hull_share=hull_share(homography, left[inlier], left_size, right_size),
@@ -60,38 +54,24 @@ def assess_fit(homography: Matrix, left: Points, right: Points, left_size: Size,
     )
 
 
-def _cross_validated(homography: Matrix, left: Points, right: Points) -> tuple[Array, list[Matrix]]:
-    """Errors of the matches under fits without them, and these fits."""
+def _cross_validate(homography: Matrix, left: Points, right: Points) -> Array:
+    """Errors of the matches under fits without them."""
     if len(left) < 8:
-        return np.zeros(0), []
+        return np.zeros(0)
     low, high = left.min(axis=0), left.max(axis=0)
     block = np.floor((left - low) / np.maximum(high - low, 1) * BLOCKS).astype(np.int64).sum(axis=1)
-    error_px, fits = np.full(len(left), np.nan), []
+    error_px = np.full(len(left), np.nan)
     for fold in range(FOLDS):
         held_out: Mask = block % FOLDS == fold
         try:
             fit = refine_robustly(homography, left[~held_out], right[~held_out])
         except DegenerateError:
             continue
-        fits.append(fit)
         error_px[held_out] = transfer_error(fit, left[held_out], right[held_out])
-    return error_px[np.isfinite(error_px)], fits
+    return np.asarray(error_px[np.isfinite(error_px)])
 
 
 def one_per_place(left: Points, right: Points) -> tuple[Points, Points]:
     """The first match of each cell of the left image, because frames at several scales show the same corner again."""
     _, first = np.unique(np.floor(left / CELL_PX), axis=0, return_index=True)
     return left[first], right[first]
-
-
-def _grid(polygon: Points) -> Points:
-    """Grid points (M, 2) inside a convex polygon (N, 2); none where it is empty."""
-    if len(polygon) < 3:
-        return np.zeros((0, 2))
-    axes = [np.linspace(*bounds, GRID_POINTS) for bounds in zip(polygon.min(axis=0), polygon.max(axis=0), strict=True)]
-    points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    sides = np.roll(polygon, -1, axis=0) - polygon
-    offsets = points[:, None] - polygon
-    # Inside, all turns have one sign; which one depends on the polygon's direction.
-    turns = sides[:, 0] * offsets[..., 1] - sides[:, 1] * offsets[..., 0]
-    return np.asarray(points[(turns >= -1e-9).all(axis=1) | (turns <= 1e-9).all(axis=1)])

@@ -7,7 +7,6 @@ begins again with them. The result counts only if it explains more of the overla
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -15,7 +14,7 @@ import numpy as np
 from golden_model.arrays import Mask, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
 from skymosaic.features.positions import match_points
-from skymosaic.geometry.acceptance import hull_area, overlap, overlap_mask
+from skymosaic.geometry.acceptance import overlap_mask
 from skymosaic.geometry.held_out import clearly_better, held_out_agreement
 from skymosaic.geometry.homography import apply, transfer_error
 from skymosaic.geometry.horizon import warp_reflected
@@ -29,15 +28,12 @@ MARGIN_PX = 8
 """Flow closer to the edge of the overlap is computed from patches that reach beyond it."""
 MIN_SIDE_PX = 64
 MIN_GRID_POINTS = 50
-ENOUGH_OF_OVERLAP = 1 / 3
-"""Share of the overlap that fits by flow and needs no inliers; with a quarter, a rendered pair was 29 px wrong."""
 
 
 def refit_pair(pair: Pair, shows_ground: Callable[[Points, Points], Mask]) -> Pair:
     """The pair with the homography that fits most of the overlap, or its own where that gains too little.
 
-    ``shows_ground`` tells which points, left and right, count. The pair says whether the flow confirms its homography:
-    over a third of the overlap they differ by less than 2 px.
+    ``shows_ground`` tells which points, left and right, count.
     """
     homography = pair.working_homography
     if homography is None:
@@ -59,15 +55,8 @@ def refit_pair(pair: Pair, shows_ground: Callable[[Points, Points], Mask]) -> Pa
             held_out_agreement(homography, match_points(pair.kept), (left, right)),
         )
     ):
-        pair, inliers = pair.with_homography(found.homography, refined_inliers=gained), gained
-    return replace(pair, confirmed=True) if _fit_overlap(pair, inliers) else pair
-
-
-def _fit_overlap(pair: Pair, inliers: int) -> bool:
-    """Whether so many points of the grid fit a third of an accepted pair's overlap."""
-    assert pair.working_homography is not None
-    area = hull_area(overlap(pair.working_homography, *(sight.size for sight in pair.sights)))
-    return inliers * GRID_STEP_PX**2 > ENOUGH_OF_OVERLAP * area > 0
+        return pair.with_homography(found.homography, refined_inliers=gained)
+    return pair
 
 
 def match_densely(left: Pixels, right: Pixels, homography: Matrix) -> tuple[Points, Points]:

@@ -42,5 +42,4 @@ def look_behind_display(pair: Pair, matches: Records, *, accept_poor: bool = Fal
         return pair
     masks = [np.where(moving, np.uint8(0), np.uint8(255) if mask is None else mask) for mask in pair.visible]
     behind = replace(pair, visible=(masks[0], masks[1]))
-    ground = measure_agreement(*behind.sights, homography)
-    return replace(behind, ground=ground) if ground.wins else pair
+    return behind if measure_agreement(*behind.sights, homography).wins else pair

@@ -20,12 +20,12 @@ from skymosaic.common.errors import InputError
 from skymosaic.common.tables import Table
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
-from skymosaic.geometry.ground import GroundAgreement, Sight
+from skymosaic.geometry.ground import Sight
 from skymosaic.geometry.homography import apply, rescale, transfer_error
 from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.imagery.images import Photograph, load, without_channels
 from skymosaic.imagery.notebook import describe_in_html, draw_lines
-from skymosaic.registration.confidence import Confidence, assess
+from skymosaic.registration.confidence import Confidence, Evidence, judge, measure_evidence
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -74,8 +74,6 @@ class Pair:
         The images that the front end processed.
     visible : tuple of (ndarray of uint8 or None)
         255 where these show ground, (H, W); None: everywhere.
-    ground : GroundAgreement or None
-        How much of it agrees with the homography, where the search has measured that.
     features : tuple of structured arrays
         Feature records, left and right (`golden_model.records.feature_record`), in 1/16 working px.
     matches, kept, inliers : structured arrays
@@ -84,8 +82,6 @@ class Pair:
         2 working px of the homography, or are accepted by the rules of fuzzy RANSAC.
     refined_inliers : int
         Grid points of the dense flow within 2 working px; 0 without a refit, or where it does not fit better.
-    confirmed : bool
-        The dense flow agrees with the homography over a third of the overlap.
     homography : ndarray of float64, shape (3, 3), or None
         Left original pixels to right original pixels, pixel centres at integers; None where not accepted.
     reason : str
@@ -106,8 +102,8 @@ class Pair:
         Name of the backend that computed features and matches.
     seconds : dict
         Wall time of each stage.
-    known_confidence : Confidence or None
-        How far to trust the homography, where ``working`` is not what tells it; None: computed from that.
+    known_evidence : Evidence or None
+        What speaks for the homography, where ``working`` is not what tells it; None: measured in that.
     """
 
     left: Photograph
@@ -115,13 +111,11 @@ class Pair:
     to_original: tuple[Matrix, Matrix]
     working: tuple[Pixels, Pixels]
     visible: tuple[Pixels | None, Pixels | None]
-    ground: GroundAgreement | None
     features: tuple[Records, Records]
     matches: Records
     kept: Records
     inliers: Records
     refined_inliers: int
-    confirmed: bool
     homography: Matrix | None
     reason: str
     config: Config
@@ -132,7 +126,7 @@ class Pair:
     inverted: bool
     backend: str
     seconds: dict[str, float]
-    known_confidence: Confidence | None = None
+    known_evidence: Evidence | None = None
 
     @property
     def accepted(self) -> bool:
@@ -156,21 +150,26 @@ class Pair:
         inlier = transfer_error(working, *match_points(self.kept)) <= INLIER_PX
         homography = map_to_originals(working, self.to_original)
         inliers = self.kept[inlier]
-        unknown = replace(self, ground=None, known_confidence=None)
+        unknown = replace(self, known_evidence=None)
         return replace(unknown, homography=homography, inliers=inliers, refined_inliers=refined_inliers)
 
     def refused(self, reason: str) -> Pair:
         """This pair without a homography."""
-        unknown = replace(self, known_confidence=None)
-        return replace(unknown, homography=None, refined_inliers=0, confirmed=False, reason=reason)
+        unknown = replace(self, known_evidence=None)
+        return replace(unknown, homography=None, refined_inliers=0, reason=reason)
+
+    @cached_property
+    def evidence(self) -> Evidence | None:
+        """What speaks for the homography and against it; computed on first use. None where not accepted."""
+        homography = self.working_homography
+        if homography is None or self.known_evidence is not None:
+            return self.known_evidence
+        return measure_evidence(self.sights, homography, *match_points(self.kept))
 
     @cached_property
     def confidence(self) -> Confidence | None:
-        """How far to trust the homography; computed on first use. None where not accepted."""
-        homography, points = self.working_homography, match_points(self.kept)
-        if homography is None or self.known_confidence is not None:
-            return self.known_confidence
-        return assess(self.sights, homography, *points, ground=self.ground, confirmed=self.confirmed)
+        """How far to trust the homography by the evidence. None where not accepted."""
+        return None if self.evidence is None else judge(self.evidence, self.working[0].shape[1])
 
     def points(self, kind: str = "inliers") -> MatchedPoints:
         """The matches in pixels of the original photographs.
@@ -273,8 +272,8 @@ class Pair:
     def without_pixels(self) -> Pair:
         """This pair with all its numbers, below 1 MB; `plot` reads files again."""
         left, right = self.left.without_pixels(), self.right.without_pixels()
-        working, trust = (without_channels(self.working[0]), without_channels(self.working[1])), self.confidence
-        return replace(self, left=left, right=right, working=working, visible=(None, None), known_confidence=trust)
+        working, trust = (without_channels(self.working[0]), without_channels(self.working[1])), self.evidence
+        return replace(self, left=left, right=right, working=working, visible=(None, None), known_evidence=trust)
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but the pixels, so that processes exchange little."""

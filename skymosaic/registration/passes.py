@@ -56,7 +56,7 @@ MAX_PROMISING = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class PooledMatches:
     """Features and matches of all passes so far, in pixels of the working images."""
 
     features: tuple[Records, Records]
@@ -64,13 +64,13 @@ class Evidence:
     matches: Records
     """Their indices refer to ``features``."""
 
-    def with_pass(self, other: Evidence) -> Evidence:
-        """This evidence and that of a further pass, whose features are appended."""
+    def with_pass(self, other: PooledMatches) -> PooledMatches:
+        """This pooled and that of a further pass, whose features are appended."""
         matches = other.matches.copy()
         for side, features in zip(("left", "right"), self.features, strict=True):
             matches[f"{side}_index"] += len(features)
         left, right = (np.concatenate(sides) for sides in zip(self.features, other.features, strict=True))
-        return Evidence((left, right), np.concatenate((self.matches, matches)))
+        return PooledMatches((left, right), np.concatenate((self.matches, matches)))
 
     @property
     def kept(self) -> Records:
@@ -83,11 +83,11 @@ class Evidence:
 class SearchState:
     """How far a search has come."""
 
-    evidence: Evidence
+    pooled: PooledMatches
     homography: Matrix | None
     """(3, 3): left to right, working px; None where none is accepted."""
     inliers: Mask
-    """(N,): among all matches of the evidence."""
+    """(N,): among all matches of the pooled."""
     places: int
     """Different places that the inliers show."""
     passes: int
@@ -98,7 +98,7 @@ class SearchState:
     @property
     def inlier_points(self) -> tuple[Points, Points]:
         """Positions of the inliers, left and right, working px."""
-        return match_points(self.evidence.matches[self.inliers])
+        return match_points(self.pooled.matches[self.inliers])
 
 
 MatchedFrames = tuple[Change, tuple[Records, Records], tuple[ChangedImage, ChangedImage], Records]
@@ -106,7 +106,7 @@ MatchedFrames = tuple[Change, tuple[Records, Records], tuple[ChangedImage, Chang
 
 
 class Search:
-    """Passes over one pair of working images, each adding to the evidence."""
+    """Passes over one pair of working images, each adding to the pooled."""
 
     def __init__(
         self,
@@ -154,50 +154,50 @@ class Search:
         state = self._search_separately(state, (front_end_runs.INVERTED,))
         return replace(state, inverted=state.homography is not None)
 
-    def accept(self, evidence: Evidence, homography: Matrix | None, inliers: Mask, passes: int) -> SearchState:
+    def accept(self, pooled: PooledMatches, homography: Matrix | None, inliers: Mask, passes: int) -> SearchState:
         """The state with this homography, or with None where its inliers are too few or too close together."""
-        left, right = match_points(evidence.matches[inliers])
+        left, right = match_points(pooled.matches[inliers])
         places = acceptance.count_places(left, right)
         if homography is not None and places < MIN_PLACES:
             homography = None
         if homography is not None and not acceptance.spread_enough(homography, left, right, *self._sizes):
             homography = None
-        return SearchState(evidence, homography, inliers, places, passes)
+        return SearchState(pooled, homography, inliers, places, passes)
 
     def _search_together(self, state: SearchState, runs: Sequence[FrontEndRun]) -> SearchState:
         """Add passes over frames of the same scale on both sides, and search all matches together."""
-        evidence, passes = state.evidence, state.passes
+        pooled, passes = state.pooled, state.passes
         for _, further in self._match_frames(runs):
-            evidence, passes = evidence.with_pass(further), passes + 1
+            pooled, passes = pooled.with_pass(further), passes + 1
         if self._are_small:
-            evidence = self._turn_alike(evidence)
+            pooled = self._turn_alike(pooled)
         # The homography so far competes, so that further passes do not lose it.
         starts = [] if state.homography is None else [state.homography]
-        found = self._accept_estimate(evidence, self._estimate(evidence, starts=starts), passes)
+        found = self._accept_estimate(pooled, self._estimate(pooled, starts=starts), passes)
         return self.choose(state, found)
 
-    def _turn_alike(self, evidence: Evidence) -> Evidence:
+    def _turn_alike(self, pooled: PooledMatches) -> PooledMatches:
         """Judge the matches of all passes by one turn, which the few right ones of a single pass may miss."""
-        matches, pattern = evidence.matches.copy(), self._config.front_end.pattern
+        matches, pattern = pooled.matches.copy(), self._config.front_end.pattern
         matches["peak_turn"] = common_orientation(matches["turn"], matches["distance"], matches["margin"], pattern.bits)
-        return replace(evidence, matches=weigh(matches, *evidence.features, pattern, self._config.matcher))
+        return replace(pooled, matches=weigh(matches, *pooled.features, pattern, self._config.matcher))
 
     def choose(self, before: SearchState, found: SearchState) -> SearchState:
         """The homography of further passes, or the one before where that predicts held-out matches better."""
         if before.homography is None:
             return found
-        judges = match_points(found.evidence.kept)
+        judges = match_points(found.pooled.kept)
         kept, new = (
-            held_out_agreement(state.homography, match_points(state.evidence.kept), judges)
+            held_out_agreement(state.homography, match_points(state.pooled.kept), judges)
             if state.homography is not None
             else 0.0
             for state in (before, found)
         )
         if not clearly_better(kept, new):
             return found
-        near = transfer_error(before.homography, *match_points(found.evidence.matches)) <= INLIER_PX
-        inliers = near & (found.evidence.matches["verdict"] == 1)
-        return self.accept(found.evidence, before.homography, inliers, found.passes)
+        near = transfer_error(before.homography, *match_points(found.pooled.matches)) <= INLIER_PX
+        inliers = near & (found.pooled.matches["verdict"] == 1)
+        return self.accept(found.pooled, before.homography, inliers, found.passes)
 
     def _scan_tilts(self, state: SearchState) -> SearchState:
         """Search small frames at many tilts, and at full size those where the most matches agree."""
@@ -233,22 +233,22 @@ class Search:
 
         The passes that succeed are pooled, and the best of their homographies is fitted to all their matches.
         """
-        evidence, passes, starts = state.evidence, state.passes, []
+        pooled, passes, starts = state.pooled, state.passes, []
         for _, further in self._match_frames(runs):
             passes += 1
             estimate = self._estimate(further, max_samples=FURTHER_PASS_SAMPLES, restarts=2)
             homography = self._accept_estimate(further, estimate, 1).homography
             if homography is not None:
                 starts.append(homography)
-                evidence = evidence.with_pass(further)
+                pooled = pooled.with_pass(further)
         if not starts:
             return replace(state, passes=passes)
         starts += [] if state.homography is None else [state.homography]
-        found = self._accept_estimate(evidence, self._estimate(evidence, restarts=0, starts=starts), passes)
+        found = self._accept_estimate(pooled, self._estimate(pooled, restarts=0, starts=starts), passes)
         return self.choose(state, found)
 
-    def _match_frames(self, runs: Sequence[FrontEndRun]) -> Iterator[tuple[Change, Evidence]]:
-        """The evidence of each pass and what was done to its frame, without frames that the front end does not take."""
+    def _match_frames(self, runs: Sequence[FrontEndRun]) -> Iterator[tuple[Change, PooledMatches]]:
+        """The pooled of each pass and what was done to its frame, without frames that the front end does not take."""
         for run in runs:
             for change, features, frames, matches in self._run(run) if self._shared is None else self._share(run):
                 if run.swapped:
@@ -282,26 +282,26 @@ class Search:
 
     def _map_to_images(
         self, features: tuple[Records, Records], frames: tuple[ChangedImage, ChangedImage], matches: Records
-    ) -> Evidence:
+    ) -> PooledMatches:
         left, right = (map_to_image(side, frame.to_image) for side, frame in zip(features, frames, strict=True))
         mapped = map_matches_to_images(matches, frames, self._images)
-        return Evidence((left, right), self._remove_masked(mapped))
+        return PooledMatches((left, right), self._remove_masked(mapped))
 
-    def _accept_estimate(self, evidence: Evidence, estimate: Estimate, passes: int) -> SearchState:
+    def _accept_estimate(self, pooled: PooledMatches, estimate: Estimate, passes: int) -> SearchState:
         """`accept` for an estimate, whose inliers are counted among the kept matches."""
-        inliers = np.zeros(len(evidence.matches), dtype=bool)
-        inliers[evidence.matches["verdict"] == 1] = estimate.inliers
-        return self.accept(evidence, estimate.homography, inliers, passes)
+        inliers = np.zeros(len(pooled.matches), dtype=bool)
+        inliers[pooled.matches["verdict"] == 1] = estimate.inliers
+        return self.accept(pooled, estimate.homography, inliers, passes)
 
-    def _estimate(self, evidence: Evidence, *, starts: Sequence[Matrix] = (), **search: int) -> Estimate:
-        kept = evidence.kept
+    def _estimate(self, pooled: PooledMatches, *, starts: Sequence[Matrix] = (), **search: int) -> Estimate:
+        kept = pooled.kept
         weight = kept["weight"].astype(np.float64)
         return estimate_homography(*match_points(kept), weight, rng=self._rng, starts=starts, **search)
 
     def _is_strong(self, state: SearchState) -> bool:
         if state.homography is None:
             return False
-        x, y = np.rint(match_points(state.evidence.kept)[0]).astype(np.intp).T
+        x, y = np.rint(match_points(state.pooled.kept)[0]).astype(np.intp).T
         in_overlap = np.count_nonzero(acceptance.overlap_mask(state.homography, *self._sizes)[y, x])
         inliers = np.count_nonzero(state.inliers)
         places = STRONG_PLACES_OF_FLAT if inliers >= SHARE_OF_FLAT * in_overlap else STRONG_PLACES
@@ -313,15 +313,15 @@ class Search:
 
 def is_coarse(state: SearchState) -> bool:
     """Whether many inliers are corners at half the size in both images, as where noise or blur hides what is finer."""
-    matches = state.evidence.matches[state.inliers]
-    left, right = state.evidence.features
+    matches = state.pooled.matches[state.inliers]
+    left, right = state.pooled.features
     levels = left["level"][matches["left_index"]] & right["level"][matches["right_index"]]
     return state.homography is not None and bool(np.count_nonzero(levels) > COARSE_SHARE * len(matches))
 
 
 def explain_refusal(state: SearchState) -> str:
     """Why a pair is not accepted, with the counts."""
-    (left, right), kept = (len(side) for side in state.evidence.features), len(state.evidence.kept)
+    (left, right), kept = (len(side) for side in state.pooled.features), len(state.pooled.kept)
     if min(left, right) < MIN_INLIERS:
         cause = "too few features (flat or blurred image?)"
     elif kept < MIN_INLIERS:
@@ -331,6 +331,6 @@ def explain_refusal(state: SearchState) -> str:
     else:
         cause = "the inliers cover too little of the overlap"
     # Inliers at one place, of neighbouring corners, count once: both numbers, as `Pair.inliers` has the first.
-    matches, inliers = len(state.evidence.matches), np.count_nonzero(state.inliers)
+    matches, inliers = len(state.pooled.matches), np.count_nonzero(state.inliers)
     counts = f"matches {matches}, kept {kept}, inliers {inliers} at {state.places} places"
     return f"{cause}: features {left} and {right}, {counts}"

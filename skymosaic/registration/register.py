@@ -21,27 +21,27 @@ from skymosaic.features.positions import are_on_ground, match_points
 from skymosaic.geometry.estimators import FABRIC, estimate, fabric
 from skymosaic.geometry.ground import (
     MOVES_WITH_CAMERA,
-    REPEATS,
+    RIVAL_SHARE,
     GroundAgreement,
     LeftOut,
     Sight,
     find_ground,
-    measure_rival,
 )
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end, reduce_to_width
 from skymosaic.imagery.lens import Lens
-from skymosaic.registration.confidence import REPEATED, fits_throughout
 from skymosaic.registration.dense import refit_pair
 from skymosaic.registration.display import DELIVER, look_behind_display
 from skymosaic.registration.extraction import Features, extract_within_capacity, share_features
 from skymosaic.registration.options import RegistrationOptions
 from skymosaic.registration.pair import Pair, map_to_originals
-from skymosaic.registration.passes import Evidence, Search, SearchState, explain_refusal
+from skymosaic.registration.passes import PooledMatches, Search, SearchState, explain_refusal
 
 if TYPE_CHECKING:
     from skymosaic.keywords import RegistrationKeywords
 
 
+FLAT_SHARE = 0.8
+"""Where fewer of the held-out matches or less of the ground agree, all of the overlap tells more than its corners."""
 INVERTED_NOTE = "it matches only as its negative, as thermal and infrared photographs may"
 
 
@@ -155,13 +155,11 @@ def register_photographs(
         to_original=(to_left, to_right),
         working=(left, ~right if state.inverted else right),
         visible=masks,
-        ground=agreement,
-        features=state.evidence.features,
-        matches=state.evidence.matches,
-        kept=state.evidence.kept,
-        inliers=state.evidence.matches[state.inliers],
+        features=state.pooled.features,
+        matches=state.pooled.matches,
+        kept=state.pooled.kept,
+        inliers=state.pooled.matches[state.inliers],
         refined_inliers=0,
-        confirmed=False,
         homography=homography,
         reason="" if homography is not None else explain_refusal(state) + _what_else(effort),
         config=first.config,
@@ -174,8 +172,6 @@ def register_photographs(
         seconds=clock.seconds,
     )
     clock.lap("homography")
-    if agreement is not None and agreement.is_refused and not options.accept_poor:
-        pair = pair.refused(f"{agreement.explain()}{DELIVER}")
     pair = look_behind_display(pair, first.matches, accept_poor=options.accept_poor)
     pair = _settle(pair, options, partial(_show_ground, masks=masks, left_out=left_out))
     clock.lap("refinement")
@@ -195,16 +191,15 @@ def _register_without_pattern(pair: Pair, options: RegistrationOptions, lens: Le
             dataclasses.replace(pair.left, pixels=even_contrast(left, pattern)),
             dataclasses.replace(pair.right, pixels=even_contrast(right, pattern)),
         ),
-        dataclasses.replace(options, accept_poor=False),
+        options,
         seconds={"with the pattern": sum(pair.seconds.values())},
         lens=lens,
         progress=progress,
     )
-    trust = again.confidence
     # What is left of the pattern in one image is its negative in the other.
-    if again.homography is None or trust is None or again.inverted:
+    if again.homography is None or again.evidence is None or again.inverted:
         return pair
-    if not (trust.ground.suffices and trust.ground.wins):
+    if again.evidence.ground_lack > 0 or again.evidence.ground_share < RIVAL_SHARE:
         return pair
     to_original = pair.to_original[0] @ to_left, pair.to_original[1] @ to_right
     return dataclasses.replace(
@@ -215,7 +210,7 @@ def _register_without_pattern(pair: Pair, options: RegistrationOptions, lens: Le
         working=(left, right),
         homography=map_to_originals(again.homography, to_original),
         # Of the images without the pattern, because these have it.
-        known_confidence=trust,
+        known_evidence=again.evidence,
     )
 
 
@@ -277,7 +272,7 @@ def _search(
         size, record = (images[1].shape[1], images[1].shape[0]), None if left_out.rejected else first.homography
         # By any of the estimators; further passes are for PROSAC alone.
         found = estimate(options.estimator, left, right, weight, verified, size=size, rng=rng, record=record)
-        state = passes.run(effort, passes.accept(Evidence(first.features, matches), *found, passes=1))
+        state = passes.run(effort, passes.accept(PooledMatches(first.features, matches), *found, passes=1))
         return state, state.homography, state.inlier_points
 
     def see(state: SearchState) -> tuple[Sight, Sight]:
@@ -311,18 +306,10 @@ def _show_ground(left: Points, right: Points, *, masks: Sequence[Pixels | None],
 
 
 def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Points, Points], Mask]) -> Pair:
-    """Refit a pair where the verdict is not good; refuse a guess, other ground, and what fits as well elsewhere."""
-    homography = pair.working_homography
-    if homography is None:
-        return pair
-    if not options.accept_poor and measure_rival(*pair.sights, homography) >= REPEATS:
-        return pair.refused(f"{REPEATED}{DELIVER}")
-    if fits_throughout(homography, *match_points(pair.kept), *(sight.size for sight in pair.sights)):
-        return pair
-    confidence = pair.confidence
-    if pair.effort != "fast" and confidence and not (confidence.verdict == "good" or confidence.is_well_supported):
+    """Refit a pair whose matches or ground do not all agree; refuse what is rather wrong than right."""
+    evidence = pair.evidence
+    if pair.effort != "fast" and evidence and min(evidence.held_out_share, evidence.ground_share) < FLAT_SHARE:
         pair = refit_pair(pair, shows_ground)
-        confidence = pair.confidence
-    if confidence is None or options.accept_poor or not (confidence.extrapolates or confidence.ground.is_refused):
+    if options.accept_poor or pair.confidence is None or not pair.confidence.is_refused:
         return pair
-    return pair.refused(f"{confidence.reason}{DELIVER}{_what_else(pair.effort)}")
+    return pair.refused(f"{pair.confidence.reason}{DELIVER}{_what_else(pair.effort)}")

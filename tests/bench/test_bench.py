@@ -1,6 +1,7 @@
 """Benches: what they measure on little, and what they refuse."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import cv2
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bench import camera, rendered_pairs
+from bench import camera, confidence, rendered_pairs
 from bench.methods import REFERENCE
 from bench.painter import DELAY, STEP_PX, find_owners, find_seams, place_frames
 from bench.registration import Outcome, group_rows, method_row
@@ -17,9 +18,9 @@ from golden_model.records import HOMOGRAPHY
 from sim.scene import Camera, make_lawnmower
 from skymosaic.evaluation.metrics import MISSING_ERROR_PX
 from skymosaic.geometry.acceptance import hull_area, overlap
-from skymosaic.geometry.ground import Sight
+from skymosaic.geometry.ground import Sight, measure_agreement
 from skymosaic.geometry.horizon import ahead
-from skymosaic.registration.confidence import correlate_overlap
+from skymosaic.registration.confidence import Evidence
 
 FLOWN_PX = (160, 120)
 FRAMES = 16
@@ -117,8 +118,25 @@ def test_hard_pairs_show_what_their_name_says(kind: str, step: float, share: tup
     size = rendered_pairs.SMALL_PX if kind == "small" else rendered_pairs.SIZE_PX
     assert left.shape == right.shape == size[::-1]
     # The truth lays the photographs on each other.
-    assert correlate_overlap(Sight(left), Sight(right), truth) > 0.3
+    assert measure_agreement(Sight(left), Sight(right), truth).share > 0.3
     assert share[0] < hull_area(overlap(truth, size, size)) / (size[0] * size[1]) < share[1]
     corners = np.array([[0.0, 0], [size[0], 0], [size[0], size[1]], [0, size[1]]])
     assert bool(ahead(truth, corners).min() < 0) is (kind == "horizon")
     assert bool(max(left.mean(), right.mean()) < 30) is (kind == "dark")
+
+
+def test_the_fitted_table_is_monotone_and_states_what_nine_of_ten_stay_below() -> None:
+    rng = np.random.default_rng(4)
+    shares = rng.uniform(0, 1, (900, 2))
+    errors_px = np.exp(rng.normal(2.5 - 4 * shares[:, 0], 0.5))
+    best = Evidence(99, 1, 1, 1, 0.1, 1, 200, 0, 0)
+    steps = confidence.expand(
+        [replace(best, ground_share=ground, hull_share=hull) for ground, hull in shares.tolist()]
+    )  # fmt: skip
+    fit = confidence.fit_steps(steps, errors_px)
+    assert fit.odds[:-1].max() <= 0
+    assert fit.error[:-1].max() <= 0
+    doubt, predicted_px = confidence.predict_held_out(steps, errors_px)
+    assert 0.84 < np.mean(errors_px <= predicted_px) < 0.94
+    assert doubt[errors_px > 8].mean() > 0.8
+    assert doubt[errors_px < 1].mean() < 0.1

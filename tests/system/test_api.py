@@ -226,7 +226,7 @@ def numbers_of(value: Any, depth: int = 4) -> Any:
     return numbers | {f"{name}()": numbers_of(getattr(value, name)(), depth) for name in asked}
 
 
-PIXELS = {"pixels", "image", "working", "visible", "known_confidence"}
+PIXELS = {"pixels", "image", "working", "visible", "known_evidence"}
 """Pictures, and what stands in for them where they are not kept."""
 
 

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import stats
 
 from skymosaic import register
 from skymosaic.geometry import ground as module
@@ -63,17 +64,15 @@ def test_a_sensors_pattern_is_subtracted_from_a_pair() -> None:
     points = dark.points()
     assert np.percentile(np.linalg.norm(apply(plain.homography, points.left) - points.right, axis=1), 90) < 4
     assert dark.confidence is not None
-    assert dark.confidence.ground.share > 0.8
+    assert dark.confidence.evidence.ground_share > 0.6
     assert "moves with the camera" in dark.right.notes[-1]
 
 
-@pytest.mark.parametrize(("contrast", "reason"), [(0.12, "of the ground"), (0.02, "too little ground is seen")])
-def test_a_sensors_pattern_joins_no_different_places(
-    sites: list[NDArray[np.uint8]], contrast: float, reason: str
-) -> None:
+@pytest.mark.parametrize("contrast", [0.12, 0.02])
+def test_a_sensors_pattern_joins_no_different_places(sites: list[NDArray[np.uint8]], contrast: float) -> None:
     pair = register(at_night(sites[0], 0, contrast), at_night(sites[1], 1, contrast), effort="fast")
     assert not pair.accepted
-    assert reason in pair.reason
+    assert "of the ground" in pair.reason
 
 
 def test_copies_of_one_photograph_are_told(sites: list[NDArray[np.uint8]]) -> None:
@@ -91,7 +90,6 @@ def test_a_camera_that_hovers_sees_the_ground() -> None:
     pair = register(left, right)
     assert pair.confidence is not None
     assert pair.confidence.verdict == "good"
-    assert pair.confidence.ground.covered > 0.95
     assert not pair.right.notes
 
 
@@ -104,13 +102,12 @@ def test_where_nothing_has_moved_a_watermark_may_be_what_agrees(sites: list[NDAr
     assert not refused.accepted
     assert "repeats itself" in refused.reason
     assert pair.confidence is not None
-    assert pair.confidence.ground.suffices
+    assert pair.confidence.evidence.ground_lack == 0
     assert pair.confidence.verdict == "poor"
-    assert pair.confidence.reason.startswith("nothing has moved: the camera stands on a tripod, or a watermark is ")
 
 
 @pytest.mark.parametrize("gravel", [0, 3, 20])
-def test_a_display_over_nothing_or_over_gravel_is_not_good_and_says_how_much_it_covers(gravel: int) -> None:
+def test_a_display_over_nothing_or_over_gravel_is_refused(gravel: int) -> None:
     rng, displays = np.random.default_rng(1), []
     for _ in range(2):
         shown = cv2.resize(rng.normal(90, gravel, (120, 160)).clip(0, 255), (640, 480)).astype(np.uint8)
@@ -122,8 +119,7 @@ def test_a_display_over_nothing_or_over_gravel_is_not_good_and_says_how_much_it_
     pair = register(*displays, accept_poor=True)
     assert pair.confidence is not None
     assert pair.confidence.verdict == "poor"
-    assert re.match(r"what agrees covers [2-6]\d % of the picture, which may be a display: ", pair.confidence.reason)
-    assert pair.confidence.summary()["ground_covered"] == pytest.approx(pair.confidence.ground.covered, abs=1e-4)
+    assert re.match(r"[1-6]\d % of the ground more should agree|the ground repeats itself", pair.confidence.reason)
 
 
 def test_water_below_a_camera_that_hovers_is_refused_with_the_shares_and_delivered_on_request(
@@ -135,22 +131,22 @@ def test_water_below_a_camera_that_hovers_is_refused_with_the_shares_and_deliver
         register(bank, later, effort="fast", accept_poor=accept_poor) for accept_poor in (False, True)
     )
     assert not refused.accepted
-    assert re.match(r"what agrees covers 4\d % of the ground, and .* 0 % of the picture needs 70 %: ", refused.reason)
+    assert re.match(r"the camera moved by only 0|\d\d % of the ground more should agree for a camera", refused.reason)
     assert "`accept_poor`" in refused.reason
     assert delivered.homography == pytest.approx(np.eye(3), abs=0.01)
     assert delivered.confidence is not None
     assert delivered.confidence.verdict == "poor"
-    assert delivered.confidence.reason.startswith("what agrees covers 4")
+    assert delivered.confidence.reason in refused.reason
 
 
 def test_a_shore_below_a_camera_that_hovers_is_delivered_but_not_good(sites: list[NDArray[np.uint8]]) -> None:
-    later = sites[0].copy()
+    later = seen(ground(5), 304, 203)
     later[:, 390:] = sites[1][:, 390:]
     pair = register(sites[0], later)
-    assert pair.homography == pytest.approx(np.eye(3), abs=0.01)
+    assert pair.homography == pytest.approx(np.array([[1, 0, -4], [0, 1, -3], [0, 0, 1]]), abs=0.1)
     assert pair.confidence is not None
     assert pair.confidence.verdict == "check"
-    assert pair.confidence.reason.startswith("what agrees covers 6")
+    assert 0 < pair.confidence.evidence.ground_lack < 0.2
 
 
 def test_what_a_mask_hides_does_not_vote(sites: list[NDArray[np.uint8]]) -> None:
@@ -170,7 +166,7 @@ def test_what_lies_between_the_lines_of_a_display_votes_in_finer_pictures(sites:
     coarse = np.count_nonzero(agreement.agreeing) / agreement.blocks
     assert agreement.required - 0.2 < coarse < agreement.required
     assert agreement.share < 0.53
-    assert agreement.is_refused
+    assert not agreement.suffices
 
 
 def test_between_the_lines_of_a_display_the_ground_of_a_moved_camera_is_good() -> None:
@@ -178,8 +174,7 @@ def test_between_the_lines_of_a_display_the_ground_of_a_moved_camera_is_good() -
     pair = register(with_lines(seen(place, 200, 150)), with_lines(seen(place, 260, 80)))
     assert pair.confidence is not None
     assert pair.confidence.verdict == "good"
-    assert pair.confidence.correlation > 0.9
-    assert pair.confidence.ground.share > 0.9
+    assert pair.confidence.evidence.ground_share > 0.9
 
 
 def test_the_farther_a_camera_moves_the_less_must_agree(sites: list[NDArray[np.uint8]]) -> None:
@@ -217,7 +212,7 @@ def test_a_homography_that_moves_all_but_its_matches_joins_no_ground(sites: list
         lambda _fit: (Sight(sites[0]), Sight(sites[1])),
     )
     assert agreement is not None
-    assert agreement.is_refused
+    assert not agreement.suffices
     assert len(left_out.rejected) == 1
 
 
@@ -226,46 +221,31 @@ def agreeing(share: float, blocks: int = 100, motion: float = 0.1, covered: floa
     return GroundAgreement(np.arange(blocks)[None] < round(share * blocks), blocks, motion, covered, **decisive)
 
 
-MASK_IT = ": mask what moves with it (display, border, dirt); or water or cars move, or nothing overlaps"
-
-
 @pytest.mark.parametrize(
-    ("agreement", "judged", "said"),
+    ("agreement", "judged"),
     [
-        (agreeing(0.4), "suffices wins good", "40 % of the ground"),
-        (
-            agreeing(0.39), "wins",
-            "39 % of the ground, and a camera that moved by 10 % of the picture needs 40 %" + MASK_IT,
-        ),
-        (agreeing(0.19), "refused", "19 % of the ground, and a camera that moved by 10 %"),
-        (agreeing(0.25, motion=0.2), "suffices wins", "25 % of the ground"),
-        (agreeing(0.24, motion=0.2), "suffices", "24 % of the ground"),
-        (agreeing(0.0, 11, motion=0.01), "suffices good", "too little ground is seen"),
-        (agreeing(1.0, 11, motion=0.009), "refused", "too little ground is seen, and a camera that moved by 1 %"),
-        (
-            agreeing(0.75, 12, motion=0.009, covered=0.69), "suffices wins",
-            "69 % of the picture, which may be a display: most must agree to show that the camera stood still",
-        ),
-        (agreeing(0.7, motion=0.0005), "suffices wins good", "70 % of the ground"),
-        (
-            agreeing(1.0, motion=0.0004), "suffices wins",
-            "nothing has moved: the camera stands on a tripod, or a watermark is what agrees",
-        ),
-        (agreeing(0.75, motion=0.009, covered=0.7), "suffices wins good", "75 % of the ground"),
-        (agreeing(0.75, motion=0.01, covered=0.1), "suffices wins good", "75 % of the ground"),
-        (agreeing(0.6, motion=0.009, covered=0.1), "wins", "60 % of the ground, and a camera"),
-        (agreeing(0.9, decisive=agreeing(0.3)), "wins", "30 % of the ground, and a camera"),
-        (agreeing(0.9, decisive=agreeing(0.24)), "refused", "24 % of the ground, and a camera"),
-        (agreeing(0.0, 11, decisive=agreeing(0.5)), "suffices good", "50 % of the ground"),
+        (agreeing(0.4), "suffices wins"),
+        (agreeing(0.39), "wins"),
+        (agreeing(0.25, motion=0.2), "suffices wins"),
+        (agreeing(0.24, motion=0.2), "suffices"),
+        (agreeing(0.0, 11, motion=0.01), "suffices"),
+        (agreeing(1.0, 11, motion=0.009), ""),
+        (agreeing(0.9, decisive=agreeing(0.3)), "wins"),
+        (agreeing(0.0, 11, decisive=agreeing(0.5)), "suffices"),
     ],
-)  # fmt: skip
-def test_how_much_must_agree_and_what_is_said(agreement: GroundAgreement, judged: str, said: str) -> None:
-    words = {"suffices": agreement.suffices, "wins": agreement.wins, "good": agreement.is_good}
-    assert [word for word, holds in (words | {"refused": agreement.is_refused}).items() if holds] == judged.split()
-    explained = agreement.explain().removeprefix("what agrees covers ")
-    assert explained.startswith(said)
-    assert (", and a camera" in explained) == (not agreement.suffices)
-    assert explained == said or not agreement.suffices
+)
+def test_how_much_must_agree(agreement: GroundAgreement, judged: str) -> None:
+    words = {"suffices": agreement.suffices, "wins": agreement.wins}
+    assert [word for word, holds in words.items() if holds] == judged.split()
+
+
+@pytest.mark.parametrize(("agree", "blocks"), [(5, 5), (12, 30), (20, 100), (60, 100), (11, 100), (0, 0)])
+def test_false_alarms_are_never_fewer_than_by_the_binomial_tail(agree: int, blocks: int) -> None:
+    counted = GroundAgreement(np.arange(max(blocks, 1))[None] < agree, blocks, 0.1, 1.0).false_alarms
+    exact = -stats.binom.logsf(agree - 1, blocks, 1 / 9) / np.log(10) if blocks else 0
+    assert counted <= exact + 1e-9
+    assert counted == pytest.approx(exact, rel=0.2, abs=1.5)
+    assert (counted > 0) == (agree > blocks / 9)
 
 
 @pytest.mark.parametrize(
@@ -275,10 +255,10 @@ def test_how_much_must_agree_and_what_is_said(agreement: GroundAgreement, judged
         ((agreeing(0.1), None, None), [160], None),
         ((agreeing(0.3), None, agreeing(0.8)), [160, 480], 0.8),
         ((agreeing(0.3), None, agreeing(0.8, 11)), [160, 480], 0.3),
-        ((agreeing(0.9, motion=0), agreeing(0.8, motion=0), agreeing(0.5, covered=0.25)), [160, 480, 80], None),
-        ((agreeing(0.9, motion=0), agreeing(0.3, motion=0), agreeing(0.5, covered=0.25)), [160, 480, 80], 0.3),
-        ((agreeing(0.6, motion=0), agreeing(0.8), agreeing(0.5, covered=0.25)), [160, 480, 80, 480], 0.5),
-        ((agreeing(0.0, 11, motion=0), agreeing(0.8), agreeing(0.5, covered=0.25)), [160, 480, 80], 0.8),
+        ((agreeing(0.9, motion=0), agreeing(0.8, motion=0), None), [160, 80], None),
+        ((agreeing(0.9, motion=0), agreeing(0.3, motion=0), None), [160, 80], 0.3),
+        ((agreeing(0.6, motion=0), agreeing(0.8), agreeing(0.5)), [160, 80, 480], 0.5),
+        ((agreeing(0.0, 11, motion=0), agreeing(0.8), None), [160, 80], 0.8),
         ((agreeing(0.9, motion=0.01), None, None), [160], None),
     ],
 )
@@ -291,11 +271,10 @@ def test_other_sizes_decide_where_the_camera_stood_still_or_there_is_a_doubt(
         sizes.append(side_px)
         return found[(160, 80, 480).index(side_px)]
 
-    monkeypatch.setattr(module, "_count", count)
+    monkeypatch.setattr(module, "count_agreeing", count)
     agreement = measure_agreement(sight, sight, np.eye(3))
     assert sizes == asked
     assert (agreement.decisive.share if agreement.decisive else None) == decisive
-    assert agreement.covered == (0.25 if coarse.motion < 0.01 else 1)
     # What is explained otherwise is for one size alone.
     assert measure_agreement(sight, sight, np.eye(3), np.ones((1, 1), np.bool_)) is coarse
     assert sizes[len(asked) :] == [160]

@@ -32,16 +32,15 @@ def test_flat_ground_is_told_from_relief_and_from_a_corner() -> None:
     assert relief.held_out_share < 0.8
     assert relief.held_out_px > flat.held_out_px
     assert corner.hull_share < 0.1
-    assert corner.instability_px > 3 * flat.instability_px
 
 
 @pytest.mark.parametrize(
     ("count", "homography", "expected"),
     [
-        (7, TRUTH, (12, 0, 12, 0.26095, 7)),
-        (8, TRUTH, (0.95410, 1 / 3, 2.07568, 0.37123, 8)),
-        (40, TRUTH, (0.20871, 1, 1.27130, 0.75254, 39)),
-        (60, TRUTH @ np.diag([1, 1, 1000]), (12, 0, 12, 0, 0)),
+        (7, TRUTH, (0, 12, 0.26095, 7)),
+        (8, TRUTH, (1 / 3, 2.07568, 0.37123, 8)),
+        (40, TRUTH, (1, 1.27130, 0.75254, 39)),
+        (60, TRUTH @ np.diag([1, 1, 1000]), (0, 12, 0, 0)),
     ],
     ids=["few", "enough", "many", "no overlap"],
 )
@@ -61,4 +60,3 @@ def test_beyond_a_horizon_in_the_image_nothing_is_measured() -> None:
     # The right image shows 640 x 480 px of ground as far as row 185 of the left one, where it is half as large.
     assert quality.hull_share > 0.9
     assert quality.held_out_share == 1
-    assert 0 < quality.instability_px < 1

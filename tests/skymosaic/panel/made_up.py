@@ -5,7 +5,6 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -33,6 +32,7 @@ from skymosaic.panel.results import (
     ShownMosaic,
     TrackingResult,
 )
+from skymosaic.registration.confidence import Evidence
 from skymosaic.registration.pair import Pair
 from skymosaic.tracking.output import TrackedCorners
 
@@ -70,20 +70,17 @@ def pair(left: str, right: str, options: Options, *, registered: bool = True) ->
     kept = matches[matches["verdict"] == 1]
     shift = np.array([[1.0, 0, -10], [0, 1, 0], [0, 0, 1]])
     nothing = np.zeros((0, 0, 0), np.uint8)
-    trust: Any = SimpleNamespace(verdict="check", reason="few inliers", predicted_px=1.25) if registered else None
     return Pair(
         left=Photograph(left, nothing),
         right=Photograph(right, nothing),
         to_original=(np.eye(3), np.eye(3)),
         working=(nothing, nothing),
         visible=(None, None),
-        ground=None,
         features=(one, other),
         matches=matches,
         kept=kept,
         inliers=kept[kept["left_index"] != 5] if registered else kept[:0],
         refined_inliers=0,
-        confirmed=False,
         homography=shift if registered else None,
         reason="" if registered else "3 inliers are too few",
         config=config,
@@ -94,7 +91,7 @@ def pair(left: str, right: str, options: Options, *, registered: bool = True) ->
         inverted=False,
         backend="golden",
         seconds={},
-        known_confidence=trust,
+        known_evidence=Evidence(6, 0.5, 5.0, 0.6, 0.1, 0.8, 50.0, 0.0, 0.5) if registered else None,
     )
 
 

@@ -27,7 +27,7 @@ def test_inliers_are_counted_anew_up_to_two_pixels(pair: Pair) -> None:
     kept["right_y"] = 16 * 100 + np.array([0, 0, 0, 32, 33])
     moved = replace(pair, kept=kept, to_original=(np.diag([2.0, 2, 1]), np.eye(3))).with_homography(SHIFT, 7)
     assert moved.inliers["left_x"].tolist() == [800, 960, 1280]
-    assert (moved.refined_inliers, moved.ground) == (7, None)
+    assert moved.refined_inliers == 7
     assert moved.homography == pytest.approx(SHIFT @ np.diag([0.5, 0.5, 1]))
     assert moved.working_homography == pytest.approx(SHIFT)
     table = moved.table("kept")
@@ -56,10 +56,10 @@ def test_all_of_a_pair_is_told_whether_it_is_accepted_or_not(pair: Pair) -> None
     assert told == [None, None, "aerial", "harris", "ilbp-128", "prosac", "fast", "golden"]
 
 
-def test_a_known_confidence_is_that_of_its_homography(pair: Pair) -> None:
+def test_known_evidence_is_that_of_its_homography(pair: Pair) -> None:
     bare = pair.without_pixels()
     assert bare.confidence == pair.confidence is not None
-    assert bare.with_homography(SHIFT, 0).known_confidence is None
+    assert bare.with_homography(SHIFT, 0).known_evidence is None
     assert bare.refused("too far").confidence is None
 
 

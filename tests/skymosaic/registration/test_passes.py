@@ -21,7 +21,7 @@ from skymosaic.features.positions import match_points
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.registration import front_end_runs as runs
 from skymosaic.registration.front_end_runs import LARGER_OF_SMALL, FrontEndRun
-from skymosaic.registration.passes import MIN_PLACES, Evidence, Search, SearchState, explain_refusal, is_coarse
+from skymosaic.registration.passes import MIN_PLACES, PooledMatches, Search, SearchState, explain_refusal, is_coarse
 from tests.skymosaic.registration.rendering import CAMERA, view
 
 SIZE = (CAMERA.width_px, CAMERA.height_px)
@@ -154,8 +154,8 @@ def test_a_small_frame_that_misses_the_turn_learns_it_from_the_others() -> None:
     matches = pair.matches.copy()
     matches["peak_turn"], matches["verdict"] = 8, 0
     search = Search(GoldenBackend(), pair.working, pair.config, np.random.default_rng(0), lambda matches: matches)
-    missed = search.accept(Evidence(pair.features, matches), None, matches["verdict"] == 1, passes=1)
-    found = search._search_together(missed, LARGER_OF_SMALL).evidence.matches[: len(matches)]
+    missed = search.accept(PooledMatches(pair.features, matches), None, matches["verdict"] == 1, passes=1)
+    found = search._search_together(missed, LARGER_OF_SMALL).pooled.matches[: len(matches)]
     np.testing.assert_array_equal(found, pair.matches)
 
 
@@ -182,10 +182,10 @@ def test_further_passes_do_not_replace_what_predicts_held_out_matches_better(
     agreement = "skymosaic.registration.passes.held_out_agreement"
     monkeypatch.setattr(agreement, lambda homography, *_: 10.0 if homography is truth else 5.0)
     search = Search(GoldenBackend(), pair.working, pair.config, np.random.default_rng(0), lambda matches: matches)
-    evidence = Evidence(pair.features, pair.matches)
+    pooled = PooledMatches(pair.features, pair.matches)
     inliers = np.asarray(pair.matches["verdict"] == 1)
-    right = SearchState(evidence, truth, inliers, 100, passes=1)
-    wrong = SearchState(evidence, np.array([[1.0, 0, 80], [0, 1, 50], [0, 0, 1]]) @ truth, inliers, 100, passes=2)
+    right = SearchState(pooled, truth, inliers, 100, passes=1)
+    wrong = SearchState(pooled, np.array([[1.0, 0, 80], [0, 1, 50], [0, 0, 1]]) @ truth, inliers, 100, passes=2)
     chosen = search.choose(right, wrong)
     assert chosen.homography is right.homography
     assert chosen.passes == 2
@@ -200,7 +200,9 @@ def test_the_zoom_is_that_in_the_middle_of_the_left_photograph(
     """The right one is smaller."""
     images, sizes = (near[1], near[1][:200, :300]), list[tuple[int, int]]()
     pair = register(near[1], near[1], effort="fast")
-    weak = SearchState(Evidence(pair.features, pair.matches), np.eye(3), pair.matches["verdict"] == 1, 19, passes=1)
+    weak = SearchState(
+        PooledMatches(pair.features, pair.matches), np.eye(3), pair.matches["verdict"] == 1, 19, passes=1
+    )
     passes = "skymosaic.registration.passes"
     monkeypatch.setattr(f"{passes}.Search._search_together", lambda _, state, __: state)
     monkeypatch.setattr(f"{passes}.front_end_runs.choose_run_between_octaves", lambda _, size: sizes.append(size))
@@ -226,7 +228,7 @@ def test_why_a_pair_is_refused_is_said_with_the_counts(
     matches = np.zeros(40, [("verdict", "u1")])
     matches["verdict"][:kept] = 1
     left, right = (np.zeros(count, "u1") for count in features)
-    state = SearchState(Evidence((left, right), matches), None, np.arange(40) < 7, places, passes=1)
+    state = SearchState(PooledMatches((left, right), matches), None, np.arange(40) < 7, places, passes=1)
     counts = f"features {features[0]} and {features[1]}, matches 40, kept {kept}, inliers 7 at {places} places"
     assert explain_refusal(state) == f"{cause}: {counts}"
 
@@ -266,7 +268,7 @@ def test_passes_are_tried_until_one_is_strong_or_none_is_left(
     log, (start, effort) = list[str](), begun.split()
     scan, between = (FrontEndRun(Change(scale), (Change(scale),)) for scale in (0.5, 1.0))
     matches = np.zeros(0, MATCH.dtype)
-    none = SearchState(Evidence((matches, matches), matches), None, np.zeros(0, np.bool_), 0, passes=1)
+    none = SearchState(PooledMatches((matches, matches), matches), None, np.zeros(0, np.bool_), 0, passes=1)
     strength = {"none": none, "weak": replace(none, homography=np.eye(3), places=20)}
     strength |= {"coarse": strength["weak"], "strong": replace(strength["weak"], places=60)}
 
@@ -298,8 +300,8 @@ def state_of(kept: int, inliers: int, places: int, part: float = 1.0, levels: in
     matches["verdict"] = 1
     features = [np.zeros(kept, [("level", "u1")]) for _ in range(2)]
     features[0]["level"], features[1]["level"] = np.arange(kept) < 3 * levels, np.arange(kept) < levels
-    evidence = Evidence((features[0], features[1]), matches)
-    return SearchState(evidence, np.eye(3), np.arange(kept) < inliers, places, passes=1)
+    pooled = PooledMatches((features[0], features[1]), matches)
+    return SearchState(pooled, np.eye(3), np.arange(kept) < inliers, places, passes=1)
 
 
 @pytest.mark.parametrize(
@@ -353,7 +355,7 @@ def test_what_stands_still_in_quarters_alone_is_no_ground(
     monkeypatch: pytest.MonkeyPatch, moving: int, moved: float, accepted: bool
 ) -> None:
     found = replace(state_of(20, 20, 20, 0.5), passes=17)
-    found.evidence.matches["right_x"][:moving] += np.uint16(16 * moved * SIZE[0])
+    found.pooled.matches["right_x"][:moving] += np.uint16(16 * moved * SIZE[0])
     monkeypatch.setattr("skymosaic.registration.passes.Search._search_separately", lambda *_: found)
     images = np.zeros(SIZE[::-1], np.uint8), np.zeros(SIZE[::-1], np.uint8)
     before = replace(found, homography=None, passes=1)

@@ -57,6 +57,7 @@ def delivered(**changes: Any) -> Any:
         pair=None,
         onto=None,
         links=(*layout.links, *layout.contradicting, SimpleNamespace(holds=False)),
+        describe_blurred=lambda _layout: "",
         left_out={2: "/site/2.jpg: blurred"},
     )
     composition = SimpleNamespace(

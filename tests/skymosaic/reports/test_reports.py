@@ -3,8 +3,6 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 from xml.etree import ElementTree as XmlTree
 
 import numpy as np
@@ -79,8 +77,7 @@ def pair() -> Pair:
 
 def test_the_rows_of_an_accepted_pair(pair: Pair) -> None:
     homography = np.array([[1.0, 0.25, -12.5], [0, 1, 3], [1e-5, 0, 1]])
-    trust: Any = SimpleNamespace(verdict="good", reason="most of the overlap agrees")
-    shown = replace(pair, homography=homography, refined_inliers=77, passes=3, known_confidence=trust)
+    shown = replace(pair, homography=homography, refined_inliers=77, passes=3, known_evidence=pair.evidence)
     rows = dict(_table_rows(shown))
     left, right = map(len, pair.features)
     assert left != right
@@ -88,7 +85,7 @@ def test_the_rows_of_an_accepted_pair(pair: Pair) -> None:
         "left": "left.jpg, 320x200 px",
         "right": "right.png, 320x240 px; turned; 16 bits",
         "verdict": "accepted",
-        "confidence": "good: most of the overlap agrees",
+        "confidence": f"good: {pair.confidence and pair.confidence.reason}",
         "corners": f"{left} and {right}",
         "matches": f"{len(pair.matches)}, {len(pair.kept)} kept by the rules, {len(pair.inliers)} on the homography",
         "refit": "to 77 points of dense flow",

@@ -47,7 +47,7 @@ def measure(pair: Pair) -> list[float]:
     if trust is None or pair.homography is None:
         return counts
     corners = np.array([(0.0, 0), (WIDTH_PX, 0), (WIDTH_PX, HEIGHT_PX), (0, HEIGHT_PX)])
-    quality = [trust.predicted_px, trust.correlation, trust.ground.share, trust.quality.hull_share]
+    quality = [trust.predicted_px, trust.doubt, trust.evidence.ground_share, trust.evidence.hull_share]
     return [*counts, *quality, *apply(pair.homography, corners).ravel().tolist()]
 
 
