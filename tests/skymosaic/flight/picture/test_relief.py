@@ -121,7 +121,7 @@ def test_the_report_has_the_meshes_and_what_they_gained(flight: Flight) -> None:
 def test_a_control_point_is_sought_where_the_mesh_shows_it(flight: Flight) -> None:
     bent = follow_relief(flight, "auto")
     mark = SimpleNamespace(photograph="2.png", x_px=200.0, y_px=150.0, point=0)
-    control: Any = SimpleNamespace(name="gcp", sightings=[mark])
+    control: Any = SimpleNamespace(name="gcp", sightings=[mark], tried=())
     (_, _, plain), (view, _, moved) = (next(sightings_of(control, each, each.layouts[0])) for each in (flight, bent))
     assert plain == pytest.approx([200, 150])
     # Photographs of this size are their own working images.
