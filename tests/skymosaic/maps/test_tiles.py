@@ -172,7 +172,9 @@ STEP_M, TURN = 0.05, 0.3
 NAME = "M.KMZ"
 
 
-def raster(path: Path, size: tuple[int, int], turn: float = 0.0, east_m: float = 480_000, noise: bool = False) -> Path:
+def smooth_raster(
+    path: Path, size: tuple[int, int], turn: float = 0.0, east_m: float = 480_000, noise: bool = False
+) -> Path:
     """A picture without a photograph in its first quarter; smooth, unless it is ``noise``."""
     rng, (width, height) = np.random.default_rng(0), size
     image = rng.integers(0, 255, (height // (1 if noise else 32), width // (1 if noise else 32), 3), dtype=np.uint8)
@@ -191,7 +193,7 @@ def raster(path: Path, size: tuple[int, int], turn: float = 0.0, east_m: float =
 @pytest.mark.parametrize("size", [(1100, 700), (130, 200)])
 def test_a_kmz_shows_the_mosaic_where_it_lies(tmp_path: Path, size: tuple[int, int], turn: float) -> None:
     path = tmp_path / NAME
-    write_kmz(path, raster(tmp_path / "raw.tif", size, turn))
+    write_kmz(path, smooth_raster(tmp_path / "raw.tif", size, turn))
     assert {each.name for each in tmp_path.iterdir()} == {NAME, "raw.tif"}
     with rasterio.open(path) as made, rasterio.open(tmp_path / "raw.tif") as raw:
         grid = {"crs": made.crs, "transform": made.transform, "width": made.width, "height": made.height}
@@ -219,12 +221,12 @@ def area(raw: rasterio.DatasetReader, crs: str) -> float:
 
 
 def test_what_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
-    far = raster(tmp_path / "far.tif", (200, 100), east_m=499_995)
+    far = smooth_raster(tmp_path / "far.tif", (200, 100), east_m=499_995)
     with rasterio.open(far, "r+") as file:
         file.crs = "+proj=tmerc +lat_0=0 +lon_0=180 +k=0.9996 +x_0=500000 +datum=WGS84"
     with pytest.raises(InputError, match=rf"{NAME}: the mosaic reaches beyond Web Mercator \(across 180 degrees"):
         write_kmz(tmp_path / NAME, far)
-    noise = raster(tmp_path / "raw.tif", (600, 700), noise=True)
+    noise = smooth_raster(tmp_path / "raw.tif", (600, 700), noise=True)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
     try:
