@@ -18,7 +18,7 @@ from skymosaic.imagery.images import Photograph
 from skymosaic.maps.georeference import configured_rasterio
 
 MIN_SHOWN = 0.3
-"""Of a frame of which it shows less, a map tells too little."""
+"""A map that shows less of a frame tells too little of it."""
 
 
 @dataclass(frozen=True, eq=False)
