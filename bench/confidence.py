@@ -31,10 +31,11 @@ from skymosaic.evaluation.known_pairs import read_pairs
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.imagery.images import load
-from skymosaic.registration.confidence import FORMAT, GOOD_PX, MAX_DOUBT, MAX_DOUBT_OF_GOOD, POOR_PX, TABLE, Evidence
+from skymosaic.registration.confidence import FORMAT, GOOD_PX, MAX_DOUBT, POOR_PX, TABLE, Evidence, name_verdict
 from skymosaic.registration.display import look_behind_display
 from skymosaic.registration.pair import Pair
 
+ENDS = ("good", "check", "poor", "refused")
 KNOTS = {
     "held_out_share": (0, 0.25, 0.5, 0.65, 0.8, 0.9, 0.97, 1),
     "hull_share": (0, 0.1, 0.2, 0.4, 0.6, 0.75, 0.9, 1),
@@ -156,12 +157,16 @@ def predict_held_out(steps: Array, errors_px: Array) -> tuple[Array, Array]:
     return doubt, predicted_px
 
 
+def name_ends(doubt: Array, predicted_px: Array) -> list[str]:
+    """The verdict of each pair, or that it is refused."""
+    each = zip(doubt.tolist(), predicted_px.tolist(), strict=True)
+    return ["refused" if chance > MAX_DOUBT else name_verdict(chance, px) for chance, px in each]
+
+
 def verdict_rows(doubt: Array, predicted_px: Array, errors_px: Array) -> list[Row]:
     """How many pairs of each verdict have which error."""
-    good = (doubt <= MAX_DOUBT_OF_GOOD) & (predicted_px < GOOD_PX)
-    check = ~good & (doubt <= MAX_DOUBT) & (predicted_px < POOR_PX)
-    refused = doubt > MAX_DOUBT
-    kinds = {"good": good, "check": check, "poor": ~good & ~check & ~refused, "refused": refused}
+    said = name_ends(doubt, predicted_px)
+    kinds = {end: np.array(said) == end for end in ENDS}
     return [
         {
             "verdict": verdict,
@@ -177,14 +182,13 @@ def verdict_rows(doubt: Array, predicted_px: Array, errors_px: Array) -> list[Ro
 
 def group_rows(pairs: list[Candidate], doubt: Array, predicted_px: Array) -> list[Row]:
     """How many pairs of each group are right, by less than `POOR_PX`, and wrong; how many are delivered, and good."""
-    rows: list[Row] = []
+    rows, said = list[Row](), name_ends(doubt, predicted_px)
     for name in sorted({pair.group for pair in pairs}):
         row: Row = {"pairs": name.replace("_", " ")}
         for word, is_right in (("right", True), ("wrong", False)):
             chosen = [k for k, pair in enumerate(pairs) if pair.group == name and (pair.error_px < POOR_PX) == is_right]
-            delivered = [k for k in chosen if doubt[k] <= MAX_DOUBT]
-            good = sum(doubt[k] <= MAX_DOUBT_OF_GOOD and predicted_px[k] < GOOD_PX for k in delivered)
-            row |= {word: len(chosen), f"{word}, delivered (good)": f"{len(delivered)} ({good})"}
+            ends = [said[k] for k in chosen if said[k] != "refused"]
+            row |= {word: len(chosen), f"{word}, delivered (good)": f"{len(ends)} ({ends.count('good')})"}
         rows.append(row)
     return rows
 

@@ -94,7 +94,7 @@ def confusing_pairs(flights: Sequence[Sequence[Pixels]], each: int) -> Iterator[
             yield _decorate(name, draw, views, truth, rng)
             yield _decorate(name, draw, (photograph, elsewhere), None, rng)
         gravel = [np.repeat(rng.normal(60, number % 4 * 3, (*SIZE_PX[::-1], 1)), 3, axis=2) for _ in range(2)]
-        nothing = tuple(np.clip(each, 0, 255).astype(np.uint8) for each in gravel)
+        nothing = tuple(np.clip(picture, 0, 255).astype(np.uint8) for picture in gravel)
         yield _decorate("display", DRAWN["display"], nothing, None, rng)
         yield repeat_ground(photograph, elsewhere, rng)
         yield draw_form(rng)

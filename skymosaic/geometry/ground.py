@@ -172,12 +172,9 @@ def count_agreeing(
     side_px: int, left: Sight, right: Sight, homography: Matrix, explained: Mask | None = None
 ) -> GroundAgreement:
     """`measure_agreement` in pictures of one size; of the finest ones, a quarter of the blocks is asked."""
-    left, right = left.reduced(side_px), right.reduced(side_px)
-    to_right = np.asarray(np.linalg.inv(right.to_working) @ homography @ left.to_working)
-    warped = warp_reflected(right.pixels, to_right, left.size)
-    own, other = band_pass(left.pixels, LIGHT_PX), band_pass(warped, LIGHT_PX)
+    own, other, shown, to_right = _lay_over(side_px, left, right, homography)
     blocks = tuple(slice(0, side // BLOCK_PX * BLOCK_PX, BLOCK_PX) for side in own.shape)
-    common = cv2.blur(mask_common(left, right, to_right), (BLOCK_PX, BLOCK_PX), anchor=(0, 0))[blocks] > 250
+    common = cv2.blur(shown, (BLOCK_PX, BLOCK_PX), anchor=(0, 0))[blocks] > 250
     if side_px == FINE_SIDE_PX:
         common[1::2] = common[:, 1::2] = False
     contrast = MIN_CONTRAST if side_px > COARSEST_SIDE_PX else LOW_CONTRAST
@@ -188,10 +185,19 @@ def count_agreeing(
     agreeing = votes.copy()
     agreeing[votes] = _fit_best_here(own, other, votes)
     covered = float(np.count_nonzero(agreeing)) / max(int(np.count_nonzero(common)), 1)
-    return GroundAgreement(agreeing, int(np.count_nonzero(votes)), _motion(to_right, left.size), covered)
+    return GroundAgreement(agreeing, int(np.count_nonzero(votes)), _motion(to_right, own.shape[::-1]), covered)
 
 
-def mask_common(left: Sight, right: Sight, to_right: Matrix) -> Pixels:
+def _lay_over(side_px: int, left: Sight, right: Sight, homography: Matrix) -> tuple[Float32, Float32, Pixels, Matrix]:
+    """Both pictures reduced and band-passed, on the left one's pixels, where both show ground, and left to right."""
+    left, right = left.reduced(side_px), right.reduced(side_px)
+    to_right = np.asarray(np.linalg.inv(right.to_working) @ homography @ left.to_working)
+    warped = warp_reflected(right.pixels, to_right, left.size)
+    own, other = band_pass(left.pixels, LIGHT_PX), band_pass(warped, LIGHT_PX)
+    return own, other, _mask_common(left, right, to_right), to_right
+
+
+def _mask_common(left: Sight, right: Sight, to_right: Matrix) -> Pixels:
     """The left picture's mask of the ground that both show, 255 there, by a homography between the pictures."""
     shown = overlap_mask(to_right, left.size, right.size)
     if left.visible is not None:
@@ -260,11 +266,9 @@ def measure_rival(left: Sight, right: Sight, homography: Matrix) -> float:
     Only places where half of the overlap still lies on itself count, in pictures of 160 px. Photographs of ground reach
     0.7; where it repeats itself so far that nothing tells a place from the next, as in an empty form, 0.99 and more.
     """
-    left, right = left.reduced(COARSE_SIDE_PX), right.reduced(COARSE_SIDE_PX)
-    to_right = np.asarray(np.linalg.inv(right.to_working) @ homography @ left.to_working)
-    shown = (mask_common(left, right, to_right) > 0).astype(np.float32)
-    warped = warp_reflected(right.pixels, to_right, left.size)
-    own, other = (band_pass(each, LIGHT_PX) * shown for each in (left.pixels, warped))
+    own, other, mask, _ = _lay_over(COARSE_SIDE_PX, left, right, homography)
+    shown = (mask > 0).astype(np.float32)
+    own, other = own * shown, other * shown
     size = [cv2.getOptimalDFTSize(2 * side) for side in shown.shape]
     one, two, one_energy, two_energy, common = (
         np.fft.rfft2(each, size) for each in (own, other, own * own, other * other, shown)

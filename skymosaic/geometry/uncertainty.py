@@ -42,7 +42,7 @@ def assess_fit(homography: Matrix, left: Points, right: Points, left_size: Size,
 
     The worst values, 12 px and a share of 0, stand for what cannot be measured.
     """
-    left, right = one_per_place(left, right)
+    left, right = _one_per_place(left, right)
     error_px = transfer_error(homography, left, right)
     near, inlier = error_px <= NEAR_PX, error_px <= INLIER_PX
     held_out_px = _cross_validate(homography, left[near], right[near])
@@ -71,7 +71,7 @@ def _cross_validate(homography: Matrix, left: Points, right: Points) -> Array:
     return np.asarray(error_px[np.isfinite(error_px)])
 
 
-def one_per_place(left: Points, right: Points) -> tuple[Points, Points]:
+def _one_per_place(left: Points, right: Points) -> tuple[Points, Points]:
     """The first match of each cell of the left image, because frames at several scales show the same corner again."""
     _, first = np.unique(np.floor(left / CELL_PX), axis=0, return_index=True)
     return left[first], right[first]

@@ -132,7 +132,7 @@ def write_kmz(path: Path, raster: Path) -> None:
     """
     try:
         with configured_rasterio(), rasterio.open(raster) as file:
-            mercator_bounds(file, path)
+            _mercator_bounds(file, path)
             with rasterio.vrt.WarpedVRT(file, crs="EPSG:4326", resampling=rasterio.enums.Resampling.cubic) as globe:
                 shape = [math.ceil(side / max(1, max(globe.shape) / KMZ_SIDE_PX)) for side in globe.shape]
                 average = rasterio.enums.Resampling.average
@@ -178,7 +178,7 @@ def _plan_pyramid(file: Any, folder: Path) -> Pyramid:
     if file.crs is None:
         columns, rows = (-(-side // TILE_PX) for side in (file.width, file.height))
         return Pyramid(False, (max(columns, rows) - 1).bit_length(), (0, 0), (columns - 1, rows - 1))
-    left, bottom, right, top = mercator_bounds(file, folder)
+    left, bottom, right, top = _mercator_bounds(file, folder)
     # A turned raster fills its bounds only in part.
     box = file.bounds
     stretch = (right - left) * (top - bottom) / ((box.right - box.left) * (box.top - box.bottom))
@@ -191,7 +191,7 @@ def _plan_pyramid(file: Any, folder: Path) -> Pyramid:
     return Pyramid(True, zoom, (west, north), (east - 1, south - 1))
 
 
-def mercator_bounds(file: Any, path: Path) -> tuple[float, float, float, float]:
+def _mercator_bounds(file: Any, path: Path) -> tuple[float, float, float, float]:
     """Left, bottom, right and top of a raster in Web Mercator, m; raises `InputError` where it has none."""
     left, bottom, right, top = rasterio.warp.transform_bounds(file.crs, _MERCATOR, *file.bounds)
     # The bounds of what crosses 180 degrees go round the world.

@@ -18,31 +18,23 @@ from golden_model.arrays import Array, Matrix, Points
 from skymosaic.common.brief import brief
 from skymosaic.common.errors import InputError
 from skymosaic.geometry.ground import SIDES_PX, STILL, Sight, count_agreeing, measure_rival
-from skymosaic.geometry.uncertainty import assess_fit
+from skymosaic.geometry.uncertainty import FitQuality, assess_fit
 
 TABLE = Path(__file__).with_name("confidence.json")
 FORMAT = 1
 GOOD_PX, POOR_PX = 2.0, 5.0
 """A pair is good below the first predicted error, and poor from the second on."""
 MAX_DOUBT_OF_GOOD, MAX_DOUBT = 0.03, 0.7
-"""Probability of more than 5 px up to which a pair may be good, and from which on it is refused."""
+"""Doubt up to which a pair may be good, and above which it is refused."""
 CAUSES = "mask what moves with it (display, border, dirt); or water or cars move, or nothing overlaps"
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """What speaks for a homography between two working images, and what against it.
+class Evidence(FitQuality):
+    """What speaks for a homography between two working images, and what against it: the matches, and the pictures.
 
     Attributes
     ----------
-    inliers : int
-        Matches within 2 px, at different places.
-    held_out_share : float
-        Share of the held-out matches within 12 px that lie within 2 px, 0 to 1.
-    held_out_px : float
-        90th percentile of the errors of the held-out matches within 12 px.
-    hull_share : float
-        Area of the inliers' hull / area of the overlap, 0 to 1.
     motion : float
         Mean motion of the picture's corners, as a share of its longer side.
     ground_share : float
@@ -56,10 +48,6 @@ class Evidence:
         Correlation of the overlap at its best place elsewhere, as a share of that where it is.
     """
 
-    inliers: int
-    held_out_share: float
-    held_out_px: float
-    hull_share: float
     motion: float
     ground_share: float
     ground_false_alarms: float
@@ -80,7 +68,7 @@ class Confidence:
     predicted_px : float
         Mean error over the overlap that nine of ten such pairs stay below, px of the working images.
     doubt : float
-        Probability of more than 5 px, 0 to 1.
+        Probability of more than 5 px, 0 to 1, in which what is off by more than 30 px counts five times.
     evidence : Evidence
     """
 
@@ -92,7 +80,7 @@ class Confidence:
 
     @property
     def is_refused(self) -> bool:
-        """Whether the pair is rather wrong than right."""
+        """Whether the doubt is so large that the pair is not delivered."""
         return self.doubt > MAX_DOUBT
 
     def summary(self) -> dict[str, Any]:
@@ -180,12 +168,17 @@ def read_table(path: Path = TABLE) -> Table:
 def judge(evidence: Evidence, width_px: int) -> Confidence:
     """What the table says of a pair whose left working image is so wide."""
     doubt, predicted_px, cause = read_table().predict(evidence)
-    if doubt <= MAX_DOUBT_OF_GOOD and predicted_px < GOOD_PX:
-        verdict, cause = "good", "held_out_share"
-    else:
-        verdict = "check" if doubt <= MAX_DOUBT and predicted_px < POOR_PX else "poor"
-    reason = f"{_WORDS[cause](evidence)}; expected error {predicted_px:.1f} px at a width of {width_px} px"
+    verdict = name_verdict(doubt, predicted_px)
+    words = _WORDS["held_out_share" if verdict == "good" else cause](evidence)
+    reason = f"{words}; expected error {predicted_px:.1f} px at a width of {width_px} px"
     return Confidence(verdict, reason, predicted_px, doubt, evidence)
+
+
+def name_verdict(doubt: float, predicted_px: float) -> str:
+    """The verdict by doubt and predicted error: "good", "check" or "poor"."""
+    if doubt <= MAX_DOUBT_OF_GOOD and predicted_px < GOOD_PX:
+        return "good"
+    return "check" if doubt <= MAX_DOUBT and predicted_px < POOR_PX else "poor"
 
 
 def _tell_held_out(evidence: Evidence) -> str:

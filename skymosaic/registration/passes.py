@@ -65,7 +65,7 @@ class PooledMatches:
     """Their indices refer to ``features``."""
 
     def with_pass(self, other: PooledMatches) -> PooledMatches:
-        """This pooled and that of a further pass, whose features are appended."""
+        """These matches and those of a further pass, whose features are appended."""
         matches = other.matches.copy()
         for side, features in zip(("left", "right"), self.features, strict=True):
             matches[f"{side}_index"] += len(features)
@@ -87,7 +87,7 @@ class SearchState:
     homography: Matrix | None
     """(3, 3): left to right, working px; None where none is accepted."""
     inliers: Mask
-    """(N,): among all matches of the pooled."""
+    """(N,): among all pooled matches."""
     places: int
     """Different places that the inliers show."""
     passes: int
@@ -106,7 +106,7 @@ MatchedFrames = tuple[Change, tuple[Records, Records], tuple[ChangedImage, Chang
 
 
 class Search:
-    """Passes over one pair of working images, each adding to the pooled."""
+    """Passes over one pair of working images, each adding to the pooled matches."""
 
     def __init__(
         self,
@@ -248,7 +248,7 @@ class Search:
         return self.choose(state, found)
 
     def _match_frames(self, runs: Sequence[FrontEndRun]) -> Iterator[tuple[Change, PooledMatches]]:
-        """The pooled of each pass and what was done to its frame, without frames that the front end does not take."""
+        """The matches of each pass and what was done to its frame, without frames that the front end does not take."""
         for run in runs:
             for change, features, frames, matches in self._run(run) if self._shared is None else self._share(run):
                 if run.swapped:

@@ -306,7 +306,7 @@ def _show_ground(left: Points, right: Points, *, masks: Sequence[Pixels | None],
 
 
 def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Points, Points], Mask]) -> Pair:
-    """Refit a pair whose matches or ground do not all agree; refuse what is rather wrong than right."""
+    """Refit a pair whose matches or ground do not all agree; refuse what is in too much doubt."""
     evidence = pair.evidence
     if pair.effort != "fast" and evidence and min(evidence.held_out_share, evidence.ground_share) < FLAT_SHARE:
         pair = refit_pair(pair, shows_ground)

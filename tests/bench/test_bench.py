@@ -129,7 +129,7 @@ def test_the_fitted_table_is_monotone_and_states_what_nine_of_ten_stay_below() -
     rng = np.random.default_rng(4)
     shares = rng.uniform(0, 1, (900, 2))
     errors_px = np.exp(rng.normal(2.5 - 4 * shares[:, 0], 0.5))
-    best = Evidence(99, 1, 1, 1, 0.1, 1, 200, 0, 0)
+    best = Evidence(1, 1, 1, 99, 0.1, 1, 200, 0, 0)
     steps = confidence.expand(
         [replace(best, ground_share=ground, hull_share=hull) for ground, hull in shares.tolist()]
     )  # fmt: skip
