@@ -1,15 +1,35 @@
-"""What a flight says of its photographs, on flights without any."""
+"""What a flight says of its photographs, and how its layouts are surveyed."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
+import cv2
 import numpy as np
 import pytest
 
+from sim.scene import CameraPose
+from sim.scene import Flight as Rendered
+from skymosaic import mosaic
+from skymosaic.common.errors import RegistrationError
+from skymosaic.compositing.warp import nearness
+from skymosaic.evaluation.metrics import grid_error
+from skymosaic.flight import survey
 from skymosaic.flight.flight import BLURRED, Flight
-from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.linking.links import Link
+from skymosaic.flight.layout.agreement import Agreement
+from skymosaic.flight.layout.extent import least_nearness
+from skymosaic.flight.layout.layout import Layout, lay_out
+from skymosaic.flight.linking import surveyor
+from skymosaic.flight.linking.links import Link, link_views
+from skymosaic.flight.pairing.linked_views import LinkedViews
+from skymosaic.flight.two_photographs import choose_mesh
+from skymosaic.geometry.prosac import MIN_INLIERS
+from skymosaic.mosaicking.api import open_run
+from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.mosaicking.run import MosaicRun
+from tests.skymosaic.flight.layout.cameras import views_of
+from tests.skymosaic.registration.rendering import CAMERA, view
 
 TIES = np.arange(40.0).reshape(20, 2)
 
@@ -78,3 +98,190 @@ def test_what_is_in_another_group_is_absent_with_the_links_that_contradict() -> 
     why = "in another group of 2 photographs, whose links to it (2) contradict"
     assert flight.absent_from(groups[0]) == {0: "unreadable", 4: f"3.jpg: {why}", 5: f"4.jpg: {why}"}
     assert list(flight.absent_from(groups[1])) == [0, 1, 2, 3]
+
+
+HARD = (0, 2)
+"""Photographs that overlap, but match only once a layout says where."""
+
+
+def test_a_layout_links_what_features_alone_do_not(flight: Rendered, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[tuple[tuple[int, int], bool]] = []
+
+    def link(pair: tuple[int, int], left: Any, right: Any, *, predicted: Any = None, **settings: Any) -> Link:
+        tried.append((pair, predicted is not None))
+        if pair == HARD and predicted is None:
+            return Link(*pair, np.zeros((0, 2)), np.zeros((0, 2)), inliers=4, near=0)
+        return link_views(pair, left, right, predicted=predicted, **settings)
+
+    monkeypatch.setattr(surveyor, "link_views", link)
+    with open_run(list(flight.images), MosaicOptions()) as run:
+        (layout,) = run.layouts
+    assert (HARD, False) in tried
+    assert (HARD, True) in tried
+    assert HARD in {(link.left, link.right) for link in layout.links}
+    assert layout.members == tuple(range(len(flight.images)))
+
+
+def test_photographs_of_another_camera_stay_as_they_are_beside_a_lens_that_bends(flight: Rendered) -> None:
+    size_px = (320, 240)
+    camera = np.array([[250.0, 0, 159.5], [0, 250, 119.5], [0, 0, 1]])
+    grid = np.stack(np.meshgrid(*(np.arange(side, dtype=np.float32) for side in size_px)), axis=-1)
+    places = cv2.undistortPoints(grid.reshape(-1, 1, 2), camera, np.array([0.15, 0, 0, 0]), P=camera)
+    small = [cv2.resize(image, size_px, interpolation=cv2.INTER_AREA) for image in flight.images]
+    bent = [cv2.remap(image, places.reshape(grid.shape), None, cv2.INTER_LINEAR) for image in small]
+    # Nothing links mirrored ground to the other photographs.
+    others = [np.ascontiguousarray(image[30:210, ::-1]) for image in small[:2]]
+    with open_run([*bent, *others], MosaicOptions(all_groups=True)) as run:
+        assert run.flight.calibration is not None
+        assert [layout.members for layout in run.layouts] == [tuple(range(9)), (9, 10)]
+        assert [view.thumbnail.shape[:2] for view in run.flight.views[9:]] == [(180, 320)] * 2
+        assert all(min(run.composition(layout).size) > 180 for layout in run.layouts)
+
+
+def test_no_link_is_looked_for_around_a_place_in_dispute() -> None:
+    size_px, ties = (400, 300), np.zeros((50, 2))
+    views: list[Any] = [SimpleNamespace(working_size=size_px)] * 6
+    transforms = {view: np.array([[1.0, 0, 100 * view], [0, 1, 0], [0, 0, 1]]) for view in range(6)}
+    links = tuple(Link(view, view + 1, ties, ties, 50, 50) for view in range(5))
+    asked: list[set[tuple[int, int]]] = []
+
+    class Stub:
+        def link_nearby(self, _views: Any, pairs: Any) -> dict[tuple[int, int], Link]:
+            asked.append(set(pairs))
+            return {}
+
+    linked = LinkedViews(cast(Any, Stub()), (), tuple(views), {})
+    for contradicting in ((), (Link(0, 2, ties, ties, 50, 50),)):
+        layout = Layout(tuple(transforms), 0, transforms, links, contradicting)
+        assert survey._link_nearby(linked, layout) == {}
+    assert {(0, 2), (1, 3), (3, 5)} <= asked[0]
+    assert asked[1] == {pair for pair in asked[0] if not {0, 2} & set(pair)}
+
+
+def test_links_that_a_layout_led_to_and_then_denies_are_dropped() -> None:
+    rng, size_px, step_px = np.random.default_rng(0), (400, 300), 100
+
+    def tie(left: int, right: int, off_px: float = 0) -> Link:
+        points = rng.uniform(0, 300, (40, 2))
+        moved = points - [step_px * (right - left) + off_px, 0]
+        return Link(left, right, points, moved, 40, 40)
+
+    views: list[Any] = [SimpleNamespace(working_size=size_px)] * 5
+    links = {(view, view + 1): tie(view, view + 1) for view in range(4)}
+    layout = lay_out(views, range(5), list(links.values()))
+    # View 4 hangs on one link, so that a link that contradicts it would put its place in doubt.
+    nearby = {(0, 2): tie(0, 2), (1, 3): tie(1, 3), (2, 4): tie(2, 4, off_px=25)}
+    again = survey._lay_out_again(views, layout, links, nearby)
+    assert again.members == layout.members
+    assert again.contradicting == ()
+    assert links.keys() == {(0, 1), (1, 2), (2, 3), (3, 4), (0, 2), (1, 3)}
+    assert set(again.links) == set(links.values())
+
+
+def test_what_no_plane_explains_is_left_out_with_the_reason_and_what_it_contradicts_is_counted() -> None:
+    points = np.random.default_rng(1).uniform(50, 250, (40, 2))
+    # Two groups that fit, joined by links of noise; and a photograph that only noise links.
+    true = [Link(0, 1, points, points + 5, 40, 40), Link(2, 3, points, points + 5, 40, 40)]
+    size_px = (300, 300)
+    noise = [Link(left, right, points, points[::-1], 40, 40) for left, right in ((1, 2), (3, 4))]
+    views: list[Any] = [SimpleNamespace(name=f"{view}.jpg", size=size_px, working_size=size_px) for view in range(5)]
+    links = {(link.left, link.right): link for link in sorted([*true, *noise], key=lambda link: link.left)}
+    layouts, alone = survey.lay_out_all(views, [[0, 1, 2, 3, 4]], links, lambda _layout: {}, lambda _: Agreement())
+    assert [layout.members for layout in layouts] == [(0, 1), (2, 3)]
+    assert list(alone) == [4]
+    assert "no plane explains the 40 matches of 3.jpg and 4.jpg" in alone[4]
+    sources = cast(Any, tuple(SimpleNamespace(index=index, name=f"{index}.jpg") for index in range(5)))
+    settings: Any = None
+    flight = Flight(
+        tuple("01234"), sources, tuple(views), tuple(links.values()), tuple(layouts), {4: alone[4]}, settings, {}
+    )
+    absent = flight.absent_from(layouts[0])
+    assert list(absent) == [2, 3, 4]
+    assert absent[2] == "2.jpg: in another group of 2 photographs, whose links to it (1) contradict"
+    links.pop((1, 2))
+    apart = replace(flight, links=tuple(links.values())).absent_from(layouts[0])
+    assert apart[3] == "3.jpg: in another group of 2 photographs, which nothing links to this one"
+
+
+@pytest.mark.parametrize(("false", "off_px", "refused"), [(6, 30, True), (2, 30, False), (6, 9, False), (0, 0, False)])
+def test_photographs_of_things_that_all_look_the_same_are_refused_with_counts(
+    monkeypatch: pytest.MonkeyPatch, false: int, off_px: float, refused: bool
+) -> None:
+    points, eyes = np.random.default_rng(4).uniform(0, 300, (40, 2)), {view: np.eye(3) for view in range(6)}
+
+    def link(pair: tuple[int, int], off_px: float) -> Link:
+        moved = points + np.array([off_px, 0])
+        return Link(*pair, points, moved, 40, 40, left_checks=points, right_checks=moved)
+
+    true = tuple(link((view, view + 1), 0) for view in range(5))
+    contradicting = tuple(link(pair, off_px) for pair in [(0, 2), (1, 3), (2, 4), (3, 5), (0, 3), (1, 4)][:false])
+    layout = Layout(tuple(eyes), 0, eyes, true if false != 2 else true * 4, contradicting)
+    monkeypatch.setattr(survey, "lay_out", lambda *_: layout)
+    views: list[Any] = [SimpleNamespace(name=f"{view}.jpg", size=(4, 3)) for view in range(6)]
+    layouts, alone = survey.lay_out_all(views, [list(eyes)], {}, lambda _layout: {}, lambda _: Agreement())
+    assert [each.members for each in layouts] == ([] if refused else [layout.members])
+    reason = "6 of 11 links contradict the layout, and matches that it did not use are 30 px off in the median: "
+    reasons = [reason] * 6 if refused else []
+    assert all(each.startswith(start) for each, start in zip(alone.values(), reasons, strict=True))
+
+
+def test_why_a_photograph_is_alone_is_said_with_its_best_match() -> None:
+    points = np.ones((20, 2))
+    views: list[Any] = [SimpleNamespace(name=f"{view}.jpg", strongest=range(50)) for view in range(4)]
+    views[3].strongest = range(MIN_INLIERS - 1)
+
+    def why(*links: Link, view: int = 0) -> str:
+        return survey.why_alone(view, views, links)
+
+    def tried(left: int, right: int, inliers: int, *, moves: bool = False, ties: int = 0) -> Link:
+        moving = points if moves else points[:0]
+        return Link(left, right, points[:ties], points[:ties], inliers, 0, left_moving=moving, right_moving=moving)
+
+    assert why(view=3) == f"too few features ({MIN_INLIERS - 1}; flat, blurred or masked image?)"
+    assert why() == why(tried(1, 2, 9)) == "no other photograph can be used"
+    some = [tried(0, 1, 3), tried(0, 2, 5), tried(1, 2, 9)]
+    best = f"nothing links it to the others (at best 5 matches agree, with 2.jpg; {MIN_INLIERS} are needed)"
+    assert why(*some) == best
+    assert why(*some, view=2).endswith(f"(at best 9 matches agree, with 1.jpg; {MIN_INLIERS} are needed)")
+    assert why(*some, tried(0, 3, 4, moves=True)) == best
+    for moving in ([*some, tried(0, 3, 6, moves=True)], [tried(0, 1, 0), tried(0, 3, 0, moves=True)]):
+        assert "water below a camera that hovers" in why(*moving)
+    assert why(*some, tried(0, 3, 20, ties=20)).startswith("1 links contradict each other")
+
+
+def test_photographs_that_no_layout_explains_are_refused_with_counts() -> None:
+    noise = list(np.random.default_rng(2).integers(0, 256, (3, 160, 200), dtype=np.uint8))
+    with open_run(noise, MosaicOptions()) as run:
+        flight = replace(run.flight, links=(Link(0, 1, np.zeros((9, 2)), np.zeros((9, 2)), 9, 9),))
+        linked = MosaicRun(run.sources, run.options, run._workers, print, flight)
+        with pytest.raises(RegistrationError, match="no two photographs make a mosaic; 1 of 1 pairs show common"):
+            _ = linked.layouts
+
+
+def test_a_pair_with_a_horizon_becomes_a_mosaic_without_the_far_field() -> None:
+    """A corner of the left photograph shows what lies behind the right camera."""
+    poses = [
+        CameraPose(x_px=0, y_px=0, altitude_px=250, heading_deg=heading_deg, pitch_deg=50) for heading_deg in (0, 80)
+    ]
+    result = mosaic([view(pose, seed) for seed, pose in enumerate(poses)])
+    to_left, to_right = (pose.homography(CAMERA) for pose in poses)
+    truth = to_right @ np.linalg.inv(to_left)
+    size = (CAMERA.width_px, CAMERA.height_px)
+    assert nearness(size, truth, CAMERA.corners).min() < 0
+    assert grid_error(result.pairs[0].homography, truth, size, size) < 2
+    left, right = result.composition.placements
+    assert 0.3 < left.cut_off < 0.9
+    assert right.cut_off == 0
+    assert 1.2 * size[0] * size[1] < np.count_nonzero(result.image) < 5 * size[0] * size[1]
+
+
+@pytest.mark.parametrize(("warp", "matrix"), [("homography", np.eye(3)), ("mesh", None), ("auto", None)])
+def test_a_pair_keeps_its_shape_unless_a_mesh_is_wanted_and_it_was_registered(warp: str, matrix: Any) -> None:
+    pair: Any = SimpleNamespace(working_homography=matrix)
+    assert choose_mesh(pair, warp) == {}
+
+
+def test_a_pair_without_matches_on_its_plane_is_not_cut() -> None:
+    nothing = np.zeros((0, 2))
+    link = Link(0, 1, nothing, nothing, inliers=0, near=0)
+    assert least_nearness(views_of(2), {0: np.eye(3), 1: np.eye(3)}, [link]) == {0: 0.0, 1: 0.0}

@@ -4,16 +4,19 @@ import csv
 import dataclasses
 import io
 import itertools
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from bench.rendered_pairs import write_set
 from skymosaic.common.errors import InputError
-from skymosaic.thesis import tables
+from skymosaic.thesis import charts, tables
 from skymosaic.thesis.corners import CORNERS, compute_responses, detect_strongest, find_threshold, raise_threshold
 from skymosaic.thesis.dataset import DatasetPair, list_sources
 from skymosaic.thesis.measurements import Measurement, Measurements
@@ -141,3 +144,52 @@ def test_our_thresholds_are_scaled_to_the_published_corners(measured: Measuremen
 def test_methods_that_registered_no_pair_have_no_row_of_seconds(measured: Measurements) -> None:
     without = Measurements([line for line in measured.lines if line.table != "IV-7"])
     assert all(row["method"].startswith("thesis, ") for row in tables.tabulate(without, "IV-7"))
+
+
+RECORDED = Path(__file__).with_name("recorded_page.txt")
+"""After a change that is meant, `write_out` of `made_up` writes it again."""
+
+
+@pytest.fixture
+def made_up(measured: Measurements) -> Measurements:
+    """The lines of all experiments on two pairs, with falling numbers; of one setting, none."""
+    lines = []
+    for number, line in enumerate(measured.lines):
+        for pair, group in enumerate(("along", "across")):
+            top = 1200 - 20 * (number % 55) - 100 * pair
+            found = {each: top / (1 + n) + n * number for n, each in enumerate(line.values)}
+            values = {} if line.setting == "SIFT + SIFT" else found
+            lines.append(replace(line, pair=f"pair {pair}", group=group, values=values))
+    return Measurements(lines)
+
+
+def write_out(m: Measurements) -> Iterator[str]:
+    m = tables.scale_thresholds(m)
+    for name, sheet in ((name, tables.tabulate(m, name)) for name in tables.TABLES):
+        yield from (f"table {name}: {' | '.join(row)}" for row in (sheet[0], *(row.values() for row in sheet)))
+    yield from (f"groups: {' | '.join(row.values())}" for row in tables.tabulate_groups(m, "IV-2", "px"))
+    yield from (f"trend: {trend.statement} | {trend.holds} | {trend.numbers}" for trend in tables.check_trends(m))
+    drawn: list[Figure] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
+        for draw in charts.CHARTS.values():
+            draw(m)
+    for name, figure in zip(charts.CHARTS, drawn, strict=True):
+        every: list[Any] = figure.axes
+        for legend in [*figure.legends, *filter(None, (axes.get_legend() for axes in every))]:
+            yield f"diagram {name}: legend: {' | '.join(each.get_text() for each in legend.get_texts())}"
+        for axes in every:
+            words = axes.get_xlabel(), axes.get_xscale(), axes.get_ylabel(), axes.get_yscale()
+            yield f"diagram {name}: {' '.join(words)} {' '.join(f'{each:.4g}' for each in axes.get_ylim())}"
+            series: dict[str, Any] = {line.get_label(): line.get_xydata() for line in axes.lines}
+            series |= {"bars": [(bar.get_x(), bar.get_height()) for bar in axes.patches]}
+            series |= {"segments": [end for each in axes.collections for ends in each.get_segments() for end in ends]}
+            for label, points in series.items():
+                if len(points):
+                    yield f"diagram {name}: {label}: {' '.join(f'{x:.3g},{y:.4g}' for x, y in points)}"
+            if axes.texts:
+                yield f"diagram {name}: {' '.join(text.get_text() for text in axes.texts)}"
+
+
+def test_tables_and_diagrams_say_what_was_measured_and_published(made_up: Measurements) -> None:
+    assert list(write_out(made_up)) == RECORDED.read_text(encoding="utf-8").splitlines()

@@ -1,4 +1,4 @@
-"""Layouts of flights in which repeated textures link pictures falsely, against the exact poses."""
+"""Layouts of photographs with exact poses, with false ties, and what makes a group impossible."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 from sim.scene import make_lawnmower
 from sim.scene.flight import Flight
 from skymosaic.compositing.warp import enclosing_canvas, nearness
+from skymosaic.flight.layout.accuracy import Errors, measure_accuracy
+from skymosaic.flight.layout.expected_shape import are_possible
 from skymosaic.flight.layout.extent import least_nearness
 from skymosaic.flight.layout.layout import Layout, _lay_out_together, lay_out
+from skymosaic.flight.layout.linked_group import linked_group, trust_by_loops
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.picture.composition import Room
 from skymosaic.geometry.homography import apply, estimate_similarity, resize_matrix
 from tests.skymosaic.flight.layout import cameras
+from tests.skymosaic.flight.layout.cameras import views_of
 from tests.skymosaic.flight.layout.ties import tie_pictures
 
 SIZE_PX = (1280, 960)
@@ -236,3 +240,71 @@ def test_a_view_that_cannot_lie_there_is_left_out_with_the_reason() -> None:
     assert layout.misplaced[4].startswith("no plane explains the 40 matches of 3.jpg and 4.jpg: they stay ")
     alone = lay_out(cameras.views_of(5), (3, 4), links)
     assert len(alone.members) == len(alone.misplaced) == 1
+
+
+def test_a_loop_that_does_not_close_takes_trust_from_its_links() -> None:
+    def shifted(x: Any) -> Any:
+        return np.array([[1.0, 0, x], [0, 1, 0], [0, 0, 1]])
+
+    pairs = {(0, 1): 0, (1, 2): 1, (0, 2): 2, (2, 3): 3}
+    closed = trust_by_loops(pairs, np.array([shifted(1), shifted(1), shifted(2), shifted(1)]))
+    opened = trust_by_loops(pairs, np.array([shifted(1), shifted(1), shifted(2.5), shifted(1)]))
+    assert closed[0] > closed[3] > opened[0]
+    assert closed[3] == opened[3]
+
+
+def test_a_loop_that_is_open_in_place_and_turn_is_trusted_less_than_one_open_in_either() -> None:
+    def trust(angle_deg: float, x: float) -> float:
+        cosine, sine = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+        gap = np.array([[cosine, -sine, x], [sine, cosine, 0], [0, 0, 1]])
+        return float(trust_by_loops({(0, 1): 0, (1, 2): 1, (0, 2): 2}, np.stack([np.eye(3), np.eye(3), gap]))[0])
+
+    closed, turned, moved, both = (trust(*each) for each in ((0, 0), (3, 0), (0, 0.04), (3, 0.04)))
+    assert closed > max(turned, moved)
+    assert min(turned, moved) > 1.1 * both
+
+
+def test_a_link_that_mirrors_or_shrinks_its_view_to_a_point_leaves_it_where_its_neighbour_lies() -> None:
+    points = np.array([[0.0, 0], [600, 0], [600, 450], [0, 450]] * 3)
+    shrunk, one_place = 300 + 1e-4 * points, np.full_like(points, 300)
+    mirrored = np.array([639.0, 0]) - points * np.array([1.0, -1])
+    links = [Link(row, row + 1, points, right, 12, 12) for row, right in enumerate((shrunk, mirrored, one_place))]
+    start = linked_group(views_of(4), range(4), links).start
+    assert are_possible(start).all()
+
+
+NOTHING = np.zeros((0, 2))
+
+
+def off(left: int, right: int, *errors_px: float) -> Link:
+    """A link whose checks are so far off."""
+    here = np.arange(2.0 * len(errors_px)).reshape(-1, 2)
+    there = here + np.array(errors_px)[:, None] * [0.6, 0.8]
+    return Link(left, right, NOTHING, NOTHING, 0, 0, left_checks=here, right_checks=there)
+
+
+def test_photographs_and_pairs_are_named_the_worst_first_and_of_enough_matches() -> None:
+    links = [off(0, 1, *[1] * 5), off(1, 2, *[7] * 4), off(2, 3, 2, 3, 4, 5, 6), Link(0, 3, NOTHING, NOTHING, 0, 0)]
+    found = measure_accuracy({view: np.eye(3) for view in range(4)}, links)
+    assert found is not None
+    rounded = [
+        (key, each.matches, round(each.median_px, 9))
+        for errors in (found.photographs, found.pairs)
+        for key, each in errors.items()
+    ]
+    assert rounded == [(2, 9, 6), (3, 5, 4), (1, 9, 1), (0, 5, 1), ((2, 3), 5, 4), ((0, 1), 5, 1)]
+    assert (found.whole.matches, round(found.whole.median_px, 9), round(found.whole.ninety_px, 9)) == (14, 3.5, 7)
+    assert measure_accuracy({}, links[3:]) is None
+    moved = np.array([[1.0, 0, 0], [0, 1, -3], [0, 0, 1]])
+    only = measure_accuracy({0: moved, 1: np.eye(3)}, [off(0, 1, *[0] * 5)])
+    assert only is not None
+    assert only.whole == Errors(5, 3.0, 3.0)
+
+
+def test_cameras_see_ground_neither_mirrored_nor_edge_on_nor_at_no_size() -> None:
+    level, mirrored, edge_on = np.eye(3), np.diag([-1.0, 1, 1]), np.diag([1.0, 0.05, 1])
+    leaning = np.array([[1, 0, 0], [0, 0.5, 0], [0.8, -0.5, 1]])
+    tiny, huge = np.diag([1e-4, 1e-4, 1]), np.diag([1e4, 1e4, 1])
+    unknown = np.full((3, 3), np.nan)
+    possible = are_possible(np.stack([level, mirrored, edge_on, leaning, tiny, huge, unknown]))
+    assert possible.tolist() == [True, False, False, True, False, False, False]

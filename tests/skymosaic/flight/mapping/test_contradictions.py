@@ -32,7 +32,7 @@ def taken_above(x_px: float, y_px: float, **recorded: Any) -> Metadata:
     return Metadata(position=Position(latitude, longitude), **recorded)
 
 
-def flown() -> tuple[Any, Any]:
+def unrolled() -> tuple[Any, Any]:
     """Twelve photographs in three strips, 0.1 m per pixel, with exact GPS."""
     middle = (np.array(SIZE) - 1) / 2
     views = [
@@ -68,7 +68,7 @@ def test_pixels_of_photographs_that_exif_turns_may_be_those_of_the_file(
         row, column = divmod(int(upright[int(seen[1]), int(seen[0])]), stored_size[0])
         return np.array([column, row]) if as_stored else seen
 
-    flight, layout = flown()
+    flight, layout = unrolled()
     for view in flight.views:
         view.orientation = orientation
     write_control(tmp_path / "gcp.txt", same, click, 0)
@@ -84,7 +84,7 @@ def same(values: np.ndarray) -> np.ndarray:
 
 def with_positions(place: Change) -> tuple[Any, Any]:
     """The same flight with a file of positions, changed likewise."""
-    flight, layout = flown()
+    flight, layout = unrolled()
     flight.positions = "geo.txt"
     for view, (x_px, y_px) in zip(flight.views, STEPS, strict=True):
         east_north = place(CORNER + METRES * np.array([x_px, -y_px]) + METRES * np.array([199.5, -149.5]))
@@ -121,7 +121,7 @@ def test_a_file_of_positions_is_held_against_gps(place: Change, found: str) -> N
 
 
 def test_positions_that_do_not_fit_the_layout_are_a_contradiction() -> None:
-    flight, layout = flown()
+    flight, layout = unrolled()
     for view, other in zip(flight.views, np.random.default_rng(0).permutation(12), strict=True):
         view.taken = taken_above(*STEPS[other])
     (line,) = list_contradictions(flight)
@@ -133,7 +133,7 @@ def test_positions_that_do_not_fit_the_layout_are_a_contradiction() -> None:
 
 
 def test_single_positions_that_disagree_are_named_the_worst_first() -> None:
-    flight, layout = flown()
+    flight, layout = unrolled()
     for number, step_px in ((2, 60), (7, 90)):
         flight.views[number].taken = taken_above(*(STEPS[number] + (np.array(SIZE) - 1) / 2 + [step_px, 0]))
     assert place_on_map(flight, layout).georeference is not None
@@ -222,7 +222,7 @@ def test_control_points_are_held_against_gps(
 ) -> None:
     control = load_control_points(write_control(tmp_path / "gcp.txt", place, pixel, shift))
     try:
-        result = "; ".join(place_on_map(*flown(), control).contradictions)
+        result = "; ".join(place_on_map(*unrolled(), control).contradictions)
     except InputError as error:
         result = f"refused: {error}"
     assert not result if not found else re.search(found, result), result

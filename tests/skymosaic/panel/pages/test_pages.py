@@ -2,13 +2,18 @@
 
 import asyncio
 import re
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import cv2
+import httpx
 import numpy as np
 import pytest
+from nicegui import Client
+from nicegui.page import page as nicegui_page
 
 from golden_model.config import preset_config
 from golden_model.records import MATCH
@@ -23,9 +28,16 @@ from skymosaic.panel.pages import drawings
 from skymosaic.panel.pages.corners_tab import CornersTab, detect
 from skymosaic.panel.pages.drawings import draw_corners
 from skymosaic.panel.pages.hardware_tab import _list_times
+from skymosaic.panel.pages.matches_tab import MatchesTab
 from skymosaic.panel.pages.numbers_tab import _describe, _list_quality
+from skymosaic.panel.pages.runs_page import build_runs_page
 from skymosaic.panel.pages.sidebar import PhotographsCard
+from skymosaic.panel.results import Picture
+from skymosaic.panel.runs import Runs
+from skymosaic.panel.session import Session
 from skymosaic.panel.widgets.thumbnails import MAX_TILES
+from tests.skymosaic.panel import made_up
+from tests.skymosaic.panel.visitor import Scenario
 
 
 def test_the_nearest_line_is_found_only_within_the_distance() -> None:
@@ -185,3 +197,122 @@ def test_photographs_are_counted_while_they_are_read(count: int, done: int | Non
     card._read = lambda: PhotographsCard._read(card)
     PhotographsCard._tick(card)
     assert said == [text, *([] if done is None else [done])]
+
+
+@pytest.fixture
+def tab(run_in_loop: Callable[[Scenario], None]) -> MatchesTab:
+    """Eight matches: one is rejected, one off the homography; the right picture begins at 332 px."""
+    made: list[MatchesTab] = []
+
+    async def build() -> None:
+        with Client(nicegui_page("/matches"), request=None):
+            pictures = Picture("/left", 320, 120), Picture("/right", 320, 120, 332)
+            made.append(MatchesTab(made_up.pair("a.png", "b.png", Options.of_preset("aerial")), pictures))
+
+    run_in_loop(build)
+    return made[0]
+
+
+def state(tab: MatchesTab) -> tuple[str, bool]:
+    """What is said of the match shown, and whether it is explained."""
+    return tab._number.text, "px from the homography" in tab._explanation.content
+
+
+def test_hovering_explains_a_match_and_a_click_keeps_it(tab: MatchesTab) -> None:
+    assert state(tab) == ("8 matches", False)
+    tab._hover(40, 100.1, 1)
+    assert state(tab) == ("match 1 of 8", True)
+    # Nothing is within 10 px of the screen.
+    tab._hover(40, 100.3, 1)
+    tab._hover(70, 91, 2)
+    assert state(tab) == ("match 1 of 8", True)
+    tab._pick(70, 85, 1)
+    tab._hover(40, 90, 1)
+    assert state(tab) == ("match 2 of 8, pinned", True)
+    tab._pick(5, 5, 1)
+    assert state(tab) == ("8 matches", False)
+
+
+def test_the_buttons_step_through_the_matches_that_are_drawn(tab: MatchesTab) -> None:
+    shown = []
+    for by in (1, 1, -1, -1, 1):
+        tab._step(by)
+        shown.append(tab._number.text)
+    # The sixth is off the homography, the seventh rejected; only inliers are drawn.
+    assert shown == [f"match {number} of 8, pinned" for number in (1, 2, 1, 8, 1)]
+    tab._pick(5, 5, 1)
+    tab._step(-1)
+    assert tab._number.text == "match 8 of 8, pinned"
+    pair = replace(tab._pair, matches=tab._pair.matches[:7])
+    tab.show(pair)
+    assert tab._number.text == "7 matches"
+    tab._step(1)
+    tab.show(pair)
+    assert tab._number.text == "match 1 of 7, pinned"
+    for checkbox in tab._filters.values():
+        checkbox.value = False
+    tab._step(1)
+    assert tab._number.text == "match 1 of 7, pinned"
+
+
+def test_lines_are_spread_over_all_matches(tab: MatchesTab) -> None:
+    tab._verdicts = ["rejected", *["inlier"] * 2000]
+    counts = []
+    for tab._density in range(8):
+        chosen = tab._candidates()
+        counts.append(len(chosen))
+        assert (chosen[0], len({*chosen})) == (1, len(chosen))
+        assert chosen[-1] > 2000 - 2000 / len(chosen)
+    assert counts == [25, 50, 100, 200, 400, 800, 1600, 2000]
+    tab._verdicts, tab._density = ["inlier"] * 26, 0
+    assert tab._candidates() == [*range(25)]
+    tab._verdicts = ["inlier"] * 25
+    assert tab._candidates() == [*range(25)]
+
+
+TITLE = "3 photographs: <b>a flight</b>"
+
+
+@pytest.fixture
+def finished(tmp_path: Path) -> Path:
+    """What a run has made."""
+    (tmp_path / "run" / "report").mkdir(parents=True)
+    (tmp_path / "run" / "report" / "index.html").write_text("<title>a report</title>")
+    (tmp_path / "run" / "mosaic.png").write_bytes(b"pixels")
+    (tmp_path / "run" / "tiles").mkdir()
+    (tmp_path / "run" / "tiles" / "index.html").write_text("<title>a map</title>")
+    return tmp_path / "run"
+
+
+def test_a_run_is_listed_and_deleted(session: Session, finished: Path, run_in_loop: Callable[[Scenario], None]) -> None:
+    run = session.runs.keep(finished, TITLE)
+
+    async def scenario() -> None:
+        with Client(nicegui_page("/runs"), request=None) as client:
+            build_runs_page(session)
+        said = {getattr(each, "text", ""): each for each in client.elements.values()}
+        assert said[TITLE].visible
+        assert said["mosaic.png"].props["href"] == f"/run/{run.name}/mosaic.png"
+        assert said["tiles"].props["href"] == f"/run/{run.name}/tiles/index.html"
+        press: Any
+        (press,) = said["Delete"]._event_listeners.values()
+        press.handler(None)
+        assert run.exists(), "once is not enough"
+        assert getattr(said["Delete"], "text", "") == "Delete for good"
+        press.handler(None)
+        assert TITLE not in {getattr(each, "text", "") for each in client.elements.values()}
+
+    run_in_loop(scenario)
+    assert not run.exists()
+
+
+def test_files_of_a_run_are_sent_and_no_others(
+    panel: str, owner_address: str, kept: Path, tmp_path: Path, finished: Path
+) -> None:
+    run = Runs(kept, tmp_path).keep(finished, TITLE)
+    with httpx.Client(base_url=panel) as owner:
+        owner.get(owner_address)
+        assert owner.get(f"/run/{run.name}/mosaic.png").content == b"pixels"
+        assert owner.get(f"/run/{run.name}/report/index.html").text == "<title>a report</title>"
+        for path in (f"/run/{run.name}/..%2f..%2fsecret", f"/run/..%2f/{run.name}", "/run/../archive"):
+            assert owner.get(path).status_code == 404

@@ -1,0 +1,297 @@
+"""Layers, seams, palettes and tones of a mosaic."""
+
+import itertools
+
+import cv2
+import numpy as np
+import pytest
+
+from golden_model.arrays import Array, Float32, Pixels
+from sim.scene import Camera, CameraPose, make_lawnmower
+from skymosaic.compositing.layer import Layer, SeamMask
+from skymosaic.compositing.mesh import Mesh
+from skymosaic.compositing.palette import have_palette
+from skymosaic.compositing.seams import find_allowed
+from skymosaic.compositing.tone import NEUTRAL, SHOULDER_START, Tone
+from skymosaic.compositing.warp import Canvas, CanvasError, enclosing, footprint, nearness, outline
+from skymosaic.geometry.homography import apply
+from skymosaic.imagery.parcel import Parcel
+
+IMAGE = np.full((300, 400), 90, np.uint8)
+# Looks along y: rows above 60 show the sky.
+HORIZON = np.array([[-1.0, 0, 0], [0, 0.5, 0], [0, 1 / 60, -1]])
+
+
+def enlarged(factor: float, x: float = 0, y: float = 0) -> Array:
+    return np.array([[factor, 0, x], [0, factor, y], [0, 0, 1]])
+
+
+def test_the_finer_of_two_photographs_shows_all_but_its_margin() -> None:
+    coarse, fine = Layer(IMAGE, enlarged(4)), Layer(IMAGE, enlarged(1, 600, 450))
+    part = fine.footprint
+    finer = fine.claim(part) > coarse.claim(part)
+    assert finer[40:-40, 40:-40].all()
+    assert not finer[0].any()
+    alike = Layer(IMAGE, enlarged(1.0, 610, 450)).claim(part)
+    # Of photographs with the same detail, the one whose border is farther shows the ground, as ever.
+    assert ((fine.claim(part) >= alike) == (fine.border_distance(part) >= alike)).all()
+
+
+def test_a_mask_that_hides_nothing_changes_no_distance() -> None:
+    whole, masked = (Layer(IMAGE, enlarged(1), visible=mask) for mask in (None, np.full(IMAGE.shape, 255, np.uint8)))
+    distance = whole.border_distance(whole.footprint)
+    np.testing.assert_array_equal(distance, masked.border_distance(whole.footprint))
+    np.testing.assert_array_equal(distance, distance[::-1, ::-1])
+
+
+@pytest.mark.parametrize("with_seam", [False, True])
+def test_a_mask_and_the_border_bend_with_the_photograph(with_seam: bool) -> None:
+    image = np.tile(np.arange(200, dtype=np.uint8), (150, 1))
+    visible = np.where(image < 120, np.uint8(255), np.uint8(0))
+    # Each pixel is read 7 px to the right, so all that is seen moves to the left.
+    mesh = Mesh((200, 150), np.broadcast_to([7.0, 0.0], (3, 4, 2)).copy())
+    part = Canvas(0, 0, 200, 150)
+    seam = SeamMask(Parcel(np.full((150, 200), 255, np.uint8)), part, 1.0) if with_seam else None
+    masked, whole = (Layer(image, np.eye(3), visible=mask, seam=seam, mesh=mesh) for mask in (visible, None))
+    assert (masked.pixels(part)[:, :190] == image[:, :190] + 7).all()
+    assert np.flatnonzero(masked.claim(part)[75]).tolist() == list(range(113))
+    # Beyond the border, the photograph has nothing to show.
+    assert np.flatnonzero(whole.claim(part)[75]).tolist() == list(range(193))
+    inside = Canvas(60, 40, 30, 30)
+    np.testing.assert_array_equal(whole.claim(inside), whole.claim(part)[inside.within(part)])
+
+
+def test_detail_falls_towards_the_horizon() -> None:
+    tilted = np.array([[1.0, 0, 0], [0, 1, 0], [0, 1 / 600, 1]])
+    layer = Layer(IMAGE, tilted)
+    detail = layer.claim(layer.footprint) / np.maximum(layer.border_distance(layer.footprint), 1e-9)
+    for x, y in ((200.0, 50.0), (200.0, 250.0)):
+        steps = apply(tilted, [(x, y), (x + 0.01, y), (x, y + 0.01)])
+        area = abs(np.linalg.det((steps[1:] - steps[0]) / 0.01))
+        column, row = np.rint(steps[0]).astype(int) - (layer.footprint.x_px, layer.footprint.y_px)
+        assert detail[row, column] == pytest.approx(area**-0.5, rel=0.02)
+
+
+def test_nothing_is_shown_that_is_too_far_from_the_camera() -> None:
+    size = (400, 300)
+    with pytest.raises(CanvasError, match="behind the camera"):
+        footprint(size, HORIZON)
+    near = nearness(size, HORIZON, np.array([[0.0, 299], [0, 60], [0, 0]]))
+    np.testing.assert_allclose(near, [1, 0, -60 / 239], atol=1e-12)
+    layer = Layer(IMAGE, HORIZON, least_nearness=0.25)
+    corners = outline(size, HORIZON, 0.25)
+    assert corners[:, 1].min() == pytest.approx(60 + 0.25 * 239)
+    assert len(corners) == 4
+    around = layer.footprint.grown(50)
+    columns, rows = np.meshgrid(
+        *(np.arange(n) + start for n, start in ((around.width_px, around.x_px), (around.height_px, around.y_px)))
+    )
+    seen = apply(np.linalg.inv(HORIZON), np.stack([columns, rows], axis=-1))
+    expected = (seen[..., 1] > corners[:, 1].min()) & (seen[..., 1] <= 299) & (np.abs(seen[..., 0] - 199.5) <= 199.5)
+    shown = layer.claim(around) > 0
+    assert (shown != expected).mean() < 0.01
+
+
+def test_a_seam_touches_the_parts_in_which_it_shows_and_none_far_from_them() -> None:
+    mask = np.zeros((30, 40), np.uint8)
+    mask[10:14, 20:25] = 255
+    seam = SeamMask(Parcel(mask), Canvas(-10, 5, 40, 30), 0.1)
+    shown, found = Canvas(100, 150, 50, 40), set()
+    for x, y in itertools.product(range(-60, 300, 7), range(0, 350, 7)):
+        part = Canvas(x, y, 90, 70)
+        if part.intersection(shown.grown(5)):
+            assert seam.touches(part), part
+        elif part.intersection(shown.grown(30)) is None:
+            assert not seam.touches(part), part
+        found.add(seam.touches(part))
+    assert found == {True, False}
+
+
+CAMERA = Camera(width_px=160, height_px=120, focal_px=128)
+
+
+def seen(pose: CameraPose, camera: Camera = CAMERA) -> Layer:
+    """A photograph of nothing, where the camera would take it."""
+    image = np.zeros((camera.height_px, camera.width_px, 3), np.uint8)
+    return Layer(image, np.asarray(np.linalg.inv(pose.homography(camera)), np.float64))
+
+
+def hovering(count: int) -> list[Layer]:
+    rng = np.random.default_rng(count)
+    return [
+        seen(CameraPose(x_px=x, y_px=y, altitude_px=128 * rng.normal(1, 0.01), heading_deg=rng.normal(0, 1.5)))
+        for x, y in rng.normal(0, 3, (count, 2)).tolist()
+    ]
+
+
+@pytest.mark.parametrize("count", [100, 400])
+def test_of_many_photographs_of_one_place_few_reach_the_seam_finder(count: int) -> None:
+    layers = hovering(count)
+    needed = list(find_allowed(layers))
+    assert needed == sorted(set(needed))
+    assert 5 <= len(needed) <= 40
+    # No ground is lost, and the sum of all that has left owned little.
+    whole = enclosing([layer.footprint for layer in layers])
+    shown, left = (np.zeros((whole.height_px, whole.width_px)) for _ in range(2))
+    for number, layer in enumerate(layers):
+        claims = shown if number in needed else left
+        where = layer.footprint.within(whole)
+        claims[where] = np.maximum(claims[where], layer.claim(layer.footprint))
+    assert (shown[left > 0] >= 0.6 * left[left > 0]).all()
+
+
+def test_all_photographs_of_a_survey_are_needed() -> None:
+    flight = make_lawnmower(seed=4, images=25, size=(160, 120), forward_overlap=0.8, side_overlap=0.7)
+    assert list(find_allowed([seen(pose, flight.camera) for pose in flight.poses])) == list(range(25))
+
+
+def test_a_photograph_that_alone_shows_a_corner_stays() -> None:
+    whole, small = seen(CameraPose(x_px=0, y_px=0, altitude_px=128)), Camera(width_px=100, height_px=80, focal_px=128)
+    inside, beyond = (seen(CameraPose(x_px=0, y_px=y, altitude_px=128, heading_deg=30), small) for y in (0, 3))
+    assert list(find_allowed([whole, inside])) == [0]
+    assert 0 < (beyond.claim(beyond.footprint) > whole.claim(beyond.footprint)).sum() < 0.01 * 100 * 80
+    assert list(find_allowed([whole, beyond])) == [0, 1]
+
+
+def soil(seed: int, sigmas: tuple[float, ...] = (2, 8, 30)) -> Float32:
+    """A quantity (240, 320) from 0 to 1, smooth and fine."""
+    rng = np.random.default_rng(seed)
+    total = np.zeros((240, 320), np.float32)
+    for sigma in sigmas:
+        layer = cv2.GaussianBlur(rng.standard_normal(total.shape).astype(np.float32), (0, 0), sigma)
+        total += layer / layer.std()
+    return cv2.normalize(total, None, 0, 1, cv2.NORM_MINMAX)
+
+
+def compressed(image: Pixels, quality: int = 85) -> Pixels:
+    """Through a JPEG of twice the size, as a thumbnail is made."""
+    large = cv2.resize(image, None, fx=2, fy=2)
+    decoded = cv2.imdecode(cv2.imencode(".jpg", large, [cv2.IMWRITE_JPEG_QUALITY, quality])[1], cv2.IMREAD_COLOR)
+    return np.asarray(cv2.resize(decoded, image.shape[1::-1], interpolation=cv2.INTER_AREA), np.uint8)
+
+
+@pytest.mark.parametrize("name", ["INFERNO", "JET", "HOT", "RAINBOW"])
+def test_palettes_of_thermal_cameras_are_recognised_also_with_a_black_frame(name: str) -> None:
+    shown = [
+        compressed(cv2.applyColorMap((255 * soil(k)).astype(np.uint8), getattr(cv2, f"COLORMAP_{name}")))
+        for k in (0, 1)
+    ]
+    shown[0][:30] = 0
+    assert have_palette(shown)
+
+
+@pytest.mark.parametrize("name", ["INFERNO", "JET", "HOT", "RAINBOW"])
+@pytest.mark.parametrize("quality", [35, 85])
+def test_palettes_over_fine_detail_are_recognised_behind_a_jpeg(name: str, quality: int) -> None:
+    fine = (255 * soil(0, (0.7, 8))).astype(np.uint8)
+    assert have_palette([compressed(cv2.applyColorMap(fine, getattr(cv2, f"COLORMAP_{name}")), quality)])
+
+
+def test_a_palette_is_recognised_between_the_edges_of_roofs() -> None:
+    ground = soil(0, (4, 8))
+    roofs = np.digitize(ground, np.quantile(ground, (0.2, 0.4, 0.6, 0.8))) / 4
+    heat = 255 * (0.85 * roofs + 0.15 * soil(7, (8, 30)))
+    assert have_palette([compressed(cv2.applyColorMap(heat.astype(np.uint8), cv2.COLORMAP_HOT), 60)])
+
+
+def lit(colours: tuple[tuple[int, int, int], ...], noise: float) -> Pixels:
+    """Patches of ground of these colours, BGR, in uneven light."""
+    rng = np.random.default_rng(3)
+    kind = np.digitize(soil(4), np.linspace(0.2, 0.8, len(colours) + 1)[1:-1])
+    image = np.array(colours)[kind] * (0.4 + soil(5)[..., None]) + rng.normal(0, noise, (240, 320, 3))
+    return np.asarray(np.clip(image, 0, 255), np.uint8)
+
+
+@pytest.mark.parametrize(
+    "colours",
+    [((120, 120, 120),), ((150, 60, 20), (90, 160, 210)), ((40, 120, 60), (60, 90, 160), (180, 170, 160))],
+    ids=["gray", "water and sand", "grass, earth and roads"],
+)
+@pytest.mark.parametrize("noise", [0.0, 3.0])
+def test_ground_of_few_colours_is_no_palette(colours: tuple[tuple[int, int, int], ...], noise: float) -> None:
+    assert not have_palette([compressed(lit(colours, noise))])
+
+
+def test_colour_infrared_is_no_palette_though_its_hues_vary_from_field_to_field() -> None:
+    red, bare = np.array((20, 20, 190)), np.array((150, 170, 60))
+    fields, light = soil(1, (8, 30))[..., None], 0.35 + 0.9 * soil(2, (1, 2))[..., None]
+    image = np.clip(light * (red * fields + bare * (1 - fields)), 0, 255)
+    assert not have_palette([compressed(image.astype(np.uint8))])
+
+
+def test_a_picture_of_a_single_colour_is_no_palette() -> None:
+    assert not have_palette([np.full((4, 4, 3), (0, 0, 250), np.uint8)])
+
+
+RAMP = np.arange(256, dtype=np.uint8)[None]
+
+
+def test_neutral_tone_returns_the_same_pixels() -> None:
+    assert NEUTRAL.apply(RAMP) is RAMP
+
+
+@pytest.mark.parametrize("gain", [0.5, 0.8, 1.2, 1.6, 2.5])
+def test_below_the_shoulder_a_gain_is_a_factor(gain: float) -> None:
+    toned = Tone((gain,)).apply(RAMP)
+    straight = max(gain, 1) * RAMP < 255 * SHOULDER_START
+    np.testing.assert_allclose(toned[straight], (gain * RAMP)[straight], atol=0.51)
+
+
+@pytest.mark.parametrize("gain", [0.5, 0.8, 1.2, 1.6, 2.5])
+def test_highlights_rise_to_white_and_nothing_else_becomes_white(gain: float) -> None:
+    toned = Tone((gain,)).apply(RAMP)[0].astype(int)
+    assert toned[255] == 255
+    assert (np.diff(toned) >= 0).all()
+    # Rounding may lift the last gray levels before white, but nothing that is clearly darker than white.
+    assert toned[240] < 255
+
+
+def test_no_level_jumps_where_a_gain_varies() -> None:
+    """Over a burnt sky, an edge would show where the gain passes the shoulder."""
+    gains = np.arange(0.5, 1.5, 0.005)
+    toned = np.array([Tone((float(gain),)).apply(RAMP)[0] for gain in gains]).astype(int)
+    assert np.abs(np.diff(toned, axis=0)).max() <= 2
+
+
+def test_a_gain_of_16_bit_values_leaves_black_and_white_where_they_are() -> None:
+    values = np.array([[0, 9000, 20_000, 65_535]], np.uint16)
+    toned = Tone((2.0,), black=9000).apply(values)
+    assert toned.dtype == np.uint16
+    np.testing.assert_array_equal(toned, [[0, 9000, 31_000, 65_535]])
+
+
+def test_channels_have_their_own_gains() -> None:
+    pixels = np.full((4, 5, 3), 100, np.uint8)
+    np.testing.assert_array_equal(Tone((0.5, 1.0, 1.5)).apply(pixels)[2, 2], [50, 100, 150])
+
+
+def test_falloff_brightens_the_corners_as_given() -> None:
+    size = (401, 301)
+    tone = Tone((1.0,), np.array([[0.2], [0.1], [0.0], [0.0]]))
+    toned = tone.apply(np.full((301, 401), 100, np.uint8), tone.factors(size, Canvas(0, 0, *size)))
+    assert toned[150, 200] == 100
+    assert toned[0, 0] == pytest.approx(100 * np.exp(0.3), abs=1.5)
+
+
+def test_factors_belong_to_places_of_the_source_image() -> None:
+    turned = np.array([[0.0, -2.0, 900.0], [2.0, 0.0, 40.0], [1e-5, 2e-5, 1.0]])
+    part = Canvas(30, 70, 333, 222)
+    light = np.zeros((3, 5, 3), np.float32)
+    light[..., 1] = np.linspace(-0.3, 0.5, 5)  # along x, green only
+    factors = Tone((1.0, 2.0, 1.0), np.array([[0.2], [0], [0], [0]]), light=light).factors((640, 480), part, turned)
+    for x, y in ((10, 10), (332, 221), (100, 57)):
+        mapped = turned @ [part.x_px + x, part.y_px + y, 1]
+        at = mapped[:2] / mapped[2]
+        falloff = np.exp(0.2 * ((at - [319.5, 239.5]) ** 2).sum() / 400**2)
+        green = 2 * np.exp(-0.3 + 0.8 * np.clip(at[0] / 639, 0, 1))
+        np.testing.assert_allclose(factors[y, x], falloff * np.array([1, green, 1]), rtol=1e-2)
+
+
+def test_far_outside_a_photograph_factors_have_bounds() -> None:
+    """The canvas reaches to the horizon of the photograph, and beyond."""
+    to_image = np.array([[40.0, 0, 0], [0, 40, 0], [0, -1 / 150, 1]])
+    tone = Tone((1.0,), np.array([[0.3], [0.3], [0.1], [0.1]]))
+    with np.errstate(all="raise", divide="ignore", invalid="ignore"):
+        factors = tone.factors((640, 480), Canvas(0, 0, 400, 400), to_image)
+    assert np.isfinite(factors).all()
+    assert factors.dtype == np.float32

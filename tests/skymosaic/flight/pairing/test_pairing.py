@@ -1,0 +1,319 @@
+"""Which pairs are tried, which are looked at again, and which photographs belong to a flight."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from golden_model.arrays import Pixels
+from sim.scene import Flight, make_lawnmower
+from skymosaic import mosaic
+from skymosaic.flight.linking.links import Link
+from skymosaic.flight.pairing import linked_views
+from skymosaic.flight.pairing.belonging import find_strangers
+from skymosaic.flight.pairing.candidates import MAX_PREDICTED, MIN_GAIN, MIN_OVERLAP, first_candidates, predicted
+from skymosaic.flight.pairing.linked_views import LinkedViews, link_all
+from skymosaic.flight.pairing.second_look import link_across_heights
+from skymosaic.geometry.homography import apply
+from skymosaic.imagery.exif import Metadata, Position
+
+SIZE_PX = (400, 300)
+COLUMNS, ROWS, STEP_PX = 8, 6, (60, 70)
+
+
+def grid() -> tuple[list[Any], dict[int, NDArray[np.float64]]]:
+    """Views of a dense survey, each overlapped by dozens of others, flown in rows to and fro, not quite regularly."""
+    rng = np.random.default_rng(4)
+    transforms = {}
+    for view in range(COLUMNS * ROWS):
+        row, column = divmod(view, COLUMNS)
+        column = column if row % 2 == 0 else COLUMNS - 1 - column
+        x, y = np.array([column, row]) * STEP_PX + rng.uniform(-8, 8, 2)
+        transforms[view] = np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
+    return [SimpleNamespace(working_size=SIZE_PX)] * len(transforms), transforms
+
+
+def overlap(transforms: dict[int, NDArray[np.float64]], left: int, right: int) -> float:
+    """Share of two views, which are rectangles between the centres of their corner pixels."""
+    sides = np.array(SIZE_PX) - 1
+    return float(np.prod(np.maximum(1 - np.abs(transforms[left] - transforms[right])[:2, 2] / sides, 0)))
+
+
+def link(transforms: dict[int, NDArray[np.float64]], left: int, right: int) -> Link:
+    """A link with as many ties as the overlap allows; it does not hold where there is too little."""
+    share = overlap(transforms, left, right)
+    ties = np.zeros((int(300 * share) if share > 0.15 else 0, 2))
+    return Link(left, right, ties, ties, len(ties), len(ties))
+
+
+def resistances(links: dict[tuple[int, int], Link]) -> NDArray[np.float64]:
+    """Resistance between every two views, by the pseudo-inverse of the network's Laplacian matrix."""
+    laplacian = np.zeros((COLUMNS * ROWS,) * 2)
+    for (left, right), each in links.items():
+        laplacian[[left, right], [right, left]] -= each.ties
+        laplacian[[left, right], [left, right]] += each.ties
+    # One eigenvalue is 0 but for rounding, which depends on the BLAS.
+    inverse = np.linalg.pinv(laplacian, rcond=1e-12, hermitian=True)
+    return np.diag(inverse)[:, None] + np.diag(inverse) - 2 * inverse
+
+
+def survey(rounds: int) -> tuple[Any, ...]:
+    """The links of the grid: neighbours in the order of the flight, then so many rounds of predicted pairs."""
+    views, transforms = grid()
+    pairs = [(view, view + step) for step in (1, 2) for view in range(len(views) - step)]
+    links = {pair: link(transforms, *pair) for pair in pairs}
+    for _ in range(rounds):
+        links |= {pair: link(transforms, *pair) for pair in predicted(views, transforms, links)}
+    return views, transforms, links
+
+
+def test_a_dense_survey_is_tied_by_about_ten_links_per_photograph() -> None:
+    views, transforms, links = survey(6)
+    degree = np.bincount(np.array([pair for pair, each in links.items() if each.holds]).ravel())
+    possible = 2 * sum(link(transforms, i, j).holds for i in range(len(views)) for j in range(i)) / len(views)
+    assert 8 < degree.mean() < 12
+    assert possible > 2.5 * degree.mean()
+    assert predicted(views, transforms, links) == set()
+
+
+@pytest.mark.parametrize("rounds", [0, 2])
+def test_each_view_proposes_the_pairs_with_the_largest_gain(rounds: int) -> None:
+    views, transforms, links = survey(rounds)
+    shares = np.array([[overlap(transforms, left, right) for right in transforms] for left in transforms])
+    full = np.median([each.ties / max(shares[pair], MIN_OVERLAP) for pair, each in links.items() if each.holds])
+    gains = shares * full * resistances(links)
+    gains[shares < MIN_OVERLAP] = 0
+    for left, right in links:
+        gains[left, right] = gains[right, left] = 0
+    expected = set()
+    for view, row in enumerate(gains):
+        best = np.argsort(-row)[:MAX_PREDICTED].tolist()
+        expected |= {(min(view, other), max(view, other)) for other in best if row[other] >= MIN_GAIN}
+    assert len(expected) > 20
+    assert predicted(views, transforms, links) == expected
+
+
+def test_the_first_round_joins_rows() -> None:
+    _, _, links = survey(1)
+    across = [abs(left // COLUMNS - right // COLUMNS) for left, right in links if right - left > 2]
+    assert len(across) > 20
+    assert min(across) >= 1
+
+
+def test_views_of_another_group_are_not_proposed() -> None:
+    views, transforms, links = survey(0)
+    inside = {view: transform for view, transform in transforms.items() if view < 2 * COLUMNS}
+    links = {pair: each for pair, each in links.items() if (pair[0] in inside) == (pair[1] in inside)}
+    pairs = predicted(views, inside, links)
+    assert pairs
+    assert {view for pair in pairs for view in pair} <= set(inside)
+
+
+def test_first_candidates_are_neighbours_in_order_by_gps_and_by_votes() -> None:
+    views: list[Any] = [SimpleNamespace(gps=None) for _ in range(8)]
+    votes = np.zeros((8, 8), dtype=np.int16)
+    votes[0, 6] = votes[6, 0] = 9
+    votes[0, 7] = votes[7, 0] = 8
+    in_order = {(i, i + step) for step in (1, 2) for i in range(8 - step)}
+    assert first_candidates(views, votes) == in_order | {(0, 6)}
+    # Six of the cameras stand apart and two together, so these two are each other's neighbours, too.
+    for number, view in enumerate(views):
+        view.gps = Position(45 + 0.01 * (number % 7), 7.0)
+    assert (0, 7) in first_candidates(views, votes)
+
+
+def test_each_view_proposes_its_four_nearest_and_the_four_that_resemble_it_most() -> None:
+    votes = np.zeros((12, 12), dtype=np.int16)
+    votes[0, 5:11] = 9, 20, 19, 18, 17, 9
+    # On a line, whose steps grow, the nearest are those before; a view without GPS has none.
+    places = [1.0 * number**2 for number in range(11)]
+    views: list[Any] = [SimpleNamespace(gps=Position(45 + 1e-4 * place, 7.0)) for place in places]
+    views.append(SimpleNamespace(gps=None))
+    found = first_candidates(views, votes)
+    in_order = {(i, i + step) for step in (1, 2) for i in range(12 - step)}
+    by_votes = {(0, 6), (0, 7), (0, 8), (0, 9)}
+    by_gps = set()
+    for view, place in enumerate(places):
+        near = sorted((abs(other - place), each) for each, other in enumerate(places) if each != view)[:4]
+        by_gps |= {(min(view, each), max(view, each)) for _, each in near}
+    assert found == in_order | by_votes | by_gps
+
+
+@pytest.mark.parametrize(("share", "pairs"), [(0.08, set()), (0.12, {(0, 2)})])
+def test_pairs_of_little_overlap_are_not_proposed(share: float, pairs: set[Any]) -> None:
+    views: list[Any] = [SimpleNamespace(working_size=SIZE_PX)] * 3
+    step_px = (1 - share) / 2 * (SIZE_PX[0] - 1)
+    transforms = {view: np.array([[1.0, 0, step_px * view], [0, 1, 0], [0, 0, 1]]) for view in range(3)}
+    ties = np.zeros((50, 2))
+    links = {pair: Link(*pair, ties, ties, 50, 50) for pair in ((0, 1), (1, 2))}
+    assert overlap(transforms, 0, 2) == pytest.approx(share)
+    assert predicted(views, transforms, links) == pairs
+
+
+def test_what_a_second_look_joins_predicts_further_links(monkeypatch: pytest.MonkeyPatch) -> None:
+    points, asked = np.random.default_rng(0).uniform(100, 300, (40, 2)), list[set[tuple[int, int]]]()
+
+    def tie(left: int, right: int) -> Link:
+        return Link(left, right, points, points - [60 * (right - left), 0], 40, 40)
+
+    def link(_views: Any, pairs: Any) -> dict[tuple[int, int], Link]:
+        asked.append(set(pairs))
+        return {pair: tie(*pair) for pair in pairs}
+
+    monkeypatch.setattr("skymosaic.flight.pairing.linked_views.first_candidates", lambda *_: {(0, 1)})
+    monkeypatch.setattr(linked_views, "link_by_more_features", lambda *_: {(1, 2): tie(1, 2)})
+    for name in ("link_across_heights", "link_by_coarse_detail"):
+        monkeypatch.setattr(linked_views, name, lambda *_: {})
+    views: Any = [SimpleNamespace(size=(400, 300), working_size=(400, 300))] * 3
+    stub: Any = SimpleNamespace(count_votes=lambda _views: None, link=link, given={})
+    assert set(link_all(LinkedViews(stub, (), tuple(views), {})).links) == {(0, 1), (1, 2), (0, 2)}
+    assert asked == [{(0, 1)}, {(0, 2)}]
+
+
+SIZE, RATIO = (480, 360), 3
+
+
+@pytest.fixture(scope="module")
+def flight() -> Flight:
+    """Every second photograph is taken from three times the height."""
+    level = make_lawnmower(3, 4, SIZE, forward_overlap=0.6)
+    poses = (
+        replace(pose, altitude_px=pose.altitude_px * (RATIO if n % 2 else 1)) for n, pose in enumerate(level.poses)
+    )
+    return replace(level, poses=tuple(poses))
+
+
+def test_photographs_of_two_heights_become_one_mosaic(flight: Flight) -> None:
+    result = mosaic(list(flight.images), scale=0.25)
+    assert result.placed == (0, 1, 2, 3)
+    grid = np.stack(np.meshgrid(np.linspace(0, SIZE[0] - 1, 9), np.linspace(0, SIZE[1] - 1, 9)), -1).reshape(-1, 2)
+    for near, far in ((0, 1), (2, 1), (2, 3)):
+        true = apply(flight.homography_between(near, far), grid)
+        found = apply(np.linalg.inv(result.transforms[far]) @ result.transforms[near], grid)
+        assert np.median(np.linalg.norm(found - true, axis=1)) < 0.5
+
+
+class Stub:
+    """A surveyor whose thumbnails have half the size, and that links as a list of numbers of ties says."""
+
+    def __init__(self, *passes: dict[tuple[int, int], int]) -> None:
+        self.passes = list(passes)
+        self.across: list[Any] = []
+        self.asked: list[set[tuple[int, int]]] = []
+
+    def describe_thumbnails(self, views: Any) -> Any:
+        return [SimpleNamespace(to_original=np.diag([4.0, 4, 1])) for _ in views]
+
+    def count_votes(self, views: Any, across: Any) -> Any:
+        self.across.append((across, [view.to_original[0, 0] for view in views]))
+        votes = np.zeros((len(views), len(views)), np.int16)
+        votes[3] = 7, 1, 9, 0, 0
+        votes[4] = 0, 2, 1, 0, 0
+        return votes
+
+    def link(self, _views: Any, pairs: Any) -> dict[tuple[int, int], Link]:
+        self.asked.append(set(pairs))
+        points = np.arange(40.0).reshape(20, 2)
+        return {pair: Link(*pair, points[:ties], points[:ties], 20, 20) for pair, ties in self.passes.pop(0).items()}
+
+
+def test_of_two_attempts_across_heights_the_link_with_more_ties_stays() -> None:
+    views: Any = [SimpleNamespace(to_original=np.diag([2.0, 2, 1])) for _ in range(5)]
+    points = np.ones((9, 2))
+    links = {pair: Link(*pair, points, points, 9, 9) for pair in ((0, 1), (1, 2), (3, 4))}
+    links[2, 3] = Link(2, 3, points[:0], points[:0], 5, 0)
+    stub = Stub({(0, 3): 5, (2, 3): 9, (1, 4): 1}, {(0, 3): 8, (2, 3): 8, (2, 4): 2})
+    found = link_across_heights(stub, views, links)  # type: ignore[arg-type]
+    # One of both is reduced: first those of the small group, then those of the large one.
+    assert stub.across == [([3, 4], [2, 2, 2, 4, 4]), ([3, 4], [4, 4, 4, 2, 2])]
+    # Each is matched with the two of the large group that resemble it most.
+    assert stub.asked == [{(0, 3), (2, 3), (1, 4), (2, 4)}] * 2
+    assert {pair: link.ties for pair, link in found.items()} == {(0, 3): 8, (2, 3): 9, (2, 4): 2}
+    # Working pixels of the views, of which a thumbnail has half: left, in the first attempt, those of a view.
+    assert (found[2, 3].left_points[1].tolist(), found[2, 3].right_points[1].tolist()) == ([2, 3], [4, 6])
+    assert (found[0, 3].left_points[1].tolist(), found[0, 3].right_points[1].tolist()) == ([4, 6], [2, 3])
+    del links[2, 3]
+    links |= {(2, 3): Link(2, 3, points, points, 9, 9)}
+    assert link_across_heights(stub, views, links) == {}  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+def test_links_across_heights_are_what_joins_them(flight: Flight, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(linked_views, "link_across_heights", lambda *_: {})
+    assert len(mosaic(list(flight.images)).left_out) == 2
+
+
+@pytest.fixture(scope="module")
+def murky() -> list[Pixels]:
+    """Two legs over murky ground: soft, of little contrast, lit from ahead."""
+    sharp = make_lawnmower(3, 6, (960, 720), forward_overlap=0.7)
+    lamp, rng = np.linspace(1.35, 0.65, 720)[:, None, None], np.random.default_rng(0)
+    images = []
+    for image in sharp.images:
+        soft = cv2.GaussianBlur(np.asarray(image, np.float32), (0, 0), 5)
+        lit = (90 + 0.12 * (soft - soft.mean())) * lamp + rng.normal(0, 1, soft.shape)
+        images.append(np.asarray(np.clip(np.rint(lit), 0, 255), np.uint8))
+    return images
+
+
+def test_soft_ground_is_linked_by_its_coarse_detail(murky: list[Pixels]) -> None:
+    assert mosaic(murky, scale=0.2).placed == tuple(range(6))
+
+
+@pytest.mark.slow
+def test_coarse_detail_is_what_links_it(murky: list[Pixels], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(linked_views, "link_by_coarse_detail", lambda *_: {})
+    assert len(mosaic(murky, scale=0.2).placed) < 6
+
+
+TAKEN = Metadata(position=Position(46.0, 8.0), focal_half_diagonals=1.2)
+
+
+def view(name: str, size: tuple[int, int] = (4000, 3000), taken: Metadata = TAKEN, *, opaque: bool = True) -> Any:
+    return SimpleNamespace(name=name, size=size, taken=taken, gps=taken.position, visible=None if opaque else size)
+
+
+FLIGHT = [view(f"DJI_{number:04}.JPG", (4000, 3000) if number % 3 else (3000, 4000)) for number in range(12)]
+ORTHOPHOTO = view("odm_orthophoto.tif", (1920, 1908), Metadata(), opaque=False)
+SHEET = view("contact_sheet.jpg", (1200, 699), Metadata())
+
+
+def test_a_map_and_a_contact_sheet_are_named_with_what_differs() -> None:
+    strangers = find_strangers([ORTHOPHOTO, *FLIGHT, SHEET])
+    assert list(strangers) == [0, 13]
+    assert strangers[13] == (
+        "contact_sheet.jpg: no photograph of this flight (1200x699 px instead of 4000x3000 px, no GPS instead of GPS, "
+        "no focal length instead of a focal length); `keep_all` takes it"
+    )
+    assert "odm_orthophoto.tif: no photograph of this flight (1920x1908 px" in strangers[0]
+    assert ".tif instead of .jpg, transparent parts instead of all opaque" in strangers[0]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        view("crop.jpg", (2000, 1500)),
+        view("other_camera.jpg", (5472, 3648), replace(TAKEN, position=None)),
+        view("without_exif.JPG", taken=Metadata()),
+        view("rotated.png", opaque=False),
+    ],
+)
+def test_a_photograph_that_differs_a_little_stays(other: Any) -> None:
+    assert not find_strangers([*FLIGHT, other])
+
+
+@pytest.mark.parametrize("views", [[*FLIGHT[:4], SHEET], [*FLIGHT[:6], *[SHEET] * 4], [*FLIGHT * 2, *[SHEET] * 3]])
+def test_of_few_photographs_or_of_several_kinds_all_are_taken(views: list[Any]) -> None:
+    assert not find_strangers(views)
+    assert list(find_strangers([*FLIGHT[:5], SHEET])) == [5]
+    # Two of ten: what eight have is usual, and two of one size are no other source.
+    assert list(find_strangers([*FLIGHT[:8], *[SHEET] * 2])) == [8, 9]
+
+
+def test_photographs_without_records_make_none_of_those_with_them_strange() -> None:
+    bare = [view(f"{number}.jpg", (1280, 960), Metadata()) for number in range(9)]
+    assert not find_strangers([*bare, FLIGHT[0]])

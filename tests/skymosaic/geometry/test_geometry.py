@@ -1,0 +1,293 @@
+"""Which homographies are accepted, how sure they are, and how they are refined and compared."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from golden_model.arrays import Points
+from skymosaic.geometry import acceptance
+from skymosaic.geometry.held_out import clearly_better, held_out_agreement
+from skymosaic.geometry.homography import apply, dlt
+from skymosaic.geometry.model_selection import fit, fit_similarity
+from skymosaic.geometry.refinement import matrix_of, refine_robustly, transfer
+from skymosaic.geometry.uncertainty import assess_fit
+from tests.skymosaic.thesis.reference import refinement as reference
+
+SIZE = (640, 480)
+SHIFT = np.array([[1.0, 0, -320], [0, 1, 0], [0, 0, 1]])
+
+
+def test_matches_at_one_place_count_once() -> None:
+    points = np.array([[10.0, 10], [10.5, 10.2], [100, 100], [101, 101]])
+    assert acceptance.count_places(points, points) == 2
+    assert acceptance.count_places(points, np.full((4, 2), 50.0)) == 1
+    assert acceptance.count_places(points[:0], points[:0]) == 0
+    # A column, and a row: neither coordinate alone tells places apart.
+    line = np.column_stack([np.full(5, 8.0), np.arange(5) * 4.0])
+    assert acceptance.count_places(line, line) == acceptance.count_places(line[:, ::-1], line) == 5
+
+
+def test_the_overlap_of_a_shift_is_the_common_half() -> None:
+    assert acceptance.hull_area(acceptance.overlap(SHIFT, SIZE, SIZE)) == pytest.approx(320 * 480)
+    assert acceptance.hull_area(acceptance.overlap(np.eye(3), SIZE, SIZE)) == pytest.approx(640 * 480)
+
+
+@pytest.mark.parametrize(
+    "homography",
+    [
+        np.array([[1.0, 0, 5000], [0, 1, 0], [0, 0, 1]]),
+        np.array([[1e9, 0, 0], [0, 1e9, 0], [0, 0, 1]]),
+    ],
+    ids=["no overlap", "magnified beyond measure"],
+)
+def test_without_an_overlap_nothing_is_spread(homography: NDArray[np.float64]) -> None:
+    assert len(acceptance.overlap(homography, SIZE, SIZE)) == 0
+    points = np.array([[0.0, 0], [600, 0], [600, 400]])
+    assert acceptance.hull_share(homography, points, SIZE, SIZE) == 0
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_overlap_ends_at_the_horizon_of_either_image(sign: int) -> None:
+    tilted = np.array([[1.0, 0, 0], [0, 1, 0], [0.002, -0.004, 1]]) @ SHIFT
+    y, x = np.mgrid[: SIZE[1], : SIZE[0]]
+    for homography in (tilted, np.linalg.inv(tilted)):
+        u, v, w = np.moveaxis(np.stack((x, y, np.ones_like(x)), axis=-1) @ homography.T, -1, 0)
+        assert w.min() < 0 < w.max()
+        low, high = -0.5 * w, (np.array(SIZE) - 0.5)[:, None, None] * w
+        # Beyond the horizon, where w < 0, pixels come from behind the camera.
+        shown = (w > 0) & (u >= low) & (v >= low) & (u <= high[0]) & (v <= high[1])
+        mask = acceptance.overlap_mask(sign * homography, SIZE, SIZE)
+        assert 1000 < np.count_nonzero(shown) == pytest.approx(np.count_nonzero(mask), rel=0.02)
+        assert np.count_nonzero(shown != (mask == 255)) < 0.02 * np.count_nonzero(shown)
+        area = acceptance.hull_area(acceptance.overlap(sign * homography, SIZE, SIZE))
+        assert area == pytest.approx(np.count_nonzero(shown), rel=0.02)
+
+
+def square(side_px: int, corner: tuple[float, float] = (330.0, 10.0)) -> NDArray[np.float64]:
+    return np.array([[0.0, 0], [side_px, 0], [side_px, side_px], [0, side_px]]) + corner
+
+
+@pytest.mark.parametrize(("height_px", "enough"), [(119, False), (120, True)])
+def test_inliers_must_cover_a_tenth_of_the_overlap(height_px: int, enough: bool) -> None:
+    left = square(128) * (1, height_px / 128)
+    assert acceptance.spread_enough(SHIFT, left, left - [320, 0], SIZE, SIZE) is enough
+    assert acceptance.hull_area(left[:3]) == 128 * height_px / 2
+    assert acceptance.hull_share(SHIFT, 9 * left, SIZE, SIZE) == 1
+
+
+def test_eight_percent_of_the_smaller_image_also_suffice() -> None:
+    """A small photograph inside a large one: its own pixels count."""
+    small, enlarge = (100, 100), np.diag([4.0, 4.0, 1.0])
+    left = square(20, (0.0, 0.0)) * (2, 1)
+    right = 4 * left
+    assert acceptance.hull_share(enlarge, left, small, SIZE) < acceptance.MIN_SHARE_OF_OVERLAP
+    assert acceptance.spread_enough(enlarge, left, right, small, SIZE)
+    assert not acceptance.spread_enough(enlarge, left * (0.99, 1), right * (0.99, 1), small, SIZE)
+    assert acceptance.spread_enough(np.linalg.inv(enlarge), right, left, SIZE, small)
+
+
+TRUTH = np.array([[0.98, -0.05, 20], [0.04, 1.01, -15], [1e-5, -2e-5, 1]])
+
+
+def points(
+    count: int, rng: np.random.Generator, low: Any = (0, 0), high: tuple[int, int] = SIZE
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    left = rng.uniform(low, high, (count, 2))
+    return left, apply(TRUTH, left)
+
+
+def test_flat_ground_is_told_from_relief_and_from_a_corner() -> None:
+    rng = np.random.default_rng(2)
+    left, right = points(300, rng)
+    right = right + rng.normal(0, 0.3, right.shape)
+    flat = assess_fit(TRUTH, left, right, SIZE, SIZE)
+    raised = right + np.where(rng.uniform(size=(300, 1)) < 0.5, [[5.0, 0]], 0)
+    relief = assess_fit(TRUTH, left, raised, SIZE, SIZE)
+    corner_left, corner_right = points(60, rng, high=(160, 120))
+    corner = assess_fit(TRUTH, corner_left, corner_right + rng.normal(0, 0.3, (60, 2)), SIZE, SIZE)
+    assert flat.held_out_share > 0.95
+    assert relief.held_out_share < 0.8
+    assert relief.held_out_px > flat.held_out_px
+    assert corner.hull_share < 0.1
+
+
+@pytest.mark.parametrize(
+    ("count", "homography", "expected"),
+    [
+        (7, TRUTH, (0, 12, 0.26095, 7)),
+        (8, TRUTH, (1 / 3, 2.07568, 0.37123, 8)),
+        (40, TRUTH, (1, 1.27130, 0.75254, 39)),
+        (60, TRUTH @ np.diag([1, 1, 1000]), (0, 12, 0, 0)),
+    ],
+    ids=["few", "enough", "many", "no overlap"],
+)
+def test_a_fit_is_measured(count: int, homography: NDArray[np.float64], expected: tuple[float, ...]) -> None:
+    """Few matches, and an overlap that is none, give the worst values and no error."""
+    rng = np.random.default_rng(3)
+    left, right = points(count, rng)
+    quality = assess_fit(homography, left, right + rng.normal(0, 0.5, left.shape), SIZE, SIZE)
+    assert dataclasses.astuple(quality) == pytest.approx(expected, rel=1e-3)
+
+
+def test_beyond_a_horizon_in_the_image_nothing_is_measured() -> None:
+    tilted = np.array([[1.0, 0, 0], [0, 1, 0], [0, -1 / 300, 1]])
+    rng = np.random.default_rng(0)
+    left = rng.uniform((0, 0), (640, 200), (60, 2))
+    quality = assess_fit(tilted, left, apply(tilted, left) + rng.normal(0, 0.3, left.shape), SIZE, SIZE)
+    # The right image shows 640 x 480 px of ground as far as row 185 of the left one, where it is half as large.
+    assert quality.hull_share > 0.9
+    assert quality.held_out_share == 1
+
+
+def noisy_pairs(count: int, sigma_px: float, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Noise in both images."""
+    rng = np.random.default_rng(seed)
+    left = rng.uniform(0, 640, (count, 2))
+    right = apply(TRUTH, left) + rng.normal(0, sigma_px, left.shape)
+    return left + rng.normal(0, sigma_px, left.shape), right
+
+
+def test_jacobian_against_finite_differences() -> None:
+    # A strongly projective case in coordinates around 1, far from a minimum.
+    rng = np.random.default_rng(1)
+    x = rng.uniform(-1, 1, (30, 2))
+    h = np.array([0.9, 0.2, 0.1, -0.15, 1.1, -0.2, 0.2, -0.1])
+    y = apply(matrix_of(h), x) + rng.normal(0, 0.05, x.shape)
+    steps = 1e-6 * np.eye(8)
+    numeric = np.stack([(transfer(h + d, x, y)[0] - transfer(h - d, x, y)[0]) / 2e-6 for d in steps], axis=-1)
+    np.testing.assert_allclose(transfer(h, x, y)[1], numeric, atol=1e-8)
+
+
+def test_robust_refinement_ignores_outliers() -> None:
+    left, right = noisy_pairs(100, 0.3, seed=6)
+    clean = reference.refine(dlt(left, right), left, right, reference.transfer)
+    right[70:] += np.random.default_rng(7).uniform(20, 200, (30, 2))
+    start = clean + np.array([[0, 0, 2.0], [0, 0, -2.0], [0, 0, 0]])
+    refined = refine_robustly(start, left, right)
+    corners = np.array([(0, 0), (640, 0), (640, 640), (0, 640)])
+    assert np.linalg.norm(apply(refined, corners) - apply(TRUTH, corners), axis=1).max() < 0.5
+
+
+def test_robust_step_follows_the_geman_mcclure_gradient(monkeypatch: pytest.MonkeyPatch) -> None:
+    # At the end of many steps of one scale the gradient of the sum of e²/(1 + e²/s²) vanishes.
+    monkeypatch.setattr("skymosaic.geometry.refinement.ROBUST_SCALES_PX", (1.5,) * 40)
+    left, right = noisy_pairs(60, 1.0, seed=8)
+    refined = refine_robustly(dlt(left, right), left, right)
+
+    def loss(h: Any) -> Any:
+        squared = reference.squared_errors(np.append(h, 1).reshape(3, 3), left, right, reference.transfer)
+        return (squared / (1 + squared / 1.5**2)).sum()
+
+    h = refined.ravel()[:8]
+    for direction in np.eye(8):
+        step = direction * np.abs(h) * 1e-3
+        assert loss(h) < min(loss(h + step), loss(h - step))
+
+
+OFF = np.array([[1.0, 0, 1.5], [0, 1, -1], [0, 0, 1]]) @ TRUTH
+
+
+@pytest.fixture
+def grid() -> tuple[Points, Points]:
+    left = np.stack(np.meshgrid(np.arange(8, 640, 16.0), np.arange(8, 480, 16.0)), axis=-1).reshape(-1, 2)
+    return left, apply(TRUTH, left)
+
+
+def test_every_field_of_points_without_error_counts_one(grid: tuple[Points, Points]) -> None:
+    # 10 x 8 fields of 64 px, the last row half as high.
+    assert held_out_agreement(OFF, grid, grid) == pytest.approx(80)
+    # The judges decide, wherever the fit starts and whatever its own points say.
+    left, right = grid
+    assert held_out_agreement(OFF, (left, right + 1.0), grid) == pytest.approx(40, rel=0.01)
+    assert held_out_agreement(OFF, (left, right + 3.0), grid) == 0
+
+
+def test_a_crowded_field_has_one_vote(grid: tuple[Points, Points]) -> None:
+    left, right = grid
+    crowd = np.full((500, 2), [70.0, 70.0])
+    judges = np.vstack((left, crowd)), np.vstack((right, apply(TRUTH, crowd) + 9))
+    assert 78.9 < held_out_agreement(TRUTH, grid, judges) < 79.1
+
+
+def test_points_are_judged_by_fits_without_them(grid: tuple[Points, Points]) -> None:
+    """A plane that holds in the fields of one colour alone agrees with none of the other's."""
+    left, right = grid
+    white = np.floor(left / 64).sum(axis=1) % 2 == 0
+    moved = right + np.where(white, 0, 50)[:, None]
+    assert held_out_agreement(TRUTH, (left, moved), (left, moved)) == 0
+
+
+def test_a_field_that_no_other_point_predicts_counts_nothing(grid: tuple[Points, Points]) -> None:
+    left, right = grid
+    alone = (left < 64).all(axis=1)
+    assert held_out_agreement(TRUTH, (left[alone], right[alone]), (left[alone], right[alone])) == 0
+
+
+def test_a_gain_within_the_noise_is_none() -> None:
+    assert [clearly_better(agreement, 10) for agreement in (9, 10.4, 10.6)] == [False, False, True]
+
+
+SIMILAR = np.array([[0.9, -0.3, 20.0], [0.3, 0.9, -10.0], [0, 0, 1]])
+TILTED = np.array([[0.9, -0.3, 20.0], [0.3, 0.9, -10.0], [6e-4, -9e-4, 1]])
+
+
+def matches(
+    truth: np.ndarray, right_ones: int, wrong_ones: int, seed: int = 0, noise_px: float = 0.3
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    rng = np.random.default_rng(seed)
+    left = rng.uniform(0, 250, (right_ones + wrong_ones, 2))
+    right = apply(truth, left) + rng.normal(0, noise_px, left.shape)
+    right[right_ones:] = rng.uniform(0, 250, (wrong_ones, 2))
+    return left, right, np.ones(len(left))
+
+
+def error_px(result: np.ndarray, truth: np.ndarray) -> float:
+    corners = np.array([[0, 0], [250, 0], [250, 250], [0, 250]], dtype=np.float64)
+    return float(np.linalg.norm(apply(result, corners) - apply(truth, corners), axis=1).max())
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_eight_right_matches_among_thirty_wrong_ones_are_enough(seed: int) -> None:
+    result = fit_similarity(*matches(SIMILAR, 8, 30, seed), fewest=6)
+    assert result.inliers >= 8
+    assert error_px(result.matrix, SIMILAR) < 1.5
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_chance_matches_are_refused(seed: int) -> None:
+    assert fit_similarity(*matches(SIMILAR, 0, 40, seed), fewest=6) is None
+
+
+def test_the_matches_decide_between_similarity_and_homography() -> None:
+    for truth, model in ((SIMILAR, "similarity"), (TILTED, "projective")):
+        result = fit(*matches(truth, 60, 20), fewest=6, rng=np.random.default_rng(1))
+        assert result.model == model
+        assert error_px(result.matrix, truth) < 1.0
+
+
+def test_few_matches_never_make_a_homography() -> None:
+    result = fit(*matches(TILTED, 9, 0), fewest=4, rng=np.random.default_rng(1))
+    assert result is None or result.model == "similarity"
+
+
+def test_as_many_inliers_are_needed_for_either_model() -> None:
+    assert fit(*matches(TILTED, 30, 0), fewest=31, rng=np.random.default_rng(1)) is None
+    enough = fit(*matches(TILTED, 30, 0), fewest=30, rng=np.random.default_rng(1))
+    assert enough is not None
+    assert (enough.model, enough.inliers) == ("projective", 30)
+
+
+@pytest.mark.parametrize(("apart_px", "fewest", "found"), [(11, 2, True), (10, 2, False), (11, 3, False)])
+def test_two_matches_that_are_far_enough_apart_determine_a_similarity(apart_px: int, fewest: int, found: bool) -> None:
+    left = np.array([[5.0, 7], [5, 7 + apart_px]])
+    result = fit_similarity(left, apply(SIMILAR, left), np.ones(2), fewest=fewest)
+    assert (result is not None) == found
+    assert result is None or (result.matrix == pytest.approx(SIMILAR) and result[1:] == ("similarity", 2))
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_too_few_matches_are_refused(count: int) -> None:
+    assert fit_similarity(*matches(SIMILAR, count, 0), fewest=1) is None
