@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from amaranth import Cat, Module, Signal, Value
+from amaranth import Cat, Fragment, Module, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
@@ -23,12 +23,6 @@ from hdl.level import Level
 from hdl.lib.delay import delayed
 from hdl.matching.fuzzy_correlation import FuzzyCorrelation
 from hdl.painting.painter import Painter
-from hdl.pixel.corners import Corners
-from hdl.pixel.fast import Fast
-from hdl.pixel.gradients import GradientColumns
-from hdl.pixel.harris import RawResponse, ResponseCode, StructureTensor
-from hdl.pixel.smooth import Binomial
-from hdl.pixel.sobel import Sobel
 from hdl.selection.selection import CellSelection
 from hdl.shell.camera import CameraCrossing, CameraGate
 from hdl.shell.camera_top import CameraAccelerator, CameraTop
@@ -88,13 +82,22 @@ def line_memory_bits(config: FrontEndConfig, width_px: int) -> int:
 
 
 def block(component: type[wiring.Component], **parameters: Any) -> Design:
-    """A block of the aerial preset."""
+    """A block of the aerial preset that is no row of the catalogue."""
     return Design(lambda: component(**parameters))
 
 
-def listed(name: str, **settings: Any) -> Design:
-    """A block of the catalogue."""
-    return Design(lambda: make_block(name, settings).component)
+def listed(name: str, part: str = "", /, **settings: Any) -> Design:
+    """A row of the catalogue, or the ``part`` of its chain, without the memory of lines in front."""
+
+    def build() -> wiring.Component:
+        made: Any = make_block(name, settings).component
+        if not part:
+            return made
+        # Amaranth warns of what nothing elaborates: here the rest of the chain.
+        Fragment.get(made, None)
+        return made.blocks[part]
+
+    return Design(build)
 
 
 def largest_rules() -> MatchRules:
@@ -142,16 +145,16 @@ def designs() -> dict[str, Design]:
     return {
         "gray": listed("gray"),
         "half": listed("half"),
-        "binomial 3x3": block(Binomial, window_px=3),
-        "binomial 5x5": block(Binomial, window_px=5),
-        "sobel": block(Sobel),
-        "gradient columns": block(GradientColumns, smoothed=True, **wide),
-        "structure tensor": block(StructureTensor, window_px=5),
-        "raw response": block(RawResponse, k_numerator=1, k_shift=4),
-        "response code": block(ResponseCode),
-        "fast": block(Fast),
+        "binomial 3x3": listed("smooth", "block"),
+        "binomial 5x5": listed("smooth", "block", window_px=5),
+        "sobel": listed("sobel", "block"),
+        "gradient columns": listed("harris", "columns"),
+        "structure tensor": listed("harris", "tensor"),
+        "raw response": listed("harris", "raw"),
+        "response code": listed("harris", "code"),
+        "fast": listed("fast", "block"),
         "suppression": listed("nms"),
-        "corners": block(Corners, config=config, **wide),
+        "corners": listed("corners", "corners"),
         "ring window": block(RingWindow, pattern=pattern, **wide),
         "candidate features": block(CandidateFeatures, pattern=pattern, spacing_cycles=2, level=0, lag_px=17),
         "cell selection": block(CellSelection, pattern=pattern, **wide),

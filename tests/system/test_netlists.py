@@ -8,18 +8,18 @@ RAMs, as in `bench.synthesis`.
 import os
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from bench.designs import largest_rules
 from golden_model.config import MIN_FRAME_PX, Config, FrontEndConfig
-from golden_model.fuzzy.rules import MatchRules
 from hdl.accelerator import AcceleratorTop
-from hdl.blocks.catalogue import CATALOGUE, Entry, make_block
-from hdl.blocks.export import find_block, module_ports, write_block
+from hdl.blocks.catalogue import CATALOGUE, make_block
+from hdl.blocks.export import module_ports, write_block
 from hdl.blocks.flat import FlatBlock
+from hdl.blocks.vectors import Block
 from hdl.build import Build
 from hdl.export.accelerator_bench import make_accelerator_bench
 from hdl.lib.ecp5 import Ecp5
@@ -63,9 +63,9 @@ endmodule
 """
 
 
-@pytest.fixture(autouse=True)
-def raw_response_listed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(CATALOGUE, "raw_response", Entry(lambda _: raw_response()))
+def listed(name: str) -> Block:
+    """A row of the catalogue, for lines of 64 px."""
+    return make_block(name, {"width_px": 64} if "width_px" in CATALOGUE[name].settings else {})
 
 
 def export_accelerator(folder: Path, platform: object) -> None:
@@ -88,11 +88,27 @@ def count_cells(netlist: Path) -> int:
     return len(re.findall(r"^  [A-Z]\w+ ", netlist.read_text(), re.MULTILINE))
 
 
-def assert_equal(
-    folder: Path, name: str, family: str, record_property: Recorder, *, title: str, **own: MatchRules
+ROWS: dict[str, Callable[[], Block]] = {
+    "raw_response": raw_response,
+    **{name: partial(listed, name) for name in CATALOGUE},
+    "matcher, largest rules": lambda: make_block("matcher", {"rule_base": largest_rules()}),
+}
+
+
+@pytest.mark.parametrize(
+    ("title", "family"),
+    [
+        pytest.param(title, family, marks=[] if (title, family) == QUICK else [pytest.mark.slow])
+        for title in (*ROWS, "accelerator")
+        for family in SYNTHESIS
+    ],
+)
+def test_the_netlist_of_a_block_equals_the_golden_model(
+    tmp_path: Path, record_property: Recorder, title: str, family: str
 ) -> None:
-    """Synthesise and simulate; `python -m bench.synthesis netlists` makes its table of what is recorded."""
-    record_property("netlist", f"{title}, {family}")
+    """Synthesised and simulated; `python -m bench.synthesis netlists` makes its table of what is recorded."""
+    folder, name = tmp_path, title.partition(",")[0]
+    record_property("netlist", f"{title.replace('_', ' ')}, {family}")
     record_property("simulator", "Verilator" if name in COMPILED else "Icarus")
     start_s = processor_s()
     platform = Ecp5() if family == "ecp5" else None
@@ -100,41 +116,16 @@ def assert_equal(
     if name == "accelerator":
         export_accelerator(folder, platform)
     else:
-        wide = "width_px" in CATALOGUE[name].settings
-        settings: dict[str, Any] = {"width_px": 64} if wide else own
-        write_block(folder, *find_block(name, settings))
+        block = ROWS[title]()
+        write_block(folder, name, block)
         if platform:
-            block = FlatBlock(make_block(name, settings).component)
-            source.write_text(to_verilog(block, name=name, platform=platform))
+            source.write_text(to_verilog(FlatBlock(block.component), name=name, platform=platform))
     netlist = synthesise(folder, name, family, source)
     record_property("cells", count_cells(netlist))
     simulate = run_compiled_bench if name in COMPILED else run_bench
     printed = simulate(folder, name, [netlist, *models(folder, family)])
     record_property("processor_s", round(processor_s() - start_s))
     assert printed.startswith("PASS"), printed
-
-
-@pytest.mark.parametrize(
-    ("name", "family"),
-    [
-        pytest.param(name, family, marks=[] if (name, family) == QUICK else [pytest.mark.slow])
-        for name in ("raw_response", *CATALOGUE, "accelerator")
-        for family in SYNTHESIS
-    ],
-)
-def test_the_netlist_of_a_block_equals_the_golden_model(
-    tmp_path: Path, record_property: Recorder, name: str, family: str
-) -> None:
-    assert_equal(tmp_path, name, family, record_property, title=name.replace("_", " "))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("family", SYNTHESIS)
-def test_the_netlist_of_the_matcher_with_own_rules_equals_the_golden_model(
-    tmp_path: Path, record_property: Recorder, family: str
-) -> None:
-    title, rules = "matcher, largest rules", largest_rules()
-    assert_equal(tmp_path, "matcher", family, record_property, title=title, rule_base=rules)
 
 
 @pytest.mark.slow

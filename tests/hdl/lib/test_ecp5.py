@@ -11,8 +11,8 @@ from amaranth.hdl import Module, Signal, signed
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
-from hdl.blocks.catalogue import CATALOGUE, Entry, make_block
-from hdl.blocks.export import find_block, write_block
+from hdl.blocks.catalogue import make_block
+from hdl.blocks.export import write_block
 from hdl.blocks.flat import FlatBlock
 from hdl.blocks.vectors import Block, rows
 from hdl.lib.delay import delayed
@@ -60,13 +60,12 @@ def wide_product() -> Block:
     ],
 )
 def test_a_block_of_instances_equals_the_golden_model(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, width_px: int, cells: list[str]
+    tmp_path: Path, name: str, width_px: int, cells: list[str]
 ) -> None:
-    monkeypatch.setitem(CATALOGUE, "raw_response", Entry(lambda _: raw_response()))
-    monkeypatch.setitem(CATALOGUE, "wide_product", Entry(lambda _: wide_product()))
-    settings = {"width_px": width_px} if CATALOGUE[name].settings else {}
-    write_block(tmp_path, *find_block(name, settings))
-    netlist = to_verilog(FlatBlock(make_block(name, settings).component), name=name, platform=Ecp5())
+    others = {"raw_response": raw_response, "wide_product": wide_product}
+    block = others[name]() if name in others else make_block(name, {"width_px": width_px})
+    write_block(tmp_path, name, block)
+    netlist = to_verilog(FlatBlock(block.component), name=name, platform=Ecp5())
     assert sorted(re.findall(r"^  (DP16KD|MULT18X18D) ", netlist, re.MULTILINE)) == cells
     (tmp_path / f"{name}.v").write_text(netlist)
     printed = run_bench(tmp_path, name, [tmp_path / f"{name}.v", *models(tmp_path, "ecp5")])
