@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -25,9 +26,11 @@ from skymosaic.flight.linking.links import Link, link_views
 from skymosaic.flight.pairing.linked_views import LinkedViews
 from skymosaic.flight.two_photographs import choose_mesh
 from skymosaic.geometry.prosac import MIN_INLIERS
+from skymosaic.imagery.photographs import Source
 from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.run import MosaicRun
+from tests.skymosaic.flight import made
 from tests.skymosaic.flight.layout.cameras import views_of
 from tests.skymosaic.registration.rendering import CAMERA, view
 
@@ -41,11 +44,10 @@ def link(left: int, right: int, ties: int = 20) -> Link:
 def flown(sharpness: Sequence[Any], links: list[Link], layouts: list[Layout]) -> Flight:
     """A flight whose first photograph could not be read, so that indices of views and photographs differ."""
     count = len(sharpness)
-    views = cast(Any, tuple(SimpleNamespace(sharpness=each, working_size=(400, 300)) for each in sharpness))
-    sources = cast(Any, tuple(SimpleNamespace(index=view + 1, name=f"{view}.jpg") for view in range(count)))
+    views = [made.view(f"{number}.jpg", sharpness=each) for number, each in enumerate(sharpness)]
+    sources = tuple(Source(view + 1, f"{view}.jpg", Path(f"{view}.jpg")) for view in range(count))
     names = tuple("abcdefgh"[: count + 1])
-    settings: Any = None
-    return Flight(names, sources, views, tuple(links), tuple(layouts), {0: "unreadable"}, settings, {})
+    return made.flight(views, links, layouts, names=names, sources=sources, left_out={0: "unreadable"})
 
 
 def laid_out(*members: int, links: tuple[Link, ...] = (), contradicting: tuple[Link, ...] = ()) -> Layout:
@@ -139,8 +141,8 @@ def test_photographs_of_another_camera_stay_as_they_are_beside_a_lens_that_bends
 
 
 def test_no_link_is_looked_for_around_a_place_in_dispute() -> None:
-    size_px, ties = (400, 300), np.zeros((50, 2))
-    views: list[Any] = [SimpleNamespace(working_size=size_px)] * 6
+    ties = np.zeros((50, 2))
+    views = made.views(6)
     transforms = {view: np.array([[1.0, 0, 100 * view], [0, 1, 0], [0, 0, 1]]) for view in range(6)}
     links = tuple(Link(view, view + 1, ties, ties, 50, 50) for view in range(5))
     asked: list[set[tuple[int, int]]] = []
@@ -159,14 +161,14 @@ def test_no_link_is_looked_for_around_a_place_in_dispute() -> None:
 
 
 def test_links_that_a_layout_led_to_and_then_denies_are_dropped() -> None:
-    rng, size_px, step_px = np.random.default_rng(0), (400, 300), 100
+    rng, step_px = np.random.default_rng(0), 100
 
     def tie(left: int, right: int, off_px: float = 0) -> Link:
         points = rng.uniform(0, 300, (40, 2))
         moved = points - [step_px * (right - left) + off_px, 0]
         return Link(left, right, points, moved, 40, 40)
 
-    views: list[Any] = [SimpleNamespace(working_size=size_px)] * 5
+    views = made.views(5)
     links = {(view, view + 1): tie(view, view + 1) for view in range(4)}
     layout = lay_out(views, range(5), list(links.values()))
     # View 4 hangs on one link, so that a link that contradicts it would put its place in doubt.
@@ -182,19 +184,14 @@ def test_what_no_plane_explains_is_left_out_with_the_reason_and_what_it_contradi
     points = np.random.default_rng(1).uniform(50, 250, (40, 2))
     # Two groups that fit, joined by links of noise; and a photograph that only noise links.
     true = [Link(0, 1, points, points + 5, 40, 40), Link(2, 3, points, points + 5, 40, 40)]
-    size_px = (300, 300)
     noise = [Link(left, right, points, points[::-1], 40, 40) for left, right in ((1, 2), (3, 4))]
-    views: list[Any] = [SimpleNamespace(name=f"{view}.jpg", size=size_px, working_size=size_px) for view in range(5)]
+    views = made.views(5, (300, 300))
     links = {(link.left, link.right): link for link in sorted([*true, *noise], key=lambda link: link.left)}
     layouts, alone = survey.lay_out_all(views, [[0, 1, 2, 3, 4]], links, lambda _layout: {}, lambda _: Agreement())
     assert [layout.members for layout in layouts] == [(0, 1), (2, 3)]
     assert list(alone) == [4]
     assert "no plane explains the 40 matches of 3.jpg and 4.jpg" in alone[4]
-    sources = cast(Any, tuple(SimpleNamespace(index=index, name=f"{index}.jpg") for index in range(5)))
-    settings: Any = None
-    flight = Flight(
-        tuple("01234"), sources, tuple(views), tuple(links.values()), tuple(layouts), {4: alone[4]}, settings, {}
-    )
+    flight = made.flight(views, links.values(), layouts, left_out={4: alone[4]})
     absent = flight.absent_from(layouts[0])
     assert list(absent) == [2, 3, 4]
     assert absent[2] == "2.jpg: in another group of 2 photographs, whose links to it (1) contradict"
@@ -217,7 +214,7 @@ def test_photographs_of_things_that_all_look_the_same_are_refused_with_counts(
     contradicting = tuple(link(pair, off_px) for pair in [(0, 2), (1, 3), (2, 4), (3, 5), (0, 3), (1, 4)][:false])
     layout = Layout(tuple(eyes), 0, eyes, true if false != 2 else true * 4, contradicting)
     monkeypatch.setattr(survey, "lay_out", lambda *_: layout)
-    views: list[Any] = [SimpleNamespace(name=f"{view}.jpg", size=(4, 3)) for view in range(6)]
+    views = made.views(6, (4, 3))
     layouts, alone = survey.lay_out_all(views, [list(eyes)], {}, lambda _layout: {}, lambda _: Agreement())
     assert [each.members for each in layouts] == ([] if refused else [layout.members])
     reason = "6 of 11 links contradict the layout, and matches that it did not use are 30 px off in the median: "
@@ -227,8 +224,10 @@ def test_photographs_of_things_that_all_look_the_same_are_refused_with_counts(
 
 def test_why_a_photograph_is_alone_is_said_with_its_best_match() -> None:
     points = np.ones((20, 2))
-    views: list[Any] = [SimpleNamespace(name=f"{view}.jpg", strongest=range(50)) for view in range(4)]
-    views[3].strongest = range(MIN_INLIERS - 1)
+    views = [
+        made.view(f"{view}.jpg", strongest=np.resize(made.NO_FEATURES, count))
+        for view, count in enumerate((50, 50, 50, MIN_INLIERS - 1))
+    ]
 
     def why(*links: Link, view: int = 0) -> str:
         return survey.why_alone(view, views, links)

@@ -40,6 +40,7 @@ from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.maps.features import Place, write_places
 from skymosaic.running.workers import Workers
+from tests.skymosaic.flight import made
 
 
 @pytest.mark.parametrize("more", [[], range(9)], ids=["alone", "beside_sharp_ones"])
@@ -70,42 +71,36 @@ def test_each_problem_of_a_photograph_is_named() -> None:
 
 
 def test_what_many_photographs_lack_is_counted() -> None:
-    facts = {"working_size": (400, 300), "clipped": 0.0, "sharpness": 1.0, "taken": Metadata()}
-    views = [SimpleNamespace(name=f"{view}.jpg", gps=(46, 8) if view < 3 else None, **facts) for view in range(5)]
+    located = Metadata(position=Position(46, 8))
+    views = [made.view(f"{view}.jpg", taken=located if view < 3 else Metadata()) for view in range(5)]
     links = tuple(Link(*pair, *(np.zeros((90, 2)),) * 2, 90, 90) for pair in ((0, 1), (1, 2), (3, 4)))
-    places = [{view: np.diag([1.0, 1 + 0.1 * view, 1]) for view in members} for members in ((0, 1, 2), (3, 4))]
-    flight: Any = SimpleNamespace(
-        names=[*"012345"],
-        views=views,
-        links=links,
-        layouts=[
-            Layout(tuple(each), min(each), each, own) for each, own in zip(places, (links[:2], links[2:]), strict=True)
-        ],
-        relative_sharpness=np.ones(5),
-        found_mask=None,
-    )
-    found = check_flight(flight)
-    assert not found.complete
-    unusable, groups, gps = found.problems
+    layouts = [
+        Layout(tuple(members), min(members), {view: np.diag([1.0, 1 + 0.1 * view, 1]) for view in members}, own)
+        for members, own in ((range(3), links[:2]), (range(3, 5), links[2:]))
+    ]
+
+    def problems(taken: dict[int, Metadata], groups: int = 2) -> tuple[str, ...]:
+        seen = [replace(each, taken=taken.get(number, each.taken)) for number, each in enumerate(views)]
+        found = check_flight(made.flight(seen, links, layouts[:groups], names=tuple("012345")))
+        assert not found.complete
+        return found.problems
+
+    unusable, groups, gps = problems({})
     assert unusable == "1 of 6 photographs cannot be used or repeat another"
     assert groups.startswith("2 groups that no link joins for sure (3, 2 photographs): fly again between them")
     assert gps == "2 of 5 photographs have no GPS"
-    views[4].taken = Metadata(gps_fault="that is no position")
-    assert check_flight(flight).problems[2] == f"{gps} that can be used: 1 has GPS that is no position"
-    flight.layouts = flight.layouts[:1]
-    assert not check_flight(flight).complete
+    faulty = Metadata(gps_fault="that is no position")
+    assert problems({4: faulty})[2] == f"{gps} that can be used: 1 has GPS that is no position"
+    assert problems({}, groups=1)
     advice = "photographs are registered at 400 to {} px wide: --working-width 400 makes them alike"
     for width_px, other_focal, said in ((801, 2, True), (801, 3, False), (800, 2, False)):
-        for view in views:
-            view.taken = Metadata(focal_half_diagonals=other_focal if view is views[1] else 2)
-        views[0].working_size = (width_px, 300)
-        assert (advice.format(width_px) in check_flight(flight).problems) is said
+        views[0] = replace(views[0], working_size=(width_px, 300))
+        alike, other = Metadata(focal_half_diagonals=2), Metadata(focal_half_diagonals=other_focal)
+        assert (advice.format(width_px) in problems(dict.fromkeys(range(5), alike) | {1: other})) is said
 
 
 def test_photographs_far_off_are_named_and_more_than_three_are_counted() -> None:
-    flight: Any = SimpleNamespace(
-        views=[SimpleNamespace(name=f"{view}.jpg", working_size=(1280, 960)) for view in range(6)]
-    )
+    flight = made.flight(made.views(6, (1280, 960)))
     for count, more in ((3, ""), (5, " and 2 more")):
         errors = {view: Errors(20, 60.0 - 10 * view if view < count else 10.0, 99.0) for view in range(6)}
         accuracy = SimpleNamespace(photographs=errors, whole=Errors(120, 10.0, 19.0))
@@ -117,7 +112,7 @@ def test_photographs_far_off_are_named_and_more_than_three_are_counted() -> None
 
 
 def test_what_moves_with_the_camera_or_does_not_move_is_said() -> None:
-    views = [SimpleNamespace(working_size=(400, 300)) for _ in range(3)]
+    views = made.views(3)
     nothing, some = np.zeros((0, 2)), np.ones((5, 2))
 
     def describe(offset_px: float, moving: int, mask: Any = None) -> str:
@@ -125,8 +120,7 @@ def test_what_moves_with_the_camera_or_does_not_move_is_said() -> None:
         links = [replace(link, left_moving=some) if number < moving else link for number, link in enumerate(links)]
         places = {view: np.array([[1.0, 0, view * offset_px], [0, 1, 0], [0, 0, 1]]) for view in range(3)}
         layout = Layout((0, 1, 2), 0, places, tuple(links))
-        flight: Any = SimpleNamespace(views=views, links=links, layouts=[layout], found_mask=mask)
-        return describe_moving(flight)
+        return describe_moving(made.flight(views, links, [layout], found_mask=mask))
 
     assert describe(10.0, 0) == ""
     assert describe(1.9, 0).startswith("all photographs of a group show one place")
@@ -136,10 +130,9 @@ def test_what_moves_with_the_camera_or_does_not_move_is_said() -> None:
 
 
 def test_a_layout_with_many_contradicting_links_is_doubted_by_name() -> None:
-    views = [SimpleNamespace(name=f"folder/{index}.jpg") for index in range(60)]
     nothing = np.zeros((0, 2))
     links = tuple(Link(view, view + 1, nothing, nothing, 0, 0) for view in range(59))
-    flight: Any = SimpleNamespace(views=views)
+    flight = made.flight(made.views(60))
     few = Layout(tuple(range(60)), 0, {}, links=links[1:], contradicting=links[:1])
     assert list(doubts(flight, few)) == []
     many = Layout(tuple(range(60)), 0, {}, links=links[2:], contradicting=links[:2])
@@ -154,9 +147,7 @@ def test_a_photograph_that_lies_wrong_is_named_with_its_error() -> None:
         Link(left, right, nothing, nothing, 20, 20, left_checks=points, right_checks=points + np.array([off_px, 0]))
         for left, right, off_px in ((0, 1, 1), (0, 2, 1), (1, 2, 1), (0, 3, 50), (2, 3, 40))
     )
-    flight: Any = SimpleNamespace(
-        views=[SimpleNamespace(name=f"folder/{view}.jpg", working_size=(1280, 960)) for view in range(4)]
-    )
+    flight = made.flight([made.view(f"folder/{view}.jpg", (1280, 960)) for view in range(4)])
     # The links that place the photograph falsely contradict, so the fit itself knows nothing of them.
     layout = Layout((0, 1, 2, 3), 0, dict.fromkeys(range(4), np.eye(3)), links=links[:3], contradicting=links[3:])
     assert [line for line in doubts(flight, layout) if "3.jpg by 45 px" in line]
@@ -172,8 +163,7 @@ def test_a_photograph_that_lies_wrong_is_named_with_its_error() -> None:
 def test_a_scene_that_is_no_plane_is_called_one_with_its_figures() -> None:
     points = np.random.default_rng(0).uniform(0, 500, (20, 2))
     checks: Any = {"left_checks": points, "right_checks": points + np.repeat([[0, 0], [3, 4]], (2, 18), axis=0)}
-    views = [SimpleNamespace(name=f"{view}.jpg", working_size=(1280, 960)) for view in range(2)]
-    flight: Any = SimpleNamespace(views=views)
+    flight = made.flight(made.views(2, (1280, 960)))
     for near, expected in ((28, []), (40, ["the scene is no plane: 50% of the matches lie 3 to 12 px off it"])):
         link = Link(0, 1, points, points, 20, near, **checks)
         lines = list(doubts(flight, Layout((0, 1), 0, {0: np.eye(3), 1: np.eye(3)}, links=(link,))))
@@ -186,10 +176,9 @@ def test_lines_that_break_at_seams_are_warned_of(off_px: float, bent: bool, warn
     points = np.random.default_rng(0).uniform(0, 500, (20, 2))
     moved = points + np.repeat([[0, 0], [off_px, 0]], (17, 3), axis=0)
     link = Link(0, 1, points, points, 20, 20, left_checks=points, right_checks=moved)
-    views = [SimpleNamespace(name=f"{view}.jpg", working_size=(1280, 960)) for view in range(2)]
     meshes: Any = {0: None} if bent else {}
     layout = Layout((0, 1), 0, {0: np.eye(3), 1: np.eye(3)}, links=(link,), meshes=meshes)
-    flight: Any = SimpleNamespace(views=views)
+    flight = made.flight(made.views(2, (1280, 960)))
     expected = "lines may break at seams: one match in ten is off by more than 20 px"
     advice = "" if bent else "; --warp mesh bends photographs to follow relief"
     assert list(doubts(flight, layout)) == [expected + advice] * warned
@@ -199,17 +188,9 @@ def test_halves_that_only_weak_links_join_are_named_with_their_number() -> None:
     def weak_line(across: tuple[tuple[int, int, int], ...], last: int = 80, step_px: float = 40) -> str:
         ties = {(0, 1): 90, (0, 2): 90, (1, 2): 90, (3, 4): last} | {(left, right): few for left, right, few in across}
         links = tuple(Link(*pair, *(np.zeros((many, 2)),) * 2, many, many) for pair, many in ties.items())
-        facts = {"working_size": (400, 300), "clipped": 0.0, "gps": None, "sharpness": 1.0}
-        views = [SimpleNamespace(name=f"folder/{view}.jpg", **facts) for view in range(5)]
         places = {view: np.array([[1.0, 0, step_px * view], [0, 1, 0], [0, 0, 1]]) for view in range(5)}
-        flight: Any = SimpleNamespace(
-            names=[view.name for view in views],
-            views=views,
-            links=links,
-            layouts=(Layout(tuple(range(5)), 0, places, links),),
-            relative_sharpness=np.ones(5),
-            found_mask=None,
-        )
+        views = [made.view(f"folder/{view}.jpg") for view in range(5)]
+        flight = made.flight(views, links, [Layout(tuple(range(5)), 0, places, links)])
         lines = check_flight(flight).problems
         lefts = [link.left for _, _, link, _ in weak_parts(flight, flight.layouts[0])]
         assert lefts == [int(number) for line in lines for number in re.findall(r"(\d).jpg and", line)]
@@ -232,8 +213,9 @@ def test_halves_that_only_weak_links_join_are_named_with_their_number() -> None:
 
 
 def test_ground_that_lies_on_other_ground_is_named_with_its_place() -> None:
-    views = [SimpleNamespace(name=f"{view}.jpg", gps=Position(46.5, 8.25) if view == 2 else None) for view in range(4)]
-    flight: Any = SimpleNamespace(views=views)
+    views = made.views(4)
+    views[2] = replace(views[2], taken=Metadata(position=Position(46.5, 8.25)))
+    flight = made.flight(views)
     differs, agrees, unknown = GroundOfPair(1, 9, 4.0), GroundOfPair(2, 9, 4.0), GroundOfPair(0, 3, np.inf)
     pairs = {(0, 2): differs, (1, 2): differs, (2, 3): unknown, (0, 1): agrees}
     nothing = np.zeros((0, 2))

@@ -1,14 +1,14 @@
 """Links between cameras over flat ground, without pictures: true ones, and every kind of bad one."""
 
 from collections.abc import Sequence
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skymosaic.flight.linking.links import Link
+from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply
+from tests.skymosaic.flight import made
 
 SIZE_PX = (640, 480)
 MIDDLE_PX = (319.5, 239.5)
@@ -16,8 +16,8 @@ FOCAL_PX = 480.0
 Matrix = NDArray[np.float64]
 
 
-def views_of(count: int) -> list[Any]:
-    return [SimpleNamespace(name=f"{view}.jpg", size=SIZE_PX, working_size=SIZE_PX) for view in range(count)]
+def views_of(count: int) -> list[View]:
+    return made.views(count, SIZE_PX)
 
 
 def camera(x: float, y: float, lean_deg: float, turn_deg: float = 0) -> Matrix:
@@ -99,7 +99,7 @@ def bad_link(left: int, right: int, poses: Sequence[Matrix], rng: np.random.Gene
     return Link(left, right, points[usable], moved[usable], int(usable.sum()), int(usable.sum()))
 
 
-def bad_graph(seed: int, most: int) -> tuple[list[Any], list[Link]]:
+def bad_graph(seed: int, most: int) -> tuple[list[View], list[Link]]:
     """At least three views and at most so many, all of them linked, and their bad links."""
     rng = np.random.default_rng(seed)
     count = int(rng.integers(3, most + 1))

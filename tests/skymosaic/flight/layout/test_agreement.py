@@ -1,8 +1,6 @@
 """Ground that lies on other ground: of photographs that are drawn, and of a rendered flight with a planted twin."""
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import cv2
 import numpy as np
@@ -11,27 +9,23 @@ from numpy.typing import NDArray
 
 from sim.scene.flight import make_lawnmower
 from sim.scene.ground import render_ground
-from skymosaic.flight.layout.agreement import (
-    MAX_COMPARED,
-    Agreement,
-    GroundOfPair,
-    find_false_joint,
-    measure_agreement,
-)
+from skymosaic.flight.layout.agreement import MAX_COMPARED, Agreement, GroundOfPair, find_false_joint, measure_agreement
 from skymosaic.flight.linking.links import Link
+from skymosaic.flight.linking.view import View
 from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
+from tests.skymosaic.flight import made
 
 SIZE, NEAR, COUNT, TWIN_PX = (480, 360), 5, 10, 140
 
 
 def photographs(*, twin: bool) -> list[NDArray[np.uint8]]:
     """A flight; with a twin, its second half is far away, and one square of ground lies in both halves."""
-    made = make_lawnmower(seed=2, images=COUNT, size=SIZE, forward_overlap=0.7, side_overlap=0.6)
+    rendered = make_lawnmower(seed=2, images=COUNT, size=SIZE, forward_overlap=0.7, side_overlap=0.6)
     if not twin:
-        return list(made.images)
-    poses = [replace(pose, x_px=pose.x_px + 4000 * (view >= NEAR)) for view, pose in enumerate(made.poses)]
-    away, images = replace(made, poses=tuple(poses)), list[NDArray[np.uint8]]()
+        return list(rendered.images)
+    poses = [replace(pose, x_px=pose.x_px + 4000 * (view >= NEAR)) for view, pose in enumerate(rendered.poses)]
+    away, images = replace(rendered, poses=tuple(poses)), list[NDArray[np.uint8]]()
     square, shown = render_ground(77, TWIN_PX, TWIN_PX), np.full((TWIN_PX, TWIN_PX), 255, np.uint8)
     for view, image in enumerate(away.images):
         middle = poses[NEAR // 2 + NEAR * (view >= NEAR)]
@@ -63,9 +57,8 @@ def test_a_flight_without_a_twin_is_one_mosaic_in_which_all_pairs_agree() -> Non
     assert len(layout.agreement.of(True)) > COUNT
 
 
-def seen(*thumbnails: NDArray[np.uint8]) -> list[Any]:
-    facts = {"working_size": (640, 480), "to_thumbnail": np.diag([0.5, 0.5, 1])}
-    return [SimpleNamespace(thumbnail=thumbnail, **facts) for thumbnail in thumbnails]
+def seen(*thumbnails: NDArray[np.uint8]) -> list[View]:
+    return [made.view(size=(640, 480), to_thumbnail=np.diag([0.5, 0.5, 1]), thumbnail=each) for each in thumbnails]
 
 
 def noise(seed: int) -> NDArray[np.uint8]:

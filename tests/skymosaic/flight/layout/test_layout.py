@@ -1,6 +1,5 @@
 """Layouts of photographs with exact poses, with false ties, and what makes a group impossible."""
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from skymosaic.flight.layout.linked_group import linked_group, trust_by_loops
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.picture.composition import Room
 from skymosaic.geometry.homography import apply, estimate_similarity, resize_matrix
+from tests.skymosaic.flight import made
 from tests.skymosaic.flight.layout import cameras
 from tests.skymosaic.flight.layout.cameras import views_of
 from tests.skymosaic.flight.layout.ties import tie_pictures
@@ -31,7 +31,7 @@ def laid_out(seed: int, false_share: float, period_px: int) -> tuple[Any, ...]:
     flight = make_lawnmower(seed, PICTURES, SIZE_PX)
     tied = tie_pictures(flight, seed, false_share, period_px)
     links = [Link(t.left, t.right, t.left_points, t.right_points, *(len(t.left_points),) * 2) for t in tied]
-    views: list[Any] = [SimpleNamespace(size=SIZE_PX, working_size=SIZE_PX)] * PICTURES
+    views = made.views(PICTURES, SIZE_PX)
     return flight, lay_out(views, range(PICTURES), links), {(t.left, t.right) for t in tied if not t.true}
 
 
@@ -80,7 +80,7 @@ def test_a_camera_that_looks_far_ahead_keeps_its_perspective() -> None:
         if kept.sum() >= 12:
             left, right = (points[side][kept] for side in (tied.left, tied.right))
             links.append(Link(tied.left, tied.right, left, right, len(left), len(left)))
-    views: list[Any] = [SimpleNamespace(size=SIZE_PX, working_size=SIZE_PX)] * PICTURES
+    views = made.views(PICTURES, SIZE_PX)
     layout = lay_out(views, range(PICTURES), links)
     assert sum(steep in (link.left, link.right) for link in links) >= 3
     assert layout.contradicting == ()
@@ -95,7 +95,7 @@ def test_a_photograph_without_a_true_link_is_left_out() -> None:
     points = rng.uniform(100, 900, (60, 2))
     # Each of its links puts it somewhere else.
     links += [Link(7, other, points, points + rng.uniform(-80, 80, 2), 60, 60) for other in (9, 15, 24)]
-    views: list[Any] = [SimpleNamespace(size=SIZE_PX, working_size=SIZE_PX)] * PICTURES
+    views = made.views(PICTURES, SIZE_PX)
     layout = lay_out(views, range(PICTURES), sorted(links, key=lambda link: (link.left, link.right)))
     assert set(range(PICTURES)).difference(layout.members) == {7}
     assert layout.contradicting == ()
@@ -116,7 +116,7 @@ def test_each_photograph_whose_single_link_is_contradicted_is_left_out() -> None
 
     square = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (1, 4), (1, 5), (2, 3), (3, 4), (3, 5), (4, 5)]
     links = [*(tie(*pair) for pair in square), tie(0, 6), tie(2, 6, 60), tie(4, 7), tie(5, 7, 60)]
-    views: list[Any] = [SimpleNamespace(size=(400, 300), working_size=(400, 300))] * len(places_px)
+    views = made.views(len(places_px))
     layout = lay_out(views, range(len(views)), links)
     assert layout.members == tuple(range(6))
     assert layout.contradicting == ()
@@ -142,7 +142,7 @@ def test_a_far_surer_link_over_relief_overrules_one_that_fits_better(
 
     sure, false = tie(2, 3, 0, 60, 14), tie(1, 3, 40, inliers, 0.3)
     links = [*(tie(*pair, 0, 40, 0.3) for pair in ((0, 1), (0, 2), (1, 2))), sure, false]
-    views: list[Any] = [SimpleNamespace(size=(400, 300), working_size=(400, 300))] * 4
+    views = made.views(4)
     assert _lay_out_together(views, range(4), links, []).contradicting == (sure,)
     layout = lay_out(views, range(4), links)
     assert len(layout.members) == members

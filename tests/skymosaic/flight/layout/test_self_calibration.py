@@ -1,5 +1,4 @@
 import functools
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,9 @@ from skymosaic.flight.layout.linked_group import LinkedGroup, normalisation
 from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS
 from skymosaic.flight.layout.self_calibration import calibrate, straighten_links
 from skymosaic.flight.linking.links import Link
+from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply
+from tests.skymosaic.flight import made
 
 SIZE_PX = (1280, 960)
 
@@ -24,7 +25,7 @@ def bent(points: NDArray[np.float64], k1: float, k2: float = 0, x: float = 0, y:
 @functools.cache
 def lawnmower(
     *distortion: float, rows: int = 3, columns: int = 5, noise_px: float = 0.3, seed: int = 0
-) -> tuple[list[Any], list[Link]]:
+) -> tuple[list[View], list[Link]]:
     """Views of flat ground by a slightly tilted camera with a bending lens, and the links between neighbours."""
     rng = np.random.default_rng(seed)
     unit = normalisation(SIZE_PX)
@@ -54,7 +55,7 @@ def lawnmower(
             if len(both) > 150:
                 chosen = rng.choice(both, 150, replace=False)
                 links.append(Link(left, right, left_points[chosen], right_points[chosen], 150, 150))
-    return [SimpleNamespace(size=SIZE_PX, working_size=SIZE_PX, orientation=1) for _ in poses], links
+    return made.views(len(poses), SIZE_PX), links
 
 
 @pytest.mark.parametrize("distortion", [-0.08, 0.05])
@@ -75,10 +76,10 @@ def test_a_strong_lens_beside_the_middle_is_found() -> None:
     half_px = np.hypot(*SIZE_PX) / 2
     centre = calibration.lens.numbers["centre_x_px"], calibration.lens.numbers["centre_y_px"]
     assert centre == pytest.approx((np.array(SIZE_PX) - 1) / 2 + half_px * calibration.distortion[2:])
-    upright: Any = SimpleNamespace(size=SIZE_PX[::-1], working_size=SIZE_PX, orientation=1)
+    upright = made.view(size=SIZE_PX[::-1], working_size=SIZE_PX)
     assert len(calibrate([*views[:-1], upright], range(len(views)), links).distortion) == 1
     # A lens is that of the photographs as they are stored; where they are turned in two ways, it has no one centre.
-    turned: list[Any] = [SimpleNamespace(size=SIZE_PX, working_size=SIZE_PX, orientation=3) for _ in views]
+    turned = made.views(len(views), SIZE_PX, orientation=3)
     lens = calibrate(turned, range(len(views)), links).lens
     assert lens.numbers["centre_x_px"] == pytest.approx(SIZE_PX[0] - 1 - centre[0])
     assert lens.turned_back(3).numbers == pytest.approx(calibration.lens.numbers)
@@ -117,7 +118,7 @@ def test_straightened_links_fit_as_well_as_those_of_a_straight_lens() -> None:
 
 def test_different_cameras_and_few_views_are_left_alone() -> None:
     views, links = lawnmower(-0.06)
-    other: Any = SimpleNamespace(size=(640, 480), working_size=SIZE_PX, orientation=1)
+    other = made.view(size=(640, 480), working_size=SIZE_PX)
     assert calibrate([*views[:-1], other], range(len(views)), links) is None
     few, few_links = lawnmower(-0.1, rows=1, columns=4)
     assert calibrate(few, range(len(few)), few_links) is None

@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -19,6 +18,7 @@ from skymosaic import Mosaic, mosaic
 from skymosaic.common.errors import InputError
 from skymosaic.flight.layout.layout import Layout, lay_out
 from skymosaic.flight.linking.links import Link
+from skymosaic.flight.linking.view import View
 from skymosaic.flight.mapping.anchoring import Observation, _observe, anchor
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata, Position
@@ -26,6 +26,7 @@ from skymosaic.maps.base_map import load_base_map
 from skymosaic.maps.georeference import reproject
 from skymosaic.mosaicking.options import MosaicOptions
 from tests.made import write_located
+from tests.skymosaic.flight import made
 from tests.skymosaic.flight.mapping.test_contradictions import SIZE as FLOWN_SIZE
 from tests.skymosaic.flight.mapping.test_contradictions import STEPS, taken_above, unrolled
 
@@ -33,10 +34,10 @@ SIZE, STRIP, STEP_PX = (1000, 800), 24, 300.0
 MIDDLE = (np.array(SIZE) - 1) / 2
 
 
-def bent_strip() -> tuple[list[Any], Layout]:
+def bent_strip() -> tuple[list[View], Layout]:
     """A strip whose links turn a little, each in the same direction, as an unknown lens makes them."""
     rng = np.random.default_rng(0)
-    views: list[Any] = [SimpleNamespace(size=SIZE, orientation=1, working_size=SIZE)] * STRIP
+    views = made.views(STRIP, SIZE)
     links = []
     for left in range(STRIP - 1):
         for right in (left + 1, left + 2):

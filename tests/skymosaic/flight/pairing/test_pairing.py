@@ -13,6 +13,7 @@ from golden_model.arrays import Pixels
 from sim.scene import Flight, make_lawnmower
 from skymosaic import mosaic
 from skymosaic.flight.linking.links import Link
+from skymosaic.flight.linking.view import View
 from skymosaic.flight.pairing import linked_views
 from skymosaic.flight.pairing.belonging import find_strangers
 from skymosaic.flight.pairing.candidates import MAX_PREDICTED, MIN_GAIN, MIN_OVERLAP, first_candidates, predicted
@@ -20,12 +21,13 @@ from skymosaic.flight.pairing.linked_views import LinkedViews, link_all
 from skymosaic.flight.pairing.second_look import link_across_heights
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata, Position
+from tests.skymosaic.flight import made
 
 SIZE_PX = (400, 300)
 COLUMNS, ROWS, STEP_PX = 8, 6, (60, 70)
 
 
-def grid() -> tuple[list[Any], dict[int, NDArray[np.float64]]]:
+def grid() -> tuple[list[View], dict[int, NDArray[np.float64]]]:
     """Views of a dense survey, each overlapped by dozens of others, flown in rows to and fro, not quite regularly."""
     rng = np.random.default_rng(4)
     transforms = {}
@@ -34,7 +36,7 @@ def grid() -> tuple[list[Any], dict[int, NDArray[np.float64]]]:
         column = column if row % 2 == 0 else COLUMNS - 1 - column
         x, y = np.array([column, row]) * STEP_PX + rng.uniform(-8, 8, 2)
         transforms[view] = np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
-    return [SimpleNamespace(working_size=SIZE_PX)] * len(transforms), transforms
+    return made.views(len(transforms)), transforms
 
 
 def overlap(transforms: dict[int, NDArray[np.float64]], left: int, right: int) -> float:
@@ -113,16 +115,19 @@ def test_views_of_another_group_are_not_proposed() -> None:
     assert {view for pair in pairs for view in pair} <= set(inside)
 
 
+def above(north_deg: float) -> Metadata:
+    return Metadata(position=Position(45 + north_deg, 7.0))
+
+
 def test_first_candidates_are_neighbours_in_order_by_gps_and_by_votes() -> None:
-    views: list[Any] = [SimpleNamespace(gps=None) for _ in range(8)]
+    views = made.views(8)
     votes = np.zeros((8, 8), dtype=np.int16)
     votes[0, 6] = votes[6, 0] = 9
     votes[0, 7] = votes[7, 0] = 8
     in_order = {(i, i + step) for step in (1, 2) for i in range(8 - step)}
     assert first_candidates(views, votes) == in_order | {(0, 6)}
     # Six of the cameras stand apart and two together, so these two are each other's neighbours, too.
-    for number, view in enumerate(views):
-        view.gps = Position(45 + 0.01 * (number % 7), 7.0)
+    views = [replace(view, taken=above(0.01 * (number % 7))) for number, view in enumerate(views)]
     assert (0, 7) in first_candidates(views, votes)
 
 
@@ -131,8 +136,7 @@ def test_each_view_proposes_its_four_nearest_and_the_four_that_resemble_it_most(
     votes[0, 5:11] = 9, 20, 19, 18, 17, 9
     # On a line, whose steps grow, the nearest are those before; a view without GPS has none.
     places = [1.0 * number**2 for number in range(11)]
-    views: list[Any] = [SimpleNamespace(gps=Position(45 + 1e-4 * place, 7.0)) for place in places]
-    views.append(SimpleNamespace(gps=None))
+    views = [*(made.view(taken=above(1e-4 * place)) for place in places), made.view()]
     found = first_candidates(views, votes)
     in_order = {(i, i + step) for step in (1, 2) for i in range(12 - step)}
     by_votes = {(0, 6), (0, 7), (0, 8), (0, 9)}
@@ -145,7 +149,7 @@ def test_each_view_proposes_its_four_nearest_and_the_four_that_resemble_it_most(
 
 @pytest.mark.parametrize(("share", "pairs"), [(0.08, set()), (0.12, {(0, 2)})])
 def test_pairs_of_little_overlap_are_not_proposed(share: float, pairs: set[Any]) -> None:
-    views: list[Any] = [SimpleNamespace(working_size=SIZE_PX)] * 3
+    views = made.views(3)
     step_px = (1 - share) / 2 * (SIZE_PX[0] - 1)
     transforms = {view: np.array([[1.0, 0, step_px * view], [0, 1, 0], [0, 0, 1]]) for view in range(3)}
     ties = np.zeros((50, 2))
@@ -168,7 +172,7 @@ def test_what_a_second_look_joins_predicts_further_links(monkeypatch: pytest.Mon
     monkeypatch.setattr(linked_views, "link_by_more_features", lambda *_: {(1, 2): tie(1, 2)})
     for name in ("link_across_heights", "link_by_coarse_detail"):
         monkeypatch.setattr(linked_views, name, lambda *_: {})
-    views: Any = [SimpleNamespace(size=(400, 300), working_size=(400, 300))] * 3
+    views = made.views(3)
     stub: Any = SimpleNamespace(count_votes=lambda _views: None, link=link, given={})
     assert set(link_all(LinkedViews(stub, (), tuple(views), {})).links) == {(0, 1), (1, 2), (0, 2)}
     assert asked == [{(0, 1)}, {(0, 2)}]
@@ -206,7 +210,7 @@ class Stub:
         self.asked: list[set[tuple[int, int]]] = []
 
     def describe_thumbnails(self, views: Any) -> Any:
-        return [SimpleNamespace(to_original=np.diag([4.0, 4, 1])) for _ in views]
+        return made.views(len(views), to_original=np.diag([4.0, 4, 1]))
 
     def count_votes(self, views: Any, across: Any) -> Any:
         self.across.append((across, [view.to_original[0, 0] for view in views]))
@@ -222,7 +226,7 @@ class Stub:
 
 
 def test_of_two_attempts_across_heights_the_link_with_more_ties_stays() -> None:
-    views: Any = [SimpleNamespace(to_original=np.diag([2.0, 2, 1])) for _ in range(5)]
+    views = made.views(5, to_original=np.diag([2.0, 2, 1]))
     points = np.ones((9, 2))
     links = {pair: Link(*pair, points, points, 9, 9) for pair in ((0, 1), (1, 2), (3, 4))}
     links[2, 3] = Link(2, 3, points[:0], points[:0], 5, 0)
@@ -273,8 +277,8 @@ def test_coarse_detail_is_what_links_it(murky: list[Pixels], monkeypatch: pytest
 TAKEN = Metadata(position=Position(46.0, 8.0), focal_half_diagonals=1.2)
 
 
-def view(name: str, size: tuple[int, int] = (4000, 3000), taken: Metadata = TAKEN, *, opaque: bool = True) -> Any:
-    return SimpleNamespace(name=name, size=size, taken=taken, gps=taken.position, visible=None if opaque else size)
+def view(name: str, size: tuple[int, int] = (4000, 3000), taken: Metadata = TAKEN, *, opaque: bool = True) -> View:
+    return made.view(name, size, taken=taken, visible=None if opaque else np.zeros((3, 4), np.uint8))
 
 
 FLIGHT = [view(f"DJI_{number:04}.JPG", (4000, 3000) if number % 3 else (3000, 4000)) for number in range(12)]
