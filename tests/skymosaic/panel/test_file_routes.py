@@ -71,16 +71,11 @@ def picture(side_px: int = 96) -> bytes:
     return noise_png(side_px, seed=1)
 
 
-def test_a_photograph_is_accepted_and_shown(client: Client) -> None:
-    assert client.upload("field.png", picture()).status_code == 204
-    (shown,) = client.pictures()
-    assert client.get(shown).content.startswith(b"\x89PNG")
-
-
-@pytest.mark.parametrize("name", ["../../../etc/passwd", "a\0b.png", "<img src=x>.png", ""])
-def test_a_file_name_cannot_choose_a_path(client: Client, name: str) -> None:
+@pytest.mark.parametrize("name", ["field.png", "../../../etc/passwd", "a\0b.png", "<img src=x>.png", ""])
+def test_a_photograph_is_shown_and_its_name_cannot_choose_a_path(client: Client, name: str) -> None:
     assert client.upload(name, picture()).status_code == 204
     (shown,) = client.pictures()
+    assert client.get(shown).content.startswith(b"\x89PNG")
     assert re.fullmatch(r"/picture/uploads/[0-9a-f]{32}\.png", shown)
 
 

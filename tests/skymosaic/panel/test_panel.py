@@ -4,7 +4,6 @@ import itertools
 import zipfile
 from pathlib import Path
 
-import httpx
 import pytest
 
 from skymosaic.common.errors import InputError
@@ -177,15 +176,6 @@ def test_a_link_to_a_root_is_the_root(flights: Path) -> None:
     assert Roots([flights.parent / "link"]).find_folder("flight") == flights / "flight"
 
 
-@pytest.mark.parametrize("slider", [*SCALES.values(), STRONGEST], ids=lambda slider: slider.title)
-def test_slider_values_rise_and_convert_back_to_positions(slider: SliderScale) -> None:
-    values = list(slider.values.values())
-    assert list(slider.values) == list(range(min(slider.values), max(slider.values) + 1))
-    assert values == sorted(values)
-    assert values[0] >= 1
-    assert all(slider.values[slider.position(value)] == value for value in values)
-
-
 @pytest.mark.parametrize(
     ("slider", "lowest", "second", "highest"),
     [
@@ -198,8 +188,11 @@ def test_slider_values_rise_and_convert_back_to_positions(slider: SliderScale) -
 def test_a_slider_has_a_value_at_each_position(
     slider: SliderScale, lowest: tuple[int, int], second: int, highest: tuple[int, int]
 ) -> None:
+    assert sorted(SCALES) == ["fast", "harris"]
     values = [*slider.values.items()]
     assert (values[0], values[1][1], values[-1]) == (lowest, second, highest)
+    assert [position for position, _ in values] == [*range(lowest[0], highest[0] + 1)]
+    assert [slider.position(value) for _, value in sorted(values, key=lambda each: each[1])] == [*slider.values]
     # A value between two positions is at the upper one, and one beyond all at the last.
     assert [slider.position(each) for each in (0, lowest[1] + 1, 1 << 30)] == [lowest[0], lowest[0] + 1, highest[0]]
 
@@ -277,10 +270,3 @@ def test_a_backend_that_does_not_compute_the_method_is_refused() -> None:
     simulated = Options.of_preset("aerial").changed("backend", "rtl")
     assert fault_of(simulated) == ""
     assert "computes only harris, fast" in fault_of(simulated.changed("detector", "orb"))
-
-
-def test_a_board_is_offered_as_a_backend(owner_address: str, silent_board: str) -> None:
-    with httpx.Client(base_url=owner_address.partition("?")[0], timeout=None) as owner:
-        owner.get(owner_address)
-        for path in ("/", "/tracking"):
-            assert f"board:{silent_board}" in owner.get(path).text
