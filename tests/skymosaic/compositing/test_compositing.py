@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from golden_model.arrays import Array, Float32, Pixels
-from sim.scene import Camera, CameraPose, make_lawnmower
+from sim.scene import Camera, CameraPose
 from skymosaic.compositing.layer import Layer, SeamMask
 from skymosaic.compositing.mesh import Mesh
 from skymosaic.compositing.palette import have_palette
 from skymosaic.compositing.seams import find_allowed
-from skymosaic.compositing.tone import NEUTRAL, SHOULDER_START, Tone
+from skymosaic.compositing.tone import SHOULDER_START, Tone
 from skymosaic.compositing.warp import Canvas, CanvasError, enclosing, footprint, nearness, outline
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.parcel import Parcel
@@ -35,13 +35,6 @@ def test_the_finer_of_two_photographs_shows_all_but_its_margin() -> None:
     alike = Layer(IMAGE, enlarged(1.0, 610, 450)).claim(part)
     # Of photographs with the same detail, the one whose border is farther shows the ground, as ever.
     assert ((fine.claim(part) >= alike) == (fine.border_distance(part) >= alike)).all()
-
-
-def test_a_mask_that_hides_nothing_changes_no_distance() -> None:
-    whole, masked = (Layer(IMAGE, enlarged(1), visible=mask) for mask in (None, np.full(IMAGE.shape, 255, np.uint8)))
-    distance = whole.border_distance(whole.footprint)
-    np.testing.assert_array_equal(distance, masked.border_distance(whole.footprint))
-    np.testing.assert_array_equal(distance, distance[::-1, ::-1])
 
 
 @pytest.mark.parametrize("with_seam", [False, True])
@@ -140,11 +133,6 @@ def test_of_many_photographs_of_one_place_few_reach_the_seam_finder(count: int) 
     assert (shown[left > 0] >= 0.6 * left[left > 0]).all()
 
 
-def test_all_photographs_of_a_survey_are_needed() -> None:
-    flight = make_lawnmower(seed=4, images=25, size=(160, 120), forward_overlap=0.8, side_overlap=0.7)
-    assert list(find_allowed([seen(pose, flight.camera) for pose in flight.poses])) == list(range(25))
-
-
 def test_a_photograph_that_alone_shows_a_corner_stays() -> None:
     whole, small = seen(CameraPose(x_px=0, y_px=0, altitude_px=128)), Camera(width_px=100, height_px=80, focal_px=128)
     inside, beyond = (seen(CameraPose(x_px=0, y_px=y, altitude_px=128, heading_deg=30), small) for y in (0, 3))
@@ -226,10 +214,6 @@ def test_a_picture_of_a_single_colour_is_no_palette() -> None:
 RAMP = np.arange(256, dtype=np.uint8)[None]
 
 
-def test_neutral_tone_returns_the_same_pixels() -> None:
-    assert NEUTRAL.apply(RAMP) is RAMP
-
-
 @pytest.mark.parametrize("gain", [0.5, 0.8, 1.2, 1.6, 2.5])
 def test_below_the_shoulder_a_gain_is_a_factor(gain: float) -> None:
     toned = Tone((gain,)).apply(RAMP)
@@ -258,19 +242,6 @@ def test_a_gain_of_16_bit_values_leaves_black_and_white_where_they_are() -> None
     toned = Tone((2.0,), black=9000).apply(values)
     assert toned.dtype == np.uint16
     np.testing.assert_array_equal(toned, [[0, 9000, 31_000, 65_535]])
-
-
-def test_channels_have_their_own_gains() -> None:
-    pixels = np.full((4, 5, 3), 100, np.uint8)
-    np.testing.assert_array_equal(Tone((0.5, 1.0, 1.5)).apply(pixels)[2, 2], [50, 100, 150])
-
-
-def test_falloff_brightens_the_corners_as_given() -> None:
-    size = (401, 301)
-    tone = Tone((1.0,), np.array([[0.2], [0.1], [0.0], [0.0]]))
-    toned = tone.apply(np.full((301, 401), 100, np.uint8), tone.factors(size, Canvas(0, 0, *size)))
-    assert toned[150, 200] == 100
-    assert toned[0, 0] == pytest.approx(100 * np.exp(0.3), abs=1.5)
 
 
 def test_factors_belong_to_places_of_the_source_image() -> None:
