@@ -2,11 +2,13 @@
 
 import dataclasses
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import hdl
 from golden_model.arrays import Pixels
 from golden_model.config import PRESETS
 from golden_model.front_end import trace
@@ -17,6 +19,7 @@ from sim.backends.golden import GoldenBackend
 from sim.backends.interface import FrameClocks, FrameResult, Mismatch
 from sim.scene import make_pair
 from sim.simulators.scoreboard import (
+    BLOCKS,
     Coverage,
     find_clock_mismatch,
     find_mismatch,
@@ -188,12 +191,19 @@ def test_the_first_stage_that_differs_is_named(frames: Sequence[Pixels]) -> None
     planes[0]["gray"][3, 3] = np.ma.masked
     found = find_stage_mismatch(golden, planes, frame=4)
     assert found
-    assert (found.frame, found.stage, found.x, found.y) == (4, "level 1 tensor_b", 50, 100)
+    assert (found.frame, found.stage, found.x, found.y) == (4, "level 1 tensor_b (hdl/pixel/harris.py)", 50, 100)
     assert found.actual == found.expected + 1
 
 
+def test_each_stage_has_the_file_of_a_block() -> None:
+    assert set(BLOCKS) == {
+        name.partition("_")[0] for name in trace(np.zeros((64, 64), np.uint8), AERIAL.front_end).levels[0]
+    }
+    assert all((Path(hdl.__file__).parent / "pixel" / f"{block}.py").exists() for block in BLOCKS.values())
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("shift", "stage"), [(7, "level 0 tensor_a"), (TENSOR_SHIFT, None)])
+@pytest.mark.parametrize(("shift", "stage"), [(7, "level 0 tensor_a (hdl/pixel/harris.py)"), (TENSOR_SHIFT, None)])
 def test_a_fault_in_the_hardware_is_located(
     frames: Sequence[Pixels], monkeypatch: pytest.MonkeyPatch, shift: int, stage: str | None
 ) -> None:
