@@ -1,9 +1,11 @@
 """Texts of messages: outside text (file names, a peer's messages) made safe to print, and common advice."""
 
+import json
 import os
 import shlex
 import sys
 import unicodedata
+from importlib import metadata
 
 _UNSAFE = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 """Unicode categories that end a line, move the cursor, reverse the direction of writing, or cannot be encoded."""
@@ -33,11 +35,17 @@ def _escape(line: str) -> str:
 
 
 def how_to_install(extra: str) -> str:
-    """Command that adds one of the extras of pyproject.toml. The package is on no index, so it names the source.
+    """Command that adds one of the extras of pyproject.toml. The package is on no index, so it names wheel or source.
 
     Outside an active environment (``.venv`` of ``make demo``, pipx), plain ``pip`` would be another one's: it is run by
     its Python.
     """
     is_active = sys.prefix == sys.base_prefix or os.environ.get("VIRTUAL_ENV") == sys.prefix
     pip = "pip" if is_active else f"{shlex.quote(sys.executable)} -m pip"
+    try:
+        origin = json.loads(metadata.distribution("skymosaic").read_text("direct_url.json") or "{}").get("url", "")
+    except metadata.PackageNotFoundError:
+        origin = ""
+    if origin.endswith(".whl"):
+        return f"run {pip} install {shlex.quote(f'skymosaic[{extra}] @ {origin}')}"
     return f"in the folder of the source, run {pip} install '.[{extra}]'"

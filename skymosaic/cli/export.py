@@ -4,6 +4,7 @@ import importlib
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from types import ModuleType
 from typing import Annotated
@@ -99,7 +100,11 @@ def board(
     ] = False,
 ) -> None:
     """Write Verilog, register map, driver and what the tools need, for a kit."""
-    read_file(check_board, name)
+    try:
+        check_board(name)
+    except ValueError as error:
+        near = "".join(f"; did you mean {board}?" for board in get_close_matches(name, ALL_BOARDS, 1))
+        raise InputError(f"{error}{near}") from None
     if bitstream and name != SERIAL_BOARD:
         raise InputError(f"--build makes the bitstream of the {SERIAL_BOARD}; leave it out, or use Vivado")
     build = options.build(BUILDS.get(name, Build()))

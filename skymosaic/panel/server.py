@@ -18,6 +18,7 @@ from skymosaic.panel.file_routes import FileRoutes
 from skymosaic.panel.folders import Roots
 from skymosaic.panel.origin_check import OriginCheck
 from skymosaic.panel.pages.mosaic_page import build_mosaic_page
+from skymosaic.panel.pages.page_layout import PAGES
 from skymosaic.panel.pages.runs_page import build_runs_page
 from skymosaic.panel.pages.tracking_page import build_tracking_page
 from skymosaic.panel.runs import open_runs
@@ -81,7 +82,7 @@ def _application(session: Session) -> FastAPI:
     FileRoutes(session).add_to(app)
     for path, build in (("/", build_mosaic_page), ("/tracking", build_tracking_page), ("/runs", build_runs_page)):
         # With the session filled in, no parameter is left that an address could set.
-        ui.page(path)(partial(build, session))
+        ui.page(path, title=f"{PAGES[path]} - skymosaic")(partial(build, session))
     # Long work has a bar of its own. Quasar's, for every request of a viewer, has no name for a screen reader.
     page_app.config.quasar_config["loadingBar"]["skipHijack"] = True
     # Dark where the system is; the language is what a screen reader pronounces.

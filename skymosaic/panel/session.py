@@ -50,7 +50,9 @@ class Session:
         """Other rules for the pair that is shown; None where no rules decide."""
         self.job = None
         self.fault = ""
-        """Why the last job ended without a result; empty if it had one."""
+        """Why the last job ended without a result; empty if it had one, or was cancelled."""
+        self.note = ""
+        """That the last job was cancelled; else empty."""
 
     @property
     def results(self) -> dict[str, MosaicResult | TrackingResult]:
@@ -145,7 +147,7 @@ class Session:
         """Run ``task`` in a worker and hand its result to ``accept``; nothing happens while another job runs."""
         if self.job is not None:
             return
-        self.job, self.fault = Job(title, task, folder, *arguments), ""
+        self.job, self.fault, self.note = Job(title, task, folder, *arguments), "", ""
         background_tasks.create(self._finish(self.job, accept), name=title)
         self.changed.emit()
 
@@ -153,7 +155,7 @@ class Session:
         try:
             accept(await job.run(self._job_queue))
         except JobCancelledError:
-            self.fault = f"{job.title}: cancelled"
+            self.note = f"{job.title}: cancelled"
         except JobFailedError as error:
             self.fault = in_labels(error)
         finally:

@@ -24,7 +24,7 @@ MAX_UPLOADS_AT_ONCE = 16
 MIN_FREE_BYTES = 1 << 30
 """Uploads leave this much of the disk free."""
 _HEAD_BYTES = 16
-_MAX_STEM_LENGTH = 40
+_MAX_STEM_LENGTH, _MAX_SUFFIX_LENGTH = 40, 8
 _RESERVED_STEMS = ("mosaic", "tracked")
 """Stems of files that a run writes beside what was uploaded."""
 
@@ -99,25 +99,26 @@ async def receive(body: AsyncIterator[bytes], name: str, kind: Kind, part: Path,
         If the file is of another kind, too large or empty, or the disk is full; it is removed completely.
     """
     stem, limit_bytes = sanitise_stem(name), min(kind.limit_bytes, max(0, room_bytes))
+    shown = stem + re.sub(r"[^\w.]+", "", Path(name).suffix[:_MAX_SUFFIX_LENGTH])
     if shutil.disk_usage(part.parent).free < MIN_FREE_BYTES + limit_bytes:
         raise UploadRefusedError("the panel's disk is almost full; make room on it", 507)
     try:
-        head = await _store(body, part, limit_bytes, stem)
+        head = await _store(body, part, limit_bytes, shown)
         suffix = kind.suffix_of(head)
         if suffix is None:
             fault = "is not" if head else "is empty, not"
-            raise UploadRefusedError(f"{stem}: {fault} {kind.description}; choose another file", 415)
+            raise UploadRefusedError(f"{shown}: {fault} {kind.description}; choose another file", 415)
         numbered = (f"{stem}_{number}" for number in itertools.count(2))
         paths = (part.with_name(each + suffix) for each in itertools.chain([stem], numbered))
         # Nothing is awaited between choosing a name and taking it, so no other upload can take it meanwhile.
         return part.rename(next(path for path in paths if path.stem not in _RESERVED_STEMS and not path.exists()))
     except OSError as error:
-        raise UploadRefusedError(f"{stem}: cannot be stored ({error.strerror}); make room on the disk", 507) from None
+        raise UploadRefusedError(f"{shown}: cannot be stored ({error.strerror}); make room on the disk", 507) from None
     finally:
         part.unlink(missing_ok=True)
 
 
-async def _store(body: AsyncIterator[bytes], path: Path, limit_bytes: int, stem: str) -> bytes:
+async def _store(body: AsyncIterator[bytes], path: Path, limit_bytes: int, name: str) -> bytes:
     """Write the body to ``path`` as it arrives; return its first bytes."""
     head, size, awaited_bytes = b"", 0, PROGRESS_BYTES
     try:
@@ -126,7 +127,7 @@ async def _store(body: AsyncIterator[bytes], path: Path, limit_bytes: int, stem:
                 size += len(chunk)
                 if size > limit_bytes:
                     raise UploadRefusedError(
-                        f"{stem}: larger than the {limit_bytes // MEBIBYTE} MB allowed; reduce it first", 413
+                        f"{name}: larger than the {limit_bytes // MEBIBYTE} MB allowed; reduce it first", 413
                     )
                 if size >= awaited_bytes:
                     awaited_bytes = size + PROGRESS_BYTES
@@ -135,5 +136,5 @@ async def _store(body: AsyncIterator[bytes], path: Path, limit_bytes: int, stem:
                 await file.write(chunk)
     except TimeoutError:
         fault = f"hardly anything arrived for {STALLED_SECONDS:g} s; check the connection and load it again"
-        raise UploadRefusedError(f"{stem}: {fault}", 408) from None
+        raise UploadRefusedError(f"{name}: {fault}", 408) from None
     return head

@@ -5,7 +5,9 @@ import errno
 import os
 import sys
 from collections.abc import Iterator
+from importlib import metadata
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -172,6 +174,12 @@ def test_an_extra_goes_into_the_environment_that_runs(
     if active is not None:
         monkeypatch.setenv("VIRTUAL_ENV", active)
     assert how_to_install("sim").endswith(says)
+
+
+def test_an_extra_of_a_wheel_is_installed_from_that_wheel(monkeypatch: pytest.MonkeyPatch) -> None:
+    origin = SimpleNamespace(read_text=lambda _name: '{"url": "file:///dl/skymosaic-1-py3-none-any.whl"}')
+    monkeypatch.setattr(metadata, "distribution", lambda _name: origin)
+    assert how_to_install("sim").endswith(" install 'skymosaic[sim] @ file:///dl/skymosaic-1-py3-none-any.whl'")
 
 
 CITATION = Path(__file__).parents[2] / "CITATION.cff"

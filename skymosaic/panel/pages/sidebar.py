@@ -131,7 +131,7 @@ class OptionsCard:
         self._session = session
         with ui.element("section").classes("card"):
             build_heading("2", "Options")
-            # Above the options: the lower end of the card may lie behind the button that starts the run.
+            # Above the options: the lower end of the card may be scrolled out of sight.
             self._fault = ui.label().classes("fault").props('role="status"')
             preset, *others = sorted(LABELLED, key=lambda name: name not in OPTION_VALUES)
             self._show_options = [build_option(session, preset)]
@@ -202,6 +202,7 @@ class RunCard:
                     ui.button("Cancel", icon="stop", on_click=session.cancel).props("outline dense no-caps size=sm")
                 self._bar = ui.linear_progress(show_value=False).props('rounded aria-label="Working"')
                 self._line = ui.label().classes("hint").props('role="status"')
+            self._note = ui.label().classes("hint note").props('role="status"')
             self._fault = ui.label().classes("fault").props('role="alert"')
         # A job's line and seconds change without an event, so they are polled.
         ui.timer(0.25, self._tick)
@@ -212,6 +213,7 @@ class RunCard:
         self._run.set_visibility(session.job is None)
         self._run.set_enabled(self._is_ready())
         self._running.set_visibility(session.job is not None)
+        self._note.set_text(session.note)
         self._fault.set_text(session.fault)
         self._tick()
 

@@ -54,6 +54,7 @@ def test_the_help_offers_only_widths_of_video_that_a_camera_has() -> None:
     ("words", "message"),
     [
         (("board", "breadboard"), "unknown board 'breadboard'; valid: arty_a7_100, "),
+        (("board", "zybo-z720"), "did you mean zybo_z7_20?"),
         (("board", "pynq_z2", "--build"), "--build makes the bitstream of the ulx3s"),
         (("block", "prewitt"), "unknown block 'prewitt'; valid: gray, "),
         (("block", "half", "--set", "lanes=8"), "half does not depend on 'lanes'; valid: width_px"),

@@ -100,6 +100,7 @@ def test_a_file_that_is_no_photograph_is_refused_with_a_reason(
     refused = client.upload(f"{what}.png", body)
     assert refused.status_code == status, refused.text
     assert message in refused.text
+    assert re.search(r"\.(png|jpg)\b", refused.text)
     assert "\n" not in refused.text
     assert "/tmp" not in refused.text
     assert client.pictures() == []

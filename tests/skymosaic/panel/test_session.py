@@ -141,7 +141,7 @@ def test_the_next_run_removes_the_files_of_runs_without_a_result(
             session.make_mosaic()
             session.cancel()
             await idle(session)
-            assert session.fault == "Making the mosaic: cancelled"
+            assert (session.note, session.fault) == ("Making the mosaic: cancelled", "")
         assert len(list(session.files.folder("runs").iterdir())) == 1
 
     run_in_loop(scenario)

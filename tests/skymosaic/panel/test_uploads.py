@@ -49,7 +49,7 @@ def test_an_upload_without_progress_is_given_up(tmp_path: Path, monkeypatch: pyt
             await asyncio.sleep(0.05)
 
     async def scenario() -> None:
-        with pytest.raises(uploads.UploadRefusedError, match=r"field: hardly anything arrived for 0\.1 s") as caught:
+        with pytest.raises(uploads.UploadRefusedError, match=r"field\.jpg: hardly anything arrived for 0") as caught:
             await uploads.receive(stalled(), "field.jpg", PHOTOGRAPH, tmp_path / "1.part", room_bytes=1000)
         assert caught.value.status == 408
 
