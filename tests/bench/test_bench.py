@@ -7,12 +7,12 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from bench import camera, confidence, rendered_pairs
 from bench.methods import REFERENCE
 from bench.painter import DELAY, STEP_PX, find_owners, find_seams, place_frames
 from bench.registration import Outcome, group_rows, method_row
+from golden_model.arrays import Array
 from golden_model.geometry.fixed_point import quantise
 from golden_model.records import HOMOGRAPHY
 from sim.scene import Camera, make_lawnmower
@@ -44,7 +44,7 @@ def test_a_flight_and_a_host_that_pauses(monkeypatch: pytest.MonkeyPatch) -> Non
 CAMERA = Camera(width_px=160, height_px=120, focal_px=130)
 
 
-def shift(x: float, y: float) -> NDArray[np.float64]:
+def shift(x: float, y: float) -> Array:
     return np.array([[1, 0, -x], [0, 1, -y], [0, 0, 1.0]])
 
 

@@ -76,14 +76,10 @@ def test_a_frame_size_out_of_range_is_refused(size_px: tuple[int, int]) -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"detector": "sift"}, "detector is 'sift'; valid: harris, fast"),
         ({"levels": True}, "levels is True; valid: 1, 2"),
         ({"smoothed_gradients": 1}, "smoothed_gradients is 1; valid: true, false"),
         ({"smoothed_gradients": False}, "tensor_window_px without smoothed_gradients is 5; valid: 3"),
-        ({"harris_k_numerator": 4}, "harris_k_numerator is 4; it must be a whole number from 0 to 3"),
         ({"threshold": 2.5}, "threshold is 2.5; it must be a whole number from 1 to 1073741823"),
-        ({"detector": "fast", "threshold": 255}, "threshold is 255; it must be a whole number from 1 to 254"),
-        ({"border_px": 19}, "border_px is 19; it must be a whole number from 20 to 255"),
         ({"selection": False}, "selection is False, but two levels are ordered by cells; set levels = 1"),
         ({"selection": False, "levels": 1, "per_cell": 3}, "selection is False, but cell_px or per_cell is set"),
         ({"selection": False, "levels": 1, "cell_px": 32}, "selection is False, but cell_px or per_cell is set"),

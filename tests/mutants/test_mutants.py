@@ -50,7 +50,7 @@ def test_each_mutant_is_one_other_program() -> None:
         (
             "skymosaic/maps/positions.py",
             "tests/skymosaic/maps/test_maps.py",
-            "tests/skymosaic/flight/checking/test_check.py",
+            "tests/skymosaic/flight/checking/test_checking.py",
         ),
         ("skymosaic/common/replaced.py", "tests/skymosaic/common/test_common.py", "tests/skymosaic/imagery"),
         ("skymosaic/cli/track.py", "tests/skymosaic/cli/", "tests/system/test_full_disk.py"),

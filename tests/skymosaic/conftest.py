@@ -4,10 +4,9 @@ from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from sim.scene import Flight, make_lawnmower
 
 IMAGES, SIZE = 9, (480, 360)
@@ -17,7 +16,7 @@ class Kept(Flight):
     """A flight whose pictures are rendered once; they cannot be changed."""
 
     @cached_property
-    def images(self) -> list[NDArray[np.uint8]]:
+    def images(self) -> list[Pixels]:
         rendered = list(super().images)
         for image in rendered:
             image.flags.writeable = False

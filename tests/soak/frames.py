@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Records
+from golden_model.arrays import Pixels, Records
 from golden_model.config import CELL_SIZES_PX, DETECTORS, MAX_PER_CELL, PRESETS, Config
 from golden_model.front_end import extract
 from golden_model.matching.matcher import ReferenceFrame, match
@@ -37,7 +37,7 @@ class SentFrame:
 
     number: int
     data: NDArray[np.uint64]
-    flags: NDArray[np.uint8]
+    flags: Pixels
     size_px: tuple[int, int]
     golden: FrameResult | None
     cause: Cause
@@ -107,7 +107,7 @@ class Source:
         matcher = dataclasses.replace(CONFIG.matcher, keep_above=int(rng.integers(256)))
         return dataclasses.replace(CONFIG, front_end=front_end, matcher=matcher)
 
-    def _image(self, size_px: tuple[int, int], *, is_gray: bool) -> NDArray[np.uint8]:
+    def _image(self, size_px: tuple[int, int], *, is_gray: bool) -> Pixels:
         """Mostly a view that wanders over a texture, so that there are matches; else noise, steps or nothing."""
         rng, (width_px, height_px) = self._rng, size_px
         kind = rng.choice(["view", "noise", "steps", "flat"], p=[0.7, 0.1, 0.1, 0.1])
@@ -127,7 +127,7 @@ class Source:
         ]
         return np.ascontiguousarray(views[0] if is_gray else np.stack(views, axis=-1))
 
-    def _good(self, image: NDArray[np.uint8], config: Config, *, memory: int, hold: int) -> SentFrame:
+    def _good(self, image: Pixels, config: Config, *, memory: int, hold: int) -> SentFrame:
         data, flags = _beats(image, memory=memory)
         frame = extract(image, config.front_end, frame=self._number)
         reference = self._references.for_frame(frame.features, good=True, held=bool(hold))
@@ -148,7 +148,7 @@ class Source:
         is_vague = is_last if flaw == Cause.EARLY_END else flaw == Cause.MISSING_START and not _ends_good(before)
         return Cause(0) if is_vague else flaw
 
-    def _bad(self, image: NDArray[np.uint8], size_px: tuple[int, int], cause: Cause, *, memory: int) -> SentFrame:
+    def _bad(self, image: Pixels, size_px: tuple[int, int], cause: Cause, *, memory: int) -> SentFrame:
         data, flags = _beats(image, memory=memory)
         width_px = image.shape[1]
         row, column = self._rng.integers(0, [image.shape[0], width_px - 1]).tolist()
@@ -169,7 +169,7 @@ class Source:
     def _numbered(
         self,
         data: NDArray[np.uint64],
-        flags: NDArray[np.uint8],
+        flags: Pixels,
         size_px: tuple[int, int],
         golden: FrameResult | None,
         cause: Cause,
@@ -182,7 +182,7 @@ def _ends_good(frames: list[SentFrame]) -> bool:
     return bool(frames) and frames[-1].golden is not None
 
 
-def _beats(image: NDArray[np.uint8], *, memory: int) -> tuple[NDArray[np.uint64], NDArray[np.uint8]]:
+def _beats(image: Pixels, *, memory: int) -> tuple[NDArray[np.uint64], Pixels]:
     """Beats of video; or of a transfer from memory: four gray pixels, or red, green and blue; its end is marked."""
     if not memory:
         return flatten_frame(image)

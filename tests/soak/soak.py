@@ -18,6 +18,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from golden_model.records import MATCH, Cause
 from hdl.registers.register_map import IDENTITY, register_writes
 from sim.backends.interface import FrameResult, Progress, silent
@@ -123,7 +124,7 @@ class Soak:
             self._source.start_over(set())
             self._start_over()
 
-    def _stream(self, data: NDArray[np.uint64], flags: NDArray[np.uint8], writes: list[tuple[int, int]]) -> None:
+    def _stream(self, data: NDArray[np.uint64], flags: Pixels, writes: list[tuple[int, int]]) -> None:
         gaps, stalls = (int(self._rng.choice([0, 0, 0, 20, 60, 160])) for _ in range(2))
         pauses = Pauses(gaps, stalls, int(self._rng.integers(1 << 24)))
         limit = HANG_CYCLES + 100 * len(data)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from sim.scene import Flight
 from skymosaic import Mosaic, mosaic
 from skymosaic.geometry.homography import apply, estimate_similarity
@@ -34,7 +34,7 @@ def whole(folder: Path, surveyed: Path) -> Mosaic:
     return mosaic([folder], cache=surveyed)
 
 
-def position_errors_px(transforms: Mapping[int, NDArray[np.float64]], flight: Flight) -> NDArray[np.float64]:
+def position_errors_px(transforms: Mapping[int, Array], flight: Flight) -> Array:
     """Mean error of each image on the ground after the best similarity alignment of all."""
     sides = (np.linspace(0, side - 1, 4) for side in flight.images[0].shape[1::-1])
     grid = np.stack(np.meshgrid(*sides), -1).reshape(-1, 2)

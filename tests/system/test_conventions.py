@@ -117,10 +117,7 @@ def test_results_go_to_stdout_and_progress_to_stderr(run: Run) -> None:
             ("mosaic", "left.png", "right.png", "left.png", "-o", "m.png", "--report", "shown"),
             (r"mosaic m\.png \(\d+x\d+\), \d photographs of 3", "linked pairs: median .*", "report shown.index.html"),
         ),
-        (
-            ("check", "left.png", "right.png"),
-            ("linked pairs: median .*", "complete: the photographs make one mosaic"),
-        ),
+        (("check", "left.png", "right.png"), ("linked pairs: median .*", "complete: the photographs make one mosaic")),
         (("live", "film.mkv", "-o", "m.png"), (r"mosaic m\.png \(\d+x\d+\): 2 frames, 0 left out",)),
     ],
     ids=["mosaic", "check", "live"],

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from golden_model.geometry.fixed_point import quantise
 from golden_model.painting import painter as golden
 from golden_model.painting.pose import Placement, Poses, placement_of
@@ -19,7 +19,7 @@ ANCHORS, LATE = {1, 4}, 2
 pytestmark = pytest.mark.slow
 
 
-def pose_of(number: int) -> NDArray[np.float64]:
+def pose_of(number: int) -> Array:
     """Where a view lies on a canvas that shows the scene turned a little."""
     return np.array([[1, 0.02, -20 - 5 * number], [-0.02, 1, 6 - 2 * number], [0, 0, 1]])
 

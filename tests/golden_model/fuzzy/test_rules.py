@@ -114,10 +114,7 @@ BAD: dict[str, tuple[str, str]] = {
         changed("low Ramp 0.34 0.1", "low Ramp 0.08 0.05").replace("AlgebraicProduct", "Minimum"),
         "line 3: no term of distance covers 0.08203 to 0.09766",
     ),
-    "a gap between rules": (
-        WITHOUT_LAST,
-        "line 51: no rule fires at distance 0.3398, margin 0, orientation 4",
-    ),
+    "a gap between rules": (WITHOUT_LAST, "line 51: no rule fires at distance 0.3398, margin 0, orientation 4"),
     "a default that is not 0": (changed("default: nan", "default: 0.5"), "line 24: the default is 0.5"),
     "strengths that do not sum to one": (
         changed("high Ramp 0.1 0.34", "high Ramp 0.1 0.4"),

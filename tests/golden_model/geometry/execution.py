@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from golden_model.geometry.floating import MANTISSA_BITS, Floats
 from golden_model.geometry.program import LATENCY_CYCLES, ONE, ZERO, Program, Source
 
@@ -13,7 +13,7 @@ def number(value: float) -> Floats:
     return Floats.from_real(np.array([value]))
 
 
-def to_real(numbers: Floats) -> NDArray[np.float64]:
+def to_real(numbers: Floats) -> Array:
     """The values in double precision."""
     magnitude = np.ldexp(numbers.mantissa.astype(np.float64), numbers.exponent - MANTISSA_BITS)
     return np.where(numbers.negative, -magnitude, magnitude)

@@ -146,13 +146,6 @@ def test_as_many_inliers_and_cells_as_are_asked_for_are_enough() -> None:
         assert estimate(given, asked).causes == causes
 
 
-def test_one_weight_for_all_is_as_good() -> None:
-    frame = matches(200, 0.4)
-    result = estimate(frame._replace(weight=np.full(200, 255)), FEW)
-    assert result.causes == 0
-    assert grid_error(in_pixels(result), TRUTH, SIZE, SIZE) < 0.3
-
-
 def test_a_lucky_sample_does_not_beat_the_least_squares_of_all_inliers() -> None:
     """Whatever the samples are, the homography is as exact as the matches allow."""
     given = matches(150, 0.0, noise_px=0.15)

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from golden_model.geometry import estimator
 from golden_model.geometry.acceptance import INLIER_GAIN, count_cells
 from golden_model.geometry.fixed_point import quantise
@@ -89,7 +89,7 @@ def test_a_homography_is_scaled_to_its_largest_element() -> None:
         (np.stack((IDENTITY, IDENTITY, np.full((3, 3), np.inf))), "homography 2"),
     ],
 )
-def test_what_cannot_be_quantised_is_refused(homographies: NDArray[np.float64], message: str) -> None:
+def test_what_cannot_be_quantised_is_refused(homographies: Array, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         quantise(homographies)
 

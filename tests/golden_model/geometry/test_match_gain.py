@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from golden_model.formats import POSITION
 from golden_model.geometry import match_gain
 from golden_model.geometry.estimator import MAX_MATCHES
@@ -19,13 +20,13 @@ ENLARGED = np.array([[4.0, 0.2, -2400], [-0.1, 4, -1700], [1e-4, 5e-5, 1]])
 REDUCED = np.array([[0.25, 0.02, 200], [0.01, 0.25, 300], [2e-4, -1e-4, 1]])
 
 
-def mapped(H: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def mapped(H: Array, points: Array) -> Array:
     lifted = np.hstack((points, np.ones((len(points), 1)))) @ H.T
     return lifted[:, :2] / lifted[:, 2:]
 
 
 def matches(
-    H: NDArray[np.float64], count: int = 1500, spread_px: float = 2.5, seed: int = 1
+    H: Array, count: int = 1500, spread_px: float = 2.5, seed: int = 1
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Positions in 1/16 px whose errors cover the tolerance."""
     rng = np.random.default_rng(seed)
@@ -36,7 +37,7 @@ def matches(
 
 
 @pytest.mark.parametrize("H", [IDENTITY, SHIFTED, TURNED, ENLARGED, REDUCED], ids=["I", "shift", "turn", "4x", "1/4"])
-def test_the_gain_is_the_truncated_quadratic_rounded_up(H: NDArray[np.float64]) -> None:
+def test_the_gain_is_the_truncated_quadratic_rounded_up(H: Array) -> None:
     left, right = matches(H)
     assert len(left) > 400
     squared_error = ((mapped(H, left / 16) - right / 16) ** 2).sum(axis=1)

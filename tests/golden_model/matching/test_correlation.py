@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from golden_model.matching import correlation
 
 SIZES_PX = [1, 2, 3, 10, 22, 25, 30, 38]
@@ -54,7 +54,7 @@ def test_ncc_of_equal_windows_is_exactly_one_and_of_black_zero() -> None:
         assert correlation.ncc(window, window * 0).item() == 0
 
 
-def exhaustive(left: NDArray[np.uint8], right: NDArray[np.uint8], measure: str) -> list[int]:
+def exhaustive(left: Pixels, right: Pixels, measure: str) -> list[int]:
     best = []
     for a in left.astype(int).tolist():
         scores = []

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from golden_model.arrays import Matrix
+from golden_model.arrays import Array, Matrix, Pixels
 from golden_model.geometry.fixed_point import quantise
 from golden_model.painting.blending import FADE
 from golden_model.painting.painter import Painter
@@ -26,13 +26,13 @@ def integers(H: Matrix) -> NDArray[np.int64]:
     return pose
 
 
-def photograph(seed: int = 0) -> NDArray[np.uint8]:
+def photograph(seed: int = 0) -> Pixels:
     """Noise, as smooth as a lens makes it."""
     noise = np.random.default_rng(seed).integers(0, 256, (SIZE[1], SIZE[0], 3)).astype(np.uint8)
     return np.asarray(cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 2), None, 0, 255, cv2.NORM_MINMAX))
 
 
-def warp(frame: NDArray[np.uint8], H: Matrix) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def warp(frame: Pixels, H: Matrix) -> tuple[Array, NDArray[np.bool_]]:
     """The canvas in double precision, and where it is well inside the frame."""
     y, x = np.mgrid[:SIDE_PX, :SIDE_PX].astype(float)
     at = tilted.project(H, np.stack([x, y], axis=-1))

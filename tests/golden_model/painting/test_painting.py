@@ -29,7 +29,7 @@ from tests.golden_model.painting.test_painter import integers
 SIZE = (1920, 1080)
 
 
-def see(H: NDArray[np.float64], points: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def see(H: Array, points: NDArray[np.int64]) -> tuple[Array, Array]:
     """Positions in the frame, and depths."""
     mapped = points @ H[:, :2].T + H[:, 2]
     return mapped[..., :2] / mapped[..., 2:], mapped[..., 2]
@@ -74,7 +74,7 @@ SIDE_PX = MAX_TILES * TILE_PX
 SIZES = [(1920, 1080), (640, 480), (4096, 2160), (33, 4096)]
 
 
-def sees(H: NDArray[np.float64], size: tuple[int, int], x: Any, y: Any) -> NDArray[np.bool_]:
+def sees(H: Array, size: tuple[int, int], x: Any, y: Any) -> NDArray[np.bool_]:
     """Whether pixels of the canvas lie in a frame."""
     u, v, w = (row[0] * x + row[1] * y + row[2] for row in H)
     right, bottom = ((side - 1) * w for side in size)

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from golden_model.geometry.fixed_point import ENTRY, quantise
 from golden_model.painting.pose import POSE, Placement, PoseCause, Poses, compose, determinant
 from tests.golden_model.painting.poses import homography, in_pixels, pose
@@ -14,11 +14,11 @@ from tests.golden_model.painting.poses import homography, in_pixels, pose
 SIZE = (1280, 720)
 
 
-def by_host(frame: int, H: NDArray[np.float64], reference: int = 0) -> Placement:
+def by_host(frame: int, H: Array, reference: int = 0) -> Placement:
     return Placement(frame, reference, quantise(H[np.newaxis])[0], composed=False)
 
 
-def by_record(frame: int, reference: int, H: NDArray[np.float64] | None = None) -> Placement:
+def by_record(frame: int, reference: int, H: Array | None = None) -> Placement:
     return Placement(frame, reference, quantise((np.eye(3) if H is None else H)[np.newaxis])[0], composed=True)
 
 
@@ -69,7 +69,7 @@ def test_the_determinant_is_that_of_the_elements() -> None:
         (homography(SIZE, (2000, 500), turn=2, zoom=4, tilt=(8e-4, -8e-4)), PoseCause(0)),
     ],
 )
-def test_a_host_cannot_set_what_is_no_pose(H: NDArray[np.float64], cause: PoseCause) -> None:
+def test_a_host_cannot_set_what_is_no_pose(H: Array, cause: PoseCause) -> None:
     found, causes = Poses().place(by_host(1, H))
     assert causes == cause
     assert (found is None) == bool(cause)

@@ -9,14 +9,7 @@ from golden_model.painting.blending import blend
 from golden_model.painting.corners import CORNER
 from golden_model.painting.positions import POSITION, positions
 from golden_model.painting.sampling import sample
-from golden_model.painting.windows import (
-    WINDOW_PX,
-    are_too_large,
-    are_wide,
-    bounding_boxes,
-    can_win,
-    cut_to_frame,
-)
+from golden_model.painting.windows import WINDOW_PX, are_too_large, are_wide, bounding_boxes, can_win, cut_to_frame
 from tests.golden_model.painting import tilted
 
 SIZES = ((64, 48), (153, 101), (640, 480), (1100, 1031))

@@ -10,11 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from golden_model.pixel.fast import neighbour, response_code, score
 from golden_model.pixel.nms import suppress
 
 
-def opencv_corners(gray: NDArray[np.uint8], threshold: int, *, suppressed: bool) -> NDArray[np.int64]:
+def opencv_corners(gray: Pixels, threshold: int, *, suppressed: bool) -> NDArray[np.int64]:
     """Plane of cv2's corners: their scores with suppression, 1 without."""
     kind = cv2.FAST_FEATURE_DETECTOR_TYPE_9_16
     plane = np.zeros(gray.shape, np.int64)

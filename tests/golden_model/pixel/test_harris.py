@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from golden_model.formats import RAW_RESPONSE, RESPONSE_CODE, TENSOR_DIAGONAL, TENSOR_MIXED, TENSOR_TRACE
 from golden_model.pixel.harris import raw_response, response_code, structure_tensor
 from golden_model.pixel.smooth import binomial
@@ -21,7 +22,7 @@ THESIS = {"smoothed": False, "window_px": 3, "k": (5, 7), "largest_trace": 45_72
 SOBEL = np.outer([1, 2, 1], [-1, 0, 1])
 
 
-def stages(gray: NDArray[np.uint8], preset: dict[str, Any]) -> tuple[Any, ...]:
+def stages(gray: Pixels, preset: dict[str, Any]) -> tuple[Any, ...]:
     gradient_x, gradient_y = gradients(binomial(gray, 3) if preset["smoothed"] else gray)
     tensor = structure_tensor(gradient_x, gradient_y, preset["window_px"])
     return gradient_x, gradient_y, tensor, raw_response(*tensor, *preset["k"])

@@ -5,8 +5,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels
 from sim.scene import (
     Camera,
     CameraPose,
@@ -64,7 +64,7 @@ POSES = {
 UNTOUCHED = Photometry()
 
 
-def planted_dots() -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+def planted_dots() -> tuple[Pixels, Array]:
     """A ground with Gaussian dots, standard deviation 2 px, at known integer positions."""
     dots = np.array([(x, y) for x in range(25, 1200, 50) for y in range(25, 1200, 50)], np.float64)
     profile = np.exp(-(np.arange(-9, 10) ** 2) / 8)
@@ -74,9 +74,7 @@ def planted_dots() -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
     return cv2.merge([np.rint(picture).astype(np.uint8)] * 3), dots
 
 
-def offsets_of_dots(
-    view: NDArray[np.float64], expected: NDArray[np.float64], scale: float
-) -> list[NDArray[np.float64]]:
+def offsets_of_dots(view: Array, expected: Array, scale: float) -> list[Array]:
     """How far the dots in a view are from where they are expected, px; of those that it shows whole."""
     reach = round(10 * scale)
     down, across = np.mgrid[-reach : reach + 1, -reach : reach + 1]
@@ -186,7 +184,7 @@ def test_bad_input_is_named(rng: np.random.Generator) -> None:
         render_view(picture, CameraPose(x_px=5000, y_px=0, altitude_px=100), CAMERA, UNTOUCHED, rng)
 
 
-def gray_view(flight: Flight, index: int) -> NDArray[np.uint8]:
+def gray_view(flight: Flight, index: int) -> Pixels:
     return cv2.cvtColor(flight.images[index], cv2.COLOR_BGR2GRAY)
 
 

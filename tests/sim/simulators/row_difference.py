@@ -7,8 +7,8 @@ from amaranth.hdl import Cat, ClockDomain, ClockSignal, Module, Mux, ResetSignal
 from amaranth.lib import memory, wiring
 from amaranth.lib.fifo import SyncFIFOBuffered
 from amaranth.lib.wiring import In, Out
-from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from sim.simulators.design import Design, Ports
 from sim.simulators.recording import Segment, flatten_frame
 
@@ -80,11 +80,11 @@ class RowDifference(wiring.Component):
 DESIGN = Design("row difference", Ports((OUTPUT,), {"bias": 8}, taps=(TAP,)), RowDifference, identity="")
 
 
-def segment(images: NDArray[np.uint8], *, bias: int = 0, **changes: Any) -> Segment:
+def segment(images: Pixels, *, bias: int = 0, **changes: Any) -> Segment:
     data, flags = (np.concatenate(part) for part in zip(*map(flatten_frame, images), strict=True))
     values: dict[str, Any] = {"packets": len(images), "cycle_limit": 30_000, **changes}
     return Segment(data, flags, settings={"bias": bias}, **values)
 
 
-def random_images(count: int) -> NDArray[np.uint8]:
+def random_images(count: int) -> Pixels:
     return np.random.default_rng(7).integers(0, 256, (count, HEIGHT, WIDTH)).astype(np.uint8)

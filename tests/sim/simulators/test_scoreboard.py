@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import hdl
 from golden_model.arrays import Pixels
@@ -43,7 +42,7 @@ def results(frames: Sequence[Pixels]) -> list[FrameResult]:
 
 
 def changed(
-    results: list[FrameResult], frame: int, part: str, field: str, *, row: int | None, value: int | NDArray[np.uint8]
+    results: list[FrameResult], frame: int, part: str, field: str, *, row: int | None, value: int | Pixels
 ) -> list[FrameResult]:
     """The results with one value of one record changed."""
     records = getattr(results[frame], part).copy()

@@ -113,11 +113,7 @@ LARGEST = MAX_FRAME_PX, MAX_FRAME_PX
 
 @pytest.mark.parametrize(
     ("sizes", "chosen"),
-    [
-        ([USUAL, (64, 64)], USUAL),
-        ([(64, 64), (USUAL[0] + 1, 64)], LARGEST),
-        ([(64, USUAL[1] + 1), (64, 64)], LARGEST),
-    ],
+    [([USUAL, (64, 64)], USUAL), ([(64, 64), (USUAL[0] + 1, 64)], LARGEST), ([(64, USUAL[1] + 1), (64, 64)], LARGEST)],
 )
 def test_frames_that_the_usual_build_cannot_take_have_one_of_their_own(
     sizes: list[tuple[int, int]], chosen: tuple[int, int]

@@ -112,12 +112,7 @@ def begun(*, quiet: bool = False, verbose: bool = False, as_json: bool = False, 
 
 @pytest.mark.parametrize(
     ("is_terminal", "quiet", "verbose", "animated"),
-    [
-        (True, False, False, True),
-        (False, False, False, False),
-        (True, True, False, False),
-        (True, False, True, False),
-    ],
+    [(True, False, False, True), (False, False, False, False), (True, True, False, False), (True, False, True, False)],
 )
 def test_progress_is_drawn_on_a_terminal_unless_lines_are_wanted(
     monkeypatch: pytest.MonkeyPatch, *, is_terminal: bool, quiet: bool, verbose: bool, animated: bool

@@ -125,7 +125,7 @@ def test_a_class_of_ones_own_has_a_bench_with_a_model_alone(run: Run, tmp_path: 
     assert status == 0
     assert "without a golden model there is no test bench; give one by --model MODULE:FUNCTION" in says
     assert {path.name for path in (tmp_path / "made").iterdir()} == {
-        *("LICENSE", "NOTICE", "README.md", "gray.core", "gray.v"),
+        *("LICENSE", "NOTICE", "README.md", "gray.core", "gray.v")
     }
     assert "There is no test bench" in (tmp_path / "made" / "README.md").read_text()
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels
 from skymosaic.compositing.blend import Blending, blend_layers
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.warp import TILE_PX, Canvas, enclosing_canvas, shrink, warp_backward
@@ -17,11 +18,11 @@ def blend(images: Any, transforms: Any, canvas: Canvas, method: Blending = "dist
     return blend_layers(layers, canvas, method=method)[0]
 
 
-def shift(x: float, y: float) -> NDArray[np.float64]:
+def shift(x: float, y: float) -> Array:
     return np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
 
 
-def smooth_image(height: int, width: int, *channels: int, seed: int = 0) -> NDArray[np.uint8]:
+def smooth_image(height: int, width: int, *channels: int, seed: int = 0) -> Pixels:
     noise = np.random.default_rng(seed).integers(0, 256, (height, width, *channels), dtype=np.uint8)
     return cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 5), None, 20, 180, cv2.NORM_MINMAX)
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels
 from skymosaic.compositing.exposure import describe_uneven, estimate_levels, estimate_tones, measure_toned_range
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.overlaps import compare_overlaps
@@ -15,14 +16,12 @@ from skymosaic.imagery.depth import ValueRange, sample_values
 SIZE_PX = (320, 240)
 
 
-def scene(width_px: int = 900, height_px: int = 500, seed: int = 1) -> NDArray[np.uint8]:
+def scene(width_px: int = 900, height_px: int = 500, seed: int = 1) -> Pixels:
     noise = np.random.default_rng(seed).integers(0, 256, (height_px // 8, width_px // 8, 3), dtype=np.uint8)
     return cv2.normalize(cv2.resize(noise, (width_px, height_px)), None, 40, 190, cv2.NORM_MINMAX)
 
 
-def strip(
-    exposures: NDArray[np.float64], falloff: float = 0.0, step_px: int = 90, noise: float = 1.0, seed: int = 2
-) -> list[Layer]:
+def strip(exposures: Array, falloff: float = 0.0, step_px: int = 90, noise: float = 1.0, seed: int = 2) -> list[Layer]:
     """Photographs along two rows of a scene, each times its exposure and darker towards its corners."""
     ground, layers = scene(), []
     rng = np.random.default_rng(seed)
@@ -37,7 +36,7 @@ def strip(
     return layers
 
 
-def gains(tones: list[Tone]) -> NDArray[np.float64]:
+def gains(tones: list[Tone]) -> Array:
     return np.array([tone.gain for tone in tones])
 
 
@@ -56,7 +55,7 @@ def test_darkness_is_not_favoured() -> None:
     np.testing.assert_allclose(gain[1::2] / gain[::2], 1 / 0.6, rtol=0.03)
 
 
-def lit_strip(lamp: NDArray[np.float64], exposures: NDArray[np.float64]) -> list[Layer]:
+def lit_strip(lamp: Array, exposures: Array) -> list[Layer]:
     """Photographs that all head the same way, under a light (H, 1, 3) that moves with the camera."""
     ground, layers, rng = scene(320, 1500), [], np.random.default_rng(3)
     for number, exposure in enumerate(exposures):
@@ -68,7 +67,7 @@ def lit_strip(lamp: NDArray[np.float64], exposures: NDArray[np.float64]) -> list
     return layers
 
 
-def kept_brightness(layers: list[Layer], tones: list[Tone]) -> NDArray[np.float64]:
+def kept_brightness(layers: list[Layer], tones: list[Tone]) -> Array:
     """The channels' brightness (N, 3) of toned photographs, over that of the photographs."""
     pairs = zip(layers, tones, strict=True)
     return np.array([toned(layer, tone).mean(axis=(0, 1)) / layer.image.mean(axis=(0, 1)) for layer, tone in pairs])
@@ -88,7 +87,7 @@ def test_an_exposure_that_changes_steadily_is_no_light_that_photographs_do_not_s
 
 
 @pytest.mark.parametrize("lamp", [1 - 0.6 * DOWN * np.ones(3), np.exp(0.6 * DOWN * [1, 0, -1])], ids=["gray", "tinted"])
-def test_light_that_moves_with_the_camera_makes_no_ramp(lamp: NDArray[np.float64]) -> None:
+def test_light_that_moves_with_the_camera_makes_no_ramp(lamp: Array) -> None:
     layers = lit_strip(lamp, np.ones(14))
     tones = estimate_tones(layers)
     np.testing.assert_allclose(kept_brightness(layers, tones), 1, atol=0.12)

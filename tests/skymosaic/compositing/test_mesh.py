@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Points
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.mesh import CHECK_CELLS, Frame, Mesh, Ties, fit_meshes
 from skymosaic.compositing.warp import Canvas
@@ -11,7 +12,6 @@ from skymosaic.geometry.homography import apply
 SIZE = (640, 480)
 HOMOGRAPHY = np.array([[1.0, 0.02, -200], [-0.02, 1, 10], [0, 0, 1]])
 FRAMES = {0: Frame(SIZE, HOMOGRAPHY), 1: Frame(SIZE, np.eye(3))}
-Points = NDArray[np.float64]
 
 
 def fit(left: Points, right: Points, *, always: bool = True) -> Mesh | None:
@@ -25,7 +25,7 @@ def shares(left: Points, right: Points) -> tuple[float, float]:
 
 def matches(
     count: int = 500, bulge_px: float = 6.0, wrong: float = 0.1, seed: int = 0
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool]]:
+) -> tuple[Array, Array, NDArray[np.bool]]:
     """Matches under a homography, displaced by a smooth hill; a tenth are wrong."""
     rng = np.random.default_rng(seed)
     left = rng.uniform((200, 0), SIZE, (count, 2))

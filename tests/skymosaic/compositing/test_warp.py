@@ -3,8 +3,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels
 from skymosaic.compositing.warp import (
     TILE_PX,
     Canvas,
@@ -22,15 +22,15 @@ from skymosaic.geometry.homography import apply
 PROJECTIVE = np.array([[0.9, 0.2, 30.0], [-0.15, 1.1, 20.0], [2e-4, -1e-4, 1.0]])
 
 
-def shift(x: float, y: float) -> NDArray[np.float64]:
+def shift(x: float, y: float) -> Array:
     return np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
 
 
-def noise_image(height: int, width: int, *channels: int, seed: int = 0) -> NDArray[np.uint8]:
+def noise_image(height: int, width: int, *channels: int, seed: int = 0) -> Pixels:
     return np.random.default_rng(seed).integers(0, 256, (height, width, *channels), dtype=np.uint8)
 
 
-def smooth_image(height: int, width: int, *channels: int, seed: int = 0) -> NDArray[np.uint8]:
+def smooth_image(height: int, width: int, *channels: int, seed: int = 0) -> Pixels:
     return cv2.GaussianBlur(noise_image(height, width, *channels, seed=seed), (0, 0), 4)
 
 
@@ -57,6 +57,11 @@ def test_canvas_holds_all_images_and_no_more() -> None:
     canvas = enclosing_canvas([(100, 50), (80, 60)], [shift(-20.5, 3), np.eye(3)])
     assert canvas == Canvas(-20, 0, 100, 60)
     assert enclosing_canvas([(100, 50)], [np.eye(3) + 1e-12]) == Canvas(0, 0, 100, 50)
+
+
+def test_canvas_beyond_the_limit_is_refused_with_its_size() -> None:
+    with pytest.raises(CanvasError, match=r"100100x100 px, 10 megapixels; the limit is 5"):
+        enclosing_canvas([(100, 100), (100, 100)], [np.eye(3), shift(100_000, 0)], limit_px=5_000_000)
 
 
 @pytest.mark.parametrize("sign", [1, -1])

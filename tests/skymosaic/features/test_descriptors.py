@@ -13,11 +13,7 @@ from golden_model.front_end import extract
 from golden_model.pixel.smooth import binomial
 from sim.scene import make_pair
 from skymosaic.features.descriptors import DESCRIPTORS, WINDOWS_PX, describe
-from skymosaic.features.detectors import (
-    detect,
-    key_point_positions,
-    to_key_points,
-)
+from skymosaic.features.detectors import detect, key_point_positions, to_key_points
 
 FLIGHT = make_pair(seed=1)
 

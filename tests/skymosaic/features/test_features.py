@@ -7,8 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels
 from golden_model.config import EstimatorConfig, preset_config
 from golden_model.front_end import extract
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, Cause, Tag
@@ -118,17 +118,17 @@ SHAPE = (120, 160)
 
 
 @pytest.fixture
-def pattern() -> NDArray[np.float64]:
+def pattern() -> Array:
     return np.random.default_rng(0).normal(0, 6, SHAPE)
 
 
-def see(pattern: NDArray[np.float64], place: int) -> NDArray[np.uint8]:
+def see(pattern: Array, place: int) -> Pixels:
     """Soft ground of a place under a pattern."""
     rows, columns = np.indices(SHAPE) / 15
     return np.rint(120 + 20 * np.sin(rows + place) * np.cos(columns * (1 + place / 9)) + pattern).astype(np.uint8)
 
 
-def test_the_pattern_is_what_images_of_different_places_share(pattern: NDArray[np.float64]) -> None:
+def test_the_pattern_is_what_images_of_different_places_share(pattern: Array) -> None:
     images = [see(pattern, place) for place in range(8)]
     found = find_pattern(images)
     assert np.corrcoef(found.ravel(), pattern.ravel())[0, 1] > 0.95
@@ -137,7 +137,7 @@ def test_the_pattern_is_what_images_of_different_places_share(pattern: NDArray[n
     assert np.corrcoef((images[3] - found).ravel(), see(0 * pattern, 3).ravel())[0, 1] > 0.98
 
 
-def test_images_share_a_pattern_at_the_same_pixels_only(pattern: NDArray[np.float64]) -> None:
+def test_images_share_a_pattern_at_the_same_pixels_only(pattern: Array) -> None:
     assert share_pattern(see(pattern, 1), see(pattern, 2))
     assert not share_pattern(see(pattern, 1), see(np.roll(pattern, 3, axis=1), 2))
     assert not share_pattern(see(pattern, 1), see(pattern, 2)[:-8])
@@ -147,7 +147,7 @@ def test_images_share_a_pattern_at_the_same_pixels_only(pattern: NDArray[np.floa
     assert not share_pattern(see(pattern, 1)[::-1], see(upper, 2)[::-1])
 
 
-def test_a_display_is_where_images_are_alike(pattern: NDArray[np.float64]) -> None:
+def test_a_display_is_where_images_are_alike(pattern: Array) -> None:
     rng = np.random.default_rng(2)
     left, right = (rng.integers(0, 256, SHAPE, np.uint8) for _ in range(2))
     left[60:100, 20:140] = right[60:100, 20:140] = see(4 * pattern, 1)[60:100, 20:140]
@@ -157,7 +157,7 @@ def test_a_display_is_where_images_are_alike(pattern: NDArray[np.float64]) -> No
     assert not shared[:38].any()
 
 
-def test_contrast_is_even_without_light_and_pattern(pattern: NDArray[np.float64]) -> None:
+def test_contrast_is_even_without_light_and_pattern(pattern: Array) -> None:
     rng = np.random.default_rng(1)
     texture, light = rng.normal(0, 1, SHAPE), np.linspace(70, 150, SHAPE[1])
     dim = np.rint(light + pattern + texture * np.linspace(2, 10, SHAPE[1])).clip(0, 255).astype(np.uint8)
@@ -212,7 +212,7 @@ SIZE = (320, 240)
 
 
 @pytest.fixture(scope="module")
-def image() -> NDArray[np.uint8]:
+def image() -> Pixels:
     return make_pair(seed=1, size=SIZE).images[0][..., 1].copy()
 
 
@@ -227,7 +227,7 @@ def image() -> NDArray[np.uint8]:
         Change(2.0, quarter=(0, 1)),
     ],
 )
-def test_a_changed_frame_matches_its_image_in_place(image: NDArray[np.uint8], change: Change) -> None:
+def test_a_changed_frame_matches_its_image_in_place(image: Pixels, change: Change) -> None:
     frame = change_image(image, change)
     matches = GoldenBackend().run([image, frame.pixels], CONFIG)[1].matches
     identity = change_image(image, Change())
@@ -239,7 +239,7 @@ def test_a_changed_frame_matches_its_image_in_place(image: NDArray[np.uint8], ch
     assert np.median(np.linalg.norm(left - right, axis=1)[close]) < 0.6
 
 
-def test_a_margin_keeps_the_corners_near_the_edges(image: NDArray[np.uint8]) -> None:
+def test_a_margin_keeps_the_corners_near_the_edges(image: Pixels) -> None:
     def near_edges(margin_px: int) -> int:
         frame = change_image(image, Change(margin_px=margin_px))
         assert frame
@@ -251,7 +251,7 @@ def test_a_margin_keeps_the_corners_near_the_edges(image: NDArray[np.uint8]) -> 
     assert near_edges(20) > 40
 
 
-def test_quarters_have_the_corners_between_them_too(image: NDArray[np.uint8]) -> None:
+def test_quarters_have_the_corners_between_them_too(image: Pixels) -> None:
     odd = image[:-1, :-3]
 
     def near_middle(change: Change) -> int:
@@ -265,7 +265,7 @@ def test_quarters_have_the_corners_between_them_too(image: NDArray[np.uint8]) ->
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_matches_outside_their_images_are_dropped(image: NDArray[np.uint8], side: str) -> None:
+def test_matches_outside_their_images_are_dropped(image: Pixels, side: str) -> None:
     (width, height), moved = SIZE, np.array([[1.0, 0, -20], [0, 1, -10], [0, 0, 1]])
     frames = {"left": ChangedImage(image, np.eye(3)), "right": ChangedImage(image, np.eye(3))}
     frames[side] = ChangedImage(image, moved)
@@ -276,14 +276,14 @@ def test_matches_outside_their_images_are_dropped(image: NDArray[np.uint8], side
     np.testing.assert_array_equal(match_points(found)[side == "right"], [(0, 0), (width - 1, height - 1)])
 
 
-def test_frames_outside_the_range_of_the_front_end_are_refused(image: NDArray[np.uint8]) -> None:
+def test_frames_outside_the_range_of_the_front_end_are_refused(image: Pixels) -> None:
     assert change_image(image, Change(0.2)) is None
     assert change_image(image, Change(20.0)) is None
     assert change_image(image, Change(12.7)) is not None
     assert change_image(image, Change(12.7, margin_px=20)) is None
 
 
-def test_features_and_matches_lie_where_the_image_has_them(image: NDArray[np.uint8]) -> None:
+def test_features_and_matches_lie_where_the_image_has_them(image: Pixels) -> None:
     frame = change_image(image, Change(0.5))
     features = extract(frame.pixels, CONFIG.front_end).features
     assert frame
@@ -293,7 +293,7 @@ def test_features_and_matches_lie_where_the_image_has_them(image: NDArray[np.uin
     )
 
 
-def test_a_tilt_compresses_along_its_direction(image: NDArray[np.uint8]) -> None:
+def test_a_tilt_compresses_along_its_direction(image: Pixels) -> None:
     frame = change_image(image, Change(1.0, 2.0, 0.0))
     assert frame.pixels.shape == (SIZE[1], SIZE[0] // 2 + 1)
     np.testing.assert_allclose(frame.to_image[:2, :2], [[2, 0], [0, 1]], atol=1e-12)
@@ -311,7 +311,7 @@ def test_the_blur_before_it_is_that_of_asift(tilt: float) -> None:
     assert across < 0.5
 
 
-def test_swapping_twice_changes_nothing(image: NDArray[np.uint8]) -> None:
+def test_swapping_twice_changes_nothing(image: Pixels) -> None:
     matches = GoldenBackend().run([image, image[:200]], CONFIG)[1].matches
     assert len(matches) > 20
     other = swap_sides(matches)

@@ -5,17 +5,14 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from golden_model.config import PRESETS, RuleBase, preset_config
 from golden_model.records import MATCH, feature_record
 from sim.scene import make_pair
 from skymosaic.common.errors import InputError
 from skymosaic.evaluation.metrics import correct_matches
-from skymosaic.features.detectors import (
-    DETECTORS,
-    FRONT_END_DETECTORS,
-)
+from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS
 from skymosaic.features.methods import HostBackend, Method, choose_method
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply
@@ -41,9 +38,7 @@ def images() -> list[np.ndarray]:
         for each in itertools.product(DETECTORS, SOME_DESCRIPTORS)
     ],
 )
-def test_every_combination_speaks_the_front_ends_language(
-    images: list[NDArray[np.uint8]], detector: str, descriptor: str
-) -> None:
+def test_every_combination_speaks_the_front_ends_language(images: list[Pixels], detector: str, descriptor: str) -> None:
     config = PRESETS["aerial"]
     # Small crops: the language is tested here, not the quality.
     frames = [image[100:260, 100:300] for image in images]
@@ -67,7 +62,7 @@ def test_every_combination_speaks_the_front_ends_language(
     {"detector": "harris", "descriptor": "freak", "estimator": "ransac"}, {"detector": "brisk"},
     {"detector": "sift", "descriptor": "ilbp-128", "estimator": "fuzzy-ransac"},
 ])  # fmt: skip
-def test_a_rendered_pair_is_registered(images: list[NDArray[np.uint8]], options: dict[str, Any]) -> None:
+def test_a_rendered_pair_is_registered(images: list[Pixels], options: dict[str, Any]) -> None:
     left, right = images
     pair = register(left, right, **options)
     assert pair.accepted, pair.reason
@@ -92,14 +87,14 @@ def test_tracking_and_windows_register_a_small_shift() -> None:
         np.testing.assert_allclose(pair.homography, expected, atol=0.1)
 
 
-def test_tracking_takes_images_of_different_size(images: list[NDArray[np.uint8]]) -> None:
+def test_tracking_takes_images_of_different_size(images: list[Pixels]) -> None:
     left, right = images[0], images[0][:400, :560]
     pair = register(left, right, detector="klt")
     assert pair.homography is not None
     np.testing.assert_allclose(pair.homography, np.eye(3), atol=0.05)
 
 
-def test_frames_are_matched_with_the_first_or_with_the_one_before(images: list[NDArray[np.uint8]]) -> None:
+def test_frames_are_matched_with_the_first_or_with_the_one_before(images: list[Pixels]) -> None:
     method, config = choose_method(PRESETS["aerial"], "orb")
     frames = [images[0], images[1], images[1]]
     first = HostBackend(method).run(frames, config)
@@ -166,14 +161,12 @@ def test_matches_are_explained_by_the_rules_of_their_method(
     ({"detector": "sift", "backend": "rtl"}, "leave out `backend`"),
     ({"preset": "thesis", "descriptor": "ilbp-128"}, "needs the gray window"),
 ])  # fmt: skip
-def test_what_cannot_be_is_refused_with_the_reason(
-    images: list[NDArray[np.uint8]], options: dict[str, Any], words: str
-) -> None:
+def test_what_cannot_be_is_refused_with_the_reason(images: list[Pixels], options: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         register(images[0], images[1], **options)
 
 
-def test_good_matches_of_the_baselines(images: list[NDArray[np.uint8]]) -> None:
+def test_good_matches_of_the_baselines(images: list[Pixels]) -> None:
     truth = FLIGHT.homography_between(0, 1)
     for detector in set(DETECTORS) - set(FRONT_END_DETECTORS) - {"klt", "surf"}:
         method, config = choose_method(preset_config("aerial"), detector)

@@ -10,7 +10,6 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Pixels
 from golden_model.fuzzy.fll import load_system
@@ -23,7 +22,7 @@ from skymosaic.fuzzy.quantised import MIN_FIRING_STRENGTH
 QUICK = ("aerial-turn", "ransac")
 
 
-def nearest_colours(picture: Pixels, plot: Axes, places: Array, colours: Array) -> NDArray[np.float64]:
+def nearest_colours(picture: Pixels, plot: Axes, places: Array, colours: Array) -> Array:
     """How far, of 255 levels, the picture is from the colours (N, 3) within two pixels of places (N, 2) of a plot."""
     x, from_below = np.rint(plot.transData.transform(places)).astype(int).T
     y = len(picture) - from_below

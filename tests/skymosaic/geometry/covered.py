@@ -2,7 +2,8 @@
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+
+from golden_model.arrays import Pixels
 
 SIZE = (640, 480)
 
@@ -43,7 +44,7 @@ def with_watermarks(image: np.ndarray) -> np.ndarray:
     return shown
 
 
-def with_lines(site: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def with_lines(site: Pixels) -> Pixels:
     """Ground of half the contrast behind eight lines of text."""
     shown = np.asarray(36 + 0.5 * site.astype(np.float64), dtype=np.uint8)
     for line in range(8):

@@ -3,12 +3,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from skymosaic.geometry.fuzzy_ransac import INLIER_RULES, decide, rule_base
 
 SHIFT = np.array([[1.0, 0, 10], [0, 1, 0], [0, 0, 1]])
 
 
-def off_by(errors_px: list[float | int] | NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def off_by(errors_px: list[float | int] | NDArray[Any]) -> tuple[Array, Array]:
     """Matches with the given transfer errors under `SHIFT`."""
     left = np.random.default_rng(0).uniform(0, 400, (len(errors_px), 2))
     return left, left + np.column_stack([10 + np.asarray(errors_px, dtype=float), np.zeros(len(errors_px))])

@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from golden_model.arrays import Points
+from golden_model.arrays import Array, Points
 from skymosaic.geometry import acceptance
 from skymosaic.geometry.held_out import clearly_better, held_out_agreement
 from skymosaic.geometry.homography import apply, dlt
@@ -37,13 +36,10 @@ def test_the_overlap_of_a_shift_is_the_common_half() -> None:
 
 @pytest.mark.parametrize(
     "homography",
-    [
-        np.array([[1.0, 0, 5000], [0, 1, 0], [0, 0, 1]]),
-        np.array([[1e9, 0, 0], [0, 1e9, 0], [0, 0, 1]]),
-    ],
+    [np.array([[1.0, 0, 5000], [0, 1, 0], [0, 0, 1]]), np.array([[1e9, 0, 0], [0, 1e9, 0], [0, 0, 1]])],
     ids=["no overlap", "magnified beyond measure"],
 )
-def test_without_an_overlap_nothing_is_spread(homography: NDArray[np.float64]) -> None:
+def test_without_an_overlap_nothing_is_spread(homography: Array) -> None:
     assert len(acceptance.overlap(homography, SIZE, SIZE)) == 0
     points = np.array([[0.0, 0], [600, 0], [600, 400]])
     assert acceptance.hull_share(homography, points, SIZE, SIZE) == 0
@@ -66,7 +62,7 @@ def test_the_overlap_ends_at_the_horizon_of_either_image(sign: int) -> None:
         assert area == pytest.approx(np.count_nonzero(shown), rel=0.02)
 
 
-def square(side_px: int, corner: tuple[float, float] = (330.0, 10.0)) -> NDArray[np.float64]:
+def square(side_px: int, corner: tuple[float, float] = (330.0, 10.0)) -> Array:
     return np.array([[0.0, 0], [side_px, 0], [side_px, side_px], [0, side_px]]) + corner
 
 
@@ -94,7 +90,7 @@ TRUTH = np.array([[0.98, -0.05, 20], [0.04, 1.01, -15], [1e-5, -2e-5, 1]])
 
 def points(
     count: int, rng: np.random.Generator, low: Any = (0, 0), high: tuple[int, int] = SIZE
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     left = rng.uniform(low, high, (count, 2))
     return left, apply(TRUTH, left)
 
@@ -124,7 +120,7 @@ def test_flat_ground_is_told_from_relief_and_from_a_corner() -> None:
     ],
     ids=["few", "enough", "many", "no overlap"],
 )
-def test_a_fit_is_measured(count: int, homography: NDArray[np.float64], expected: tuple[float, ...]) -> None:
+def test_a_fit_is_measured(count: int, homography: Array, expected: tuple[float, ...]) -> None:
     """Few matches, and an overlap that is none, give the worst values and no error."""
     rng = np.random.default_rng(3)
     left, right = points(count, rng)
@@ -142,7 +138,7 @@ def test_beyond_a_horizon_in_the_image_nothing_is_measured() -> None:
     assert quality.held_out_share == 1
 
 
-def noisy_pairs(count: int, sigma_px: float, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def noisy_pairs(count: int, sigma_px: float, seed: int) -> tuple[Array, Array]:
     """Noise in both images."""
     rng = np.random.default_rng(seed)
     left = rng.uniform(0, 640, (count, 2))
@@ -236,7 +232,7 @@ TILTED = np.array([[0.9, -0.3, 20.0], [0.3, 0.9, -10.0], [6e-4, -9e-4, 1]])
 
 def matches(
     truth: np.ndarray, right_ones: int, wrong_ones: int, seed: int = 0, noise_px: float = 0.3
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array, Array]:
     rng = np.random.default_rng(seed)
     left = rng.uniform(0, 250, (right_ones + wrong_ones, 2))
     right = apply(truth, left) + rng.normal(0, noise_px, left.shape)

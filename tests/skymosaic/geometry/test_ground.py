@@ -8,9 +8,9 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import stats
 
+from golden_model.arrays import Pixels
 from skymosaic import register
 from skymosaic.geometry import ground as module
 from skymosaic.geometry.ground import GroundAgreement, LeftOut, Sight, find_ground, measure_agreement, measure_rival
@@ -35,7 +35,7 @@ def sites() -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("cover", [with_dirt, with_jittering_display])
-def test_what_stands_still_joins_no_different_places(sites: list[NDArray[np.uint8]], cover: Callable[..., Any]) -> None:
+def test_what_stands_still_joins_no_different_places(sites: list[Pixels], cover: Callable[..., Any]) -> None:
     pair = register(cover(sites[0]), cover(sites[1]))
     assert not pair.accepted
     assert "of the ground" in pair.reason
@@ -69,13 +69,13 @@ def test_a_sensors_pattern_is_subtracted_from_a_pair() -> None:
 
 
 @pytest.mark.parametrize("contrast", [0.12, 0.02])
-def test_a_sensors_pattern_joins_no_different_places(sites: list[NDArray[np.uint8]], contrast: float) -> None:
+def test_a_sensors_pattern_joins_no_different_places(sites: list[Pixels], contrast: float) -> None:
     pair = register(at_night(sites[0], 0, contrast), at_night(sites[1], 1, contrast), effort="fast")
     assert not pair.accepted
     assert "of the ground" in pair.reason
 
 
-def test_copies_of_one_photograph_are_told(sites: list[NDArray[np.uint8]]) -> None:
+def test_copies_of_one_photograph_are_told(sites: list[Pixels]) -> None:
     pair = register(sites[0], sites[0].copy())
     assert pair.accepted
     assert pair.right.notes == ("the same picture as left image",)
@@ -94,7 +94,7 @@ def test_a_camera_that_hovers_sees_the_ground() -> None:
 
 
 @pytest.mark.parametrize("other", [0, 1])
-def test_where_nothing_has_moved_a_watermark_may_be_what_agrees(sites: list[NDArray[np.uint8]], other: int) -> None:
+def test_where_nothing_has_moved_a_watermark_may_be_what_agrees(sites: list[Pixels], other: int) -> None:
     """Of two places as of one: the picture does not tell them apart."""
     hazy = (np.asarray(80 + 0.3 * sites[n].astype(np.float64), np.uint8) for n in (0, other))
     left, right = (with_watermarks(image) for image in hazy)
@@ -123,7 +123,7 @@ def test_a_display_over_nothing_or_over_gravel_is_refused(gravel: int) -> None:
 
 
 def test_water_below_a_camera_that_hovers_is_refused_with_the_shares_and_delivered_on_request(
-    sites: list[NDArray[np.uint8]],
+    sites: list[Pixels],
 ) -> None:
     bank, later = sites[0], sites[0].copy()
     later[:, 250:] = sites[1][:, 250:]
@@ -139,7 +139,7 @@ def test_water_below_a_camera_that_hovers_is_refused_with_the_shares_and_deliver
     assert delivered.confidence.reason in refused.reason
 
 
-def test_a_shore_below_a_camera_that_hovers_is_delivered_but_not_good(sites: list[NDArray[np.uint8]]) -> None:
+def test_a_shore_below_a_camera_that_hovers_is_delivered_but_not_good(sites: list[Pixels]) -> None:
     later = seen(ground(5), 304, 203)
     later[:, 390:] = sites[1][:, 390:]
     pair = register(sites[0], later)
@@ -149,7 +149,7 @@ def test_a_shore_below_a_camera_that_hovers_is_delivered_but_not_good(sites: lis
     assert 0 < pair.confidence.evidence.ground_lack < 0.2
 
 
-def test_what_a_mask_hides_does_not_vote(sites: list[NDArray[np.uint8]]) -> None:
+def test_what_a_mask_hides_does_not_vote(sites: list[Pixels]) -> None:
     moved = sites[0].copy()
     moved[:, 250:] = sites[1][:, 250:]
     visible = np.zeros(moved.shape[:2], np.uint8)
@@ -161,7 +161,7 @@ def test_what_a_mask_hides_does_not_vote(sites: list[NDArray[np.uint8]]) -> None
     assert 0.3 * whole.blocks < masked.blocks < 0.45 * whole.blocks
 
 
-def test_what_lies_between_the_lines_of_a_display_votes_in_finer_pictures(sites: list[NDArray[np.uint8]]) -> None:
+def test_what_lies_between_the_lines_of_a_display_votes_in_finer_pictures(sites: list[Pixels]) -> None:
     agreement = measure_agreement(Sight(with_lines(sites[0])), Sight(with_lines(sites[1])), np.eye(3))
     coarse = np.count_nonzero(agreement.agreeing) / agreement.blocks
     assert agreement.required - 0.2 < coarse < agreement.required
@@ -177,7 +177,7 @@ def test_between_the_lines_of_a_display_the_ground_of_a_moved_camera_is_good() -
     assert pair.confidence.evidence.ground_share > 0.9
 
 
-def test_the_farther_a_camera_moves_the_less_must_agree(sites: list[NDArray[np.uint8]]) -> None:
+def test_the_farther_a_camera_moves_the_less_must_agree(sites: list[Pixels]) -> None:
     sight = Sight(sites[0])
     moved = [measure_agreement(sight, sight, np.array([[1.0, 0, x], [0, 1, 0], [0, 0, 1]])) for x in (0, 64, 160)]
     assert [each.required for each in moved] == pytest.approx([0.7, 0.4, -0.05])
@@ -200,7 +200,7 @@ def test_faint_ground_votes_in_the_coarsest_pictures_alone() -> None:
     assert agreement.share < 0.7 < agreement.agreeing.sum() / agreement.blocks
 
 
-def test_a_homography_that_moves_all_but_its_matches_joins_no_ground(sites: list[NDArray[np.uint8]]) -> None:
+def test_a_homography_that_moves_all_but_its_matches_joins_no_ground(sites: list[Pixels]) -> None:
     text = np.stack([np.linspace(30, 600, 12), np.linspace(440, 446, 12)], axis=1)
     # A line of text stands still, and one match above it has moved.
     left, right = np.vstack([text, [(320, 60)]]), np.vstack([text, [(320, 200)]])
@@ -291,7 +291,7 @@ def test_a_form_fits_elsewhere_unless_it_is_filled_in(written: int) -> None:
     assert (measure_rival(Sight(left), Sight(right), shift) >= 0.98) == (not written)
 
 
-def test_what_fits_as_well_elsewhere_is_refused_and_delivered_as_poor(sites: list[NDArray[np.uint8]]) -> None:
+def test_what_fits_as_well_elsewhere_is_refused_and_delivered_as_poor(sites: list[Pixels]) -> None:
     tile = cv2.resize(sites[0], (80, 80))
     left, right = (np.tile(tile, (9, 12, 1))[y : y + 480, x : x + 640] for x, y in ((0, 0), (31, 17)))
     refused, delivered = (register(left, right, accept_poor=accept_poor) for accept_poor in (False, True))

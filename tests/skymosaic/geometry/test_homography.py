@@ -3,15 +3,15 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from skymosaic.geometry.homography import DegenerateError, apply, dlt, estimate_similarity, rescale
 
 PROJECTIVE = np.array([[0.9, 0.2, 30.0], [-0.15, 1.1, -20.0], [1e-4, -5e-5, 1.0]])
 ISOMETRY = np.array([[0.6, -0.8, 5.0], [0.8, 0.6, 9.0], [0.0, 0.0, 1.0]])
 
 
-def scattered(count: int, seed: int) -> NDArray[np.float64]:
+def scattered(count: int, seed: int) -> Array:
     return np.random.default_rng(seed).uniform(0, 640, (count, 2))
 
 
@@ -78,13 +78,13 @@ THREE_ON_A_LINE = np.array([[0.0, 0], [1, 0], [2, 0], [0, 1]])
 
 
 @pytest.mark.parametrize("points", [scattered(3, seed=0), LINE, THREE_ON_A_LINE, np.ones((8, 2))])
-def test_points_that_determine_no_homography_are_refused(points: NDArray[np.float64]) -> None:
+def test_points_that_determine_no_homography_are_refused(points: Array) -> None:
     with pytest.raises(DegenerateError):
         dlt(points, apply(ISOMETRY, points))
 
 
 @pytest.mark.parametrize("points", [np.zeros((1, 2)), np.ones((5, 2))])
-def test_points_that_determine_no_similarity_are_refused(points: NDArray[np.float64]) -> None:
+def test_points_that_determine_no_similarity_are_refused(points: Array) -> None:
     with pytest.raises(DegenerateError):
         estimate_similarity(points, apply(ISOMETRY, points))
 
@@ -100,6 +100,6 @@ def test_points_that_determine_no_similarity_are_refused(points: NDArray[np.floa
         (np.zeros((5, 2)), np.full((5, 2), np.inf), "point pairs must be finite"),
     ],
 )
-def test_malformed_pairs_are_refused(left: NDArray[np.float64], right: NDArray[np.float64], message: str) -> None:
+def test_malformed_pairs_are_refused(left: Array, right: Array, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         dlt(left, right)

@@ -2,8 +2,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.geometry import prosac
 from skymosaic.geometry.homography import apply
@@ -14,7 +14,7 @@ SIZE = (640, 480)
 
 
 def matches(
-    count: int, inlier_share: float, seed: int, *, noise_px: float = 0.5, truth: NDArray[np.float64] = TRUTH
+    count: int, inlier_share: float, seed: int, *, noise_px: float = 0.5, truth: Array = TRUTH
 ) -> tuple[Any, ...]:
     """Matches in random order; the weights say nothing about which are right."""
     rng = np.random.default_rng(seed)
@@ -25,9 +25,7 @@ def matches(
     return left, right, rng.uniform(64, 255, count), ~wrong
 
 
-def estimated(
-    left: NDArray[np.float64], right: NDArray[np.float64], weight: NDArray[np.float64], seed: int = 0, **options: Any
-) -> Estimate:
+def estimated(left: Array, right: Array, weight: Array, seed: int = 0, **options: Any) -> Estimate:
     return estimate_homography(left, right, weight, rng=np.random.default_rng(seed), **options)
 
 
@@ -179,7 +177,7 @@ LINE = np.column_stack([np.linspace(0, 600, 50), np.linspace(10, 400, 50)])
     ],
     ids=["none", "two", "three", "collinear", "one point", "collapsed", "three points repeated"],
 )
-def test_degenerate_matches_are_refused_quietly(left: NDArray[np.float64], right: NDArray[np.float64]) -> None:
+def test_degenerate_matches_are_refused_quietly(left: Array, right: Array) -> None:
     estimate = estimated(left, right, np.ones(len(left)))
     assert estimate.homography is None
     assert estimate.inliers.shape == (len(left),)
@@ -200,7 +198,7 @@ def test_values_that_are_not_finite_are_refused(bad: float) -> None:
 
 
 @pytest.mark.parametrize("weight", [-np.ones(20), np.ones(19), np.full(20, np.nan)])
-def test_impossible_weights_are_refused(weight: NDArray[np.float64]) -> None:
+def test_impossible_weights_are_refused(weight: Array) -> None:
     left, right, _, _ = matches(20, 1.0, seed=10)
     with pytest.raises(ValueError, match="weights"):
         estimated(left, right, weight)

@@ -85,8 +85,7 @@ def test_what_is_wrong_with_gps_is_said(tmp_path: Path, gps: Any, fault: str) ->
 
 
 @pytest.mark.parametrize(
-    ("datum", "away_m"),
-    [("WGS-84\0", (0, 0)), ("JGD2000", (0, 0)), ("TOKYO", (-293, 355)), ("tokyo ", (-293, 355))],
+    ("datum", "away_m"), [("WGS-84\0", (0, 0)), ("JGD2000", (0, 0)), ("TOKYO", (-293, 355)), ("tokyo ", (-293, 355))]
 )
 def test_the_datum_that_the_camera_names_counts(tmp_path: Path, datum: str, away_m: tuple[float, float]) -> None:
     gps = {1: "N", 2: (35.0, 40.0, 0.0), 3: "E", 4: (139.0, 45.0, 0.0), 18: datum}

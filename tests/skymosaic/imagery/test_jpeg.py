@@ -132,13 +132,6 @@ def test_jpeg_pixels_are_those_of_opencv(tmp_path: Path, orientation: int, mode:
     assert np.array_equal(images.load(path).pixels, np.asarray(cv2.imread(str(path), cv2.IMREAD_ANYCOLOR)))
 
 
-def test_the_area_of_all_scans_of_a_file_has_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "p.jpg").write_bytes(encoded(progressive=True))
-    monkeypatch.setattr(jpeg, "MAX_SCANNED_AREA_PX", 10 * SCENE.shape[0] * SCENE.shape[1] - 1)
-    with pytest.raises(InputError, match="a JPEG of 10 scans takes too long"):
-        images.load(tmp_path / "p.jpg")
-
-
 def test_the_limits_of_scans_and_of_their_area_are_valid() -> None:
     path, area_px = Path("p.jpg"), jpeg.MAX_SCANNED_AREA_PX
     jpeg.decode_strictly(encoded(), path, area_px=area_px, orientation=1)

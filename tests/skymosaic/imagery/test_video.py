@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 import pytest
 from av.stream import Disposition
-from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.video import VideoReader, write_video
 
@@ -27,7 +27,7 @@ def texture() -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def frames(texture: NDArray[np.uint8]) -> list[np.ndarray]:
+def frames(texture: Pixels) -> list[np.ndarray]:
     return [np.ascontiguousarray(texture[i : i + 240, 2 * i : 2 * i + 320]) for i in range(30)]
 
 
@@ -57,7 +57,7 @@ def difference(frame: np.ndarray, other: np.ndarray) -> float:
     return float(np.abs(frame.mean(axis=2) - other.mean(axis=2)).mean())
 
 
-def test_what_is_written_is_read_again(tmp_path: Path, frames: list[NDArray[np.uint8]]) -> None:
+def test_what_is_written_is_read_again(tmp_path: Path, frames: list[Pixels]) -> None:
     odd = [frame[:239, :319] for frame in frames]
     _write(tmp_path / "v.mp4", odd)
     reader = VideoReader(tmp_path / "v.mp4")
@@ -76,7 +76,7 @@ def test_what_is_written_is_read_again(tmp_path: Path, frames: list[NDArray[np.u
 
 
 @pytest.mark.parametrize(("rotation", "quarter_turns"), [(90, 1), (-90, 3), (180, 2)])
-def test_frames_are_upright(tmp_path: Path, frames: list[NDArray[np.uint8]], rotation: int, quarter_turns: int) -> None:
+def test_frames_are_upright(tmp_path: Path, frames: list[Pixels], rotation: int, quarter_turns: int) -> None:
     reader = VideoReader(encode(tmp_path / "v.mp4", frames[:3], rotation))
     upright = [np.rot90(frame, quarter_turns) for frame in frames[:3]]
     assert all(difference(*pair) < 3 for pair in zip(reader, upright, strict=True))
@@ -85,7 +85,7 @@ def test_frames_are_upright(tmp_path: Path, frames: list[NDArray[np.uint8]], rot
 
 @pytest.mark.parametrize(("name", "cover"), [("v.mp4", False), ("v.mkv", False), ("v.mp4", True)])
 def test_the_largest_track_that_is_no_cover_is_read(
-    tmp_path: Path, frames: list[NDArray[np.uint8]], name: str, *, cover: bool
+    tmp_path: Path, frames: list[Pixels], name: str, *, cover: bool
 ) -> None:
     other = cv2.resize(frames[0], (640, 480) if cover else (160, 120))
     with av.open(str(tmp_path / name), "w") as container:
@@ -108,9 +108,7 @@ def test_the_largest_track_that_is_no_cover_is_read(
 
 
 @pytest.mark.parametrize("mirrored", [(-1, 0, 0, 1), (1, 0, 0, -1), (0, 1, 1, 0), (0, -1, -1, 0)])
-def test_mirrored_frames_are_mirrored_back(
-    tmp_path: Path, frames: list[NDArray[np.uint8]], mirrored: tuple[int, ...]
-) -> None:
+def test_mirrored_frames_are_mirrored_back(tmp_path: Path, frames: list[Pixels], mirrored: tuple[int, ...]) -> None:
     path = encode(tmp_path / "v.mp4", frames[:3])
     data = bytearray(path.read_bytes())
     # The matrix in the track's header, rows of three.
@@ -128,7 +126,7 @@ def test_mirrored_frames_are_mirrored_back(
 
 @pytest.mark.parametrize("name", ["v.mp4", "v.avi", "v.mkv"])
 def test_a_recording_cut_off_is_used_up_to_its_last_whole_frame(
-    tmp_path: Path, frames: list[NDArray[np.uint8]], name: str
+    tmp_path: Path, frames: list[Pixels], name: str
 ) -> None:
     path = encode(tmp_path / name, frames, movflags="faststart")
     cut(path, 0.95)
@@ -149,7 +147,7 @@ def test_a_recording_cut_off_is_used_up_to_its_last_whole_frame(
     ],
 )
 def test_what_is_missing_of_a_file_without_a_count_is_told(
-    tmp_path: Path, frames: list[NDArray[np.uint8]], name: str, kept: float, note: str
+    tmp_path: Path, frames: list[Pixels], name: str, kept: float, note: str
 ) -> None:
     path = encode(tmp_path / name, [*frames, *frames])
     assert len(list(reader := VideoReader(path))) == 60
@@ -174,7 +172,7 @@ def drop_at_the_end(path: Path, count: int = 5) -> None:
     path.write_bytes(data)
 
 
-def test_frames_that_a_file_never_had_are_not_missed(tmp_path: Path, frames: list[NDArray[np.uint8]]) -> None:
+def test_frames_that_a_file_never_had_are_not_missed(tmp_path: Path, frames: list[Pixels]) -> None:
     # An AVI has an empty chunk where its camera had no time for a frame; an MP4 keeps what was trimmed off.
     for name, times in {"dropped.avi": [*range(12), *range(20, 38)], "trimmed.mp4": list(range(-10, 20))}.items():
         with av.open(str(tmp_path / name), "w", options={"avoid_negative_ts": "disabled"}) as container:
@@ -192,7 +190,7 @@ def test_frames_that_a_file_never_had_are_not_missed(tmp_path: Path, frames: lis
         assert reader.notes == []
 
 
-def test_frames_are_shown_as_long_as_they_were(tmp_path: Path, frames: list[NDArray[np.uint8]]) -> None:
+def test_frames_are_shown_as_long_as_they_were(tmp_path: Path, frames: list[Pixels]) -> None:
     milliseconds = [100, 133, 500, 500, 900, 400_000_000]
     with av.open(str(tmp_path / "v.mkv"), "w") as container:
         stream = container.add_stream("ffv1", rate=30)
@@ -244,7 +242,7 @@ def cut(path: Path, end: float | bytes) -> None:
 
 
 @pytest.mark.parametrize("says", BAD)
-def test_a_bad_video_gets_one_line_that_names_it(tmp_path: Path, frames: list[NDArray[np.uint8]], says: str) -> None:
+def test_a_bad_video_gets_one_line_that_names_it(tmp_path: Path, frames: list[Pixels], says: str) -> None:
     path = tmp_path / "v.mp4"
     BAD[says](path, frames)
     with pytest.raises(InputError, match=says) as caught:
@@ -253,7 +251,7 @@ def test_a_bad_video_gets_one_line_that_names_it(tmp_path: Path, frames: list[ND
     assert "\n" not in str(caught.value)
 
 
-def test_nothing_is_left_of_a_video_that_could_not_be_finished(tmp_path: Path, frames: list[NDArray[np.uint8]]) -> None:
+def test_nothing_is_left_of_a_video_that_could_not_be_finished(tmp_path: Path, frames: list[Pixels]) -> None:
     def interrupted() -> Iterator[np.ndarray]:
         yield frames[0]
         raise KeyboardInterrupt

@@ -122,10 +122,7 @@ def test_every_default_is_valid_and_every_sentence_ends() -> None:
         ({"seed": -1}, "`seed` is -1; it must be at least 0"),
         ({"working_width_px": 63}, "it must be at least 64 and at most 4096"),
         ({"gsd_m": 0.1, "scale": 0.5}, "`gsd_m` and `scale` both set the size"),
-        (
-            {"repeat": object(), "positions": Positions("geo.txt", ())},
-            "`positions` and `repeat` both place",
-        ),
+        ({"repeat": object(), "positions": Positions("geo.txt", ())}, "`positions` and `repeat` both place"),
         ({"detector": "sift", "backend": "rtl"}, "leave out `backend`"),
         ({"effort": "thorough", "estimator": "magsac"}, "oriented ILBP"),
         ({"warp": "mesh", "lens": Lens(mask=np.ones((8, 8), np.uint8))}, "`warp`: a mask would not be bent"),

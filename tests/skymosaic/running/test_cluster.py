@@ -141,10 +141,7 @@ def test_a_scheduler_without_workers_is_waited_for_and_one_that_dies_is_one_line
         results: Any = workers.run("sleeping", time.sleep, [(0.05,) for _ in range(100)])
         next(results)
         cluster.scheduler.kill()
-        with (
-            dask.config.set({LIMIT: "2s"}),
-            pytest.raises(RegistrationError, match=r"scheduler.json: .* the cache$"),
-        ):
+        with dask.config.set({LIMIT: "2s"}), pytest.raises(RegistrationError, match=r"scheduler.json: .* the cache$"):
             list(results)
     late.join()
 

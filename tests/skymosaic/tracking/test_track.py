@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from skymosaic.compositing.warp import Canvas
 from skymosaic.geometry.homography import apply
 from skymosaic.tracking.template import TemplatePose, View
@@ -29,10 +29,10 @@ class Seen:
         self.followed = np.setdiff1d(range(20), left_out)
         self.by_blocks: list[View] = []
         self.moves: list[bool] = []
-        self.expected: list[NDArray[np.float64]] = []
+        self.expected: list[Array] = []
         self.searched: list[tuple[float, Any]] = []
-        self.weights: list[NDArray[np.float64]] = []
-        self.guess: NDArray[np.float64] | None = None
+        self.weights: list[Array] = []
+        self.guess: Array | None = None
         self.fewest: list[int] = []
 
     def look_near(
@@ -65,11 +65,11 @@ WIDTH, HEIGHT = 900, 700
 FRAME: Any = np.zeros((HEIGHT, WIDTH), np.uint8)
 
 
-def moved(x: float, y: float, scale: float = 1.0) -> NDArray[np.float64]:
+def moved(x: float, y: float, scale: float = 1.0) -> Array:
     return np.array([[scale, 0, x], [0, scale, y], [0, 0, 1]])
 
 
-def begun(seen: Seen, place: NDArray[np.float64] | None = None) -> Track:
+def begun(seen: Seen, place: Array | None = None) -> Track:
     track = Track(seen, np.random.default_rng(0))  # type: ignore[arg-type]
     if place is not None:
         track.begin(place)
@@ -169,7 +169,7 @@ def assert_parts_by_distance(searched: list[tuple[float, Canvas]], zooms: list[f
     [moved(0, 0, 1.45), moved(0, 0, 0.68), np.array([[1.0, 0, 0], [0, 1, 0], [-0.02, 0.01, 1]]), moved(0, 46)],
     ids=["grown", "shrunk", "folded", "elsewhere"],
 )
-def test_a_pose_of_another_size_shape_or_place_is_none(pose: NDArray[np.float64]) -> None:
+def test_a_pose_of_another_size_shape_or_place_is_none(pose: Array) -> None:
     track = begun(Seen([pose, moved(0, 0, 1.35)]), moved(0, 0))
     assert track.follow(FRAME) is None
     assert track.follow(FRAME) is not None

@@ -6,8 +6,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from sim.backends.interface import Backend, Reference
 from sim.scene.target import Pursuit
 from sim.simulators.scoreboard import find_mismatch
@@ -22,7 +22,7 @@ HIDDEN = 0.05
 
 
 def test_a_car_is_tracked_and_found_again_after_a_bridge_hides_it(
-    film: Pursuit, film_frames: list[NDArray[np.uint8]], roi: Roi
+    film: Pursuit, film_frames: list[Pixels], roi: Roi
 ) -> None:
     truth = true_corners(film, roi)
     tracked = list(map(Tracker(roi).follow, film_frames))
@@ -42,7 +42,7 @@ def test_a_car_is_tracked_and_found_again_after_a_bridge_hides_it(
 
 
 def test_a_car_below_text_in_the_first_frame_is_followed_and_the_text_is_not(
-    film: Pursuit, film_frames: list[NDArray[np.uint8]], roi: Roi
+    film: Pursuit, film_frames: list[Pixels], roi: Roi
 ) -> None:
     truth = true_corners(film, roi)[:10]
     place = (roi.x_px - 30, roi.y_px + roi.height_px // 2 + 5)
@@ -58,7 +58,7 @@ def test_a_car_below_text_in_the_first_frame_is_followed_and_the_text_is_not(
 
 
 def test_a_template_of_larger_scale_is_found(
-    film: Pursuit, film_frames: list[NDArray[np.uint8]], roi: Roi, tmp_path: Path
+    film: Pursuit, film_frames: list[Pixels], roi: Roi, tmp_path: Path
 ) -> None:
     cut = film_frames[0][roi.y_px : roi.y_px + roi.height_px, roi.x_px : roi.x_px + roi.width_px]
     cv2.imwrite(str(tmp_path / "car.png"), cv2.resize(cut, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC))
@@ -82,7 +82,7 @@ def test_the_first_picture_tells_whether_something_else_looks_like_the_object(ha
     assert tracker._track._has_twin is has_twin
 
 
-def test_a_flat_template_is_refused(film_frames: list[NDArray[np.uint8]]) -> None:
+def test_a_flat_template_is_refused(film_frames: list[Pixels]) -> None:
     with pytest.raises(RegistrationError, match="features, 12 needed"):
         list(map(Tracker(np.full((80, 80, 3), 120, np.uint8)).follow, film_frames[:1]))
     with pytest.raises(InputError, match="template"):
@@ -137,7 +137,7 @@ def test_hardware_with_a_held_reference_tracks_the_same_corners(film_frames: Any
         np.testing.assert_array_equal(wanted.corners, got.corners)
 
 
-def test_what_a_callback_raises_does_not_end_the_track(roi: Roi, film_frames: list[NDArray[np.uint8]]) -> None:
+def test_what_a_callback_raises_does_not_end_the_track(roi: Roi, film_frames: list[Pixels]) -> None:
     def break_at_the_second(tracked: TrackedFrame) -> None:
         assert tracked.number != 1, "broken"
 

@@ -9,8 +9,8 @@ import enum
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from golden_model.records import WORD_BYTES
 
 CONTROL, STATUS, ADDRESS_LOW, ADDRESS_HIGH, LENGTH = 0x00, 0x04, 0x18, 0x1C, 0x28
@@ -44,7 +44,7 @@ class Status(enum.IntFlag):
 class MemoryFaultError(Exception):
     """The memory answers by an error: ``status`` is the bit that the DMA shows, ``data`` what was read before."""
 
-    def __init__(self, status: Status, data: NDArray[np.uint8]) -> None:
+    def __init__(self, status: Status, data: Pixels) -> None:
         super().__init__(status)
         self.status, self.data = status, data
 
@@ -52,10 +52,10 @@ class MemoryFaultError(Exception):
 class Memory(Protocol):
     """What a DMA accesses; both raise `MemoryFaultError`."""
 
-    def load(self, address: int, length_bytes: int) -> NDArray[np.uint8]:
+    def load(self, address: int, length_bytes: int) -> Pixels:
         """Read bytes."""
 
-    def store(self, address: int, data: NDArray[np.uint8]) -> None:
+    def store(self, address: int, data: Pixels) -> None:
         """Write bytes."""
 
 
@@ -142,7 +142,7 @@ class SendChannel(Channel):
     def reset(self) -> None:
         """See `Channel.reset`; a packet on its way ends early."""
         super().reset()
-        self.outgoing: NDArray[np.uint8] = np.zeros(0, np.uint8)
+        self.outgoing: Pixels = np.zeros(0, np.uint8)
         self._fault: Status | None = None
 
     def _begin(self) -> None:
@@ -175,7 +175,7 @@ class ReceiveChannel(Channel):
     def reset(self) -> None:
         """See `Channel.reset`; words taken before their transfer was requested are lost."""
         super().reset()
-        self._early: list[tuple[NDArray[np.uint8], bool]] = []
+        self._early: list[tuple[Pixels, bool]] = []
         self._received = 0
 
     @property
@@ -191,7 +191,7 @@ class ReceiveChannel(Channel):
         for data, last in early:
             self.receive(data, last=last)
 
-    def receive(self, data: NDArray[np.uint8], *, last: bool) -> None:
+    def receive(self, data: Pixels, *, last: bool) -> None:
         """Take bytes of a packet, the last of which may end it."""
         if not self.is_busy:
             self._early.append((data, last))

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from hdl.build import BUILDS, Build
 from hdl.export.ip_xact import VLNV
 from hdl.settings import PAGE_BYTES
@@ -81,14 +82,14 @@ class Board:
 
     name = "board"
 
-    def __init__(self, dram: NDArray[np.uint8], base: int) -> None:
+    def __init__(self, dram: Pixels, base: int) -> None:
         self.dram, self.base = dram, base
         self._banks = {base: dram, HIGH_BASE: np.zeros(HIGH_BYTES, np.uint8)}
         self._free = {bank: bank for bank in self._banks}
         self.bad_address: int | None = None
         self.on_download: Callable[[], None] = lambda: None
         self.bitfile_name = self.timestamp = ""
-        self._cached: dict[int, NDArray[np.uint8]] = {}
+        self._cached: dict[int, Pixels] = {}
         self._windows: dict[int, Window] = {}
         self.parser = SimpleNamespace(
             ip_dict={}, gpio_dict={}, interrupt_controllers={}, interrupt_pins={}, hierarchy_dict={}, mem_dict={},
@@ -159,22 +160,22 @@ class Board:
         """Drop the cache's lines: software sees what is in the memory."""
         self._cached[bo][offset:][:length] = self._memory(bo + offset, length)
 
-    def load(self, address: int, length_bytes: int) -> NDArray[np.uint8]:
+    def load(self, address: int, length_bytes: int) -> Pixels:
         """See `tests.system.board.axi_dma.Memory`."""
         return self._accessed(address, length_bytes).copy()
 
-    def store(self, address: int, data: NDArray[np.uint8]) -> None:
+    def store(self, address: int, data: Pixels) -> None:
         """See `tests.system.board.axi_dma.Memory`."""
         self._accessed(address, data.size)[:] = data
 
-    def _accessed(self, address: int, length_bytes: int) -> NDArray[np.uint8]:
+    def _accessed(self, address: int, length_bytes: int) -> Pixels:
         """The memory at an address, unless it answers a DMA by an error."""
         there = self._memory(address, length_bytes)
         if self.bad_address is not None and address <= self.bad_address < address + length_bytes:
             raise MemoryFaultError(Status.SLAVE_ERROR, there[: self.bad_address - address].copy())
         return there
 
-    def _memory(self, address: int, length_bytes: int) -> NDArray[np.uint8]:
+    def _memory(self, address: int, length_bytes: int) -> Pixels:
         for base, bank in self._banks.items():
             if base <= address and address + length_bytes <= base + bank.size:
                 return bank[address - base :][:length_bytes]

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from tests.system.board.axi_dma import (
     ADDRESS_HIGH,
     ADDRESS_LOW,
@@ -54,7 +54,7 @@ def status(dma: Both, offset: int = RECEIVE_OFFSET) -> Status:
     return Status(dma.read(offset + STATUS))
 
 
-def packet(length: int) -> NDArray[np.uint8]:
+def packet(length: int) -> Pixels:
     return np.full(length, 7, np.uint8)
 
 

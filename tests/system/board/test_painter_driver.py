@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels
 from golden_model.geometry.fixed_point import quantise
 from golden_model.records import HOMOGRAPHY
 from hdl.registers.painter_register_map import PainterFault
@@ -42,10 +43,10 @@ class PainterMemory(Memory):
             elements = np.array(words, np.uint32).astype(np.int32).reshape(3, 3)
             self.poses.append((self.get("pose_frame"), elements.astype(np.int64)))
 
-    def invalidate(self, buffer: NDArray[np.uint8]) -> None:
+    def invalidate(self, buffer: Pixels) -> None:
         self.invalidated.append(self.address(buffer))
 
-    def flush(self, buffer: NDArray[np.uint8]) -> None:
+    def flush(self, buffer: Pixels) -> None:
         assert not buffer.any()
         self.flushed.append(self.address(buffer))
 
@@ -66,7 +67,7 @@ def host() -> Iterator[Any]:
         )
 
 
-def frame(number: int, link: NDArray[np.float64], *, reference: int | None = None, causes: int = 0) -> SimpleNamespace:
+def frame(number: int, link: Array, *, reference: int | None = None, causes: int = 0) -> SimpleNamespace:
     record = np.zeros(1, HOMOGRAPHY.dtype)[0]
     record["frame"], record["causes"] = number, causes
     record["reference"] = (number - 1 if reference is None else reference) & 0xFFFF
@@ -75,7 +76,7 @@ def frame(number: int, link: NDArray[np.float64], *, reference: int | None = Non
     return SimpleNamespace(homography=record)
 
 
-def shift(x: float, y: float) -> NDArray[np.float64]:
+def shift(x: float, y: float) -> Array:
     return np.array([[1, 0, x], [0, 1, y], [0, 0, 1.0]])
 
 
@@ -130,7 +131,7 @@ def test_an_anchor_of_the_newest_frame_is_its_pose(host: Any) -> None:
 
 
 @pytest.mark.parametrize("pose", [np.zeros((3, 3)), np.full((3, 3), np.nan), np.diag([1, np.inf, 1])])
-def test_a_pose_without_a_scale_is_refused(host: Any, pose: NDArray[np.float64]) -> None:
+def test_a_pose_without_a_scale_is_refused(host: Any, pose: Array) -> None:
     with pytest.raises(host.error, match="the pose is zero or not finite"):
         host.make().place(7, pose)
     assert host.memory.poses == []

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from golden_model.config import EstimatorConfig
 from hdl.build import BUILDS
 from hdl.settings import REQUESTED, matched_frame_settings
@@ -23,7 +23,7 @@ class Memory:
 
     def __init__(self, maps: Any) -> None:
         self.maps, self.words = maps, dict[int, int]()
-        self.buffers: list[NDArray[np.uint8]] = []
+        self.buffers: list[Pixels] = []
         self.waits = 0
         for name, value in maps.BUILT.items():
             self.set(name, value)
@@ -42,15 +42,15 @@ class Memory:
     def write(self, offset: int, value: int) -> None:
         self.words[offset] = value
 
-    def allocate(self, length_bytes: int) -> NDArray[np.uint8]:
+    def allocate(self, length_bytes: int) -> Pixels:
         self.buffers.append(np.zeros(length_bytes, np.uint8))
         return self.buffers[-1]
 
-    def address(self, buffer: NDArray[np.uint8]) -> int:
+    def address(self, buffer: Pixels) -> int:
         index = next(index for index, each in enumerate(self.buffers) if each is buffer)
         return (index + 1 << 32) + 4096 * (index + 5)
 
-    def invalidate(self, _buffer: NDArray[np.uint8]) -> None:
+    def invalidate(self, _buffer: Pixels) -> None:
         pass
 
     def wait(self, _seconds: float) -> None:

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from golden_model.arrays import Array, Pixels
+
 WIDTH_PX, HEIGHT_PX = 320, 240
 RECORDED = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
 Picture = NDArray[np.float32]
@@ -44,9 +46,7 @@ def _grain() -> Picture:
     return np.asarray(whole, dtype=np.float32)
 
 
-def view(
-    x: float, y: float, turn: float = 0.0, zoom: float = 1.0, tilt: float = 0.0
-) -> tuple[Picture, NDArray[np.float64]]:
+def view(x: float, y: float, turn: float = 0.0, zoom: float = 1.0, tilt: float = 0.0) -> tuple[Picture, Array]:
     """The ground from above a place, or from the side; and where the view lies, (3, 3)."""
     cos, sin = zoom * np.cos(turn), zoom * np.sin(turn)
     place = np.array([[cos, -sin, x], [sin, cos, y], [tilt, 0, 1]])
@@ -63,5 +63,5 @@ def with_hills(picture: Picture, height_px: float) -> Picture:
     return cv2.remap(picture, moved, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
 
 
-def as_pixels(picture: NDArray[np.floating]) -> NDArray[np.uint8]:
+def as_pixels(picture: NDArray[np.floating]) -> Pixels:
     return np.clip(np.rint(picture), 0, 255).astype(np.uint8)

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from golden_model.arrays import Matrix
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply
@@ -13,7 +13,6 @@ from tests.skymosaic.flight import made
 SIZE_PX = (640, 480)
 MIDDLE_PX = (319.5, 239.5)
 FOCAL_PX = 480.0
-Matrix = NDArray[np.float64]
 
 
 def views_of(count: int) -> list[View]:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels
 from sim.scene.flight import make_lawnmower
 from sim.scene.ground import render_ground
 from skymosaic.flight.layout.agreement import MAX_COMPARED, Agreement, GroundOfPair, find_false_joint, measure_agreement
@@ -19,13 +19,13 @@ from tests.skymosaic.flight import made
 SIZE, NEAR, COUNT, TWIN_PX = (480, 360), 5, 10, 140
 
 
-def photographs(*, twin: bool) -> list[NDArray[np.uint8]]:
+def photographs(*, twin: bool) -> list[Pixels]:
     """A flight; with a twin, its second half is far away, and one square of ground lies in both halves."""
     rendered = make_lawnmower(seed=2, images=COUNT, size=SIZE, forward_overlap=0.7, side_overlap=0.6)
     if not twin:
         return list(rendered.images)
     poses = [replace(pose, x_px=pose.x_px + 4000 * (view >= NEAR)) for view, pose in enumerate(rendered.poses)]
-    away, images = replace(rendered, poses=tuple(poses)), list[NDArray[np.uint8]]()
+    away, images = replace(rendered, poses=tuple(poses)), list[Pixels]()
     square, shown = render_ground(77, TWIN_PX, TWIN_PX), np.full((TWIN_PX, TWIN_PX), 255, np.uint8)
     for view, image in enumerate(away.images):
         middle = poses[NEAR // 2 + NEAR * (view >= NEAR)]
@@ -57,16 +57,16 @@ def test_a_flight_without_a_twin_is_one_mosaic_in_which_all_pairs_agree() -> Non
     assert len(layout.agreement.of(True)) > COUNT
 
 
-def seen(*thumbnails: NDArray[np.uint8]) -> list[View]:
+def seen(*thumbnails: Pixels) -> list[View]:
     return [made.view(size=(640, 480), to_thumbnail=np.diag([0.5, 0.5, 1]), thumbnail=each) for each in thumbnails]
 
 
-def noise(seed: int) -> NDArray[np.uint8]:
+def noise(seed: int) -> Pixels:
     fine = np.random.default_rng(seed).normal(0, 1, (240, 400))
     return np.asarray(np.clip(128 + 200 * cv2.GaussianBlur(fine, (0, 0), 2), 0, 255), np.uint8)
 
 
-def aside(*offsets_px: float) -> dict[int, NDArray[np.float64]]:
+def aside(*offsets_px: float) -> dict[int, Array]:
     return {view: np.array([[1.0, 0, at], [0, 1, 0], [0, 0, 1]]) for view, at in enumerate(offsets_px)}
 
 

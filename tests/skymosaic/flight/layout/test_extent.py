@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from golden_model.arrays import Points
+from golden_model.arrays import Array, Points
 from skymosaic.compositing.warp import nearness, outline
 from skymosaic.flight.layout.extent import MAX_SLANT, MAX_STRETCH, find_misplaced, least_nearness
 from skymosaic.flight.linking.links import Link
@@ -9,7 +9,7 @@ from skymosaic.geometry.homography import apply
 from tests.skymosaic.flight.layout import cameras
 
 
-def stretch(to_ground: cameras.Matrix, point: Points) -> float:
+def stretch(to_ground: Array, point: Points) -> float:
     """How many times as large a pixel becomes as the one in the middle, along a side."""
     areas = []
     for x, y in (point, cameras.MIDDLE_PX):

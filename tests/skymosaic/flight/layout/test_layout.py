@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from sim.scene import make_lawnmower
 from sim.scene.flight import Flight
 from skymosaic.compositing.warp import enclosing_canvas, nearness
@@ -35,7 +35,7 @@ def laid_out(seed: int, false_share: float, period_px: int) -> tuple[Any, ...]:
     return flight, lay_out(views, range(PICTURES), links), {(t.left, t.right) for t in tied if not t.true}
 
 
-def position_errors_px(flight: Flight, layout: Layout) -> NDArray[np.float64]:
+def position_errors_px(flight: Flight, layout: Layout) -> Array:
     grid = np.stack(np.meshgrid(*(np.linspace(0, side - 1, 4) for side in SIZE_PX)), axis=-1).reshape(-1, 2)
     estimated = np.array([apply(layout.transforms[member], grid) for member in layout.members])
     true = np.array(

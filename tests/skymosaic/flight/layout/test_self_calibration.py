@@ -3,8 +3,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array
 from skymosaic.flight.layout.layout import lay_out
 from skymosaic.flight.layout.linked_group import LinkedGroup, normalisation
 from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS
@@ -17,7 +17,7 @@ from tests.skymosaic.flight import made
 SIZE_PX = (1280, 960)
 
 
-def bent(points: NDArray[np.float64], k1: float, k2: float = 0, x: float = 0, y: float = 0) -> NDArray[np.float64]:
+def bent(points: Array, k1: float, k2: float = 0, x: float = 0, y: float = 0) -> Array:
     squared = ((points - [x, y]) ** 2).sum(axis=1, keepdims=True)
     return [x, y] + (points - [x, y]) * (1 + k1 * squared + k2 * squared**2)
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from golden_model.cache import Cache
 from golden_model.config import preset_config
 from golden_model.feature.orientation import SECTORS
@@ -137,7 +138,7 @@ def test_the_code_of_the_backend_is_part_of_the_key(monkeypatch: pytest.MonkeyPa
     assert settings.key(source) != before
 
 
-def see(images: Sequence[NDArray[np.uint8]]) -> tuple[Sight, Sight]:
+def see(images: Sequence[Pixels]) -> tuple[Sight, Sight]:
     return Sight(images[0]), Sight(images[1])
 
 

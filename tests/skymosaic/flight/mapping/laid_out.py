@@ -14,10 +14,5 @@ def lay_out(views: Sequence[Any], steps: Sequence[tuple[float, float]]) -> tuple
     shifts = {view: np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]]) for view, (x, y) in enumerate(steps)}
     layout = SimpleNamespace(members=tuple(shifts), to_reference=lambda _views: shifts, meshes={})
     return SimpleNamespace(
-        views=views,
-        lens=Lens(),
-        settings=SimpleNamespace(lens=Lens()),
-        layouts=(layout,),
-        positions="",
-        onto=None,
+        views=views, lens=Lens(), settings=SimpleNamespace(lens=Lens()), layouts=(layout,), positions="", onto=None
     ), layout

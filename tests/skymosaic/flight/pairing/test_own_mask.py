@@ -6,8 +6,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from golden_model.arrays import Array, Pixels
 from golden_model.cache import NO_CACHE
 from golden_model.config import preset_config
 from skymosaic.flight.checking.check import check_flight
@@ -26,7 +26,7 @@ from skymosaic.running.workers import Workers
 from tests.skymosaic.geometry.covered import at_night, ground, seen
 
 
-def with_frame(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def with_frame(image: Pixels) -> Pixels:
     """A dark border with text, as scanned film has."""
     # Little contrast on the ground: the border has the strongest matches.
     shown = np.asarray(90 + 0.25 * cv2.GaussianBlur(image, (0, 0), 1.5), dtype=np.uint8)
@@ -37,13 +37,13 @@ def with_frame(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 @pytest.fixture(scope="module")
-def flight() -> list[NDArray[np.uint8]]:
+def flight() -> list[Pixels]:
     place = ground(8)
     corners = ((50, 40), (230, 60), (240, 240), (60, 260))
     return [with_frame(seen(place, *corner, degrees=2 * turn)) for turn, corner in enumerate(corners)]
 
 
-def test_a_border_is_masked_as_the_file_of_the_report_masks_it(flight: list[NDArray[np.uint8]], tmp_path: Path) -> None:
+def test_a_border_is_masked_as_the_file_of_the_report_masks_it(flight: list[Pixels], tmp_path: Path) -> None:
     report = tmp_path / "report"
     with open_run(flight, MosaicOptions()) as run:
         (delivery,) = run.write(tmp_path / "own.png")
@@ -63,14 +63,14 @@ def test_a_border_is_masked_as_the_file_of_the_report_masks_it(flight: list[NDAr
     assert picture.max() < 220
 
 
-def test_no_mask_without_a_flight_that_moves_with_its_camera(flight: list[NDArray[np.uint8]]) -> None:
+def test_no_mask_without_a_flight_that_moves_with_its_camera(flight: list[Pixels]) -> None:
     with open_run(flight[:3], MosaicOptions()) as run:
         views = run.flight.views
     points = np.stack(np.meshgrid(np.arange(0, 640, 12.0), np.arange(0, 480, 12.0)), axis=-1).reshape(-1, 2)
     here = points[points[:, 0] < 100]
     thumbnails = [view.thumbnail for view in views]
 
-    def links(moving: NDArray[np.float64]) -> list[Link]:
+    def links(moving: Array) -> list[Link]:
         nothing = np.zeros((0, 2))
         ends = ((0, 1), (0, 2), (1, 2))
         return [Link(*pair, nothing, nothing, 0, 0, left_moving=moving, right_moving=moving) for pair in ends]
@@ -85,7 +85,7 @@ def test_no_mask_without_a_flight_that_moves_with_its_camera(flight: list[NDArra
     assert find_mask(views, links(here), dark) is None
 
 
-def test_what_is_drawn_is_masked_where_no_match_is_rejected(flight: list[NDArray[np.uint8]]) -> None:
+def test_what_is_drawn_is_masked_where_no_match_is_rejected(flight: list[Pixels]) -> None:
     with open_run(flight[:3], MosaicOptions()) as run:
         views = run.flight.views
     above = np.array([(20.0, 20.0), (60.0, 40.0)])

@@ -7,9 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from golden_model.arrays import Pixels
+from golden_model.arrays import Array, Pixels
 from sim.scene import Flight, make_lawnmower
 from skymosaic import mosaic
 from skymosaic.flight.linking.links import Link
@@ -27,7 +26,7 @@ SIZE_PX = (400, 300)
 COLUMNS, ROWS, STEP_PX = 8, 6, (60, 70)
 
 
-def grid() -> tuple[list[View], dict[int, NDArray[np.float64]]]:
+def grid() -> tuple[list[View], dict[int, Array]]:
     """Views of a dense survey, each overlapped by dozens of others, flown in rows to and fro, not quite regularly."""
     rng = np.random.default_rng(4)
     transforms = {}
@@ -39,20 +38,20 @@ def grid() -> tuple[list[View], dict[int, NDArray[np.float64]]]:
     return made.views(len(transforms)), transforms
 
 
-def overlap(transforms: dict[int, NDArray[np.float64]], left: int, right: int) -> float:
+def overlap(transforms: dict[int, Array], left: int, right: int) -> float:
     """Share of two views, which are rectangles between the centres of their corner pixels."""
     sides = np.array(SIZE_PX) - 1
     return float(np.prod(np.maximum(1 - np.abs(transforms[left] - transforms[right])[:2, 2] / sides, 0)))
 
 
-def link(transforms: dict[int, NDArray[np.float64]], left: int, right: int) -> Link:
+def link(transforms: dict[int, Array], left: int, right: int) -> Link:
     """A link with as many ties as the overlap allows; it does not hold where there is too little."""
     share = overlap(transforms, left, right)
     ties = np.zeros((int(300 * share) if share > 0.15 else 0, 2))
     return Link(left, right, ties, ties, len(ties), len(ties))
 
 
-def resistances(links: dict[tuple[int, int], Link]) -> NDArray[np.float64]:
+def resistances(links: dict[tuple[int, int], Link]) -> Array:
     """Resistance between every two views, by the pseudo-inverse of the network's Laplacian matrix."""
     laplacian = np.zeros((COLUMNS * ROWS,) * 2)
     for (left, right), each in links.items():

@@ -13,6 +13,7 @@ import pytest
 import rasterio
 from numpy.typing import NDArray
 
+from golden_model.arrays import Pixels
 from sim.scene import Flight
 from skymosaic.common.errors import InputError
 from skymosaic.compositing.tone import NEUTRAL
@@ -59,7 +60,7 @@ def test_a_photograph_that_others_make_up_for_shows_nothing(flight: Flight, surv
     assert shown == [True] * 9 + [False]
 
 
-def render(*images: NDArray[np.uint8], coloured: bool) -> NDArray[np.generic]:
+def render(*images: Pixels, coloured: bool) -> NDArray[np.generic]:
     """Photographs of 64x64 px side by side."""
     shifts = (np.array([[1.0, 0, 64 * number], [0, 1, 0], [0, 0, 1]]) for number in range(len(images)))
     sources = (Source(number, str(number), image) for number, image in enumerate(images))

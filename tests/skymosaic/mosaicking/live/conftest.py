@@ -4,9 +4,8 @@ import itertools
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from golden_model.arrays import Matrix
+from golden_model.arrays import Matrix, Pixels
 from golden_model.config import preset_config
 from sim.scene import Flight
 from skymosaic.flight.linking.view import Settings, View, make_view
@@ -25,7 +24,7 @@ def shift(x: float, y: float) -> Matrix:
     return np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
 
 
-def view_of(pixels: NDArray[np.uint8]) -> View:
+def view_of(pixels: Pixels) -> View:
     """A view of these pixels without a feature."""
     settings = Settings(preset_config("aerial"))
     none = np.zeros(0, settings.config.front_end.pattern.record.dtype)

@@ -9,9 +9,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from golden_model.arrays import Matrix, Records
+from golden_model.arrays import Matrix, Pixels, Records
 from golden_model.config import preset_config
 from golden_model.front_end import extract
 from golden_model.geometry.estimator import MAX_CYCLES
@@ -39,7 +38,7 @@ CONFIG = preset_config("aerial")
 
 
 @pytest.fixture(scope="module")
-def features(frames: list[NDArray[np.uint8]]) -> list[Records]:
+def features(frames: list[Pixels]) -> list[Records]:
     return [extract(frame, CONFIG.front_end).features for frame in frames]
 
 
@@ -241,17 +240,17 @@ def test_only_described_frames_of_a_simulation_have_clocks(backend: str, describ
     assert (pace.numbers["used"], pace.numbers["dropped"]) == (2, 1)
 
 
-def frame(thumbnail: NDArray[np.uint8], transform: Matrix) -> tuple[View, Matrix]:
+def frame(thumbnail: Pixels, transform: Matrix) -> tuple[View, Matrix]:
     return replace(view_of(thumbnail), thumbnail=thumbnail, to_thumbnail=np.eye(3)), transform
 
 
 @pytest.fixture(scope="module")
-def ground() -> NDArray[np.uint8]:
+def ground() -> Pixels:
     grain = np.random.default_rng(0).integers(60, 190, (240, 400, 3), dtype=np.uint8)
     return np.asarray(cv2.GaussianBlur(grain, (0, 0), 4), np.uint8)
 
 
-def test_two_frames_of_one_ground_show_the_ground(ground: NDArray[np.uint8]) -> None:
+def test_two_frames_of_one_ground_show_the_ground(ground: Pixels) -> None:
     """Upright and turned, beside the middle of the reference frame, and gray ones too."""
     left, right = frame(ground[:, :240], shift(-30, 5)), frame(ground[:, 160:], shift(130, 5))
     np.testing.assert_array_equal(paint_preview([left, right]), ground)
@@ -262,14 +261,14 @@ def test_two_frames_of_one_ground_show_the_ground(ground: NDArray[np.uint8]) -> 
     )
 
 
-def test_the_farther_border_shows_whatever_the_order(ground: NDArray[np.uint8]) -> None:
+def test_the_farther_border_shows_whatever_the_order(ground: Pixels) -> None:
     other = frame(250 - ground[:, :200], np.eye(3))
     for frames in ([frame(ground, np.eye(3)), other], [other, frame(ground, np.eye(3))]):
         where = slice(60, 180), slice(150, None)
         np.testing.assert_array_equal(paint_preview(frames)[where], ground[where])
 
 
-def test_a_preview_is_limited_and_may_be_empty(ground: NDArray[np.uint8]) -> None:
+def test_a_preview_is_limited_and_may_be_empty(ground: Pixels) -> None:
     assert paint_preview([]).size == 0
     small = paint_preview([frame(ground, shift(7, 9) @ np.diag([3.0, 3, 1]))], width_px=100)
     assert small.shape[1] in (99, 100)
@@ -278,7 +277,7 @@ def test_a_preview_is_limited_and_may_be_empty(ground: NDArray[np.uint8]) -> Non
 
 @pytest.mark.parametrize(("width_px", "shape"), [(300, (240, 50)), (120, (240, 50)), (60, (120, 25))])
 def test_a_narrow_preview_is_at_most_twice_as_high_as_it_may_be_wide(
-    ground: NDArray[np.uint8], width_px: int, shape: tuple[int, int]
+    ground: Pixels, width_px: int, shape: tuple[int, int]
 ) -> None:
     tall = np.ascontiguousarray(ground[:, :50])
     assert paint_preview([frame(tall, np.eye(3))], width_px).shape[:2] == shape

@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 import pytest
 import rasterio
-from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
+from golden_model.arrays import Pixels
 from golden_model.config import preset_config
 from sim.scene.flight import Flight
 from skymosaic.common.errors import AppearedError, InputError
@@ -30,9 +30,7 @@ from tests.skymosaic.mosaicking.live.conftest import pair_errors_px
 CONFIG = preset_config("aerial")
 
 
-def test_every_frame_is_registered_on_arrival_and_adjusted_in_the_end(
-    flight: Flight, frames: list[NDArray[np.uint8]]
-) -> None:
+def test_every_frame_is_registered_on_arrival_and_adjusted_in_the_end(flight: Flight, frames: list[Pixels]) -> None:
     """Without that, errors add up from frame to frame to more than a pixel."""
     live = LiveMosaic(config=CONFIG)
     updates = [live.add(frame) for frame in frames]
@@ -60,7 +58,7 @@ def test_every_frame_is_registered_on_arrival_and_adjusted_in_the_end(
 
 
 def test_the_homographies_of_the_chip_alone_lay_the_frames_out(
-    flight: Flight, frames: list[NDArray[np.uint8]], monkeypatch: pytest.MonkeyPatch
+    flight: Flight, frames: list[Pixels], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each frame follows from the one before it; nothing else of the flight is matched."""
     monkeypatch.setattr("skymosaic.mosaicking.live.mosaic.link_by_features", None)
@@ -75,7 +73,7 @@ def test_the_homographies_of_the_chip_alone_lay_the_frames_out(
         LiveMosaic(config=CONFIG, estimator="magsac")  # type: ignore[arg-type]
 
 
-def test_given_features_make_the_same_mosaic_as_computed_ones(frames: list[NDArray[np.uint8]]) -> None:
+def test_given_features_make_the_same_mosaic_as_computed_ones(frames: list[Pixels]) -> None:
     results = load_backend("golden").run(frames[:3], CONFIG, reference="previous")
     given, computed = LiveMosaic(config=CONFIG), LiveMosaic(config=CONFIG)
     for frame, result in zip(frames, results, strict=False):
@@ -86,7 +84,7 @@ def test_given_features_make_the_same_mosaic_as_computed_ones(frames: list[NDArr
         np.testing.assert_array_equal(given.transforms[number], transform)
 
 
-def test_pages_that_are_not_read_are_told_once(frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
+def test_pages_that_are_not_read_are_told_once(frames: list[Pixels], tmp_path: Path) -> None:
     for number, frame in enumerate(frames[:2]):
         page = PillowImage.fromarray(frame)
         page.save(tmp_path / f"{number}.tif", save_all=True, append_images=[page])
@@ -117,7 +115,7 @@ def test_features_of_the_hardware_in_sequence_mode_make_a_live_mosaic(frames: An
     ],
 )
 def test_parts_join_once_a_frame_overlaps_both(
-    flight: Flight, frames: list[NDArray[np.uint8]], order: list[int], parts: list[int], tmp_path: Path
+    flight: Flight, frames: list[Pixels], order: list[int], parts: list[int], tmp_path: Path
 ) -> None:
     live = LiveMosaic(config=CONFIG)
     updates = [live.add(frames[index]) for index in order]
@@ -139,7 +137,7 @@ def test_parts_join_once_a_frame_overlaps_both(
     assert pair_errors_px(placed, flight).max() < 1.0
 
 
-def test_frames_of_another_part_are_said_to_be_there(frames: list[NDArray[np.uint8]]) -> None:
+def test_frames_of_another_part_are_said_to_be_there(frames: list[Pixels]) -> None:
     live = LiveMosaic(config=CONFIG)
     # Nothing links mirrored ground.
     for frame in (*frames[:3], *(np.ascontiguousarray(frame[:, ::-1]) for frame in frames[:2])):
@@ -148,13 +146,13 @@ def test_frames_of_another_part_are_said_to_be_there(frames: list[NDArray[np.uin
     assert all("in another part of 2 frames, which nothing joins" in live.left_out[number] for number in (3, 4))
 
 
-def elsewhere() -> NDArray[np.uint8]:
+def elsewhere() -> Pixels:
     """A frame that overlaps no other."""
     grain = np.random.default_rng(1).integers(0, 256, (360, 480, 3), dtype=np.uint8)
     return np.asarray(cv2.GaussianBlur(grain, (0, 0), 2), np.uint8)
 
 
-def test_frames_without_overlap_and_flat_frames_are_left_out(frames: list[NDArray[np.uint8]]) -> None:
+def test_frames_without_overlap_and_flat_frames_are_left_out(frames: list[Pixels]) -> None:
     live = LiveMosaic(config=CONFIG)
     for frame in (*frames[:2], elsewhere(), np.full((360, 480, 3), 90, np.uint8)):
         live.add(frame)
@@ -163,7 +161,7 @@ def test_frames_without_overlap_and_flat_frames_are_left_out(frames: list[NDArra
     assert "too few features" in live.left_out[3]
 
 
-def test_a_mosaic_is_reduced_to_the_canvas_limit(frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
+def test_a_mosaic_is_reduced_to_the_canvas_limit(frames: list[Pixels], tmp_path: Path) -> None:
     limit_px = SIZE[0] * SIZE[1] // 4
     live = LiveMosaic(config=CONFIG, canvas_limit_px=limit_px)
     assert [live.add(frame).reason for frame in frames[:3]] == [""] * 3
@@ -173,7 +171,7 @@ def test_a_mosaic_is_reduced_to_the_canvas_limit(frames: list[NDArray[np.uint8]]
     assert "reduced from" in written.composition.reduced
 
 
-def test_what_happens_to_files_meanwhile_is_said_by_name(frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
+def test_what_happens_to_files_meanwhile_is_said_by_name(frames: list[Pixels], tmp_path: Path) -> None:
     live = LiveMosaic(config=CONFIG)
     for number, frame in enumerate(frames[:4]):
         cv2.imwrite(str(tmp_path / f"{number}.png"), frame)
@@ -193,7 +191,7 @@ def test_what_happens_to_files_meanwhile_is_said_by_name(frames: list[NDArray[np
 
 
 def test_a_frame_whose_links_are_disputed_in_the_end_is_left_out_for_that(
-    frames: list[NDArray[np.uint8]], monkeypatch: pytest.MonkeyPatch
+    frames: list[Pixels], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     live = LiveMosaic(config=CONFIG)
     for frame in frames[:3]:
@@ -209,7 +207,7 @@ def test_a_frame_whose_links_are_disputed_in_the_end_is_left_out_for_that(
 
 
 def test_a_full_disk_ends_the_growth_and_not_the_mosaic(
-    frames: list[NDArray[np.uint8]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    frames: list[Pixels], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     live, told = LiveMosaic(config=CONFIG), list[str]()
     size = len(cv2.imencode(".png", frames[0], [cv2.IMWRITE_PNG_COMPRESSION, 1])[1])
@@ -223,9 +221,7 @@ def test_a_full_disk_ends_the_growth_and_not_the_mosaic(
     assert len(live.save(tmp_path / "m.png").composition.placements) == 3
 
 
-def test_a_preview_takes_no_name_that_another_run_has_taken_meanwhile(
-    frames: list[NDArray[np.uint8]], tmp_path: Path
-) -> None:
+def test_a_preview_takes_no_name_that_another_run_has_taken_meanwhile(frames: list[Pixels], tmp_path: Path) -> None:
     check_output(preview := tmp_path / "m.preview.jpg")
     preview.write_bytes(b"another run's")
     with pytest.raises(AppearedError, match="choose another name"):
@@ -234,7 +230,7 @@ def test_a_preview_takes_no_name_that_another_run_has_taken_meanwhile(
 
 
 def test_what_was_placed_is_written_as_large_as_the_disk_allows(
-    frames: list[NDArray[np.uint8]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    frames: list[Pixels], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     live = LiveMosaic(config=CONFIG)
     for frame in frames[:3]:
@@ -256,7 +252,7 @@ def test_a_scale_beyond_one_is_refused() -> None:
         LiveMosaic(config=CONFIG, scale=2)
 
 
-def test_what_a_callback_raises_costs_no_frame(frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
+def test_what_a_callback_raises_costs_no_frame(frames: list[Pixels], tmp_path: Path) -> None:
     seen: list[str] = []
 
     def break_at_the_third(update: LiveUpdate) -> None:
@@ -273,9 +269,7 @@ def test_what_a_callback_raises_costs_no_frame(frames: list[NDArray[np.uint8]], 
     live.save(tmp_path / "m.png")
 
 
-def test_a_frame_that_is_no_picture_is_left_out_with_the_reason(
-    frames: list[NDArray[np.uint8]], tmp_path: Path
-) -> None:
+def test_a_frame_that_is_no_picture_is_left_out_with_the_reason(frames: list[Pixels], tmp_path: Path) -> None:
     live = LiveMosaic(config=CONFIG)
     update = live.add(tmp_path / "none.jpg")
     assert "none.jpg" in update.reason
@@ -286,7 +280,7 @@ def test_a_frame_that_is_no_picture_is_left_out_with_the_reason(
         live.save(tmp_path / "m.png")
 
 
-def test_a_damaged_frame_is_kept_where_that_is_asked_for(frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
+def test_a_damaged_frame_is_kept_where_that_is_asked_for(frames: list[Pixels], tmp_path: Path) -> None:
     data = bytearray(cv2.imencode(".jpg", frames[2])[1].tobytes())
     data[len(data) // 2 : len(data) // 2 + 400] = bytes(400)
     damaged = tmp_path / "damaged.jpg"
@@ -298,7 +292,7 @@ def test_a_damaged_frame_is_kept_where_that_is_asked_for(frames: list[NDArray[np
         assert len(live.save(tmp_path / f"{composed}.png").composition.placements) == composed
 
 
-def test_frames_with_gps_lie_on_the_map(flight: Flight, frames: list[NDArray[np.uint8]], tmp_path: Path) -> None:
+def test_frames_with_gps_lie_on_the_map(flight: Flight, frames: list[Pixels], tmp_path: Path) -> None:
     metres, focal = 0.15, flight.camera.focal_px / (np.hypot(*SIZE) / 2)
     live = LiveMosaic(config=CONFIG)
     for frame, pose in zip(frames[:4], flight.poses, strict=False):
@@ -318,9 +312,7 @@ def test_frames_with_gps_lie_on_the_map(flight: Flight, frames: list[NDArray[np.
         assert 0.5 < (file.read(4) > 0).mean() < 1
 
 
-def test_a_folder_is_added_whole_and_what_is_no_frame_is_an_error(
-    frames: list[NDArray[np.uint8]], tmp_path: Path
-) -> None:
+def test_a_folder_is_added_whole_and_what_is_no_frame_is_an_error(frames: list[Pixels], tmp_path: Path) -> None:
     for number, frame in enumerate(frames[:2]):
         cv2.imwrite(str(tmp_path / f"{number}.png"), frame)
     live = LiveMosaic(config=CONFIG)

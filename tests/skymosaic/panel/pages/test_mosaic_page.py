@@ -13,14 +13,7 @@ from hdl.build import Build
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
 from tests.skymosaic.panel.visitor import choose, middle_of, names_reached_by_tab, open_tab, photographs_loaded
-from tools.panel import (
-    PHONE,
-    WINDOW,
-    corner_counts,
-    make_mosaic,
-    mosaic_viewer,
-    open_advanced,
-)
+from tools.panel import PHONE, WINDOW, corner_counts, make_mosaic, mosaic_viewer, open_advanced
 
 
 def test_a_mosaic_zooms(made: Page) -> None:

@@ -18,16 +18,13 @@ from nicegui.page import page as nicegui_page
 from golden_model.config import preset_config
 from golden_model.records import MATCH
 from sim.scene import make_pair
-from sim.simulators.scoreboard import Coverage
 from skymosaic import register
-from skymosaic.evaluation.hardware import Comparison
 from skymosaic.features.backends import load_backend
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.panel.options import Options
 from skymosaic.panel.pages import drawings
 from skymosaic.panel.pages.corners_tab import CornersTab, detect
 from skymosaic.panel.pages.drawings import draw_corners
-from skymosaic.panel.pages.hardware_tab import _list_times
 from skymosaic.panel.pages.matches_tab import MatchesTab
 from skymosaic.panel.pages.numbers_tab import _describe, _list_quality
 from skymosaic.panel.pages.runs_page import build_runs_page
@@ -162,18 +159,6 @@ def test_quality_is_measured_on_inliers_and_correct_matches() -> None:
     assert found["confidence"].startswith("good: ")
     refined = [_list_quality(pair.with_homography(pair.homography, refined_inliers=n))["refined by"] for n in (0, 7)]
     assert refined == ["no dense flow", "7 points of dense flow"]
-
-
-def test_times_of_software_and_hardware_stand_side_by_side() -> None:
-    coverage = Coverage(frames=2, features=(900, 100), sectors=16, matches=300)
-    compared = Comparison(None, coverage, (308_200, 308_700), 0.5, 0.08, (640, 480), (), (), {})
-    assert [(software, hardware) for _, software, hardware in _list_times(compared)] == [
-        ("40 ms", "2.05 ms, one pixel per clock"),
-        ("25", "488, each matched while the next comes in"),
-        ("", "308,700 clocks, 2.06 ms"),
-        ("", "1,500 clocks, 10.00 µs"),
-        ("", "1.23 M clocks/s, both frames in 0.50 s"),
-    ]
 
 
 @pytest.mark.parametrize(

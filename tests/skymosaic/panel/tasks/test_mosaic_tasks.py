@@ -25,7 +25,6 @@ from skymosaic.panel.tasks.mosaic_tasks import (
     compare_hardware,
     look_at_pair,
     make_mosaic,
-    write_command,
 )
 from skymosaic.registration.register import register
 from tests.made import write_located, write_pictures
@@ -156,12 +155,6 @@ def write_flight_with_gps(folder: Path) -> list[str]:
         moved_m = METRES_PER_PIXEL * pose.x_px, -METRES_PER_PIXEL * pose.y_px
         write_located(folder / name, image, (46.0, 7.0), moved_m)
     return names
-
-
-def test_the_command_delivers_a_poor_pair_where_the_panel_did() -> None:
-    options = Options.of_preset("aerial")
-    assert "--accept-poor" not in write_command(["a.png", "b.png"], options)
-    assert "--accept-poor" in write_command(["a.png", "b.png"], options.changed("accept_poor", True))
 
 
 def test_a_folder_stands_for_its_photographs_if_all_are_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -41,9 +41,7 @@ def refine(H: Array, left: ArrayLike, right: ArrayLike, error: Residuals) -> Arr
     to_x, to_y, _ = joint_normalisation(x, y)
     x, y = apply(to_x, x), apply(to_y, y)
     solution = least_squares(
-        lambda h: error(matrix_of(h), x, y).ravel(),
-        rescale(to_y @ H @ np.linalg.inv(to_x)).ravel()[:8],
-        method="lm",
+        lambda h: error(matrix_of(h), x, y).ravel(), rescale(to_y @ H @ np.linalg.inv(to_x)).ravel()[:8], method="lm"
     )
     return rescale(np.linalg.inv(to_y) @ matrix_of(solution.x) @ to_x)
 

@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize
 
+from golden_model.arrays import Array
 from skymosaic.compositing.warp import Canvas, footprint, warp_backward
 from skymosaic.geometry.fuzzy_ransac import decide
 from skymosaic.geometry.homography import DegenerateError, apply, dlt, estimate_similarity
@@ -29,7 +30,7 @@ from tests.skymosaic.thesis.reference.warping import project_to_cylinder, warp_f
 SHIFT = np.array([[1.0, 0, 10], [0, 1, 0], [0, 0, 1]])
 
 
-def off_by(errors_px: list[Any] | NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def off_by(errors_px: list[Any] | NDArray[Any]) -> tuple[Array, Array]:
     """Matches with the given transfer errors under `SHIFT`."""
     left = np.random.default_rng(0).uniform(0, 400, (len(errors_px), 2))
     return left, left + np.column_stack([10 + np.asarray(errors_px, dtype=float), np.zeros(len(errors_px))])
@@ -111,7 +112,7 @@ MODELS = {
     ("model", "truth", "count"),
     [("isometry", ISOMETRY, 2), ("similarity", SIMILARITY, 2), ("affine", AFFINE, 3), ("projective", PROJECTIVE, 4)],
 )
-def test_each_model_recovers_its_own_transformation(model: str, truth: NDArray[np.float64], count: int) -> None:
+def test_each_model_recovers_its_own_transformation(model: str, truth: Array, count: int) -> None:
     left = scattered(count, seed=5)
     np.testing.assert_allclose(MODELS[model](left, apply(truth, left)), truth, atol=1e-9)
 
@@ -151,7 +152,7 @@ def test_isometry_keeps_lengths_and_never_mirrors() -> None:
         ("isometry", np.ones((5, 2))),
     ],
 )
-def test_degenerate_points_are_refused(model: str, points: NDArray[np.float64]) -> None:
+def test_degenerate_points_are_refused(model: str, points: Array) -> None:
     with pytest.raises(DegenerateError):
         MODELS[model](points, apply(ISOMETRY, points))
 
@@ -159,9 +160,7 @@ def test_degenerate_points_are_refused(model: str, points: NDArray[np.float64]) 
 ERRORS = [transfer, symmetric, reprojection, sampson]
 
 
-def noisy_pairs(
-    count: int, sigma_px: float, seed: int, truth: NDArray[np.float64] = PROJECTIVE
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def noisy_pairs(count: int, sigma_px: float, seed: int, truth: Array = PROJECTIVE) -> tuple[Array, Array]:
     """Noise in both images."""
     rng = np.random.default_rng(seed)
     left = rng.uniform(0, 640, (count, 2))
@@ -226,7 +225,7 @@ def test_reprojection_refinement_against_the_full_bundle() -> None:
     assert squared_errors(refined, left, right, reprojection).sum() == pytest.approx(2 * bundle.cost, rel=1e-9)
 
 
-def mean_distances(truth: NDArray[np.float64], count: int, *errors: Residuals | None) -> list[float]:
+def mean_distances(truth: Array, count: int, *errors: Residuals | None) -> list[float]:
     """Mean over seeds 0 to 39 of the mean distance over a grid, for noise of 1 px in both images; None: of the DLT."""
     grid = np.stack(np.meshgrid(np.linspace(0, 640, 9), np.linspace(0, 640, 9)), axis=-1).reshape(-1, 2)
     distance = np.zeros(len(errors))
