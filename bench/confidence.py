@@ -3,7 +3,7 @@
     python -m bench.confidence FLIGHT FLIGHT ... --set SET [--set SET ...] [--write]
 
 The pairs: those of the sets, the rendered ones with and without relief of `bench.rendered_pairs`, and those of
-`bench.confusing_pairs`, cut out of the flights. Poor pairs are among them. The figures are of pairs that had no part
+`bench.flight_pairs`, cut out of flights. Poor pairs are among them. The figures are of pairs that had no part
 in the fit, by turns; the table that ``--write`` stores is fitted to all of them.
 """
 
@@ -21,8 +21,7 @@ import typer
 from rich.progress import track
 from scipy.optimize import lsq_linear, minimize
 
-from bench.confusing_pairs import confusing_pairs
-from bench.flight_pairs import read_flight
+from bench.flight_pairs import WRONG_PX, confusing_pairs, neighbouring_pairs, read_flight
 from bench.rendered_pairs import STEPS, flat_pairs, relief_pairs
 from bench.report import Flights, JsonFile, Row, public_folder, report
 from golden_model.arrays import Array, Mask, Matrix, Pixels
@@ -41,15 +40,13 @@ KNOTS = {
     "hull_share": (0, 0.1, 0.2, 0.4, 0.6, 0.75, 0.9, 1),
     "motion": (0, 0.0005, 0.002, 0.01),
     "ground_share": (0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.97, 1),
-    "ground_false_alarms": (0, 2, 5, 10, 20, 40, 100),
+    "inliers": (8, 12, 20, 40, 80, 160, 320),
     "ground_lack": (0.6, 0.4, 0.2, 0.05, 0),
     "rival": (1.05, 0.99, 0.97, 0.93, 0.85, 0.7),
 }
 """Where the table has values, from what speaks against a pair to what speaks for it."""
 MIN_ERROR_PX, MAX_ERROR_PX = 0.05, 30.0
 """Smaller and larger errors count as these in the fit of the error."""
-WEIGHT_OF_FAR = 5.0
-"""What is off by more than `MAX_ERROR_PX` counts so often in the fit of the doubt: it costs more than a refusal."""
 RIDGE_OF_ODDS, RIDGE_OF_ERROR = 0.05, 0.1
 FOLDS = 8
 STATED = 0.9
@@ -79,7 +76,7 @@ def candidates(sets: list[str], flights: list[str], each: int) -> Iterator[Candi
             error_px = transfer_error(pair.homography, relief.left_points, relief.right_points).mean()
             yield Candidate("relief", float(error_px), pair.evidence)
     photographs = [read_flight(public_folder(name), 12) for name in flights]
-    for exact in confusing_pairs(photographs, 4 * each):
+    for exact in chain(confusing_pairs(photographs, 4 * each), neighbouring_pairs(photographs)):
         yield from _find(exact.group, exact.left, exact.right, exact.truth)
 
 
@@ -115,15 +112,14 @@ def expand(evidence: list[Evidence]) -> Array:
 
 
 def fit_steps(steps: Array, errors_px: Array) -> Fit:
-    """Logistic regression of whether a pair is off by 5 px, and least squares of the logarithm of its error."""
-    wrong, ridge = (errors_px >= POOR_PX).astype(float), np.ones(steps.shape[1])
-    weight = np.where(errors_px > MAX_ERROR_PX, WEIGHT_OF_FAR, 1.0)
+    """Logistic regression of whether a pair is off by `WRONG_PX`, and least squares of the logarithm of its error."""
+    wrong, ridge = (errors_px > WRONG_PX).astype(float), np.ones(steps.shape[1])
     ridge[-1] = 0
 
     def loss(fit: Array) -> tuple[float, Array]:
         odds = steps @ fit
-        value = np.sum(weight * (np.logaddexp(0, odds) - wrong * odds)) + RIDGE_OF_ODDS * np.sum(ridge * fit**2) / 2
-        return float(value), steps.T @ (weight * (1 / (1 + np.exp(-odds)) - wrong)) + RIDGE_OF_ODDS * ridge * fit
+        value = np.sum(np.logaddexp(0, odds) - wrong * odds) + RIDGE_OF_ODDS * np.sum(ridge * fit**2) / 2
+        return float(value), steps.T @ (1 / (1 + np.exp(-odds)) - wrong) + RIDGE_OF_ODDS * ridge * fit
 
     most = [0.0] * (len(ridge) - 1) + [np.inf]
     bounds = [(None, limit) for limit in most]
@@ -236,7 +232,7 @@ def main(
     report(f"{len(pairs)} pairs, each judged by others", verdict_rows(doubt, predicted_px, errors_px), json_file)
     report("the same by group", group_rows(pairs, doubt, predicted_px), groups_file)
     for pair, chance, px in zip(pairs, doubt, predicted_px, strict=True):
-        if pair.error_px > MAX_ERROR_PX and chance <= MAX_DOUBT:
+        if pair.error_px > WRONG_PX and chance <= MAX_DOUBT:
             print(f"not refused: {pair.group}, {pair.error_px:.1f} px off, doubt {chance:.2f}, predicted {px:.1f} px")
     if write:
         write_table(pairs, steps, errors_px, [*sets, *flights])

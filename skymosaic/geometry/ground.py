@@ -125,20 +125,6 @@ class GroundAgreement:
         return float(np.count_nonzero(self.agreeing)) / self.blocks
 
     @property
-    def false_alarms(self) -> float:
-        """Decimal logarithm of how improbable it is that so many blocks agree by chance, as one in nine does; positive.
-
-        The binomial tail by its bound (Hoeffding 1963), as a contrario methods take it (Desolneux and others 2000).
-        """
-        by_chance, share = 1 / 9, float(np.count_nonzero(self.agreeing)) / max(self.blocks, 1)
-        if share <= by_chance:
-            return 0.0
-        entropy = share * np.log10(share / by_chance)
-        if share < 1:
-            entropy += (1 - share) * np.log10((1 - share) / (1 - by_chance))
-        return float(self.blocks * entropy)
-
-    @property
     def required(self) -> float:
         """Share that must agree, at least; 0 and less where the camera moved too far for that to tell anything."""
         return STILL_SHARE - SHARE_PER_SIDE * self.motion
@@ -159,20 +145,38 @@ def measure_agreement(left: Sight, right: Sight, homography: Matrix, explained: 
 
     Blocks (rows, columns) that are ``explained`` otherwise do not vote.
     """
-    coarse = count_agreeing(COARSE_SIDE_PX, left, right, homography, explained)
+    coarse = count_agreeing(lay_over(COARSE_SIDE_PX, left, right, homography), explained)
     if explained is not None or (coarse.tells and coarse.share < coarse.required - DOUBT):
         return coarse
     sides = [COARSEST_SIDE_PX] * (coarse.motion < STILL) + [FINE_SIDE_PX] * (coarse.tells and not coarse.suffices)
-    others = [count_agreeing(side, left, right, homography) for side in sides]
+    others = [count_agreeing(lay_over(side, left, right, homography)) for side in sides]
     decisive = min((other for other in others if other.tells), key=lambda other: other.share, default=coarse)
     return coarse if coarse.suffices and decisive.suffices else replace(coarse, decisive=decisive)
 
 
-def count_agreeing(
-    side_px: int, left: Sight, right: Sight, homography: Matrix, explained: Mask | None = None
-) -> GroundAgreement:
+class Overlay(NamedTuple):
+    """Two pictures reduced to a longer side and band-passed, on the left one's pixels, and left to right."""
+
+    side_px: int
+    own: Float32
+    other: Float32
+    shown: Pixels
+    """255 where both show ground."""
+    to_right: Matrix
+
+
+def lay_over(side_px: int, left: Sight, right: Sight, homography: Matrix) -> Overlay:
+    """Lay the right picture over the left one, by a homography (3, 3) between working images."""
+    left, right = left.reduced(side_px), right.reduced(side_px)
+    to_right = np.asarray(np.linalg.inv(right.to_working) @ homography @ left.to_working)
+    warped = warp_reflected(right.pixels, to_right, left.size)
+    own, other = band_pass(left.pixels, LIGHT_PX), band_pass(warped, LIGHT_PX)
+    return Overlay(side_px, own, other, _mask_common(left, right, to_right), to_right)
+
+
+def count_agreeing(overlay: Overlay, explained: Mask | None = None) -> GroundAgreement:
     """`measure_agreement` in pictures of one size; of the finest ones, a quarter of the blocks is asked."""
-    own, other, shown, to_right = _lay_over(side_px, left, right, homography)
+    side_px, own, other, shown, to_right = overlay
     blocks = tuple(slice(0, side // BLOCK_PX * BLOCK_PX, BLOCK_PX) for side in own.shape)
     common = cv2.blur(shown, (BLOCK_PX, BLOCK_PX), anchor=(0, 0))[blocks] > 250
     if side_px == FINE_SIDE_PX:
@@ -186,15 +190,6 @@ def count_agreeing(
     agreeing[votes] = _fit_best_here(own, other, votes)
     covered = float(np.count_nonzero(agreeing)) / max(int(np.count_nonzero(common)), 1)
     return GroundAgreement(agreeing, int(np.count_nonzero(votes)), _motion(to_right, own.shape[::-1]), covered)
-
-
-def _lay_over(side_px: int, left: Sight, right: Sight, homography: Matrix) -> tuple[Float32, Float32, Pixels, Matrix]:
-    """Both pictures reduced and band-passed, on the left one's pixels, where both show ground, and left to right."""
-    left, right = left.reduced(side_px), right.reduced(side_px)
-    to_right = np.asarray(np.linalg.inv(right.to_working) @ homography @ left.to_working)
-    warped = warp_reflected(right.pixels, to_right, left.size)
-    own, other = band_pass(left.pixels, LIGHT_PX), band_pass(warped, LIGHT_PX)
-    return own, other, _mask_common(left, right, to_right), to_right
 
 
 def _mask_common(left: Sight, right: Sight, to_right: Matrix) -> Pixels:
@@ -260,16 +255,18 @@ def _fit_best_here(own: Float32, other: Float32, votes: Mask) -> Mask:
     return np.asarray((np.abs(best - SEARCH_PX) <= NEAR_PX).all(axis=0))
 
 
-def measure_rival(left: Sight, right: Sight, homography: Matrix) -> float:
+def measure_rival(overlay: Overlay) -> float:
     """How well the overlap correlates at its best place elsewhere, as a share of how well it does where it is.
 
-    Only places where half of the overlap still lies on itself count, in pictures of 160 px. Photographs of ground reach
+    Only places where half of the overlap still lies on itself count. In pictures of 160 px, photographs of ground reach
     0.7; where it repeats itself so far that nothing tells a place from the next, as in an empty form, 0.99 and more.
     """
-    own, other, mask, _ = _lay_over(COARSE_SIDE_PX, left, right, homography)
-    shown = (mask > 0).astype(np.float32)
-    own, other = own * shown, other * shown
-    size = [cv2.getOptimalDFTSize(2 * side) for side in shown.shape]
+    x, y, width, height = cv2.boundingRect(overlay.shown)
+    box = slice(y, y + height), slice(x, x + width)
+    shown = (overlay.shown[box] > 0).astype(np.float32)
+    own, other = overlay.own[box] * shown, overlay.other[box] * shown
+    # What is moved by half of the box, along either axis, leaves half of the overlap, or less.
+    size = [cv2.getOptimalDFTSize(side + side // 2 + 1) for side in shown.shape]
     one, two, one_energy, two_energy, common = (
         np.fft.rfft2(each, size) for each in (own, other, own * own, other * other, shown)
     )
@@ -278,8 +275,8 @@ def measure_rival(left: Sight, right: Sight, homography: Matrix) -> float:
     # Where nothing varies, only rounding correlates.
     alike = np.abs(both) / np.sqrt(np.maximum(own_energy * other_energy, 1e-3))
     alike[count < count[0, 0] / 2] = 0
-    y, x = (np.abs(np.fft.fftfreq(side, 1 / side)) for side in size)
-    elsewhere = float(alike[np.maximum(y[:, None], x) > ELSEWHERE_PX].max(initial=0))
+    down, along = (np.abs(np.fft.fftfreq(side, 1 / side)) for side in size)
+    elsewhere = float(alike[np.maximum(down[:, None], along) > ELSEWHERE_PX].max(initial=0))
     # Under a display or over cars, little correlates anywhere.
     return elsewhere / float(alike[0, 0]) if elsewhere >= ALIKE else 0.0
 

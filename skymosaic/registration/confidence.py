@@ -17,14 +17,14 @@ import numpy as np
 from golden_model.arrays import Array, Matrix, Points
 from skymosaic.common.brief import brief
 from skymosaic.common.errors import InputError
-from skymosaic.geometry.ground import SIDES_PX, STILL, Sight, count_agreeing, measure_rival
+from skymosaic.geometry.ground import SIDES_PX, STILL, Sight, count_agreeing, lay_over, measure_rival
 from skymosaic.geometry.uncertainty import FitQuality, assess_fit
 
 TABLE = Path(__file__).with_name("confidence.json")
 FORMAT = 1
 GOOD_PX, POOR_PX = 2.0, 5.0
 """A pair is good below the first predicted error, and poor from the second on."""
-MAX_DOUBT_OF_GOOD, MAX_DOUBT = 0.03, 0.7
+MAX_DOUBT_OF_GOOD, MAX_DOUBT = 0.01, 0.1
 """Doubt up to which a pair may be good, and above which it is refused."""
 CAUSES = "mask what moves with it (display, border, dirt); or water or cars move, or nothing overlaps"
 
@@ -39,8 +39,6 @@ class Evidence(FitQuality):
         Mean motion of the picture's corners, as a share of its longer side.
     ground_share : float
         Share of the ground that agrees, of what can tell, in pictures of 480 px; a half where too little can.
-    ground_false_alarms : float
-        Decimal logarithm of how improbable it is that so many agree by chance, positive.
     ground_lack : float
         How much more of the ground a camera that moved so far should see agree; 0 where enough agrees. What cannot tell
         counts as well where the camera stood still: a display over nothing looks like lamps at night.
@@ -50,7 +48,6 @@ class Evidence(FitQuality):
 
     motion: float
     ground_share: float
-    ground_false_alarms: float
     ground_lack: float
     rival: float
 
@@ -68,7 +65,7 @@ class Confidence:
     predicted_px : float
         Mean error over the overlap that nine of ten such pairs stay below, px of the working images.
     doubt : float
-        Probability of more than 5 px, 0 to 1, in which what is off by more than 30 px counts five times.
+        Probability that the pair is more than 20 px off, 0 to 1.
     evidence : Evidence
     """
 
@@ -102,16 +99,16 @@ def measure_evidence(sights: tuple[Sight, Sight], homography: Matrix, left: Poin
         The kept matches, including wrong ones, working px.
     """
     quality = assess_fit(homography, left, right, *(sight.size for sight in sights))
-    counts = [count_agreeing(side_px, *sights, homography) for side_px in SIDES_PX]
+    overlays = [lay_over(side_px, *sights, homography) for side_px in SIDES_PX]
+    counts = [count_agreeing(overlay) for overlay in overlays]
     finest = counts[-1]
     shares = [count.share for count in counts] + [finest.covered] * (finest.motion < STILL)
     return Evidence(
         **asdict(quality),
         motion=finest.motion,
         ground_share=finest.share if finest.tells else 0.5,
-        ground_false_alarms=finest.false_alarms,
         ground_lack=max(finest.required - min(shares), 0.0),
-        rival=measure_rival(*sights, homography),
+        rival=measure_rival(overlays[1]),
     )
 
 
@@ -201,11 +198,11 @@ def _tell_motion(evidence: Evidence) -> str:
 
 _WORDS: dict[str, Callable[[Evidence], str]] = {
     "held_out_share": _tell_held_out,
+    "inliers": lambda evidence: f"inliers at {evidence.inliers} places",
     "hull_share": lambda evidence: f"inliers cover {100 * evidence.hull_share:.0f} % of the overlap",
     "motion": _tell_motion,
     "ground_share": _tell_ground,
-    "ground_false_alarms": _tell_ground,
     "ground_lack": _tell_lack,
-    "rival": lambda evidence: f"the ground repeats itself: it fits elsewhere {100 * evidence.rival:.0f} % as well",
+    "rival": lambda evidence: f"the ground repeats itself: it fits elsewhere {evidence.rival:.2f} times as well",
 }
 """The evidence in words, by the input of the table."""
