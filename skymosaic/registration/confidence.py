@@ -24,7 +24,7 @@ TABLE = Path(__file__).with_name("confidence.json")
 FORMAT = 1
 GOOD_PX, POOR_PX = 2.0, 5.0
 """A pair is good below the first predicted error, and poor from the second on."""
-MAX_DOUBT_OF_GOOD, MAX_DOUBT = 0.01, 0.1
+MAX_DOUBT_OF_GOOD, MAX_DOUBT = 0.01, 0.12
 """Doubt up to which a pair may be good, and above which it is refused."""
 CAUSES = "mask what moves with it (display, border, dirt); or water or cars move, or nothing overlaps"
 
@@ -129,14 +129,15 @@ class Table(NamedTuple):
     """Sums of `log_error`, rising, and the predicted error of each, px."""
 
     def predict(self, evidence: Evidence) -> tuple[float, float, str]:
-        """Doubt, predicted error in px, and the input that raises the doubt most over its best."""
+        """Doubt, predicted error in px, and the cause: what raises them most over its best."""
         odds, error, worst, cause = self.log_odds, 0.0, -1.0, ""
         for name, (at, log_odds, log_error) in self.inputs.items():
             value = getattr(evidence, name)
             costs, errors = (float(np.interp(value, at, each)) for each in (log_odds, log_error))
             odds, error = odds + costs, error + errors
             loss = costs - float(log_odds.min()) + errors - float(log_error.min())
-            worst, cause = max((worst, cause), (loss, name))
+            if name in _WORDS:
+                worst, cause = max((worst, cause), (loss, name))
         return float(1 / (1 + np.exp(-odds))), float(np.interp(error, *self.errors)), cause
 
 
@@ -198,11 +199,10 @@ def _tell_motion(evidence: Evidence) -> str:
 
 _WORDS: dict[str, Callable[[Evidence], str]] = {
     "held_out_share": _tell_held_out,
-    "inliers": lambda evidence: f"inliers at {evidence.inliers} places",
     "hull_share": lambda evidence: f"inliers cover {100 * evidence.hull_share:.0f} % of the overlap",
     "motion": _tell_motion,
     "ground_share": _tell_ground,
     "ground_lack": _tell_lack,
     "rival": lambda evidence: f"the ground repeats itself: it fits elsewhere {evidence.rival:.2f} times as well",
 }
-"""The evidence in words, by the input of the table."""
+"""The evidence in words, by the input of the table. Of inliers there could always be more; they are counted anyway."""

@@ -8,12 +8,19 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from scipy import stats
 
 from golden_model.arrays import Pixels
 from skymosaic import register
 from skymosaic.geometry import ground as module
-from skymosaic.geometry.ground import GroundAgreement, LeftOut, Sight, find_ground, measure_agreement, measure_rival
+from skymosaic.geometry.ground import (
+    GroundAgreement,
+    LeftOut,
+    Sight,
+    find_ground,
+    lay_over,
+    measure_agreement,
+    measure_rival,
+)
 from skymosaic.geometry.homography import apply
 from tests.skymosaic.geometry.covered import (
     SIZE,
@@ -38,7 +45,7 @@ def sites() -> list[np.ndarray]:
 def test_what_stands_still_joins_no_different_places(sites: list[Pixels], cover: Callable[..., Any]) -> None:
     pair = register(cover(sites[0]), cover(sites[1]))
     assert not pair.accepted
-    assert "of the ground" in pair.reason
+    assert re.search("% of the (ground|overlap)", pair.reason)
 
 
 @pytest.mark.parametrize("cover", [with_display, with_dirt])
@@ -93,10 +100,8 @@ def test_a_camera_that_hovers_sees_the_ground() -> None:
     assert not pair.right.notes
 
 
-@pytest.mark.parametrize("other", [0, 1])
-def test_where_nothing_has_moved_a_watermark_may_be_what_agrees(sites: list[Pixels], other: int) -> None:
-    """Of two places as of one: the picture does not tell them apart."""
-    hazy = (np.asarray(80 + 0.3 * sites[n].astype(np.float64), np.uint8) for n in (0, other))
+def test_where_nothing_has_moved_a_watermark_may_be_what_agrees(sites: list[Pixels]) -> None:
+    hazy = (np.asarray(80 + 0.3 * site.astype(np.float64), np.uint8) for site in sites[:2])
     left, right = (with_watermarks(image) for image in hazy)
     refused, pair = (register(left, right, accept_poor=accept_poor) for accept_poor in (False, True))
     assert not refused.accepted
@@ -139,14 +144,13 @@ def test_water_below_a_camera_that_hovers_is_refused_with_the_shares_and_deliver
     assert delivered.confidence.reason in refused.reason
 
 
-def test_a_shore_below_a_camera_that_hovers_is_delivered_but_not_good(sites: list[Pixels]) -> None:
+def test_a_shore_below_a_camera_that_hovers_is_delivered(sites: list[Pixels]) -> None:
     later = seen(ground(5), 304, 203)
     later[:, 390:] = sites[1][:, 390:]
     pair = register(sites[0], later)
     assert pair.homography == pytest.approx(np.array([[1, 0, -4], [0, 1, -3], [0, 0, 1]]), abs=0.1)
-    assert pair.confidence is not None
-    assert pair.confidence.verdict == "check"
-    assert 0 < pair.confidence.evidence.ground_lack < 0.2
+    assert pair.evidence is not None
+    assert 0 < pair.evidence.ground_lack < 0.2
 
 
 def test_what_a_mask_hides_does_not_vote(sites: list[Pixels]) -> None:
@@ -239,15 +243,6 @@ def test_how_much_must_agree(agreement: GroundAgreement, judged: str) -> None:
     assert [word for word, holds in words.items() if holds] == judged.split()
 
 
-@pytest.mark.parametrize(("agree", "blocks"), [(5, 5), (12, 30), (20, 100), (60, 100), (11, 100), (0, 0)])
-def test_false_alarms_are_never_fewer_than_by_the_binomial_tail(agree: int, blocks: int) -> None:
-    counted = GroundAgreement(np.arange(max(blocks, 1))[None] < agree, blocks, 0.1, 1.0).false_alarms
-    exact = -stats.binom.logsf(agree - 1, blocks, 1 / 9) / np.log(10) if blocks else 0
-    assert counted <= exact + 1e-9
-    assert counted == pytest.approx(exact, rel=0.2, abs=1.5)
-    assert (counted > 0) == (agree > blocks / 9)
-
-
 @pytest.mark.parametrize(
     ("found", "asked", "decisive"),
     [
@@ -267,9 +262,9 @@ def test_other_sizes_decide_where_the_camera_stood_still_or_there_is_a_doubt(
 ) -> None:
     sizes, sight, (coarse, *_) = list[int](), Sight(np.zeros((4, 4), np.uint8)), found
 
-    def count(side_px: int, *_: Any) -> GroundAgreement:
-        sizes.append(side_px)
-        return found[(160, 80, 480).index(side_px)]
+    def count(overlay: module.Overlay, *_: Any) -> GroundAgreement:
+        sizes.append(overlay.side_px)
+        return found[(160, 80, 480).index(overlay.side_px)]
 
     monkeypatch.setattr(module, "count_agreeing", count)
     agreement = measure_agreement(sight, sight, np.eye(3))
@@ -288,7 +283,7 @@ def test_a_form_fits_elsewhere_unless_it_is_filled_in(written: int) -> None:
         cv2.putText(form, str(rng.integers(10**6)), rng.integers(60, 1400, 2).tolist(), 0, 1.2, 40, 3)
     left, right = form[:, :800], form[:, 290:1090]
     shift = np.array([[1.0, 0, -290], [0, 1, 0], [0, 0, 1]])
-    assert (measure_rival(Sight(left), Sight(right), shift) >= 0.98) == (not written)
+    assert (measure_rival(lay_over(160, Sight(left), Sight(right), shift)) >= 0.98) == (not written)
 
 
 def test_what_fits_as_well_elsewhere_is_refused_and_delivered_as_poor(sites: list[Pixels]) -> None:
@@ -297,7 +292,7 @@ def test_what_fits_as_well_elsewhere_is_refused_and_delivered_as_poor(sites: lis
     refused, delivered = (register(left, right, accept_poor=accept_poor) for accept_poor in (False, True))
     assert not refused.accepted
     assert delivered.confidence is None or delivered.confidence.verdict == "poor"
-    assert measure_rival(Sight(sites[0]), Sight(sites[0]), np.eye(3)) < 0.9
+    assert measure_rival(lay_over(160, Sight(sites[0]), Sight(sites[0]), np.eye(3))) < 0.9
 
 
 @pytest.mark.parametrize(
