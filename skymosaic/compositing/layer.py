@@ -19,6 +19,10 @@ from skymosaic.imagery.parcel import Parcel
 
 MIN_WEIGHT = 1e-3
 """Weight of a pixel on the image's own border, so that it counts where no other image covers the pixel."""
+NEARLY_BLACK, NEARLY_WHITE = 1, 254
+CLIPPED_CLAIM, CLIPPED_PX, MAX_CLIPPED = 0.01, 9, 0.25
+"""What is left of the claim around which, within so many pixels, more than the third share is white in a channel, or
+black in all of them, or nearly: the ground there was not photographed. Less is glints and shadows."""
 BEYOND = cv2.BORDER_REPLICATE
 FINE_BLOCK_PX, FINE_REACH_PX = 32, 8
 """Fine detail is computed in blocks of this side, and this far beyond what is shown, as far as the finest two bands
@@ -135,13 +139,14 @@ class Layer:
         return np.where(inside, np.maximum(plus_one - 1, MIN_WEIGHT), 0).astype(np.float32)
 
     def claim(self, part: Canvas) -> Float32:
-        """Claim to each pixel, by the seams or else by detail and the distance from the border; 0 outside.
+        """Claim to each pixel, by the seams or else by detail, clipping and the distance from the border; 0 outside.
 
         The layer with the largest claim shows the pixel. Where an image shows the ground with twice the resolution of
         another one, it needs half the distance.
         """
         if self.seam is None:
-            return self.border_distance(part) * self._detail(part) * np.float32(self.favour)
+            claim = self.border_distance(part) * self._detail(part) * np.float32(self.favour)
+            return claim if self._clipped is None else claim * self._warp_window(self._unclipped_part, part)
         # Pixels between two masks and beyond the last one have no owner, so any image that covers them may show them.
         share = np.maximum(self.seam.share(part), 1)
         covered = np.asarray(self._warp_window(self._visible_part, part) == 255) & self._is_near(part)
@@ -161,6 +166,22 @@ class Layer:
         if self.visible is None:
             return np.full((source.height_px, source.width_px), 255, np.uint8)
         return self.visible[source.within(Canvas(0, 0, *self.size))]
+
+    @cached_property
+    def _clipped(self) -> Mask | None:
+        """(H, W): where much around is clipped; None where nothing is, or where 16 bits do not say where they end."""
+        if self.image.dtype != np.uint8:
+            return None
+        brightest = self.image.reshape(*self.image.shape[:2], -1).max(axis=2)
+        outside = ((brightest >= NEARLY_WHITE) | (brightest <= NEARLY_BLACK)).astype(np.float32)
+        clipped = cv2.blur(outside, (CLIPPED_PX, CLIPPED_PX)) > MAX_CLIPPED
+        return np.asarray(clipped) if clipped.any() else None
+
+    def _unclipped_part(self, source: Canvas) -> Float32:
+        """What the claim is multiplied by, in a window of the image."""
+        clipped = self._clipped
+        assert clipped is not None
+        return np.where(clipped[source.within(Canvas(0, 0, *self.size))], CLIPPED_CLAIM, 1).astype(np.float32)
 
     def _is_near(self, part: Canvas) -> Mask:
         """Where the ground is near enough to be shown."""

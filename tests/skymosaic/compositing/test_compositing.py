@@ -37,6 +37,22 @@ def test_the_finer_of_two_photographs_shows_all_but_its_margin() -> None:
     assert ((fine.claim(part) >= alike) == (fine.border_distance(part) >= alike)).all()
 
 
+@pytest.mark.parametrize(
+    ("value", "side_px", "lost"),
+    [(255, 8, True), (254, 8, True), (253, 8, False), (1, 8, True), (2, 8, False), (255, 3, False)],
+)
+def test_what_is_clipped_hardly_claims_its_ground(value: int, side_px: int, lost: bool) -> None:
+    image = np.full((60, 80, 3), 90, np.uint8)
+    # White in one channel is enough, of black all are.
+    image[30 : 30 + side_px, 40 : 40 + side_px, 1 if value > 90 else slice(None)] = value
+    layers = Layer(image, np.eye(3)), Layer(np.full_like(image, 90), np.eye(3))
+    clipped, whole = (layer.claim(Canvas(0, 0, 80, 60))[1:-1, 1:-1] for layer in layers)
+    share = clipped / whole
+    assert share[30, 40] == pytest.approx(0.01 if lost else 1, rel=0.01)
+    assert share[10, 10] == pytest.approx(1)
+    assert (share > 0).all()
+
+
 @pytest.mark.parametrize("with_seam", [False, True])
 def test_a_mask_and_the_border_bend_with_the_photograph(with_seam: bool) -> None:
     image = np.tile(np.arange(200, dtype=np.uint8), (150, 1))
