@@ -26,7 +26,7 @@ class Place:
     degrees: Points
     """Longitudes and latitudes (N, 2); of a polygon counter-clockwise, and the last repeats the first."""
     properties: Mapping[str, object] = field(default_factory=dict)
-    """Further facts, for GeoJSON."""
+    """Further facts."""
 
 
 def write_places(path: Path, title: str, places: Sequence[Place]) -> None:
@@ -53,6 +53,9 @@ def _kml(title: str, places: Sequence[Place]) -> bytes:
     for place in places:
         mark = XmlTree.SubElement(document, "Placemark")
         XmlTree.SubElement(mark, "name").text = one_line(place.name)
+        data = XmlTree.SubElement(mark, "ExtendedData")
+        for name, value in place.properties.items():
+            XmlTree.SubElement(XmlTree.SubElement(data, "Data", name=name), "value").text = one_line(str(value))
         element: XmlTree.Element = mark
         around = ("outerBoundaryIs", "LinearRing") if place.kind == "Polygon" else ()
         for tag in (place.kind, *around, "coordinates"):

@@ -3,6 +3,7 @@
 import contextlib
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from golden_model.arrays import Points
@@ -25,7 +26,8 @@ def write_footprints(path: Path, delivery: Delivery) -> None:
     for name, corners in zip(names, outline_photographs(composition), strict=True):
         # GeoJSON asks for closed rings, counter-clockwise.
         ring = apply(on_map.to_map, np.concatenate([corners, corners[:1]])[::-1])
-        places.append(Place(name, "Polygon", map_to_globe(ring, on_map.crs)))
+        area_m2 = cv2.contourArea(np.float32(ring - ring[0]))
+        places.append(Place(name, "Polygon", map_to_globe(ring, on_map.crs), {"area_m2": round(area_m2, 2)}))
     for suffix in SUFFIXES:
         write_places(path.with_suffix(suffix), delivery.path.name, places)
 

@@ -34,6 +34,8 @@ def test_gps_puts_the_mosaic_on_the_map(flight: Flight, tmp_path: Path) -> None:
     assert 0 < found["residual_m"] < 0.6
     outlines = json.loads((tmp_path / "r" / "footprints_1.geojson").read_text())["features"]
     assert [feature["properties"]["name"] for feature in outlines] == [f"{index}.jpg" for index in range(IMAGES)]
+    areas_m2 = [feature["properties"]["area_m2"] for feature in outlines]
+    assert np.median(areas_m2) == pytest.approx(SIZE[0] * SIZE[1] * metres_per_pixel**2, rel=0.1)
     (ring,) = outlines[0]["geometry"]["coordinates"]
     np.testing.assert_allclose(ring[0], [-92, 46], atol=2e-3)
     assert (tmp_path / "r" / "footprints_1.kml").read_text().count("<Placemark>") == IMAGES

@@ -47,9 +47,11 @@ def test_names_that_are_no_text_are_shown_and_written(tmp_path: Path) -> None:
     shown = (tmp_path / "index.html").read_text(encoding="utf-8")
     assert "\\udcff\\x1b[31m&lt;b&gt;&amp;\\x00.jpg" in shown
     assert json.loads((tmp_path / "report.json").read_bytes())["name"] == NAME
-    write_places(tmp_path / "p.kml", NAME, [Place(NAME, "Polygon", np.zeros((5, 2)))])
+    write_places(tmp_path / "p.kml", NAME, [Place(NAME, "Polygon", np.zeros((5, 2)), {"reason": NAME, "area_m2": 2.5})])
     kml = XmlTree.fromstring((tmp_path / "p.kml").read_bytes())
     assert [each.text for each in kml.iter() if each.tag.endswith("name")] == ["a\\udcff\\x1b[31m<b>&\\x00.jpg"] * 2
+    facts = {each.get("name"): each[0].text for each in kml.iter() if each.tag.endswith("}Data")}
+    assert facts == {"reason": "a\\udcff\\x1b[31m<b>&\\x00.jpg", "area_m2": "2.5"}
 
 
 def test_values_are_escaped_once_also_in_macros(tmp_path: Path) -> None:
