@@ -1,7 +1,7 @@
 """Registers a pair of overlapping photographs: features, matches, homography, or why it failed."""
 
-import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Unpack
@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING, NamedTuple, Unpack
 import numpy as np
 
 from golden_model.arrays import Mask, Matrix, Pixels, Points, Records
-from golden_model.config import MIN_FRAME_PX, Config
-from golden_model.matching.matcher import match
+from golden_model.config import MIN_FRAME_PX
 from sim.backends.interface import Backend, Progress, silent
 from skymosaic.common.options import choose_options, list_options
 from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.features.contrast import even_contrast, find_pattern, share_pattern
-from skymosaic.features.frames import DescribedImage
 from skymosaic.features.given_matches import Given, GivenMatches
-from skymosaic.features.positions import are_on_ground, match_points
-from skymosaic.geometry.estimators import FABRIC, estimate, fabric
+from skymosaic.features.methods import Method
+from skymosaic.features.positions import match_points
+from skymosaic.geometry.estimators import estimate
 from skymosaic.geometry.ground import (
     MOVES_WITH_CAMERA,
     RIVAL_SHARE,
@@ -27,11 +26,12 @@ from skymosaic.geometry.ground import (
     Sight,
     find_ground,
 )
-from skymosaic.imagery.images import Photograph, load, reduce_for_front_end, reduce_to_width
+from skymosaic.imagery.images import Photograph, load, reduce_to_width
 from skymosaic.imagery.lens import Lens
 from skymosaic.registration.dense import refit_pair
 from skymosaic.registration.display import DELIVER, look_behind_display
-from skymosaic.registration.extraction import Features, extract_within_capacity, share_features
+from skymosaic.registration.extraction import Features, share_features
+from skymosaic.registration.first_pass import FirstPass, Sides, match_first, prepare, take_given
 from skymosaic.registration.options import RegistrationOptions
 from skymosaic.registration.pair import Pair, map_to_originals
 from skymosaic.registration.passes import PooledMatches, Search, SearchState, explain_refusal
@@ -126,35 +126,89 @@ def register_photographs(
     method, config = options.choose_method() if given is None else options.choose_given()
     effort = options.choose_effort(method)
     front_end = options.open_backend(method, progress)
-    (left, to_left), (right, to_right) = (
-        [reduce_for_front_end(each.pixels, options.working_width_px, each.name) for each in photographs]
-        if features is None
-        else [(each.working.image, each.to_original) for each in features]
-    )
-    masks = _mask(lens, left, photographs[0]), _mask(lens, right, photographs[1])
-    masked = any(mask is not None for mask in masks)
-    if given is None:
-        first = _match_first(front_end, (left, right), config, options, features=features, masked=masked)
-    else:
-        lenses = ((lens or Lens()).turned(each.orientation) for each in photographs)
-        sides = zip((each.size for each in photographs), (to_left, to_right), lenses, strict=True)
-        first = _FirstPass(*given.records(config.front_end.pattern.record.dtype, list(sides)), config)
+    sides = prepare(photographs, options, lens or Lens(), features)
+    by_user = None if given is None else take_given(given, sides, config)
+    first = by_user or match_first(front_end, sides, config, options)
     clock.lap("features and matches")
-    shared = None if features is None else (features[0].working, features[1].working)
-    state, agreement, left_out = _search(
-        first, front_end, (left, right), options, effort=effort, masks=masks, shared=shared
-    )
+    found = _search(front_end, sides, first, options, effort)
+    pair = _make_pair(sides, first, found, options, method=method, effort=effort, seconds=clock.seconds)
+    clock.lap("homography")
+    pair = look_behind_display(pair, first.matches, accept_poor=options.accept_poor)
+    pair = _settle(pair, options, partial(sides.show_ground, found.left_out))
+    clock.lap("refinement")
+    in_doubt = not (pair.accepted and found.is_ground)
+    large = min(sides.images[0].shape[:2]) >= 2 * MIN_FRAME_PX
+    if given is None and in_doubt and large and share_pattern(*pair.working):
+        return _register_without_pattern(pair, options, lens, progress)
+    return pair
+
+
+class _Found(NamedTuple):
+    """Where the search ended: a homography or none, how much of the ground agrees, and what was rejected."""
+
+    state: SearchState
+    agreement: GroundAgreement | None
+    left_out: LeftOut
+
+    @property
+    def is_ground(self) -> bool:
+        """Whether the ground does not disagree."""
+        return self.agreement is None or self.agreement.suffices
+
+
+def _search(front_end: Backend, sides: Sides, first: FirstPass, options: RegistrationOptions, effort: str) -> _Found:
+    """Search, and again without what moves with the camera, where that is all that was found."""
+    # One generator for all passes: a result depends on the seed alone.
+    rng, shared = np.random.default_rng(options.seed), None
+    if sides.features is not None:
+        shared = sides.features[0].working, sides.features[1].working
+
+    def search(left_out: LeftOut) -> tuple[SearchState, Matrix | None, tuple[Points, Points]]:
+        def remove(matches: Records) -> Records:
+            shown: Records = matches[sides.show_ground(left_out, *match_points(matches))]
+            return shown
+
+        passes = Search(front_end, sides.images, first.config, rng, remove, shared=shared)
+        matches = remove(first.matches)
+        left, right = match_points(matches)
+        weight, verified = matches["weight"].astype(np.float64), matches["verdict"] == 1
+        height, width = sides.images[1].shape[:2]
+        record = None if left_out.rejected else first.homography
+        # By any of the estimators; further passes are for PROSAC alone.
+        found = estimate(options.estimator, left, right, weight, verified, size=(width, height), rng=rng, record=record)
+        state = passes.run(effort, passes.accept(PooledMatches(first.features, matches), *found, passes=1))
+        return state, state.homography, state.inlier_points
+
+    def see(state: SearchState) -> tuple[Sight, Sight]:
+        left, right = sides.images
+        return Sight(left, sides.masks[0]), Sight(~right if state.inverted else right, sides.masks[1])
+
+    found = _Found(*find_ground(search, see))
     # Without a rival, what was rejected is what there is.
-    if agreement is None or not agreement.suffices:
-        left_out = LeftOut()
-    notes = [MOVES_WITH_CAMERA] if left_out.rejected else []
-    homography = None if state.homography is None else map_to_originals(state.homography, (to_left, to_right))
-    pair = Pair(
-        left=photographs[0],
-        right=_with_notes(photographs, (left, right), [*notes, INVERTED_NOTE] if state.inverted else notes),
-        to_original=(to_left, to_right),
+    return found if found.agreement and found.is_ground else found._replace(left_out=LeftOut())
+
+
+def _make_pair(
+    sides: Sides,
+    first: FirstPass,
+    found: _Found,
+    options: RegistrationOptions,
+    *,
+    method: Method,
+    effort: str,
+    seconds: dict[str, float],
+) -> Pair:
+    state, (left, right) = found.state, sides.images
+    same = [f"the same picture as {sides.photographs[0].name}"] if np.array_equal(left, right) else []
+    moving = [MOVES_WITH_CAMERA] if found.left_out.rejected else []
+    notes = *sides.photographs[1].notes, *same, *moving, *([INVERTED_NOTE] if state.inverted else [])
+    homography = None if state.homography is None else map_to_originals(state.homography, sides.to_original)
+    return Pair(
+        left=sides.photographs[0],
+        right=replace(sides.photographs[1], notes=notes),
+        to_original=sides.to_original,
         working=(left, ~right if state.inverted else right),
-        visible=masks,
+        visible=sides.masks,
         features=state.pooled.features,
         matches=state.pooled.matches,
         kept=state.pooled.kept,
@@ -169,16 +223,18 @@ def register_photographs(
         passes=state.passes,
         inverted=state.inverted,
         backend=options.backend_name,
-        seconds=clock.seconds,
+        seconds=seconds,
     )
-    clock.lap("homography")
-    pair = look_behind_display(pair, first.matches, accept_poor=options.accept_poor)
-    pair = _settle(pair, options, partial(_show_ground, masks=masks, left_out=left_out))
-    clock.lap("refinement")
-    in_doubt = not pair.accepted or (agreement is not None and not agreement.suffices)
-    if given is None and in_doubt and min(left.shape[:2]) >= 2 * MIN_FRAME_PX and share_pattern(*pair.working):
-        return _register_without_pattern(pair, options, lens, progress)
-    return pair
+
+
+def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Points, Points], Mask]) -> Pair:
+    """Refit a pair whose matches or ground do not all agree; refuse what is in too much doubt."""
+    evidence = pair.evidence
+    if pair.effort != "fast" and evidence and min(evidence.held_out_share, evidence.ground_share) < FLAT_SHARE:
+        pair = refit_pair(pair, shows_ground)
+    if options.accept_poor or pair.confidence is None or not pair.confidence.is_refused:
+        return pair
+    return pair.refused(f"{pair.confidence.reason}{DELIVER}{_what_else(pair.effort)}")
 
 
 def _register_without_pattern(pair: Pair, options: RegistrationOptions, lens: Lens | None, progress: Progress) -> Pair:
@@ -188,8 +244,8 @@ def _register_without_pattern(pair: Pair, options: RegistrationOptions, lens: Le
     pattern = find_pattern((left, right))
     again = register_photographs(
         (
-            dataclasses.replace(pair.left, pixels=even_contrast(left, pattern)),
-            dataclasses.replace(pair.right, pixels=even_contrast(right, pattern)),
+            replace(pair.left, pixels=even_contrast(left, pattern)),
+            replace(pair.right, pixels=even_contrast(right, pattern)),
         ),
         options,
         seconds={"with the pattern": sum(pair.seconds.values())},
@@ -202,10 +258,10 @@ def _register_without_pattern(pair: Pair, options: RegistrationOptions, lens: Le
     if again.evidence.ground_lack > 0 or again.evidence.ground_share < RIVAL_SHARE:
         return pair
     to_original = pair.to_original[0] @ to_left, pair.to_original[1] @ to_right
-    return dataclasses.replace(
+    return replace(
         again,
         left=pair.left,
-        right=dataclasses.replace(pair.right, notes=(*pair.right.notes, MOVES_WITH_CAMERA)),
+        right=replace(pair.right, notes=(*pair.right.notes, MOVES_WITH_CAMERA)),
         to_original=to_original,
         working=(left, right),
         homography=map_to_originals(again.homography, to_original),
@@ -214,102 +270,6 @@ def _register_without_pattern(pair: Pair, options: RegistrationOptions, lens: Le
     )
 
 
-class _FirstPass(NamedTuple):
-    """Features and matches of the working images, the configuration they took, and a homography from the hardware."""
-
-    features: tuple[Records, Records]
-    matches: Records
-    config: Config
-    homography: np.void | None = None
-
-
-def _match_first(
-    front_end: Backend,
-    images: tuple[Pixels, Pixels],
-    config: Config,
-    options: RegistrationOptions,
-    *,
-    features: tuple[Features, Features] | None,
-    masked: bool,
-) -> _FirstPass:
-    """Match the working images, by the ``features`` that they may have already."""
-    # A threshold that was raised for one photograph alone is raised for both.
-    if features is not None and features[0].config.front_end == features[1].config.front_end:
-        config = dataclasses.replace(config, front_end=features[0].config.front_end)
-        records = features[0].records, features[1].records
-        return _FirstPass(records, match(*records, config.front_end.pattern, config.matcher), config)
-    # The hardware does not know what is masked.
-    if options.estimator == FABRIC and not masked:
-        config = dataclasses.replace(config, estimator=fabric.draw_config(np.random.default_rng(options.seed)))
-    # The left frame is held as the reference, so the matches come with the right one.
-    (left, right), config = extract_within_capacity(front_end, list(images), config)
-    return _FirstPass((left.features, right.features), right.matches, config, right.homography)
-
-
-def _search(
-    first: _FirstPass,
-    front_end: Backend,
-    images: tuple[Pixels, Pixels],
-    options: RegistrationOptions,
-    *,
-    effort: str,
-    masks: tuple[Pixels | None, Pixels | None],
-    shared: tuple[DescribedImage, DescribedImage] | None,
-) -> tuple[SearchState, GroundAgreement | None, LeftOut]:
-    """Search, and again without what moves with the camera, where that is all that was found."""
-    # One generator for all passes: a result depends on the seed alone.
-    rng = np.random.default_rng(options.seed)
-
-    def search(left_out: LeftOut) -> tuple[SearchState, Matrix | None, tuple[Points, Points]]:
-        def remove(matches: Records) -> Records:
-            shown: Records = matches[_show_ground(*match_points(matches), masks=masks, left_out=left_out)]
-            return shown
-
-        passes = Search(front_end, images, first.config, rng, remove, shared=shared)
-        matches = remove(first.matches)
-        left, right = match_points(matches)
-        weight, verified = matches["weight"].astype(np.float64), matches["verdict"] == 1
-        size, record = (images[1].shape[1], images[1].shape[0]), None if left_out.rejected else first.homography
-        # By any of the estimators; further passes are for PROSAC alone.
-        found = estimate(options.estimator, left, right, weight, verified, size=size, rng=rng, record=record)
-        state = passes.run(effort, passes.accept(PooledMatches(first.features, matches), *found, passes=1))
-        return state, state.homography, state.inlier_points
-
-    def see(state: SearchState) -> tuple[Sight, Sight]:
-        return Sight(images[0], masks[0]), Sight(~images[1] if state.inverted else images[1], masks[1])
-
-    return find_ground(search, see)
-
-
 def _what_else(effort: str) -> str:
     """What may help a pair that is refused."""
     return "; `effort` thorough tries more" if effort == "normal" else ""
-
-
-def _mask(lens: Lens | None, image: Pixels, photograph: Photograph) -> Pixels | None:
-    turned = (lens or Lens()).turned(photograph.orientation)
-    return turned.visible_mask((image.shape[1], image.shape[0]), photograph.visible)
-
-
-def _with_notes(
-    photographs: tuple[Photograph, Photograph], working: tuple[Pixels, Pixels], notes: Sequence[str]
-) -> Photograph:
-    """The right photograph with what is to be said of the pair."""
-    left, right = photographs
-    same = [f"the same picture as {left.name}"] if np.array_equal(*working) else []
-    return dataclasses.replace(right, notes=(*right.notes, *same, *notes))
-
-
-def _show_ground(left: Points, right: Points, *, masks: Sequence[Pixels | None], left_out: LeftOut) -> Mask:
-    """Which points (N, 2) show ground in both images: unmasked, and apart from what moves with the camera."""
-    return are_on_ground(left, masks[0]) & are_on_ground(right, masks[1]) & left_out.are_apart(left, right)
-
-
-def _settle(pair: Pair, options: RegistrationOptions, shows_ground: Callable[[Points, Points], Mask]) -> Pair:
-    """Refit a pair whose matches or ground do not all agree; refuse what is in too much doubt."""
-    evidence = pair.evidence
-    if pair.effort != "fast" and evidence and min(evidence.held_out_share, evidence.ground_share) < FLAT_SHARE:
-        pair = refit_pair(pair, shows_ground)
-    if options.accept_poor or pair.confidence is None or not pair.confidence.is_refused:
-        return pair
-    return pair.refused(f"{pair.confidence.reason}{DELIVER}{_what_else(pair.effort)}")
