@@ -66,6 +66,21 @@ class Channel:
 
 
 @dataclass(frozen=True)
+class Memory:
+    """A memory of 64-bit words behind AXI4 ports without IDs; unknown until it is written."""
+
+    base: int
+    """Its address."""
+    words: Sequence[int]
+    """What it holds in the end."""
+    bursts: int
+    """Bursts that are written until then."""
+    writers: Sequence[str]
+    readers: Sequence[str]
+    """Prefixes of the ports that write and read it."""
+
+
+@dataclass(frozen=True)
 class VerilogBench:
     """A test bench for a Verilog module."""
 
@@ -82,6 +97,7 @@ class VerilogBench:
     """Clocks of streams that do not have ``clock``, by prefix."""
     conditions: Mapping[str, str] = field(default_factory=dict)
     """Verilog expressions for inputs that wait until they are true, by prefix."""
+    memory: Memory | None = None
     clock: str = "clk"
     reset: str = "rst"
     reset_level: int = 1
@@ -92,6 +108,7 @@ class VerilogBench:
         sources, sinks = self._channels()
         files = {f"{each.name}.hex": each.words()[0] for each in (*sources, *sinks)}
         files |= {f"{each.name}_specified.hex": each.words()[1] for each in sinks}
+        files |= {"memory.hex": "".join(f"{word:016x}\n" for word in self.memory.words)} if self.memory else {}
         files[f"{self.module}_tb.v"] = self._render("testbench.v")
         return files
 

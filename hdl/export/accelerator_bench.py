@@ -1,6 +1,7 @@
 """A test bench for the exported accelerator: two small frames through its AXI ports."""
 
 import dataclasses
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +16,17 @@ from hdl.blocks.testbench import Port, VerilogBench
 from hdl.blocks.vectors import Row, packet, padded_status, sample_image
 from hdl.build import Build, pixels_per_clock
 from hdl.export.ip_xact import CLOCK, RESET
-from hdl.registers.register_map import IDENTITY, REGISTERS, register_writes
+from hdl.registers.register_map import IDENTITY, register_writes
 from hdl.registers.shell_register_map import ALL_REGISTERS
 from hdl.settings import RUNNING, estimator_settings, matched_frame_settings
 
 FRAME_PX = MIN_FRAME_PX
 SHIFT_PX = 6
 """Horizontal shift of the second frame."""
-_CONTROL = next(register.offset for register in REGISTERS if register.name == "CONTROL")
+_STARTS = [each.offset for name in ("PAINTER", "POSE_SET", "CONTROL") for each in ALL_REGISTERS if each.name == name]
+"""Registers that start something, in the order in which they are written, behind all others."""
 # Not compared: the golden model has no clock.
-_BUS, VIDEO_STREAM = "s_axi_ctrl_", "s_axis_video_t"
+BUS, VIDEO_STREAM = "s_axi_ctrl_", "s_axis_video_t"
 _CYCLES_WORD = next(offset for field, offset in FRAME_STATUS.offsets() if field.name == "cycles") // WORD_BYTES
 
 
@@ -35,15 +37,14 @@ def make_accelerator_bench(module: str, ports: dict[str, Port], build: Build) ->
     until the features fit.
     """
     frames = SampleFrames(build.config)
-    writes = list_writes(frames.config)
+    inputs, outputs = control_streams(list_writes(frames.config))
+    for name, (first, second) in frames.packets.items():
+        outputs[f"m_axis_{name}_t"] = named(f"m_axis_{name}_t", ({"keep": 0xFF, **word} for word in first + second))
     return VerilogBench(
         module=module,
         ports=ports,
-        inputs={**control_inputs(writes), VIDEO_STREAM: frames.beats(build.video_bits)},
-        outputs={
-            **control_outputs(writes),
-            **{f"m_axis_{name}_t": fill_stream(f"m_axis_{name}_t", *sent) for name, sent in frames.packets.items()},
-        },
+        inputs={**inputs, VIDEO_STREAM: frames.beats(build.video_bits)},
+        outputs=outputs,
         settings={},
         clock=CLOCK,
         reset=RESET,
@@ -67,32 +68,34 @@ class SampleFrames:
         }
         if config.estimator:
             # So few passes that a slow simulator ends, too; their clocks are known, and compared.
-            self.config = dataclasses.replace(self.config, estimator=EstimatorConfig(passes=1, min_cells=1))
-            self.packets["homographies"] = [
-                packet(frame_homography(matches, status, self.config))
+            estimator = EstimatorConfig(passes=1, min_inliers=4, min_cells=1)
+            self.config = dataclasses.replace(self.config, estimator=estimator)
+            self.homographies = [
+                frame_homography(matches, status, self.config)
                 for matches, status in zip((self.matches[:0], self.matches), self.statuses, strict=True)
             ]
+            self.packets["homographies"] = [packet(record) for record in self.homographies]
 
     def beats(self, video_bits: int) -> list[Row]:
         """The pixels of both frames."""
-        return [beat for image in self.images for beat in _split_into_beats(image, video_bits)]
+        return named(VIDEO_STREAM, [beat for each in self.images for beat in _split_into_beats(each, video_bits)])
 
 
-def control_inputs(writes: list[tuple[int, int]]) -> dict[str, list[Row]]:
-    """A read of the first register, and the writes."""
-    return {
-        f"{_BUS}aw": [{f"{_BUS}awaddr": address, f"{_BUS}awprot": 0} for address, _ in writes],
-        f"{_BUS}w": [{f"{_BUS}wdata": word, f"{_BUS}wstrb": 0xF} for _, word in writes],
-        f"{_BUS}ar": [{f"{_BUS}araddr": 0, f"{_BUS}arprot": 0}],
+def named(prefix: str, rows: Iterable[Row]) -> list[Row]:
+    """Rows with the names of the ports of a stream."""
+    return [{f"{prefix}{name}": value for name, value in row.items()} for row in rows]
+
+
+def control_streams(writes: list[tuple[int, int]]) -> tuple[dict[str, list[Row]], dict[str, list[Row]]]:
+    """A read of the first register and the writes; and the answers to them."""
+    sent = {
+        "aw": [{"awaddr": address, "awprot": 0} for address, _ in writes],
+        "w": [{"wdata": word, "wstrb": 0xF} for _, word in writes],
+        "ar": [{"araddr": 0, "arprot": 0}],
     }
-
-
-def control_outputs(writes: list[tuple[int, int]]) -> dict[str, list[Row]]:
-    """The answers to `control_inputs`."""
-    return {
-        f"{_BUS}b": [{f"{_BUS}bresp": 0}] * len(writes),
-        f"{_BUS}r": [{f"{_BUS}rdata": IDENTITY, f"{_BUS}rresp": 0}],
-    }
+    answers = {"b": [{"bresp": 0}] * len(writes), "r": [{"rdata": IDENTITY, "rresp": 0}]}
+    inputs, outputs = ({BUS + name: named(BUS, rows) for name, rows in each.items()} for each in (sent, answers))
+    return inputs, outputs
 
 
 def _extract_good_frames(config: Config, images: list[NDArray[np.uint8]]) -> tuple[Config, list[FrameFeatures]]:
@@ -111,10 +114,11 @@ def _packet(status: np.void, records: Records, **counts: int) -> list[Row]:
 
 
 def list_writes(config: Config, **others: int) -> list[tuple[int, int]]:
-    """List addresses and words of the settings and of ``others``; CONTROL comes last, because it starts everything."""
+    """List addresses and words of the settings and of ``others``; CONTROL comes last, because it starts the frames."""
     settings = matched_frame_settings(config, FRAME_PX, FRAME_PX, gray_input=True) | RUNNING
     settings |= estimator_settings(config) | others
-    return sorted(register_writes(settings, registers=ALL_REGISTERS), key=lambda write: write[0] == _CONTROL)
+    writes = register_writes(settings, registers=ALL_REGISTERS)
+    return sorted(writes, key=lambda write: _STARTS.index(write[0]) if write[0] in _STARTS else -1)
 
 
 def _split_into_beats(image: NDArray[np.uint8], video_bits: int) -> list[Row]:
@@ -122,20 +126,8 @@ def _split_into_beats(image: NDArray[np.uint8], video_bits: int) -> list[Row]:
     count = pixels_per_clock(video_bits)
     weights = 1 << np.arange(count) * (video_bits // count)
     beats = image.reshape(len(image), -1, count) @ weights
+    height, width = beats.shape
     return [
-        {
-            "s_axis_video_tdata": int(beats[y, x]),
-            "s_axis_video_tuser": int(x == y == 0),
-            "s_axis_video_tlast": int(x == beats.shape[1] - 1),
-        }
-        for y, x in np.ndindex(*beats.shape)
-    ]
-
-
-def fill_stream(prefix: str, *packets: list[Row]) -> list[Row]:
-    """Turn the words of packets into rows of an AXI4-Stream."""
-    return [
-        {f"{prefix}keep": 0xFF, **{f"{prefix}{name}": value for name, value in word.items()}}
-        for words in packets
-        for word in words
+        {"data": int(beats[y, x]), "user": int(x == y == 0), "last": int(x == width - 1)}
+        for y, x in np.ndindex(height, width)
     ]

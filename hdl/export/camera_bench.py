@@ -2,31 +2,48 @@
 
 import numpy as np
 
+from golden_model.painting.painter import Painter
+from golden_model.painting.pose import Placement, Poses, placement_of
+from golden_model.painting.tiles import MAX_TILES
 from golden_model.records import WORD_BYTES
-from hdl.axi.axi_write import BURST_BYTES, BURST_WORDS, INCREMENTING, MODIFIABLE
-from hdl.blocks.testbench import Port, VerilogBench
+from hdl.axi.axi_read import AXI_READ
+from hdl.axi.axi_write import AXI_WRITE, BURST_BYTES, BURST_WORDS, INCREMENTING, MODIFIABLE
+from hdl.blocks.testbench import Memory, Port, VerilogBench
 from hdl.blocks.vectors import Row
 from hdl.build import Build
-from hdl.export.accelerator_bench import (
-    VIDEO_STREAM,
-    SampleFrames,
-    control_inputs,
-    control_outputs,
-    list_writes,
-)  # fmt: skip
+from hdl.export.accelerator_bench import BUS, FRAME_PX, VIDEO_STREAM, SampleFrames, control_streams, list_writes, named
 from hdl.export.ip_xact import CLOCK, RESET
-from hdl.settings import MIN_SLOTS, PAGE_BYTES
+from hdl.painting.canvas_port import TILE_BURSTS
+from hdl.painting.frame_writer import frame_pages
+from hdl.settings import MIN_SLOTS, PAGE_BYTES, POSE_ELEMENTS
 from hdl.shell.painting import PORTS
 from hdl.shell.slot import HEADER, HEADER_BYTES
 
 RING_ADDRESSES = {"features": 0x1000_0000, "matches": 0x2000_0000, "homographies": 0x3000_0000}
 SLOT_PAGES = 256
+MEMORY_ADDRESS = 0x4000_0000
+"""The painter's: its canvas, and behind it the frames."""
+CANVAS_TILES = 3
+"""Its columns, and its rows."""
+FIRST_POSE = np.array([[0xFFFFFF, 0x50000, -0x14000], [-0x50000, 0xFFFFFF, -0xA000], [0, 0, 0xFFFFFF]])
+"""A turned frame, 20 px from the canvas's left border and 10 px from the upper one."""
+PAINTER_SETTINGS = {
+    "canvas_base_low": MEMORY_ADDRESS,
+    "canvas_columns": CANVAS_TILES,
+    "canvas_rows": CANVAS_TILES,
+    "frames_base_low": MEMORY_ADDRESS + CANVAS_TILES**2 * PAGE_BYTES,
+    "frames_buffer_pages": frame_pages(FRAME_PX, FRAME_PX),
+    "painter_enable": 1,
+    **{name: value & 0xFFFF_FFFF for name, value in zip(POSE_ELEMENTS, FIRST_POSE.ravel().tolist(), strict=True)},
+    "pose_set": 1,
+}
 
 
 def make_camera_bench(module: str, ports: dict[str, Port], build: Build) -> VerilogBench:
     """Make a bench for `hdl.shell.camera_top.CameraTop`: both frames come from a camera with a clock of its own.
 
-    It compares every burst that is written into the rings, and answers them. A painter stays off.
+    It compares every burst that is written into the rings, and answers them. A painter has a memory, of which canvas
+    and frames are compared in the end; the first frame's pose is the host's, the second's follows from the homography.
     """
     frames = SampleFrames(build.config)
     rings = {
@@ -34,47 +51,59 @@ def make_camera_bench(module: str, ports: dict[str, Port], build: Build) -> Veri
         for ring in frames.packets
         for name, value in (("base_low", RING_ADDRESSES[ring]), ("slots", MIN_SLOTS), ("slot_pages", SLOT_PAGES))
     }
-    writes = list_writes(frames.config, **rings)
-    words = build.record_words
-    bursts = {f"m_axi_{ring}_": _write_bursts(ring, sent, words[ring]) for ring, sent in frames.packets.items()}
+    writes = list_writes(frames.config, **rings, **(PAINTER_SETTINGS if build.painter else {}))
+    inputs, outputs = control_streams(writes)
+    conditions = {
+        # A camera does not wait until the accelerator is switched on.
+        VIDEO_STREAM: f"{BUS}b_next == {len(writes)}",
+        # After a reset the painter forgets its canvas.
+        f"{BUS}aw": f"cycle > {MAX_TILES**2 + 99}" if build.painter else "1",
+    }
+    for ring, packets in frames.packets.items():
+        prefix = f"m_axi_{ring}_"
+        addresses, words = _write_bursts(ring, packets, build.record_words[ring])
+        outputs |= {f"{prefix}aw": named(prefix, addresses), f"{prefix}w": named(prefix, words)}
+        inputs[f"{prefix}b"] = [{f"{prefix}bresp": 0}] * len(addresses)
+        sent = f"{BURST_WORDS} * {prefix}b_next + {BURST_WORDS} <= {prefix}w_next"
+        conditions[f"{prefix}b"] = f"{prefix}b_next < {prefix}aw_next && {sent}"
     return VerilogBench(
         module=module,
         ports=ports,
-        inputs={
-            **control_inputs(writes),
-            VIDEO_STREAM: frames.beats(build.video_bits),
-            **{f"{prefix}b": [{f"{prefix}bresp": 0}] * len(addresses) for prefix, (addresses, _) in bursts.items()},
-        },
-        outputs={
-            **control_outputs(writes),
-            **{f"{prefix}aw": addresses for prefix, (addresses, _) in bursts.items()},
-            **{f"{prefix}w": words for prefix, (_, words) in bursts.items()},
-        },
-        settings={
-            name: 0
-            for painters in PORTS
-            for name, port in ports.items()
-            if port.is_input and name.startswith(f"m_axi_{painters}_")
-        },
+        inputs={**inputs, VIDEO_STREAM: frames.beats(build.video_bits)},
+        outputs=outputs,
+        settings={},
         clocks={VIDEO_STREAM: "video_aclk"},
-        conditions={
-            # A camera does not wait until the accelerator is switched on.
-            VIDEO_STREAM: f"s_axi_ctrl_b_next == {len(writes)}",
-            **{
-                f"{prefix}b": f"{prefix}b_next < {prefix}aw_next"
-                f" && {BURST_WORDS} * {prefix}b_next + {BURST_WORDS} <= {prefix}w_next"
-                for prefix in bursts
-            },
-        },
+        conditions=conditions,
+        memory=_paint(frames) if build.painter else None,
         clock=CLOCK,
         reset=RESET,
         reset_level=0,
     )
 
 
+def _paint(frames: SampleFrames) -> Memory:
+    """The painter's memory when both frames have been painted; frames of which no homography says where are not."""
+    painter, poses, painted = Painter(CANVAS_TILES, CANVAS_TILES), Poses(), 0
+    colours = [np.repeat(image[..., np.newaxis], 3, axis=-1) for image in frames.images]
+    placements = (Placement(0, 0, FIRST_POSE, composed=False), placement_of(frames.homographies[1][0]))
+    for colour, placement in zip(colours, placements, strict=True):
+        pose = poses.place(placement)[0] if placement else None
+        if pose is not None:
+            painted += painter.paint(colour, pose).painted
+    stored = np.pad(colours, ((0, 0), (0, 0), (0, 0), (0, 1)))
+    content = np.concatenate([painter.memory.ravel(), stored.ravel()])
+    ports = {f"m_axi_{name}_": signature for name, signature in PORTS.items()}
+    return Memory(
+        MEMORY_ADDRESS,
+        content.view(np.uint64).tolist(),
+        bursts=painted * TILE_BURSTS + stored.nbytes // BURST_BYTES,
+        writers=[prefix for prefix, signature in ports.items() if signature is AXI_WRITE],
+        readers=[prefix for prefix, signature in ports.items() if signature is AXI_READ],
+    )
+
+
 def _write_bursts(ring: str, packets: list[list[Row]], record_words: int) -> tuple[list[Row], list[Row]]:
     """The addresses of the bursts that write packets into a ring, and their words (`hdl.shell.ring_writer`)."""
-    prefix = f"m_axi_{ring}_"
     same = {"awlen": BURST_WORDS - 1, "awsize": 3, "awburst": INCREMENTING, "awcache": MODIFIABLE, "awprot": 0}
     addresses, words = [], []
     for number, sent in enumerate(packets):
@@ -86,8 +115,7 @@ def _write_bursts(ring: str, packets: list[list[Row]], record_words: int) -> tup
             words += [{"wstrb": 0, "wdata": 0}] * (-len(burst) % BURST_WORDS)
     for number, word in enumerate(words):
         words[number] = {**word, "wlast": int(number % BURST_WORDS == BURST_WORDS - 1)}
-    named = [[{f"{prefix}{name}": value for name, value in row.items()} for row in rows] for rows in (addresses, words)]
-    return named[0], named[1]
+    return addresses, words
 
 
 def _header(number: int, sent: list[Row], record_words: int) -> list[Row]:

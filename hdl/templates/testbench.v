@@ -81,6 +81,76 @@ module {{ module }}_tb;
     end
   end
 {% endfor %}
+{% if memory %}
+{# Takes a burst at a time on each port, with stalls. It begins unknown, so that what reads too early or elsewhere is
+   seen, and gives unknown data in clocks without a word. #}
+
+  // A memory behind AXI4; in the end it is as expected.
+  reg [63:0] memory [0:{{ memory.words | length - 1 }}];
+  reg [63:0] memory_expected [0:{{ memory.words | length - 1 }}];
+  initial $readmemh("memory.hex", memory_expected);
+{% for each in memory.writers %}
+  integer {{ each }}left = 0;
+  integer {{ each }}word;
+  integer {{ each }}bursts = 0;
+  integer {{ each }}byte;
+  initial begin
+    {{ each }}bvalid = 0;
+    {{ each }}bresp = 0;
+  end
+  always @* {{ each }}awready = !{{ each }}left && !{{ each }}bvalid && cycle % 5 != 2;
+  always @* {{ each }}wready = {{ each }}left && cycle % 7 != 3;
+  always @(posedge {{ clock }}) if (running) begin
+    if ({{ each }}awvalid && {{ each }}awready) begin
+      {{ each }}left <= {{ each }}awlen + 1;
+      {{ each }}word <= ({{ each }}awaddr - 64'd{{ memory.base }}) / 8;
+    end
+    if ({{ each }}wvalid && {{ each }}wready) begin
+      if ({{ each }}word < 0 || {{ each }}word >= {{ memory.words | length }} || {{ each }}wlast !== ({{ each }}left == 1)) begin
+        $display("FAIL: {{ each }}w is not a word of a burst into the memory in cycle %0d", cycle);
+        $fatal(1);
+      end
+      for ({{ each }}byte = 0; {{ each }}byte < 8; {{ each }}byte = {{ each }}byte + 1)
+        if ({{ each }}wstrb[{{ each }}byte]) memory[{{ each }}word][8*{{ each }}byte+:8] <= {{ each }}wdata[8*{{ each }}byte+:8];
+      {{ each }}left <= {{ each }}left - 1;
+      {{ each }}word <= {{ each }}word + 1;
+      {{ each }}bvalid <= {{ each }}left == 1;
+    end
+    if ({{ each }}bvalid && {{ each }}bready) begin
+      {{ each }}bvalid <= 0;
+      {{ each }}bursts <= {{ each }}bursts + 1;
+    end
+  end
+{% endfor %}
+{% for each in memory.readers %}
+  integer {{ each }}left = 0;
+  integer {{ each }}word;
+  initial begin
+    {{ each }}rvalid = 0;
+    {{ each }}rresp = 0;
+  end
+  always @* {{ each }}arready = !{{ each }}left && cycle % 5 != 2;
+  always @(posedge {{ clock }}) if (running) begin
+    if ({{ each }}arvalid && {{ each }}arready) begin
+      {{ each }}left <= {{ each }}arlen + 1;
+      {{ each }}word <= ({{ each }}araddr - 64'd{{ memory.base }}) / 8;
+    end
+    if (!{{ each }}rvalid || {{ each }}rready) begin
+      {{ each }}rvalid <= {{ each }}left && cycle % 7 != 3;
+      {{ each }}rlast <= {{ each }}left == 1;
+      {{ each }}rdata <= 64'bx;
+      if ({{ each }}left && cycle % 7 != 3) begin
+        {{ each }}rdata <= memory[{{ each }}word];
+        {{ each }}left <= {{ each }}left - 1;
+        {{ each }}word <= {{ each }}word + 1;
+      end
+    end
+  end
+{% endfor %}
+  wire memory_written = {% for each in memory.writers %}({{ each }}wvalid && {{ each }}wready){{ " || " if not loop.last }}{% endfor %};
+  wire memory_done = {% for each in memory.writers %}{{ each }}bursts{{ " + " if not loop.last }}{% endfor %} == {{ memory.bursts }};
+  integer at;
+{% endif %}
 {# The edges of other clocks meet those of the first in all phases. #}
 {% for each in other_clocks %}
   always #7.3 {{ each }} = !{{ each }};
@@ -90,14 +160,20 @@ module {{ module }}_tb;
   always @(posedge {{ clock }}) begin
     cycle <= cycle + 1;
     // Here alone: of assignments in two blocks at one edge, either may be the last.
-    idle <= running && ({% for each in sinks %}{{ each.name }}_taken{{ " || " if not loop.last }}{% endfor %}) ? 0 : idle + 1;
+    idle <= running && ({% for each in sinks %}{{ each.name }}_taken{{ " || " if not loop.last }}{% endfor %}{{ " || memory_written" if memory }}) ? 0 : idle + 1;
     if (cycle == {{ reset_cycles }}) {{ reset }} <= {{ 1 - reset_level }};
     if (idle > {{ idle_cycles }}) begin
       $display("FAIL: no answer for {{ idle_cycles }} cycles");
       $fatal(1);
     end
     // A while longer, in which nothing may come.
-    if ({% for each in sinks %}{{ each.name }}_next == {{ each.rows | length }} && {% endfor %}idle > 200) begin
+    if ({% for each in sinks %}{{ each.name }}_next == {{ each.rows | length }} && {% endfor %}{{ "memory_done && " if memory }}idle > 200) begin
+{% if memory %}
+      for (at = 0; at < {{ memory.words | length }}; at = at + 1) if (memory[at] !== memory_expected[at]) begin
+        $display("FAIL: memory at %h is %h, expected %h", 64'd{{ memory.base }} + 8 * at, memory[at], memory_expected[at]);
+        $fatal(1);
+      end
+{% endif %}
       $display("PASS: {{ sinks | map(attribute="rows") | map("length") | sum }} answers in %0d cycles", cycle);
       $finish;
     end

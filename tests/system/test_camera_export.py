@@ -81,16 +81,26 @@ def test_the_bench_compares_every_burst(folder: Path, tmp_path: Path, fault: str
 
 @pytest.mark.slow
 @pytest.mark.needs("icarus")
-@pytest.mark.parametrize(("fault", "painter"), [("", True), ("m_axi_homographies_w", False)])
-def test_a_build_with_an_estimator_writes_homographies(
+@pytest.mark.parametrize(
+    ("fault", "painter"), [("", True), ("rtl", True), ("m_axi_homographies_w", False)], ids=["", "painter", "rings"]
+)
+def test_a_build_with_an_estimator_writes_homographies_and_may_paint(
     tmp_path_factory: pytest.TempPathFactory, tmp_path: Path, fault: str, painter: bool
 ) -> None:
-    """With a painter, which stays off, as without."""
+    """It fails where the painter rounds a colour by a sixteenth less."""
     folder = tmp_path_factory.mktemp("estimator")
     config = dataclasses.replace(TINY.config, estimator=EstimatorConfig())
     export.export_camera(folder, dataclasses.replace(TINY, config=config, painter=painter))
+    if fault == "rtl":
+        rtl = folder / "rtl" / "skymosaic_camera.v"
+        right = rtl.read_text()
+        rtl.write_text(
+            re.sub(r"(module \\\S+painter\.tiles\.blending .*?)4'h8", r"\g<1>4'h7", right, count=1, flags=re.DOTALL)
+        )
+        assert rtl.read_text() != right
     told = run_bench(folder, tmp_path, fault)
-    assert told.startswith(f"FAIL: {fault} answer" if fault else "PASS"), told
+    says = {"": "PASS", "rtl": "FAIL: memory at 0000000040"}.get(fault, f"FAIL: {fault} answer")
+    assert told.startswith(says), told
 
 
 def run_bench(folder: Path, tmp_path: Path, fault: str) -> str:

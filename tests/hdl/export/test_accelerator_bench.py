@@ -11,12 +11,11 @@ from hdl.build import BUILDS
 from hdl.export.accelerator_bench import (
     FRAME_PX,
     SampleFrames,
-    control_inputs,
-    control_outputs,
-    fill_stream,
+    control_streams,
     list_writes,
 )
 from hdl.registers.register_map import REGISTERS
+from hdl.registers.shell_register_map import ALL_REGISTERS
 
 CONFIG = BUILDS["tiny"].config
 
@@ -58,9 +57,12 @@ def test_everything_is_set_before_it_starts_and_each_write_is_answered() -> None
     writes = list_writes(CONFIG)
     control = next(register.offset for register in REGISTERS if register.name == "CONTROL")
     assert [address for address, _ in writes].index(control) == len(writes) - 1
-    assert len(control_outputs(writes)["s_axi_ctrl_b"]) == len(control_inputs(writes)["s_axi_ctrl_w"]) == len(writes)
+    sent, answers = control_streams(writes)
+    assert len(answers["s_axi_ctrl_b"]) == len(sent["s_axi_ctrl_w"]) == len(writes)
 
 
-def test_words_of_packets_become_rows_of_a_stream() -> None:
-    rows = fill_stream("o_t", [{"data": 5, "last": 1}], [{"last": 1}])
-    assert rows == [{"o_tkeep": 0xFF, "o_tdata": 5, "o_tlast": 1}, {"o_tkeep": 0xFF, "o_tlast": 1}]
+def test_the_painter_is_on_before_its_pose_and_both_before_the_frames() -> None:
+    writes = list_writes(CONFIG, pose_set=1, pose_frame=0, painter_enable=1, pose_h22=1)
+    offsets = {register.name: register.offset for register in ALL_REGISTERS}
+    last = [address for address, _ in writes[-3:]]
+    assert last == [offsets[name] for name in ("PAINTER", "POSE_SET", "CONTROL")]

@@ -1,13 +1,16 @@
 """The bench of a camera build expects the bursts that the ring writer makes."""
 
+import dataclasses
+
 import pytest
 from amaranth.hdl import Fragment
 
+from golden_model.config import EstimatorConfig
 from hdl.axi.axi_write import BURST_BYTES, BURST_WORDS
 from hdl.blocks.export import module_ports
 from hdl.blocks.testbench import VerilogBench
 from hdl.build import BUILDS, Build
-from hdl.export.camera_bench import RING_ADDRESSES, SLOT_PAGES, make_camera_bench
+from hdl.export.camera_bench import CANVAS_TILES, RING_ADDRESSES, SLOT_PAGES, make_camera_bench
 from hdl.settings import PAGE_BYTES
 from hdl.shell.camera_top import CameraTop
 from hdl.shell.slot import HEADER_BYTES
@@ -50,3 +53,16 @@ def test_every_burst_is_whole_and_answered_once(bench: VerilogBench, ring: str) 
 def test_the_camera_waits_for_the_settings(bench: VerilogBench) -> None:
     assert bench.clocks == {"s_axis_video_t": "video_aclk"}
     assert bench.conditions["s_axis_video_t"] == f"s_axi_ctrl_b_next == {len(bench.inputs['s_axi_ctrl_w'])}"
+
+
+def test_both_frames_are_painted_and_lie_in_memory() -> None:
+    build = dataclasses.replace(
+        BUILD, config=dataclasses.replace(BUILD.config, estimator=EstimatorConfig()), painter=True
+    )
+    memory = make_camera_bench("camera", {}, build).memory
+    assert memory
+    tiles = CANVAS_TILES**2
+    # Twice all tiles, and 64 lines of 256 bytes.
+    assert memory.bursts == 2 * tiles * 32 + 2 * 64 * 2
+    assert len(memory.words) == (tiles * PAGE_BYTES + 2 * 64 * 64 * 4) // 8
+    assert [len(memory.writers), len(memory.readers)] == [2, 2]
