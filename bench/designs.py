@@ -131,16 +131,11 @@ def accelerator(config: Config) -> Design:
     return Design(lambda: AcceleratorTop(Build(config=config)), front_end(config.front_end, WIDTH_PX, 2).memory_bits)
 
 
-def camera(config: Config) -> Design:
-    """A whole camera build, with the painter."""
-    build = replace(BUILDS["camera"], config=config, painter=True)
-    return Design(lambda: CameraTop(build), accelerator(config).memory_bits)
-
-
 def designs() -> dict[str, Design]:
     """Every design whose area is recorded, by name."""
     config, wide = AERIAL.front_end, {"width_px": WIDTH_PX}
     estimating = replace(AERIAL, estimator=EstimatorConfig())
+    painting = replace(BUILDS["camera"], config=estimating, painter=True)
     pattern, banks = config.pattern, {"lanes": Build.lanes, "max_features": config.max_features}
     return {
         "gray": listed("gray"),
@@ -181,7 +176,7 @@ def designs() -> dict[str, Design]:
         "painter": block(Painter),
         "accelerator": accelerator(AERIAL),
         "accelerator, homography": accelerator(estimating),
-        "camera, homography, painter": camera(estimating),
+        "camera, homography, painter": Design(lambda: CameraTop(painting), accelerator(estimating).memory_bits),
     }
 
 

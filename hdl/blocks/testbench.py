@@ -72,9 +72,8 @@ class Memory:
     base: int
     """Its address."""
     words: Sequence[int]
-    """What it holds in the end."""
     bursts: int
-    """Bursts that are written until then."""
+    """What it holds in the end, and the bursts that are written until then."""
     writers: Sequence[str]
     readers: Sequence[str]
     """Prefixes of the ports that write and read it."""
@@ -89,7 +88,7 @@ class VerilogBench:
     inputs: Mapping[str, Sequence[Row]]
     outputs: Mapping[str, Sequence[Row]]
     """For the prefix of each stream, the rows to send and the expected ones, in order."""
-    settings: Mapping[str, int]
+    settings: Mapping[str, int] = field(default_factory=dict)
     """Values of other inputs, which stay."""
     spacing_cycles: int = 1
     """Minimum number of clocks from one input to the next."""

@@ -45,7 +45,6 @@ def make_accelerator_bench(module: str, ports: dict[str, Port], build: Build) ->
         ports=ports,
         inputs={**inputs, VIDEO_STREAM: frames.beats(build.video_bits)},
         outputs=outputs,
-        settings={},
         clock=CLOCK,
         reset=RESET,
         reset_level=0,

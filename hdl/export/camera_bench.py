@@ -6,8 +6,7 @@ from golden_model.painting.painter import Painter
 from golden_model.painting.pose import Placement, Poses, placement_of
 from golden_model.painting.tiles import MAX_TILES
 from golden_model.records import WORD_BYTES
-from hdl.axi.axi_read import AXI_READ
-from hdl.axi.axi_write import AXI_WRITE, BURST_BYTES, BURST_WORDS, INCREMENTING, MODIFIABLE
+from hdl.axi.axi_write import BURST_BYTES, BURST_WORDS, INCREMENTING, MODIFIABLE
 from hdl.blocks.testbench import Memory, Port, VerilogBench
 from hdl.blocks.vectors import Row
 from hdl.build import Build
@@ -16,7 +15,6 @@ from hdl.export.ip_xact import CLOCK, RESET
 from hdl.painting.canvas_port import TILE_BURSTS
 from hdl.painting.frame_writer import frame_pages
 from hdl.settings import MIN_SLOTS, PAGE_BYTES, POSE_ELEMENTS
-from hdl.shell.painting import PORTS
 from hdl.shell.slot import HEADER, HEADER_BYTES
 
 RING_ADDRESSES = {"features": 0x1000_0000, "matches": 0x2000_0000, "homographies": 0x3000_0000}
@@ -71,7 +69,6 @@ def make_camera_bench(module: str, ports: dict[str, Port], build: Build) -> Veri
         ports=ports,
         inputs={**inputs, VIDEO_STREAM: frames.beats(build.video_bits)},
         outputs=outputs,
-        settings={},
         clocks={VIDEO_STREAM: "video_aclk"},
         conditions=conditions,
         memory=_paint(frames) if build.painter else None,
@@ -92,13 +89,12 @@ def _paint(frames: SampleFrames) -> Memory:
             painted += painter.paint(colour, pose).painted
     stored = np.pad(colours, ((0, 0), (0, 0), (0, 0), (0, 1)))
     content = np.concatenate([painter.memory.ravel(), stored.ravel()])
-    ports = {f"m_axi_{name}_": signature for name, signature in PORTS.items()}
     return Memory(
         MEMORY_ADDRESS,
         content.view(np.uint64).tolist(),
         bursts=painted * TILE_BURSTS + stored.nbytes // BURST_BYTES,
-        writers=[prefix for prefix, signature in ports.items() if signature is AXI_WRITE],
-        readers=[prefix for prefix, signature in ports.items() if signature is AXI_READ],
+        writers=("m_axi_frames_", "m_axi_new_tiles_"),
+        readers=("m_axi_windows_", "m_axi_old_tiles_"),
     )
 
 

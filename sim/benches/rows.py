@@ -35,18 +35,6 @@ class Row(NamedTuple):
     """A stream whose packets count as a whole: all of them meet gaps and stalls, and its latency is not checked."""
 
 
-class Garbage:
-    """Seeded random bits for the payload of a port that is not valid."""
-
-    def __init__(self, seed: int):
-        self._random = random.Random(seed)
-
-    def put(self, ctx: Any, payload: Any) -> None:
-        """Set ``payload`` to random bits."""
-        bits = Value.cast(payload)
-        ctx.set(bits, self._random.getrandbits(len(bits)))
-
-
 class _Port:
     """A stream or a beat: its fields in one word, what is sent or expected there, and the clocks of what has passed."""
 
@@ -69,7 +57,7 @@ class _Port:
         self.waits: int | None = None
         self.begins, self.cycles = list[int](), list[int]()
 
-    def offer(self, ctx: Any, cycle: int, pauses: Pauses, garbage: Garbage, spacing_cycles: int) -> None:
+    def offer(self, ctx: Any, cycle: int, pauses: Pauses, garbage: random.Random, spacing_cycles: int) -> None:
         """Of an input: the next word, unless one waits already."""
         late = not self.cycles or cycle - self.cycles[-1] >= spacing_cycles
         if not self.offered:
@@ -78,7 +66,7 @@ class _Port:
                 ctx.set(self.word, self.left[-1])
                 self.begins.append(cycle)
             else:
-                garbage.put(ctx, self.word)
+                ctx.set(self.word, garbage.getrandbits(len(self.word)))
         ctx.set(self.valid, self.offered)
 
     def pass_on(self, cycle: int, ready: int) -> None:
@@ -111,7 +99,7 @@ class _Bench:
         streams = (*self.block.inputs.items(), *self.block.outputs.items())
         ports = [_Port(self.dut, name, n, each) for n, (name, each) in enumerate(streams)]
         self.sources, self.sinks = ports[: len(self.block.inputs)], ports[len(self.block.inputs) :]
-        self.reset, self.cycle, self.garbage = Signal(), 0, Garbage(3)
+        self.reset, self.cycle, self.garbage = Signal(), 0, random.Random(3)
 
     async def run(self, ctx: Any) -> None:
         self._set(ctx)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from dataclasses import dataclass
+from random import Random
 from typing import Any
 
 from amaranth import ResetInserter, Signal
@@ -11,7 +12,7 @@ from amaranth.hdl import ShapeCastable, Value
 from amaranth.lib import wiring
 from amaranth.sim import Simulator
 
-from sim.benches.rows import CLOCK_S, Garbage
+from sim.benches.rows import CLOCK_S
 from sim.simulators.recording import NO_PAUSES, Pauses
 
 Testbench = Callable[[Any], Coroutine[Any, Any, None]]
@@ -63,7 +64,7 @@ class BlockBench:
         self._settings = settings or {}
         self._pauses = pauses
         self._cycle_limit = cycle_limit
-        self._garbage = Garbage(pauses.seed)
+        self._garbage = Random(pauses.seed)
         self._streams: dict[int, _StreamState] = {}
 
     def run(self, *testbenches: Testbench, background: Sequence[Testbench] = ()) -> None:
@@ -109,7 +110,8 @@ class BlockBench:
         """
         state = self._find_state(port)
         while self._pauses.gap(state.cycle, state.number):
-            self._garbage.put(ctx, port.payload)
+            bits = Value.cast(port.payload)
+            ctx.set(bits, self._garbage.getrandbits(len(bits)))
             await ctx.tick()
             state.cycle += 1
         ctx.set(port.payload, payload)
