@@ -1,11 +1,11 @@
 """Texts of messages: outside text (file names, a peer's messages) made safe to print, and common advice."""
 
+import importlib
 import json
 import os
 import shlex
 import sys
 import unicodedata
-from importlib import metadata
 
 _UNSAFE = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 """Unicode categories that end a line, move the cursor, reverse the direction of writing, or cannot be encoded."""
@@ -42,10 +42,9 @@ def how_to_install(extra: str) -> str:
     """
     is_active = sys.prefix == sys.base_prefix or os.environ.get("VIRTUAL_ENV") == sys.prefix
     pip = "pip" if is_active else f"{shlex.quote(sys.executable)} -m pip"
-    try:
-        origin = json.loads(metadata.distribution("skymosaic").read_text("direct_url.json") or "{}").get("url", "")
-    except metadata.PackageNotFoundError:
-        origin = ""
+    # It takes as long to import as all of `skymosaic --version` otherwise.
+    found = importlib.import_module("importlib.metadata").distributions(name="skymosaic")
+    origin = json.loads(next((each.read_text("direct_url.json") for each in found), None) or "{}").get("url", "")
     if origin.endswith(".whl"):
         return f"run {pip} install {shlex.quote(f'skymosaic[{extra}] @ {origin}')}"
     return f"in the folder of the source, run {pip} install '.[{extra}]'"

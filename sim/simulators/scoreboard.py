@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,10 +22,8 @@ MIN_LEVEL_0_FEATURES = 1000
 MIN_LEVEL_1_FEATURES = 100
 MIN_MATCHES = 100
 POSITION_UNITS_PER_PX = 16
-BLOCKS = {
-    "gray": "gray", "smoothed": "smooth", "gradient": "sobel", "tensor": "harris", "raw": "harris",
-    "response": "harris", "candidates": "nms", "smoothed5": "smooth",
-}  # fmt: skip
+BLOCKS = {"gray": "{gray,half}", "smoothed": "smooth", "gradient": "sobel", "tensor": "harris", "raw": "harris",
+          "response": "{harris,fast}", "candidates": "nms", "smoothed5": "smooth"}  # fmt: skip
 """The module of ``hdl/pixel`` that makes a stage, by the first word of its name."""
 
 
@@ -163,18 +161,10 @@ def find_stage_mismatch(
             if len(wrong):
                 y, x = (wrong[0] + margin_px).tolist()
                 values = int(expected[stage].values[y, x]), int(actual[stage][y, x])
-                return Mismatch(frame, f"level {level} {stage} ({_file_of(stage, level, expected)})", x, y, *values)
+                return Mismatch(
+                    frame, f"level {level} {stage} (hdl/pixel/{BLOCKS[stage.partition('_')[0]]}.py)", x, y, *values
+                )
     return None
-
-
-def _file_of(stage: str, level: int, stages: Collection[str]) -> str:
-    """The file whose block makes a stage of a level that has these ``stages``."""
-    block = BLOCKS[stage.partition("_")[0]]
-    if stage == "gray" and level:
-        block = "half"
-    elif stage == "response_code" and "raw_response" not in stages:
-        block = "fast"
-    return f"hdl/pixel/{block}.py"
 
 
 @dataclass(frozen=True)

@@ -100,11 +100,9 @@ def board(
     ] = False,
 ) -> None:
     """Write Verilog, register map, driver and what the tools need, for a kit."""
-    try:
-        check_board(name)
-    except ValueError as error:
-        near = "".join(f"; did you mean {board}?" for board in get_close_matches(name, ALL_BOARDS, 1))
-        raise InputError(f"{error}{near}") from None
+    if name not in ALL_BOARDS and (near := get_close_matches(name, ALL_BOARDS, 1)):
+        raise InputError(f"unknown board {name!r}; did you mean {near[0]}?")
+    read_file(check_board, name)
     if bitstream and name != SERIAL_BOARD:
         raise InputError(f"--build makes the bitstream of the {SERIAL_BOARD}; leave it out, or use Vivado")
     build = options.build(BUILDS.get(name, Build()))

@@ -14,6 +14,7 @@ from skymosaic.cli.remarks import Absent, report_absent, show_notes
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.options import INPUT
+from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.flight.checking.check import describe_moving
 from skymosaic.flight.picture.formats import OutputForm, numbered, room_for
 from skymosaic.flight.picture.output import Delivery
@@ -28,9 +29,6 @@ from skymosaic.mosaicking.live.run import grow
 from skymosaic.mosaicking.live.update import LiveUpdate
 from skymosaic.mosaicking.options import LiveOptions
 from skymosaic.mosaicking.outputs import check_room
-
-PLANES = 4
-"""A mosaic in colour has these, with alpha."""
 
 
 def live(
@@ -58,9 +56,11 @@ def live(
     preview = _preview_of(output)
     images.check_output(preview, overwrite=overwrite)
     if options.canvas_limit_px is None:
-        check_room(output, room_for(output, PLANES))
+        # In colour, with alpha.
+        check_room(output, room_for(output, planes=4))
     pace = Pace(options.base_config, options.backend_name, options.estimator)
-    replaces = output.exists()
+    replaces, clock = output.exists(), Stopwatch()
+    session.seconds = clock.seconds
 
     def report(update: LiveUpdate) -> None:
         pace.add(update)
@@ -84,11 +84,12 @@ def live(
     # Ctrl-C is how a live mosaic usually ends; `ended_by_signals` turns SIGTERM and a closed terminal into SystemExit.
     # The frames so far are written.
     except (KeyboardInterrupt, SystemExit):
-        session.tell("stopped; writing the mosaic")
+        session.tell("stopped; writing the mosaic; stop again for the preview alone")
+    clock.lap("growing")
     _refuse_nothing(source, mosaic, unusable, options.band)
     if mosaic.left_out_moving:
         session.warn(MOVES_WITH_CAMERA)
-    target = output if replaces else _find_unused(output)
+    target = output if replaces else next(path for n in count(1) if not (path := numbered(output, n)).exists())
     try:
         delivery, absent = _write(mosaic, unusable, target, form, overwrite=overwrite, strict=strict)
     except RegistrationError:
@@ -100,6 +101,7 @@ def live(
         if preview.exists():
             session.wrote(preview)
         raise
+    clock.lap("laying out and composing")
     written = [path for path in (target, preview) if path.exists()]
     for path in written:
         session.wrote(path)
@@ -130,11 +132,6 @@ def _refuse_nothing(source: str, mosaic: LiveMosaic, unusable: Mapping[str, str]
     raise RegistrationError(f"{source}: no frame could be used; {why}")
 
 
-def _find_unused(output: Path) -> Path:
-    """The first of the names of several outputs that nothing has."""
-    return next(path for path in (numbered(output, number) for number in count(1)) if not path.exists())
-
-
 def _write(
     mosaic: LiveMosaic,
     unusable: Mapping[str, str],
@@ -152,9 +149,12 @@ def _write(
         report_absent({number: reason for number, reason in absent.items() if number not in lost}, strict=strict)
 
     # Without a moving display, which a closed terminal would not take.
-    with mosaic.open_run(session.note, print_stages(session.tell)) as run:
-        (delivery,) = run.write(output, form, overwrite=overwrite, on_absent=report_more)
-        return delivery, {**unusable, **delivery.flight.absent_from(delivery.layout)}
+    try:
+        with mosaic.open_run(session.note, print_stages(session.tell)) as run:
+            (delivery,) = run.write(output, form, overwrite=overwrite, on_absent=report_more)
+            return delivery, {**unusable, **delivery.flight.absent_from(delivery.layout)}
+    except KeyboardInterrupt:
+        raise InputError(f"{output}: stopped again, so it is not composed; its preview stays") from None
 
 
 def _show(delivery: Delivery, absent: Absent, mosaic: LiveMosaic, pace: Pace) -> None:

@@ -4,12 +4,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rich import progress as rich_progress
 from rich.console import Console
 
 from skymosaic.cli.session import session
+from skymosaic.common.later import Later
 from skymosaic.running.workers import Progress
 
+rich_progress = Later("rich.progress")
 # Between two lines of one stage where progress is not drawn in place.
 LINE_EVERY_S = 10.0
 
@@ -27,7 +28,7 @@ def progress_bars() -> Iterator[Progress]:
         rich_progress.TimeRemainingColumn(),
     )
     with rich_progress.Progress(*columns, console=Console(stderr=True), transient=True) as bars:
-        tasks: dict[str, rich_progress.TaskID] = {}
+        tasks: dict[str, int] = {}
 
         def show(stage: str, done: int, total: int) -> None:
             if stage not in tasks or bars.tasks[tasks[stage]].finished:

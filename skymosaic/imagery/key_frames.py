@@ -80,7 +80,7 @@ def _is_video(path: Path) -> bool:
 
 
 def _store_key_frames(video: str | Path, folder: Path, tell: Callable[[str], None]) -> Iterator[Source]:
-    for name, frame, taken in read_key_frames(video, tell):
+    for name, frame, taken, _ in read_key_frames(video, tell):
         path = folder / f"{frame.number}.jpg"
         # Later, the file would be named, which the user does not know.
         check_size(name, frame.pixels.shape[1], frame.pixels.shape[0])
@@ -88,10 +88,12 @@ def _store_key_frames(video: str | Path, folder: Path, tell: Callable[[str], Non
         yield Source(0, name, path, taken=taken)
 
 
-def read_key_frames(video: str | Path, tell: Callable[[str], None]) -> Iterator[tuple[str, "KeyFrame", Metadata]]:
-    """The key frames of a video or stream, each with its name and where it was taken, if subtitles beside it say that.
+def read_key_frames(
+    video: str | Path, tell: Callable[[str], None]
+) -> Iterator[tuple[str, "KeyFrame", Metadata, float]]:
+    """The key frames of a video or stream, each with its name, where it was taken, and when, s after the first frame.
 
-    ``tell`` receives a line per note about the video.
+    Where, if subtitles beside it say that. ``tell`` receives a line per note about the video.
     """
     reader = Later("skymosaic.imagery.video").VideoReader(video)
     track = None if reader.is_stream else read_track(Path(video), reader.length_s, reader.notes.append)
@@ -104,7 +106,7 @@ def read_key_frames(video: str | Path, tell: Callable[[str], None]) -> Iterator[
 
     for frame in select_key_frames(timed(), reader.frame_rate, reader.notes.append):
         taken = Metadata() if track is None else Metadata(track(seconds[frame.number]))
-        yield name_frame(video, frame.number), frame, taken
+        yield name_frame(video, frame.number), frame, taken, seconds[frame.number]
     for note in reader.notes:
         tell(f"note {video}: {note}")
 

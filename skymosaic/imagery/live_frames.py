@@ -30,16 +30,17 @@ CAMERA_NUMBER = re.compile(r"\d{1,2}")
 
 
 class LiveFrame(NamedTuple):
-    """A frame; its name is that of its file, or of the video with the frame's number.
+    """A frame; its photograph's name is that of its file, or of the video with the frame's number.
 
-    ``seen`` is how many frames the source has shown up to it, those of a video that are passed over included.
+    ``seen`` is how many frames the source has shown up to it, those of a video that are passed over included. ``stamp``
+    is when it is shown, s after the first frame of a video or stream.
     """
 
-    name: str
     photograph: Photograph
     seen: int = 0
     file: Path | None = None
     taken: Metadata | None = None
+    stamp: float | None = None
 
 
 def read_live_frames(
@@ -85,7 +86,7 @@ def read_live_frames(
     if CAMERA_NUMBER.fullmatch(source):
         for frame in select_key_frames(_camera(int(source))):
             name = name_frame(f"camera {source}", frame.number)
-            yield LiveFrame(name, Photograph(name, frame.pixels), frame.number + 1)
+            yield LiveFrame(Photograph(name, frame.pixels), frame.number + 1)
     elif is_folder(Path(source)):
         # Only a folder that has been read once may later be away for a while.
         if unread := list_pictures(Path(source), recursive=recursive).describe_unread():
@@ -95,8 +96,8 @@ def read_live_frames(
         unusable = {} if unusable is None else unusable
         yield from _watch_folder(read, idle_seconds, tell, unusable, own, band=band, keep_damaged=keep_damaged)
     else:
-        for name, frame, taken in read_key_frames(source, tell):
-            yield LiveFrame(name, Photograph(name, frame.pixels), frame.number + 1, taken=taken)
+        for name, frame, taken, stamp in read_key_frames(source, tell):
+            yield LiveFrame(Photograph(name, frame.pixels), frame.number + 1, taken=taken, stamp=stamp)
 
 
 def _watch_folder(
@@ -120,7 +121,7 @@ def _watch_folder(
             try:
                 photograph = load(path, keep_damaged=keep_damaged)
                 unusable.pop(str(path), None)
-                yield LiveFrame(str(path), photograph, len(done), path)
+                yield LiveFrame(photograph, len(done), path)
             except InputError as error:
                 # A slow copy may have paused. If the file changes again, it is read again.
                 unusable[str(path)] = str(error)

@@ -75,16 +75,12 @@ def write_tiles(folder: Path, raster: Path, title: str, values: ValueRange | Non
     InputError
         If a file cannot be written, the raster cannot be read, or it lies beyond Web Mercator.
     """
-    written: dict[str, list[list[int]]] = {}
+    written: dict[str, list[int]] = {}
     try:
         with staged_folder(folder, OWN_NAMES) as staged:
 
             def put(zoom: int, column: int, row: int, tile: bytes) -> None:
-                # The tiles of a column come from north to south.
-                runs = written.setdefault(f"{zoom}/{column}", [[row, row]])
-                if runs[-1][1] < row - 1:
-                    runs.append([row, row])
-                runs[-1][1] = row
+                written.setdefault(f"{zoom}/{column}", []).append(row)
                 path = staged / str(zoom) / str(column) / f"{row}.webp"
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_bytes(tile)
@@ -164,8 +160,7 @@ def _cut(file: Any, path: Path, values: ValueRange | None, put: Callable[[int, i
     return pyramid
 
 
-def _render_page(title: str, pyramid: Pyramid, rows: dict[str, list[list[int]]]) -> bytes:
-    """The page of tiles; ``rows`` has the first and last row of each run of them, by zoom and column."""
+def _render_page(title: str, pyramid: Pyramid, rows: dict[str, list[int]]) -> bytes:
     page = (Path(__file__).parent / "viewer.html").read_text(encoding="utf-8")
     facts = {
         "title": title, "georeferenced": pyramid.georeferenced, "tile": TILE_PX, "top": pyramid.top,

@@ -19,9 +19,8 @@ from skymosaic.imagery.photographs import Source
 from skymosaic.maps.tiles import OWN_NAMES
 from skymosaic.mosaicking.options import MEGAPIXEL, MosaicOptions
 
-MIN_ROOM_PX = 1_000_000
-"""A disk with less room is refused before the first feature; one with more gets a reduced mosaic. What is computed
-already goes where it can."""
+MIN_ROOM_PX, MIN_COMPUTED_PX = 1_000_000, 100_000
+"""A disk with less room is refused before the first feature, and afterwards; one with more gets a reduced mosaic."""
 
 
 def check_outputs(
@@ -63,14 +62,14 @@ def check_outputs(
     _check_headers(output, form, sources, options.scale)
 
 
-def check_room(output: Path, room: Room) -> None:
-    """Raise InputError for a disk that is too full to begin."""
-    if room.area_px < MIN_ROOM_PX:
+def check_room(output: Path, room: Room, least_px: float = MIN_ROOM_PX) -> None:
+    """Raise InputError for a disk that is too full to begin, or has become so."""
+    if room.area_px < least_px:
         raise InputError(f"{output}: {room.reason}, too little for a mosaic; free some, or choose another folder")
 
 
 def room_of(path: Path | None, sources: Sequence[Source], options: MosaicOptions) -> Room:
-    """How large a mosaic in this file may become; None: in memory."""
+    """How large a mosaic in this file may become; None: in memory. Raises InputError for a disk that is full."""
     if options.canvas_limit_px is not None:
         limit_px = options.canvas_limit_px
         side_px = Room.side_px if path is None else format_of(path).max_side_px
@@ -78,7 +77,9 @@ def room_of(path: Path | None, sources: Sequence[Source], options: MosaicOptions
         return Room(limit_px, side_px, f"the limit is {limit_px / MEGAPIXEL:g} megapixels{sides}")
     if path is None or len(sources) == 2:
         return Room()
-    return room_for(path, 1 + max(3, len(sources[0].bands)))
+    room = room_for(path, 1 + max(3, len(sources[0].bands)))
+    check_room(path, room, MIN_COMPUTED_PX)
+    return room
 
 
 def _check_headers(output: Path, form: OutputForm, sources: Sequence[Source], scale: float) -> None:

@@ -50,9 +50,8 @@ class Session:
         """Other rules for the pair that is shown; None where no rules decide."""
         self.job = None
         self.fault = ""
-        """Why the last job ended without a result; empty if it had one, or was cancelled."""
+        """Why the last job ended without a result; empty if it had one, or was cancelled, as ``note`` says."""
         self.note = ""
-        """That the last job was cancelled; else empty."""
 
     @property
     def results(self) -> dict[str, MosaicResult | TrackingResult]:

@@ -4,11 +4,11 @@ import contextlib
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from typing import Any
 
 from golden_model.text import encodable
 from skymosaic.common.errors import InputError
+from skymosaic.common.later import Later
 from skymosaic.common.provenance import to_json
 from skymosaic.common.temporary import PAGE, staged_folder
 from skymosaic.imagery.images import save_bytes
@@ -18,23 +18,21 @@ OWN_NAMES = (
     r"|(footprints_\d+|fly_again)\.(geojson|kml)|mask\.png"
 )
 """Regular expression of the names of a mosaic report's files."""
+jinja2 = Later("jinja2")
 
 
-def open_templates(folder: Path) -> Environment:
+def open_templates(folder: Path) -> Any:
     """The templates of a folder; they escape every value, and a name that is used and not given is an error."""
-    return Environment(
-        loader=FileSystemLoader(folder),
+    return jinja2.Environment(
+        loader=jinja2.FileSystemLoader(folder),
         autoescape=True,
         # Not the markup of a macro, whose values are finalized already.
         finalize=lambda value: encodable(value) if type(value) is str else value,
-        undefined=StrictUndefined,
+        undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-
-
-_TEMPLATES = open_templates(Path(__file__).parent / "templates")
 
 
 @contextlib.contextmanager
@@ -63,7 +61,7 @@ def list_own_pictures(folder: Path) -> list[Path]:
 
 def render(template: str, **values: object) -> bytes:
     """Fill in a template of this folder, in UTF-8."""
-    return _TEMPLATES.get_template(template).render(values).encode()
+    return str(open_templates(Path(__file__).parent / "templates").get_template(template).render(values)).encode()
 
 
 def write_report_files(folder: Path, numbers: Mapping[str, object], page: bytes) -> None:

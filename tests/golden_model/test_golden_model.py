@@ -172,7 +172,7 @@ def test_an_extra_goes_into_the_environment_that_runs(
 
 def test_an_extra_of_a_wheel_is_installed_from_that_wheel(monkeypatch: pytest.MonkeyPatch) -> None:
     origin = SimpleNamespace(read_text=lambda _name: '{"url": "file:///dl/skymosaic-1-py3-none-any.whl"}')
-    monkeypatch.setattr(metadata, "distribution", lambda _name: origin)
+    monkeypatch.setattr(metadata, "distributions", lambda **_: iter([origin]))
     assert how_to_install("sim").endswith(" install 'skymosaic[sim] @ file:///dl/skymosaic-1-py3-none-any.whl'")
 
 

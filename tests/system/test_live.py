@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -27,6 +28,7 @@ from skymosaic.mosaicking.live.mosaic import LiveMosaic
 from skymosaic.mosaicking.live.pace import Pace
 from skymosaic.mosaicking.live.run import grow
 from skymosaic.mosaicking.options import LiveOptions
+from skymosaic.mosaicking.run import MosaicRun
 from tests.conftest import Run
 from tests.made import write_pictures
 from tests.skymosaic.mosaicking.live.conftest import pair_errors_px
@@ -134,6 +136,8 @@ def test_every_frame_is_a_line_of_json_and_named_as_in_a_mosaic(video: Path, tmp
     *frames, whole = map(json.loads, result.stdout.splitlines())
     assert whole["frames"] == len(frames)
     assert all(frame["placed"] and np.shape(frame["pose"]) == (3, 3) for frame in frames)
+    assert [frame["time"] for frame in frames] == sorted({frame["time"] for frame in frames})
+    assert whole["seconds"]["other"] < 0.5 * whole["seconds"]["total"]
     assert "m.tif has no place on the map" in whole["warnings"][0]
     assert (tmp_path / "m.preview.jpg").exists()
     with flight_sources([video]) as sources:
@@ -141,6 +145,16 @@ def test_every_frame_is_a_line_of_json_and_named_as_in_a_mosaic(video: Path, tmp
     with pytest.raises(RegistrationError, match="mosaic with `positions` or `control_points`, gives it one; nothing"):
         live_command(source=str(video), output=tmp_path / "n.tif", require_map=True, options=LiveOptions())
     assert not list(tmp_path.glob("n.*"))
+
+
+def test_a_second_end_leaves_the_preview(
+    frames: list[np.ndarray], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_pictures(tmp_path, frames[:2])
+    monkeypatch.setattr(MosaicRun, "write", Mock(side_effect=KeyboardInterrupt))
+    with pytest.raises(InputError, match=r"m\.png: stopped again, so it is not composed; its preview stays"):
+        live_command(source=str(tmp_path), output=tmp_path / "m.png", idle_seconds=0.5, options=LiveOptions())
+    assert (tmp_path / "m.preview.jpg").exists()
 
 
 def test_a_strict_mosaic_that_lacks_a_frame_leaves_no_preview(run: Run, frames: list[np.ndarray]) -> None:

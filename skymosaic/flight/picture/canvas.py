@@ -49,7 +49,7 @@ def place_on_canvas(
     reduced = ""
     if flight.pair is None and (share := room.share_of(canvas)) < 1:
         full = canvas
-        check_scale(scale * share, [view.size for view in views], room.reason)
+        check_scale(scale * share, [view.size for view in views])
         to_canvas, transforms, canvas = lay(scale * share)
         reduced = (
             f"reduced from {full.width_px}x{full.height_px} to {canvas.width_px}x{canvas.height_px} px, because "
@@ -77,11 +77,10 @@ def place_on_canvas(
     return Composition(placements, canvas, coloured, blending, flight.lens, values, place, reduced=reduced)
 
 
-def check_scale(scale: float, sizes: Sequence[tuple[int, int]], lack: str = "") -> None:
-    """Raise InputError for a scale that leaves no pixel of any photograph; ``lack`` of room may be the cause."""
+def check_scale(scale: float, sizes: Sequence[tuple[int, int]]) -> None:
+    """Raise InputError for a scale that leaves no pixel of any photograph."""
     if scale * max(max(size) for size in sizes) < 1:
-        remedy = f": {lack}; make room" if lack else "; raise `scale` or `canvas_limit_px`, or lower `gsd_m`"
-        raise InputError(f"each photograph is smaller than a pixel{remedy}")
+        raise InputError("a photograph is smaller than a pixel; raise `scale` or `canvas_limit_px`, or lower `gsd_m`")
 
 
 def north_up(georeference: Georeference, metres_per_pixel: float, grid: Matrix | None = None) -> Matrix:

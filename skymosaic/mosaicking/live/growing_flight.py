@@ -28,6 +28,7 @@ from skymosaic.flight.pairing.candidates import MIN_VOTES, MOST_SIMILAR
 from skymosaic.flight.survey import lay_out_all, why_alone
 from skymosaic.geometry.homography import apply, estimate_similarity, rescale
 from skymosaic.geometry.prosac import MIN_INLIERS
+from skymosaic.imagery.key_frames import KEY_OVERLAP
 from skymosaic.imagery.photographs import Source
 
 LATEST = 3
@@ -145,6 +146,24 @@ class GrowingFlight:
         # A layout in which a view would look behind the camera is worse than the one before.
         with contextlib.suppress(CanvasError):
             self.parts[name] = self._checked(group.to_ground(transforms))
+
+    def thinned(self) -> GrowingFlight:
+        """The flight of its key views, which are linked anew: chosen as of a video, by where they lie; often of all."""
+        keys = set[int]()
+        for part in self.parts.values():
+            shown = {number: outline(self.views[number], place) for number, place in part.items()}
+            key = before = next(iter(part))
+            for number in part:
+                if overlap(shown[key], shown[number]) < KEY_OVERLAP:
+                    keys.add(key)
+                    key = number if before == key else before
+                before = number
+            keys |= {key, before}
+        flight = self if len(keys) == len(self.views) else GrowingFlight(self._link)
+        for number in sorted(keys - flight.views.keys()):
+            if flight.add(number, self.views[number]) is None:
+                flight.begin(number, self.views[number])
+        return flight
 
     def finished(
         self, sources: Mapping[int, Source], names: tuple[str, ...], left_out: Mapping[int, str], settings: Settings

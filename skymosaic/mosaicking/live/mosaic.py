@@ -10,6 +10,7 @@ With the estimator ``fabric``, frames are laid out by the homographies that the 
 """
 
 import contextlib
+import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -118,7 +119,7 @@ class LiveMosaic:
         """Name of each frame, and why it was left out."""
         self._files: list[Path] = []
         self._on_frame = on_frame
-        self._started_s = time.monotonic()
+        self._started_s, self._stamp = time.monotonic(), -math.inf
 
     def __enter__(self) -> Self:
         return self
@@ -166,8 +167,11 @@ class LiveMosaic:
         name: str = "",
         taken: Metadata | None = None,
         file: Path | None = None,
+        stamp: float | None = None,
     ) -> LiveUpdate:
-        """Register the next frame.
+        """Register the next frame: a tenth of a second for 640x480, as long as for some older frames.
+
+        Whenever a part has twice as many frames, this call lays all of them out again: some milliseconds for each.
 
         Parameters
         ----------
@@ -181,6 +185,8 @@ class LiveMosaic:
             What the camera recorded, above all its position; by default what the file says.
         file : Path, optional
             Where these pixels can be read again when the mosaic is composed; else they are kept.
+        stamp : float, optional
+            When it was taken, s from any beginning; never before the frame before it.
 
         Returns
         -------
@@ -190,18 +196,21 @@ class LiveMosaic:
         Raises
         ------
         InputError
-            For what can be no frame: another type, another dtype or shape, a folder.
+            For what can be no frame: another type, another dtype or shape, a folder; for a stamp that runs backwards.
         FullError
             If there is no room for the frame. Those placed so far can be saved.
         """
         if not isinstance(image, Photograph):
             check_given(image, "frame")
+        if stamp is not None and not self._stamp <= stamp < math.inf:
+            raise InputError(f"`stamp` {stamp:g}: a finite number, at least that of the frame before, {self._stamp:g}")
+        self._stamp = self._stamp if stamp is None else stamp
         number, path = len(self._frames), file
         if isinstance(image, str | Path):
             path = only_match(Path(image))
             if is_folder(path):
                 raise InputError(f"{path}: a folder is no frame; extend() adds its pictures")
-        name = name or str(path or f"frame {number}")
+        name = name or (image.name if isinstance(image, Photograph) else "") or str(path or f"frame {number}")
         self._files += [path] if path else []
         view, placement, transform, reason = None, None, None, ""
         part, before = None, set(self._flight.parts)
@@ -230,6 +239,7 @@ class LiveMosaic:
             features=None if view is None else view.features,
             part=part,
             joined=tuple(sorted(before - self._flight.parts.keys())),
+            stamp=stamp,
         )
         self._on_frame(update)
         return update
@@ -263,7 +273,10 @@ class LiveMosaic:
             raise RegistrationError("no frame could be used")
         names = tuple(name for name, _ in self._frames)
         left_out = {number: f"{name}: {reason}" for number, (name, reason) in enumerate(self._frames) if reason}
-        flight = self._flight.finished(self._sources, names, left_out, self._settings)
+        progress("laying out", 0, 0)
+        # The chip links each frame with the one before it alone.
+        chosen = self._flight if self._chain else self._flight.thinned()
+        flight = chosen.finished(self._sources, names, left_out, self._settings)
         tell_notes(flight, tell)
         with Workers(progress=progress, memory_bytes=self._run_options.memory_bytes) as workers:
             try:

@@ -30,7 +30,7 @@ def grow(mosaic: LiveMosaic, frames: Iterable[LiveFrame], preview: Path, tell: C
     due_s = 0.0
     for frame in frames:
         try:
-            update = mosaic.add(frame.photograph, name=frame.name, file=frame.file, taken=frame.taken)
+            update = mosaic.add(frame.photograph, file=frame.file, taken=frame.taken, stamp=frame.stamp)
         except FullError as error:
             tell(f"stopped: {error}")
             break

@@ -19,6 +19,8 @@ class LiveUpdate:
     name : str
     seconds : float
         When it was placed or left out, since the mosaic was begun.
+    stamp : float or None
+        When it was taken, s, as `LiveMosaic.add` was told.
     transform : ndarray of float64, shape (3, 3), or None
         Its original pixels to the reference frame of its part; None if it was left out. Later frames may refine it.
     placement : Placement or None
@@ -49,6 +51,7 @@ class LiveUpdate:
     features: Records | None = None
     part: int | None = None
     joined: tuple[int, ...] = ()
+    stamp: float | None = None
 
     def __str__(self) -> str:
         """What became of the frame, as ``live`` prints it."""
@@ -72,6 +75,7 @@ class LiveUpdate:
             "frame": self.number,
             "name": self.name,
             "seconds": round(self.seconds, 3),
+            "time": self.stamp,
             "placed": not self.reason,
             "reason": self.reason,
             "pose": None if self.transform is None else self.transform.tolist(),

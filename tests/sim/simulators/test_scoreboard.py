@@ -198,7 +198,8 @@ def test_each_stage_has_the_file_of_a_block() -> None:
     assert set(BLOCKS) == {
         name.partition("_")[0] for name in trace(np.zeros((64, 64), np.uint8), AERIAL.front_end).levels[0]
     }
-    assert all((Path(hdl.__file__).parent / "pixel" / f"{block}.py").exists() for block in BLOCKS.values())
+    files = {path.stem for path in (Path(hdl.__file__).parent / "pixel").iterdir()}
+    assert {block for blocks in BLOCKS.values() for block in blocks.strip("{}").split(",")} <= files
 
 
 @pytest.mark.slow

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from skymosaic.cli import live, mosaic, remarks
-from skymosaic.cli.live import _find_unused
 from skymosaic.cli.remarks import group_reasons, report_absent
 from skymosaic.cli.session import session
 from skymosaic.common.errors import RegistrationError
@@ -127,13 +126,6 @@ def test_what_is_left_out_for_one_reason_is_one_line() -> None:
     ]
     assert group_reasons(far) == ["a.jpg, b.jpg, c.jpg and 2 more: in another group of 5 photographs: no"]
     assert group_reasons([]) == []
-
-
-def test_a_name_that_nothing_has_is_found(tmp_path: Path) -> None:
-    assert _find_unused(tmp_path / "m.png") == tmp_path / "m.png"
-    for name in ("m.png", "m_2.png"):
-        (tmp_path / name).touch()
-    assert _find_unused(tmp_path / "m.png") == tmp_path / "m_3.png"
 
 
 @pytest.mark.parametrize(

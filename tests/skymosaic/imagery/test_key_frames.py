@@ -161,7 +161,7 @@ def test_places_in_subtitles_of_drones_are_read(tmp_path: Path, line: str) -> No
 def test_key_frames_have_the_places_of_the_subtitles_beside_their_video(filmed: Path) -> None:
     _subtitle(filmed, next(iter(FORMATS)))
     told: list[str] = []
-    frames = [(frame.number, taken.position) for _, frame, taken in read_key_frames(filmed, told.append)]
+    frames = [(frame.number, taken.position) for _, frame, taken, _ in read_key_frames(filmed, told.append)]
     assert len(frames) > 2
     for number, position in frames:
         assert position is not None
@@ -175,6 +175,6 @@ def test_key_frames_have_the_places_of_the_subtitles_beside_their_video(filmed: 
 def test_subtitles_of_another_video_give_no_positions(filmed: Path) -> None:
     _subtitle(filmed, next(iter(FORMATS)), seconds=6)
     told: list[str] = []
-    assert not any(taken.position for *_, taken in read_key_frames(filmed, told.append))
+    assert not any(taken.position for *_, taken, _ in read_key_frames(filmed, told.append))
     srt = filmed.with_suffix(".SRT")
     assert told == [f"note {filmed}: {srt} lasts 6 s, the video 3 s: it is of another, and gives no positions"]

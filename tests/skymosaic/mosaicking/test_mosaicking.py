@@ -102,12 +102,12 @@ def test_a_mosaic_of_a_megapixel_has_room(tmp_path: Path, area_px: int, enough: 
 
 
 @pytest.mark.parametrize(
-    ("photographs", "bands", "area_px"), [(3, 3, 1000), (3, 1, 1000), (3, 5, 4000 / 6), (2, 3, Room().area_px)]
+    ("photographs", "bands", "area_px"), [(3, 3, 1e6), (3, 1, 1e6), (3, 5, 4e6 / 6), (2, 3, Room().area_px)]
 )
 def test_the_room_is_that_of_the_disk_for_each_band_and_alpha(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, photographs: int, bands: int, area_px: float
 ) -> None:
-    monkeypatch.setattr(shutil, "disk_usage", lambda _path: SimpleNamespace(free=24_000))
+    monkeypatch.setattr(shutil, "disk_usage", lambda _path: SimpleNamespace(free=24_000_000))
     sources: Any = [SimpleNamespace(bands=("band",) * count) for count in (bands, *[9] * (photographs - 1))]
     assert room_of(tmp_path / "m.tif", sources, MosaicOptions()).area_px == area_px
     assert room_of(None, sources, MosaicOptions()).area_px == Room().area_px

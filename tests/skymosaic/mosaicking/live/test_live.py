@@ -196,13 +196,13 @@ def test_what_is_counted_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     def arriving() -> Iterator[LiveFrame]:
         for seen in (60, 120):
             now[0] += 4
-            yield LiveFrame(f"frame {seen - 1}", PICTURE, seen)
+            yield LiveFrame(PICTURE, seen)
 
     pace = Pace(preset_config("aerial"), "golden")
     for number, frame in enumerate(pace.watch(arriving())):
         now[0] += 0.5
         reason = "too few features" if number else ""
-        pace.add(LiveUpdate(number, frame.name, 0.0, None, None, reason, 1))
+        pace.add(LiveUpdate(number, frame.photograph.name, 0.0, None, None, reason, 1))
     assert str(pace) == (
         "120 frames seen, 1 used, 1 dropped; 1 used per second of work (1.0 s), "
         "13.33 seen per second of the clock (9.0 s)"
@@ -290,8 +290,8 @@ def test_previews_take_a_tenth_of_the_time_and_come_at_most_once_a_second(
     """A frame that is left out changes nothing, and shows nothing."""
     now_s, begun, ended, numbers = [0.0], list[float](), list[float](), list[int]()
 
-    def add(*_: Any, name: str, **_named: Any) -> Any:
-        numbers.append(int(name))
+    def add(*_: Any, **_named: Any) -> Any:
+        numbers.append(len(numbers))
         now_s[0] += 0.25
         return SimpleNamespace(reason="" if numbers[-1] % 2 else "blurred")
 
@@ -304,8 +304,7 @@ def test_previews_take_a_tenth_of_the_time_and_come_at_most_once_a_second(
     monkeypatch.setattr(run, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
     monkeypatch.setattr(run, "_write_preview", write_preview)
     growing: Any = SimpleNamespace(add=add, transforms=[0])
-    picture = Photograph("", np.zeros((64, 64), np.uint8))
-    run.grow(growing, (LiveFrame(str(number), picture) for number in range(99)), Path("p.jpg"), print)
+    run.grow(growing, (LiveFrame(PICTURE) for _ in range(99)), Path("p.jpg"), print)
     # The last one shows all.
     pauses_s = np.subtract(begun[1:-1], ended[:-2])
     assert numbers[-1] == 98

@@ -152,6 +152,26 @@ def elsewhere() -> Pixels:
     return np.asarray(cv2.GaussianBlur(grain, (0, 0), 2), np.uint8)
 
 
+def test_frames_that_come_close_are_composed_by_some_of_them(frames: list[Pixels], tmp_path: Path) -> None:
+    live = LiveMosaic(config=CONFIG)
+    for step in range(12):
+        assert not live.add(frames[0][8 * step :][:240]).reason
+    written = live.save(tmp_path / "m.png")
+    assert len(live.transforms) == 12
+    assert 2 <= len(written.flight.views) <= 4
+    assert written.flight.left_out == {}
+    assert written.composition.size[1] == pytest.approx(240 + 8 * 11, abs=3)
+
+
+@pytest.mark.parametrize("stamp", [0.9, float("nan"), float("inf")])
+def test_a_stamp_that_runs_backwards_is_refused(frames: list[Pixels], stamp: float) -> None:
+    live = LiveMosaic(config=CONFIG)
+    assert live.add(frames[0], stamp=1.0).summary()["time"] == 1.0
+    with pytest.raises(InputError, match=f"`stamp` {stamp}: a finite number, at least that of the frame before, 1"):
+        live.add(frames[1], stamp=stamp)
+    assert live.add(frames[1]).number == 1
+
+
 def test_frames_without_overlap_and_flat_frames_are_left_out(frames: list[Pixels]) -> None:
     live = LiveMosaic(config=CONFIG)
     for frame in (*frames[:2], elsewhere(), np.full((360, 480, 3), 90, np.uint8)):
@@ -212,7 +232,7 @@ def test_a_full_disk_ends_the_growth_and_not_the_mosaic(
     live, told = LiveMosaic(config=CONFIG), list[str]()
     size = len(cv2.imencode(".png", frames[0], [cv2.IMWRITE_PNG_COMPRESSION, 1])[1])
     monkeypatch.setattr("skymosaic.mosaicking.live.kept_frames.MAX_BYTES", int(3.5 * size))
-    coming = (LiveFrame(f"frame {number}", Photograph("", frame)) for number, frame in enumerate(frames))
+    coming = (LiveFrame(Photograph("", frame)) for frame in frames)
     # Nor does a preview that cannot be written.
     grow(live, coming, tmp_path / "none" / "preview.jpg", told.append)
     assert sorted(live.transforms) == [0, 1, 2]
@@ -225,7 +245,7 @@ def test_a_preview_takes_no_name_that_another_run_has_taken_meanwhile(frames: li
     check_output(preview := tmp_path / "m.preview.jpg")
     preview.write_bytes(b"another run's")
     with pytest.raises(AppearedError, match="choose another name"):
-        grow(LiveMosaic(config=CONFIG), [LiveFrame("frame 0", Photograph("", frames[0]))], preview, lambda _line: None)
+        grow(LiveMosaic(config=CONFIG), [LiveFrame(Photograph("", frames[0]))], preview, lambda _line: None)
     assert preview.read_bytes() == b"another run's"
 
 
@@ -243,7 +263,7 @@ def test_what_was_placed_is_written_as_large_as_the_disk_allows(
         assert 0.9 * free_bytes < height_px * width_px * (4 if suffix == ".jpg" else 24) <= free_bytes
         assert written.path.stat().st_size < free_bytes / 2
     monkeypatch.setattr(shutil, "disk_usage", lambda _path: SimpleNamespace(free=10))
-    with pytest.raises(InputError, match=r"smaller than a pixel: the disk has 0 MB left; make room$"):
+    with pytest.raises(InputError, match=r"none\.png: the disk has 0 MB left, too little for a mosaic; free"):
         live.save(tmp_path / "none.png")
 
 
