@@ -91,7 +91,7 @@ def pair(left: str, right: str, options: Options, *, registered: bool = True) ->
         inverted=False,
         backend="golden",
         seconds={},
-        known_evidence=Evidence(0.5, 5.0, 0.6, 6, 0.1, 0.8, 50.0, 0.0, 0.5) if registered else None,
+        known_evidence=Evidence(0.5, 5.0, 0.6, 6, 0.1, 0.8, 0.0, 0.5) if registered else None,
     )
 
 
