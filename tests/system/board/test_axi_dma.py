@@ -59,38 +59,24 @@ def packet(length: int) -> Pixels:
 
 
 @pytest.mark.parametrize("offset", [0, RECEIVE_OFFSET])
-def test_a_channel_is_halted_after_reset_and_runs_with_rs(board: Board, offset: int) -> None:
+def test_a_channel_runs_with_rs_and_starts_by_a_length_while_it_runs(board: Board, offset: int) -> None:
     dma = Both(SendChannel(board), ReceiveChannel(board))
-    assert status(dma, offset) == Status.HALTED
-    assert dma.read(offset + CONTROL) == 0x0001_0002
+    assert (status(dma, offset), dma.read(offset + CONTROL)) == (Status.HALTED, 0x0001_0002)
     dma.write(offset + CONTROL, RUN)
-    assert Status.HALTED not in status(dma, offset)
-    dma.write(offset + CONTROL, 0)
-    assert status(dma, offset) == Status.HALTED
-
-
-@pytest.mark.parametrize("offset", [0, RECEIVE_OFFSET])
-def test_a_running_channel_is_not_idle_before_its_first_transfer(dma: Both, offset: int) -> None:
+    # It is not idle before its first transfer.
     assert status(dma, offset) == Status(0)
-
-
-@pytest.mark.parametrize("offset", [0, RECEIVE_OFFSET])
-def test_length_0_and_a_halted_channel_start_nothing(dma: Both, offset: int) -> None:
     start(dma, offset, 0)
     dma.write(offset + CONTROL, 0)
+    assert status(dma, offset) == Status.HALTED
     start(dma, offset, 64)
     dma.write(offset + CONTROL, RUN)
     assert status(dma, offset) == Status(0)
     assert not dma.send.outgoing.size
-
-
-def test_length_has_26_bits(dma: Both) -> None:
-    dma.write(RECEIVE_OFFSET + LENGTH, (1 << 26) - 1)
-    assert dma.read(RECEIVE_OFFSET + LENGTH) == (1 << 26) - 1
-    dma.write(CONTROL, RUN)
-    dma.write(LENGTH, 1 << 26)
-    assert dma.read(LENGTH) == 0
-    assert not dma.send.is_busy
+    # A length has 26 bits.
+    dma.write(offset + LENGTH, 1 << 26)
+    assert dma.read(offset + LENGTH) == 0
+    dma.write(offset + LENGTH, (1 << 26) - 1)
+    assert dma.read(offset + LENGTH) == (1 << 26) - 1
 
 
 def test_address_bits_beyond_those_that_are_built_are_lost(dma: Both) -> None:
@@ -120,20 +106,11 @@ def test_a_packet_shorter_than_its_buffer_ends_at_tlast_and_length_says_how_much
     assert dma.read(RECEIVE_OFFSET + LENGTH) == 24
     assert (board.dram[256:280] == 7).all()
     assert board.dram[280] == 280 % 256
-
-
-def test_the_next_transfer_is_not_idle_until_it_has_ended(dma: Both) -> None:
-    start(dma, RECEIVE_OFFSET, 8)
-    dma.receive.receive(packet(8), last=True)
-    start(dma, RECEIVE_OFFSET, 8)
-    assert Status.IDLE not in status(dma)
-
-
-def test_a_write_of_1_clears_the_interrupt(dma: Both) -> None:
-    start(dma, RECEIVE_OFFSET, 8)
-    dma.receive.receive(packet(8), last=True)
+    # A write of 1 clears the interrupt, and the next transfer is not idle until it has ended.
     dma.write(RECEIVE_OFFSET + STATUS, Status.IOC_IRQ)
     assert status(dma) == Status.IDLE
+    start(dma, RECEIVE_OFFSET, 8)
+    assert Status.IDLE not in status(dma)
 
 
 def test_a_packet_longer_than_its_buffer_is_an_internal_error_and_halts(dma: Both) -> None:
