@@ -144,11 +144,8 @@ def test_matches_are_kept_above_a_weight_of_8_bits() -> None:
         MatcherConfig(rule_base="x")
 
 
-def test_the_estimators_numbers_are_those_of_its_registers_after_reset() -> None:
+def test_registers_after_reset_and_presets_by_name() -> None:
     assert vars(EstimatorConfig()) == {"passes": 32, "seed": 0x9E3779B9, "min_inliers": 12, "min_cells": 5}
-
-
-def test_preset_by_name() -> None:
     assert preset_config("thesis").front_end.pattern.name == "thesis-ilbp-4"
     with pytest.raises(ValueError, match="preset is 'nasa'; valid: aerial, thesis"):
         preset_config("nasa")

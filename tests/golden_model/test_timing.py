@@ -100,15 +100,11 @@ def test_a_walk_ends_with_its_last_row_or_match(matched: list[int]) -> None:
     assert ends == 105 + max(40, *(row + 3 for row in matched), 0)
 
 
-def test_frames_of_720p_never_wait_for_the_homography_before() -> None:
+def test_the_homography_before_sets_the_pace_of_small_frames_only() -> None:
     most = MAX_MATCHES
     frame = FrameWork(1280, 720, True, most, most, np.arange(most), estimate_cycles=MAX_CYCLES)
     accepted = [line.accepted for line in timelines([frame] * 4, Config(), lanes=16)]
     assert np.diff(accepted).tolist() == [1280 * 720] * 3
-
-
-def test_the_homography_before_sets_the_pace_of_small_frames() -> None:
-    most = MAX_MATCHES
     frame = FrameWork(640, 480, good=True, left=most, right=most, rows=np.arange(most))
     longest = dataclasses.replace(frame, estimate_cycles=MAX_CYCLES)
     paces = [steady_pace(each, Config(), lanes=16) or (0, 0) for each in (frame, longest)]

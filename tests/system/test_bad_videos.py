@@ -66,12 +66,9 @@ def test_a_twin_is_not_taken_for_an_object_that_is_hidden(ground: Pixels) -> Non
     assert any("another object looks like it" in each.reason for each in tracked[3:])
 
 
-def test_an_object_may_fill_the_frame(ground: Pixels) -> None:
+def test_an_object_may_fill_the_frame_and_a_cut_is_said(ground: Pixels) -> None:
     tracked = follow(Roi(0, 0, WIDTH, HEIGHT), fly(ground, 4, 4))
     np.testing.assert_allclose(places(tracked), -0.5 - 4 * np.arange(4), atol=1)
-
-
-def test_after_a_cut_the_object_is_lost_and_the_cut_is_said(ground: Pixels) -> None:
     tracked = follow(ROI, [*fly(ground, 4, 3), *fly(render_ground(5, 500, 300), 4, 3)])
     assert [place is not None for place in places(tracked)] == [True] * 3 + [False] * 3
     assert "changed altogether" in tracked[3].reason

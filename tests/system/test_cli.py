@@ -100,12 +100,9 @@ def test_a_folder_of_one_photograph_is_named(run: Run, photographs: tuple[Path, 
         assert refusal(run, *words).startswith("error: one: only one photograph; ")
 
 
-def test_waves_that_cannot_be_written_are_refused_before_the_run(run: Run, photographs: tuple[Path, Path]) -> None:
+def test_waves_and_low_frames_are_refused_before_the_run(run: Run, photographs: tuple[Path, Path]) -> None:
     assert "its folder does not exist" in refusal(run, "compare", *photographs, "--waves", "missing/w.vcd")
     assert "end the name in one of .vcd" in refusal(run, "compare", *photographs, "--waves", "w.png")
-
-
-def test_a_frame_too_low_for_the_front_end_is_one_line(run: Run, photographs: tuple[Path, Path]) -> None:
     low = refusal(run, "compare", *photographs, "--working-width", "64", "--backend", "golden")
     assert "left.png: 640x480 is reduced to 64x48" in low
 

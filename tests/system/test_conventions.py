@@ -132,13 +132,10 @@ def test_results_are_said_and_only_a_failure_is_an_error(
     assert "error: " not in errors + out.decode()
 
 
-def test_quiet_prints_results_only(run: Run) -> None:
+def test_quiet_prints_results_only_and_verbose_versions(run: Run) -> None:
     loud = run("register", "left.png", "right.png")
     for words in (("-q", "register", "left.png", "right.png"), ("register", "left.png", "right.png", "--quiet")):
         assert run(*words) == (0, loud[1], "")
-
-
-def test_verbose_says_which_versions_run(run: Run) -> None:
     _, _, errors = run("fuzzy", "ransac", "-v")
     assert re.match(r"skymosaic \S+, Python 3\.", errors)
 

@@ -30,14 +30,11 @@ def test_a_sensors_pattern_is_subtracted_from_a_flight_and_a_live_mosaic() -> No
         assert moved[0] == pytest.approx((180, 40), abs=8)
 
 
-def test_three_places_with_one_display_are_no_mosaic() -> None:
+def test_different_places_behind_one_display_are_no_mosaic_and_a_flight_is_whole() -> None:
     with pytest.raises(
         RegistrationError, match=r"image 0: nothing links it to the others; what moves .*image 1: .*image 2: "
     ):
         list(mosaics([with_display(seen(ground(seed), 300, 200)) for seed in (5, 6, 7)]))
-
-
-def test_a_flight_behind_a_display_is_whole() -> None:
     place = ground(8)
     corners = ((50, 40), (300, 70), (330, 300), (60, 280))
     images = [with_display(seen(place, *corner, degrees=3 * turn)) for turn, corner in enumerate(corners)]

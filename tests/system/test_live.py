@@ -157,16 +157,13 @@ def test_a_second_end_leaves_the_preview(
     assert (tmp_path / "m.preview.jpg").exists()
 
 
-def test_a_strict_mosaic_that_lacks_a_frame_leaves_no_preview(run: Run, frames: list[np.ndarray]) -> None:
+def test_what_cannot_be_used_is_left_out_and_strict_leaves_nothing(run: Run, frames: list[np.ndarray]) -> None:
     with write_video(Path("film.mkv"), Fraction(25)) as write:
         for frame in (frames[0], np.full_like(frames[0], 90), frames[1]):
             write(np.ascontiguousarray(frame))
     status, _, errors = run("live", "film.mkv", "-o", "m.png", "--strict")
     assert status == 3, errors
     assert [path.name for path in Path().iterdir()] == ["film.mkv"]
-
-
-def test_a_file_that_cannot_be_read_counts_as_left_out(run: Run, frames: list[np.ndarray]) -> None:
     (folder := Path("flight")).mkdir()
     write_pictures(folder, frames[:2])
     (folder / "2.jpg").write_bytes(b"cut off")

@@ -83,16 +83,10 @@ def test_a_damaged_band_leaves_out_its_capture(band_folder: Path, tmp_path: Path
     assert f"{CAPTURES - 1} photographs of {CAPTURES}" in made.stdout
 
 
-def test_bands_need_a_tif(band_folder: Path, tmp_path: Path) -> None:
+def test_bands_need_a_tif_are_kept_if_damaged_and_shown(band_folder: Path, tmp_path: Path) -> None:
     refused = skymosaic("mosaic", band_folder, "-o", "m.png", cwd=tmp_path)
     assert "m.png: a mosaic of 3 bands must be a .tif" in only_error(refused.stderr)
-
-
-def test_damaged_bands_are_kept_where_that_is_wanted(band_folder: Path) -> None:
     capture = group_band_sets(list_sources([band_folder]))[0].with_damaged(keep=True)
     assert [source.keep_damaged for source in (capture, *capture.bands.values())] == [True] * 4
-
-
-def test_a_notebook_shows_the_registering_band(band_folder: Path) -> None:
     few = sorted(band_folder.iterdir())[: 3 * FEW]
     assert "<img" in mosaic(few, band="red")._repr_html_()

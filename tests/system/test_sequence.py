@@ -102,12 +102,9 @@ def test_a_flight_of_16_bits_keeps_its_numbers(flight: Flight, tmp_path: Path) -
     np.testing.assert_allclose(np.percentile(made.image[made.image > 0], (10, 50, 90)), expected, rtol=0.03)
 
 
-def test_all_groups_are_not_one_mosaic(flight: Flight) -> None:
+def test_groups_are_several_mosaics_and_the_detector_applies(flight: Flight) -> None:
     with pytest.raises(InputError, match=r"mosaics\(\)"):
         mosaic(list(flight.images), all_groups=True)
-
-
-def test_the_detector_applies_to_a_flight(flight: Flight) -> None:
     result = mosaic(list(flight.images)[:3], detector="fast")
     assert result.flight.settings.config.front_end.detector == "fast"
     assert len(result.placed) == 3

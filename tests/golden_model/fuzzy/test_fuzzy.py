@@ -53,12 +53,9 @@ def test_degrees_are_those_of_fuzzylite(shape: str, parameters: tuple[float, ...
     np.testing.assert_allclose(Term("term", shape, parameters).degree(x), expected, atol=1e-12)
 
 
-def test_a_vertical_edge_belongs_to_its_upper_end() -> None:
+def test_a_step_is_at_its_upper_end_and_overflows_nowhere() -> None:
     term = Term("steps", "Discrete", (0.0, 0.25, 1.0, 0.25, 1.0, 1.0, 2.0, 1.0, 2.0, 0.5, 3.0, 0.0))
     assert term.degree(np.array([0.5, 1.0, 1.5, 2.0, 2.5, 4.0])).tolist() == [0.25, 1.0, 1.0, 1.0, 0.25, 0.0]
-
-
-def test_a_steep_sigmoid_is_a_step_and_overflows_nowhere() -> None:
     degree = Term("step", "Sigmoid", (0.5, 2000.0)).degree(np.array([-4.0, 0.5, 5.0]))
     np.testing.assert_allclose(degree, [0.0, 0.5, 1.0], atol=1e-12)
 

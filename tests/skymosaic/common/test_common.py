@@ -77,14 +77,11 @@ def test_an_option_takes_what_is_valid(given: dict[str, Any], fault: str) -> Non
         assert options == Options(**{"tiles": 3, **given})
 
 
-def test_options_are_those_of_their_class() -> None:
+def test_options_are_those_of_their_class_and_have_words() -> None:
     assert [each.name for each in options_of(Options)] == ["room_bytes", "share", "tiles", "kind", "strict", "name"]
     assert choose_options(Options, None, {"tiles": 5}) == Options(tiles=5)
     with pytest.raises(InputError, match=r"^options is 3; give Options\(\.\.\.\), or single options by their names$"):
         choose_options(Options, 3, {})  # type: ignore[arg-type]
-
-
-def test_the_words_for_options_are_those_of_the_command_line() -> None:
     given = Options(share=0.5, kind="odd", strict=True, room_bytes=5 << 20)
     assert command_words(given) == ["--room", "5", "--share", "0.5", "--kind", "odd", "--strict"]
 
@@ -102,12 +99,10 @@ def test_the_docstring_says_what_is_valid() -> None:
     ]
 
 
-def test_what_json_does_not_know_is_null_or_text() -> None:
+def test_a_file_says_what_wrote_it_and_what_json_does_not_know_is_null() -> None:
     nested = {"a": (1.5, math.inf, [-math.inf, {"b": math.nan}]), Path("c"): [Path("d"), None, True, 7]}
     assert finite(nested) == {"a": [1.5, None, [None, {"b": None}]], "c": ["d", None, True, 7]}
 
-
-def test_a_file_says_what_wrote_it_and_is_json() -> None:
     def refuse(constant: str) -> None:
         raise AssertionError(constant)
 

@@ -216,14 +216,11 @@ def test_ground_of_few_colours_is_no_palette(colours: tuple[tuple[int, int, int]
     assert not have_palette([compressed(lit(colours, noise))])
 
 
-def test_colour_infrared_is_no_palette_though_its_hues_vary_from_field_to_field() -> None:
+def test_colour_infrared_and_a_single_colour_are_no_palettes() -> None:
     red, bare = np.array((20, 20, 190)), np.array((150, 170, 60))
     fields, light = soil(1, (8, 30))[..., None], 0.35 + 0.9 * soil(2, (1, 2))[..., None]
     image = np.clip(light * (red * fields + bare * (1 - fields)), 0, 255)
     assert not have_palette([compressed(image.astype(np.uint8))])
-
-
-def test_a_picture_of_a_single_colour_is_no_palette() -> None:
     assert not have_palette([np.full((4, 4, 3), (0, 0, 250), np.uint8)])
 
 

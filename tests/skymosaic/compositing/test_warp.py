@@ -53,13 +53,10 @@ def test_tiles_cover_each_pixel_once() -> None:
     assert (hits == 1).all()
 
 
-def test_canvas_holds_all_images_and_no_more() -> None:
+def test_a_canvas_holds_all_images_within_its_limit() -> None:
     canvas = enclosing_canvas([(100, 50), (80, 60)], [shift(-20.5, 3), np.eye(3)])
     assert canvas == Canvas(-20, 0, 100, 60)
     assert enclosing_canvas([(100, 50)], [np.eye(3) + 1e-12]) == Canvas(0, 0, 100, 50)
-
-
-def test_canvas_beyond_the_limit_is_refused_with_its_size() -> None:
     with pytest.raises(CanvasError, match=r"100100x100 px, 10 megapixels; the limit is 5"):
         enclosing_canvas([(100, 100), (100, 100)], [np.eye(3), shift(100_000, 0)], limit_px=5_000_000)
 
@@ -130,14 +127,11 @@ def test_sides_beyond_the_limit_of_opencv() -> None:
     np.testing.assert_array_equal(warp_backward(wide, shift(5, 0), Canvas(5, 0, 40_000, 3)), wide)
 
 
-def test_a_tile_beyond_the_horizon_still_shows_the_image() -> None:
+def test_what_of_a_source_a_tile_needs() -> None:
     horizon = np.array([[1.0, 0, 0], [0, 1, 0], [-1 / 90, 0, 1]])
     tile = Canvas(-300, 0, 400, 50)
     assert source_window((80, 100), horizon, tile) == Canvas(0, 0, 80, 100)
     assert (warp_backward(np.full((100, 80), 200, np.uint8), horizon, tile)[:, 310:] == 200).all()
-
-
-def test_source_window_is_the_near_border_where_the_image_is_not() -> None:
     assert source_window((60, 40), np.eye(3), Canvas(200, 0, 10, 10)) == Canvas(59, 0, 1, 15)
     assert source_window((60, 40), np.eye(3), Canvas(50, 30, 100, 100)) == Canvas(45, 25, 15, 15)
 

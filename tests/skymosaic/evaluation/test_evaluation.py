@@ -116,13 +116,10 @@ def test_grid_error_ends_at_the_horizon() -> None:
     )
 
 
-def test_grid_error_of_nothing() -> None:
+def test_grid_error_of_nothing_and_without_overlap() -> None:
     assert grid_error(None, SHIFT, (64, 64), (64, 64)) == MISSING_ERROR_PX
     to_infinity = np.array([[1.0, 0, 0], [0, 1, 0], [-1 / 63, 0, 1]])
     assert grid_error(to_infinity, np.eye(3), (64, 64), (64, 64)) == MISSING_ERROR_PX
-
-
-def test_grid_error_needs_an_overlap() -> None:
     far = np.array([[1.0, 0, 1000], [0, 1, 0], [0, 0, 1]])
     with pytest.raises(ValueError, match="do not overlap"):
         grid_error(np.eye(3), far, (64, 64), (64, 64))

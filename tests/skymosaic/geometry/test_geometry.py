@@ -201,23 +201,15 @@ def test_every_field_of_points_without_error_counts_one(grid: tuple[Points, Poin
     assert held_out_agreement(OFF, (left, right + 3.0), grid) == 0
 
 
-def test_a_crowded_field_has_one_vote(grid: tuple[Points, Points]) -> None:
+def test_one_field_has_one_vote_by_points_that_others_predict(grid: tuple[Points, Points]) -> None:
     left, right = grid
     crowd = np.full((500, 2), [70.0, 70.0])
     judges = np.vstack((left, crowd)), np.vstack((right, apply(TRUTH, crowd) + 9))
     assert 78.9 < held_out_agreement(TRUTH, grid, judges) < 79.1
-
-
-def test_points_are_judged_by_fits_without_them(grid: tuple[Points, Points]) -> None:
-    """A plane that holds in the fields of one colour alone agrees with none of the other's."""
-    left, right = grid
+    # A plane that holds in the fields of one colour alone agrees with none of the other's.
     white = np.floor(left / 64).sum(axis=1) % 2 == 0
     moved = right + np.where(white, 0, 50)[:, None]
     assert held_out_agreement(TRUTH, (left, moved), (left, moved)) == 0
-
-
-def test_a_field_that_no_other_point_predicts_counts_nothing(grid: tuple[Points, Points]) -> None:
-    left, right = grid
     alone = (left < 64).all(axis=1)
     assert held_out_agreement(TRUTH, (left[alone], right[alone]), (left[alone], right[alone])) == 0
 
@@ -264,12 +256,9 @@ def test_the_matches_decide_between_similarity_and_homography() -> None:
         assert error_px(result.matrix, truth) < 1.0
 
 
-def test_few_matches_never_make_a_homography() -> None:
+def test_a_homography_takes_enough_matches() -> None:
     result = fit(*matches(TILTED, 9, 0), fewest=4, rng=np.random.default_rng(1))
     assert result is None or result.model == "similarity"
-
-
-def test_as_many_inliers_are_needed_for_either_model() -> None:
     assert fit(*matches(TILTED, 30, 0), fewest=31, rng=np.random.default_rng(1)) is None
     enough = fit(*matches(TILTED, 30, 0), fewest=30, rng=np.random.default_rng(1))
     assert enough is not None

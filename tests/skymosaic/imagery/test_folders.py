@@ -51,16 +51,13 @@ def test_three_folders_deep_is_looked_for_what_is_not_read(tmp_path: Path) -> No
     assert len(list_pictures(tmp_path, recursive=True).pictures) == 5
 
 
-def test_folders_inside_are_read_if_asked_for(card: Path) -> None:
+def test_folders_inside_are_read_if_asked_for_and_named_otherwise(card: Path) -> None:
     told: list[str] = []
     sources = list_sources(card, told.append, recursive=True)
     assert [str(Path(source.name).relative_to(card)) for source in sources] == [
         "DJI_1.JPG", "101MEDIA/DJI_9.JPG", "101MEDIA/DJI_10.JPG", "101MEDIA/more/DJI_11.JPG",
     ]  # fmt: skip
     assert "folders inside" not in told[0]
-
-
-def test_a_folder_of_folders_says_so(card: Path) -> None:
     (card / "DJI_1.JPG").unlink()
     with pytest.raises(InputError, match=r"contains no pictures .*3 pictures in folders inside \(101MEDIA"):
         list_sources(card)

@@ -181,24 +181,18 @@ def test_a_folder_that_is_listed_again_and_again_is_read_once(tmp_path: Path, mo
     assert len(list_sources([tmp_path])) == 1
 
 
-def test_the_range_of_16_bit_pixels_is_the_percentiles() -> None:
+def test_the_range_of_a_flight_is_measured_on_even_samples() -> None:
     for seed in range(20):
         rng = np.random.default_rng(seed)
         deep = rng.integers(0, 1 << 16, (rng.integers(70, 100), 83), dtype=np.uint16)
         values = measure_range(deep, "deep")
         np.testing.assert_allclose((values.low, values.high), np.percentile(deep, (0.1, 99.9)))
-
-
-def test_a_flight_has_one_range_and_keeps_16_bits() -> None:
     dark, bright = (sample_values(np.full((300, 400), level, np.uint16)) for level in (9000, 50_000))
     assert measure_common_range([dark, bright]) == ValueRange(9000, 50_000, deep=True)
     assert measure_common_range([dark, dark[:0].astype(np.uint8)]) == ValueRange(9000, 9000, deep=False)
     assert measure_common_range([dark[:0]]) is None
     coloured = sample_values(np.full((300, 400, 3), (100, 9000, 9000), np.uint16))
     assert measure_common_range([coloured, bright]) == ValueRange(100, 50_000, deep=True)
-
-
-def test_a_sample_is_spread_evenly_over_the_photograph() -> None:
     pixels = np.arange(512 * 255, dtype=np.float32).reshape(512, 255)
     pixels[2, 7] = np.nan
     expected = pixels[2::4].ravel()
@@ -206,19 +200,13 @@ def test_a_sample_is_spread_evenly_over_the_photograph() -> None:
     np.testing.assert_array_equal(sample_values(pixels[:, :256].T), pixels.T[:, 2::4][np.isfinite(pixels.T[:, 2::4])])
 
 
-def test_a_picture_of_8_bits_is_shown_as_it_is() -> None:
+def test_pixels_are_shown_in_the_range_of_the_flight() -> None:
     values, shown = ValueRange(0, 510), np.array([[0, 20, 255]], np.uint8)
     np.testing.assert_array_equal(show_in_8_bit(shown, values), shown)
     np.testing.assert_array_equal(show_in_8_bit(shown, None), shown)
     np.testing.assert_array_equal(show_in_8_bit(shown.astype(np.uint16) * 2, values), shown)
-
-
-def test_a_thumbnail_is_shown_in_another_range() -> None:
     own, flight = ValueRange(10_000, 20_000), ValueRange(0, 40_000)
     np.testing.assert_array_equal(own.show_as(np.array([[0, 255]], np.uint8), flight), [[64, 128]])
-
-
-def test_8_bits_become_numbers_of_the_range_within_16_bits() -> None:
     shown = np.array([[0, 51, 255]], np.uint8)
     np.testing.assert_array_equal(ValueRange(0, 65_535).to_16_bit(shown), [[0, 13_107, 65_535]])
     np.testing.assert_array_equal(ValueRange(-500, 70_000).to_16_bit(shown), [[0, 13_600, 65_535]])

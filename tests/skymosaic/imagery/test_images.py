@@ -171,15 +171,12 @@ def test_a_file_that_appears_during_the_run_is_not_replaced(
         assert (path.read_bytes(), [*tmp_path.iterdir()]) == (data, [path])
 
 
-def test_a_tall_image_is_reduced_by_its_height() -> None:
+def test_a_tall_image_is_reduced_by_its_height_and_one_too_narrow_is_named() -> None:
     small, to_original = images.reduce_to_width(np.zeros((4200, 500), np.uint8), 1280)
     assert small.shape == (2560, 305)
     assert np.allclose(to_original[1] @ [0, 2559.5, 1], 4199.5)
     for shape, reduced in (((3, 20_000), (1, 1000)), ((20_000, 3), (2000, 1)), ((2000, 1000), (2000, 1000))):
         assert images.reduce_to_width(np.zeros(shape, np.uint8), 1000)[0].shape == reduced
-
-
-def test_an_image_that_becomes_too_narrow_is_named() -> None:
     with pytest.raises(InputError, match=r"pano\.jpg: 16000x700 is reduced to 1280x56"):
         images.reduce_for_front_end(np.zeros((700, 16000), np.uint8), 1280, "pano.jpg")
     for shape in ((MIN_FRAME_PX, 2 * MIN_FRAME_PX), (2 * MIN_FRAME_PX, MIN_FRAME_PX)):

@@ -36,25 +36,18 @@ def test_points_and_their_sightings_are_read(tmp_path: Path, header: str) -> Non
     assert points.crs == "EPSG:32610" or points.crs.startswith(("+proj", "PROJCS"))
 
 
-def test_a_point_has_its_name_from_any_of_its_lines(tmp_path: Path) -> None:
+def test_names_of_points_and_photographs_are_read_as_typed(tmp_path: Path) -> None:
     lines = "\n1 2 3 1 1 a.jpg\n1 2 3 1 1 b.jpg CHK-1\n4 5 6 1 1 a.jpg west\n4 5 6 1 1 b.jpg CHK-2\n4 5 6 1 1 c.jpg\n"
     points = loaded(tmp_path, "EPSG:32610", lines)
     assert points.names == ("CHK-1", "CHK-2")
     assert points.checks(0)
-
-
-def test_names_of_photographs_may_have_spaces(tmp_path: Path) -> None:
     lines = '\n1 2 3 1 1 Flight South (1).JPG north end\n4 5 6 1 1 "DJI 2" CHK-1\n7 8 9 1 1 3.jpg\n'
-    points = loaded(tmp_path, "EPSG:32610", lines)
     assert [sighting.photograph for sighting in points.sightings] == ["Flight South (1).JPG", "DJI 2", "3.jpg"]
     assert points.names == ("north", "CHK-1", "point 3")
 
 
-def test_a_byte_order_mark_is_no_part_of_the_system(tmp_path: Path) -> None:
+def test_a_byte_order_mark_does_not_matter_and_degrees_become_metres(tmp_path: Path) -> None:
     assert loaded(tmp_path, "\ufeffEPSG:32610").crs == "EPSG:32610"
-
-
-def test_degrees_become_metres(tmp_path: Path) -> None:
     points = loaded(tmp_path, "EPSG:4326", "\n-92.0 46.8 200 10 20 a.jpg\n-91.99 46.8 200 10 20 b.jpg\n")
     assert points.crs == "EPSG:32615"
     assert np.hypot(*(points.metres[1] - points.metres[0])) == pytest.approx(763, abs=2)
@@ -170,14 +163,11 @@ def loaded_positions(tmp_path: Path, header: str, lines: str = POSITIONS_LINES) 
     return load_positions(tmp_path / "geo.txt")
 
 
-def test_positions_and_their_accuracy_belong_to_photographs(tmp_path: Path) -> None:
+def test_positions_and_their_accuracy_belong_to_photographs_of_any_name(tmp_path: Path) -> None:
     positions = loaded_positions(tmp_path, "EPSG:4326")
     assert positions.fixes[1] == Fix("b/DJI_1.JPG", Position(46.842, -91.993), 0.03)
     found = positions.find(["flight/b/DJI_1.jpg", "flight/a/dji_1.jpg", "flight/c/DJI_3.JPG", "flight/c/DJI_2.JPG"])
     assert [fix and fix.position.longitude_deg for fix in found] == [-91.993, -91.994, None, -91.992]
-
-
-def test_names_may_have_spaces(tmp_path: Path) -> None:
     lines = '\nFlight South (1).JPG -91.994 46.842 100\n"no suffix, 2" -91.993 46.842\nDJI_3.tif.old -91 46\n'
     names = [fix.photograph for fix in loaded_positions(tmp_path, "EPSG:4326", lines).fixes]
     assert names == ["Flight South (1).JPG", "no suffix, 2", "DJI_3.tif.old"]
@@ -192,12 +182,9 @@ def test_an_accuracy_of_zero_is_unknown(tmp_path: Path, written: str, accuracy_m
     assert fix == Fix("1.jpg", Position(46.8, -92.0), accuracy_m)
 
 
-def test_maps_in_feet_are_read(tmp_path: Path) -> None:
+def test_feet_and_other_datums_are_converted(tmp_path: Path) -> None:
     (fix,) = loaded_positions(tmp_path, "EPSG:2264", "\n1.jpg 2000000 700000 10\n").fixes
     assert (fix.position.latitude_deg, fix.position.longitude_deg) == pytest.approx((35.674, -79.0), abs=0.02)
-
-
-def test_degrees_of_another_datum_are_converted(tmp_path: Path) -> None:
     (fix,) = loaded_positions(tmp_path, "EPSG:4267", "\n1.jpg -92 46.8\n").fixes
     ((longitude_deg, latitude_deg),) = map_to_globe(np.array([(-92.0, 46.8)]), "EPSG:4267").tolist()
     assert fix.position == Position(latitude_deg, longitude_deg)

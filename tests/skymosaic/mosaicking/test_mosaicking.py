@@ -181,15 +181,12 @@ def test_pairs_that_are_none_are_refused_before_anything_is_read(pair: Any) -> N
         register_pairs(["absent.png"] * 4, [pair])
 
 
-def test_results_are_found_in_lists_and_are_keys(folder: Path, pairs: list[Pair]) -> None:
+def test_pairs_are_keys_and_one_with_itself_is_the_same_picture(folder: Path, pairs: list[Pair]) -> None:
     features = [extract(folder / f"{number}.png") for number in range(2)]
     mosaics = [mosaic([folder / "0.png", folder / "1.png"]) for _ in range(2)]
     every: list[list[Any]] = [[*pairs], [*features], [*mosaics]]
     for results in every:
         assert results.index(results[-1]) == len(set(results)) - 1
-
-
-def test_a_pair_with_itself_is_the_same_picture(folder: Path, pairs: list[Pair]) -> None:
     (same,) = register_pairs([folder / "0.png", folder / "0.png"])
     assert "the same picture as" in same.summary()["notes"][0]
     assert pairs[0].summary()["notes"] == []

@@ -125,20 +125,14 @@ def test_only_the_first_two_of_a_folder_are_decoded(
     assert decoded == ["a", "b", "c"]
 
 
-def test_uploads_beyond_the_size_of_the_session_are_refused(
+def test_uploads_leave_room_in_the_session_and_on_the_disk(
     inputs: Inputs, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("skymosaic.panel.inputs.MAX_BYTES", 1)
     for _ in range(2):
         run_in_loop(lambda: refuse(inputs, "larger than the 0 MB", 413))
     assert not any(inputs._files.folder("uploads").iterdir())
-
-
-def test_uploads_leave_room_on_the_disk(
-    inputs: Inputs, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
     monkeypatch.setattr("shutil.disk_usage", lambda _folder: SimpleNamespace(free=1 << 30))
-
     run_in_loop(lambda: refuse(inputs, "disk is almost full", 507))
 
 

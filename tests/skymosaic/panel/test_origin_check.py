@@ -35,12 +35,9 @@ def websocket_status(address: str, **changed: Any) -> int:
     return status(address, "GET", WEBSOCKET_PATH, **changed, **headers, Connection="Upgrade")
 
 
-def test_the_panels_own_page_and_socket_are_served(owner_address: str) -> None:
+def test_the_panels_own_page_and_socket_are_served_also_as_localhost(owner_address: str) -> None:
     assert status(owner_address, "GET", "/") == 200
     assert websocket_status(owner_address) == 101
-
-
-def test_the_name_localhost_is_accepted(owner_address: str) -> None:
     port = urlsplit(owner_address).port
     names = {"host": f"localhost:{port}", "origin": f"http://localhost:{port}"}
     assert status(owner_address, "GET", "/", **names) == 200

@@ -242,14 +242,11 @@ def _why_refused(preset: str, detector: str, descriptor: str, rules: str) -> str
     return "" if (method.detector, method.descriptor) == (detector, descriptor) else "another method"
 
 
-def test_the_slider_sets_the_front_ends_threshold_or_number() -> None:
+def test_the_slider_sets_the_front_end_and_a_preset_resets_it() -> None:
     harris = Options.of_preset("aerial").changed("position", 20)
     assert harris.choose_method()[1].front_end.threshold == 1024
     strongest = harris.changed("detector", "sift").changed("position", 16)
     assert strongest.choose_method()[1].front_end.max_features == 256
-
-
-def test_a_preset_resets_all_options() -> None:
     changed = Options.of_preset("aerial").changed("detector", "fast").changed("descriptor", "ilbp-256")
     assert changed.changed("preset", "thesis") == Options.of_preset("thesis")
 

@@ -92,14 +92,11 @@ def test_the_terms_of_a_product_move_together() -> None:
     assert moved == AERIAL.replace("Ramp 0.34 0.1\n", "Ramp 0.34 0.15\n").replace("Ramp 0.1 0.34\n", "Ramp 0.15 0.34\n")
 
 
-def test_points_move_in_both_directions() -> None:
+def test_points_move_in_both_directions_and_terms_of_a_minimum_alone() -> None:
     moved = move_corner(AERIAL, 2, 2, 2.49, 0.4)
     assert "common Discrete 0 1 1 1 2.48 0.4 3 0.2 4 0\n" in moved
     assert "other Discrete 0 0 1 0 2.48 0.6 3 0.8 4 1\n" in moved
     assert MatchRules(moved).tables(128)
-
-
-def test_the_terms_of_a_minimum_move_alone() -> None:
     text = AERIAL.replace("AlgebraicProduct", "Minimum")
     assert len(find_corners(MatchRules(text).system, 0)) == 4
     moved = move_corner(text, 0, 0, 0.5, 0)

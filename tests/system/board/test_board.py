@@ -221,14 +221,11 @@ def test_the_run_after_a_memory_error_is_clean(system: AcceleratorSystem, device
     check_next_frames(device)
 
 
-def test_an_address_without_memory_is_named(device: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_address_without_memory_and_a_long_packet_are_named(device: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(device._received["features"], "device_address", 0)
     run_failing(device, "DMA of the features reports a decode error")
     monkeypatch.undo()
     check_next_frames(device)
-
-
-def test_a_packet_longer_than_its_buffer_is_named(device: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = device._received["features"]
     monkeypatch.setitem(device._received, "features", whole[:320])
     run_failing(device, "DMA of the features reports an internal error: a packet is longer than its buffer")

@@ -188,21 +188,14 @@ def test_tiles_become_a_picture(host: Any) -> None:
     assert host.memory.invalidated == 4 * [host.memory.address(host.memory.buffers[0])]
 
 
-def test_a_fault_of_the_settings_is_said(host: Any) -> None:
+def test_a_fault_a_hang_and_unaligned_memory_are_errors(host: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     painter = host.make()
     host.memory.set("painter_refused", PainterFault.FRAMES_TOO_SMALL)
     with pytest.raises(host.error, match="painter_refused is 8"):
         painter.start()
-
-
-def test_a_painter_that_does_not_end_is_an_error(host: Any) -> None:
-    painter = host.make()
     host.memory.answers = False
     with pytest.raises(host.error, match="does not answer"):
         painter.close()
-
-
-def test_memory_beside_a_page_is_refused(host: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(host.memory, "address", lambda _buffer: 0x1_0000_0080)
     with pytest.raises(host.error, match="0x100000080"):
         host.make()

@@ -81,13 +81,10 @@ def test_ground_agrees_differs_or_cannot_tell() -> None:
     assert found.without({3, 4, 5}).pairs.keys() == {(0, 1), (0, 2), (1, 2)}
 
 
-def test_what_no_other_photograph_recognises_tells_nothing() -> None:
+def test_agreement_is_recognised_within_reach() -> None:
     # As waves: full of texture, and different in each photograph.
     found = measure_agreement(seen(noise(2)[:, :320], noise(3)[:, :320]), aside(0, 0))
     assert (found.of(True), found.of(False), found.of(None)) == ([], [], [(0, 1)])
-
-
-def test_ground_that_is_off_agrees_within_reach() -> None:
     views = seen(noise(0)[:, :320], noise(0)[:, 20:340])
     numbers = measure_agreement(views, aside(0, 40 + 12)).numbers
     assert (numbers["agree"], numbers["ninety_px"]) == (1, 12)

@@ -243,16 +243,13 @@ def ring(rng: np.random.Generator) -> list[NDArray[np.void]]:
     return list(views)
 
 
-def test_views_that_share_features_are_likely_pairs() -> None:
+def test_likely_pairs_share_features_or_are_few() -> None:
     pairs = likely_pairs(ring(np.random.default_rng(5)))
     neighbours = {(view, view + 1) for view in range(VIEWS - 1)} | {(0, VIEWS - 1)}
     assert neighbours <= set(pairs)
     assert pairs == sorted(set(pairs))
     assert all(left < right for left, right in pairs)
     assert len(pairs) <= VIEWS * PARTNERS
-
-
-def test_few_views_are_all_compared() -> None:
     views = ring(np.random.default_rng(6))[: PARTNERS + 1]
     assert likely_pairs(views) == [(i, j) for i in range(PARTNERS + 1) for j in range(i + 1, PARTNERS + 1)]
     assert likely_pairs([views[0], views[1][:0]]) == [(0, 1)]

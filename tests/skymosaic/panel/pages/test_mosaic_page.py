@@ -171,16 +171,13 @@ def test_hardware_equals_the_golden_model(made: Page) -> None:
     expect(panel).to_contain_text(f"{150e6 / (400 * 300):.0f}, each matched")
 
 
-def test_tab_reaches_every_control_and_each_has_a_name(made: Page) -> None:
+def test_tab_reaches_every_control_and_a_reload_keeps_results(made: Page) -> None:
     open_tab(made, "Matches")
     open_advanced(made)
     names = names_reached_by_tab(made)
     parts = "Choose photographs", "Detector", "Harris threshold", "Make the mosaic", "Matches", "Next match", "Zoom in"
     for part in parts:
         assert any(part in name for name in names), (part, names)
-
-
-def test_a_reload_keeps_finished_results(made: Page) -> None:
     made.reload()
     expect(mosaic_viewer(made)).to_be_visible()
     open_tab(made, "Corners")

@@ -53,13 +53,10 @@ def test_tiles_are_parts_of_the_mosaic(tmp_path: Path, monkeypatch: pytest.Monke
         assert covered.all()
 
 
-def test_a_small_mosaic_has_no_tiles(tmp_path: Path) -> None:
+def test_a_small_mosaic_has_no_tiles_and_seams_where_photographs_show(tmp_path: Path) -> None:
     shown = show_mosaic(delivery(MOSAIC), tmp_path)
     assert shown.tiles == ()
     assert [path.name for path in tmp_path.iterdir()] == ["mosaic.jpg"]
-
-
-def test_seams_lie_where_their_photograph_shows(tmp_path: Path) -> None:
     (line,) = show_mosaic(delivery(MOSAIC), tmp_path).seams
     # Mask pixels 30..49, 10..19 of a frame at (-10, 5) whose pixels are 10 of the mosaic's, on a canvas at (-100, 50).
     assert np.allclose(line.min(axis=0), (304.5, 104.5))
