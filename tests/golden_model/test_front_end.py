@@ -155,22 +155,16 @@ def test_half_turn_mirrors_the_features(texture: Callable[..., Any]) -> None:
     assert len(expected) > 300
 
 
-def test_too_many_corners_make_a_bad_frame_without_features(texture: Callable[..., Any]) -> None:
+def test_a_frame_says_what_kept_its_features_away(texture: Callable[..., Any]) -> None:
     config = dataclasses.replace(THESIS, threshold=1, max_features=100)
     result = extract(texture(128, 160), config, frame=3)
     assert len(result.features) == 0
     assert result.status["good"] == 0
     assert result.status["causes"] == Cause.TOO_MANY_FEATURES
     assert (result.status["frame"], result.status["features"]) == (3, 0)
-
-
-def test_status_gives_the_threshold_as_a_code(texture: Callable[..., Any]) -> None:
     result = extract(texture(128, 160), dataclasses.replace(AERIAL, threshold=1_000_003))
     assert result.status["threshold"] == encode_response(np.array(1_000_003))
     assert (result.features["response"] >= result.status["threshold"]).all()
-
-
-def test_a_level_smaller_than_its_border_is_empty(texture: Callable[..., Any]) -> None:
     features = extract(texture(64, 79), AERIAL).features
     assert len(features) > 0
     assert not features["level"].any()

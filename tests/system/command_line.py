@@ -6,8 +6,9 @@ import os
 import subprocess
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,6 +22,11 @@ def closed_pipe() -> Iterator[int]:
     os.close(reader)
     yield writer
     os.close(writer)
+
+
+def captured(command: Sequence[object], **options: Any) -> subprocess.CompletedProcess[str]:
+    """Run another program, whatever becomes of it, and keep what it prints."""
+    return subprocess.run([*map(str, command)], capture_output=True, text=True, check=False, **options)
 
 
 def skymosaic(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:

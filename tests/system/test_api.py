@@ -42,12 +42,9 @@ def test_points_are_in_original_pixels(pair: Pair, kind: str) -> None:
     assert all(" " in rule for rule in rules)
 
 
-def test_an_unknown_kind_lists_the_valid_ones(pair: Pair) -> None:
+def test_features_are_those_of_a_pair_and_kinds_are_named(pair: Pair) -> None:
     with pytest.raises(InputError, match="inliers, kept, matches"):
         pair.points("good")
-
-
-def test_features_of_one_image_are_those_of_a_pair(pair: Pair) -> None:
     features = skymosaic.extract(pair.left.pixels, working_width_px=400)
     matched = pair.points("matches").left
     distances = np.linalg.norm(matched[:, None] - features.points[None], axis=2).min(axis=1)

@@ -38,13 +38,10 @@ def places(tracked: list[TrackedFrame]) -> list[Any]:
     return [None if each.corners is None else float(each.corners[0, 0]) for each in tracked]
 
 
-def test_an_object_that_never_appears_is_not_found(ground: Pixels) -> None:
+def test_an_object_that_is_not_there_is_lost_and_said_to_be(ground: Pixels) -> None:
     tracked = follow(render_ground(5, 100, 80), fly(ground, 10, 3))
     assert places(tracked) == [None] * 3
     assert all("not found yet" in each.reason for each in tracked)
-
-
-def test_an_object_that_leaves_for_good_is_lost_and_said_to_have_left(ground: Pixels) -> None:
     tracked = follow(ROI, fly(ground, 25, 9))
     found = [place is not None for place in places(tracked)]
     assert found[:3] == [True] * 3

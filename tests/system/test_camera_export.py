@@ -18,6 +18,7 @@ from hdl.export import accelerator as export
 from hdl.registers.register_map import REGISTERS
 from hdl.registers.shell_register_map import SHELL_REGISTERS
 from skymosaic.cli.export import OWN_NAMES
+from tests.system.command_line import captured
 from tools.yosys import YOSYS
 
 TINY = dataclasses.replace(BUILDS["tiny"], shell="camera", video_bits=24)
@@ -48,13 +49,8 @@ def test_verilator_finds_nothing_but_what_is_allowed(folder: Path) -> None:
         "--top-module",
         export.CAMERA_TOP,
     ]
-    result = subprocess.run(
-        [*command, f"{export.CAMERA_TOP}.v"],
-        cwd=folder / "rtl",
-        env={**os.environ, "VERILATOR_ROOT": str(root)},
-        capture_output=True,
-        text=True,
-        check=False,
+    result = captured(
+        [*command, f"{export.CAMERA_TOP}.v"], cwd=folder / "rtl", env={**os.environ, "VERILATOR_ROOT": str(root)}
     )
     assert result.returncode == 0, result.stderr[:2000]
     assert set(re.findall(r"%Warning-(\w+)", result.stderr)) <= ACCEPTED
@@ -112,7 +108,7 @@ def run_bench(folder: Path, tmp_path: Path, fault: str) -> str:
         (tmp_path / path.name).write_text(text)
     sources = ["skymosaic_camera_tb.v", str(folder / "rtl" / "skymosaic_camera.v")]
     subprocess.run(["iverilog", "-g2012", "-o", "bench", *sources], cwd=tmp_path, check=True)
-    done = subprocess.run(["vvp", "-n", "bench"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = captured(["vvp", "-n", "bench"], cwd=tmp_path)
     return done.stdout
 
 

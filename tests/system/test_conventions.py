@@ -95,14 +95,11 @@ def test_json_has_the_notes_of_photographs(run: Run) -> None:
             assert upright in numbers["notes"]
 
 
-def test_a_failure_is_an_object_too(run: Run) -> None:
+def test_results_go_to_stdout_and_failures_are_objects_too(run: Run) -> None:
     status, out, errors = run("register", "left.png", "absent.png", "--json")
     found = json.loads(out)
     assert status == found["status"] == 2
     assert only_error(errors) == f"error: {found['error']}"
-
-
-def test_results_go_to_stdout_and_progress_to_stderr(run: Run) -> None:
     _, out, errors = run("register", "left.png", "right.png")
     assert b"inliers" in out
     assert out.count(b"e+0") + out.count(b"e-0") == 9

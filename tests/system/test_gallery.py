@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -34,6 +33,7 @@ from skymosaic.reports import figures
 from skymosaic.reports.flight import write_flight_report, write_report
 from skymosaic.reports.pair import write_pair_report
 from tests.skymosaic.panel.states import FOLDER_STATES, LONG_STATES, STATES, write_flight
+from tests.system.command_line import captured
 from tests.system.looking import (
     CURVES,
     VIEWS,
@@ -240,9 +240,7 @@ def test_lines_of_matches_end_on_their_points(pair: Pair, tmp_path: Path) -> Non
 def build_site(folder: Path, **environment: str) -> Path:
     """The site; a link, a page or a reference that does not exist is an error."""
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
-    done = subprocess.run(
-        command, cwd=ROOT, env={**os.environ, **environment}, capture_output=True, text=True, check=False
-    )
+    done = captured(command, cwd=ROOT, env={**os.environ, **environment})
     assert done.returncode == 0, done.stderr
     return folder
 

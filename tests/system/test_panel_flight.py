@@ -84,7 +84,7 @@ def test_a_flight_becomes_one_mosaic(flight: Page) -> None:
     expect(flight.get_by_role("tabpanel", name="Numbers")).to_contain_text(f"{PHOTOGRAPHS} of {PHOTOGRAPHS}")
 
 
-def test_the_matches_of_any_pair_of_a_flight_can_be_shown(flight: Page) -> None:
+def test_the_matches_of_any_pair_are_shown_by_controls_in_reach(flight: Page) -> None:
     open_tab(flight, "Matches")
     panel = flight.get_by_role("tabpanel", name="Matches")
     before = panel.locator("image").last.get_attribute("href")
@@ -96,9 +96,6 @@ def test_the_matches_of_any_pair_of_a_flight_can_be_shown(flight: Page) -> None:
     expect(flight.locator(".explanation")).to_contain_text("px from the homography")
     open_tab(flight, "Mosaic")
     expect(mosaic_viewer(flight)).to_be_visible()
-
-
-def test_tab_reaches_the_controls_of_a_flight(flight: Page) -> None:
     open_tab(flight, "Matches")
     assert {"Pair of the flight", "Look at it", "Remove all"} <= set(names_reached_by_tab(flight))
 

@@ -62,13 +62,10 @@ def test_features_and_matches_are_the_recorded_ones(config: Config, features: st
     assert (digest(left, right), digest(found)) == (features, matches)
 
 
-def test_thresholds_follow_the_counts_as_recorded() -> None:
+def test_thresholds_and_estimates_are_the_recorded_ones() -> None:
     counts = range(0, 4001, 250)
     codes = [next_code(code, n, 1500, name) for code in (1, 40, 9000) for n in counts for name in ("harris", "fast")]
     assert digest(codes) == "55ad55db0d1e"
-
-
-def test_an_estimate_is_the_recorded_one() -> None:
     rng = np.random.default_rng(5)
     left = rng.integers(1000, (9000, 6500), (150, 2))
     # Turned, sheared and shrunk by integers; every third one is wrong.

@@ -19,7 +19,7 @@ from sim.scene import make_pair
 from skymosaic.cli import main
 from skymosaic.cli.terminal import ended_by_signals
 from tests.made import write_pictures
-from tests.system.command_line import closed_pipe, only_error, skymosaic_process
+from tests.system.command_line import captured, closed_pipe, only_error, skymosaic_process
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
 
@@ -40,9 +40,7 @@ def noisy(tmp_path: Path) -> Path:
 def test_messages_of_libraries_stay_off_the_terminal(noisy: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert cv2.imread(str(noisy)) is not None
     assert "libpng" in capfd.readouterr().err
-    done = subprocess.run(
-        command("register", noisy, noisy), check=False, capture_output=True, text=True, env=ENVIRONMENT
-    )
+    done = captured(command("register", noisy, noisy), env=ENVIRONMENT)
     assert done.returncode == 3
     assert "libpng" not in done.stderr
     assert "too few features" in only_error(done.stderr)

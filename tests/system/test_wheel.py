@@ -12,7 +12,7 @@ import pytest
 
 from golden_model.version import VERSION
 from hdl.export.boards import BOARDS, SOURCES
-from tests.system.command_line import only_error
+from tests.system.command_line import captured, only_error
 
 CLONE = Path(__file__).parents[2]
 LEFT_OUT = tuple(
@@ -93,9 +93,7 @@ skymosaic.cli.main()
 
 
 def test_mosaics_need_neither_the_hardware_nor_a_cluster_nor_unix(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", MOSAIC_WITHOUT], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    done = captured([sys.executable, "-c", MOSAIC_WITHOUT], cwd=tmp_path)
     assert done.stdout == "(0, 1, 2)\n", done.stderr
     assert done.returncode == 2
     assert "pip install '.[hardware]'" in only_error(done.stderr)
@@ -103,9 +101,6 @@ def test_mosaics_need_neither_the_hardware_nor_a_cluster_nor_unix(tmp_path: Path
 
 def test_the_demo_runs_outside_the_clone(environment: Path, tmp_path: Path) -> None:
     python = str(environment / "bin" / "python")
-    demo = subprocess.run(
-        [python, "-I", "-m", "skymosaic", "demo", "-o", "out", "--backend", "golden"],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    demo = captured([python, "-I", "-m", "skymosaic", "demo", "-o", "out", "--backend", "golden"], cwd=tmp_path)
     assert demo.returncode == 0, demo.stderr
     assert (tmp_path / "out" / "mosaic.png").exists()

@@ -10,6 +10,7 @@ import pytest
 
 from sim.scene import make_pursuit
 from tests.skymosaic.panel.tasks.test_mosaic_tasks import write_flight_with_gps
+from tests.system.command_line import captured
 
 CLONE = Path(__file__).parents[2]
 FRAMES = 12
@@ -107,7 +108,5 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> Path:
 )
 def test_a_working_day(python: Path, day: Path, script: str) -> None:
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    done = subprocess.run(
-        [python, "-I", "-c", script], cwd=day, env=environment, capture_output=True, text=True, check=False
-    )
+    done = captured([python, "-I", "-c", script], cwd=day, env=environment)
     assert done.returncode == 0, done.stderr

@@ -101,13 +101,10 @@ def test_ramp_is_within_half_a_step_of_the_line(zero_at: float, one_at: float) -
     assert np.abs(table("Ramp", zero_at, one_at) / 256 - line).max() <= HALF_STEP
 
 
-def test_trapezoid_and_sigmoid_are_within_half_a_step() -> None:
+def test_degrees_are_within_half_a_step_and_tables_end_where_they_stay() -> None:
     expected = np.interp(INDEX, [3, 10, 20, 41], [0, 1, 1, 0])
     assert np.abs(table("Trapezoid", 3, 10, 20, 41) / 256 - expected).max() <= HALF_STEP
     assert np.abs(table("Sigmoid", 20, -0.3) / 256 - 1 / (1 + np.exp(0.3 * (INDEX - 20)))).max() <= HALF_STEP
-
-
-def test_a_trimmed_table_ends_where_it_no_longer_changes() -> None:
     assert len(table("Ramp", 3, 9)) == 50
     assert table("Ramp", 3, 9, trimmed=True).tolist() == [0, 0, 0, 0, 43, 85, 128, 171, 213, 256]
     assert table("Ramp", 60, 59, trimmed=True).tolist() == [256]

@@ -181,14 +181,11 @@ def test_turned_triangles_and_small_ones_are_dropped() -> None:
     assert solved(left, right)[1][small]
 
 
-def test_the_identity_is_exact() -> None:
+def test_what_is_an_inlier_and_which_cells_it_is_in() -> None:
     left, _ = samples(1)
     hypotheses, valid = solved(left, left)
     assert valid.all()
     np.testing.assert_allclose(hypotheses[0] / hypotheses[0].max(), np.eye(3), atol=2**-22)
-
-
-def test_cells_are_eighths_of_the_frame() -> None:
     size = (650, 487)
     edges = np.array([2 * 650, 2 * 487])
     inside = np.array([[0, 0], edges - 1])
@@ -198,9 +195,6 @@ def test_cells_are_eighths_of_the_frame() -> None:
     centres = np.array([(2 * column + 1, 2 * row + 1) for column in range(8) for row in range(8)]) * edges // 2
     assert count_cells(np.repeat(centres, 2, axis=0), size) == 64
     assert count_cells(centres[:0], size) == 0
-
-
-def test_an_inlier_is_within_two_pixels() -> None:
     # The gain is 32 (1 - e² / 2 tau²), rounded up.
     steps = LEVELS - INLIER_GAIN + 1
     assert 1.95 < np.sqrt(2 * steps / LEVELS) * TOLERANCE_PX < 2

@@ -124,13 +124,10 @@ def test_fuzzy_inputs_are_scaled_scores_rounded_down() -> None:
     assert (ncc == correlation.ncc(left, right)).all()
 
 
-def test_without_candidates_there_is_no_match() -> None:
+def test_empty_and_wrong_arguments() -> None:
     window = np.zeros((2, 9), dtype=np.uint8)
     assert [part.tolist() for part in correlation.best_matches(window, window[:0], "sad")] == [[], []]
     assert [part.tolist() for part in correlation.best_matches(window[:0], window, "ncc")] == [[], []]
-
-
-def test_wrong_arguments_are_refused() -> None:
     image = np.zeros((64, 64), dtype=np.uint8)
     here = np.array([30])
     with pytest.raises(ValueError, match="measure is 'mse'; valid: sad, zssd, ncc"):

@@ -115,9 +115,6 @@ def test_scenes_are_those_on_which_recorded_figures_were_measured() -> None:
     for name, picture in draw_scenes().items():
         parts = cv2.resize(picture.astype(np.float32), (6, 4), interpolation=cv2.INTER_AREA)
         np.testing.assert_allclose(parts.ravel(), RECORDED[name], rtol=0, atol=0.03, err_msg=name)
-
-
-def test_roofs_cars_and_fields_that_none_of_them_shows_are_recorded_too() -> None:
     colours = (*objects._TILE_ROOFS, *objects._SHEET_ROOFS, *objects._CARS)
     shares = layout.FIELD_SHARES, layout.VILLAGE_SHARES, layout.MAIN_ROAD_SHARES, layout.DRIVE_SHARES
     tables = [each.tolist() for each in colours], surface.COVERS, surface.PAVINGS, shares, target._BODIES

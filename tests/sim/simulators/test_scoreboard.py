@@ -62,11 +62,8 @@ def expect_mismatch(expected: list[FrameResult], actual: list[FrameResult]) -> M
     return found
 
 
-def test_equal_results_have_no_mismatch(results: list[FrameResult]) -> None:
+def test_the_first_feature_that_differs_is_named_with_its_position(results: list[FrameResult]) -> None:
     assert find_mismatch(results, results) is None
-
-
-def test_a_feature_that_differs_is_named_with_its_position(results: list[FrameResult]) -> None:
     feature = results[1].features[77]
     found = expect_mismatch(
         results, changed(results, 1, "features", "sector", row=77, value=(feature["sector"] + 1) % 16)
@@ -74,9 +71,6 @@ def test_a_feature_that_differs_is_named_with_its_position(results: list[FrameRe
     assert (found.frame, found.stage) == (1, "feature 77, sector")
     assert (found.x, found.y) == (feature["x"] / 16, feature["y"] / 16)
     assert (found.expected, found.actual) == (feature["sector"], (feature["sector"] + 1) % 16)
-
-
-def test_the_first_of_several_mismatches_is_named(results: list[FrameResult]) -> None:
     once = changed(results, 0, "features", "response", row=9, value=0)
     twice = changed(once, 0, "features", "index", row=4, value=4000)
     assert expect_mismatch(results, twice).stage == "feature 4, index"

@@ -83,7 +83,9 @@ def named() -> Table:
     return table
 
 
-def test_a_table_keeps_to_a_terminal_and_has_whole_rows_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_table_keeps_to_a_terminal_has_whole_rows_in_a_pipe_and_names_as_they_are(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     Terminal(width=60).show(named())
     printed = capsys.readouterr().out
     assert NAME in printed
@@ -92,9 +94,6 @@ def test_a_table_keeps_to_a_terminal_and_has_whole_rows_in_a_pipe(capsys: pytest
     Terminal(file=shown, force_terminal=True, color_system=None, width=60).show(named())
     assert "photographs" in shown.getvalue()
     assert max(map(len, shown.getvalue().splitlines())) <= 60
-
-
-def test_names_are_printed_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
     terminal = Terminal(width=20)
     terminal.show(f"[bold]{NAME}[/bold]\n2")
     terminal.print_line(f"[red]{NAME}")
@@ -228,18 +227,15 @@ def compare_with(found: Comparison | Exception, monkeypatch: pytest.MonkeyPatch)
     demo._compare_hardware((Path("left.png"), Path("right.png")), BackendOptions(backend="rtl"))
 
 
-def test_clocks_and_equality_are_told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_comparison_tells_clocks_and_fails_by_a_difference_alone(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     compare_with(COMPARED, monkeypatch)
     told = capsys.readouterr().out
     assert f"equal to the golden model bit for bit: {COMPARED.coverage}" in told
     assert "308200 clocks per frame, 1.23 M per second" in told
     assert session.numbers["hardware"]["equal"]
     assert 0 <= session.seconds["hardware"] < 60
-
-
-def test_a_difference_is_an_error_and_a_missing_compiler_is_not(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
     compare_with(BackendError("g++ is not installed"), monkeypatch)
     assert "hardware not simulated: g++ is not installed" in capsys.readouterr().err
     with pytest.raises(RegistrationError, match="differ: frame 1, half, level 1, x 3, y 4: expected 10, got 11"):

@@ -1,7 +1,6 @@
 """The shell completes from a table, which is that of the commands, and imports none of them for it."""
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pytest
 from sim.scene import make_pair
 from skymosaic.cli.commands import COMMANDS
 from skymosaic.cli.completion import TABLE
+from tests.system.command_line import captured
 from tools.completion import describe_commands
 
 PROGRAM = """
@@ -25,7 +25,7 @@ HEAVY = ("numpy", "cv2", "scipy", "rasterio")
 def imported(*words: str, **environment: str) -> tuple[list[str], set[str]]:
     """What a command line prints, word by word, and the packages that it imports."""
     command = [sys.executable, "-c", PROGRAM, *words]
-    done = subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True, check=False)
+    done = captured(command, env={**os.environ, **environment})
     packages = {name.split(".")[0] for name in done.stderr.split()}
     assert "skymosaic" in packages
     return done.stdout.split(), packages

@@ -2,7 +2,6 @@
 
 import re
 import shlex
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,7 @@ from skymosaic.cli.export import BuildOptions, CameraOptions, _export
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import options_of
 from tests.conftest import Run
-from tests.system.command_line import only_error
+from tests.system.command_line import captured, only_error
 
 ULX3S = BUILDS["ulx3s"]
 
@@ -111,7 +110,7 @@ def test_other_pixels_than_of_8_bits_are_refused(tmp_path: Path, words: tuple[st
         "import sys; from golden_model import formats; formats.PIXEL = formats.UQ(10);"
         f"from skymosaic.cli import main; sys.argv[1:] = {['export', *words, '-o', 'made']}; main()"
     )
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = captured([sys.executable, "-c", code], cwd=tmp_path)
     assert done.returncode == 2, done.stderr
     assert done.stderr.splitlines()[-1].startswith("error: PIXEL is UQ(10, 0); hardware is made for pixels of 8 bits")
     assert not list(tmp_path.iterdir())

@@ -47,7 +47,7 @@ def typed(*words: object) -> PhotographOptions:
     return read.pop()
 
 
-def test_the_help_has_every_option_in_its_group() -> None:
+def test_the_help_has_every_option_in_its_group_as_it_is_typed() -> None:
     shown = run("everything", "--help").output
     groups = [group for group in GROUPS if any(each.group == group for each in options_of(MosaicOptions))]
     headings = [shown.index(f"─ {group} ─") for group in groups]
@@ -57,10 +57,6 @@ def test_the_help_has_every_option_in_its_group() -> None:
         panel = shown[begin : shown.index("╰", begin)]
         for flag in each.flags.split(" or "):
             assert f"{flag} " in panel
-
-
-def test_the_help_says_what_is_typed() -> None:
-    shown = run("everything", "--help").output
     assert re.search(r"--memory +MEGABYTES", shown)
     assert re.search(r"--canvas-limit +MEGAPIXELS", shown)
     assert "bytes, on the command line" not in shown

@@ -243,21 +243,18 @@ def test_highlights_rise_to_white_and_nothing_else_becomes_white(gain: float) ->
     assert toned[240] < 255
 
 
-def test_no_level_jumps_where_a_gain_varies() -> None:
+def test_a_gain_makes_no_jump_and_leaves_black_and_white() -> None:
     """Over a burnt sky, an edge would show where the gain passes the shoulder."""
     gains = np.arange(0.5, 1.5, 0.005)
     toned = np.array([Tone((float(gain),)).apply(RAMP)[0] for gain in gains]).astype(int)
     assert np.abs(np.diff(toned, axis=0)).max() <= 2
-
-
-def test_a_gain_of_16_bit_values_leaves_black_and_white_where_they_are() -> None:
     values = np.array([[0, 9000, 20_000, 65_535]], np.uint16)
     toned = Tone((2.0,), black=9000).apply(values)
     assert toned.dtype == np.uint16
     np.testing.assert_array_equal(toned, [[0, 9000, 31_000, 65_535]])
 
 
-def test_factors_belong_to_places_of_the_source_image() -> None:
+def test_factors_belong_to_places_of_the_source_image_and_have_bounds() -> None:
     turned = np.array([[0.0, -2.0, 900.0], [2.0, 0.0, 40.0], [1e-5, 2e-5, 1.0]])
     part = Canvas(30, 70, 333, 222)
     light = np.zeros((3, 5, 3), np.float32)
@@ -269,10 +266,7 @@ def test_factors_belong_to_places_of_the_source_image() -> None:
         falloff = np.exp(0.2 * ((at - [319.5, 239.5]) ** 2).sum() / 400**2)
         green = 2 * np.exp(-0.3 + 0.8 * np.clip(at[0] / 639, 0, 1))
         np.testing.assert_allclose(factors[y, x], falloff * np.array([1, green, 1]), rtol=1e-2)
-
-
-def test_far_outside_a_photograph_factors_have_bounds() -> None:
-    """The canvas reaches to the horizon of the photograph, and beyond."""
+    # The canvas reaches to the horizon of the photograph, and beyond.
     to_image = np.array([[40.0, 0, 0], [0, 40, 0], [0, -1 / 150, 1]])
     tone = Tone((1.0,), np.array([[0.3], [0.3], [0.1], [0.1]]))
     with np.errstate(all="raise", divide="ignore", invalid="ignore"):

@@ -116,15 +116,12 @@ def test_photographs_that_become_only_darker_or_only_brighter_are_said_to(
     assert bool(says) == bool(described)
 
 
-def test_moving_things_do_not_count() -> None:
+def test_moving_things_and_photographs_without_overlap_change_nothing() -> None:
     layers = strip(np.ones((6, 1)))
     images = [layer.image.copy() for layer in layers]
     images[1][60:140, 100:220] = 45
     tones = estimate_tones([Layer(image, layer.transform) for image, layer in zip(images, layers, strict=True)])
     np.testing.assert_allclose(gains(tones), 1, atol=0.02)
-
-
-def test_a_photograph_without_overlap_stays_as_it_is() -> None:
     layers = strip(np.array([1.0, 0.7, 1.0, 0.7])[:, None])
     far = Layer(layers[0].image, np.array([[1.0, 0, 5000], [0, 1, 0], [0, 0, 1]]))
     tones = estimate_tones([*layers, far])
@@ -182,14 +179,11 @@ def test_light_that_changes_within_photographs_is_evened_out(sunlit: list[Layer]
     assert np.quantile(left, 0.9) < 0.1
 
 
-def test_the_levels_of_a_camera_are_those_of_its_darkest_and_brightest_photographs() -> None:
+def test_the_levels_of_a_camera_and_the_range_that_gains_leave() -> None:
     samples = [np.array(ends, np.uint16) for ends in ([300, 900], [100, 3000], [200, 700])]
     assert estimate_levels(samples, [None, None, None]) == (0, 4095)
     # A photograph cannot be darker than black.
     assert estimate_levels(samples, [150.0, None, 170.0]) == (100, 4095)
-
-
-def test_each_channel_of_16_bits_has_its_own_gain_in_the_range() -> None:
     coloured = sample_values(np.full((300, 400, 3), (1000, 2000, 4000), np.uint16))
     gray = sample_values(np.full((300, 400), 2000, np.uint16))
     tones = [Tone((1.5, 1.0, 0.7)), Tone((1.0, 1.0, 1.0))]

@@ -36,7 +36,7 @@ def matches(
     return left, right, ~stray
 
 
-def test_held_out_matches_decide() -> None:
+def test_enough_held_out_matches_decide() -> None:
     left, right, _ = matches()
     plain, bent = shares(left, right)
     assert bent > plain + 0.1
@@ -45,9 +45,6 @@ def test_held_out_matches_decide() -> None:
     plain, bent = shares(flat_left, flat_right)
     assert bent > plain - 0.01  # nothing is lost on flat ground
     assert fit(flat_left, flat_right, always=False) is None
-
-
-def test_relief_of_twenty_pixels_is_followed_and_what_is_near_the_plane_judges_it() -> None:
     left, right, _ = matches(bulge_px=20.0, wrong=0.0)
     mesh = fit(left, right, always=False)
     assert mesh is not None
@@ -58,9 +55,6 @@ def test_relief_of_twenty_pixels_is_followed_and_what_is_near_the_plane_judges_i
     assert np.median(off[near > 14]) < 2
     # None of those that judge it is so high.
     assert shares(left, right)[0] == pytest.approx((near[near <= 12] <= 2).mean(), abs=0.01)
-
-
-def test_few_matches_give_no_grid() -> None:
     left, right, _ = matches(count=30, wrong=0.0)
     assert fit(left, right) is not None
     left, right = left[1:], right[1:]

@@ -34,7 +34,7 @@ def smooth_image(height: int, width: int, *channels: int, seed: int = 0) -> Pixe
     return cv2.GaussianBlur(noise_image(height, width, *channels, seed=seed), (0, 0), 4)
 
 
-def test_rectangles() -> None:
+def test_rectangles_and_their_tiles() -> None:
     left, right = Canvas(0, 0, 10, 5), Canvas(8, -2, 10, 5)
     assert left.intersection(right) == Canvas(8, 0, 2, 3)
     assert left.intersection(Canvas(10, 0, 3, 3)) is None
@@ -42,9 +42,6 @@ def test_rectangles() -> None:
     assert left.intersection(Canvas(9, 4, 3, 3)) == Canvas(9, 4, 1, 1)
     assert Canvas(8, 0, 2, 3).within(right) == (slice(2, 5), slice(0, 2))
     np.testing.assert_array_equal(apply(right.translation, right.corners[0]), (0, 0))
-
-
-def test_tiles_cover_each_pixel_once() -> None:
     canvas = Canvas(-3, 7, 25, 11)
     hits = np.zeros((11, 25), dtype=int)
     for tile in canvas.tiles(8):
@@ -113,16 +110,13 @@ def test_backward_against_a_textbook_loop() -> None:
     assert checked > 60
 
 
-def test_tiles_leave_no_trace() -> None:
+def test_tiles_leave_no_trace_nor_does_the_limit_of_opencv() -> None:
     image = smooth_image(900, 1500, 3)
     large = Canvas(0, 0, 2 * TILE_PX + 100, TILE_PX + 50)
     by_tiles = warp_backward(image, PROJECTIVE @ np.diag([1.4, 1.4, 1]), large)
     at_once = cv2.warpPerspective(image, PROJECTIVE @ np.diag([1.4, 1.4, 1]), (large.width_px, large.height_px))
     assert (by_tiles > 0).mean() > 0.5
     assert np.abs(by_tiles.astype(int) - at_once).max() <= 1
-
-
-def test_sides_beyond_the_limit_of_opencv() -> None:
     wide = noise_image(3, 40_000)
     np.testing.assert_array_equal(warp_backward(wide, shift(5, 0), Canvas(5, 0, 40_000, 3)), wide)
 

@@ -192,7 +192,7 @@ def test_points_count_that_are_far_enough_from_what_is_masked() -> None:
     assert are_on_ground(points, None).all()
 
 
-def test_records_hold_sixteenths_of_pixels() -> None:
+def test_positions_are_sixteenths_of_pixels_rounded_half_up() -> None:
     matches = np.zeros(2, MATCH.dtype)
     for number, name in enumerate(("left_x", "left_y", "right_x", "right_y")):
         matches[name] = 8 * number, 16 * number
@@ -200,9 +200,6 @@ def test_records_hold_sixteenths_of_pixels() -> None:
     assert (left.tolist(), right.tolist()) == ([[0, 0.5], [0, 1]], [[1, 1.5], [2, 3]])
     features = np.array([(24, 32)], [("x", "<u2"), ("y", "<u2")])
     assert feature_points(features).tolist() == [[1.5, 2]]
-
-
-def test_positions_are_rounded_half_up_and_stay_in_the_format() -> None:
     points = np.array([[1.0, 1 + 1 / 32], [1 + 1 / 32 - 1e-6, -5], [0, 1e6]])
     assert raw_positions(points).tolist() == [[16, 17], [16, 0], [0, 65535]]
 

@@ -117,9 +117,6 @@ def test_a_choice_is_completed_by_what_suits() -> None:
     assert method.on_accelerator
     assert (config.front_end.detector, config.front_end.descriptor) == ("fast", "ilbp-256")
     assert config.front_end.border_px >= config.front_end.min_border_px
-
-
-def test_without_rules_the_configuration_says_so() -> None:
     assert choose_method(preset_config("aerial"), "sift")[1].matcher.rule_base == "none"
     assert choose_method(preset_config("aerial"), "sift", "ilbp-128")[1].matcher.rule_base == "aerial"
 

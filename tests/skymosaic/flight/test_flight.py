@@ -74,7 +74,7 @@ def test_what_is_sharp_elsewhere_on_the_same_ground_is_blurred(blurred: list[int
     assert flight.describe_blurred(layout).partition(":")[0] == named
 
 
-def test_a_layout_without_some_views_keeps_what_joins_the_others() -> None:
+def test_what_is_taken_out_is_left_out_with_the_reason() -> None:
     links, other = (link(0, 1), link(1, 2), link(2, 3)), (link(0, 2), link(1, 3))
     rest = laid_out(0, 1, 2, 3, links=links, contradicting=other).without([0])
     assert (rest.members, rest.reference, list(rest.transforms)) == ((1, 2, 3), 1, [1, 2, 3])
@@ -82,9 +82,6 @@ def test_a_layout_without_some_views_keeps_what_joins_the_others() -> None:
     assert [errors[0] for errors in rest.errors_px] == [2, 3]
     assert rest.without([3]).reference == 1
     assert laid_out(0, 1).without([0, 1]).members == ()
-
-
-def test_photographs_that_are_taken_out_are_left_out_with_the_reason() -> None:
     flight = flown([1.0] * 6, [], [laid_out(0, 1, 2, 3), laid_out(4, 5)])
     assert flight.without({}) is flight
     rest = flight.without({3: "changed", 4: "gone"})

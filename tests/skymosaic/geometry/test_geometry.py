@@ -19,7 +19,7 @@ SIZE = (640, 480)
 SHIFT = np.array([[1.0, 0, -320], [0, 1, 0], [0, 0, 1]])
 
 
-def test_matches_at_one_place_count_once() -> None:
+def test_coinciding_matches_count_once_and_overlaps_are_the_common_part() -> None:
     points = np.array([[10.0, 10], [10.5, 10.2], [100, 100], [101, 101]])
     assert acceptance.count_places(points, points) == 2
     assert acceptance.count_places(points, np.full((4, 2), 50.0)) == 1
@@ -27,9 +27,6 @@ def test_matches_at_one_place_count_once() -> None:
     # A column, and a row: neither coordinate alone tells places apart.
     line = np.column_stack([np.full(5, 8.0), np.arange(5) * 4.0])
     assert acceptance.count_places(line, line) == acceptance.count_places(line[:, ::-1], line) == 5
-
-
-def test_the_overlap_of_a_shift_is_the_common_half() -> None:
     assert acceptance.hull_area(acceptance.overlap(SHIFT, SIZE, SIZE)) == pytest.approx(320 * 480)
     assert acceptance.hull_area(acceptance.overlap(np.eye(3), SIZE, SIZE)) == pytest.approx(640 * 480)
 
@@ -192,17 +189,13 @@ def grid() -> tuple[Points, Points]:
     return left, apply(TRUTH, left)
 
 
-def test_every_field_of_points_without_error_counts_one(grid: tuple[Points, Points]) -> None:
+def test_fields_of_held_out_points_have_a_vote_each(grid: tuple[Points, Points]) -> None:
     # 10 x 8 fields of 64 px, the last row half as high.
     assert held_out_agreement(OFF, grid, grid) == pytest.approx(80)
     # The judges decide, wherever the fit starts and whatever its own points say.
     left, right = grid
     assert held_out_agreement(OFF, (left, right + 1.0), grid) == pytest.approx(40, rel=0.01)
     assert held_out_agreement(OFF, (left, right + 3.0), grid) == 0
-
-
-def test_one_field_has_one_vote_by_points_that_others_predict(grid: tuple[Points, Points]) -> None:
-    left, right = grid
     crowd = np.full((500, 2), [70.0, 70.0])
     judges = np.vstack((left, crowd)), np.vstack((right, apply(TRUTH, crowd) + 9))
     assert 78.9 < held_out_agreement(TRUTH, grid, judges) < 79.1
@@ -249,14 +242,11 @@ def test_chance_matches_are_refused(seed: int) -> None:
     assert fit_similarity(*matches(SIMILAR, 0, 40, seed), fewest=6) is None
 
 
-def test_the_matches_decide_between_similarity_and_homography() -> None:
+def test_enough_matches_decide_between_similarity_and_homography() -> None:
     for truth, model in ((SIMILAR, "similarity"), (TILTED, "projective")):
         result = fit(*matches(truth, 60, 20), fewest=6, rng=np.random.default_rng(1))
         assert result.model == model
         assert error_px(result.matrix, truth) < 1.0
-
-
-def test_a_homography_takes_enough_matches() -> None:
     result = fit(*matches(TILTED, 9, 0), fewest=4, rng=np.random.default_rng(1))
     assert result is None or result.model == "similarity"
     assert fit(*matches(TILTED, 30, 0), fewest=31, rng=np.random.default_rng(1)) is None

@@ -153,7 +153,7 @@ def test_a_shore_below_a_camera_that_hovers_is_delivered(sites: list[Pixels]) ->
     assert 0 < pair.evidence.ground_lack < 0.2
 
 
-def test_what_a_mask_hides_does_not_vote(sites: list[Pixels]) -> None:
+def test_what_a_mask_or_a_display_hides_does_not_vote(sites: list[Pixels]) -> None:
     moved = sites[0].copy()
     moved[:, 250:] = sites[1][:, 250:]
     visible = np.zeros(moved.shape[:2], np.uint8)
@@ -163,9 +163,6 @@ def test_what_a_mask_hides_does_not_vote(sites: list[Pixels]) -> None:
     assert whole.share < 0.5
     assert masked.share == 1
     assert 0.3 * whole.blocks < masked.blocks < 0.45 * whole.blocks
-
-
-def test_what_lies_between_the_lines_of_a_display_votes_in_finer_pictures(sites: list[Pixels]) -> None:
     agreement = measure_agreement(Sight(with_lines(sites[0])), Sight(with_lines(sites[1])), np.eye(3))
     coarse = np.count_nonzero(agreement.agreeing) / agreement.blocks
     assert agreement.required - 0.2 < coarse < agreement.required

@@ -15,14 +15,11 @@ def scattered(count: int, seed: int) -> Array:
     return np.random.default_rng(seed).uniform(0, 640, (count, 2))
 
 
-def test_apply_divides_by_the_third_coordinate() -> None:
+def test_homographies_are_applied_and_rescaled_up_to_infinity() -> None:
     H = np.array([[2.0, 0, 1], [0, 1, 3], [0.5, 0, 1]])
     square = [(0, 0), (1, 0), (1, 1), (0, 1)]
     np.testing.assert_allclose(apply(H, square), [(1, 3), (2, 2), (2, 8 / 3), (1, 4)])
     assert np.isinf(apply(H, (-2, 0))).all()
-
-
-def test_scaled_refuses_an_origin_at_infinity() -> None:
     np.testing.assert_allclose(rescale(-3 * PROJECTIVE), PROJECTIVE)
     with pytest.raises(DegenerateError, match="infinity"):
         rescale(np.fliplr(np.eye(3)))

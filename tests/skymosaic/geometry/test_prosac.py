@@ -136,15 +136,12 @@ def test_a_start_from_elsewhere_competes_with_what_the_search_finds(shift_px: fl
     assert estimated(left[:3], right[:3], weight[:3], restarts=0, starts=[start]).homography is None
 
 
-def test_a_start_without_a_better_refit_keeps_its_own_score() -> None:
+def test_a_start_keeps_its_score_and_a_turned_but_not_mirrored_view_is_found() -> None:
     left, right, weight, _ = matches(200, 0.6, seed=18, noise_px=0.0)
     given = prosac._Matches(left, right, weight)
     improved, score = prosac._optimise_locally(TRUTH, given)
     assert score == pytest.approx(given.score(given.squared_error(TRUTH)))
     np.testing.assert_allclose(improved, TRUTH, rtol=1e-6)
-
-
-def test_a_turned_view_is_found_and_a_mirrored_one_refused() -> None:
     # Every match fits a homography exactly, but one that turns the ground over.
     mirror = np.array([[-1.0, 0, 639], [0, 1, 0], [0, 0, 1]])
     left, right, weight, _ = matches(100, 1.0, seed=7, truth=mirror)
@@ -208,7 +205,7 @@ def test_minimal_solver_agrees_with_the_dlt() -> None:
         np.testing.assert_allclose(H / H[2, 2], TRUTH, rtol=1e-6)
 
 
-def test_samples_are_distinct_and_uniform() -> None:
+def test_samples_are_distinct_and_drawn_from_growing_sets() -> None:
     rng = np.random.default_rng(13)
     drawn = prosac._draw(np.full(6000, 7), rng)
     assert (np.diff(np.sort(drawn, axis=1), axis=1) > 0).all()
@@ -217,9 +214,6 @@ def test_samples_are_distinct_and_uniform() -> None:
     _, counts = np.unique(np.sort(drawn[:, :3], axis=1), axis=0, return_counts=True)
     assert len(counts) == 20
     assert np.abs(counts - 300).max() < 5 * np.sqrt(300)
-
-
-def test_sample_sets_grow_from_the_best_four_to_all() -> None:
     sizes = prosac._subset_sizes(200, MAX_SAMPLES)
     assert len(sizes) == MAX_SAMPLES
     assert sizes[0] == 4

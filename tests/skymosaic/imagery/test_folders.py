@@ -80,16 +80,13 @@ def test_a_folder_of_what_cannot_be_read_says_what_to_do(tmp_path: Path, name: s
         list_sources(tmp_path)
 
 
-def test_a_mosaic_of_folders_inside_is_no_photograph_of_the_next_run(card: Path) -> None:
+def test_mosaics_and_links_inside_are_no_photographs(card: Path) -> None:
     photographs = list_pictures(card, recursive=True).pictures
     for output in (card / "mosaic.jpg", card / "101MEDIA" / "mosaic.jpg", card / "out" / "mosaic.jpg"):
         output.parent.mkdir(exist_ok=True)
         output.write_bytes(b"a mosaic")
         record_output(output, [card])
     assert list_pictures(card, recursive=True).pictures == photographs
-
-
-def test_a_mosaic_above_the_only_folder_inside_is_no_photograph_of_the_next_run(card: Path) -> None:
     (card / "DJI_1.JPG").unlink()
     sources = list_sources(card, recursive=True)
     (card / "mosaic.jpg").write_bytes(b"a mosaic")
@@ -102,7 +99,7 @@ def test_a_link_to_a_folder_is_not_followed(card: Path) -> None:
     assert len(list_pictures(card, recursive=True).pictures) == 4
 
 
-def test_an_unreadable_folder_inside_matters_where_it_is_read(card: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_inside_that_cannot_be_read_matters_where_it_is(card: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse_inside(folder: Path) -> list[Path]:
         if folder.name == "101MEDIA":
             raise InputError(f"{folder}: cannot be read")
@@ -112,9 +109,6 @@ def test_an_unreadable_folder_inside_matters_where_it_is_read(card: Path, monkey
     assert [path.name for path in list_pictures(card).pictures] == ["DJI_1.JPG"]
     with pytest.raises(InputError, match="101MEDIA: cannot be read"):
         list_pictures(card, recursive=True)
-
-
-def test_a_folder_inside_that_may_not_be_entered_ends_nothing(card: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stat = Path.stat
 
     def refuse_inside(path: Path, *, follow_symlinks: bool = True) -> os.stat_result:

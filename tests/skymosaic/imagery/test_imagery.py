@@ -26,7 +26,7 @@ from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import list_sources
 
 
-def test_a_picture_stands_below_its_text() -> None:
+def test_a_notebook_shows_a_picture_and_at_most_200_lines() -> None:
     assert describe_in_html("2 < 3") == "<p>2 &lt; 3</p>"
     shown = describe_in_html("2 < 3", np.full((500, 1600, 3), (10, 120, 240), np.uint8))
     found = re.fullmatch(r'<p>2 &lt; 3</p><img alt="2 &lt; 3" src="data:image/jpeg;base64,(.+)">', shown)
@@ -35,9 +35,6 @@ def test_a_picture_stands_below_its_text() -> None:
     assert pixels is not None
     assert pixels.shape == (250, 800, 3)
     np.testing.assert_allclose(pixels[100, 100].astype(int), (10, 120, 240), atol=3)
-
-
-def test_lines_join_at_most_200_common_points() -> None:
     pictures = np.zeros((1000, 800, 3), np.uint8), np.zeros((1000, 800, 3), np.uint8)
     rows = np.arange(400, dtype=np.float64) * 2 + 50
     points = np.column_stack([np.full(400, 700.0), rows])

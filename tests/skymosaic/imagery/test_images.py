@@ -23,15 +23,12 @@ def photograph(height: int = 96, width: int = 128) -> np.ndarray:
     return cv2.GaussianBlur(rng.integers(0, 256, (height, width, 3), dtype=np.uint8), (0, 0), 2)
 
 
-def test_reads_colour_and_gray_as_they_are(tmp_path: Path) -> None:
+def test_colour_and_gray_are_read_upright(tmp_path: Path) -> None:
     colour = photograph()
     cv2.imwrite(str(tmp_path / "c.png"), colour)
     cv2.imwrite(str(tmp_path / "g.png"), colour[..., 0])
     assert np.array_equal(images.load(tmp_path / "c.png").pixels, colour)
     assert np.array_equal(images.load(tmp_path / "g.png").pixels, colour[..., 0])
-
-
-def test_exif_rotation_is_applied_once_and_stated(tmp_path: Path) -> None:
     upright = photograph()
     exif = PillowImage.Exif()
     exif[0x0112] = 6  # stored turned a quarter counter-clockwise: shown turned clockwise
@@ -128,12 +125,9 @@ def test_an_unwritable_folder_is_refused_before_the_work(
         images.check_output_folder(tmp_path / name)
 
 
-def test_an_input_is_never_overwritten(tmp_path: Path) -> None:
+def test_an_output_replaces_neither_inputs_nor_what_is_there(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="one of the inputs"):
         images.check_output(tmp_path / "a.png", [tmp_path / "a.png"])
-
-
-def test_what_an_output_would_replace_is_said(tmp_path: Path) -> None:
     (tmp_path / "m.png").touch()
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match=r"m\.png: exists; choose another name"):

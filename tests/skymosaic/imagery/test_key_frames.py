@@ -90,15 +90,12 @@ def test_gray_frames_are_taken_and_others_are_named() -> None:
         list(select_key_frames(others))
 
 
-def test_a_folder_named_like_a_video_is_a_folder(tmp_path: Path) -> None:
+def test_only_videos_that_are_large_enough_are_taken_for_such(tmp_path: Path) -> None:
     (folder := tmp_path / "clip.mov").mkdir()
     for name in ("1.png", "2.png"):
         (folder / name).write_bytes(b"a picture")
     with flight_sources(folder) as sources:
         assert [source.content for source in sources] == [folder / "1.png", folder / "2.png"]
-
-
-def test_a_video_that_is_too_small_is_named_itself(tmp_path: Path) -> None:
     with write_video(video := tmp_path / "small.mp4", DEFAULT_RATE) as write_frame:
         for _ in range(2):
             write_frame(np.zeros((48, 64, 3), np.uint8))
@@ -155,7 +152,7 @@ def test_places_in_subtitles_of_drones_are_read(tmp_path: Path, line: str) -> No
         assert track(0.5).degrees == pytest.approx((PLACE.longitude_deg, PLACE.latitude_deg + 0.0005), abs=1e-9)
 
 
-def test_key_frames_have_the_places_of_the_subtitles_beside_their_video(filmed: Path) -> None:
+def test_key_frames_have_the_places_of_the_subtitles_of_their_video(filmed: Path) -> None:
     _subtitle(filmed, next(iter(FORMATS)))
     told: list[str] = []
     frames = [(frame.number, taken.position) for _, frame, taken, _ in read_key_frames(filmed, told.append)]
@@ -167,9 +164,6 @@ def test_key_frames_have_the_places_of_the_subtitles_beside_their_video(filmed: 
     assert told == [f"note {filmed}: positions are those of {filmed.with_suffix('.SRT')}"]
     with flight_sources(filmed) as sources:
         assert [source.read_metadata().position for source in sources] == [position for _, position in frames]
-
-
-def test_subtitles_of_another_video_give_no_positions(filmed: Path) -> None:
     _subtitle(filmed, next(iter(FORMATS)), seconds=6)
     told: list[str] = []
     assert not any(taken.position for *_, taken, _ in read_key_frames(filmed, told.append))

@@ -42,6 +42,7 @@ def test_names_of_points_and_photographs_are_read_as_typed(tmp_path: Path) -> No
     assert points.names == ("CHK-1", "CHK-2")
     assert points.checks(0)
     lines = '\n1 2 3 1 1 Flight South (1).JPG north end\n4 5 6 1 1 "DJI 2" CHK-1\n7 8 9 1 1 3.jpg\n'
+    points = loaded(tmp_path, "EPSG:32610", lines)
     assert [sighting.photograph for sighting in points.sightings] == ["Flight South (1).JPG", "DJI 2", "3.jpg"]
     assert points.names == ("north", "CHK-1", "point 3")
 

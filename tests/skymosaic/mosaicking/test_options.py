@@ -50,15 +50,12 @@ def test_signature_lists_the_options(function: Callable[..., object], options: t
     assert "changes" not in shown
 
 
-def test_ipython_completes_options() -> None:
+def test_keywords_are_completed_and_have_types() -> None:
     namespace = {"register": register, "LiveMosaic": LiveMosaic}
     completer: Any = IPCompleter(namespace=namespace, use_jedi=False)  # type: ignore[no-untyped-call]
     for begun, whole in (("register(left, right, effo", "effort="), ("LiveMosaic(canvas", "canvas_limit_px=")):
         with provisionalcompleter():
             assert [each.text for each in completer.completions(begun, len(begun))] == [whole]
-
-
-def test_keywords_have_the_types_of_the_declaration() -> None:
     assert STUB.read_text(encoding="utf-8") == describe_keywords(), "run python -m tools.keywords"
 
 
@@ -80,16 +77,13 @@ def test_a_misspelt_name_and_another_type_are_errors() -> None:
         register(picture, picture, efforts="fast")  # type: ignore[call-arg]
 
 
-def test_names_are_those_of_the_code_behind_them() -> None:
+def test_every_option_has_a_docstring_a_name_and_a_valid_default() -> None:
     chosen = {each.name: set(each.choices) for each in options_of(MosaicOptions)}
     assert chosen["preset"] == set(PRESETS)
     assert chosen["backend"] == set(BACKENDS)
     assert chosen["descriptor"] == {*PATTERNS, *WINDOWS_PX, *descriptors._OPENCV, TRACKED}
     assert chosen["detector"] == {*FRONT_END_DETECTORS, "surf", *detectors._OPENCV}
     assert chosen["estimator"] >= {PROSAC, FABRIC, FUZZY_RANSAC}
-
-
-def test_the_docstring_has_every_option() -> None:
     documented = MosaicOptions.__doc__
     assert documented is not None
     for each in options_of(MosaicOptions):
@@ -99,9 +93,6 @@ def test_the_docstring_has_every_option() -> None:
         )
     assert "    damaged : {'refuse', 'keep'}, default 'refuse'\n" in documented
     assert "    scale : float, default 1.0\n" in documented
-
-
-def test_every_default_is_valid_and_every_sentence_ends() -> None:
     MosaicOptions().check_for(2)
     MosaicOptions().check_for(3)
     for each in options_of(MosaicOptions):

@@ -161,7 +161,7 @@ def test_a_folder_without_pictures_says_what_to_do(flights: Path) -> None:
     assert roots.find_folder("flight") == flights / "flight"
 
 
-def test_outside_of_the_roots_one_cannot_ask_what_exists(flights: Path) -> None:
+def test_links_lead_nowhere_else_and_refusals_tell_nothing(flights: Path) -> None:
     """The refusal is the same for a folder that exists and one that does not."""
     refusals = []
     for name in ("outside", "nowhere"):
@@ -169,9 +169,6 @@ def test_outside_of_the_roots_one_cannot_ask_what_exists(flights: Path) -> None:
             Roots([flights]).find_folder(str(flights.parent / name))
         refusals.append(str(refused.value).replace(f"/{name}", ""))
     assert refusals[0] == refusals[1]
-
-
-def test_a_link_to_a_root_is_the_root(flights: Path) -> None:
     (flights.parent / "link").symlink_to(flights)
     assert Roots([flights.parent / "link"]).find_folder("flight") == flights / "flight"
 
@@ -251,7 +248,7 @@ def test_the_slider_sets_the_front_end_and_a_preset_resets_it() -> None:
     assert changed.changed("preset", "thesis") == Options.of_preset("thesis")
 
 
-def test_a_flight_has_fewer_options_than_a_pair() -> None:
+def test_a_flight_and_a_backend_have_fewer_options() -> None:
     aerial = Options.of_preset("aerial")
     assert fault_of(aerial, 3) == fault_of(aerial.changed("detector", "fast"), 3) == ""
     for name, value in (("detector", "sift"), ("estimator", "magsac"), ("accept_poor", True)):
@@ -261,9 +258,6 @@ def test_a_flight_has_fewer_options_than_a_pair() -> None:
     # By the names that the page shows.
     assert fault_of(aerial.changed("estimator", "magsac"), 3).startswith("Estimator magsac: ")
     assert fault_of(aerial.changed("accept_poor", True), 3).startswith("Deliver a poor pair: ")
-
-
-def test_a_backend_that_does_not_compute_the_method_is_refused() -> None:
     simulated = Options.of_preset("aerial").changed("backend", "rtl")
     assert fault_of(simulated) == ""
     assert "computes only harris, fast" in fault_of(simulated.changed("detector", "orb"))

@@ -41,7 +41,7 @@ from tests.skymosaic.reports.test_flight import PLACE, delivered, tie
 NAME = "a\udcff\x1b[31m<b>&\x00.jpg"
 
 
-def test_names_that_are_no_text_are_shown_and_written(tmp_path: Path) -> None:
+def test_names_and_values_are_escaped_once_whatever_they_are(tmp_path: Path) -> None:
     page = pages.render("pair.html", title=NAME, rows=[("name", f"{NAME}\nsecond")], pictures={})
     pages.write_report_files(tmp_path, {"name": NAME}, page)
     shown = (tmp_path / "index.html").read_text(encoding="utf-8")
@@ -52,9 +52,6 @@ def test_names_that_are_no_text_are_shown_and_written(tmp_path: Path) -> None:
     assert [each.text for each in kml.iter() if each.tag.endswith("name")] == ["a\\udcff\\x1b[31m<b>&\\x00.jpg"] * 2
     facts = {each.get("name"): each[0].text for each in kml.iter() if each.tag.endswith("}Data")}
     assert facts == {"reason": "a\\udcff\\x1b[31m<b>&\\x00.jpg", "area_m2": "2.5"}
-
-
-def test_values_are_escaped_once_also_in_macros(tmp_path: Path) -> None:
     (tmp_path / "rows.html").write_text("{% macro row(name) %}<b>{{ name }}</b>{% endmacro %}{{ row(name) }}")
     assert pages.open_templates(tmp_path).get_template("rows.html").render(name="<i>") == "<b>&lt;i&gt;</b>"
 
@@ -180,7 +177,7 @@ def test_the_page_says_what_a_client_asks(site: Path) -> None:
     assert page.index("<img") < page.index("How it was made")
 
 
-def test_the_area_is_that_of_the_ground_that_shows(site: Path) -> None:
+def test_the_area_is_that_of_the_ground_that_shows_amid_white(site: Path) -> None:
     numbers = json.loads((site / "report" / "report.json").read_text())
     (mosaic,) = numbers["mosaics"]
     picture = cv2.imread(str(site / "map #1 of the site.tif"), cv2.IMREAD_UNCHANGED)
@@ -190,9 +187,6 @@ def test_the_area_is_that_of_the_ground_that_shows(site: Path) -> None:
     assert (numbers["program"], numbers["version"]) == ("skymosaic", VERSION)
     assert re.fullmatch(r"20\d\d-\d\d-\d\dT[\d:]+\+00:00", numbers["written"])
     assert (mosaic["first_taken"], mosaic["cameras"]) == ("2026-05-01 10:20:30", ["DJI FC300S"])
-
-
-def test_white_surrounds_the_mosaic(site: Path) -> None:
     picture = cv2.imread(str(site / "report" / "mosaic_1.jpg"))
     alpha = cv2.imread(str(site / "map #1 of the site.tif"), cv2.IMREAD_UNCHANGED)
     assert picture is not None

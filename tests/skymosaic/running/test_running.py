@@ -123,7 +123,7 @@ def test_what_does_not_speak_its_protocol_is_no_scheduler(monkeypatch: pytest.Mo
             Workers(address)
 
 
-def test_a_call_gets_one_blas_thread_and_the_caller_its_own_back() -> None:
+def test_blas_has_one_thread_while_workers_are_in_use() -> None:
     def blas_threads() -> list[int]:
         return [each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"]
 
@@ -134,8 +134,6 @@ def test_a_call_gets_one_blas_thread_and_the_caller_its_own_back() -> None:
         assert before == blas_threads() == [2] * len(inside)
         assert set(inside) == {1}
 
-
-def test_blas_keeps_to_one_thread_while_any_workers_are_in_use() -> None:
     def threads() -> set[int]:
         return {each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"}
 

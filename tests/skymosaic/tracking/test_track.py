@@ -93,7 +93,7 @@ def test_an_object_that_grows_is_expected_to_grow_until_it_is_lost() -> None:
     np.testing.assert_allclose(np.diff(corners, axis=0), np.broadcast_to((7.5, -1.0), (2, 4, 2)), atol=1e-6)
 
 
-def test_a_lost_object_is_expected_for_a_while_and_then_only_searched() -> None:
+def test_a_lost_object_is_expected_and_then_searched_as_one_never_seen() -> None:
     seen = Seen([None] * (COASTED_FRAMES + 1))
     track = begun(seen, moved(20, 300))
     for _ in range(COASTED_FRAMES + 5):
@@ -102,9 +102,6 @@ def test_a_lost_object_is_expected_for_a_while_and_then_only_searched() -> None:
     assert len(seen.searched) == COASTED_FRAMES + 5
     # At one size, that of the object when it was lost; of the parts, the nearest to it first.
     assert_parts_by_distance(seen.searched, [2.0], (70, 340))
-
-
-def test_an_object_that_was_never_seen_is_searched_at_every_size_from_the_middle() -> None:
     seen = Seen([])
     track = begun(seen)
     for _ in range(60):

@@ -56,7 +56,7 @@ def cut(ground: Pixels, x: int, y: int) -> Pixels:
 MIDDLES = np.stack(np.meshgrid(*2 * [np.arange(BORDER_PX, SIDE_PX - BORDER_PX, 8.0)]), axis=-1).reshape(-1, 2)
 
 
-def test_blocks_are_found_where_they_went_in_other_light(ground: Pixels) -> None:
+def test_blocks_are_found_where_they_went_and_not_on_other_ground(ground: Pixels) -> None:
     x, y = 50 - SHIFT_PX[0], 50 - SHIFT_PX[1]
     before, now = match_blocks(cut(ground, 50, 50), (0.6 * cut(ground, x, y) + 30).astype(np.uint8), MIDDLES)
     assert len(before) > 0.9 * len(MIDDLES)
@@ -64,9 +64,6 @@ def test_blocks_are_found_where_they_went_in_other_light(ground: Pixels) -> None
     # Their middles lie between pixels of the reduced picture, so a pixel of this one beside an even place.
     off_px = (before[:, None] - MIDDLES).reshape(-1, 2)
     assert {-1} == set(off_px[np.abs(off_px).max(axis=1) < 4].ravel())
-
-
-def test_other_ground_and_flat_blocks_are_not_found(ground: Pixels) -> None:
     before, _ = match_blocks(cut(ground, 0, 0), cut(render_ground(8, SIDE_PX, SIDE_PX), 0, 0), MIDDLES)
     assert len(before) < len(MIDDLES) / 2
     flat = cv2.rectangle(cut(ground, 0, 0).copy(), (0, 0), (SIDE_PX, SIDE_PX // 2), (90, 90, 90), cv2.FILLED)
@@ -106,7 +103,7 @@ def test_ground_and_text_in_the_rectangle_are_left_out() -> None:
     assert left_out == 40
 
 
-def test_seven_others_are_too_few_until_the_object_is_known_to_move() -> None:
+def test_what_is_the_object_among_ground_and_still_things() -> None:
     of_object, ground = make_matches(OBJECT, each=7), make_matches(GROUND, each=40, outside=20)
     matches = Matches(*(np.concatenate(both) for both in zip(of_object, ground, strict=True)))
     np.testing.assert_allclose(fitted(matches)[0], GROUND, atol=1e-6)
@@ -115,9 +112,6 @@ def test_seven_others_are_too_few_until_the_object_is_known_to_move() -> None:
     np.testing.assert_allclose(fitted(Matches(*eight))[0], OBJECT, atol=1e-6)
     # Hidden, it is not sought on the ground.
     assert fitted(make_matches(GROUND, each=40, outside=20), OBJECT)[0] is None
-
-
-def test_an_object_may_be_the_ground_or_stand_still_in_the_frame() -> None:
     motion, left_out = fitted(make_matches(GROUND, GROUND, outside=15))
     np.testing.assert_allclose(motion, GROUND, atol=1e-6)
     assert left_out == 0

@@ -32,7 +32,7 @@ from tests.conftest import Run
 from tests.made import write_pictures
 from tests.system.board.pynq_board import AcceleratorSystem, open_board
 from tests.system.board.pynq_package import OLDER, remove_pynq
-from tests.system.command_line import only_error
+from tests.system.command_line import captured, only_error
 
 SIZE_PX = (160, 120)
 BUILD = BUILDS["pynq_z2"]
@@ -206,7 +206,7 @@ def test_a_frame_passes_the_classes_of_an_older_pynq(
         "    t.check_next_frames(load('skymosaic_driver').Accelerator(bus, 60))\n"
         "print(sys.modules['pynq.lib.dma'].__file__)\n"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    done = captured([sys.executable, "-c", program])
     assert done.returncode == 0, done.stderr
     assert version.replace(".", "_") in done.stdout
 

@@ -37,7 +37,7 @@ def photographs(*, twin: bool) -> list[Pixels]:
     return images
 
 
-def test_parts_that_only_a_twin_joins_are_apart_with_the_counts() -> None:
+def test_what_only_a_twin_joins_is_apart_and_without_it_all_pairs_agree() -> None:
     with open_run(photographs(twin=True), MosaicOptions()) as run:
         layouts, flight = run.layouts, run.flight
     assert [layout.members for layout in layouts] == [(0, 1, 2, 3, 4), (5, 6, 7, 8, 9)]
@@ -47,9 +47,6 @@ def test_parts_that_only_a_twin_joins_are_apart_with_the_counts() -> None:
     assert len({reason.partition(": ")[2] for reason in reasons}) == 1
     assert ") the ground contradicts: across them " in reasons[0]
     assert " pairs that overlap by half disagree, and " in reasons[0]
-
-
-def test_a_flight_without_a_twin_is_one_mosaic_in_which_all_pairs_agree() -> None:
     with open_run(photographs(twin=False), MosaicOptions()) as run:
         (layout,) = run.layouts
     assert len(layout.members) == COUNT

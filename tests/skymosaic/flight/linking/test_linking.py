@@ -75,13 +75,10 @@ def test_a_photograph_that_cannot_be_reduced_is_named(size: tuple[int, int], wid
         describe(source, Settings(preset_config("aerial"), working_width_px=width_px))
 
 
-def test_a_tall_photograph_can_be_described() -> None:
+def test_photographs_of_any_shape_are_described_alike() -> None:
     rng = np.random.default_rng(1)
     source = Source(0, "tall", rng.integers(0, 256, (4200, 500), dtype=np.uint8))
     assert describe(source, Settings(preset_config("aerial"))).working_size == (305, 2560)
-
-
-def test_a_thumbnail_that_the_front_end_cannot_take_has_no_features_of_the_kind_that_others_have() -> None:
     source = Source(0, "strip", np.random.default_rng(1).integers(0, 256, (64, 640), dtype=np.uint8))
     first = Settings(preset_config("aerial"))
     more = first.with_more_features()

@@ -120,7 +120,7 @@ def test_a_file_of_positions_is_held_against_gps(place: Change, found: str) -> N
     assert not result if not found else re.search(found, result), result
 
 
-def test_positions_that_do_not_fit_the_layout_are_a_contradiction() -> None:
+def test_positions_that_disagree_with_the_layout_are_named() -> None:
     flight, layout = unrolled()
     for view, other in zip(flight.views, np.random.default_rng(0).permutation(12), strict=True):
         view.taken = taken_above(*STEPS[other])
@@ -130,9 +130,6 @@ def test_positions_that_do_not_fit_the_layout_are_a_contradiction() -> None:
         view.taken, view.gps = Metadata(), None
     assert list_contradictions(flight) == []
     assert place_on_map(flight, layout).note
-
-
-def test_single_positions_that_disagree_are_named_the_worst_first() -> None:
     flight, layout = unrolled()
     for number, step_px in ((2, 60), (7, 90)):
         flight.views[number].taken = taken_above(*(STEPS[number] + (np.array(SIZE) - 1) / 2 + [step_px, 0]))

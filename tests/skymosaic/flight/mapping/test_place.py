@@ -152,7 +152,7 @@ def test_photographs_of_one_name_in_two_folders_are_told_apart(tmp_path: Path) -
         place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt"))
 
 
-def test_control_points_of_another_site_are_refused(tmp_path: Path) -> None:
+def test_control_points_of_another_site_are_refused_but_not_for_gps_off_the_map(tmp_path: Path) -> None:
     flight, layout = flown(("a",), Position(45.1, -93.0))
     lines = [f"{500_000 + x} {5_000_000 - y} 0 {x} {y} 1.jpg" for x, y in ((10, 10), (90, 20), (40, 80))]
     (tmp_path / "gcp.txt").write_text("\n".join(["EPSG:32615", *lines]))
@@ -160,9 +160,6 @@ def test_control_points_of_another_site_are_refused(tmp_path: Path) -> None:
     (tmp_path / "gcp.txt").write_text("\n".join(["EPSG:32616", *lines]))
     with pytest.raises(InputError, match=r"lie \d+ km from the photographs' GPS; check the coordinate system"):
         place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt"))
-
-
-def test_gps_that_the_map_cannot_show_refuses_no_control_points(tmp_path: Path) -> None:
     flight, layout = flown("abc", Position(45.1, -93.0))
     lines = [f"{500_000 + x} {5_000_000 - y} 0 {x} {y} a/1.jpg" for x, y in ((10, 10), (90, 20), (40, 80))]
     (tmp_path / "gcp.txt").write_text("\n".join(["EPSG:32615", *lines]))

@@ -98,14 +98,11 @@ def test_each_view_proposes_the_pairs_with_the_largest_gain(rounds: int) -> None
     assert predicted(views, transforms, links) == expected
 
 
-def test_the_first_round_joins_rows() -> None:
+def test_predicted_pairs_join_rows_of_one_group() -> None:
     _, _, links = survey(1)
     across = [abs(left // COLUMNS - right // COLUMNS) for left, right in links if right - left > 2]
     assert len(across) > 20
     assert min(across) >= 1
-
-
-def test_views_of_another_group_are_not_proposed() -> None:
     views, transforms, links = survey(0)
     inside = {view: transform for view, transform in transforms.items() if view < 2 * COLUMNS}
     links = {pair: each for pair, each in links.items() if (pair[0] in inside) == (pair[1] in inside)}

@@ -43,7 +43,7 @@ def flight(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Flight:
         return run.flight
 
 
-def test_meshes_halve_the_errors_of_matches_that_had_no_part_in_them(flight: Flight) -> None:
+def test_meshes_halve_the_errors_also_off_the_plane(flight: Flight) -> None:
     bent = follow_relief(flight, "auto")
     before, after = flight.layouts[0], bent.layouts[0]
     assert after.bent is not None
@@ -54,8 +54,6 @@ def test_meshes_halve_the_errors_of_matches_that_had_no_part_in_them(flight: Fli
     assert after.transforms is before.transforms
     assert set(after.meshes) == set(after.members)
 
-
-def test_what_lies_off_the_plane_takes_part(flight: Flight) -> None:
     def off_plane_px(layout: Layout) -> float:
         errors = []
         for link in layout.links:

@@ -60,16 +60,13 @@ def test_the_canvas_keeps_its_place_while_the_layout_improves(flight: Flight, fe
     assert errors.max() < 0.15
 
 
-def test_a_layout_of_too_few_frames_makes_no_canvas(features: list[Records]) -> None:
+def test_few_frames_and_other_ground_make_no_canvas(features: list[Records]) -> None:
     anchors = Anchors(SIZE, CONFIG)
     for number, each in enumerate(features[: MIN_FRAMES - 1]):
         anchors.lay_out()
         assert anchors.add(number, each) is None
     anchors.lay_out()
     assert anchors.add(MIN_FRAMES - 1, features[MIN_FRAMES - 1]) is None
-
-
-def test_a_frame_of_other_ground_is_not_placed(features: list[Records]) -> None:
     anchors = Anchors(SIZE, CONFIG)
     for number, each in enumerate(features[:MIN_FRAMES]):
         anchors.add(number, each)
@@ -250,7 +247,7 @@ def ground() -> Pixels:
     return np.asarray(cv2.GaussianBlur(grain, (0, 0), 4), np.uint8)
 
 
-def test_two_frames_of_one_ground_show_the_ground(ground: Pixels) -> None:
+def test_a_preview_shows_the_ground_whatever_the_order_and_size(ground: Pixels) -> None:
     """Upright and turned, beside the middle of the reference frame, and gray ones too."""
     left, right = frame(ground[:, :240], shift(-30, 5)), frame(ground[:, 160:], shift(130, 5))
     np.testing.assert_array_equal(paint_preview([left, right]), ground)
@@ -259,16 +256,10 @@ def test_two_frames_of_one_ground_show_the_ground(ground: Pixels) -> None:
     np.testing.assert_array_equal(
         paint_preview([frame(ground[..., 0], np.eye(3))]), np.repeat(ground[..., :1], 3, axis=2)
     )
-
-
-def test_the_farther_border_shows_whatever_the_order(ground: Pixels) -> None:
     other = frame(250 - ground[:, :200], np.eye(3))
     for frames in ([frame(ground, np.eye(3)), other], [other, frame(ground, np.eye(3))]):
         where = slice(60, 180), slice(150, None)
         np.testing.assert_array_equal(paint_preview(frames)[where], ground[where])
-
-
-def test_a_preview_is_limited_and_may_be_empty(ground: Pixels) -> None:
     assert paint_preview([]).size == 0
     small = paint_preview([frame(ground, shift(7, 9) @ np.diag([3.0, 3, 1]))], width_px=100)
     assert small.shape[1] in (99, 100)

@@ -289,7 +289,7 @@ def test_what_a_callback_raises_costs_no_frame(frames: list[Pixels], tmp_path: P
     live.save(tmp_path / "m.png")
 
 
-def test_a_frame_that_is_no_picture_is_left_out_with_the_reason(frames: list[Pixels], tmp_path: Path) -> None:
+def test_a_frame_that_is_damaged_or_no_picture_has_its_reason(frames: list[Pixels], tmp_path: Path) -> None:
     live = LiveMosaic(config=CONFIG)
     update = live.add(tmp_path / "none.jpg")
     assert "none.jpg" in update.reason
@@ -298,9 +298,6 @@ def test_a_frame_that_is_no_picture_is_left_out_with_the_reason(frames: list[Pix
     (tmp_path / "m.png").touch()
     with pytest.raises(InputError, match="exists"):
         live.save(tmp_path / "m.png")
-
-
-def test_a_damaged_frame_is_kept_where_that_is_asked_for(frames: list[Pixels], tmp_path: Path) -> None:
     data = bytearray(cv2.imencode(".jpg", frames[2])[1].tobytes())
     data[len(data) // 2 : len(data) // 2 + 400] = bytes(400)
     damaged = tmp_path / "damaged.jpg"

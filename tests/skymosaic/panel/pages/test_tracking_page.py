@@ -41,7 +41,7 @@ def tracked(opened: Page, owner_address: str, film: Path) -> Page:
     return opened
 
 
-def test_an_object_is_followed_through_a_video(tracked: Page) -> None:
+def test_an_object_is_followed_through_a_video_by_controls_in_reach(tracked: Page) -> None:
     expect(tracked.get_by_text(re.compile(rf"Found in {FRAMES} of {FRAMES} frames"))).to_be_visible()
     tracked.wait_for_function("document.querySelector('video').readyState >= 2")
     assert tracked.evaluate("document.querySelector('video').videoWidth") == 640
@@ -49,9 +49,6 @@ def test_an_object_is_followed_through_a_video(tracked: Page) -> None:
     expect(table.locator("tbody tr").first).to_contain_text(re.compile(r"\d+\.\d, \d+\.\d"))
     widths = tracked.evaluate("[document.documentElement.scrollWidth, document.body.scrollWidth]")
     assert max(widths) <= WINDOW["width"]
-
-
-def test_tab_reaches_the_controls_of_the_tracking_page(tracked: Page) -> None:
     names = names_reached_by_tab(tracked)
     for part in ("Choose object", "Choose video", "Backend", "Follow the object", "Tracked video"):
         assert any(part in name for name in names), (part, names)

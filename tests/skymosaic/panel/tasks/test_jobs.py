@@ -171,14 +171,11 @@ def test_a_killed_server_leaves_no_process_and_no_file_after_the_next_start(
     temporary.rmdir()
 
 
-def test_a_job_cancelled_while_it_waits_never_starts(tasks: ModuleType, tmp_path: Path) -> None:
+def test_a_cancelled_job_never_starts_and_a_killed_helper_is_replaced(tasks: ModuleType, tmp_path: Path) -> None:
     job = Job("adding", tasks.add, tmp_path, 2, 3)
     job.cancel()
     with pytest.raises(JobCancelledError):
         run(job)
-
-
-def test_jobs_run_again_after_the_helper_process_was_killed(tasks: ModuleType, tmp_path: Path) -> None:
     os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)  # type: ignore[attr-defined]
 
     def works() -> bool:
