@@ -84,10 +84,10 @@ def test_what_is_taken_out_is_left_out_with_the_reason() -> None:
     assert laid_out(0, 1).without([0, 1]).members == ()
     flight = flown([1.0] * 6, [], [laid_out(0, 1, 2, 3), laid_out(4, 5)])
     assert flight.without({}) is flight
-    rest = flight.without({3: "changed", 4: "gone"})
+    kept = flight.without({3: "changed", 4: "gone"})
     # A single photograph is no mosaic.
-    assert [layout.members for layout in rest.layouts] == [(0, 1, 2)]
-    assert rest.left_out == {0: "unreadable", 4: "changed", 5: "gone"}
+    assert [layout.members for layout in kept.layouts] == [(0, 1, 2)]
+    assert kept.left_out == {0: "unreadable", 4: "changed", 5: "gone"}
     assert [layout.members for layout in flight.without({0: "", 1: ""}).layouts] == [(2, 3), (4, 5)]
 
 

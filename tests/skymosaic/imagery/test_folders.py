@@ -99,7 +99,7 @@ def test_a_link_to_a_folder_is_not_followed(card: Path) -> None:
     assert len(list_pictures(card, recursive=True).pictures) == 4
 
 
-def test_a_folder_inside_that_cannot_be_read_matters_where_it_is(card: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unreadable_folder_inside_matters_where_it_is_read(card: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse_inside(folder: Path) -> list[Path]:
         if folder.name == "101MEDIA":
             raise InputError(f"{folder}: cannot be read")
@@ -109,6 +109,9 @@ def test_a_folder_inside_that_cannot_be_read_matters_where_it_is(card: Path, mon
     assert [path.name for path in list_pictures(card).pictures] == ["DJI_1.JPG"]
     with pytest.raises(InputError, match="101MEDIA: cannot be read"):
         list_pictures(card, recursive=True)
+
+
+def test_a_folder_inside_that_may_not_be_entered_ends_nothing(card: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stat = Path.stat
 
     def refuse_inside(path: Path, *, follow_symlinks: bool = True) -> os.stat_result:

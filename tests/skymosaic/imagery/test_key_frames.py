@@ -90,12 +90,15 @@ def test_gray_frames_are_taken_and_others_are_named() -> None:
         list(select_key_frames(others))
 
 
-def test_only_videos_that_are_large_enough_are_taken_for_such(tmp_path: Path) -> None:
+def test_a_folder_named_like_a_video_is_a_folder(tmp_path: Path) -> None:
     (folder := tmp_path / "clip.mov").mkdir()
     for name in ("1.png", "2.png"):
         (folder / name).write_bytes(b"a picture")
     with flight_sources(folder) as sources:
         assert [source.content for source in sources] == [folder / "1.png", folder / "2.png"]
+
+
+def test_a_video_that_is_too_small_is_named_itself(tmp_path: Path) -> None:
     with write_video(video := tmp_path / "small.mp4", DEFAULT_RATE) as write_frame:
         for _ in range(2):
             write_frame(np.zeros((48, 64, 3), np.uint8))
@@ -165,7 +168,7 @@ def test_key_frames_have_the_places_of_the_subtitles_of_their_video(filmed: Path
     with flight_sources(filmed) as sources:
         assert [source.read_metadata().position for source in sources] == [position for _, position in frames]
     _subtitle(filmed, next(iter(FORMATS)), seconds=6)
-    told: list[str] = []
+    told.clear()
     assert not any(taken.position for *_, taken, _ in read_key_frames(filmed, told.append))
     srt = filmed.with_suffix(".SRT")
     assert told == [f"note {filmed}: {srt} lasts 6 s, the video 3 s: it is of another, and gives no positions"]

@@ -1,23 +1,29 @@
 """What the report of a flight says, of mosaics in which some photographs lack what others have."""
 
-import dataclasses
+import html
+import re
+from dataclasses import fields, replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from golden_model.config import PRESETS
+from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.checking.check import FlightCheck, PhotographCheck
 from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.layout.self_calibration import Calibration
 from skymosaic.flight.linking.links import Link
+from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.mapping.place import MapPlace
+from skymosaic.flight.picture.composition import Composition, Placement
+from skymosaic.flight.picture.output import Delivery
 from skymosaic.imagery.depth import ValueRange
-from skymosaic.imagery.exif import Metadata
+from skymosaic.imagery.lens import Lens
 from skymosaic.maps.georeference import Georeference
 from skymosaic.reports import flight as report
 from skymosaic.reports.summary import describe_mosaic
+from tests.skymosaic.flight import made
 
 NAMES = [f"/site/{number}.jpg" for number in range(4)]
 # Turned by 30 degrees, 5 cm per pixel.
@@ -32,8 +38,8 @@ def tie(left: int, right: int, count: int, checks: int = 0, off_px: float = 0.0)
     return Link(left, right, points, points, count, count + count // 4, left_checks=aside, right_checks=moved)
 
 
-def delivered(**changes: Any) -> Any:
-    """A mosaic of three of four photographs; the reference is not the first."""
+def delivered(**changes: Any) -> Delivery:
+    """A mosaic of three of four photographs; the reference is not the first. ``changes`` are of whichever has them."""
     layout = Layout(
         members=(0, 1, 3),
         reference=1,
@@ -44,49 +50,22 @@ def delivered(**changes: Any) -> Any:
         model="affine",
         reason="as good as a homography",
     )
-    views = [
-        SimpleNamespace(
-            name=n, size=(800, 600), working_size=(400, 300), to_original=np.diag([2.0, 2, 1]), taken=Metadata()
-        )
-        for n in NAMES
-    ]
-    placements = [SimpleNamespace(source=SimpleNamespace(name=NAMES[m])) for m in layout.members]
-    flight = SimpleNamespace(
-        names=NAMES,
-        views=views,
-        pair=None,
-        onto=None,
-        links=(*layout.links, *layout.contradicting, SimpleNamespace(holds=False)),
-        describe_blurred=lambda _layout: "",
-        left_out={2: "/site/2.jpg: blurred"},
-    )
-    composition = SimpleNamespace(
-        size=(900, 700),
-        placements=placements,
-        transforms=[np.eye(3), np.diag([3.0, 3, 1]), np.eye(3)],
-        reduced="",
-        uneven="",
-        cut_off={},
-        band_names=(),
-        aligned_px={},
-        values=None,
-        place=MapPlace(),
-    )
-    delivery = SimpleNamespace(
-        path=Path("out/m.tif"),
-        layout=layout,
-        flight=flight,
-        composition=composition,
-        map_note="",
-        seconds=1.26,
-        failures=(),
-    )
-    delivery.covered_px = 400_000
+    views = [made.view(name, (800, 600), working_size=(400, 300), to_original=np.diag([2.0, 2, 1])) for name in NAMES]
+    links = (*layout.links, *layout.contradicting, tie(0, 2, 1))
+    flight = made.flight(views, links, (layout,), left_out={2: "/site/2.jpg: blurred"})
+    onto_canvas = {0: np.eye(3), 1: np.diag([3.0, 3, 1]), 3: np.eye(3)}
+    placements = tuple(Placement(flight.sources[m], (800, 600), onto_canvas[m]) for m in layout.members)
+    composition = Composition(placements, Canvas(0, 0, 800, 500), True, "multiband", Lens())
+    shown, covered = np.zeros((50, 80, 3), np.uint8), np.full((50, 80), 255, np.uint8)
+    parts = {
+        "flight": flight,
+        "composition": composition,
+        "delivery": Delivery(Path("out/m.tif"), flight, layout, composition, "", shown, covered, 1.26),
+    }
     for name, value in changes.items():
-        owner = next(part for part in (composition, delivery, flight) if hasattr(part, name))
-        setattr(owner, name, value)
-    delivery.georeference = composition.place.georeference
-    return delivery
+        owner = next(part for part, whole in parts.items() if name in {each.name for each in fields(whole)})
+        parts[owner] = replace(parts[owner], **{name: value})
+    return replace(parts.pop("delivery"), **parts)
 
 
 ON_MAP = Georeference("EPSG:32615", TURNED, 0.4, (0.3, np.nan, 60.2, 75.4), (2, 3), 0.0123)
@@ -100,11 +79,30 @@ PLACE = MapPlace(
 )
 
 
-def test_a_plain_mosaic_has_the_rows_that_all_have() -> None:
-    assert report._mosaic_rows(delivered()) == [
-        ("file", "m.tif, 900x700"),
+LENS = Lens((800, 600), np.array([[800.0, 0, 399.5], [0, 800, 299.5], [0, 0, 1]]), np.array([-0.02, 0, 0, 0, 0]))
+FINE = FlightCheck(complete=True, photographs=(), problems=())
+
+
+def page_of(folder: Path, delivery: Delivery, check: FlightCheck = FINE) -> tuple[dict[str, Any], list[str]]:
+    """The rows of each table of the report's page, by the first cell of the table, and the items of its lists."""
+    report.write_flight_report(folder, [delivery], check)
+    page = html.unescape((folder / "index.html").read_text(encoding="utf-8"))
+    tables = [re.findall(r"<tr>(.*)</tr>", table) for table in re.findall(r"<table>(.*?)</table>", page, re.DOTALL)]
+    cells = [[tuple(re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row)) for row in table] for table in tables]
+    return {table[0][0]: table for table in cells}, re.findall(r"<li>(.*)</li>", page)
+
+
+def numbers_of(delivery: Delivery) -> dict[str, Any]:
+    """The numbers of one mosaic."""
+    numbers: dict[str, Any] = report.flight_numbers([delivery], FINE)["mosaics"][0]
+    return numbers
+
+
+def test_a_plain_mosaic_has_the_rows_that_all_have(tmp_path: Path) -> None:
+    assert page_of(tmp_path / "r", delivered())[0]["file"] == [
+        ("file", "m.tif, 800x500"),
         ("photographs", "3"),
-        ("frame", "/site/1.jpg, without its tilt"),
+        ("frame", "1.jpg, without its tilt"),
         ("model", "affine (as good as a homography)"),
         (
             "ground",
@@ -117,30 +115,30 @@ def test_a_plain_mosaic_has_the_rows_that_all_have() -> None:
     ]
 
 
-def test_what_only_some_mosaics_have_is_a_row_of_its_own() -> None:
-    layout = dataclasses.replace(delivered().layout, links=(tie(0, 1, 120, 20, 3.0), tie(1, 3, 40, 20, 1.0)))
-    flat = [dataclasses.replace(link, near=len(link.left_points) + 1) for link in layout.links]
+def test_what_only_some_mosaics_have_is_a_row_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    layout = replace(delivered().layout, links=(tie(0, 1, 120, 20, 3.0), tie(1, 3, 40, 20, 1.0)))
+    flat = [replace(link, near=len(link.left_points) + 1) for link in layout.links]
+    monkeypatch.setattr(Composition, "cut_off", {"/site/3.jpg": 0.123, "/site/0.jpg": 0.5})
     rich = delivered(
-        layout=dataclasses.replace(layout, links=tuple(flat)),
+        layout=replace(layout, links=tuple(flat)),
         reduced="to a quarter",
         uneven="burnt",
-        cut_off={"/site/3.jpg": 0.123, "/site/0.jpg": 0.5},
         band_names=("green", "red", "nir"),
         aligned_px={"green": 0.314, "nir": 1.2},
         values=ValueRange(120.0, 5000.0, deep=True),
-        place=dataclasses.replace(PLACE, contradictions=("one", "two")),
+        place=replace(PLACE, contradictions=("one", "two")),
         map_note="two cameras of three",
         failures=("tiles: full",),
     )
-    rows = dict(report._mosaic_rows(rich))
+    rows = dict(page_of(tmp_path / "r", rich)[0]["file"])
     assert rows["ground"] == "flat (1% of the matches lie 3 to 12 px off the plane)"
     assert rows["linked pairs"].startswith("median 2.00 px, 90 % below 3.00 px")
     assert (rows["size"], rows["light"]) == ("to a quarter", "burnt")
     why = "ground towards the horizon, far beyond their matches or too coarse"
     assert rows["cut off"] == f"3.jpg 12%, 0.jpg 50%: {why}"
-    many = delivered(cut_off={f"{number}.jpg": 0.1 for number in range(9)})
+    monkeypatch.setattr(Composition, "cut_off", {f"{number}.jpg": 0.1 for number in range(9)})
     named = "0.jpg 10%, 1.jpg 10%, 2.jpg 10%, 3.jpg 10%, 4.jpg 10% and 4 more"
-    assert dict(report._mosaic_rows(many))["cut off"] == f"{named}: {why}"
+    assert describe_mosaic(rich)["cut off"] == f"{named}: {why}"
     assert rows["bands"] == "green, red, nir; registered by red, median error of the others: green 0.31 px, nir 1.20 px"
     assert rows["range"] == "120..5000 of all photographs shown as 0..255; .tif keeps 16 bits"
     assert rows["map"].startswith("EPSG:32615, 0.05 m per pixel; ")
@@ -158,7 +156,7 @@ def test_the_map_says_how_well_it_fits_and_who_disagrees_the_worst_first() -> No
     )
     on_map = Georeference("EPSG:32615", TURNED, 0.4, (0.3, 0.5))
     plain = MapPlace(on_map, ("0.jpg", "1.jpg"), by="control points", height_m=80.0)
-    exact = dataclasses.replace(delivered().layout, errors_px=())
+    exact = replace(delivered().layout, errors_px=())
     assert describe_mosaic(delivered(place=plain, layout=exact))["map"] == (
         "EPSG:32615, 0.05 m per pixel; control points residual 0.40 m"
     )
@@ -166,51 +164,51 @@ def test_the_map_says_how_well_it_fits_and_who_disagrees_the_worst_first() -> No
 
 
 def test_the_numbers_of_the_map_leave_out_what_is_unknown() -> None:
-    assert report._map_numbers(delivered()) == {"crs": None}
-    numbers = report._map_numbers(delivered(place=PLACE))
+    assert numbers_of(delivered())["crs"] is None
+    numbers = numbers_of(delivered(place=PLACE))
     assert numbers["offsets_m"] == {"0.jpg": 0.3, "2.jpg": 60.2, "3.jpg": 75.4}
     assert numbers["left_out"] == ["3.jpg", "2.jpg"]
     assert (numbers["scale_error_95"], numbers["median_error_m"]) == (0.0123, 0.15)
-    unsure = dataclasses.replace(PLACE, georeference=dataclasses.replace(ON_MAP, scale_error=np.nan))
-    assert report._map_numbers(delivered(place=unsure))["scale_error_95"] is None
+    unsure = replace(PLACE, georeference=replace(ON_MAP, scale_error=np.nan))
+    assert numbers_of(delivered(place=unsure))["scale_error_95"] is None
 
 
-def test_places_and_links_are_listed_the_worst_first() -> None:
-    assert report._residuals_worst_first(delivered()) == []
-    assert report._residuals_worst_first(delivered(place=PLACE)) == [
-        ("3.jpg", "left out", 75.4), ("2.jpg", "left out", 60.2), ("CHK-2", "check point", 0.5),
-        ("0.jpg", "fitted", 0.3), ("CHK-1", "check point", 0.3),
+def test_places_and_links_are_listed_the_worst_first(tmp_path: Path) -> None:
+    plain, _ = page_of(tmp_path / "r", delivered())
+    assert not {"place", "photograph"} & set(plain)
+    assert plain["left"][1:] == [("1.jpg", "3.jpg", "40", "40", "2.0"), ("0.jpg", "1.jpg", "120", "120", "0.5")]
+    assert page_of(tmp_path / "r", delivered(place=PLACE))[0]["place"][1:] == [
+        ("3.jpg", "left out", "75.40"), ("2.jpg", "left out", "60.20"), ("CHK-2", "check point", "0.50"),
+        ("0.jpg", "fitted", "0.30"), ("CHK-1", "check point", "0.30"),
     ]  # fmt: skip
-    links = [tuple(link.values()) for link in report._links_worst_first(delivered())]
-    assert links == [("1.jpg", "3.jpg", 40, 40, 2.0), ("0.jpg", "1.jpg", 120, 120, 0.5)]
-    assert report._photographs_worst_first(delivered()) == []
-    layout = dataclasses.replace(delivered().layout, links=(tie(0, 1, 50, 20, 1.0), tie(1, 3, 50, 9, 6.0)))
-    assert report._photographs_worst_first(delivered(layout=layout)) == [
-        ("3.jpg", 6.0, 6.0, 9), ("0.jpg", 1.0, 1.0, 20), ("1.jpg", 1.0, 6.0, 29)
+    layout = replace(delivered().layout, links=(tie(0, 1, 50, 20, 1.0), tie(1, 3, 50, 9, 6.0)))
+    assert page_of(tmp_path / "r", delivered(layout=layout))[0]["photograph"][1:] == [
+        ("3.jpg", "6.00", "6.00", "9"), ("0.jpg", "1.00", "1.00", "20"), ("1.jpg", "1.00", "6.00", "29")
     ]  # fmt: skip
 
 
-def test_the_numbers_of_a_mosaic() -> None:
-    numbers = report._mosaic_numbers(delivered(place=PLACE, aligned_px={"nir": 1.23456}, cut_off={"3.jpg": 0.123456}))
-    assert (numbers["placed"], numbers["reference"], numbers["size"]) == (3, "/site/1.jpg", [900, 700])
+def test_the_numbers_of_a_mosaic(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Composition, "cut_off", {"3.jpg": 0.123456})
+    numbers = numbers_of(delivered(place=PLACE, aligned_px={"nir": 1.23456}))
+    assert (numbers["placed"], numbers["reference"], numbers["size"]) == (3, "/site/1.jpg", [800, 500])
     assert (numbers["median_error_px"], numbers["error_90_percent_px"], numbers["relief"]) == (0.5, 2.0, 0.2)
     assert list(numbers["transforms"]) == ["/site/0.jpg", "/site/1.jpg", "/site/3.jpg"]
     assert numbers["transforms"]["/site/1.jpg"][0] == [3, 0, 0]
     assert numbers["contradicting"] == [["/site/0.jpg", "/site/3.jpg"]]
     assert (numbers["band_error_px"], numbers["cut_off"]) == ({"nir": 1.235}, {"3.jpg": 0.1235})
     assert (numbers["value_range"], numbers["independent_errors"]) == (None, None)
-    deep = report._mosaic_numbers(delivered(values=ValueRange(1.0, 2.0)))
+    deep = numbers_of(delivered(values=ValueRange(1.0, 2.0)))
     assert deep["value_range"] == {"low": 1.0, "high": 2.0, "kept_in_tif": False}
 
 
 def test_the_numbers_of_a_flight_name_whom_they_concern() -> None:
-    delivery = delivered()
-    for view, notes in zip(delivery.flight.views, [(), ("turned",), (), ("16 bits", "turned")], strict=True):
-        view.notes = notes
-    delivery.flight.settings = SimpleNamespace(backend="golden", working_width_px=400, config=PRESETS["aerial"])
-    delivery.flight.seconds = {"features": 1.23456}
-    delivery.flight.calibration = SimpleNamespace(
-        lens=SimpleNamespace(numbers={"k1": -0.02}), before_px=1.23456, after_px=0.51239
+    views = delivered().flight.views
+    notes = [(), ("turned",), (), ("16 bits", "turned")]
+    delivery = delivered(
+        views=tuple(replace(view, notes=each) for view, each in zip(views, notes, strict=True)),
+        settings=Settings(made.CONFIG, working_width_px=400),
+        seconds={"features": 1.23456},
+        calibration=Calibration(np.array([-0.02]), 1.23456, 0.51239, LENS),
     )
     check = FlightCheck(complete=False, photographs=(), problems=("one side",))
     numbers = report.flight_numbers([delivery, delivery], check)
@@ -219,34 +217,31 @@ def test_the_numbers_of_a_flight_name_whom_they_concern() -> None:
     assert (numbers["pairs_tried"], numbers["links"], numbers["photographs"]) == (4, 3, 4)
     assert len(numbers["mosaics"]) == 2
     assert numbers["seconds"] == {"features": 1.235}
-    assert numbers["lens"] == {"k1": -0.02, "held_out_before_px": 1.235, "held_out_after_px": 0.512}
-    delivery.flight.calibration = None
-    assert report.flight_numbers([delivery], check)["lens"] is None
-    assert (numbers["check"]["problems"], numbers["rules"], numbers["working_width_px"]) == (
-        ("one side",),
-        "aerial",
-        400,
-    )
+    errors = {"held_out_before_px": 1.235, "held_out_after_px": 0.512}
+    assert numbers["lens"] == {**LENS.numbers, **errors}
+    assert report.flight_numbers([delivered()], check)["lens"] is None
+    told = numbers["check"]["problems"], numbers["rules"], numbers["working_width_px"]
+    assert told == (("one side",), "aerial", 400)
 
 
-def test_advice_is_about_the_flight_and_then_about_photographs_with_problems() -> None:
-    photographs = [
+def test_advice_is_about_the_flight_and_then_about_photographs_with_problems(tmp_path: Path) -> None:
+    photographs = tuple(
         PhotographCheck(name, 2, 0.5, 1.0, 0.0, gps=True, problems=problems)
         for name, problems in (("a.jpg", ()), ("b.jpg", ("blurred", "no GPS")), ("c.jpg", ("too dark",)))
-    ]
-    check: Any = SimpleNamespace(problems=["one side"], photographs=photographs)
-    assert report._problems(check) == ["one side", "b.jpg: blurred, no GPS", "c.jpg: too dark"]
+    )
+    check = FlightCheck(complete=False, photographs=photographs, problems=("one side",))
+    _, listed = page_of(tmp_path / "r", delivered(), check)
+    assert listed == ["2.jpg: blurred", "one side", "b.jpg: blurred, no GPS", "c.jpg: too dark"]
 
 
 @pytest.mark.parametrize(
-    ("names", "folder"),
+    ("names", "shown"),
     [
-        (["/flight/1.jpg", "/flight/rtk/2.jpg"], "/flight/"),
-        (["flight/1.jpg", "flight/2.jpg"], "flight/"),
-        (["1.jpg", "2.jpg"], ""),
-        (["north/1.jpg", "south/2.jpg"], ""),
-        (["/flight/1.jpg", "2.jpg"], ""),
+        (["/flight/1.jpg", "/flight/rtk/2.jpg"], ["1.jpg", "rtk/2.jpg"]),
+        (["flight/1.jpg", "flight/2.jpg"], ["1.jpg", "2.jpg"]),
+        *[(names, names) for names in (["1.jpg", "2.jpg"], ["north/1.jpg", "south/2.jpg"], ["/flight/1.jpg", "2.jpg"])],
     ],
 )
-def test_names_lose_only_the_folder_that_has_all_of_them(names: list[str], folder: str) -> None:
-    assert report._common_folder(names) == folder
+def test_names_lose_only_the_folder_that_has_all_of_them(names: list[str], shown: list[str], tmp_path: Path) -> None:
+    _, listed = page_of(tmp_path / "r", delivered(names=tuple(names), left_out=dict(enumerate(names))))
+    assert listed == shown

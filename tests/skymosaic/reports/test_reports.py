@@ -6,7 +6,6 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 from urllib.parse import unquote
 from xml.etree import ElementTree as XmlTree
@@ -228,10 +227,11 @@ def rows_of_delivery(times: list[str | None], metres_per_px: float | None, **cha
     """The words about a mosaic of three photographs; None: neither time nor camera is known."""
     metres = 1.0 if metres_per_px is None else metres_per_px
     on_map = Georeference("EPSG:32615", np.diag([metres, -metres, 1.0]), 0.404, (0.4, 0.4))
-    delivery = delivered(place=MapPlace() if metres_per_px is None else MapPlace(on_map), **changes)
-    for member, time in zip(delivery.layout.members, times, strict=True):
-        delivery.flight.views[member].taken = Metadata() if time is None else Metadata(time=time, camera=f"C {time[9]}")
-    rows = dict(summary_rows(delivery))
+    taken = [Metadata() if time is None else Metadata(time=time, camera=f"C {time[9]}") for time in (*times, None)]
+    pairs = zip(delivered().flight.views, [taken[member] for member in (0, 1, 3, 2)], strict=True)
+    views = tuple(replace(view, taken=each) for view, each in pairs)
+    place = MapPlace() if metres_per_px is None else MapPlace(on_map)
+    rows = dict(summary_rows(delivered(views=views, place=place, **changes)))
     assert next(iter(rows)) == "mosaic"
     assert list(rows)[-1] == "made by"
     return rows
@@ -253,7 +253,7 @@ def rows_of_delivery(times: list[str | None], metres_per_px: float | None, **cha
 def test_when_and_by_what_a_mosaic_was_flown(times: list[str | None], flown: str | None, camera: str | None) -> None:
     rows = rows_of_delivery(times, None)
     assert (rows.get("flown"), rows.get("camera")) == (flown, camera)
-    assert rows["mosaic"] == "m.tif, 900 x 700 pixels, 3 of 4 photographs"
+    assert rows["mosaic"] == "m.tif, 800 x 500 pixels, 3 of 4 photographs"
     assert not {"area", "resolution"} & set(rows)
 
 
@@ -284,9 +284,8 @@ def test_accuracy_is_said_of_what_is_known() -> None:
 
 
 def test_files_of_several_mosaics_are_numbered_and_those_that_exist_alone_are_named(tmp_path: Path) -> None:
-    on_map, nowhere = delivered(place=PLACE), delivered()
-    on_map.path, nowhere.path = tmp_path / "m.tif", tmp_path / "m_2.tif"
-    on_map.tiles, nowhere.tiles = None, tmp_path / "tiles_2"
+    on_map = delivered(place=PLACE, path=tmp_path / "m.tif")
+    nowhere = delivered(path=tmp_path / "m_2.tif", tiles=tmp_path / "tiles_2")
     (tmp_path / "mask.png").touch()
     assert list_files([on_map, nowhere], tmp_path / "report", tmp_path) == [
         ("mosaic 1", "../m.tif"),
@@ -302,6 +301,6 @@ def test_files_of_several_mosaics_are_numbered_and_those_that_exist_alone_are_na
 def test_what_no_gray_photograph_shows_is_white() -> None:
     preview, coverage = np.array([[10, 20, 0]], np.uint8), np.array([[255, 155, 0]], np.uint8)
     for shown in (preview, np.dstack([preview] * 3)):
-        white = on_white(SimpleNamespace(preview=shown, coverage=coverage))  # type: ignore[arg-type]
+        white = on_white(delivered(preview=shown, coverage=coverage))
         assert white.shape == shown.shape
         assert white.reshape(3, -1)[:, 0].tolist() == [10, 120, 255]
