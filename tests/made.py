@@ -1,10 +1,13 @@
 """What many tests make in one way: files of pictures, and photographs that say where they were taken."""
 
+import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
+import pytest
 from PIL import Image
 from PIL.ExifTags import IFD
 
@@ -40,3 +43,8 @@ def write_located(
     sides = "N" if degrees[0] > 0 else "S", "E" if degrees[1] > 0 else "W"
     exif.get_ifd(IFD.GPSInfo).update({1: sides[0], 2: minutes[0], 3: sides[1], 4: minutes[1]})
     Image.fromarray(image[..., ::-1]).save(path, quality=92, exif=exif)
+
+
+def leave_free(monkeypatch: pytest.MonkeyPatch, free_bytes: int) -> None:
+    """Let every disk have so much space left."""
+    monkeypatch.setattr(shutil, "disk_usage", lambda _path: SimpleNamespace(free=free_bytes))

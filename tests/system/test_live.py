@@ -3,13 +3,11 @@
 import itertools
 import json
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
-from types import SimpleNamespace
 from unittest.mock import Mock
 
 import cv2
@@ -30,7 +28,7 @@ from skymosaic.mosaicking.live.run import grow
 from skymosaic.mosaicking.options import LiveOptions
 from skymosaic.mosaicking.run import MosaicRun
 from tests.conftest import Run
-from tests.made import write_pictures
+from tests.made import leave_free, write_pictures
 from tests.skymosaic.mosaicking.live.conftest import pair_errors_px
 from tests.system.command_line import skymosaic
 from tests.system.conftest import SIZE
@@ -108,7 +106,7 @@ def test_a_folder_is_watched_until_no_more_frames_arrive(
 def test_a_disk_too_full_for_a_mosaic_is_refused_before_the_first_frame(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(shutil, "disk_usage", lambda _path: SimpleNamespace(free=20_000_000))
+    leave_free(monkeypatch, 20_000_000)
     monkeypatch.setattr("skymosaic.cli.live.read_live_frames", lambda *_, **__: pytest.fail("a frame was read"))
     with pytest.raises(InputError, match=r"m\.tif: the disk has 19 MB left, too little for a mosaic; free some"):
         live_command(source=str(tmp_path), output=tmp_path / "m.tif", options=LiveOptions())

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from subprocess import Popen
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -21,6 +20,7 @@ from sim.backends.errors import BackendError
 from sim.backends.interface import silent
 from sim.simulators import build_cache
 from sim.simulators.build_cache import build_once
+from tests.made import leave_free
 
 SLOW_BUILD = """
 import sys, time
@@ -219,7 +219,7 @@ def test_a_build_that_fails_on_a_full_disk_is_tried_elsewhere(
     monkeypatch: pytest.MonkeyPatch, missing_bytes: int
 ) -> None:
     """Full is one with less than 64 MiB."""
-    monkeypatch.setattr("shutil.disk_usage", lambda _folder: SimpleNamespace(free=(64 << 20) - missing_bytes))
+    leave_free(monkeypatch, (64 << 20) - missing_bytes)
     name, lines = f"thing-{missing_bytes}", list[str]()
 
     def build(folder: Path) -> None:

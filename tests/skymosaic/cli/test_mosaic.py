@@ -12,26 +12,28 @@ from skymosaic.cli import live, mosaic, remarks
 from skymosaic.cli.remarks import group_reasons, report_absent
 from skymosaic.cli.session import session
 from skymosaic.common.errors import RegistrationError
+from skymosaic.flight.mapping.place import MapPlace
+from skymosaic.flight.picture.output import Delivery
 from skymosaic.mosaicking.live.growing_flight import Placement
 from skymosaic.mosaicking.live.update import LiveUpdate
 from tests.conftest import Run
+from tests.skymosaic.flight.made import PLACE, delivered
 from tests.system.command_line import only_error
 
 ABOUT = ("warp", "size", "light", "cut off", "bands", "range", "map", "contradiction", "map note")
+OF_FLIGHTS = [
+    "affine; as good as a homography",
+    "overlaps: 0 of 0 pairs that overlap by half agree; 0 cannot tell",
+    "linked pairs: 0.3 px",
+]
 WARNED = ("size", "light", "contradiction")
 EVERYWHERE = ["warning: odd", *(f"warning: m.tif: the {about}" for about in WARNED)]
 
 
-def delivered(name: str, *, pair: bool, on_map: bool, note: str = "", tiles: bool = False) -> Any:
-    flight = SimpleNamespace(names="abc", pair=SimpleNamespace(seconds={"warping and blending": 2.0}) if pair else None)
-    layout = SimpleNamespace(members="ab", model="similarity", reason="as it is flat")
-    layout.agreement = SimpleNamespace(description="most")
-    place = SimpleNamespace(contradictions=("two places",))
-    composition = SimpleNamespace(size=(30, 40), place=place, reduced="small", uneven="", placements="ab")
-    return SimpleNamespace(
-        path=Path(name), flight=flight, layout=layout, composition=composition, map_note=note, seconds=5.0,
-        tiles=Path("tiles") if tiles else None, georeference=object() if on_map else None,
-    )  # fmt: skip
+def written(name: str, *, pair: bool, on_map: bool, note: str = "", tiles: bool = False) -> Delivery:
+    of_two = SimpleNamespace(seconds={"warping and blending": 1.0}) if pair else None
+    facts = {"map_note": note, "tiles": Path("tiles") if tiles else None}
+    return delivered(path=Path(name), pair=of_two, place=PLACE if on_map else MapPlace(), **facts)
 
 
 @pytest.fixture
@@ -59,14 +61,14 @@ def _fake(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_mosaic_is_described(
     capsys: pytest.CaptureFixture[str], name: str, given: dict[str, Any], warned: list[str]
 ) -> None:
-    mosaic._show_mosaic(delivered(name, **given), Path(name))
+    mosaic._show_mosaic(written(name, **given), Path(name))
     printed = capsys.readouterr()
     assert printed.err.splitlines() == [line.replace("m.tif", name) for line in warned]
-    flight = [] if given["pair"] else ["similarity; as it is flat", "overlaps: most", "linked pairs: 0.3 px"]
+    flown = [] if given["pair"] else OF_FLIGHTS
     tiles = ["tiles tiles/index.html"] if "tiles" in given else []
     lines = [f"{about}: the {about}" for about in ABOUT[:-1] if about not in WARNED]
-    assert printed.out.splitlines() == [f"mosaic {name} (30x40), 2 photographs of 3", *flight, *tiles, *lines]
-    assert session.seconds == ({"writing": 3.0} if given["pair"] else {"blending and writing": 5.0})
+    assert printed.out.splitlines() == [f"mosaic {name} (800x500), 3 photographs of 4", *flown, *tiles, *lines]
+    assert session.seconds == ({"writing": pytest.approx(0.26)} if given["pair"] else {"blending and writing": 1.26})
 
 
 @pytest.mark.parametrize(
@@ -151,7 +153,7 @@ def test_a_live_mosaic_is_described(
     monkeypatch.setattr(remarks, "explain_absence", lambda path, _: f"{path}: no place")
     grown: Any = SimpleNamespace(left_out_moving=left_out)
     pace: Any = SimpleNamespace(numbers={})
-    live._show(delivered(name, pair=False, on_map=on_map), {3: "dark"}, grown, pace)
+    live._show(written(name, pair=False, on_map=on_map), {3: "dark"}, grown, pace)
     printed = capsys.readouterr()
-    assert printed.out == f"mosaic {name} (30x40): 2 frames, 1 left out\nmap: UTM\n"
+    assert printed.out == f"mosaic {name} (800x500): 3 frames, 1 left out\nmap: UTM\n"
     assert printed.err.splitlines() == [f"warning: {line}" for line in warned]

@@ -3,7 +3,6 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from skymosaic.common.errors import InputError
 from skymosaic.maps.georeference import Georeference
 from skymosaic.maps.geotiff import tee_to_raster, write_cog
+from tests.made import leave_free
 
 cogeo = pytest.importorskip("rio_cogeo.cogeo")
 PLACE = Georeference("EPSG:32615", np.array([[0.1, 0, 430_000], [0, -0.1, 5_190_000], [0, 0, 1]]), 0.5)
@@ -113,7 +113,7 @@ def test_a_picture_without_a_place_has_overviews_too(tmp_path: Path, recwarn: py
 def full_disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """No file can grow beyond 100 kB, and no space is left, as far as can be told."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    monkeypatch.setattr("skymosaic.maps.geotiff.shutil.disk_usage", lambda _: SimpleNamespace(free=0))
+    leave_free(monkeypatch, 0)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
     yield
     resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

@@ -2,11 +2,9 @@
 
 import csv
 import os
-import shutil
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -26,6 +24,7 @@ from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.outputs import check_outputs, check_room, room_of
 from skymosaic.mosaicking.run import MosaicRun
 from skymosaic.registration.pair import Pair
+from tests.made import leave_free
 from tests.skymosaic.panel.tasks.test_mosaic_tasks import write_flight_with_gps
 
 
@@ -34,15 +33,14 @@ def check(run: MosaicRun, output: Path, form: OutputForm = PLAIN, **limits: Any)
 
 
 def test_a_full_disk_is_refused_before_the_first_feature(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    usage: Any = SimpleNamespace(free=20_000_000)
-    monkeypatch.setattr(shutil, "disk_usage", lambda _path: usage)
+    leave_free(monkeypatch, 20_000_000)
     photographs = [np.zeros((60, 80), np.uint8)] * 3
     with open_run(photographs, MosaicOptions()) as run:
         with pytest.raises(InputError, match=r"m\.tif: the disk has 19 MB left, too little for a mosaic; free some"):
             check(run, tmp_path / "m.tif")
         check(run, tmp_path / "m.tif", computed=True)
         check(run, tmp_path / "m.jpg")
-        usage.free = 3_900_000
+        leave_free(monkeypatch, 3_900_000)
         with pytest.raises(InputError, match=r"m\.jpg: the disk has 3 MB left, too little"):
             check(run, tmp_path / "m.jpg")
 
@@ -107,8 +105,10 @@ def test_a_mosaic_of_a_megapixel_has_room(tmp_path: Path, area_px: int, enough: 
 def test_the_room_is_that_of_the_disk_for_each_band_and_alpha(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, photographs: int, bands: int, area_px: float
 ) -> None:
-    monkeypatch.setattr(shutil, "disk_usage", lambda _path: SimpleNamespace(free=24_000_000))
-    sources: Any = [SimpleNamespace(bands=("band",) * count) for count in (bands, *[9] * (photographs - 1))]
+    leave_free(monkeypatch, 24_000_000)
+    counts = (bands, *[9] * (photographs - 1))
+    bands_of = ({str(band): Source(band, "band", Path()) for band in range(count)} for count in counts)
+    sources = [Source(number, "photograph", Path(), bands=bands) for number, bands in enumerate(bands_of)]
     assert room_of(tmp_path / "m.tif", sources, MosaicOptions()).area_px == area_px
     assert room_of(None, sources, MosaicOptions()).area_px == Room().area_px
     for path in (None, tmp_path / "m.tif"):

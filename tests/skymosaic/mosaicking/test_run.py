@@ -14,19 +14,23 @@ from PIL import Image as PillowImage
 
 from sim.scene import Flight
 from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.place import MapPlace
 from skymosaic.flight.picture import formats
 from skymosaic.flight.picture.formats import format_of
 from skymosaic.imagery.exif import Metadata
 from skymosaic.imagery.images import load
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.photographs import list_sources
+from skymosaic.imagery.photographs import Source, list_sources
 from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.result import Mosaic
 from skymosaic.mosaicking.run import MosaicRun, lay_out
 from skymosaic.running.workers import Workers
+from tests.skymosaic.flight import made
 
+PHOTOGRAPH = Source(0, "0.jpg", Path("0.jpg"))
+MULTI_BAND = replace(PHOTOGRAPH, bands={"nir": PHOTOGRAPH})
 MASKED = Lens(mask=np.ones((4, 4), np.uint8))
 
 
@@ -81,12 +85,8 @@ def test_pages_that_are_not_read_and_several_days_are_told_once(
     told: list[str] = []
     photographs = [load(source.name) for source in list_sources(tmp_path)]
     taken = [Metadata(time=f"2026-0{month}-12 10:00:00") for month in (1, 1, 6)]
-    read = SimpleNamespace(
-        views=[
-            SimpleNamespace(name=each.name, notes=each.notes, taken=how)
-            for each, how in zip(photographs, taken, strict=True)
-        ]
-    )
+    pairs = zip(photographs, taken, strict=True)
+    read = made.flight([made.view(each.name, notes=each.notes, taken=how) for each, how in pairs])
     monkeypatch.setattr("skymosaic.mosaicking.run.survey", lambda *_, **__: read)
     with Workers() as workers:
         lay_out([], MosaicOptions(), workers, told.append)
@@ -181,15 +181,20 @@ def test_a_map_for_the_eye_needs_a_place(flight: Flight, surveyed: Path, tmp_pat
 
 
 def test_control_points_must_reach_the_largest_group_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    def place(*_: Any) -> None:
+    def place_on_map(*_: Any) -> None:
         raise InputError("too few control points")
 
-    monkeypatch.setattr("skymosaic.mosaicking.run.place_on_map", place)
-    first, second = object(), object()
-    run: Any = SimpleNamespace(layouts=[first, second], flight=None, options=MosaicOptions())
-    with pytest.raises(InputError, match="too few"):
-        MosaicRun._place(run, first)  # type: ignore[arg-type]
-    assert MosaicRun._place(run, second).note == "too few control points"  # type: ignore[arg-type]
+    monkeypatch.setattr("skymosaic.mosaicking.run.place_on_map", place_on_map)
+    monkeypatch.setattr("skymosaic.mosaicking.run.compose", lambda *_, **given: given["place"])
+    first, second = (Layout(members, members[0], {}, ()) for members in ((0, 1), (2, 3)))
+    with Workers() as workers:
+        run = MosaicRun(
+            [PHOTOGRAPH] * 4, MosaicOptions(), workers, print, made.flight(made.views(4), (), [first, second])
+        )
+        with pytest.raises(InputError, match="too few"):
+            run.composition(first)
+        place: Any = run.composition(second)
+    assert place.note == "too few control points"
 
 
 @pytest.mark.parametrize(
@@ -220,12 +225,10 @@ def test_a_flight_is_registered_repeated_or_laid_out(
     monkeypatch.setattr(f"{module}.repeat_flight", lambda *_: "repeated")
     monkeypatch.setattr(f"{module}.lay_out", lambda *_: laid_out)
     monkeypatch.setattr(f"{module}.follow_relief", lambda flight, warp: f"laid out, {warp}" * (flight is laid_out))
-    sources: Any = [
-        SimpleNamespace(bands=("nir",) * (number == 0 and photographs == 4)) for number in range(photographs)
-    ]
-    workers: Any = SimpleNamespace(progress=None)
+    sources = [MULTI_BAND if photographs == 4 else PHOTOGRAPH, *[PHOTOGRAPH] * (photographs - 1)]
     options = replace(MosaicOptions(), **changes)
-    flight: Any = MosaicRun(sources, options, workers, notes.append).flight
+    with Workers() as workers:
+        flight: Any = MosaicRun(sources, options, workers, notes.append).flight
     assert flight == made
     assert [note.startswith("note: `warp`: a mask or other bands would not be bent") for note in notes] == [True] * told
 
@@ -237,14 +240,13 @@ def test_a_group_without_a_place_has_the_resolution_of_its_photographs(
     monkeypatch: pytest.MonkeyPatch, number: int, placed: bool, gsd_m: float | None
 ) -> None:
     place = MapPlace(object() if placed else None)  # type: ignore[arg-type]
-    layouts: Any = [object(), object()]
-    flight = SimpleNamespace(layouts=layouts, pair=None if placed else SimpleNamespace(accepted=True))
+    layouts = [Layout(members, members[0], {}, ()) for members in ((0, 1), (2, 3))]
+    flight = made.flight(made.views(4), (), layouts, pair=None if placed else SimpleNamespace(accepted=True))
     monkeypatch.setattr("skymosaic.mosaicking.run.place_on_map", lambda *_: place)
     monkeypatch.setattr("skymosaic.mosaicking.run.compose", lambda *_, **given: given)
-    sources: Any = [SimpleNamespace(bands=()), SimpleNamespace(bands=("nir",))]
     stages = list[tuple[Any, ...]]()
-    workers: Any = SimpleNamespace(progress=lambda *stage: stages.append(stage))
-    run: Any = MosaicRun(sources, MosaicOptions(gsd_m=0.5), workers, print, flight)  # type: ignore[arg-type]
-    composed: Any = run.composition(layouts[number])
+    with Workers(progress=lambda *stage: stages.append(stage)) as workers:
+        run: Any = MosaicRun([PHOTOGRAPH, MULTI_BAND], MosaicOptions(gsd_m=0.5), workers, print, flight)
+        composed: Any = run.composition(layouts[number])
     assert (composed["gsd_m"], composed["place"]) == (gsd_m, place)
     assert stages == [("exposure and seams", 0, 0)] * placed

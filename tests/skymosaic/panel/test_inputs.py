@@ -14,6 +14,7 @@ from skymosaic.panel.results import Decoded, InputFile
 from skymosaic.panel.session import Session
 from skymosaic.panel.tasks.jobs import JobFailedError
 from skymosaic.panel.uploads import UploadRefusedError
+from tests.made import leave_free
 from tests.skymosaic.panel.visitor import Scenario, body, noise_png
 
 pytestmark = pytest.mark.usefixtures("workers")
@@ -132,7 +133,7 @@ def test_uploads_leave_room_in_the_session_and_on_the_disk(
     for _ in range(2):
         run_in_loop(lambda: refuse(inputs, "larger than the 0 MB", 413))
     assert not any(inputs._files.folder("uploads").iterdir())
-    monkeypatch.setattr("shutil.disk_usage", lambda _folder: SimpleNamespace(free=1 << 30))
+    leave_free(monkeypatch, 1 << 30)
     run_in_loop(lambda: refuse(inputs, "disk is almost full", 507))
 
 

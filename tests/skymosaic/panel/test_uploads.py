@@ -1,7 +1,6 @@
 import asyncio
 from collections.abc import AsyncIterator
 from pathlib import Path
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 
 from skymosaic.panel import uploads
 from skymosaic.panel.uploads import PHOTOGRAPH, VIDEO, sanitise_stem
+from tests.made import leave_free
 
 
 def test_kinds_are_recognised_by_their_first_bytes() -> None:
@@ -86,7 +86,7 @@ def test_an_upload_is_refused_where_it_does_not_fit(
 ) -> None:
     """On the disk, or into the 4 GiB of a session; its kind is known when its first bytes have come one by one."""
     free_bytes, room_bytes = left
-    monkeypatch.setattr("shutil.disk_usage", lambda _folder: SimpleNamespace(free=free_bytes))
+    leave_free(monkeypatch, free_bytes)
     given = singly(HEADS[slot]), "field.dat", uploads.KINDS[slot], tmp_path / "1.part"
     if status:
         with pytest.raises(uploads.UploadRefusedError) as refused:

@@ -34,8 +34,8 @@ from skymosaic.reports import figures, pages
 from skymosaic.reports.flight import write_report
 from skymosaic.reports.pair import _table_rows, collect_pair_numbers, write_pair_report
 from skymosaic.reports.summary import describe_accuracy, list_files, on_white, summary_rows
+from tests.skymosaic.flight.made import PLACE, delivered, tie
 from tests.skymosaic.panel.tasks.test_mosaic_tasks import METRES_PER_PIXEL, write_flight_with_gps
-from tests.skymosaic.reports.test_flight import PLACE, delivered, tie
 
 NAME = "a\udcff\x1b[31m<b>&\x00.jpg"
 

@@ -1,7 +1,6 @@
 """From a layout to a file: preparation, composition and what each format holds."""
 
 import contextlib
-import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -31,6 +30,7 @@ from skymosaic.imagery.photographs import Source
 from skymosaic.maps.georeference import Georeference
 from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
+from tests.made import leave_free
 
 
 def test_thumbnails_need_no_larger_canvas_than_the_mosaic(flight: Flight, surveyed: Path) -> None:
@@ -184,11 +184,6 @@ def test_only_16_bits_are_too_deep_for_jpeg(tmp_path: Path, values: ValueRange |
     with refused if values is not None and values.deep else contextlib.nullcontext():
         made = deliver(tmp_path / "m.tif", flight, flight, composition, bands, form=OutputForm("jpeg"))
         assert made.preview.shape == (32, 32, 3)
-
-
-def leave_free(monkeypatch: pytest.MonkeyPatch, free_bytes: int) -> None:
-    usage: Any = SimpleNamespace(free=free_bytes)
-    monkeypatch.setattr(shutil, "disk_usage", lambda _path: usage)
 
 
 def test_a_mosaic_grows_as_the_file_and_the_disk_allow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,4 @@
-import shutil
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -24,6 +22,7 @@ from skymosaic.mosaicking.live.mosaic import LiveMosaic
 from skymosaic.mosaicking.live.run import grow
 from skymosaic.mosaicking.live.update import LiveUpdate
 from skymosaic.mosaicking.options import LiveOptions
+from tests.made import leave_free
 from tests.skymosaic.conftest import IMAGES, SIZE
 from tests.skymosaic.mosaicking.live.conftest import pair_errors_px
 
@@ -256,13 +255,13 @@ def test_what_was_placed_is_written_as_large_as_the_disk_allows(
     for frame in frames[:3]:
         live.add(frame)
     for suffix, free_bytes in ((".png", 3_000_000), (".tif", 3_000_000), (".jpg", 600_000)):
-        monkeypatch.setattr(shutil, "disk_usage", lambda _path, free=free_bytes: SimpleNamespace(free=free))
+        leave_free(monkeypatch, free_bytes)
         written = live.save(tmp_path / f"m{suffix}")
         assert "because the disk has " in written.composition.reduced
         height_px, width_px = cv2.imread(str(written.path)).shape[:2]
         assert 0.9 * free_bytes < height_px * width_px * (4 if suffix == ".jpg" else 24) <= free_bytes
         assert written.path.stat().st_size < free_bytes / 2
-    monkeypatch.setattr(shutil, "disk_usage", lambda _path: SimpleNamespace(free=10))
+    leave_free(monkeypatch, 10)
     with pytest.raises(InputError, match=r"none\.png: the disk has 0 MB left, too little for a mosaic; free"):
         live.save(tmp_path / "none.png")
 
