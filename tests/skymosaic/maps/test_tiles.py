@@ -119,11 +119,14 @@ def test_a_mosaic_without_a_place_has_tiles_of_its_own_pixels(tmp_path: Path) ->
     assert (whole[:170, 26:220, 3] == 255).all()
 
 
-def test_only_zooms_are_replaced_and_the_page_needs_no_network(tmp_path: Path) -> None:
+def test_only_zooms_that_tiles_can_have_are_replaced(tmp_path: Path) -> None:
     for name in ("24", "25", "2024"):
         (tmp_path / "tiles" / name).mkdir(parents=True)
     write_tiles(tmp_path / "tiles", raster(tmp_path / "m.tif", None), "plain", None)
     assert sorted(path.name for path in (tmp_path / "tiles").iterdir()) == ["0", "1", "2", "2024", "25", "index.html"]
+
+
+def test_the_page_needs_no_network_and_quotes_its_title(tmp_path: Path) -> None:
     write_tiles(tmp_path, raster(tmp_path / "m.tif", None), "</script><b>", None)
     page = (tmp_path / "index.html").read_text()
     assert not re.search(r"https?://|src=|href=", page)

@@ -102,7 +102,7 @@ def test_thumbnails_show_all_photographs_but_those_that_cannot_be_read(
         assert (left.argmax(), right.argmax()) == (2, 0)
 
 
-def test_photographs_are_described_and_reduced_whatever_their_names(tmp_path: Path, pictures: Path) -> None:
+def test_a_photograph_is_described_by_its_size_and_its_working_picture(tmp_path: Path, pictures: Path) -> None:
     name = write(tmp_path, "wide.png", 2560, 600)
     found = upload_tasks.inspect_photograph(tmp_path, name, pictures, progress=lambda *_: None)
     assert (found.size, found.working_size, found.notes) == ((2560, 600), (1280, 300), ())
@@ -110,6 +110,9 @@ def test_photographs_are_described_and_reduced_whatever_their_names(tmp_path: Pa
     assert (found.working.parent, working.shape) == (pictures, (300, 1280, 3))
     # Its file is never that of another photograph, not even of one with the same name.
     assert upload_tasks.inspect_photograph(tmp_path, name, pictures, progress=lambda *_: None).working != found.working
+
+
+def test_a_large_jpeg_is_reduced_whatever_its_name(tmp_path: Path, pictures: Path) -> None:
     names = [os.fsdecode(b"S\xfcd #1?%20&\n\\.jpg"), "n" * 251 + ".jpg"]
     for name in names:
         (tmp_path / write(tmp_path, "a.jpg", 640, 640)).rename(tmp_path / name)
