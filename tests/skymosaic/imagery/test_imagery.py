@@ -117,7 +117,7 @@ def test_a_folder_may_be_named_by_a_year(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr("skymosaic.imagery.live_frames.SETTLED_SECONDS", 0)
     # Without waiting for more, what is there already comes nevertheless.
     (frame,) = read_live_frames("2024", idle_seconds=0, tell=lambda _line: None)
-    assert frame.name == str(folder / "1.png")
+    assert frame.photograph.name == str(folder / "1.png")
 
 
 def test_a_file_that_is_complete_at_last_is_no_longer_unusable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
