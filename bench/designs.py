@@ -91,11 +91,10 @@ def listed(name: str, part: str = "", /, **settings: Any) -> Design:
 
     def build() -> wiring.Component:
         made: Any = make_block(name, settings).component
-        if not part:
-            return made
-        # Amaranth warns of what nothing elaborates: here the rest of the chain.
-        Fragment.get(made, None)
-        return made.blocks[part]
+        if part:
+            # Amaranth warns of what nothing elaborates: the rest of the chain.
+            Fragment.get(made, None)
+        return made.blocks[part] if part else made
 
     return Design(build)
 

@@ -44,7 +44,7 @@ class Chain(wiring.Component):
         self.blocks = dict(blocks)
         self.lag_px = lag_px
         self._fields = fields or {}
-        self._constants = constants or {}
+        self._constants = dict(constants or {})
         first, *_, last = self.blocks.values()
         self.pixels_per_clock = getattr(first, "pixels_per_clock", 1)
         self._settings = {
@@ -65,12 +65,11 @@ class Chain(wiring.Component):
         """Connect each block to the next, and the settings to all."""
         m = Module()
         blocks: Sequence[Any] = list(self.blocks.values())
+        values = {name: getattr(self, name) for name in self._settings} | self._constants
         for name, block in self.blocks.items():
             m.submodules[name] = block
-            settings = self._settings.keys() & block.signature.members.keys()
-            m.d.comb += [getattr(block, setting).eq(getattr(self, setting)) for setting in sorted(settings)]
-            fixed = self._constants.keys() & block.signature.members.keys()
-            m.d.comb += [getattr(block, constant).eq(self._constants[constant]) for constant in sorted(fixed)]
+            inputs = values.keys() & block.signature.members.keys()
+            m.d.comb += [getattr(block, each).eq(values[each]) for each in sorted(inputs)]
         m.d.comb += [blocks[0].i.eq(self.i), self.o.eq(blocks[-1].o)]
         for before, after in pairwise(blocks):
             # Beats have different payloads: fields are connected by name.

@@ -91,9 +91,8 @@ def scan(
 
 def of_stream(component: Any, about: str, sent: Sequence[Any], expected: Sequence[Any], **settings: int) -> Block:
     """A block with a stream or a beat ``i`` and ``o``: the payloads that go in, and those that come out."""
-    spacing_cycles = getattr(component, "spacing_cycles", 1)
-    answers = {"o": rows("o", expected)}
-    return Block(component, about, {"i": rows("i", sent)}, answers, settings, spacing_cycles=spacing_cycles)
+    spacing = getattr(component, "spacing_cycles", 1)
+    return Block(component, about, {"i": rows("i", sent)}, {"o": rows("o", expected)}, settings, spacing_cycles=spacing)
 
 
 def neighbours(plane: NDArray[Any]) -> dict[str, NDArray[Any]]:

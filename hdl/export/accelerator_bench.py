@@ -69,10 +69,8 @@ class SampleFrames:
             # So few passes that a slow simulator ends, too; their clocks are known, and compared.
             estimator = EstimatorConfig(passes=1, min_inliers=4, min_cells=1)
             self.config = dataclasses.replace(self.config, estimator=estimator)
-            self.homographies = [
-                frame_homography(matches, status, self.config)
-                for matches, status in zip((self.matches[:0], self.matches), self.statuses, strict=True)
-            ]
+            sent = zip((self.matches[:0], self.matches), self.statuses, strict=True)
+            self.homographies = [frame_homography(matches, status, self.config) for matches, status in sent]
             self.packets["homographies"] = [packet(record) for record in self.homographies]
 
     def beats(self, video_bits: int) -> list[Row]:
@@ -126,7 +124,5 @@ def _split_into_beats(image: NDArray[np.uint8], video_bits: int) -> list[Row]:
     weights = 1 << np.arange(count) * (video_bits // count)
     beats = image.reshape(len(image), -1, count) @ weights
     height, width = beats.shape
-    return [
-        {"data": int(beats[y, x]), "user": int(x == y == 0), "last": int(x == width - 1)}
-        for y, x in np.ndindex(height, width)
-    ]
+    places = np.ndindex(height, width)
+    return [{"data": int(beats[y, x]), "user": int(x == y == 0), "last": int(x == width - 1)} for y, x in places]

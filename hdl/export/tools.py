@@ -20,17 +20,13 @@ def run_tool(folder: Path, tool: str, *arguments: str) -> None:
     BuildError
         If it is missing or fails.
     """
-    done = subprocess.run([_find_tool(tool), *arguments], cwd=folder, capture_output=True, text=True, check=False)
+    # In this environment (YoWASP's packages), or else on the system.
+    packaged = Path(sys.executable).parent / f"yowasp-{tool}"
+    path = packaged if packaged.exists() else shutil.which(tool)
+    if path is None:
+        raise BuildError(f"{tool} is not installed; {how_to_install('ulx3s')}")
+    done = subprocess.run([path, *arguments], cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
         lines = (done.stderr + done.stdout).splitlines()
         reason = next((line for line in lines if "ERROR" in line), f"exit status {done.returncode}")
         raise BuildError(f"{tool} failed: {reason}")
-
-
-def _find_tool(tool: str) -> str:
-    """Find the tool in this environment (YoWASP's packages), or else on the system."""
-    packaged = Path(sys.executable).parent / f"yowasp-{tool}"
-    path = str(packaged) if packaged.exists() else shutil.which(tool)
-    if path is None:
-        raise BuildError(f"{tool} is not installed; {how_to_install('ulx3s')}")
-    return path
