@@ -3,7 +3,6 @@
 import contextlib
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -31,6 +30,7 @@ from skymosaic.maps.georeference import Georeference
 from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
 from tests.made import leave_free
+from tests.skymosaic.flight.made import flight
 
 
 def test_thumbnails_need_no_larger_canvas_than_the_mosaic(flight: Flight, surveyed: Path) -> None:
@@ -102,10 +102,11 @@ def test_a_picture_has_16_bits_where_all_photographs_have(values: ValueRange | N
 
 @pytest.mark.parametrize(("gsd_m", "scale"), [(0.0991, 1.0), (0.1, 1.0), (0.2, 0.5), (0.098, None)])
 def test_a_canvas_is_as_fine_as_the_photographs_at_most(gsd_m: float, scale: float | None) -> None:
-    flight: Any = SimpleNamespace(pair=object())
+    pair: Any = object()
+    layout: Any = None
     on_map = Georeference("EPSG:32615", np.array([[0.1, 0, 0], [0, -0.1, 0], [0, 0, 1]]), 0.0)
     with contextlib.nullcontext() if scale else pytest.raises(InputError, match=r"finer than the .* at least 0\.1$"):
-        assert scale_for(flight, flight, on_map, gsd_m) == pytest.approx(scale)
+        assert scale_for(flight([], pair=pair), layout, on_map, gsd_m) == pytest.approx(scale)
 
 
 def test_a_photograph_has_a_pixel_at_least() -> None:
@@ -136,7 +137,6 @@ def test_gray_becomes_bgr_beside_colour_and_stays_gray_alone() -> None:
 def test_what_is_delivered_is_written_and_previewed(
     tmp_path: Path, name: str, note: str, says: str, pair: object
 ) -> None:
-    flight: Any = SimpleNamespace(pair=pair, folders=[])
     composition = Composition((), Canvas(0, 0, 80, 60), False, "distance", Lens(), place=MapPlace(note=note))
     picture, shown = np.full((60, 80), 90, np.uint8), np.ones((60, 80), np.bool_)
     shown[:, :20] = False
@@ -145,7 +145,7 @@ def test_what_is_delivered_is_written_and_previewed(
     # A file stands in the way of the tiles; the mosaic is there all the same.
     (tmp_path / "tiles").write_text("")
     form = OutputForm(tiles=tmp_path / "tiles")
-    made = deliver(tmp_path / name, flight, layout, composition, bands, form=form, preview_width_px=40)
+    made = deliver(tmp_path / name, flight([], pair=pair), layout, composition, bands, form=form, preview_width_px=40)
     assert made.map_note == says
     assert made.preview.shape == made.coverage.shape == (30, 40)
     assert made.covered_px == 60 * 60
@@ -164,9 +164,9 @@ def test_maps_for_the_eye_show_gray_of_16_bits_in_8(tmp_path: Path, name: str) -
     composition = Composition(
         (), Canvas(0, 0, 90, 60), False, "distance", Lens(), values, place=MapPlace(georeference=on_map)
     )
-    flight: Any = SimpleNamespace(pair=None, folders=[])
+    layout: Any = None
     bands = [(np.full((60, 90), 10_000, np.uint16), np.ones((60, 90), np.bool_))]
-    made = deliver(tmp_path / name, flight, flight, composition, bands)
+    made = deliver(tmp_path / name, flight([]), layout, composition, bands)
     assert (made.map_note, made.failures) == ("", ())
     with rasterio.open(tmp_path / name) as file:
         assert file.count == 4
@@ -177,12 +177,12 @@ def test_maps_for_the_eye_show_gray_of_16_bits_in_8(tmp_path: Path, name: str) -
 
 @pytest.mark.parametrize("values", [None, ValueRange(0, 1), ValueRange(0, 1, deep=True)])
 def test_only_16_bits_are_too_deep_for_jpeg(tmp_path: Path, values: ValueRange | None) -> None:
-    flight: Any = SimpleNamespace(pair=None, folders=[])
+    layout: Any = None
     composition = Composition((), Canvas(0, 0, 32, 32), True, "distance", Lens(), values)
     bands = [(composition.empty(32, 32), np.ones((32, 32), np.bool_))]
     refused = pytest.raises(InputError, match=r"m\.tif: JPEG holds 8 bits, the photographs have 16; leave out the")
     with refused if values is not None and values.deep else contextlib.nullcontext():
-        made = deliver(tmp_path / "m.tif", flight, flight, composition, bands, form=OutputForm("jpeg"))
+        made = deliver(tmp_path / "m.tif", flight([]), layout, composition, bands, form=OutputForm("jpeg"))
         assert made.preview.shape == (32, 32, 3)
 
 
