@@ -116,8 +116,8 @@ def largest_rules() -> MatchRules:
             lines.append(f"  term: t{n} Discrete {parameters}")
         chosen.append(rng.permutation(np.arange(MAX_RULES) % MAX_TERMS))
     lines += ["OutputVariable: weight", "  range: 0 1", "  defuzzifier: WeightedAverage", "  default: 0"]
-    lines += [f"  term: c{n} Constant {n / (MAX_RULES - 1)}" for n in range(MAX_RULES)]
-    lines += ["RuleBlock: rules", "  conjunction: Minimum"]
+    constants = (f"  term: c{n} Constant {n / (MAX_RULES - 1)}" for n in range(MAX_RULES))
+    lines += [*constants, "RuleBlock: rules", "  conjunction: Minimum"]
     for n, terms in enumerate(zip(*chosen, strict=True)):
         conditions = " and ".join(f"{name} is t{term}" for name, term in zip(INPUTS[0], terms, strict=True))
         # Scattered, so that neighbouring rules decide differently.
@@ -159,10 +159,8 @@ def designs() -> dict[str, Design]:
             for width_px in (640, WIDTH_PX)
             for levels in (1, 2)
         },
-        **{
-            f"front end, {width_px} wide, two pixels per clock": front_end(config, width_px, 2, video_bits=48)
-            for width_px in (WIDTH_PX, 2 * WIDTH_PX)
-        },
+        "front end, 1920 wide, two pixels per clock": front_end(config, WIDTH_PX, 2, video_bits=48),
+        "front end, 3840 wide, two pixels per clock": front_end(config, 2 * WIDTH_PX, 2, video_bits=48),
         "front end, thesis, 1920 wide": front_end(THESIS.front_end, WIDTH_PX, 1),
         "window correlation": listed("correlation"),
         "fuzzy correlation": block(FuzzyCorrelation),
@@ -181,8 +179,9 @@ def designs() -> dict[str, Design]:
 
 def placed_designs() -> dict[str, Design]:
     """Designs of which only the clock is recorded: a camera build with the painter for which an ECP5-85 has room."""
-    board, config = BUILDS["ulx3s"], replace(AERIAL, estimator=EstimatorConfig())
-    config = replace(config, front_end=board.config.front_end)
-    camera = replace(BUILDS["camera"], config=config, lanes=board.lanes, painter=True)
-    build = replace(camera, max_width_px=640, max_height_px=480)
+    board = BUILDS["ulx3s"]
+    config = replace(AERIAL, estimator=EstimatorConfig(), front_end=board.config.front_end)
+    build = replace(
+        BUILDS["camera"], config=config, lanes=board.lanes, max_width_px=640, max_height_px=480, painter=True
+    )
     return {"camera, homography, painter, 640 wide, 1 level": Design(lambda: CameraAccelerator(build))}

@@ -82,8 +82,8 @@ def _paint(frames: SampleFrames) -> Memory:
     """The painter's memory when both frames have been painted; frames of which no homography says where are not."""
     painter, poses, painted = Painter(CANVAS_TILES, CANVAS_TILES), Poses(), 0
     colours = [np.repeat(image[..., np.newaxis], 3, axis=-1) for image in frames.images]
-    placements = (Placement(0, 0, FIRST_POSE, composed=False), placement_of(frames.homographies[1][0]))
-    for colour, placement in zip(colours, placements, strict=True):
+    first, second = Placement(0, 0, FIRST_POSE, composed=False), placement_of(frames.homographies[1][0])
+    for colour, placement in zip(colours, (first, second), strict=True):
         pose = poses.place(placement)[0] if placement else None
         if pose is not None:
             painted += painter.paint(colour, pose).painted
@@ -109,9 +109,7 @@ def _write_bursts(ring: str, packets: list[list[Row]], record_words: int) -> tup
         for burst in (sent, _header(number + 1, sent, record_words)):
             words += [{"wstrb": 0xFF, **({"wdata": word["data"]} if "data" in word else {})} for word in burst]
             words += [{"wstrb": 0, "wdata": 0}] * (-len(burst) % BURST_WORDS)
-    for number, word in enumerate(words):
-        words[number] = {**word, "wlast": int(number % BURST_WORDS == BURST_WORDS - 1)}
-    return addresses, words
+    return addresses, [{**word, "wlast": int(n % BURST_WORDS == BURST_WORDS - 1)} for n, word in enumerate(words)]
 
 
 def _header(number: int, sent: list[Row], record_words: int) -> list[Row]:

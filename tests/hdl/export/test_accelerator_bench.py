@@ -8,12 +8,7 @@ import pytest
 from golden_model.config import EstimatorConfig
 from golden_model.records import HOMOGRAPHY
 from hdl.build import BUILDS
-from hdl.export.accelerator_bench import (
-    FRAME_PX,
-    SampleFrames,
-    control_streams,
-    list_writes,
-)
+from hdl.export.accelerator_bench import FRAME_PX, SampleFrames, control_streams, list_writes
 from hdl.registers.register_map import REGISTERS
 from hdl.registers.shell_register_map import ALL_REGISTERS
 
