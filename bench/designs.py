@@ -179,9 +179,7 @@ def designs() -> dict[str, Design]:
 
 def placed_designs() -> dict[str, Design]:
     """Designs of which only the clock is recorded: a camera build with the painter for which an ECP5-85 has room."""
-    board = BUILDS["ulx3s"]
-    config = replace(AERIAL, estimator=EstimatorConfig(), front_end=board.config.front_end)
-    build = replace(
-        BUILDS["camera"], config=config, lanes=board.lanes, max_width_px=640, max_height_px=480, painter=True
-    )
+    kit = BUILDS["ulx3s"]
+    config = replace(AERIAL, estimator=EstimatorConfig(), front_end=kit.config.front_end)
+    build = replace(BUILDS["camera"], config=config, lanes=kit.lanes, max_width_px=640, max_height_px=480, painter=True)
     return {"camera, homography, painter, 640 wide, 1 level": Design(lambda: CameraAccelerator(build))}
