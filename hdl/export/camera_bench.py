@@ -88,10 +88,9 @@ def _paint(frames: SampleFrames) -> Memory:
         if pose is not None:
             painted += painter.paint(colour, pose).painted
     stored = np.pad(colours, ((0, 0), (0, 0), (0, 0), (0, 1)))
-    content = np.concatenate([painter.memory.ravel(), stored.ravel()])
     return Memory(
         MEMORY_ADDRESS,
-        content.view(np.uint64).tolist(),
+        np.concatenate([painter.memory.ravel(), stored.ravel()]).view(np.uint64).tolist(),
         bursts=painted * TILE_BURSTS + stored.nbytes // BURST_BYTES,
         writers=("m_axi_frames_", "m_axi_new_tiles_"),
         readers=("m_axi_windows_", "m_axi_old_tiles_"),
