@@ -59,6 +59,7 @@ def test_verilator_finds_nothing_but_what_is_allowed(folder: Path) -> None:
     assert {path.name for path in (folder / "host").iterdir()} == {
         "ring_bus.py",
         "pynq_overlay.py",
+        "skymosaic_painter.py",
         "skymosaic_rings.py",
         "skymosaic_map.py",
         "skymosaic_registers.py",
