@@ -57,9 +57,8 @@ def test_the_panel_writes_all_bands_of_uploaded_sets(band_folder: Path, tmp_path
 
 def test_a_live_mosaic_shows_one_named_band(band_folder: Path) -> None:
     def shown(band: str | None, source: str = str(band_folder)) -> list[str]:
-        return [
-            Path(p.name).name for p in read_live_frames(source, idle_seconds=1.0, tell=lambda _line: None, band=band)
-        ]
+        frames = read_live_frames(source, idle_seconds=1.0, tell=lambda _line: None, band=band)
+        return [Path(frame.photograph.name).name for frame in frames]
 
     assert shown("nir") == [f"IMG_{number:04}_NIR.TIF" for number in range(CAPTURES)]
     with pytest.raises(InputError, match=r"multi-band sets \(green, red, nir\); name the band to show: `band` green"):

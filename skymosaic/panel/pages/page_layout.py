@@ -23,7 +23,7 @@ _TEMPLATES = open_templates(Path(__file__).parent)
 
 def fill_in(name: str, **values: object) -> str:
     """Fill in a template of this folder, which escapes every value."""
-    return _TEMPLATES.get_template(name).render(values)
+    return str(_TEMPLATES.get_template(name).render(values))
 
 
 def show_command(words: str) -> None:
