@@ -91,11 +91,7 @@ def speed() -> Iterator[Row]:
 
 
 def fly_straight(
-    size: tuple[int, int],
-    frames: int,
-    *,
-    speed_px: tuple[float, float] = SPEED_PX,
-    heading_deg: float = 20,
+    size: tuple[int, int], frames: int, *, speed_px: tuple[float, float] = SPEED_PX, heading_deg: float = 20
 ) -> Flight:
     """A camera that flies straight on while the wind shakes it."""
     rng = np.random.default_rng(3)

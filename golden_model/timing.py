@@ -20,14 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.config import (
-    CELL_SIZES_PX,
-    MAX_FRAME_PX,
-    MIN_LEVEL_PX,
-    Config,
-    FrontEndConfig,
-    MatcherConfig,
-)
+from golden_model.config import CELL_SIZES_PX, MAX_FRAME_PX, MIN_LEVEL_PX, Config, FrontEndConfig, MatcherConfig
 from golden_model.feature.ilbp import DescriptorPattern
 from golden_model.fuzzy.sugeno import SugenoSystem
 from golden_model.geometry.estimator import CYCLES

@@ -75,8 +75,7 @@ class FrameAdmission(Component):
         self.closing_px = closing_px
         self.pixels_per_clock = pixels_per_clock
         super().__init__(
-            i=In(stream.Signature(pixel_payload(pixels_per_clock))),
-            o=Out(beat(pixels_per_clock, data=24)),
+            i=In(stream.Signature(pixel_payload(pixels_per_clock))), o=Out(beat(pixels_per_clock, data=24))
         )
 
     def elaborate(self, platform: object) -> Module:

@@ -112,10 +112,7 @@ class CanvasPort(wiring.Component):
             old.w_data.eq(reader.o.payload),
             reader.o.ready.eq(1),
         ]
-        m.d.sync += [
-            burst.eq(burst + asks),
-            promised.eq(promised + Mux(asks, BURST_WORDS, 0) - (old.r_rdy & old.r_en)),
-        ]
+        m.d.sync += [burst.eq(burst + asks), promised.eq(promised + Mux(asks, BURST_WORDS, 0) - (old.r_rdy & old.r_en))]
         return old
 
     def _give(self, m: Module, tiles: fifo.SyncFIFO, failures: fifo.SyncFIFO, old: fifo.SyncFIFOBuffered) -> None:

@@ -18,14 +18,7 @@ from hdl.streams import COORDINATE
 
 BOX = ("left", "top", "right", "bottom")
 PLAN = data.StructLayout(
-    {
-        "tile": TILE,
-        "corners": CORNERS,
-        **dict.fromkeys(BOX, COORDINATE),
-        "wide": 1,
-        "painted": 1,
-        "blank": 1,
-    }
+    {"tile": TILE, "corners": CORNERS, **dict.fromkeys(BOX, COORDINATE), "wide": 1, "painted": 1, "blank": 1}
 )
 """A tile to paint, and the part of the frame that it needs: inclusive, inside the frame, at most 128 x 128 px.
 

@@ -55,9 +55,7 @@ class Suppression(Component):
         # Maxima of columns and of runs; then of both sides, the comparison, the choice.
         self.latency_cycles = self._lines.latency_cycles + self._column_cycles + self._run_cycles + 3
         super().__init__(
-            i=In(beat(pixels_per_clock, code=CODE)),
-            i_fast=In(1),
-            o=Out(beat(pixels_per_clock, **NEIGHBOURHOOD)),
+            i=In(beat(pixels_per_clock, code=CODE)), i_fast=In(1), o=Out(beat(pixels_per_clock, **NEIGHBOURHOOD))
         )
 
     def elaborate(self, platform: object) -> Module:

@@ -37,8 +37,7 @@ class Binomial(Component):
         )
         self.latency_cycles = self._sum.latency_cycles + 1
         super().__init__(
-            i=In(beat(pixels_per_clock, column=data.ArrayLayout(8, window_px))),
-            o=Out(beat(pixels_per_clock, pixel=8)),
+            i=In(beat(pixels_per_clock, column=data.ArrayLayout(8, window_px))), o=Out(beat(pixels_per_clock, pixel=8))
         )
 
     def elaborate(self, platform: object) -> Module:

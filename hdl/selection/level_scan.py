@@ -55,8 +55,7 @@ class LevelScan(Component):
         # As far above the last line as possible without losing a feature; the limit keeps it inside the smallest level.
         self.closing_lines = min(border_px - lag_px, MIN_LEVEL_PX - 1) + 1
         super().__init__(
-            i=In(beat(pixels_per_clock, pixel=8)),
-            o=Out(beat(inside=pixels_per_clock, ends_row=1, ends_level=1)),
+            i=In(beat(pixels_per_clock, pixel=8)), o=Out(beat(inside=pixels_per_clock, ends_row=1, ends_level=1))
         )
 
     def elaborate(self, platform: object) -> Module:

@@ -89,14 +89,7 @@ class PainterBench(MemoryBench):
     """
 
     def __init__(
-        self,
-        *,
-        width_px: int,
-        height_px: int,
-        columns: int,
-        rows: int,
-        replace: bool = False,
-        rules: MemoryRules,
+        self, *, width_px: int, height_px: int, columns: int, rows: int, replace: bool = False, rules: MemoryRules
     ) -> None:
         design = Design("the painter", PORTS, PainterTop, "")
         pages = frame_pages(width_px, height_px)

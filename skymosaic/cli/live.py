@@ -133,13 +133,7 @@ def _refuse_nothing(source: str, mosaic: LiveMosaic, unusable: Mapping[str, str]
 
 
 def _write(
-    mosaic: LiveMosaic,
-    unusable: Mapping[str, str],
-    output: Path,
-    form: OutputForm,
-    *,
-    overwrite: bool,
-    strict: bool,
+    mosaic: LiveMosaic, unusable: Mapping[str, str], output: Path, form: OutputForm, *, overwrite: bool, strict: bool
 ) -> tuple[Delivery, Absent]:
     """Compose and write what was placed; also returns the frames and files that are not in it, with the reasons."""
     lost: Absent = {**mosaic.left_out, **unusable}

@@ -52,8 +52,7 @@ OverwriteOption = Annotated[
     typer.Option("--overwrite", rich_help_panel=OUTPUT, help="Replace files that exist; without it they are refused."),
 ]
 OutputVariableOption = Annotated[
-    str | None,
-    typer.Option(metavar="NAME", help="Which of several outputs of a file is meant; by default match."),
+    str | None, typer.Option(metavar="NAME", help="Which of several outputs of a file is meant; by default match.")
 ]
 StrictOption = Annotated[
     bool,

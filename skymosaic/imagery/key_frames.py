@@ -124,9 +124,7 @@ class KeyFrame(NamedTuple):
 
 
 def select_key_frames(
-    frames: Iterable[Pixels],
-    frame_rate: Fraction | float = 25.0,
-    tell: Callable[[str], None] = lambda _line: None,
+    frames: Iterable[Pixels], frame_rate: Fraction | float = 25.0, tell: Callable[[str], None] = lambda _line: None
 ) -> Iterator[KeyFrame]:
     """Select the first frame, then repeatedly the last one that still shows `KEY_OVERLAP` of the previous key frame.
 

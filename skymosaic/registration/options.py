@@ -139,9 +139,7 @@ class FeatureOptions(PhotographOptions):
     """How the features of one photograph are computed."""
 
     detector: Detector | None = option(
-        None,
-        "Corner detector; by default as configured, or what suits the descriptor.",
-        label="Detector",
+        None, "Corner detector; by default as configured, or what suits the descriptor.", label="Detector"
     )
     descriptor: Descriptor | None = option(
         None, "Descriptor; by default as configured, or what suits the detector.", label="Descriptor"

@@ -18,14 +18,7 @@ from skymosaic.features.given_matches import Given, GivenMatches
 from skymosaic.features.methods import Method
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.estimators import estimate
-from skymosaic.geometry.ground import (
-    MOVES_WITH_CAMERA,
-    RIVAL_SHARE,
-    GroundAgreement,
-    LeftOut,
-    Sight,
-    find_ground,
-)
+from skymosaic.geometry.ground import MOVES_WITH_CAMERA, RIVAL_SHARE, GroundAgreement, LeftOut, Sight, find_ground
 from skymosaic.imagery.images import Photograph, load, reduce_to_width
 from skymosaic.imagery.lens import Lens
 from skymosaic.registration.dense import refit_pair

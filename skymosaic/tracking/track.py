@@ -139,13 +139,7 @@ class Track:
         """Measure the pose near an expected one; None if it is no convex outline of about that size and place."""
         try:
             pose, sees_surroundings = self.template.look_near(
-                frame,
-                expected,
-                self._weight,
-                reference,
-                moves=self._moves,
-                min_inliers=min_inliers,
-                rng=self._rng,
+                frame, expected, self._weight, reference, moves=self._moves, min_inliers=min_inliers, rng=self._rng
             )
         except DegenerateError:
             return None

@@ -153,10 +153,7 @@ class _Ports(Elaboratable):
             (bus.arvalid, bus.arready, reads),
         ):
             self._soon(m, valid & ~ready & (waiting == 0))
-        m.d.comb += [
-            Cover(happened(m, written, most=2) == 2),
-            Cover(happened(m, read, most=2) == 2),
-        ]
+        m.d.comb += [Cover(happened(m, written, most=2) == 2), Cover(happened(m, read, most=2) == 2)]
 
     def _packets(self, m: Module, packets: stream.Interface, record_words: int) -> None:
         """Words are held; a packet ends with a whole record, also where a clear breaks it off."""

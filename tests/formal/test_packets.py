@@ -126,10 +126,7 @@ class _Cleared(Elaboratable):
             m.d.comb += Assert(~begun | (data[0] == of_side))
         with m.If(begun & (of_side != side)):
             m.d.comb += Assert(gate.o_closing)
-        m.d.comb += [
-            Cover(given & broken & of_source),
-            Cover(given & o.payload.last & of_source & (side != data[0])),
-        ]
+        m.d.comb += [Cover(given & broken & of_source), Cover(given & o.payload.last & of_source & (side != data[0]))]
 
 
 def test_a_gate_passes_whole_packets_or_none(tmp_path: Path) -> None:

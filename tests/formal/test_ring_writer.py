@@ -35,10 +35,7 @@ class _Memory:
         addressed, written, beat = Signal(range(MAX_OUTSTANDING + 2)), Signal(range(MAX_OUTSTANDING + 2)), Signal(4)
         ends = bus.wvalid & bus.wready & bus.wlast
         addresses = bus.awvalid & bus.awready
-        m.d.sync += [
-            addressed.eq(addressed + addresses - self.answers),
-            written.eq(written + ends - self.answers),
-        ]
+        m.d.sync += [addressed.eq(addressed + addresses - self.answers), written.eq(written + ends - self.answers)]
         with m.If(bus.wvalid & bus.wready):
             m.d.sync += beat.eq(beat + 1)
         m.d.comb += [

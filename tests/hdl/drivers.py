@@ -12,9 +12,7 @@ from tests.hdl.block_bench import BlockBench
 
 
 def run_clocks(
-    dut: wiring.Component[Any],
-    inputs: Iterable[Sequence[tuple[ValueLike, Any]]],
-    outputs: Sequence[ValueLike],
+    dut: wiring.Component[Any], inputs: Iterable[Sequence[tuple[ValueLike, Any]]], outputs: Sequence[ValueLike]
 ) -> list[tuple[Any, ...]]:
     """Set inputs clock by clock, and return the outputs of each clock.
 

@@ -17,10 +17,7 @@ from sim.simulators import verilator
 from tools.yosys import SHARE, YOSYS
 
 BLOCK_RAM = Path(__file__).with_name("block_ram.v")
-SYNTHESIS = {
-    "xc7": "synth_xilinx -family xc7 -flatten -noiopad -noclkbuf -top {}".format,
-    "ecp5": synthesis_commands,
-}
+SYNTHESIS = {"xc7": "synth_xilinx -family xc7 -flatten -noiopad -noclkbuf -top {}".format, "ecp5": synthesis_commands}
 
 # Words of twice a port's width take the pins of both: port A's have the lower half. Port B writes, port A reads.
 XC7_RAM = """

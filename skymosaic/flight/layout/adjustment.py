@@ -220,14 +220,7 @@ class Network:
         return transforms
 
     def _step(
-        self,
-        start: Array,
-        errors_px: Array,
-        free: int,
-        scale_px: float,
-        damping: Array,
-        *,
-        anchors: Anchors | None,
+        self, start: Array, errors_px: Array, free: int, scale_px: float, damping: Array, *, anchors: Anchors | None
     ) -> tuple[Array, Array, float]:
         """Take a step; returns the transformations, the errors of all ties and the largest motion.
 

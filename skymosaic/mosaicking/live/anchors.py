@@ -40,12 +40,7 @@ class Anchors:
         black = Photograph("", np.zeros(size_px[::-1], np.uint8))
         source, none = Source(0, "", black.pixels), np.zeros(0, config.front_end.pattern.record.dtype)
         self._view = make_view(
-            source,
-            black,
-            Settings(config),
-            working=black.pixels,
-            to_original=np.eye(3),
-            features=none,
+            source, black, Settings(config), working=black.pixels, to_original=np.eye(3), features=none
         )
         # A frame is an anchor as it is placed. Levelled ones are off by pixels until the next layout.
         self._flight = GrowingFlight(partial(link_by_features, config=config, seed=0), levelling=())

@@ -309,12 +309,7 @@ class LiveMosaic:
         return link.move(moves)
 
     def _describe(
-        self,
-        number: int,
-        photograph: Photograph,
-        features: Records | None,
-        file: Path | None,
-        taken: Metadata | None,
+        self, number: int, photograph: Photograph, features: Records | None, file: Path | None, taken: Metadata | None
     ) -> View:
         """Reduce a frame to the working width, compute its features unless they are given, and keep it."""
         working, to_original = reduce_for_front_end(photograph.pixels, self._options.working_width_px, "frame")

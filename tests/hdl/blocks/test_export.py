@@ -45,11 +45,7 @@ def fuzzy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize(
     ("file", "old", "new"),
-    [
-        ("fuzzy.v", r"<= folded\[", "<= ~folded["),
-        ("o.hex", r"^(.*)\n", "0\n"),
-        ("i.hex", r"^.*\n", ""),
-    ],
+    [("fuzzy.v", r"<= folded\[", "<= ~folded["), ("o.hex", r"^(.*)\n", "0\n"), ("i.hex", r"^.*\n", "")],
     ids=["a block that computes something else", "another answer", "an input that is missing"],
 )
 def test_the_bench_fails_on_anything_else(fuzzy: Path, tmp_path: Path, file: str, old: str, new: str) -> None:

@@ -58,9 +58,7 @@ def rings(pixels_per_clock: int, second: bool) -> Block:
 
 
 @table(
-    one=partial(rings, 1, False),
-    the_first_of_two=partial(rings, 2, False),
-    the_second_of_two=partial(rings, 2, True),
+    one=partial(rings, 1, False), the_first_of_two=partial(rings, 2, False), the_second_of_two=partial(rings, 2, True)
 )
 def test_ring_window_gives_the_pixels_of_the_rings(row: Row) -> None:
     check(row)

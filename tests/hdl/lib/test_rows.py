@@ -55,8 +55,7 @@ def queue(pipeline_cycles: int) -> Block:
 
 
 @table(
-    buffer=Row(buffer, clocks_each=1),
-    **{f"queue_of_{n}": Row(partial(queue, n), clocks_each=1) for n in (1, 4, 11)},
+    buffer=Row(buffer, clocks_each=1), **{f"queue_of_{n}": Row(partial(queue, n), clocks_each=1) for n in (1, 4, 11)}
 )
 def test_everything_leaves_in_its_order(row: Row) -> None:
     check(row)

@@ -110,10 +110,7 @@ def packets_of(results: Iterator[Any]) -> Iterator[Any]:
 
 
 def expected_packets(
-    frames: list[tuple[NDArray[np.void], Any]],
-    pattern: DescriptorPattern,
-    matcher: MatcherConfig,
-    reference: Reference,
+    frames: list[tuple[NDArray[np.void], Any]], pattern: DescriptorPattern, matcher: MatcherConfig, reference: Reference
 ) -> tuple[list[list[int]], list[FrameResult]]:
     config = Config(front_end=FrontEndConfig(descriptor=pattern.name, border_px=20), matcher=matcher)
     results = list(add_matches(starmap(FrameFeatures, frames), config, reference))

@@ -64,11 +64,7 @@ def searched(dut: NearestNeighbours, pairs: list[tuple[NDArray[np.uint8], NDArra
 
 @pytest.mark.parametrize(
     ("bits", "lanes", "max_features", "descriptors"),
-    [
-        *((8, 2, 11, each) for each in (some_equal, opposite)),
-        (32, 4, 16, close_together),
-        (128, 8, 16, random_bits),
-    ],
+    [*((8, 2, 11, each) for each in (some_equal, opposite)), (32, 4, 16, close_together), (128, 8, 16, random_bits)],
 )
 def test_nearest_neighbours_equal_the_golden_distances(
     bits: int, lanes: int, max_features: int, descriptors: Callable[..., Any]

@@ -10,10 +10,7 @@ from hdl.registers.register_map import REGISTERS, Access, built_constants, field
 
 
 def test_a_word_is_written_whole_with_the_initial_values_of_its_other_fields() -> None:
-    assert register_writes({"height_px": 100, "enable": 1, "gray_input": 1}) == [
-        (0x20, 0b101),
-        (0x28, 640 | 100 << 16),
-    ]
+    assert register_writes({"height_px": 100, "enable": 1, "gray_input": 1}) == [(0x20, 0b101), (0x28, 640 | 100 << 16)]
     assert register_writes({}) == []
 
 

@@ -157,12 +157,7 @@ STALLED = Pauses(gaps=60, stalls=240, seed=4)
 
 
 @pytest.mark.parametrize(
-    ("cell_log2", "per_cell", "pauses", "spacing_cycles"),
-    [
-        (5, 5, STALLED, 1),
-        (6, 8, STALLED, 2),
-        (7, 1, FREE, 2),
-    ],
+    ("cell_log2", "per_cell", "pauses", "spacing_cycles"), [(5, 5, STALLED, 1), (6, 8, STALLED, 2), (7, 1, FREE, 2)]
 )
 def test_cells_keep_their_best_in_order(
     planes: list[NDArray[np.uint16]], cell_log2: int, per_cell: int, pauses: Pauses, spacing_cycles: int

@@ -7,16 +7,7 @@ import numpy as np
 import pytest
 
 from golden_model.arrays import Array, Pixels
-from sim.scene import (
-    Camera,
-    CameraPose,
-    Photometry,
-    ground,
-    make_lawnmower,
-    make_pair,
-    project,
-    render_view,
-)
+from sim.scene import Camera, CameraPose, Photometry, ground, make_lawnmower, make_pair, project, render_view
 from sim.scene.flight import Flight
 from sim.scene.noise import make_noise
 from sim.scene.terrain import SLOPE, TERRACE_PX, TERRAINS, render_terrain

@@ -84,10 +84,7 @@ def test_each_input_speaks_against_a_pair_and_none_for_it(name: str) -> None:
         (("hull_share",), "inliers cover 0 % of the overlap; "),
         (("motion",), "the camera moved by only 0.00 % of the picture: it stands on a tripod, or "),
         (("ground_share",), "0 % of the ground agrees; "),
-        (
-            ("ground_lack",),
-            "70 % of the ground more should agree for a camera that moved by 10 % of the picture: ",
-        ),
+        (("ground_lack",), "70 % of the ground more should agree for a camera that moved by 10 % of the picture: "),
         (("rival",), "the ground repeats itself: it fits elsewhere 1.20 times as well; "),
     ],
 )

@@ -19,13 +19,7 @@ from sim.backends.interface import Mismatch
 from sim.scene import make_lawnmower, make_pair
 from skymosaic.cli.commands import app
 from skymosaic.panel.options import Options
-from skymosaic.panel.tasks.mosaic_tasks import (
-    _choose_output,
-    _shorten,
-    compare_hardware,
-    look_at_pair,
-    make_mosaic,
-)
+from skymosaic.panel.tasks.mosaic_tasks import _choose_output, _shorten, compare_hardware, look_at_pair, make_mosaic
 from skymosaic.registration.register import register
 from tests.made import write_located, write_pictures
 
