@@ -21,7 +21,7 @@ from hdl.lib.line_memory import LineMemory
 from hdl.lib.multiplier import multiply_wide
 from hdl.netlist import to_verilog
 from hdl.painting.painter import Painter
-from tests.hdl.lib.test_multiplier import FACTORS
+from tests.hdl.lib.test_lib import FACTORS
 from tests.hdl.netlists import models, run_bench
 from tests.hdl.pixel.test_rows import raw_response
 

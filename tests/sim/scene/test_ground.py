@@ -23,7 +23,7 @@ from sim.scene import (
     target,
 )
 from sim.scene.terrain import TERRAINS, render_terrain
-from tests.sim.scene.caches import clear_caches
+from tests.sim.scene.conftest import clear_caches
 
 
 @pytest.fixture

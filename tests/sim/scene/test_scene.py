@@ -11,7 +11,7 @@ from sim.scene import Camera, CameraPose, Photometry, ground, make_lawnmower, ma
 from sim.scene.flight import Flight
 from sim.scene.noise import make_noise
 from sim.scene.terrain import SLOPE, TERRACE_PX, TERRAINS, render_terrain
-from tests.sim.scene.caches import clear_caches
+from tests.sim.scene.conftest import clear_caches
 
 
 def test_noise_is_a_function_of_position() -> None:

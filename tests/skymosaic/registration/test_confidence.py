@@ -21,13 +21,10 @@ from skymosaic.registration.pair import Pair
 from tests.skymosaic.registration.rendering import CAMERA, view
 
 BEST = Evidence(
-    inliers=500, held_out_share=1, held_out_px=0.8, hull_share=1, motion=0.1,
-    ground_share=1, ground_lack=0, rival=0,
-)  # fmt: skip
-WORST: dict[str, Any] = {
-    "held_out_share": 0.0, "hull_share": 0.0, "motion": 0.0, "ground_share": 0.0, "inliers": 8,
-    "ground_lack": 0.7, "rival": 1.2,
-}  # fmt: skip
+    inliers=500, held_out_share=1, held_out_px=0.8, hull_share=1, motion=0.1, ground_share=1, ground_lack=0, rival=0
+)
+WORST: dict[str, Any] = dict.fromkeys(("held_out_share", "hull_share", "motion", "ground_share"), 0.0)
+WORST |= {"inliers": 8, "ground_lack": 0.7, "rival": 1.2}
 
 
 def view_at(x_px: int, seed: int) -> Pixels:
