@@ -146,7 +146,7 @@ class Layer:
         """
         if self.seam is None:
             claim = self.border_distance(part) * self._detail(part) * np.float32(self.favour)
-            return claim if self._clipped is None else claim * self._warp_window(self._unclipped_part, part)
+            return claim * (1 - np.float32(1 - CLIPPED_CLAIM) * self._warp_window(self._clipped_part, part))
         # Pixels between two masks and beyond the last one have no owner, so any image that covers them may show them.
         share = np.maximum(self.seam.share(part), 1)
         covered = np.asarray(self._warp_window(self._visible_part, part) == 255) & self._is_near(part)
@@ -167,21 +167,17 @@ class Layer:
             return np.full((source.height_px, source.width_px), 255, np.uint8)
         return self.visible[source.within(Canvas(0, 0, *self.size))]
 
-    @cached_property
-    def _clipped(self) -> Mask | None:
-        """(H, W): where much around is clipped; None where nothing is, or where 16 bits do not say where they end."""
+    def _clipped_part(self, source: Canvas) -> Float32:
+        """1 where much around is clipped, else 0, in a window of the image; 16 bits do not say where they end."""
         if self.image.dtype != np.uint8:
-            return None
-        brightest = self.image.reshape(*self.image.shape[:2], -1).max(axis=2)
+            return np.zeros((source.height_px, source.width_px), np.float32)
+        whole = Canvas(0, 0, *self.size)
+        around = source.grown(CLIPPED_PX // 2).intersection(whole) or source
+        pixels = self.image[around.within(whole)]
+        brightest = pixels.reshape(*pixels.shape[:2], -1).max(axis=2)
         outside = ((brightest >= NEARLY_WHITE) | (brightest <= NEARLY_BLACK)).astype(np.float32)
         clipped = cv2.blur(outside, (CLIPPED_PX, CLIPPED_PX)) > MAX_CLIPPED
-        return np.asarray(clipped) if clipped.any() else None
-
-    def _unclipped_part(self, source: Canvas) -> Float32:
-        """What the claim is multiplied by, in a window of the image."""
-        clipped = self._clipped
-        assert clipped is not None
-        return np.where(clipped[source.within(Canvas(0, 0, *self.size))], CLIPPED_CLAIM, 1).astype(np.float32)
+        return np.asarray(clipped[source.within(around)], dtype=np.float32)
 
     def _is_near(self, part: Canvas) -> Mask:
         """Where the ground is near enough to be shown."""
