@@ -39,7 +39,7 @@ class _Port:
     """A stream or a beat: its fields in one word, what is sent or expected there, and the clocks of what has passed."""
 
     def __init__(self, dut: Any, name: str, number: int, expected: Sequence[Fields]) -> None:
-        port, self.number = getattr(dut, name), number
+        port, self.name, self.number = getattr(dut, name), name, number
         self.is_stream = dut.signature.members[name].is_signature
         data = port.payload if self.is_stream else port
         self.word, self.valid, self.ready = Value.cast(data), port.valid, port.ready if self.is_stream else Signal()
@@ -173,8 +173,43 @@ def check(row: Row) -> None:
     AssertionError
         If an answer is wrong, missing or too many, comes at another time, or changes while it waits.
     """
+    _simulator(_Bench(row)).run()
+
+
+def record(row: Row, clocks: int) -> dict[str, list[int]]:
+    """Record the ports of a block in the first clocks of the run that `check` makes, with gaps and stalls.
+
+    Returns
+    -------
+    dict
+        For each port, by its flat name, its value in each clock.
+
+    Raises
+    ------
+    AssertionError
+        As by `check`, from what is recorded.
+    """
     bench = _Bench(row)
+    ports: dict[str, Value] = {}
+    for port in (*bench.sources, *bench.sinks):
+        handshake = {"valid": port.valid, "ready": port.ready} if port.is_stream else {}
+        ports |= {f"{port.name}_{name}": signal for name, signal in handshake.items()}
+        ports |= {leaf: port.word[low : low + mask.bit_length()] for leaf, (low, mask) in port.places.items()}
+    recorded: dict[str, list[int]] = {name: [] for name in ports}
+
+    async def watch(ctx: Any) -> None:
+        async for _, _, *values in ctx.tick().sample(*ports.values()):
+            for name, value in zip(ports, values, strict=True):
+                recorded[name].append(value)
+
+    simulator = _simulator(bench)
+    simulator.add_testbench(watch, background=True)
+    simulator.run_until(clocks * CLOCK_S)
+    return recorded
+
+
+def _simulator(bench: _Bench) -> Simulator:
     simulator = Simulator(ResetInserter(bench.reset)(bench.dut))
     simulator.add_clock(CLOCK_S)
     simulator.add_testbench(bench.run)
-    simulator.run()
+    return simulator
