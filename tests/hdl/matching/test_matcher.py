@@ -2,7 +2,7 @@
 """Match records of whole sequences equal the golden model word for word.
 
 It stands for tests of its parts, whose wrong lines it notices in samples: `feature_banks`, `hamming`,
-`mutual_neighbours`, `orientation_histogram` and `match_weigher`.
+`mutual_neighbours`, `nearest_neighbours`, `orientation_histogram` and `match_weigher`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,7 +27,6 @@ from sim.backends.golden import add_matches
 from sim.backends.interface import FrameResult, Reference
 from sim.simulators.recording import NO_PAUSES, Pauses
 from tests.hdl.block_bench import BlockBench
-from tests.hdl.matching.descriptors import search_cycles
 
 ILBP_32 = PATTERNS["thesis-ilbp-4"]
 LANES, MAX_FEATURES = 4, 16
@@ -194,6 +193,13 @@ class MatcherBench:
                 words = []
 
 
+def search_cycles(search: NearestNeighbours, left: int, right: int) -> int:
+    """Clocks of a search through so many features."""
+    if not left or not right:
+        return 0
+    return -(-left // search.lanes) * max(right, search.shortest_pass_cycles) + search.drain_cycles
+
+
 def settings_for(
     frames: list[tuple[NDArray[np.void], Any]], config: MatcherConfig, reference: str
 ) -> list[dict[str, Any]]:
@@ -349,3 +355,10 @@ def test_reset_in_any_phase_leaves_nothing_behind() -> None:
     settings = settings_for(frames, config, "previous")
     bench = MatcherBench(ILBP_128, config, frames, settings, broken=broken, interrupted=interrupted)
     assert bench.run() == expected * len(interrupted)
+
+
+@pytest.mark.usefixtures("unused_blocks")
+def test_columns_that_come_after_their_distance_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hdl.matching.nearest_neighbours.COLUMN_CYCLES", 9)
+    with pytest.raises(ValueError, match="columns take 9 clocks, but the path that they meet only 7"):
+        NearestNeighbours(bits=8, lanes=2, max_features=8)
