@@ -18,9 +18,10 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from golden_model.arrays import Array, Float32, Intensities
+from skymosaic.compositing.drift import take_out_drift
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.light import LOG_SIGMA, estimate_light
-from skymosaic.compositing.overlaps import Overlaps, compare_overlaps
+from skymosaic.compositing.overlaps import Overlaps, compare_overlaps, meeting_pairs
 from skymosaic.compositing.tone import NEUTRAL, SHADING_TERMS, SHOULDER_START, Tone, shading_terms
 from skymosaic.compositing.warp import Canvas
 from skymosaic.imagery.depth import TAIL_PERCENT, ValueRange
@@ -42,7 +43,7 @@ MAX_MORE_WHITE = 0.0005
 SHOULDERS = (SHOULDER_START, 160 / 255, 120 / 255, 80 / 255)
 """Shoulders to try until few enough pixels become white; if none does it, the last one stays."""
 USUAL_KEPT, UNEVEN_PERCENTILES = (0.8, 1.25), (10, 90)
-"""Brightness over that of the photograph which needs no warning, and the percentiles of photographs that are judged."""
+"""Brightness over that of the photograph which needs no warning, and the percentiles of places that are judged."""
 ANCHORINGS = 3
 """Rounds of scaling all gains together, because compressed highlights darken the photographs again."""
 MAX_HELD_OUT_DIFFERENCE = 0.99
@@ -68,12 +69,15 @@ def estimate_levels(samples: Sequence[NDArray[Any]], blacks: Sequence[float | No
     return black, float((1 << int(most).bit_length()) - 1)
 
 
-def estimate_tones(thumbnails: Sequence[Layer], *, black: float = 0.0, white: float = 255.0) -> list[Tone]:
+def estimate_tones(
+    thumbnails: Sequence[Layer], *, black: float = 0.0, white: float = 255.0
+) -> tuple[list[Tone], float]:
     """Estimate the tone of each photograph, by thumbnails on a reduced canvas, all BGR and without tones.
 
     The tones are scaled so that the median photograph keeps its brightness, with a shoulder that turns no more ground
     white than the photographs show. They are neutral for photographs without an overlap. ``black`` and ``white`` are
-    the camera's numbers, see `estimate_levels`.
+    the camera's numbers, see `estimate_levels`. The number returned is the ratio of a drift over the map that was taken
+    out, see `skymosaic.compositing.drift`; 1 for none.
     """
     number = len(thumbnails)
     overlaps = compare_overlaps(thumbnails, black, white)
@@ -81,11 +85,14 @@ def estimate_tones(thumbnails: Sequence[Layer], *, black: float = 0.0, white: fl
     light = estimate_light(overlaps, number)
     joined = np.unique(np.concatenate((overlaps.i, overlaps.j))).tolist()
     if not joined:
-        return [NEUTRAL] * number
+        return [NEUTRAL] * number, 1.0
     gains, common = np.exp(logs).tolist(), shading if shading.any() else None
     tones = [Tone(tuple(gains[k]), common, black, None if light is None else light[k]) for k in joined]
-    anchored = dict(zip(joined, _anchor([thumbnails[k] for k in joined], tones), strict=True))
-    return [anchored.get(k, NEUTRAL) for k in range(number)]
+    some = [thumbnails[k] for k in joined]
+    numbers = np.searchsorted(joined, (overlaps.i, overlaps.j))
+    tones, drift = take_out_drift(some, tones, np.unique(numbers, axis=1))
+    anchored = dict(zip(joined, _anchor(some, tones), strict=True))
+    return [anchored.get(k, NEUTRAL) for k in range(number)], drift
 
 
 def measure_toned_range(
@@ -97,20 +104,27 @@ def measure_toned_range(
     return replace(values, low=float(low), high=float(high))
 
 
-def describe_uneven(thumbnails: Sequence[Layer], tones: Sequence[Tone]) -> str:
-    """Say what to expect where tones make many photographs much darker or brighter than they are; else empty.
+def describe_uneven(thumbnails: Sequence[Layer], tones: Sequence[Tone], drift: float) -> str:
+    """Say what to expect where a ``drift`` was taken out, or tones make whole places darker or brighter; else empty.
 
-    Light that moves with the camera looks like ground that grows darker or brighter along the flight, unless
-    neighbouring lines of the flight head in different directions.
+    A place is a photograph with all that meet it: what differs between them, as in a bracket of exposures, is no trend.
     """
-    kept = [_measure_toned(layer, tone)[0] for layer, tone in zip(thumbnails, tones, strict=True)]
-    low, high = np.percentile(kept, UNEVEN_PERCENTILES)
+    if drift > 1:
+        return (
+            f"brightness: along the flight ground, or light that stays with it, changes by a factor of {drift:.1f}. "
+            "Overlaps cannot tell the two apart; it is taken for light and evened out. Fix the exposure to keep it"
+        )
+    kept = np.array([_measure_toned(layer, tone)[0] for layer, tone in zip(thumbnails, tones, strict=True)])
+    together = np.eye(len(kept), dtype=np.bool_)
+    for i, j in meeting_pairs([layer.footprint for layer in thumbnails]):
+        together[i, j] = together[j, i] = True
+    low, high = np.percentile([np.median(kept[row]) for row in together], UNEVEN_PERCENTILES)
     if USUAL_KEPT[0] <= low and high <= USUAL_KEPT[1]:
         return ""
     return (
-        f"brightness: a tenth of the photographs are shown at {low:.2f} of theirs or less, and a tenth at {high:.2f} "
-        "or more; exposure, ground or a light that moves with the camera changes along the flight. Fix the exposure, "
-        "and fly neighbouring lines in opposite directions"
+        f"brightness: a tenth of the places are shown at {low:.2f} of their photographs' or less, and a tenth at "
+        f"{high:.2f} or more; exposure, ground or a light that moves with the camera changes along the flight. Fix the "
+        "exposure, and fly neighbouring lines in opposite directions"
     )
 
 

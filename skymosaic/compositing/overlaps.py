@@ -60,7 +60,7 @@ def compare_overlaps(thumbnails: Sequence[Layer], black: float, white: float) ->
     """Compare all photographs that overlap; arguments as of `skymosaic.compositing.exposure.estimate_tones`."""
     cells = [_measure_cells(layer, black, white) for layer in thumbnails]
     windows = [each.window for each in cells]
-    pairs = _meeting_pairs(windows)
+    pairs = meeting_pairs(windows)
     overlaps = _reserve(MAX_CELLS_PER_PAIR * len(pairs))
     end = number = 0
     for i, j in pairs:
@@ -82,7 +82,7 @@ def compare_overlaps(thumbnails: Sequence[Layer], black: float, white: float) ->
     return Overlaps._make(column[:end] for column in overlaps)
 
 
-def _meeting_pairs(windows: Sequence[Canvas]) -> list[tuple[int, int]]:
+def meeting_pairs(windows: Sequence[Canvas]) -> list[tuple[int, int]]:
     """The pairs of rectangles that overlap, each (i, j) with i < j."""
     first = np.array([(window.x_px, window.y_px) for window in windows]).reshape(-1, 2)
     last = first + np.array([(window.width_px, window.height_px) for window in windows]).reshape(-1, 2)

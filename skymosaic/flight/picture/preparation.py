@@ -110,13 +110,14 @@ def equalise(composition: Composition, views: Sequence[View], thumbnails: Sequen
     if values is None and have_palette([layer.image for layer in thumbnails]):
         return replace(composition, uneven=PALETTE)
     if values is None or not values.deep:
-        tones = estimate_tones(thumbnails)
+        tones, drift = estimate_tones(thumbnails)
     else:
         samples = [view.sample for view in views]
         black, white = estimate_levels(samples, [view.taken.black_level for view in views])
-        tones = estimate_tones(thumbnails, black=black, white=white)
+        tones, drift = estimate_tones(thumbnails, black=black, white=white)
         values = measure_toned_range(tones, samples, values)
-    return replace(composition.with_each(tone=tones), values=values, uneven=describe_uneven(thumbnails, tones))
+    uneven = describe_uneven(thumbnails, tones, drift)
+    return replace(composition.with_each(tone=tones), values=values, uneven=uneven)
 
 
 def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[list[Layer], float]:
