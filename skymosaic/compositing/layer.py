@@ -187,10 +187,21 @@ class Layer:
         return np.asarray((remoteness > 0) & (remoteness <= 1 / self.least_nearness))
 
     def _detail(self, part: Canvas) -> Float32:
-        """Image pixels per reference pixel, along a side; any number where the image cannot reach."""
-        nearest = abs(nearest_corner(self.size, self.transform)) ** 3 / abs(float(np.linalg.det(self.transform)))
-        area = nearest / np.maximum(self._remoteness(part), MIN_WEIGHT) ** 3
-        return np.asarray(np.sqrt(area), dtype=np.float32)
+        """Image pixels per reference pixel in the direction that has fewest; any number where the image cannot reach.
+
+        Ground seen at a slant has many along the horizon and few towards it, so an area would praise it.
+        """
+        remoteness = np.maximum(self._remoteness(part), MIN_WEIGHT)
+        third = remoteness / nearest_corner(self.size, self.transform)
+        area = 1 / np.abs(float(np.linalg.det(self.transform)) * third**3)
+        x, y = np.meshgrid(np.arange(part.width_px) + part.x_px, np.arange(part.height_px) + part.y_px)
+        inverse = np.linalg.inv(self.transform)
+        rows = [(row, (row[0] * x + row[1] * y + row[2]) / third) for row in inverse[:2]]
+        # The larger singular value of the derivative, by those of its product with its transpose.
+        along = [[(row[k] - place * inverse[2, k]) / third for row, place in rows] for k in (0, 1)]
+        xx, xy, yy = (sum(a * b for a, b in zip(along[k], along[m], strict=True)) for k, m in ((0, 0), (0, 1), (1, 1)))
+        most = np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
+        return np.asarray(area / most, dtype=np.float32)
 
     def _remoteness(self, part: Canvas) -> Array:
         """The reciprocal of `skymosaic.compositing.warp.nearness` at pixels of the reference frame."""

@@ -70,15 +70,15 @@ def test_a_mask_and_the_border_bend_with_the_photograph(with_seam: bool) -> None
     np.testing.assert_array_equal(whole.claim(inside), whole.claim(part)[inside.within(part)])
 
 
-def test_detail_falls_towards_the_horizon() -> None:
+def test_detail_is_that_of_the_direction_in_which_ground_is_stretched_most() -> None:
     tilted = np.array([[1.0, 0, 0], [0, 1, 0], [0, 1 / 600, 1]])
     layer = Layer(IMAGE, tilted)
     detail = layer.claim(layer.footprint) / np.maximum(layer.border_distance(layer.footprint), 1e-9)
     for x, y in ((200.0, 50.0), (200.0, 250.0)):
         steps = apply(tilted, [(x, y), (x + 0.01, y), (x, y + 0.01)])
-        area = abs(np.linalg.det((steps[1:] - steps[0]) / 0.01))
+        stretched = np.linalg.svd((steps[1:] - steps[0]) / 0.01)[1][0]
         column, row = np.rint(steps[0]).astype(int) - (layer.footprint.x_px, layer.footprint.y_px)
-        assert detail[row, column] == pytest.approx(area**-0.5, rel=0.02)
+        assert detail[row, column] == pytest.approx(1 / stretched, rel=0.02)
 
 
 def test_nothing_is_shown_that_is_too_far_from_the_camera() -> None:

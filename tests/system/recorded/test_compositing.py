@@ -73,7 +73,7 @@ def test_photographs_as_they_are(method: Blending) -> None:
 
 
 def test_photographs_of_eight_bits() -> None:
-    tones = estimate_tones(given := layers())
+    tones, _ = estimate_tones(given := layers())
     light = [0 if tone.light is None else tone.light[::4, ::3, 1] for tone in tones]
     shading = 0 if tones[0].shading is None else tones[0].shading
     check_recorded("tones", np.hstack([np.ravel(x) for x in ([tone.gain for tone in tones], shading, *light)]), 0.002)
@@ -85,7 +85,7 @@ def test_photographs_of_sixteen_bits() -> None:
     given = layers(np.uint16, 40.0, 3000.0)
     images = [each.image for each in given]
     black, white = estimate_levels(images, [3000.0, None, 2990.0])
-    tones = estimate_tones(given, black=black, white=white)
+    tones, _ = estimate_tones(given, black=black, white=white)
     values = measure_toned_range(tones, [each.reshape(-1, 3) for each in images], ValueRange(0.0, 1.0, deep=True))
     check_recorded("levels", [black, white, values.low, values.high], 2.0)
     check_blended("deep", toned(given, tones, values), "multiband", unit=40.0)
