@@ -14,6 +14,7 @@ from golden_model.arrays import Float32, Pixels
 from golden_model.temporary import temporary_folder
 from skymosaic.common.errors import InputError
 from skymosaic.common.later import Later
+from skymosaic.imagery.borders import find_shown
 from skymosaic.imagery.decoding import check_file, check_size
 from skymosaic.imagery.exif import Metadata
 from skymosaic.imagery.folders import VIDEO_SUFFIXES
@@ -46,7 +47,8 @@ def flight_sources(
 ) -> Iterator[list[Source]]:
     """As `skymosaic.imagery.photographs.list_sources`, with each video replaced by its key frames.
 
-    The key frames are JPEG files in a temporary folder, which is deleted when the context ends. ``tell`` receives also
+    The key frames are JPEG files in a temporary folder, which is deleted when the context ends; those with a border of
+    a stabiliser are PNG files in which it is transparent. ``tell`` receives also
     a line per note about a video, for instance that it was cut off.
 
     Raises
@@ -81,10 +83,11 @@ def _is_video(path: Path) -> bool:
 
 def _store_key_frames(video: str | Path, folder: Path, tell: Callable[[str], None]) -> Iterator[Source]:
     for name, frame, taken, _ in read_key_frames(video, tell):
-        path = folder / f"{frame.number}.jpg"
         # Later, the file would be named, which the user does not know.
         check_size(name, frame.pixels.shape[1], frame.pixels.shape[0])
-        save(path, frame.pixels)
+        shown = find_shown(frame.pixels)
+        path = folder / f"{frame.number}.{'jpg' if shown is None else 'png'}"
+        save(path, frame.pixels if shown is None else np.dstack((frame.pixels, shown)))
         yield Source(0, name, path, taken=taken)
 
 

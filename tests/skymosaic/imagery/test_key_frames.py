@@ -11,6 +11,7 @@ from sim.scene import Camera, CameraPose, Flight, Photometry
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.exif import Position
 from skymosaic.imagery.key_frames import MIN_CORNERS, _motion, flight_sources, read_key_frames, select_key_frames
+from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.subtitles import read_track
 from skymosaic.imagery.video import DEFAULT_RATE, write_video
 
@@ -172,3 +173,31 @@ def test_key_frames_have_the_places_of_the_subtitles_of_their_video(filmed: Path
     assert not any(taken.position for *_, taken, _ in read_key_frames(filmed, told.append))
     srt = filmed.with_suffix(".SRT")
     assert told == [f"note {filmed}: {srt} lasts 6 s, the video 3 s: it is of another, and gives no positions"]
+
+
+@pytest.mark.parametrize("border", [0, 255])
+def test_the_border_of_a_stabilised_frame_is_no_ground(tmp_path: Path, border: int) -> None:
+    """The later frames are moved and turned; a pond or glare at the side of the others is ground."""
+    rng, moved = np.random.default_rng(3), []
+    ground = cv2.resize(rng.integers(30, 220, (60, 90, 3), dtype=np.uint8), (900, 600), interpolation=cv2.INTER_CUBIC)
+    for number in range(12):
+        frame = ground[100:340, 30 * number : 30 * number + 320].copy()
+        if not (turned := number // 6):
+            cv2.ellipse(frame, (0, 120), (40, 25), 0, 0, 360, (border,) * 3, -1)
+        shift = cv2.getRotationMatrix2D((160, 120), 3.0 * turned, 1.0)
+        shift[:, 2] += 9 * turned
+        moved.append(cv2.warpAffine(frame, shift, (320, 240), borderValue=(border,) * 3))
+    with write_video(tmp_path / "steady.mp4", Fraction(2)) as write:
+        for frame in moved:
+            write(frame)
+    with flight_sources(tmp_path / "steady.mp4") as sources:
+        assert {"png", "jpg"} == {source.files[0].suffix[1:] for source in sources}
+        for source in sources:
+            number = int(source.name.rsplit(" ", 1)[1])
+            read = source.read_photograph(Lens())
+            assert (read.visible is not None) == bool(number // 6)
+            if read.visible is not None:
+                warped = cv2.warpAffine(np.full((240, 320), 255, np.uint8), shift, (320, 240))
+                inside = cv2.erode(warped, np.ones((15, 15)), borderType=cv2.BORDER_REPLICATE) == 255
+                assert read.visible[warped == 0].mean() < 0.005 * 255
+                assert read.visible[inside].mean() > 0.97 * 255
