@@ -31,6 +31,7 @@ from golden_model.pixel import fast, gray, half, harris, nms, smooth, sobel
 from golden_model.records import MATCH
 from hdl.blocks.chain import Chain, Descriptor
 from hdl.blocks.flat import flat_values
+from hdl.blocks.painting import make_painter
 from hdl.blocks.vectors import (
     Block,
     Row,
@@ -205,8 +206,7 @@ def _corners(config: BlockConfig) -> Block:
 def _ilbp(config: BlockConfig) -> Block:
     pattern, size_px = config.pattern, 41
     scene = np.concatenate([sample_image(size_px, size_px, seed) for seed in range(24)])
-    y = np.arange(24) * size_px + size_px // 2
-    x = np.full_like(y, size_px // 2)
+    y, x = np.arange(24) * size_px + size_px // 2, np.full(24, size_px // 2)
     sectors, descriptors = ilbp.describe(scene, scene, x, y, pattern)
     rings = ilbp.gather(scene, x, y, [offset for ring in pattern.offsets for offset in ring]).T
     sent = [{"rings": ring.reshape(len(pattern.radii_px), -1).tolist()} for ring in rings]
@@ -317,6 +317,7 @@ CATALOGUE = {
     "correlation": Entry(_correlation),
     "matcher": Entry(_matcher, ("lanes", "max_features", "descriptor", "rule_base", "keep_above")),
     "homography": Entry(_homography),
+    "painter": Entry(lambda _: make_painter()),
 }
 """The blocks by name."""
 
@@ -334,8 +335,7 @@ def make_block(name: str, settings: Mapping[str, Any]) -> Block:
     make, known = CATALOGUE[name]
     if unknown := next((key for key in settings if key not in known), ""):
         raise ValueError(f"{name} does not depend on {unknown!r}; valid: {', '.join(known) or 'none'}")
-    # FAST's scores are gray levels.
-    usual = {"threshold": 12} if settings.get("detector") == "fast" else {}
+    usual = {"threshold": 12} if settings.get("detector") == "fast" else {}  # its scores are gray levels
     try:
         config = BlockConfig(**usual | {key: _read_value(value) for key, value in settings.items()})
         return replace(make(config), parameters={key: getattr(config, key) for key in known})

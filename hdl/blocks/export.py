@@ -70,9 +70,13 @@ def write_block(folder: Path, name: str, block: Block, configuration: object = N
         outputs=_name_rows(block.outputs, block.names),
         settings=block.settings,
         spacing_cycles=block.spacing_cycles,
+        conditions={f"{stream}_": block.starts for stream in block.inputs},
+        memory=block.memory,
     )
     # Without answers there is nothing to check.
-    benches = bench.files() | {f"test_{name}.py": bench.cocotb_test()} if block.outputs else {}
+    benches = bench.files() if block.outputs else {}
+    if benches and not block.memory:
+        benches[f"test_{name}.py"] = bench.cocotb_test()
     texts = {
         f"{name}.v": verilog,
         f"{name}.core": core_file(name, [f"{name}.v"], list(benches)),

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from hdl.blocks.vectors import Row
+from hdl.blocks.vectors import Memory, Row
 from hdl.templates import render
 
 RESET_CYCLES = 8
@@ -66,20 +66,6 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Memory:
-    """A memory of 64-bit words behind AXI4 ports without IDs; unknown until it is written."""
-
-    base: int
-    """Its address."""
-    words: Sequence[int]
-    bursts: int
-    """What it holds in the end, and the bursts that are written until then."""
-    writers: Sequence[str]
-    readers: Sequence[str]
-    """Prefixes of the ports that write and read it."""
-
-
-@dataclass(frozen=True)
 class VerilogBench:
     """A test bench for a Verilog module."""
 
@@ -136,6 +122,8 @@ class VerilogBench:
     def _channel(self, prefix: str, rows: Sequence[Row]) -> Channel:
         # A stream of plain numbers has its prefix as the name of its data.
         names = [name for name in self.ports if f"{name}_".startswith(prefix) and name not in self.settings]
+        longer = tuple(each for each in self.inputs if each.startswith(prefix) and each != prefix)
+        names = [name for name in names if not (longer and name.startswith(longer))]
         handshake = (f"{prefix}valid", f"{prefix}ready")
         return Channel(
             prefix,

@@ -17,6 +17,20 @@ Row = dict[str, int]
 
 
 @dataclass(frozen=True)
+class Memory:
+    """A memory of 64-bit words behind AXI4 ports without IDs; unknown until it is written."""
+
+    base: int
+    """Its address."""
+    words: Sequence[int]
+    bursts: int
+    """What it holds in the end, and the bursts that are written until then."""
+    writers: Sequence[str]
+    readers: Sequence[str]
+    """Prefixes of the ports that write and read it."""
+
+
+@dataclass(frozen=True)
 class Block:
     """A block and its vectors."""
 
@@ -34,6 +48,9 @@ class Block:
     """Minimum number of clocks from one input to the next."""
     parameters: Mapping[str, Any] = field(default_factory=dict)
     """What it was built from, by the names of the configuration."""
+    memory: Memory | None = None
+    starts: str = "1"
+    """A Verilog expression, in which ``cycle`` counts the clocks; inputs wait until it is true."""
     licence: str = LICENCE
     """SPDX identifier; empty for what is not of this project."""
 

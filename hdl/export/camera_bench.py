@@ -2,34 +2,26 @@
 
 import numpy as np
 
-from golden_model.painting.painter import Painter
-from golden_model.painting.pose import Placement, Poses, placement_of
-from golden_model.painting.tiles import MAX_TILES
+from golden_model.painting.pose import Placement, placement_of
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_write import BURST_BYTES, BURST_WORDS, INCREMENTING, MODIFIABLE
-from hdl.blocks.testbench import Memory, Port, VerilogBench
-from hdl.blocks.vectors import Row
+from hdl.blocks.painting import CANVAS_TILES, CLEARED, FIRST_POSE, FRAMES_ADDRESS, MEMORY_ADDRESS, paint
+from hdl.blocks.testbench import Port, VerilogBench
+from hdl.blocks.vectors import Memory, Row
 from hdl.build import Build
 from hdl.export.accelerator_bench import BUS, FRAME_PX, VIDEO_STREAM, SampleFrames, control_streams, list_writes, named
 from hdl.export.ip_xact import CLOCK, RESET
-from hdl.painting.canvas_port import TILE_BURSTS
 from hdl.painting.frame_writer import frame_pages
 from hdl.settings import MIN_SLOTS, PAGE_BYTES, POSE_ELEMENTS
 from hdl.shell.slot import HEADER, HEADER_BYTES
 
 RING_ADDRESSES = {"features": 0x1000_0000, "matches": 0x2000_0000, "homographies": 0x3000_0000}
 SLOT_PAGES = 256
-MEMORY_ADDRESS = 0x4000_0000
-"""The painter's: its canvas, and behind it the frames."""
-CANVAS_TILES = 3
-"""Its columns, and its rows."""
-FIRST_POSE = np.array([[0xFFFFFF, 0x50000, -0x14000], [-0x50000, 0xFFFFFF, -0xA000], [0, 0, 0xFFFFFF]])
-"""A turned frame, 20 px from the canvas's left border and 10 px from the upper one."""
 PAINTER_SETTINGS = {
     "canvas_base_low": MEMORY_ADDRESS,
     "canvas_columns": CANVAS_TILES,
     "canvas_rows": CANVAS_TILES,
-    "frames_base_low": MEMORY_ADDRESS + CANVAS_TILES**2 * PAGE_BYTES,
+    "frames_base_low": FRAMES_ADDRESS,
     "frames_buffer_pages": frame_pages(FRAME_PX, FRAME_PX),
     "painter_enable": 1,
     **{name: value & 0xFFFF_FFFF for name, value in zip(POSE_ELEMENTS, FIRST_POSE.ravel().tolist(), strict=True)},
@@ -54,8 +46,7 @@ def make_camera_bench(module: str, ports: dict[str, Port], build: Build) -> Veri
     conditions = {
         # A camera does not wait until the accelerator is switched on.
         VIDEO_STREAM: f"{BUS}b_next == {len(writes)}",
-        # After a reset the painter forgets its canvas.
-        f"{BUS}aw": f"cycle > {MAX_TILES**2 + 99}" if build.painter else "1",
+        f"{BUS}aw": CLEARED if build.painter else "1",
     }
     for ring, packets in frames.packets.items():
         prefix = f"m_axi_{ring}_"
@@ -79,22 +70,10 @@ def make_camera_bench(module: str, ports: dict[str, Port], build: Build) -> Veri
 
 
 def _paint(frames: SampleFrames) -> Memory:
-    """The painter's memory when both frames have been painted; frames of which no homography says where are not."""
-    painter, poses, painted = Painter(CANVAS_TILES, CANVAS_TILES), Poses(), 0
+    """The painter's memory when both frames have been painted."""
     colours = [np.repeat(image[..., np.newaxis], 3, axis=-1) for image in frames.images]
-    first, second = Placement(0, 0, FIRST_POSE, composed=False), placement_of(frames.homographies[1][0])
-    for colour, placement in zip(colours, (first, second), strict=True):
-        pose = poses.place(placement)[0] if placement else None
-        if pose is not None:
-            painted += painter.paint(colour, pose).painted
-    stored = np.pad(colours, ((0, 0), (0, 0), (0, 0), (0, 1)))
-    return Memory(
-        MEMORY_ADDRESS,
-        np.concatenate([painter.memory.ravel(), stored.ravel()]).view(np.uint64).tolist(),
-        bursts=painted * TILE_BURSTS + stored.nbytes // BURST_BYTES,
-        writers=("m_axi_frames_", "m_axi_new_tiles_"),
-        readers=("m_axi_windows_", "m_axi_old_tiles_"),
-    )
+    first = Placement(0, 0, FIRST_POSE, composed=False)
+    return paint(colours, (first, placement_of(frames.homographies[1][0])), "m_axi_")[1]
 
 
 def _write_bursts(ring: str, packets: list[list[Row]], record_words: int) -> tuple[list[Row], list[Row]]:

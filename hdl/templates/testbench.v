@@ -23,11 +23,11 @@ module {{ module }}_tb;
 {% for each in sources %}
 {% set name, count = each.name, each.rows | length %}
 
-  reg [{{ each.bits - 1 }}:0] {{ name }}_rows [0:{{ count - 1 }}];
+  reg [{{ each.bits - 1 }}:0] {{ name }}_vectors [0:{{ count - 1 }}];
   integer {{ name }}_next = 0;
   integer {{ name }}_wait = 0;
   initial begin
-    $readmemh("{{ name }}.hex", {{ name }}_rows);
+    $readmemh("{{ name }}.hex", {{ name }}_vectors);
     {{ each.prefix }}valid = 0;
     {{ each.data }} = {{ each.bits }}'bx;
   end
@@ -36,7 +36,7 @@ module {{ module }}_tb;
     if (!{{ each.prefix }}valid || ({{ each.prefix }}valid{{ " && " ~ each.prefix ~ "ready" if each.has_ready }})) begin
       if ({{ name }}_next < {{ count }} && {{ name }}_wait == 0 && cycle % 7 != 3 && {{ each.condition }}) begin
         {{ each.prefix }}valid <= 1;
-        {{ each.data }} <= {{ name }}_rows[{{ name }}_next];
+        {{ each.data }} <= {{ name }}_vectors[{{ name }}_next];
         {{ name }}_next <= {{ name }}_next + 1;
         {{ name }}_wait <= {{ spacing_cycles - 1 }};
       end else begin
@@ -50,11 +50,11 @@ module {{ module }}_tb;
 {% for each in sinks %}
 {% set name, count = each.name, each.rows | length %}
 
-  reg [{{ each.bits - 1 }}:0] {{ name }}_rows [0:{{ count - 1 }}];
+  reg [{{ each.bits - 1 }}:0] {{ name }}_vectors [0:{{ count - 1 }}];
   reg [{{ each.bits - 1 }}:0] {{ name }}_specified [0:{{ count - 1 }}];
   integer {{ name }}_next = 0;
   initial begin
-    $readmemh("{{ name }}.hex", {{ name }}_rows);
+    $readmemh("{{ name }}.hex", {{ name }}_vectors);
     $readmemh("{{ name }}_specified.hex", {{ name }}_specified);
   end
 {% if each.has_ready %}
@@ -72,9 +72,9 @@ module {{ module }}_tb;
         $display("FAIL: {{ name }} gives more than {{ count }} answers");
         $fatal(1);
       end
-      if ((({{ each.data }} ^ {{ name }}_rows[{{ name }}_next]) & {{ name }}_specified[{{ name }}_next]) !== {{ each.bits }}'d0) begin
+      if ((({{ each.data }} ^ {{ name }}_vectors[{{ name }}_next]) & {{ name }}_specified[{{ name }}_next]) !== {{ each.bits }}'d0) begin
         $display("FAIL: {{ name }} answer %0d is %h, expected %h, specified bits %h", {{ name }}_next, {{ each.data }},
-                 {{ name }}_rows[{{ name }}_next], {{ name }}_specified[{{ name }}_next]);
+                 {{ name }}_vectors[{{ name }}_next], {{ name }}_specified[{{ name }}_next]);
         $fatal(1);
       end
       {{ name }}_next <= {{ name }}_next + 1;

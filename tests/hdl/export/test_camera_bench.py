@@ -8,9 +8,10 @@ from amaranth.hdl import Fragment
 from golden_model.config import EstimatorConfig
 from hdl.axi.axi_write import BURST_BYTES, BURST_WORDS
 from hdl.blocks.export import module_ports
+from hdl.blocks.painting import CANVAS_TILES
 from hdl.blocks.testbench import VerilogBench
 from hdl.build import BUILDS, Build
-from hdl.export.camera_bench import CANVAS_TILES, RING_ADDRESSES, SLOT_PAGES, make_camera_bench
+from hdl.export.camera_bench import RING_ADDRESSES, SLOT_PAGES, make_camera_bench
 from hdl.settings import PAGE_BYTES
 from hdl.shell.camera_top import CameraTop
 from hdl.shell.slot import HEADER_BYTES
