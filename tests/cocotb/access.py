@@ -1,28 +1,63 @@
-"""Registers: the behaviour of each kind of field, accesses to none, and the interrupt."""
+"""Registers: random accesses against a model of their map, what was built, and the interrupt."""
 
+from __future__ import annotations
+
+import random
+from collections.abc import Coroutine, Iterable
 from typing import Any
 
 import cocotb
-from cocotb.triggers import ClockCycles, RisingEdge
+import numpy as np
+from cocotb.triggers import ClockCycles, Combine, RisingEdge
 from cocotbext.axi import AxiResp
 
 from golden_model.version import VERSION
-from hdl.registers.register_map import IDENTITY, REGISTERS, Access, Register, built_constants
+from hdl.axi.axi_lite import ADDRESS_BITS
+from hdl.registers.register_map import IDENTITY, REGISTERS, Access, built_constants
 from sim.simulators.accelerator_designs import FEATURES, MATCHES
-from tests.cocotb.bench import REGISTER_BYTES, Bench, render_scene
-from tests.cocotb.runner import BUILD
+from tests.cocotb.bench import RESET_CYCLES, Bench, render_scene
+from tests.cocotb.runner import BUILD, SEED
 
-KNOWN_ADDRESSES = {register.offset for register in REGISTERS}
-UNKNOWN_ADDRESSES = sorted({*range(0, max(KNOWN_ADDRESSES) + 8, 4), 0x200, 0xFFC} - KNOWN_ADDRESSES)
-"""Addresses between and after the registers."""
 SMALL_PX = (64, 64)
-READ_ONLY = (Access.CONSTANT, Access.STATUS)
 EVENTS = ("frame_done", "matches_done", "frame_bad")
+ACCESSES, AT_ONCE, BATCHES_A_RESET = 400, 4, 10
+BLOCK_BYTES = 1 << ADDRESS_BITS
+MAX_BYTES = 9
+"""Of one access: three words, if it begins inside of one."""
+FROM_HARDWARE = (Access.STATUS, Access.EVENT, Access.REQUEST)
 
 
-def _mask_settings(register: Register) -> int:
-    """The bits of a register that can be written and read back."""
-    return sum(field.mask for field in register.fields if field.access == Access.SETTING)
+class Registers:
+    """The bytes of the whole block: what software has written, and which bits are its to decide."""
+
+    def __init__(self) -> None:
+        self.writable, self.known, self.initial = (np.zeros(BLOCK_BYTES // 4, "<u4") for _ in range(3))
+        constants = built_constants(BUILD)
+        for register in REGISTERS:
+            word = register.offset // 4
+            for field in register.fields:
+                value = constants[field.name] if field.access is Access.CONSTANT else field.init
+                self.initial[word] |= value << field.low
+                self.writable[word] |= field.mask if field.access is Access.SETTING else 0
+                self.known[word] |= field.mask if field.access in FROM_HARDWARE else 0
+        self.known = ~self.known
+        self.reset()
+
+    def reset(self) -> None:
+        """Every field has its first value."""
+        self.bytes = self.initial.view(np.uint8).copy()
+
+    def write(self, address: int, data: bytes) -> None:
+        """Settings keep what is written."""
+        there = slice(address, address + len(data))
+        mask = self.writable.view(np.uint8)[there]
+        self.bytes[there] = self.bytes[there] & ~mask | np.frombuffer(data, np.uint8) & mask
+
+    def check(self, address: int, data: bytes) -> None:
+        """Whatever hardware does not decide is as it was written."""
+        there = slice(address, address + len(data))
+        wrong = (self.bytes[there] ^ np.frombuffer(data, np.uint8)) & self.known.view(np.uint8)[there]
+        assert not wrong.any(), f"{address:#x}: {data.hex()} is not {self.bytes[there].tobytes().hex()}"
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
@@ -36,36 +71,26 @@ async def the_build_can_be_read(dut: Any) -> None:
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
-async def settings_are_kept_byte_by_byte(dut: Any) -> None:
-    """Every setting, with pauses on all channels: from its initial value to all ones, one byte strobe after another."""
-    bench = await Bench.open(dut)
-    bench.pause_at_random(300)
-    for register in REGISTERS:
-        bits = _mask_settings(register)
-        if not bits:
-            continue
-        expected = sum(field.init << field.low for field in register.fields)
-        assert await bench.read_word(register.offset) == (AxiResp.OKAY, expected), register.name
-        for byte, ones in enumerate(bits.to_bytes(REGISTER_BYTES, "little")):
-            assert await bench.write_word(register.offset + byte, bytes([ones])) == AxiResp.OKAY
-            expected |= ones << 8 * byte
-            assert await bench.read_word(register.offset) == (AxiResp.OKAY, expected), register.name
-        assert await bench.write_word(register.offset, bytes(REGISTER_BYTES)) == AxiResp.OKAY
-        assert await bench.read_word(register.offset) == (AxiResp.OKAY, 0), register.name
-
-
-@cocotb.test(timeout_time=1, timeout_unit="ms")
-async def other_accesses_read_0_and_change_nothing(dut: Any) -> None:
-    """Writes to read-only registers, and all accesses to other addresses; none is answered with an error."""
-    bench = await Bench.open(dut)
-    before = {register.offset: await bench.read_word(register.offset) for register in REGISTERS}
-    for address in UNKNOWN_ADDRESSES:
-        assert await bench.write_word(address, bytes([0xFF] * REGISTER_BYTES)) == AxiResp.OKAY, hex(address)
-        assert await bench.read_word(address) == (AxiResp.OKAY, 0), hex(address)
-    for register in REGISTERS:
-        if all(field.access in READ_ONLY for field in register.fields):
-            assert await bench.write_word(register.offset, bytes([0xFF] * REGISTER_BYTES)) == AxiResp.OKAY
-    assert before == {register.offset: await bench.read_word(register.offset) for register in REGISTERS}
+async def four_hundred_random_accesses(dut: Any) -> None:
+    """Writes of 1 to 9 bytes anywhere, and reads around them; several at once, with pauses, and resets between."""
+    bench, rng, registers = await Bench.open(dut), random.Random(SEED), Registers()
+    bench.pause_at_random(SEED)
+    offsets = [register.offset for register in REGISTERS]
+    for batch in range(ACCESSES // (2 * AT_ONCE)):
+        # Every third one wherever it may be.
+        starts = [
+            rng.choice((rng.choice(offsets) + rng.randint(0, 5), rng.choice(offsets), rng.randrange(BLOCK_BYTES)))
+            for _ in range(AT_ONCE)
+        ]
+        places = [(start, min(rng.randint(1, MAX_BYTES), BLOCK_BYTES - start)) for start in starts]
+        await _all_at_once(_write(bench, registers, start, rng.randbytes(length)) for start, length in places)
+        await _all_at_once(_read(bench, registers, start & ~3, length + 3) for start, length in places)
+        if batch % BATCHES_A_RESET == 0:
+            dut.aresetn.value = 0
+            await ClockCycles(dut.aclk, RESET_CYCLES)
+            dut.aresetn.value = 1
+            await ClockCycles(dut.aclk, RESET_CYCLES)
+            registers.reset()
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
@@ -112,3 +137,19 @@ async def the_interrupt_marks_the_end_of_a_packet(dut: Any) -> None:
 
 async def _read_events(bench: Bench) -> list[int]:
     return [await bench.read(name) for name in EVENTS]
+
+
+async def _all_at_once(accesses: Iterable[Coroutine[Any, Any, None]]) -> None:
+    """Start accesses one after the other, without waiting for an answer; the registers get them in this order."""
+    await Combine(*[cocotb.start_soon(each) for each in accesses])
+
+
+async def _write(bench: Bench, registers: Registers, address: int, data: bytes) -> None:
+    registers.write(address, data)
+    assert await bench.write_word(address, data) == AxiResp.OKAY, hex(address)
+
+
+async def _read(bench: Bench, registers: Registers, address: int, length: int) -> None:
+    answer = await bench.registers.read(address, min(length, BLOCK_BYTES - address))
+    assert answer.resp == AxiResp.OKAY, hex(address)
+    registers.check(address, bytes(answer.data))

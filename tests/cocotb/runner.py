@@ -13,9 +13,7 @@ from cocotb_tools.runner import Icarus, Verilator
 
 from golden_model.cache import digest
 from golden_model.config import Config, FrontEndConfig
-from hdl.accelerator import AcceleratorTop
-from hdl.build import BUILDS, Build
-from hdl.export import accelerator as export
+from hdl.build import Build
 from sim.backends.interface import Progress, silent
 from sim.simulators.accelerator_designs import design_accelerator
 from sim.simulators.build_cache import build_once, keep_only
@@ -25,8 +23,6 @@ from sim.simulators.verilator import VERILATOR_FLAGS, runtime_folder, runtime_in
 CONFIG = Config(front_end=FrontEndConfig(descriptor="thesis-ilbp-1", levels=1, border_px=10, max_features=36))
 MAX_SIZE_PX = (96, 80)
 BUILD = Build(config=CONFIG, lanes=2, max_width_px=MAX_SIZE_PX[0], max_height_px=MAX_SIZE_PX[1])
-KIT = BUILDS["tiny"]
-"""What `run` exports for the cases of `tests.cocotb.kit`."""
 TOP = "top"
 CASES = ("access", "frames", "faults", "settings")
 SEED = 1
@@ -52,8 +48,7 @@ def run(
     Parameters
     ----------
     cases : str or sequence of str
-        Modules, as they are imported: ``tests.cocotb.`` and each of `CASES`, or ``tests.cocotb.kit``, whose cases need
-        the Verilog of a kit and Icarus.
+        Modules, as they are imported: ``tests.cocotb.`` and each of `CASES`.
     folder : Path
         To run in.
     only : sequence of str, optional
@@ -73,16 +68,14 @@ def run(
         Under pytest, if a case fails; the simulator is not installed; the simulation ends early.
     """
     runner = Verilator() if simulator == "verilator" else Icarus()
-    is_kit = "tests.cocotb.kit" in cases
-    top = export.TOP if is_kit else TOP
-    verilog = export.verilog(AcceleratorTop(KIT)) if is_kit else design_accelerator(BUILD).verilog(progress)
+    verilog = design_accelerator(BUILD).verilog(progress)
 
     def build(folder: Path) -> None:
         (folder / "top.v").write_text(verilog, encoding="utf-8")
         if simulator == "verilator":
             _build_with_verilator(folder, progress)
         else:
-            runner.build(sources=[folder / "top.v"], hdl_toplevel=top, build_dir=folder, timescale=TIMESCALE)
+            runner.build(sources=[folder / "top.v"], hdl_toplevel=TOP, build_dir=folder, timescale=TIMESCALE)
 
     tools = _identify_verilator() if simulator == "verilator" else _identify_icarus()
     key = digest(verilog, Path(__file__).read_text(encoding="utf-8"), version("cocotb"), tools)
@@ -90,7 +83,7 @@ def run(
     return runner.test(
         cases,
         testcase=only,
-        hdl_toplevel=top,
+        hdl_toplevel=TOP,
         hdl_toplevel_lang="verilog",
         build_dir=build_once(f"cocotb-{simulator}-{key}", build, what=what, progress=progress),
         test_dir=folder,

@@ -9,7 +9,6 @@ from amaranth.sim import Simulator
 from hdl.lib.delay import delayed
 from hdl.lib.line_memory import LineMemory
 from sim.benches import rows
-from sim.simulators.recording import Pauses
 from tests.hdl import block_bench
 
 
@@ -59,9 +58,3 @@ def unused_blocks(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(Elaboratable, "_MustUse__silence", True)
     yield
     gc.collect()
-
-
-@pytest.fixture
-def pauses() -> Pauses:
-    """Beats that follow each other without a gap, up to a dozen, and gaps of one and more clocks."""
-    return Pauses(gaps=60, seed=7)

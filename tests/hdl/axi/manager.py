@@ -1,6 +1,6 @@
-"""A manager on AXI4-Lite: one access, channel by channel."""
+"""A manager on AXI4-Lite: one access after the other."""
 
-import random
+from collections.abc import Sequence
 from typing import Any
 
 from amaranth.lib.wiring import FlippedInterface
@@ -8,55 +8,34 @@ from amaranth.lib.wiring import FlippedInterface
 CYCLE_LIMIT = 200
 
 
-async def write(
-    ctx: Any, bus: FlippedInterface, address: int, data: int, *, strobe: int = 15, rng: random.Random | None = None
-) -> int:
-    """Write a register; ``rng`` chooses the order of address and data and delays the response."""
-    waits = [rng.randrange(4) for _ in range(3)] if rng else [0, 0, 0]
-    ctx.set(bus.awaddr, address)
-    ctx.set(bus.wdata, data)
-    ctx.set(bus.wstrb, strobe)
-    pending = {"aw": waits[0], "w": waits[1]}
-    for _ in range(CYCLE_LIMIT):
-        for channel, wait in pending.items():
-            ctx.set(getattr(bus, f"{channel}valid"), wait <= 0)
-        accepted = [c for c, wait in pending.items() if wait <= 0 and ctx.get(getattr(bus, f"{c}ready"))]
-        pending = {c: wait - 1 for c, wait in pending.items() if c not in accepted}
-        await ctx.tick()
-        for channel in accepted:
-            ctx.set(getattr(bus, f"{channel}valid"), 0)
-        if not pending:
-            break
-    for _ in range(waits[2]):
-        await ctx.tick()
-    return await _response(ctx, bus, "b", "bresp")
+async def write(ctx: Any, bus: FlippedInterface, address: int, data: int, *, strobe: int = 15) -> int:
+    """Write a register; returns the response."""
+    for name, value in (("awaddr", address), ("wdata", data), ("wstrb", strobe)):
+        ctx.set(getattr(bus, name), value)
+    return (await _access(ctx, bus, ("aw", "w"), "b", ("bresp",)))[0]
 
 
-async def _response(ctx: Any, bus: FlippedInterface, channel: str, field: str) -> int:
-    ctx.set(getattr(bus, f"{channel}ready"), 1)
-    for _ in range(CYCLE_LIMIT):
-        valid, value = ctx.get(getattr(bus, f"{channel}valid")), ctx.get(getattr(bus, field))
-        await ctx.tick()
-        if valid:
-            ctx.set(getattr(bus, f"{channel}ready"), 0)
-            return value
-    raise AssertionError(f"no {field} within {CYCLE_LIMIT} clocks")
-
-
-async def read(ctx: Any, bus: FlippedInterface, address: int) -> tuple[int, int]:
+async def read(ctx: Any, bus: FlippedInterface, address: int) -> list[int]:
+    """Read a register; returns its data and the response."""
     ctx.set(bus.araddr, address)
-    ctx.set(bus.arvalid, 1)
+    return await _access(ctx, bus, ("ar",), "r", ("rdata", "rresp"))
+
+
+async def _access(
+    ctx: Any, bus: FlippedInterface, asks: Sequence[str], answers: str, fields: Sequence[str]
+) -> list[int]:
+    waiting = set(asks)
+    for channel in asks:
+        ctx.set(getattr(bus, f"{channel}valid"), 1)
+    ctx.set(getattr(bus, f"{answers}ready"), 1)
     for _ in range(CYCLE_LIMIT):
-        ready = ctx.get(bus.arready)
+        taken = {channel for channel in waiting if ctx.get(getattr(bus, f"{channel}ready"))}
+        valid, *answer = (ctx.get(getattr(bus, name)) for name in (f"{answers}valid", *fields))
         await ctx.tick()
-        if ready:
-            break
-    ctx.set(bus.arvalid, 0)
-    ctx.set(bus.rready, 1)
-    for _ in range(CYCLE_LIMIT):
-        valid, data, resp = ctx.get(bus.rvalid), ctx.get(bus.rdata), ctx.get(bus.rresp)
-        await ctx.tick()
+        for channel in taken:
+            ctx.set(getattr(bus, f"{channel}valid"), 0)
+        waiting -= taken
         if valid:
-            ctx.set(bus.rready, 0)
-            return data, resp
-    raise AssertionError(f"no rdata within {CYCLE_LIMIT} clocks")
+            ctx.set(getattr(bus, f"{answers}ready"), 0)
+            return answer
+    raise AssertionError(f"no answer within {CYCLE_LIMIT} clocks")

@@ -1,47 +1,10 @@
-"""Accesses become pulses, whatever the order of their channels, and each gets its answer."""
+"""What waits for nobody, and what stays; accesses of all kinds are in `tests/cocotb/access.py`."""
 
-import random
 from typing import Any
 
 from hdl.axi.axi_lite import AxiLiteSubordinate, Response
-from tests.hdl.axi.manager import read, write
+from tests.hdl.axi.manager import read
 from tests.hdl.block_bench import BlockBench
-
-WORDS = (0, 1, 2, 3, 512, 1023)
-
-
-def test_reads_and_writes_become_pulses_and_get_their_answers() -> None:
-    dut, rng = AxiLiteSubordinate(), random.Random(1)
-    written: list[tuple[int, int, int]] = []
-    expected: list[tuple[int, int, int]] = []
-    reads = [0]
-
-    async def side(ctx: Any) -> None:
-        """Answers in the clock of an access, as a register file does."""
-        while True:
-            word = ctx.get(dut.o_read_word)
-            ctx.set(dut.i_data, word * 0x0101_0101 & 0xFFFF_FFFF)
-            sampled = (dut.o_write_word, dut.o_data, dut.o_strobe)
-            *_, writes, is_read, at, data, strobe = await ctx.tick().sample(dut.o_write, dut.o_read, *sampled)
-            reads[0] += is_read
-            if writes:
-                written.append((at, data, strobe))
-
-    async def run(ctx: Any) -> None:
-        for _ in range(60):
-            word = rng.choice(WORDS)
-            # The two lowest bits are those of a byte in the word.
-            address = 4 * word + rng.randrange(4)
-            if rng.random() < 0.5:
-                data, strobe = rng.getrandbits(32), rng.getrandbits(4)
-                expected.append((word, data, strobe))
-                assert await write(ctx, dut.bus, address, data, strobe=strobe, rng=rng) == Response.OKAY
-            else:
-                assert await read(ctx, dut.bus, address) == (word * 0x0101_0101 & 0xFFFF_FFFF, Response.OKAY)
-
-    BlockBench(dut, cycle_limit=1200).run(run, background=[side])
-    assert written == expected
-    assert reads[0] == 60 - len(expected)
 
 
 def test_a_read_does_not_wait_for_a_write_whose_answer_nobody_takes() -> None:

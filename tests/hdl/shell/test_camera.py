@@ -71,14 +71,6 @@ class GateBench:
 WHOLE = list(range(WIDTH_PX * HEIGHT_PX))
 
 
-def test_whole_frames_pass_and_are_numbered() -> None:
-    bench = GateBench()
-    bench.run([*frame(1), *frame(2), *frame(3)])
-    assert bench.passed == {1: WHOLE, 2: WHOLE, 3: WHOLE}
-    assert bench.admitted == [1, 2, 3]
-    assert bench.values == {"frames": 3, "dropped": 0, "cut": 0, "reason": 0}
-
-
 @pytest.mark.parametrize(
     ("settings", "reason", "drops"),
     [
@@ -95,13 +87,6 @@ def test_a_frame_is_dropped_whole_for_a_reason(settings: dict[str, int], reason:
     assert bench.last_drop == (2, 77)
     assert bench.values == {"frames": 2, "dropped": 2, "cut": 0, "reason": reason}
     assert bench.drops == drops
-
-
-def test_a_frame_that_nobody_takes_is_dropped_before_pixels_are_lost() -> None:
-    bench = GateBench(i_pressed=1)
-    bench.run(frame(1), ready=0)
-    assert not bench.passed
-    assert bench.values == {"frames": 1, "dropped": 1, "cut": 0, "reason": Reason.OUTRUN}
 
 
 def lose(beats: list[Beat], position: int) -> list[Beat]:
@@ -148,13 +133,6 @@ def test_the_buffers_of_a_frame_are_counted_before_the_next_one_is_admitted() ->
     bench.run([*frame(1, width=1, height=1), *frame(2)], others=[take_the_last])
     assert bench.passed == {1: [0]}
     assert bench.values == {"frames": 2, "dropped": 1, "cut": 1, "reason": Reason.NO_BUFFER}
-
-
-def test_after_a_frame_with_too_many_lines_one_is_dropped() -> None:
-    bench = GateBench()
-    bench.run([*frame(1, height=HEIGHT_PX + 1), *frame(2), *frame(3)])
-    assert bench.passed == {1: WHOLE, 3: WHOLE}
-    assert bench.values == {"frames": 3, "dropped": 1, "cut": 0, "reason": Reason.TOO_LARGE}
 
 
 def test_frames_of_which_no_pixel_came_count_as_dropped() -> None:
