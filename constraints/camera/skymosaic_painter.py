@@ -27,12 +27,12 @@ WAIT_SECONDS, TIMEOUT_SECONDS = 0.002, 5.0
 COUNTERS = (
     *("frames_painted", "frames_last", "frames_cut", "frames_lost", "frames_skipped", "frames_unplaced"),
     *("pose_refused", "pose_causes", "pose_unmatched", "pose_lost", "pose_ignored"),
-    *("tiles_behind", "tiles_too_large", "tiles_failed", "painter_errors"),
+    *("tiles_behind", "tiles_too_large", "tiles_failed", "painter_errors", "pages_repeated"),
 )
 
 
 class Painter:
-    """The painter of a camera build that has one, and its memory: a page for each tile, and three frames.
+    """The painter of a camera build that has one, and its memory: 4 KiB for each tile, and three frames.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Painter:
     columns, rows : int
         Size of the canvas in tiles of 32 px, 1 to 128.
     replace : bool
-        Every frame makes a new canvas, as stabilised video needs it.
+        Every frame makes a new canvas, as stabilised video needs it: one of two, of which the other is shown.
     max_links : int
         Homographies that may follow a pose of the host, at most 255; frames after them are not painted.
     """
@@ -64,7 +64,7 @@ class Painter:
             raise AcceleratorError(f"a canvas of {columns}x{rows} tiles; each side has 1 to {MAX_TILES}")
         registers.check(self._settings)
         self._shape = rows, columns, TILE_PX, TILE_PX, PIXEL_BYTES
-        self._canvas = self._allocate("canvas", columns * rows)
+        self._canvas = self._allocate("canvas", columns * rows * (1 + int(replace)))
         self._frames = self._allocate("frames", FRAME_BUFFERS * pages)
         self._links, self._newest = {}, None
 
@@ -93,7 +93,7 @@ class Painter:
 
         Only then may its memory be freed. The canvas stays as it is.
         """
-        self.registers.write(painter_enable=0)
+        self.registers.write(painter_enable=0, painter_hold=0)
         self.registers.write(painter_clear=1)
         self._wait(lambda: not self.registers.read("painter_clear") and self.registers.read("painter_idle"))
 
@@ -151,15 +151,27 @@ class Painter:
     def tiles(self):
         """The canvas as it lies in memory, without a copy: a uint8 array (rows, columns, 32, 32, 4).
 
-        A pixel is blue, green, red and its weight, which is 0 where nothing has been painted.
+        A pixel is blue, green, red and its weight, which is 0 where nothing has been painted. While it is read, the
+        painter may change it: `picture` holds what it reads.
         """
         self.bus.invalidate(self._canvas)
-        return self._canvas.reshape(self._shape)
+        return self._canvas.reshape(-1, *self._shape)[self.registers.read("painter_page")]
 
     def picture(self):
-        """Copy the canvas row by row: a uint8 array (height, width, 4)."""
-        rows, columns = self._shape[:2]
-        return self.tiles.swapaxes(1, 2).reshape(rows * TILE_PX, columns * TILE_PX, PIXEL_BYTES)
+        """Copy the canvas row by row: a uint8 array (height, width, 4).
+
+        With ``replace`` it is that of one frame. Otherwise painting goes on meanwhile: the tiles of a row are of one
+        moment, each of them whole, and those of the next row of a later one.
+        """
+        copy = np.empty(self._shape, np.uint8)
+        try:
+            for row in range(len(copy)):
+                self.registers.write(painter_hold=1, painter_hold_row=row)
+                self._wait(lambda: self.registers.read("painter_held"))
+                copy[row] = self.tiles[row]
+        finally:
+            self.registers.write(painter_hold=0)
+        return copy.swapaxes(1, 2).reshape(len(copy) * TILE_PX, -1, PIXEL_BYTES)
 
     def counts(self):
         """Read what became of frames, poses and tiles since the rings' start."""

@@ -61,14 +61,23 @@ class Painter:
 
     Attributes
     ----------
-    memory : uint8 ndarray, shape (rows, columns, 32, 32, 4)
-        The tiles, as they lie in memory: blue, green, red and weight; weight 0 where nothing was painted.
+    pages : uint8 ndarray, shape (1 or 2, rows, columns, 32, 32, 4)
+        The tiles, as they lie in memory: blue, green, red and weight; weight 0 where nothing was painted. With
+        ``replace`` there are two canvases: frames are painted into the one that is not shown, which is shown then.
+    shown : int
+        Which of them is shown.
     """
 
     def __init__(self, columns: int, rows: int, *, replace: bool = False) -> None:
-        self.memory = np.zeros((rows, columns, TILE_PX, TILE_PX, 4), np.uint8)
-        self.replace = replace
+        self.pages = np.zeros((1 + replace, rows, columns, TILE_PX, TILE_PX, 4), np.uint8)
+        self.replace, self.shown = replace, 0
         self._least = np.zeros((rows, columns), np.int64)
+
+    @property
+    def memory(self) -> NDArray[np.uint8]:
+        """The canvas that is shown, (rows, columns, 32, 32, 4)."""
+        shown: NDArray[np.uint8] = self.pages[self.shown]
+        return shown
 
     @property
     def picture(self) -> NDArray[np.uint8]:
@@ -92,6 +101,7 @@ class Painter:
         """
         height_px, width_px = frame.shape[:2]
         plan = self.plan((width_px, height_px), pose)
+        self.shown = self.shown ^ int(self.replace)
         for n in np.flatnonzero(plan.painted):
             column, row = plan.tiles[n]
             self._paint_tile(frame, plan.corners[n], (row, column), shown=bool(plan.shown[n]))

@@ -1,7 +1,7 @@
 """Tiles of the canvas: the old pixels of each out of memory, its new ones into it."""
 
 from amaranth import Cat, Module, Mux, Signal, Value
-from amaranth.lib import fifo, stream, wiring
+from amaranth.lib import data, fifo, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.painting.tiles import MAX_TILES, TILE_PX
@@ -12,6 +12,7 @@ from hdl.lib.delay import delayed
 from hdl.lib.multiplier import Multiplier, multiply
 from hdl.lib.views import view_signal
 from hdl.painting.sampling import PIXEL, smaller
+from hdl.painting.tiles import TILE
 from hdl.painting.windows import PAINTED_TILE, PLAN
 
 TILES = 4
@@ -23,6 +24,10 @@ OLD_WORDS, NEW_WORDS = 512, 64
 NUMBER_CYCLES = Multiplier.latency_cycles + 1
 PIPELINE_WORDS = 32
 """Pairs of pixels between the old and the new ones, at most."""
+HOLD = data.StructLayout({"valid": 1, "row": range(MAX_TILES)})
+"""A row of tiles that is being read."""
+HOLDS = data.ArrayLayout(HOLD, 2)
+"""Of a host, and of the reader in lines."""
 
 
 class CanvasPort(wiring.Component):
@@ -42,12 +47,16 @@ class CanvasPort(wiring.Component):
     """Where the canvas begins, in pages of 4 KiB; a tile is a page, rows of tiles follow each other."""
     i_columns: In(range(MAX_TILES + 1))
     """Columns of the canvas, in tiles."""
+    i_holds: In(HOLDS)
+    """No tile of these rows is begun: it waits, and those behind it with it."""
     reads: Out(AXI_READ)
     writes: Out(AXI_WRITE)
     o: Out(stream.Signature(PIXEL))
     """Old pixels, row by row."""
     i_new: In(stream.Signature(PIXEL))
     """New pixels."""
+    o_held: Out(HOLDS.length)
+    """Of each row at ``i_holds``, whether no tile of it is under way; in the same clock."""
     o_painted: Out(PAINTED_TILE)
     o_error: Out(1)
     """Memory answers with an error."""
@@ -170,9 +179,13 @@ class CanvasPort(wiring.Component):
         burst, sends, has_failed = Signal(range(TILE_BURSTS)), Signal(), Signal()
         tile_bits = len(Value.cast(self.o_painted.tile))
         tile, was_painted, number = tiles.r_data[:tile_bits], tiles.r_data[tile_bits], tiles.r_data[tile_bits + 1 :]
+        begun = sends | burst.any()
+        is_at = Cat(self.i_holds[n].row == data.View(TILE, tile).row for n in range(HOLDS.length))
+        is_held = (is_at & Cat(self.i_holds[n].valid for n in range(HOLDS.length))).any() & ~begun
         m.d.comb += [
+            self.o_held.eq(~(is_at & begun.replicate(HOLDS.length))),
             bursts.i_burst.eq(Cat(burst, self.i_page + number)),
-            bursts.i_start.eq(~sends & bursts.o_ready & (new.r_level >= BURST_WORDS)),
+            bursts.i_start.eq(~sends & bursts.o_ready & (new.r_level >= BURST_WORDS) & ~is_held),
             bursts.i.valid.eq(new.r_rdy),
             bursts.i.payload.eq(new.r_data),
             new.r_en.eq(bursts.i.ready),

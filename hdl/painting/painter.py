@@ -1,6 +1,6 @@
 """The painter: a camera's frames and their poses in, a canvas in memory."""
 
-from amaranth import Module, Mux, ResetInserter, Signal
+from amaranth import Cat, Module, Mux, ResetInserter, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -8,7 +8,10 @@ from golden_model.painting.pose import MAX_LINKS
 from golden_model.painting.tiles import MAX_TILES
 from hdl.axi.axi_read import AXI_READ
 from hdl.axi.axi_write import AXI_WRITE
+from hdl.lib.delay import delayed
+from hdl.lib.multiplier import multiply
 from hdl.lib.views import view_signal
+from hdl.painting.canvas_port import HOLDS
 from hdl.painting.frame_writer import FRAME_NUMBER, STORED, VIDEO, FrameWriter
 from hdl.painting.pose import CAUSES, PLACEMENT, Poses
 from hdl.painting.tile_painter import COUNTS, TilePainter
@@ -34,6 +37,11 @@ class Painter(wiring.Component):
     gives up frames and poses, but for the frame that is being painted: that is finished before the painter is idle;
     then nothing is open on any port, as a reset needs it. Poses can be composed with each other meanwhile. Software
     clears the canvas in memory: tiles that are not painted stay as they are.
+
+    Stabilised video has two canvases: a frame is painted into the one while the other is shown. When it is whole, and
+    nobody reads the other, they change their places; until then the next frame waits, and yields to newer ones. A
+    canvas that memory has refused a part of is not shown. A mosaic is painted in place, and read row by row of tiles:
+    a tile in a row that is being read waits, and all behind it.
     """
 
     i: In(VIDEO)
@@ -45,7 +53,7 @@ class Painter(wiring.Component):
     i_enable: In(1)
     """Take frames."""
     i_replace: In(1)
-    """For stabilised video: every frame makes a new canvas."""
+    """For stabilised video: every frame makes a new canvas. Clear when you change it."""
     i_clear: In(1)
     """Forget the canvas and the poses, while ``o_idle``."""
     i_width_px: In(FRAME_SIDE)
@@ -56,18 +64,28 @@ class Painter(wiring.Component):
     i_buffer_pages: In(20)
     """From one buffer to the next (`hdl.painting.frame_writer.frame_pages`)."""
     i_canvas_page: In(52)
-    """Where the canvas begins, a page for each tile."""
+    """Where the canvas begins, a page for each tile; with ``i_replace`` a second one follows behind its last tile."""
     i_columns: In(range(MAX_TILES + 1))
     """Size of the canvas, in tiles."""
     i_rows: In(range(MAX_TILES + 1))
     i_max_links: In(range(MAX_LINKS + 1))
     """Homographies that may be composed after a host's pose."""
+    i_holds: In(HOLDS)
+    """What is being read: rows of the canvas, or with ``i_replace`` all of the one that is shown."""
+    o_held: Out(HOLDS.length)
+    """From the clock after a hold on, whether what is held stays as it is at ``o_page``, for as long as it is held."""
+    o_page: Out(52)
+    """Where the canvas begins that is shown."""
+    o_shown: Out(1)
+    """With ``i_replace``, whether that is the second one."""
+    o_flips: Out(1)
+    """The other one is shown from now on."""
     frames: Out(AXI_WRITE)
     windows: Out(AXI_READ)
     old_tiles: Out(AXI_READ)
     new_tiles: Out(AXI_WRITE)
     o: Out(stream.Signature(REPORT))
-    """Every painted frame, when it is in memory. The next one is painted when this has been taken."""
+    """Every painted frame, when all of it is in memory. The next one is painted when this has been taken."""
     o_refused: Out(1)
     """A pose has been refused."""
     o_causes: Out(CAUSES)
@@ -75,7 +93,7 @@ class Painter(wiring.Component):
     o_unmatched: Out(1)
     """A pose has been given up: its frame is not in memory, or the painter is off."""
     o_unplaced: Out(1)
-    """A frame has been given up: its pose has been refused, or has not come."""
+    """A frame has been given up: its pose has been refused, or has not come, or what is shown was held too long."""
     o_cut: Out(1)
     """A frame was not as large as set, or too fast for the memory."""
     o_lost: Out(1)
@@ -100,7 +118,11 @@ class Painter(wiring.Component):
         ):
             wiring.connect(m, inner, wiring.flipped(outer))
         wiring.connect(m, wiring.flipped(self.i_poses), poses.i)
-        driven = {writer: {"i", "i_page", "i_yields"}, poses: {"i"}, painter: {"i", "i_begin", "i_page"}}
+        driven = {
+            writer: {"i", "i_page", "i_yields"},
+            poses: {"i"},
+            painter: {"i", "i_begin", "i_page", "i_canvas_page", "i_holds"},
+        }
         for block, names in driven.items():
             # All others are settings, of the same names here.
             settings = {name for name, member in block.signature.members.items() if member.flow == In} - names
@@ -114,15 +136,39 @@ class Painter(wiring.Component):
             self.o_lost.eq(writer.o_failed),
             self.o_skipped.eq(writer.o_skipped),
         ]
-        self._yield(m, writer, poses)
-        self._meet(m, writer, poses, painter)
+        is_whole = self._show(m, painter)
+        self._yield(m, writer, poses, is_whole)
+        self._meet(m, writer, poses, painter, is_whole)
         return m
 
-    def _yield(self, m: Module, writer: FrameWriter, poses: Poses) -> None:
-        """Let a frame whose pose was refused wait for a host's no longer than the next one comes."""
+    def _show(self, m: Module, painter: TilePainter) -> Signal:
+        """Choose what is painted and what is shown; whether a canvas is whole that waits to be shown."""
+        is_whole, is_second, replaces = Signal(), Signal(), self.i_replace.replicate(HOLDS.length)
+        held = Cat(self.i_holds[n].valid for n in range(HOLDS.length))
+        was_held = delayed(m, held, 1, reset_less=False)
+        tiles = Mux(self.i_replace, multiply(m, "page_tiles", self.i_columns, self.i_rows), 0)
+        shown, painted = (self.i_canvas_page + Mux(behind, tiles, 0) for behind in (is_second, ~is_second))
+        m.d.sync += [self.o_page.eq(shown), painter.i_canvas_page.eq(painted), is_second.eq(is_second ^ self.o_flips)]
+        m.d.comb += [
+            painter.i_holds.eq(Mux(self.i_replace, 0, self.i_holds)),
+            self.o_held.eq(was_held & (painter.o_held | replaces)),
+            self.o_shown.eq(is_second & self.i_replace),
+            self.o_flips.eq(is_whole & ~held.any()),
+        ]
+        with m.If(self.o.valid & self.o.ready):
+            m.d.sync += is_whole.eq(self.i_replace & ~self.o.payload.counts.has_errors)
+        with m.Elif(self.o_flips | self.i_clear):
+            m.d.sync += is_whole.eq(0)
+        return is_whole
+
+    def _yield(self, m: Module, writer: FrameWriter, poses: Poses, is_whole: Value) -> None:
+        """Let a frame whose pose was refused wait for a host's no longer than the next one comes.
+
+        So does a frame that waits until what is shown may change.
+        """
         nowhere, sent = view_signal(NOWHERE, name="nowhere"), self.i_poses.payload
         is_its_frame = writer.o.payload.number == nowhere.frame
-        m.d.comb += writer.i_yields.eq(nowhere.valid & is_its_frame)
+        m.d.comb += writer.i_yields.eq((nowhere.valid & is_its_frame) | is_whole)
         with m.If(self.i_nowhere.valid):
             m.d.sync += nowhere.eq(self.i_nowhere)
         # The homography of a frame for which a host's pose is refused may still come.
@@ -131,7 +177,7 @@ class Painter(wiring.Component):
         with m.Elif(writer.o.valid & ~is_its_frame):
             m.d.sync += nowhere.valid.eq(0)
 
-    def _meet(self, m: Module, writer: FrameWriter, poses: Poses, painter: TilePainter) -> None:
+    def _meet(self, m: Module, writer: FrameWriter, poses: Poses, painter: TilePainter, is_whole: Value) -> None:
         """Hold the frame that waits against the pose that waits; paint those of one number."""
         frame, column = view_signal(STORED, name="frame"), Signal(range(POSE_COLUMNS))
         waiting, pose = writer.o.payload, poses.o
@@ -160,7 +206,7 @@ class Painter(wiring.Component):
                     with m.If(ahead[-1] | ~self.i_enable):
                         m.d.comb += self.o_unmatched.eq(1)
                         m.next = "SWALLOW"
-                    with m.Else():
+                    with m.Elif(~is_whole | ahead.any()):
                         m.d.comb += [writer.o.ready.eq(1), is_older.eq(ahead.any()), painter.i_begin.eq(1)]
                         with m.If(~ahead.any()):
                             m.next = "PAINT"

@@ -9,7 +9,7 @@ from hdl.axi.axi_read import AXI_READ
 from hdl.axi.axi_write import AXI_WRITE
 from hdl.lib.delay import delayed
 from hdl.painting.blending import Blending
-from hdl.painting.canvas_port import CanvasPort
+from hdl.painting.canvas_port import HOLDS, CanvasPort
 from hdl.painting.corners import CornerProjector
 from hdl.painting.pose import COLUMN
 from hdl.painting.positions import Positions
@@ -49,6 +49,8 @@ class TilePainter(wiring.Component):
     i_columns: In(range(MAX_TILES + 1))
     """Size of the canvas, in tiles."""
     i_rows: In(range(MAX_TILES + 1))
+    i_holds: In(HOLDS)
+    """`CanvasPort.i_holds`, as ``o_held``."""
     i_clear: In(1)
     """Forget what was painted, while ``o_idle``."""
     windows: Out(AXI_READ)
@@ -56,6 +58,7 @@ class TilePainter(wiring.Component):
     new_tiles: Out(AXI_WRITE)
     o_counts: Out(COUNTS)
     """The last frame's, while ``o_idle``."""
+    o_held: Out(HOLDS.length)
     o_clearing: Out(1)
     """Tiles wait until the canvas is forgotten."""
     o_idle: Out(1)
@@ -80,6 +83,8 @@ class TilePainter(wiring.Component):
             canvas.i_replace.eq(self.i_replace),
             canvas.i_columns.eq(self.i_columns),
             canvas.i_page.eq(self.i_canvas_page),
+            canvas.i_holds.eq(self.i_holds),
+            self.o_held.eq(canvas.o_held),
             reader.i_page.eq(self.i_page),
             planner.i_clear.eq(self.i_clear),
             planner.i_painted.eq(canvas.o_painted),

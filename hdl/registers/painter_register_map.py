@@ -37,7 +37,11 @@ PAINTER_REGISTERS = (
         "all others; the canvas and what is known of poses stay. The numbers of frames in its registers are the lower "
         "half of those in the records: from 0 on since clear.",
         Field("painter_enable", 0, 1, _SETTING, "Frames are painted onto the canvas."),
-        Field("painter_replace", 1, 1, _SETTING, "Every frame makes a new canvas, as stabilised video needs it."),
+        Field(
+            "painter_replace", 1, 1, _SETTING,
+            "Every frame makes a new canvas, as stabilised video needs it: painted into one of two pages of tiles, the "
+            "second of which lies behind the first, and shown when it is whole. Clear when you change it.",
+        ),
         Field(
             "painter_clear", 2, 1, Access.REQUEST,
             "Forget the canvas and all poses; obeyed when nothing is being painted. The host clears the memory, and "
@@ -82,7 +86,8 @@ PAINTER_REGISTERS = (
     _counts(
         "FRAMES_SKIPPED", 0x1CC, "Frames in memory that were not painted.",
         frames_skipped="Another one waited to be painted.",
-        frames_unplaced="A pose of a later frame came; or its homography was refused, and the next frame.",
+        frames_unplaced="A pose of a later frame came; or its homography was refused, or what is shown was held, and "
+        "the next frame came.",
     ),
     Register(
         "POSES_REFUSED", 0x1D0, "Poses that are none.",
@@ -114,6 +119,25 @@ PAINTER_REGISTERS = (
             "pose_newest", 16, 16, _STATUS,
             "When that one was taken, the number of the frame whose record had been taken last. If that is later than "
             "`pose_frame`, it was composed without the host's pose: set that of a newer frame.",
+        ),
+    ),
+    Register(
+        "HOLD", 0x1EC, "Holds what a host reads.",
+        Field(
+            "painter_hold", 0, 1, _SETTING,
+            "What is read stays as it is: a row of tiles, or with `painter_replace` the page that is shown. Painting "
+            "goes on as far as it can, and waits then; frames that wait too long are given up and counted.",
+        ),
+        new_setting("painter_hold_row", 8, range(MAX_TILES), "The row of tiles."),
+    ),
+    Register(
+        "PAGES", 0x1F0, "What a host may read, and how often it was the same.",
+        Field("painter_held", 0, 1, _STATUS, "Nothing writes what is held; read it from now on."),
+        Field("painter_page", 1, 1, _STATUS, "The page that is shown; 0 without `painter_replace`."),
+        Field(
+            "pages_repeated", 16, 16, _STATUS,
+            "With `painter_replace`, readings that began with a page that had been read before. Since clear; stays at "
+            "the largest value.",
         ),
     ),
     *(

@@ -9,6 +9,8 @@ from golden_model.painting.tiles import MAX_TILES
 from hdl.axi.axi_read import AXI_READ
 from hdl.axi.axi_write import AXI_WRITE
 from hdl.axi.video_input import VideoPayload
+from hdl.lib.delay import delayed
+from hdl.painting.canvas_port import HOLDS
 from hdl.painting.frame_writer import BURST_PX, PIXEL_BYTES
 from hdl.painting.painter import Painter
 from hdl.painting.pose import ELEMENTS
@@ -87,7 +89,7 @@ class Painting(wiring.Component):
         for port in PORTS:
             wiring.connect(m, getattr(painter, port), wiring.flipped(getattr(self, port)))
         self._place(m, painter, placements, is_on)
-        self._count(m, painter, placements)
+        self._count(m, painter, placements, self._hold(m, painter))
         return m
 
     def _settings(self, painter: Painter) -> list[tuple[Signal, Value]]:
@@ -155,7 +157,22 @@ class Painting(wiring.Component):
                 m.d.sync += registers.i_pose_answer.eq(Mux(painter.o_refused, painter.o_causes, 0))
                 m.d.sync += registers.i_pose_newest.eq(newest)
 
-    def _count(self, m: Module, painter: Painter, placements: Placements) -> None:
+    def _hold(self, m: Module, painter: Painter) -> Value:
+        """Hand on what is being read; whether this begins with a page that was read before."""
+        registers, was_read = self._registers, Signal()
+        held = Cat(painter.i_holds[n].valid for n in range(HOLDS.length))
+        begins = (held & ~delayed(m, held, 1, reset_less=False)).any()
+        m.d.comb += [
+            painter.i_holds[0].valid.eq(registers.o_painter_hold & ~self.i_stop),
+            painter.i_holds[0].row.eq(registers.o_painter_hold_row),
+            registers.i_painter_held.eq(painter.o_held[0]),
+            registers.i_painter_page.eq(painter.o_shown),
+        ]
+        m.d.sync += was_read.eq(~painter.o_flips & (was_read | begins))
+        repeats: Value = begins & was_read & painter.i_replace
+        return repeats
+
+    def _count(self, m: Module, painter: Painter, placements: Placements, repeats: Value) -> None:
         """Count what happens, and take each report at once."""
         registers, report = self._registers, painter.o.payload
         events = {
@@ -167,6 +184,7 @@ class Painting(wiring.Component):
             "pose_unmatched": painter.o_unmatched,
             "pose_lost": placements.o_lost,
             "pose_ignored": placements.o_ignored,
+            "pages_repeated": repeats,
         }
         for name, happens in events.items():
             count = getattr(registers, f"i_{name}")

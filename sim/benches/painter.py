@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from golden_model.painting.tiles import TILE_PX
 from hdl.axi.flat_ports import FlatTop
 from hdl.blocks.flat import CLOCK, RESET, FlatBlock
+from hdl.painting.canvas_port import HOLDS
 from hdl.painting.frame_writer import BUFFERS, frame_pages
 from hdl.painting.painter import Painter
 from hdl.settings import PAGE_BYTES
@@ -23,6 +24,7 @@ from sim.simulators.design import Design, Ports
 SETTINGS = (
     *("enable", "replace", "clear", "width_px", "height_px", "frames_page", "buffer_pages", "canvas_page"),
     *("columns", "rows", "max_links", "nowhere_valid", "nowhere_frame"),
+    *(f"holds_{n}_{name}" for n in range(HOLDS.length) for name in ("valid", "row")),
 )
 PORTS = Ports(
     outputs=(),
@@ -84,8 +86,10 @@ class PainterBench(MemoryBench):
 
     Attributes
     ----------
+    pages : uint8 ndarray, shape (1 or 2, rows, columns, 32, 32, 4)
+        The tiles in memory, at first without a meaning; with ``replace`` there are two canvases.
     canvas : uint8 ndarray, shape (rows, columns, 32, 32, 4)
-        The tiles in memory, at first without a meaning.
+        The first of them.
     """
 
     def __init__(
@@ -94,11 +98,12 @@ class PainterBench(MemoryBench):
         design = Design("the painter", PORTS, PainterTop, "")
         pages = frame_pages(width_px, height_px)
         canvas_start = BUFFERS * pages * PAGE_BYTES
-        length_bytes = canvas_start + columns * rows * PAGE_BYTES
+        length_bytes = canvas_start + (1 + replace) * columns * rows * PAGE_BYTES
         memory = np.random.default_rng(rules.seed).integers(0, 256, length_bytes, dtype=np.uint8)
         library = verilator.build_library(design, progress=silent, harness=HARNESS)
         super().__init__(library, "painter", _FUNCTIONS, memory, rules)
-        self.canvas = self.memory[canvas_start:].reshape(rows, columns, TILE_PX, TILE_PX, 4)
+        self.pages = self.memory[canvas_start:].reshape(-1, rows, columns, TILE_PX, TILE_PX, 4)
+        self.canvas = self.pages[0]
         self.reports: list[Report] = []
         self.set(
             width_px=width_px, height_px=height_px, frames_page=BASE // PAGE_BYTES, buffer_pages=pages,
@@ -136,6 +141,16 @@ class PainterBench(MemoryBench):
         return {name: count for name, count in counts if count}
 
     @property
+    def shown(self) -> int:
+        """The page that is shown."""
+        return int(self.call("shown"))
+
+    @property
+    def held(self) -> tuple[bool, ...]:
+        """Of each hold, whether what is held will stay."""
+        return tuple(bool(self.call("held") >> n & 1) for n in range(HOLDS.length))
+
+    @property
     def is_idle(self) -> bool:
         """Nothing is under way: the painter says so, no burst is open, and the camera has no frame left."""
         return bool(self.call("idle"))
@@ -146,6 +161,6 @@ _FUNCTIONS = {
     "pose": (None, ADDRESS, WORD, WORD, WORD),
     "run": (WIDE, WIDE, WIDE, WORDS),
     "events": (WIDE, WORDS),
-    "idle": (ctypes.c_int,),
+    **dict.fromkeys(("idle", "shown", "held"), (ctypes.c_int,)),
 }
 """The functions that only painter.cpp has."""

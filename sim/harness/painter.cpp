@@ -162,6 +162,9 @@ uint64_t painter_events(Bench *bench, const uint64_t **events) {
     return 0 EVENTS(COUNT_ONE);
 }
 int painter_idle(Bench *bench) { return bench->model.top.o_idle && !bench->open_bursts() && bench->frames.empty(); }
+// After the last clock, whatever has been set since.
+int painter_shown(Bench *bench) { return bench->model.top.o_shown; }
+int painter_held(Bench *bench) { return bench->model.top.o_held; }
 uint64_t painter_cycle(const Bench *bench) { return bench->memory.cycle; }
 uint64_t painter_violations(const Bench *bench) { return bench->memory.violations; }
 uint64_t painter_errors(const Bench *bench) { return bench->memory.errors; }

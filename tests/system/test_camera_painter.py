@@ -63,9 +63,9 @@ class Host:
         settings = {name: settings[name] for name in (*REQUESTED, "gray_input")} | vars(CONFIG.estimator)
         self.rings = programs.RingReader(self.bench, settings, slots=SLOTS)
         self.registers, self.replace = self.rings.registers, replace
-        self._canvas = self.bench.allocate(COLUMNS * ROWS * PAGE_BYTES)
+        self._canvas = self.bench.allocate((1 + replace) * COLUMNS * ROWS * PAGE_BYTES)
         self._frames = self.bench.allocate(BUFFERS * frame_pages(*SIZE_PX) * PAGE_BYTES)
-        self.canvas = self._canvas.reshape(ROWS, COLUMNS, TILE_PX, TILE_PX, 4)
+        self.canvas = self._canvas.reshape(-1, ROWS, COLUMNS, TILE_PX, TILE_PX, 4)
         self.set_up()
         self.begin()
 
@@ -152,7 +152,7 @@ def test_frames_are_painted_where_homographies_and_anchors_say(programs: Any, re
     # An anchor that moves the canvas, which all later frames follow.
     moved = START @ np.array([[1, 0, 9.0], [0, 1, -4], [0, 0, 1]])
     assert host.fly({4: np.array([[1, 0, 20.0], [0, 1, 8], [0, 0, 1]]) @ moved}) == 9
-    np.testing.assert_array_equal(host.canvas, host.model.memory)
+    np.testing.assert_array_equal(host.canvas, host.model.pages)
     # The anchor's frame had been painted.
     assert host.counts() == {"frames_painted": 9, "frames_last": 8, "pose_unmatched": 1}
     assert (host.model.memory[..., 3] > 0).mean() > 0.2
@@ -195,7 +195,7 @@ def test_no_burst_is_open_when_a_clear_is_complete(programs: Any) -> None:
     host.begin()
     host.show(*views(4))
     assert host.fly({}) == 4
-    np.testing.assert_array_equal(host.canvas, host.model.memory)
+    np.testing.assert_array_equal(host.canvas, host.model.pages)
     bench.close()
 
 
@@ -224,7 +224,7 @@ def test_a_camera_that_is_unplugged_in_a_frame_holds_nothing_up(programs: Any) -
     # The camera's next frame cuts the last one off.
     host.show(*whole)
     assert host.fly({}) == 3
-    np.testing.assert_array_equal(host.canvas, host.model.memory)
+    np.testing.assert_array_equal(host.canvas, host.model.pages)
     assert host.bench.violations == 0
     host.bench.close()
 
@@ -236,7 +236,7 @@ def test_frames_that_break_off_are_counted_by_painter_and_accelerator_alike(prog
     frames[1], frames[4] = frames[1][:50], np.ascontiguousarray(frames[4][:, :100])
     host.show(*frames)
     assert host.fly({}, lost=[2, 5]) == 3
-    np.testing.assert_array_equal(host.canvas, host.model.memory)
+    np.testing.assert_array_equal(host.canvas, host.model.pages)
     assert host.counts() == {"frames_painted": 3, "frames_last": 6, "frames_cut": 4, "pose_unmatched": 2}
     assert host.registers.read("cut") == 2
     host.bench.close()
@@ -274,7 +274,7 @@ def test_a_camera_too_fast_for_the_painter_loses_frames_that_are_counted(program
                 poses[placement.frame], _ = host.poses.place(placement)
     for frame in painted:
         host.paint(frame, poses[frame])
-    np.testing.assert_array_equal(host.canvas, host.model.memory)
+    np.testing.assert_array_equal(host.canvas, host.model.pages)
     counts = host.counts()
     lost = sum(counts.get(f"frames_{name}", 0) for name in ("cut", "skipped", "unplaced"))
     admitted = host.registers.read("camera_frames") - host.registers.read("dropped")

@@ -60,7 +60,7 @@ def start(
 ) -> tuple[PainterBench, golden.Painter]:
     """A bench whose canvas is clear, and a model."""
     bench = PainterBench(width_px=size[0], height_px=size[1], columns=COLUMNS, rows=ROWS, replace=replaces, rules=rules)
-    bench.canvas[:] = 0
+    bench.pages[:] = 0
     return bench, golden.Painter(COLUMNS, ROWS, replace=replaces)
 
 
@@ -85,7 +85,7 @@ def test_every_byte_is_the_models(replaces: bool, count: int) -> None:
         (report,) = bench.run(FRAME_CLOCKS, reports=number)
         expected = model.paint(picture, integers(H))
         assert (report.frame, counted(report)) == (number, model_counts(expected))
-        np.testing.assert_array_equal(bench.canvas, model.memory, f"frame {number}")
+        np.testing.assert_array_equal(bench.pages, model.pages, f"frame {number}")
         seen = {name: count + seen[name] for name, count in asdict(expected).items()}
     # Every branch was taken.
     assert all(count > 0 for name, count in seen.items() if name != "cannot_win" or not replaces), seen
@@ -129,7 +129,7 @@ def test_at_zooms_up_to_2_and_any_heading_no_tile_is_left_out(replaces: bool) ->
             expected = model.paint(frame(n, LARGE), integers(H))
             assert (report.frame, counted(report)) == (n, model_counts(expected))
             assert report.too_large == 0 < report.painted
-        np.testing.assert_array_equal(bench.canvas, model.memory, f"frame {number + 1}")
+        np.testing.assert_array_equal(bench.pages, model.pages, f"frame {number + 1}")
     assert (bench.violations, bench.errors, bench.events) == (0, 0, {})
 
 
@@ -204,6 +204,81 @@ def test_a_refused_pose_costs_its_own_frame_alone(nowhere: bool) -> None:
     for number in (1, 3):
         model.paint(frame(number), integers(places[number]))
     np.testing.assert_array_equal(bench.canvas, model.memory)
+
+
+@pytest.mark.parametrize("reads", [60, pytest.param(5_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("replaces", [False, True], ids=["canvas", "stabilised"])
+def test_what_is_held_is_whole_and_stays(replaces: bool, reads: int) -> None:
+    """Read at random moments for random times: no tile is torn, and of stabilised video no page has two frames.
+
+    A hold that lasts costs frames, which are counted; the poses go on.
+    """
+    bench, model = start(replaces=replaces)
+    rng, shown, next_frame, snapshots = (
+        np.random.default_rng(4),
+        list[tuple[NDArray[np.uint8], NDArray[np.float64]]](),
+        0,
+        [],
+    )
+    for read in range(reads):
+        holder, row = read % 2, int(rng.integers(ROWS))
+        bench.set(**{f"holds_{holder}_valid": 1, f"holds_{holder}_row": row})
+        bench.run(2)
+        while not bench.held[holder]:
+            bench.run(50)
+        part = bench.pages[bench.shown] if replaces else bench.pages[0, row]
+        snapshots.append((row, part.copy()))
+        bench.run(int(rng.integers(50_000 if read % 9 == 0 else 3_000)))
+        np.testing.assert_array_equal(part, snapshots[-1][1])
+        bench.set(**{f"holds_{holder}_valid": 0})
+        for _ in range(int(rng.integers(3, 9))):
+            if bench.cycle > next_frame:
+                next_frame = bench.cycle + 12_000
+                (H,) = homographies(1, seed=len(shown))
+                shown.append((frame(len(shown)), H))
+                bench.show(shown[-1][0])
+                bench.place(quantise(H[np.newaxis])[0], len(shown))
+            bench.run(int(rng.integers(1_500)))
+    for _ in range(9):
+        bench.run(30_000)
+    states = [model.memory.copy()]
+    for report in bench.reports:
+        picture, H = shown[report.frame - 1]
+        model.paint(picture, integers(H))
+        states.append(model.memory.copy())
+    np.testing.assert_array_equal(bench.pages, model.pages)
+    assert bench.shown == model.shown
+    pages = {state.tobytes() for state in states}
+    tiles = {(row, n, state[row, n].tobytes()) for state in states for row, n in np.ndindex(ROWS, COLUMNS)}
+    for row, part in snapshots:
+        whole = (
+            part.tobytes() in pages if replaces else {(row, n, tile.tobytes()) for n, tile in enumerate(part)} <= tiles
+        )
+        assert whole
+    # Neither an empty canvas alone, nor nothing but what is painted.
+    assert len({part.tobytes() for _, part in snapshots}) > 2
+    events = bench.events
+    given_up = events.get("unplaced", 0) + events.get("skipped", 0)
+    assert given_up == events.get("unmatched", 0) == len(shown) - len(bench.reports)
+    assert given_up > 0 or not replaces
+    assert (bench.violations, bench.is_idle) == (0, True)
+
+
+def test_a_page_that_memory_refused_is_not_shown() -> None:
+    bench, model = start(replaces=True)
+    for number, H in enumerate(homographies(3, seed=5), 1):
+        bench.show(frame(number))
+        bench.run(20_000)
+        bench.follow(replace(SLOW, failures=12 if number == 2 else 0, seed=3))
+        bench.place(quantise(H[np.newaxis])[0], number)
+        (report,) = bench.run(FRAME_CLOCKS, reports=number)
+        bench.follow(SLOW)
+        bench.run(2)
+        assert report.has_errors == (number == 2)
+        if number != 2:
+            model.paint(frame(number), integers(H))
+        assert bench.shown == model.shown
+        np.testing.assert_array_equal(bench.pages[bench.shown], model.memory)
 
 
 def test_a_clear_forgets_the_canvas_and_the_poses() -> None:

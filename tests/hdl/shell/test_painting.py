@@ -233,6 +233,32 @@ def test_everything_that_is_given_up_is_counted(bench: PaintingBench) -> None:
     bench.run(test)
 
 
+def test_what_a_host_holds_is_handed_on_and_counted_where_it_was_read_before(bench: PaintingBench) -> None:
+    painter = bench.painter
+
+    async def test(ctx: Any) -> None:
+        ctx.set(painter.o_held, 1)
+        ctx.set(painter.o_shown, 1)
+        await bench.set(ctx, painter_enable=0, painter_replace=1)
+        counts = []
+        for flips, stop in ((0, 0), (0, 0), (1, 0), (0, 1)):
+            await bench.set(ctx, painter_hold=1, painter_hold_row=5)
+            assert (ctx.get(painter.i_holds[0].valid), ctx.get(painter.i_holds[0].row)) == (1, 5)
+            assert bench.get(ctx, "painter_held", "painter_page") == [1, 1]
+            # Nothing of the host's may keep a painter from ending.
+            ctx.set(bench.dut.i_stop, stop)
+            assert ctx.get(painter.i_holds[0].valid) != stop
+            ctx.set(bench.dut.i_stop, 0)
+            await bench.set(ctx, painter_hold=0)
+            ctx.set(painter.o_flips, flips)
+            await ctx.tick()
+            ctx.set(painter.o_flips, 0)
+            counts += bench.get(ctx, "pages_repeated")
+        assert counts == [0, 1, 2, 2]
+
+    bench.run(test)
+
+
 @pytest.mark.parametrize("source", ["frame that was lost", "tile"])
 def test_errors_of_the_memory_are_told(bench: PaintingBench, source: str) -> None:
     painter = bench.painter

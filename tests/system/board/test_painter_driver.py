@@ -27,7 +27,7 @@ class PainterMemory(Memory):
     def __init__(self, maps: Any) -> None:
         super().__init__(maps)
         self.poses: list[tuple[int, NDArray[np.int64]]] = []
-        self.flushed, self.invalidated = list[int](), list[int]()
+        self.flushed, self.invalidated, self.held = list[int](), list[int](), list[int]()
         self.answers = True
         self.set("width_px", WIDTH_PX)
         self.set("height_px", HEIGHT_PX)
@@ -37,6 +37,9 @@ class PainterMemory(Memory):
         super().write(offset, value)
         if self.answers:
             self.set("painter_clear", 0)
+            self.set("painter_held", self.get("painter_hold"))
+            if self.get("painter_hold"):
+                self.held.append(self.get("painter_hold_row"))
         if self.get("pose_set"):
             self.set("pose_set", 0)
             words = [self.get(f"pose_h{row}{column}") for row, column in np.ndindex(3, 3)]
@@ -92,7 +95,7 @@ def test_it_is_set_up_before_it_is_switched_on(host: Any) -> None:
         assert get(f"{area}_base_low") | get(f"{area}_base_high") << 32 == host.memory.address(buffer)
     # Rows of 128 px, 65 of them: 33,280 bytes.
     assert get("frames_buffer_pages") == 9
-    assert (canvas.size, frames.size) == (COLUMNS * ROWS * 4096, 3 * 9 * 4096)
+    assert (canvas.size, frames.size) == (2 * COLUMNS * ROWS * 4096, 3 * 9 * 4096)
     assert host.memory.flushed == [host.memory.address(canvas)]
 
 
@@ -174,15 +177,24 @@ def test_a_pose_that_does_not_count_is_reported(host: Any, newest: int, causes: 
     assert host.make().place(7, shift(0, 0)) == counts
 
 
-def test_tiles_become_a_picture(host: Any) -> None:
-    painter = host.make()
+@pytest.mark.parametrize("page", [0, 1], ids=["first page", "second page"])
+def test_tiles_become_a_picture(host: Any, page: int) -> None:
+    painter = host.make(replace=bool(page))
+    host.memory.set("painter_page", page)
     tiles = painter.tiles
     tiles[1, 2, 5, 9] = 1, 2, 3, 4
-    assert painter.picture().shape == (ROWS * 32, COLUMNS * 32, 4)
-    assert painter.picture()[32 + 5, 64 + 9].tolist() == [1, 2, 3, 4]
-    assert np.count_nonzero(painter.picture()) == 4
-    assert host.memory.buffers[0].any(), "the tiles are a copy"
-    assert host.memory.invalidated == 4 * [host.memory.address(host.memory.buffers[0])]
+    picture = painter.picture()
+    assert picture.shape == (ROWS * 32, COLUMNS * 32, 4)
+    assert picture[32 + 5, 64 + 9].tolist() == [1, 2, 3, 4]
+    assert np.count_nonzero(picture) == 4
+    assert host.memory.buffers[0][page * ROWS * COLUMNS * 4096 :].any(), "the tiles are a copy"
+    # Held row by row, and invalidated while it is held.
+    assert (host.memory.held, host.memory.get("painter_hold")) == (list(range(ROWS)), 0)
+    assert host.memory.invalidated == (1 + ROWS) * [host.memory.address(host.memory.buffers[0])]
+    host.memory.answers = False
+    with pytest.raises(host.error, match="does not answer"):
+        painter.picture()
+    assert not host.memory.get("painter_hold")
 
 
 def test_a_fault_a_hang_and_unaligned_memory_are_errors(host: Any, monkeypatch: pytest.MonkeyPatch) -> None:
