@@ -28,6 +28,7 @@ COUNTERS = (
     *("frames_painted", "frames_last", "frames_cut", "frames_lost", "frames_skipped", "frames_unplaced"),
     *("pose_refused", "pose_causes", "pose_unmatched", "pose_lost", "pose_ignored"),
     *("tiles_behind", "tiles_too_large", "tiles_failed", "painter_errors", "pages_repeated"),
+    *("pictures_begun", "pictures_failed"),
 )
 
 
@@ -44,9 +45,13 @@ class Painter:
         Every frame makes a new canvas, as stabilised video needs it: one of two, of which the other is shown.
     max_links : int
         Homographies that may follow a pose of the host, at most 255; frames after them are not painted.
+    picture_lines : int
+        Lines for a display, at most 32 for each row; 0: none is connected.
+    picture_border : int
+        What it shows where nothing was painted: green in the lowest byte, then blue, red.
     """
 
-    def __init__(self, registers, columns, rows, *, replace=False, max_links=255):
+    def __init__(self, registers, columns, rows, *, replace=False, max_links=255, picture_lines=0, picture_border=0):
         if not register_map.BUILT.get("built_painter"):
             raise AcceleratorError("this build has no painter; export the camera with --homography --painter")
         self.registers, self.bus = registers, registers.bus
@@ -56,10 +61,15 @@ class Painter:
         self._settings = {
             "painter_replace": int(replace),
             "painter_max_links": max_links,
+            "picture_enable": int(picture_lines > 0),
+            "picture_lines": picture_lines,
+            "picture_border": picture_border,
             "canvas_columns": columns,
             "canvas_rows": rows,
             "frames_buffer_pages": pages,
         }
+        if picture_lines > rows * TILE_PX:
+            raise AcceleratorError(f"a picture of {picture_lines} lines; the canvas has {rows * TILE_PX}")
         if not (1 <= columns <= MAX_TILES and 1 <= rows <= MAX_TILES):
             raise AcceleratorError(f"a canvas of {columns}x{rows} tiles; each side has 1 to {MAX_TILES}")
         registers.check(self._settings)

@@ -10,7 +10,7 @@ from golden_model.painting.pose import MAX_LINKS, Placement, Poses
 from golden_model.painting.tiles import MAX_TILES
 from hdl.axi.axi_write import BURST_BYTES
 from hdl.blocks.vectors import Block, Memory, rows, sample_image
-from hdl.painting.canvas_port import TILE_BURSTS
+from hdl.painting.canvas_port import HOLDS, TILE_BURSTS
 from hdl.painting.frame_writer import frame_pages
 from hdl.painting.painter import Painter
 from hdl.settings import PAGE_BYTES
@@ -64,6 +64,7 @@ def make_painter() -> Block:
     ]
     settings = {
         "enable": 1, "replace": 0, "clear": 0, "nowhere_valid": 0, "nowhere_frame": 0, "max_links": MAX_LINKS,
+        **{f"holds_{n}_{name}": 0 for n in range(HOLDS.length) for name in ("valid", "row")},
         "width_px": FRAME_PX, "height_px": FRAME_PX, "columns": CANVAS_TILES, "rows": CANVAS_TILES,
         "canvas_page": MEMORY_ADDRESS // PAGE_BYTES, "frames_page": FRAMES_ADDRESS // PAGE_BYTES,
         "buffer_pages": frame_pages(FRAME_PX, FRAME_PX),

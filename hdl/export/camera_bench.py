@@ -1,5 +1,7 @@
 """A test bench for the exported camera build: a camera's frames into rings in memory."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from golden_model.painting.pose import Placement, placement_of
@@ -62,6 +64,8 @@ def make_camera_bench(module: str, ports: dict[str, Port], build: Build) -> Veri
         outputs=outputs,
         clocks={VIDEO_STREAM: "video_aclk"},
         conditions=conditions,
+        # Nothing is shown; a display would take it.
+        settings={"m_axis_picture_tready": 1} if build.painter else {},
         memory=_paint(frames) if build.painter else None,
         clock=CLOCK,
         reset=RESET,
@@ -73,7 +77,8 @@ def _paint(frames: SampleFrames) -> Memory:
     """The painter's memory when both frames have been painted."""
     colours = [np.repeat(image[..., np.newaxis], 3, axis=-1) for image in frames.images]
     first = Placement(0, 0, FIRST_POSE, composed=False)
-    return paint(colours, (first, placement_of(frames.homographies[1][0])), "m_axi_")[1]
+    _, memory = paint(colours, (first, placement_of(frames.homographies[1][0])), "m_axi_")
+    return replace(memory, readers=(*memory.readers, "m_axi_pictures_"))
 
 
 def _write_bursts(ring: str, packets: list[list[Row]], record_words: int) -> tuple[list[Row], list[Row]]:

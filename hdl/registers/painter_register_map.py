@@ -3,7 +3,7 @@
 import enum
 
 from golden_model.painting.pose import MAX_LINKS, PoseCause
-from golden_model.painting.tiles import MAX_TILES
+from golden_model.painting.tiles import MAX_TILES, TILE_PX
 from hdl.registers.register_map import Access, Field, Register, base_words, list_values, new_setting, status_word
 from hdl.settings import PAGE_BYTES, POSE_ELEMENTS, WORD_VALUES
 
@@ -18,6 +18,7 @@ class PainterFault(enum.IntFlag):
     FRAMES_MISALIGNED = 4
     FRAMES_TOO_SMALL = 8
     FRAME_SIZE = 16
+    PICTURE_LINES = 32
 
 
 def _counts(name: str, offset: int, description: str, **meanings: str) -> Register:
@@ -136,8 +137,29 @@ PAINTER_REGISTERS = (
         Field("painter_page", 1, 1, _STATUS, "The page that is shown; 0 without `painter_replace`."),
         Field(
             "pages_repeated", 16, 16, _STATUS,
-            "With `painter_replace`, readings that began with a page that had been read before. Since clear; stays at "
-            "the largest value.",
+            "With `painter_replace`, readings that began with a page that had been read before, by a host or for a "
+            "display. Since clear; stays at the largest value.",
+        ),
+    ),
+    Register(
+        "PICTURE", 0x1F4, "What is shown on a display; taken as the painter's settings are.",
+        Field(
+            "picture_enable", 0, 1, _SETTING,
+            "While the painter and the camera's frames are on (`enable`), the canvas is shown, as wide as it is. "
+            "Switched off, it holds nothing any more, and the rest of the picture has the border's colour.",
+        ),
+        new_setting("picture_lines", 8, range(MAX_TILES * TILE_PX + 1), "Lines of a picture, up to the canvas's."),
+    ),
+    Register(
+        "PICTURE_BORDER", 0x1F8, "What was never painted, or could not be read.",
+        new_setting("picture_border", 0, range(1 << 24), "Its colour: green in the lowest byte, then blue, red."),
+    ),
+    Register(
+        "PICTURES", 0x1FC, "Pictures for the display.",
+        Field("pictures_begun", 0, 16, _STATUS, "Their number since clear, modulo 65,536; it stops with the display."),
+        Field(
+            "pictures_failed", 16, 16, _STATUS,
+            "Words of 2 px that could not be read. Since clear; stays at the largest value.",
         ),
     ),
     *(

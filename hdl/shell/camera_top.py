@@ -1,7 +1,7 @@
 """The camera build: from a camera to packets of features, matches and homographies in memory, without software."""
 
 from amaranth import ClockDomain, ClockSignal, Const, Module, ResetInserter, Signal
-from amaranth.lib import wiring
+from amaranth.lib import stream, wiring
 from amaranth.lib.cdc import ResetSynchronizer
 from amaranth.lib.wiring import In, Out
 
@@ -9,9 +9,10 @@ from hdl.accelerator import Accelerator, longest_packets
 from hdl.axi.axi_lite import AXI_LITE
 from hdl.axi.axi_read import AXI_READ
 from hdl.axi.axi_write import AXI_WRITE
-from hdl.axi.flat_ports import FlatTop, bus_pins
+from hdl.axi.flat_ports import FlatTop, bus_pins, stream_pins
 from hdl.axi.video_input import VideoPayload
 from hdl.build import Build
+from hdl.painting.line_reader import SHOWN
 from hdl.shell.camera import RESERVE_PX
 from hdl.shell.painting import PORTS, Painting
 from hdl.shell.shell import Shell
@@ -45,6 +46,10 @@ class CameraAccelerator(wiring.Component):
     """Tiles of the canvas before a frame."""
     new_tiles: Out(AXI_WRITE)
     """And behind it."""
+    pictures: Out(AXI_READ)
+    """What is shown of it."""
+    o_picture: Out(stream.Signature(SHOWN))
+    """The painter's pictures for a display; unused without it, as ``pictures``."""
     control: In(AXI_LITE)
     """`hdl.registers.shell_register_map.list_registers`."""
     o_interrupt: Out(1)
@@ -86,6 +91,7 @@ class CameraAccelerator(wiring.Component):
         if self._painting is not None:
             for port in PORTS:
                 wiring.connect(m, getattr(self._painting, port), wiring.flipped(getattr(self, port)))
+            wiring.connect(m, self._painting.o_picture, wiring.flipped(self.o_picture))
         m.d.comb += [
             inner.i_reset.eq(self.i_reset),
             shell.i_camera_valid.eq(self.i_camera_valid),
@@ -110,8 +116,10 @@ class CameraTop(FlatTop):
         The last one only where the accelerator estimates homographies.
     m_axi_frames_*, m_axi_new_tiles_* : AXI4, writes only
         Only with a painter.
-    m_axi_windows_*, m_axi_old_tiles_* : AXI4, reads only
+    m_axi_windows_*, m_axi_old_tiles_*, m_axi_pictures_* : AXI4, reads only
         Only with a painter.
+    m_axis_picture_* : AXI4-Stream video
+        Only with a painter; TUSER at the start of a picture, TLAST at the end of a line (UG934).
     s_axi_ctrl_* : AXI4-Lite
     interrupt : Out(1)
         Active high, level.
@@ -120,7 +128,8 @@ class CameraTop(FlatTop):
     def __init__(self, build: Build) -> None:
         self.core = core = CameraAccelerator(build)
         self._reset_n = Signal(name="reset_n")
-        camera = core.i_camera
+        camera, shown = core.i_camera, core.o_picture
+        colours = {"tdata": shown.payload.data, "tuser": shown.payload.first}
         super().__init__(
             {
                 "aclk": (In(1), ClockSignal()),
@@ -137,6 +146,7 @@ class CameraTop(FlatTop):
                     for port in core.ports
                     for name, pin in bus_pins(f"m_axi_{port}", getattr(core, port)).items()
                 },
+                **(stream_pins("m_axis_picture", shown, Out, **colours) if build.painter else {}),
                 "interrupt": (Out(1), core.o_interrupt),
             }
         )

@@ -5,13 +5,14 @@ from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.config import MAX_FRAME_PX
-from golden_model.painting.tiles import MAX_TILES
-from hdl.axi.axi_read import AXI_READ
+from golden_model.painting.tiles import MAX_TILES, TILE_PX
+from hdl.axi.axi_read import AXI_READ, BurstReader
 from hdl.axi.axi_write import AXI_WRITE
 from hdl.axi.video_input import VideoPayload
 from hdl.lib.delay import delayed
 from hdl.painting.canvas_port import HOLDS
 from hdl.painting.frame_writer import BURST_PX, PIXEL_BYTES
+from hdl.painting.line_reader import SHOWN, LineReader
 from hdl.painting.painter import Painter
 from hdl.painting.pose import ELEMENTS
 from hdl.registers.register_file import RegisterFile
@@ -20,15 +21,16 @@ from hdl.shell.placements import Placements
 from hdl.shell.ring_writer import count_up
 from hdl.streams import WordPayload
 
-PORTS = {"frames": AXI_WRITE, "windows": AXI_READ, "old_tiles": AXI_READ, "new_tiles": AXI_WRITE}
-"""Its ports to memory."""
+PAINTER_PORTS = {"frames": AXI_WRITE, "windows": AXI_READ, "old_tiles": AXI_READ, "new_tiles": AXI_WRITE}
+PORTS = PAINTER_PORTS | {"pictures": AXI_READ}
+"""Ports to memory."""
 PAGE_BITS = (PAGE_BYTES - 1).bit_length()
 PAGE_PX = PAGE_BYTES // PIXEL_BYTES
 MIN_SIDE_PX = 2
 
 
 class Painting(wiring.Component):
-    """`Painter` with its settings, counters and poses in registers, and placements of records.
+    """`Painter` with its settings, counters and poses in registers, placements of records, and pictures for a display.
 
     It never makes the camera wait, nor the records. Its settings are taken while it is off and nothing is under way,
     and so is the request to forget the canvas; with faults (`PainterFault`) it stays off.
@@ -47,10 +49,15 @@ class Painting(wiring.Component):
     """A packet for every frame, in which frames count from 0 since a reset; ready is always 1."""
     i_stop: In(1)
     """Give up all but what is being painted, so that ``o_idle`` comes, and a reset may."""
+    i_forget: In(1)
+    """A reset, while ``o_idle``, of all but the picture that is still being shown."""
     frames: Out(AXI_WRITE)
     windows: Out(AXI_READ)
     old_tiles: Out(AXI_READ)
     new_tiles: Out(AXI_WRITE)
+    pictures: Out(AXI_READ)
+    o_picture: Out(stream.Signature(SHOWN))
+    """For a display, from what is shown."""
     o_idle: Out(1)
     """Nothing is open on any port, and nothing begins while ``i_stop``."""
 
@@ -60,16 +67,17 @@ class Painting(wiring.Component):
 
     def elaborate(self, platform: object) -> Module:
         """Connect the painter; switch it on and off."""
-        m = Module()
-        registers = self._registers
+        whole, m = Module(), Module()
+        whole.submodules.painting = ResetInserter(self.i_forget)(m)
+        registers, reader = self._registers, self._read(whole)
         m.submodules.painter = painter = Painter()
         m.submodules.placements = placements = ResetInserter(painter.i_clear)(Placements())
-        is_on, faults, is_gray = Signal(), self._faults(m), registers.o_gray_input
-        is_off = ~is_on & painter.o_idle
+        is_on, shows, faults, is_gray = Signal(), Signal(), self._faults(m), registers.o_gray_input
+        is_off = ~is_on & painter.o_idle & reader.o_idle
         wanted = registers.o_painter_enable & ~registers.o_painter_clear & ~self.i_stop
         m.d.sync += is_on.eq(wanted & (is_on | (is_off & ~faults.any())))
         with m.If(is_off):
-            m.d.sync += [port.eq(setting) for port, setting in self._settings(painter)]
+            m.d.sync += [port.eq(setting) for port, setting in self._settings(painter, shows, reader)]
         data = self.i.data
         # A register, since the accelerator's ready is late.
         m.d.sync += [
@@ -84,16 +92,34 @@ class Painting(wiring.Component):
             registers.i_painter_clear.eq(painter.i_clear),
             registers.i_painter_refused.eq(Mux(registers.o_painter_enable & ~is_on, faults, 0)),
             registers.i_painter_idle.eq(painter.o_idle),
+            reader.i.valid.eq(shows & is_on),
+            # Off after a clear until all is on again: nothing is open then, as a reset needs it.
+            reader.i_stop.eq(~is_on | ~registers.o_enable),
+            reader.i_page.eq(painter.o_page),
+            reader.i_held.eq(painter.o_held[1]),
+            painter.i_holds[1].eq(reader.o_hold),
             self.o_idle.eq(is_off),
         ]
-        for port in PORTS:
+        for port in PAINTER_PORTS:
             wiring.connect(m, getattr(painter, port), wiring.flipped(getattr(self, port)))
         self._place(m, painter, placements, is_on)
-        self._count(m, painter, placements, self._hold(m, painter))
-        return m
+        is_read_again = self._hold(m, painter)
+        self._count(m, painter, placements, pages_repeated=is_read_again, pictures_failed=reader.o_failed)
+        with m.If(reader.i.valid & reader.i.ready):
+            m.d.sync += registers.i_pictures_begun.eq(registers.i_pictures_begun + 1)
+        return whole
 
-    def _settings(self, painter: Painter) -> list[tuple[Signal, Value]]:
-        """The painter's ports, each with the bits of registers that are its setting."""
+    def _read(self, m: Module) -> LineReader:
+        """Add the reader of pictures, with its port to memory."""
+        m.submodules.reader, m.submodules.bursts = reader, bursts = LineReader(), BurstReader()
+        wiring.connect(m, reader.o_bursts, bursts.i)
+        wiring.connect(m, bursts.o, reader.i_words)
+        wiring.connect(m, bursts.bus, wiring.flipped(self.pictures))
+        wiring.connect(m, reader.o, wiring.flipped(self.o_picture))
+        return reader
+
+    def _settings(self, painter: Painter, shows: Signal, reader: LineReader) -> list[tuple[Signal, Value]]:
+        """What is set, each with the bits of registers that are its setting."""
         registers = self._registers
         pages = {
             area: Cat(getattr(registers, f"o_{area}_base_low"), getattr(registers, f"o_{area}_base_high"))[PAGE_BITS:]
@@ -109,6 +135,10 @@ class Painting(wiring.Component):
             (painter.i_canvas_page, pages["canvas"]),
             (painter.i_frames_page, pages["frames"]),
             (painter.i_buffer_pages, registers.o_frames_buffer_pages),
+            (shows, registers.o_picture_enable),
+            (reader.i.payload.columns, registers.o_canvas_columns),
+            (reader.i.payload.lines, registers.o_picture_lines),
+            (reader.i.payload.border, registers.o_picture_border),
         ]
 
     def _faults(self, m: Module) -> Signal:
@@ -118,7 +148,8 @@ class Painting(wiring.Component):
         row_bursts = width + BURST_PX - 1 >> BURST_PX.bit_length() - 1
         needed_px = Signal(len(width) + len(height) + 1)
         faults = Signal(registers.i_painter_refused.shape())
-        canvas_sides, frame_sides = (registers.o_canvas_columns, registers.o_canvas_rows), (width, height)
+        lines, rows = registers.o_picture_lines, registers.o_canvas_rows
+        canvas_sides, frame_sides = (registers.o_canvas_columns, rows), (width, height)
         m.d.sync += [
             needed_px.eq((height * row_bursts) << BURST_PX.bit_length() - 1),
             faults.eq(
@@ -128,6 +159,7 @@ class Painting(wiring.Component):
                     registers.o_frames_base_low[:PAGE_BITS].any(),
                     (registers.o_frames_buffer_pages << PAGE_PX.bit_length() - 1) < needed_px,
                     Cat((side < MIN_SIDE_PX) | (side > MAX_FRAME_PX) for side in frame_sides).any(),
+                    registers.o_picture_enable & ((lines == 0) | (lines > rows * TILE_PX)),
                 )
             ),
         ]
@@ -169,10 +201,10 @@ class Painting(wiring.Component):
             registers.i_painter_page.eq(painter.o_shown),
         ]
         m.d.sync += was_read.eq(~painter.o_flips & (was_read | begins))
-        repeats: Value = begins & was_read & painter.i_replace
-        return repeats
+        is_read_again: Value = begins & was_read & painter.i_replace
+        return is_read_again
 
-    def _count(self, m: Module, painter: Painter, placements: Placements, repeats: Value) -> None:
+    def _count(self, m: Module, painter: Painter, placements: Placements, **others: Value) -> None:
         """Count what happens, and take each report at once."""
         registers, report = self._registers, painter.o.payload
         events = {
@@ -184,7 +216,7 @@ class Painting(wiring.Component):
             "pose_unmatched": painter.o_unmatched,
             "pose_lost": placements.o_lost,
             "pose_ignored": placements.o_ignored,
-            "pages_repeated": repeats,
+            **others,
         }
         for name, happens in events.items():
             count = getattr(registers, f"i_{name}")

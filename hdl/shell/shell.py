@@ -97,8 +97,9 @@ class Shell(wiring.Component):
         clearing, forgets = self._clear(m)
         if self._painting is not None:
             # The painter sees each pixel that the accelerator takes; a clear begins anew.
-            m.submodules.painting = ResetInserter(forgets)(self._painting)
+            m.submodules.painting = self._painting
             m.d.comb += [
+                self._painting.i_forget.eq(forgets),
                 self._painting.i_valid.eq(self.o_video.valid & self.o_video.ready),
                 self._painting.i.eq(self.o_video.payload),
                 self._painting.i_stop.eq(clearing),

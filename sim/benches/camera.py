@@ -69,6 +69,11 @@ class CameraBench(MemoryBench):
         cycles: list[int] = self.words("last_pixels").tolist()
         return cycles
 
+    @property
+    def pixels(self) -> NDArray[np.int64]:
+        """What a display has got of the painter's pictures: 24 bits of data, then first, then last."""
+        return self.words("pixels").astype(np.int64)
+
     def allocate(self, length_bytes: int) -> NDArray[np.uint8]:
         """Take the next free pages of the memory."""
         start, self._used = self._used, self._used + -(-length_bytes // PAGE_BYTES) * PAGE_BYTES
@@ -92,7 +97,7 @@ _FUNCTIONS = {
     **COMMON_FUNCTIONS,
     "timing": (None, *[WORD] * 5),
     "run": (None, WIDE),
-    "last_pixels": (WIDE, WORDS),
+    **dict.fromkeys(("last_pixels", "pixels"), (WIDE, WORDS)),
     "open_bursts": (WIDE,),
 }
 """The functions that only camera.cpp has."""

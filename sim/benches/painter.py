@@ -2,17 +2,20 @@
 
 import ctypes
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from amaranth.hdl import Module, Signal
-from amaranth.lib.wiring import In
+from amaranth.hdl import Cat, Module, Signal
+from amaranth.lib import stream, wiring
+from amaranth.lib.wiring import In, Out
 from numpy.typing import NDArray
 
 from golden_model.painting.tiles import TILE_PX
+from hdl.axi.axi_read import AXI_READ, BurstReader
 from hdl.axi.flat_ports import FlatTop
 from hdl.blocks.flat import CLOCK, RESET, FlatBlock
-from hdl.painting.canvas_port import HOLDS
 from hdl.painting.frame_writer import BUFFERS, frame_pages
+from hdl.painting.line_reader import PICTURE, SHOWN, LineReader
 from hdl.painting.painter import Painter
 from hdl.settings import PAGE_BYTES
 from sim.backends.interface import silent
@@ -24,13 +27,21 @@ from sim.simulators.design import Design, Ports
 SETTINGS = (
     *("enable", "replace", "clear", "width_px", "height_px", "frames_page", "buffer_pages", "canvas_page"),
     *("columns", "rows", "max_links", "nowhere_valid", "nowhere_frame"),
-    *(f"holds_{n}_{name}" for n in range(HOLDS.length) for name in ("valid", "row")),
+    *(
+        "holds_0_valid",
+        "holds_0_row",
+        "pictures_valid",
+        "pictures_columns",
+        "pictures_lines",
+        "pictures_border",
+        "stop",
+    ),
 )
 PORTS = Ports(
     outputs=(),
     settings={f"i_{name}": 64 for name in SETTINGS},
     writers=("frames", "new_tiles"),
-    readers=("windows", "old_tiles"),
+    readers=("windows", "old_tiles", "pictures"),
 )
 HARNESS = verilator.HARNESS / "painter.cpp"
 
@@ -50,11 +61,53 @@ class Report:
     has_errors: int
 
 
-class PainterTop(FlatTop):
-    """The painter with flat ports; clock and reset have the names that harnesses know."""
+class ShownPainter(wiring.Component):
+    """The painter, and the reader of pictures, which has the second hold."""
+
+    if TYPE_CHECKING:
+        # The painter makes most of the ports; a type checker cannot know their names.
+        def __getattr__(self, name: str) -> Any: ...
 
     def __init__(self) -> None:
-        self._block = block = FlatBlock(Painter())
+        self._painter = Painter()
+        pictures = {
+            "i_pictures": In(stream.Signature(PICTURE)),
+            "i_stop": In(1),
+            "pictures": Out(AXI_READ),
+            "o_picture": Out(stream.Signature(SHOWN)),
+        }
+        super().__init__({**self._painter.signature.members, **pictures})
+
+    def elaborate(self, platform: object) -> Module:
+        """Connect ports of the same names, and the reader to the painter."""
+        m = Module()
+        m.submodules.painter = painter = self._painter
+        m.submodules.reader, m.submodules.bursts = reader, bursts = LineReader(), BurstReader()
+        for name, member in painter.signature.members.items():
+            inner, outer = getattr(painter, name), getattr(self, name)
+            if member.is_signature:
+                wiring.connect(m, inner, wiring.flipped(outer))
+            elif name != "i_holds":
+                m.d.comb += inner.eq(outer) if member.flow == In else outer.eq(inner)
+        m.d.comb += [
+            painter.i_holds.eq(Cat(self.i_holds[0], reader.o_hold)),
+            reader.i_page.eq(painter.o_page),
+            reader.i_held.eq(painter.o_held[1]),
+            reader.i_stop.eq(self.i_stop),
+        ]
+        wiring.connect(m, wiring.flipped(self.i_pictures), reader.i)
+        wiring.connect(m, reader.o_bursts, bursts.i)
+        wiring.connect(m, bursts.o, reader.i_words)
+        wiring.connect(m, bursts.bus, wiring.flipped(self.pictures))
+        wiring.connect(m, reader.o, wiring.flipped(self.o_picture))
+        return m
+
+
+class PainterTop(FlatTop):
+    """The painter and the reader of pictures with flat ports; clock and reset have the names that harnesses know."""
+
+    def __init__(self) -> None:
+        self._block = block = FlatBlock(ShownPainter())
         self._reset_n = Signal(name="reset_n")
         pins = {name: (member, getattr(block, name)) for name, member in block.signature.members.items()}
         clock = pins.pop(CLOCK)
@@ -146,9 +199,18 @@ class PainterBench(MemoryBench):
         return int(self.call("shown"))
 
     @property
-    def held(self) -> tuple[bool, ...]:
-        """Of each hold, whether what is held will stay."""
-        return tuple(bool(self.call("held") >> n & 1) for n in range(HOLDS.length))
+    def held(self) -> bool:
+        """What is held will stay."""
+        return bool(self.call("held") & 1)
+
+    def display(self, waits: int) -> None:
+        """Change how often, in 1/256, the display takes no pixel; 256: it has stopped."""
+        self.call("display", waits)
+
+    @property
+    def pixels(self) -> NDArray[np.int64]:
+        """What the display has got: 24 bits of data, then first, then last."""
+        return self.words("pixels").astype(np.int64)
 
     @property
     def is_idle(self) -> bool:
@@ -160,7 +222,8 @@ _FUNCTIONS = {
     "set": (None, ctypes.c_int, WIDE),
     "pose": (None, ADDRESS, WORD, WORD, WORD),
     "run": (WIDE, WIDE, WIDE, WORDS),
-    "events": (WIDE, WORDS),
+    **dict.fromkeys(("events", "pixels"), (WIDE, WORDS)),
+    "display": (None, WORD),
     **dict.fromkeys(("idle", "shown", "held"), (ctypes.c_int,)),
 }
 """The functions that only painter.cpp has."""

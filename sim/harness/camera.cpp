@@ -37,6 +37,7 @@ struct Bench {
     std::array<WritePort, 0 WRITERS(ONE)> writers;
     std::array<ReadPort, 0 READERS(ONE)> readers;
     Camera camera;
+    std::vector<uint64_t> pixels;  // a display has taken: data, first, last
 
     Bench() {
         reset();
@@ -55,6 +56,8 @@ struct Bench {
     void settle() {
         WRITERS(DRIVE_WRITER)
         READERS(DRIVE_READER)
+#define DRIVE_DISPLAY(index, port) SET(port(tready), memory.accepts());
+        OUTPUTS(DRIVE_DISPLAY)
         SET(video_aclk, 0);
         model.settle();
     }
@@ -62,6 +65,10 @@ struct Bench {
     void edge() {
         WRITERS(TAKE_WRITER)
         READERS(TAKE_READER)
+#define TAKE_PIXEL(index, port)                  \
+    if (GET(port(tvalid)) && GET(port(tready))) \
+        pixels.push_back(GET(port(tdata)) | GET(port(tuser)) << 24 | GET(port(tlast)) << 25);
+        OUTPUTS(TAKE_PIXEL)
         model.edge();
         memory.cycle++;
         // The camera's edges lie behind the others: its clock is asynchronous.
@@ -150,6 +157,10 @@ uint64_t camera_open_bursts(Bench *bench) { return bench->open_bursts(); }
 uint64_t camera_cycle(const Bench *bench) { return bench->memory.cycle; }
 uint64_t camera_violations(const Bench *bench) { return bench->memory.violations; }
 uint64_t camera_errors(const Bench *bench) { return bench->memory.errors; }
+uint64_t camera_pixels(const Bench *bench, const uint64_t **pixels) {
+    *pixels = bench->pixels.data();
+    return bench->pixels.size();
+}
 uint64_t camera_last_pixels(const Bench *bench, const uint64_t **cycles) {
     *cycles = bench->camera.last_pixels.data();
     return bench->camera.last_pixels.size();

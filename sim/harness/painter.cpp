@@ -40,8 +40,11 @@ struct Bench {
     std::deque<Placement> poses;
     std::vector<uint64_t> reports;  // of each: the cycle in which it came, and its fields
     uint64_t events[0 EVENTS(COUNT_ONE)] = {};
+    std::vector<uint64_t> pixels;  // of pictures: data, first, last
     uint64_t x = 0, y = 0;
-    bool ready = false;
+    Offer picture;
+    uint32_t display_waits = 0;
+    bool ready = false, display_ready = false;
 
     Bench() { reset(); }
 
@@ -52,6 +55,8 @@ struct Bench {
         frames.clear();
         poses.clear();
         reports.clear();
+        pixels.clear();
+        picture = {};
         x = y = 0;
         model.reset(true);
         for (int i = 0; i < RESET_CYCLES; i++) {
@@ -76,6 +81,8 @@ struct Bench {
         }
         ready = memory.accepts();
         SET(o_ready, ready);
+        display_ready = !memory.random.happens(display_waits);
+        SET(o_picture_ready, display_ready);
         show();
         model.settle();
     }
@@ -105,6 +112,9 @@ struct Bench {
 #define KEEP(name) reports.push_back(GET(name));
             REPORT(KEEP)
         }
+        const uint64_t pixel = GET(o_picture_data) | GET(o_picture_first) << 24 | GET(o_picture_last) << 25;
+        picture.hold(memory, GET(o_picture_valid), display_ready, pixel, 0);
+        if (display_ready && GET(o_picture_valid)) pixels.push_back(pixel);
         uint64_t *event = events;
 #define COUNT_EVENT(name) *event++ += GET(name);
         EVENTS(COUNT_EVENT)
@@ -156,6 +166,11 @@ uint64_t painter_run(Bench *bench, uint64_t clocks, uint64_t values, const uint6
     }
     *reports = bench->reports.data();
     return bench->reports.size();
+}
+void painter_display(Bench *bench, uint32_t waits) { bench->display_waits = waits; }
+uint64_t painter_pixels(Bench *bench, const uint64_t **pixels) {
+    *pixels = bench->pixels.data();
+    return bench->pixels.size();
 }
 uint64_t painter_events(Bench *bench, const uint64_t **events) {
     *events = bench->events;

@@ -42,12 +42,13 @@ def design_accelerator(build: Build) -> Design:
 
 
 def camera_ports(build: Build) -> Ports:
-    """The ports of a camera build: registers, and memory that is written and read."""
+    """The ports of a camera build: registers, memory that is written and read, and pictures for a display."""
     buses = dict.fromkeys(build.outputs, AXI_WRITE) | (PORTS if build.painter else {})
     writers, readers = (
         tuple(f"m_axi_{name}" for name, bus in buses.items() if bus is kind) for kind in (AXI_WRITE, AXI_READ)
     )
-    return Ports(outputs=(), control=CONTROL, writers=writers, readers=readers)
+    outputs = ("m_axis_picture",) if build.painter else ()
+    return Ports(outputs, control=CONTROL, writers=writers, readers=readers)
 
 
 def strip_settings(build: Build) -> Build:

@@ -55,7 +55,8 @@ def test_struct_and_ports_of_the_front_end_have_its_settings_in_order() -> None:
 LARGEST = {
     "cell_log2": 8, "per_cell": 8, "threshold_code": 32767, "target_features": 8191, "keep_above": 255, "passes": 255,
     "min_inliers": 4095, "min_cells": 64, "painter_max_links": 255, "coalesce_count": 255, "canvas_columns": 128,
-    "canvas_rows": 128, "painter_hold_row": 127, "frames_buffer_pages": 1048575, "pose_frame": 65535,
+    "canvas_rows": 128, "painter_hold_row": 127, "picture_lines": 4096, "picture_border": 0xFFFFFF,
+    "frames_buffer_pages": 1048575, "pose_frame": 65535,
     "camera_timeout": 65535, "coalesce_timeout": 65535, "width_px": 4096, "height_px": 4096,
     **{f"{ring}_slots": 256 for ring in RINGS}, **{f"{ring}_slot_pages": 4096 for ring in RINGS},
 }  # fmt: skip

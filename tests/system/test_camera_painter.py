@@ -11,6 +11,7 @@ from golden_model.arrays import Pixels
 from golden_model.config import EstimatorConfig
 from golden_model.geometry.fixed_point import quantise
 from golden_model.painting import painter as golden
+from golden_model.painting.line_reader import show
 from golden_model.painting.pose import Placement, Poses, placement_of
 from golden_model.painting.tiles import TILE_PX
 from hdl.build import BUILDS
@@ -33,6 +34,8 @@ COUNTS = (
     *("frames_painted", "frames_last", "frames_cut", "frames_lost", "frames_skipped", "frames_unplaced"),
     *("pose_refused", "pose_unmatched", "pose_lost", "pose_ignored", "tiles_behind", "tiles_too_large", "tiles_failed"),
 )
+LINES, BORDER = 13, 0x123456
+"""Few, so that a display keeps no page for long."""
 START = np.array([[1, 0.02, -40], [-0.02, 1, -30], [0, 0, 1]])
 """From the canvas to the first frame."""
 
@@ -75,8 +78,9 @@ class Host:
             self.registers.write(**{f"{name}_base_low": address & 0xFFFF_FFFF, f"{name}_base_high": address >> 32})
         pages = frame_pages(*SIZE_PX)
         self.registers.write(
-            canvas_columns=COLUMNS, canvas_rows=ROWS, frames_buffer_pages=pages, painter_replace=int(self.replace)
-        )
+            canvas_columns=COLUMNS, canvas_rows=ROWS, frames_buffer_pages=pages, painter_replace=int(self.replace),
+            picture_enable=1, picture_lines=LINES, picture_border=BORDER,
+        )  # fmt: skip
 
     def begin(self) -> None:
         """With an empty canvas, and the pose of the first frame."""
@@ -153,12 +157,28 @@ def test_frames_are_painted_where_homographies_and_anchors_say(programs: Any, re
     moved = START @ np.array([[1, 0, 9.0], [0, 1, -4], [0, 0, 1]])
     assert host.fly({4: np.array([[1, 0, 20.0], [0, 1, 8], [0, 0, 1]]) @ moved}) == 9
     np.testing.assert_array_equal(host.canvas, host.model.pages)
+    # On a display, too: the last whole picture.
+    picture_px = LINES * COLUMNS * TILE_PX
+    host.bench.run(6 * picture_px)
+    begun, pixels = host.registers.read("pictures_begun"), host.bench.pixels
+    assert begun == -(-len(pixels) // picture_px) > 2
+    assert (pixels >> 24 & 1).nonzero()[0].tolist() == list(range(0, len(pixels), picture_px))
+    last = pixels[: len(pixels) // picture_px * picture_px][-picture_px:].reshape(LINES, -1)
+    np.testing.assert_array_equal(last & 0xFFFFFF, show(host.model.memory, LINES, BORDER))
+    assert (last >> 25).sum() == LINES == (last[:, -1] >> 25).sum()
+    repeated = host.registers.read("pages_repeated")
+    assert (repeated > 0, repeated <= begun) == (replace, True)
     # The anchor's frame had been painted.
     assert host.counts() == {"frames_painted": 9, "frames_last": 8, "pose_unmatched": 1}
     assert (host.model.memory[..., 3] > 0).mean() > 0.2
     assert (host.bench.violations, host.registers.read("painter_errors")) == (0, 0)
     host.rings.close()
     assert host.bench.open_bursts == 0
+    # A clear does not cut the picture.
+    host.bench.run(2 * picture_px)
+    pixels = host.bench.pixels
+    assert (pixels >> 24 & 1).nonzero()[0].tolist() == list(range(0, len(pixels), picture_px))
+    assert (len(pixels) % picture_px, host.bench.open_bursts) == (0, 0)
     host.bench.close()
 
 

@@ -66,4 +66,4 @@ def test_both_frames_are_painted_and_lie_in_memory() -> None:
     # Twice all tiles, and 64 lines of 256 bytes.
     assert memory.bursts == 2 * tiles * 32 + 2 * 64 * 2
     assert len(memory.words) == (tiles * PAGE_BYTES + 2 * 64 * 64 * 4) // 8
-    assert [len(memory.writers), len(memory.readers)] == [2, 2]
+    assert [len(memory.writers), len(memory.readers)] == [2, 3]

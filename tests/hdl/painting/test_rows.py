@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""Blending and positions answer as the golden model, one pixel per clock."""
+"""Blending, positions and the reader in lines answer as the golden model, one pixel per clock."""
 
 from typing import Any
 
@@ -8,9 +8,12 @@ from numpy.typing import NDArray
 
 from golden_model.painting.blending import FADE, blend
 from golden_model.painting.corners import CORNER
+from golden_model.painting.line_reader import bursts, show
 from golden_model.painting.positions import positions
-from hdl.blocks.vectors import Block, of_stream
+from golden_model.painting.tiles import TILE_PX
+from hdl.blocks.vectors import Block, of_stream, rows
 from hdl.painting.blending import Blending
+from hdl.painting.line_reader import LineReader
 from hdl.painting.positions import Positions
 from sim.benches.rows import Row, check
 from tests.golden_model.painting import tilted
@@ -60,6 +63,31 @@ def places() -> Block:
     return of_stream(Positions(), "", sent, answers)
 
 
-@table(blending=Row(blending, clocks_each=1), positions=places)
+def picture() -> Block:
+    """Part of a canvas of odd sides, with holes and with words that could not be read."""
+    columns, lines, border, page = 3, 45, 0x123456, 0x8_1234_5678
+    rng = np.random.default_rng(2)
+    tiles = rng.integers(0, 256, (2, columns, TILE_PX, TILE_PX, 4), np.uint8)
+    tiles[..., 3] *= rng.random(tiles.shape[:-1]) < 0.7
+    order = bursts(columns, lines)
+    words = tiles.reshape(-1, 16 * 8).view(np.uint64)[order]
+    failed = rng.random(words.shape) < 0.1
+    tiles.reshape(-1, 16, 2, 4)[order, ..., 3] *= ~failed[..., np.newaxis]
+    read = [{"data": int(word), "failed": int(bad)} for word, bad in zip(words.flat, failed.flat, strict=True)]
+    shown = [
+        {"data": int(colour), "first": y + x == 0, "last": x == columns * TILE_PX - 1}
+        for (y, x), colour in np.ndenumerate(show(tiles, lines, border))
+    ]
+    asked = [{"burst": page * TILE_PX + int(each), "first": 0, "last": 15} for each in order]
+    return Block(
+        LineReader(),
+        "",
+        {"i": rows("i", [{"columns": columns, "lines": lines, "border": border}]), "i_words": rows("i_words", read)},
+        {"o": rows("o", shown), "o_bursts": rows("o_bursts", asked)},
+        {"i_page": page, "i_held": 1, "i_stop": 0},
+    )
+
+
+@table(picture=Row(picture, clocks_each=1), blending=Row(blending, clocks_each=1), positions=places)
 def test_a_part_of_the_painter_answers_as_the_golden_model(row: Row) -> None:
     check(row)

@@ -37,6 +37,8 @@ SETTINGS = {
     "frames_base_low": FRAMES & 0xFFFF_FFFF,
     "frames_base_high": FRAMES >> 32,
     "frames_buffer_pages": PAGES,
+    "picture_enable": 0,
+    "picture_lines": 0,
 }
 TAKEN = {
     "i_max_links": 9,
@@ -166,6 +168,9 @@ REFUSALS: list[tuple[dict[str, int], PainterFault]] = [
     ({"width_px": 65, "height_px": 10, "frames_buffer_pages": 1}, OK),
     ({"width_px": MAX_FRAME_PX, "height_px": MAX_FRAME_PX, "frames_buffer_pages": 1 << 14}, OK),
     ({"width_px": 0}, PainterFault.FRAME_SIZE),
+    ({"picture_enable": 1, "picture_lines": 0}, PainterFault.PICTURE_LINES),
+    ({"picture_enable": 1, "picture_lines": 97, "canvas_rows": 3}, PainterFault.PICTURE_LINES),
+    ({"picture_enable": 1, "picture_lines": 96, "canvas_rows": 3}, OK),
     ({"height_px": MAX_FRAME_PX + 1, "frames_buffer_pages": 1 << 15}, PainterFault.FRAME_SIZE),
 ]
 

@@ -84,13 +84,14 @@ def shift(x: float, y: float) -> Array:
 
 
 def test_it_is_set_up_before_it_is_switched_on(host: Any) -> None:
-    painter = host.make(replace=True, max_links=9)
+    painter = host.make(replace=True, max_links=9, picture_lines=50, picture_border=7)
     get, (canvas, frames) = host.memory.get, host.memory.buffers
     canvas[:] = 7
     assert not get("painter_enable")
     painter.start()
     assert get("painter_enable")
     assert (get("painter_replace"), get("painter_max_links"), get("canvas_columns"), get("canvas_rows")) == (1, 9, 3, 2)
+    assert [get(f"picture_{name}") for name in ("enable", "lines", "border")] == [1, 50, 7]
     for area, buffer in (("canvas", canvas), ("frames", frames)):
         assert get(f"{area}_base_low") | get(f"{area}_base_high") << 32 == host.memory.address(buffer)
     # Rows of 128 px, 65 of them: 33,280 bytes.
@@ -214,6 +215,8 @@ def test_a_fault_a_hang_and_unaligned_memory_are_errors(host: Any, monkeypatch: 
 def test_a_canvas_that_cannot_be_is_refused(host: Any, columns: int) -> None:
     with pytest.raises(host.error, match=f"{columns}x2 tiles"):
         host.driver.Painter(host.registers, columns, 2)
+    with pytest.raises(host.error, match="a picture of 65 lines; the canvas has 64"):
+        host.make(picture_lines=65)
     assert host.memory.buffers == []
 
 
