@@ -192,20 +192,18 @@ def record(row: Row, clocks: int) -> dict[str, list[int]]:
     bench = _Bench(row)
     ports: dict[str, Value] = {}
     for port in (*bench.sources, *bench.sinks):
-        handshake = {"valid": port.valid, "ready": port.ready} if port.is_stream else {}
-        ports |= {f"{port.name}_{name}": signal for name, signal in handshake.items()}
+        ports |= {f"{port.name}_valid": port.valid} | ({f"{port.name}_ready": port.ready} if port.is_stream else {})
         ports |= {leaf: port.word[low : low + mask.bit_length()] for leaf, (low, mask) in port.places.items()}
-    recorded: dict[str, list[int]] = {name: [] for name in ports}
+    seen: list[Sequence[int]] = []
 
     async def watch(ctx: Any) -> None:
         async for _, _, *values in ctx.tick().sample(*ports.values()):
-            for name, value in zip(ports, values, strict=True):
-                recorded[name].append(value)
+            seen.append(values)
 
     simulator = _simulator(bench)
     simulator.add_testbench(watch, background=True)
     simulator.run_until(clocks * CLOCK_S)
-    return recorded
+    return dict(zip(ports, map(list, zip(*seen, strict=True)), strict=True))
 
 
 def _simulator(bench: _Bench) -> Simulator:
