@@ -22,7 +22,6 @@ from hdl.front_end import FrontEnd
 from hdl.level import Level
 from hdl.lib.delay import delayed
 from hdl.matching.fuzzy_correlation import FuzzyCorrelation
-from hdl.painting.painter import Painter
 from hdl.selection.selection import CellSelection
 from hdl.shell.camera import CameraCrossing, CameraGate
 from hdl.shell.camera_top import CameraAccelerator, CameraTop
@@ -170,7 +169,7 @@ def designs() -> dict[str, Design]:
         "camera crossing": block(CameraCrossing, video_bits=24, depth=4096),
         "camera gate": block(CameraGate),
         "ring writer": block(RingWriter, record_words=6, max_words=6 * (config.max_features + 2)),
-        "painter": block(Painter),
+        "painter": listed("painter"),
         "accelerator": accelerator(AERIAL),
         "accelerator, homography": accelerator(estimating),
         "camera, homography, painter": Design(lambda: CameraTop(painting), accelerator(estimating).memory_bits),

@@ -1,4 +1,4 @@
-"""Frame admission: pixels of good frames get their positions, and bad frames are reported with their causes."""
+"""Frame admission: bad frames are reported with their causes; `tests/formal` proves the rest, memory mode among it."""
 
 import random
 from collections.abc import Container
@@ -89,12 +89,6 @@ def good(pixels: list[tuple[int, int, int]]) -> tuple[Cause, list[tuple[int, int
     return Cause(0), [(n % WIDTH_PX, n // WIDTH_PX, data) for n, (data, _, _) in enumerate(pixels)]
 
 
-@pytest.mark.parametrize("pauses", [NO_PAUSES, GAPS_AND_HOLDS], ids=["back_to_back", "gaps_and_holds"])
-def test_good_frames_get_their_positions(pauses: Pauses) -> None:
-    first, second = frame(1), frame(2)
-    assert admit(first + second, pauses) == [good(first), good(second)]
-
-
 def early_end(pixels: list[tuple[int, int, int]]) -> tuple[Cause, list[tuple[int, int, int]]]:
     """A frame of which only ``pixels`` came: black completes the line, and the ends of the last lines."""
     missing = -len(pixels) % WIDTH_PX
@@ -155,15 +149,6 @@ def test_a_spurious_start_costs_a_line_and_the_closing_lines_at_most(at: int) ->
     assert second[0] in (Cause.EARLY_END, Cause.SHORT_LINE)
     for (_, beats), pixels in ((first, spoilt[:at]), (second, spoilt[at:])):
         assert len(beats) - len(pixels) <= WIDTH_PX + CLOSING_LINES * (WIDTH_PX - CLOSING_X)
-
-
-@pytest.mark.parametrize("pauses", [NO_PAUSES, GAPS_AND_HOLDS], ids=["back_to_back", "gaps_and_holds"])
-def test_memory_mode_counts_frames_and_ends_them_with_their_transfer(pauses: Pauses) -> None:
-    """Two frames in one transfer; a transfer that ends early is closed without waiting for the next one."""
-    both = [(data, 0, 0) for data, _, _ in frame(1)] + transfer(2)
-    frames = admit(both + transfer(3, pixels=11) + transfer(4) + transfer(5, pixels=1), pauses, i_memory_mode=1)
-    expected = [good(frame(1)), good(frame(2)), early_end(frame(3)[:11]), good(frame(4)), early_end(frame(5)[:1])]
-    assert frames == expected
 
 
 @pytest.mark.parametrize("pauses", [NO_PAUSES, GAPS_AND_HOLDS], ids=["back_to_back", "gaps_and_holds"])

@@ -217,13 +217,3 @@ def test_a_ring_that_is_off_takes_nothing_and_begins_again() -> None:
     # Both in the first slot: what came while the ring was off is nowhere.
     assert (bench.memory.bytes[PAGE_BYTES:] == UNTOUCHED).all()
     assert (bench.ended, bench.lost) == (4, 0)
-
-
-def test_errors_of_the_memory_are_flagged() -> None:
-    bench = RingBench(errors=70, latency_clocks=40, seed=4)
-    bench.run([packet(20, n) for n in range(10)])
-    assert bench.errors == bench.memory.error_count > 3
-    # A header that was refused leaves what was in the slot before.
-    told = [(n, *each) for n, each in enumerate(bench.delivered) if int(each[0]["sequence"]) == n + 1]
-    assert {int(header["flags"]) for _, header, _ in told} == {0, HeaderFlag.MEMORY_ERROR}
-    assert all(words == packet(20, n) for n, header, words in told if not header["flags"])
