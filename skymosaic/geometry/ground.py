@@ -98,17 +98,17 @@ class GroundAgreement:
         How many voted.
     motion : float
         Mean motion of the picture's corners, as a share of its longer side.
-    decisive : GroundAgreement or None
-        That of coarser or finer pictures, which decides where these leave a doubt.
     covered : float
         Share of the overlap whose blocks vote and agree.
+    voted : float or None
+        Share of the votes that agree, in the size of pictures that decides; None where too few blocks voted.
     """
 
     agreeing: Mask
     blocks: int
     motion: float
     covered: float
-    decisive: GroundAgreement | None = None
+    voted: float | None
 
     @property
     def tells(self) -> bool:
@@ -118,11 +118,7 @@ class GroundAgreement:
     @property
     def share(self) -> float:
         """Share of the blocks that agree; where too few can tell, 1, or 0 if the camera stood still."""
-        if self.decisive is not None:
-            return self.decisive.share
-        if not self.tells:
-            return float(self.motion >= STILL)
-        return float(np.count_nonzero(self.agreeing)) / self.blocks
+        return float(self.motion >= STILL) if self.voted is None else self.voted
 
     @property
     def required(self) -> float:
@@ -140,7 +136,7 @@ class GroundAgreement:
         return self.tells and self.share >= RIVAL_SHARE
 
 
-def measure_agreement(left: Sight, right: Sight, homography: Matrix, explained: Mask | None = None) -> GroundAgreement:
+def measure_ground(left: Sight, right: Sight, homography: Matrix, explained: Mask | None = None) -> GroundAgreement:
     """Measure how much of the ground agrees with a homography (3, 3) between working images, left to right.
 
     Blocks (rows, columns) that are ``explained`` otherwise do not vote.
@@ -151,7 +147,7 @@ def measure_agreement(left: Sight, right: Sight, homography: Matrix, explained: 
     sides = [COARSEST_SIDE_PX] * (coarse.motion < STILL) + [FINE_SIDE_PX] * (coarse.tells and not coarse.suffices)
     others = [count_agreeing(lay_over(side, left, right, homography)) for side in sides]
     decisive = min((other for other in others if other.tells), key=lambda other: other.share, default=coarse)
-    return coarse if coarse.suffices and decisive.suffices else replace(coarse, decisive=decisive)
+    return coarse if coarse.suffices and decisive.suffices else replace(coarse, voted=decisive.voted)
 
 
 class Overlay(NamedTuple):
@@ -175,7 +171,7 @@ def lay_over(side_px: int, left: Sight, right: Sight, homography: Matrix) -> Ove
 
 
 def count_agreeing(overlay: Overlay, explained: Mask | None = None) -> GroundAgreement:
-    """`measure_agreement` in pictures of one size; of the finest ones, a quarter of the blocks is asked."""
+    """`measure_ground` in pictures of one size; of the finest ones, a quarter of the blocks is asked."""
     side_px, own, other, shown, to_right = overlay
     blocks = tuple(slice(0, side // BLOCK_PX * BLOCK_PX, BLOCK_PX) for side in own.shape)
     common = cv2.blur(shown, (BLOCK_PX, BLOCK_PX), anchor=(0, 0))[blocks] > 250
@@ -188,8 +184,9 @@ def count_agreeing(overlay: Overlay, explained: Mask | None = None) -> GroundAgr
         votes &= ~explained
     agreeing = votes.copy()
     agreeing[votes] = _fit_best_here(own, other, votes)
-    covered = float(np.count_nonzero(agreeing)) / max(int(np.count_nonzero(common)), 1)
-    return GroundAgreement(agreeing, int(np.count_nonzero(votes)), _motion(to_right, own.shape[::-1]), covered)
+    agreed, count, within = (int(np.count_nonzero(each)) for each in (agreeing, votes, common))
+    voted = agreed / count if count >= MIN_BLOCKS else None
+    return GroundAgreement(agreeing, count, _motion(to_right, own.shape[::-1]), agreed / max(within, 1), voted)
 
 
 def _mask_common(left: Sight, right: Sight, to_right: Matrix) -> Pixels:
@@ -327,7 +324,7 @@ def find_ground(
         motion = _motion_of_most(*sights, homography, inliers)
         if first is None and motion >= FAR:
             return fit, None, left_out
-        agreement = replace(measure_agreement(*sights, homography, explained), motion=motion)
+        agreement = replace(measure_ground(*sights, homography, explained), motion=motion)
         if agreement.suffices and (first is None or agreement.wins):
             return fit, agreement, left_out
         first = first or (fit, agreement)

@@ -7,7 +7,7 @@ import numpy as np
 from golden_model.arrays import Records
 from skymosaic.features.contrast import find_shared
 from skymosaic.features.positions import look_up, match_points
-from skymosaic.geometry.ground import measure_agreement
+from skymosaic.geometry.ground import measure_ground
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.registration.pair import Pair
 
@@ -42,4 +42,4 @@ def look_behind_display(pair: Pair, matches: Records, *, accept_poor: bool = Fal
         return pair
     masks = [np.where(moving, np.uint8(0), np.uint8(255) if mask is None else mask) for mask in pair.visible]
     behind = replace(pair, visible=(masks[0], masks[1]))
-    return behind if measure_agreement(*behind.sights, homography).wins else pair
+    return behind if measure_ground(*behind.sights, homography).wins else pair

@@ -18,7 +18,7 @@ from golden_model.records import HOMOGRAPHY
 from sim.scene import Camera, make_lawnmower
 from skymosaic.evaluation.metrics import MISSING_ERROR_PX
 from skymosaic.geometry.acceptance import hull_area, overlap
-from skymosaic.geometry.ground import Sight, measure_agreement
+from skymosaic.geometry.ground import Sight, measure_ground
 from skymosaic.geometry.horizon import ahead
 from skymosaic.registration.confidence import Evidence
 
@@ -118,7 +118,7 @@ def test_hard_pairs_show_what_their_name_says(kind: str, step: float, share: tup
     size = rendered_pairs.SMALL_PX if kind == "small" else rendered_pairs.SIZE_PX
     assert left.shape == right.shape == size[::-1]
     # The truth lays the photographs on each other.
-    assert measure_agreement(Sight(left), Sight(right), truth).share > 0.3
+    assert measure_ground(Sight(left), Sight(right), truth).share > 0.3
     assert share[0] < hull_area(overlap(truth, size, size)) / (size[0] * size[1]) < share[1]
     corners = np.array([[0.0, 0], [size[0], 0], [size[0], size[1]], [0, size[1]]])
     assert bool(ahead(truth, corners).min() < 0) is (kind == "horizon")

@@ -18,7 +18,7 @@ from skymosaic.geometry.ground import (
     Sight,
     find_ground,
     lay_over,
-    measure_agreement,
+    measure_ground,
     measure_rival,
 )
 from skymosaic.geometry.homography import apply
@@ -158,12 +158,12 @@ def test_what_a_mask_or_a_display_hides_does_not_vote(sites: list[Pixels]) -> No
     moved[:, 250:] = sites[1][:, 250:]
     visible = np.zeros(moved.shape[:2], np.uint8)
     visible[:, :250] = 255
-    whole = measure_agreement(Sight(sites[0]), Sight(moved), np.eye(3))
-    masked = measure_agreement(Sight(sites[0], visible), Sight(moved), np.eye(3))
+    whole = measure_ground(Sight(sites[0]), Sight(moved), np.eye(3))
+    masked = measure_ground(Sight(sites[0], visible), Sight(moved), np.eye(3))
     assert whole.share < 0.5
     assert masked.share == 1
     assert 0.3 * whole.blocks < masked.blocks < 0.45 * whole.blocks
-    agreement = measure_agreement(Sight(with_lines(sites[0])), Sight(with_lines(sites[1])), np.eye(3))
+    agreement = measure_ground(Sight(with_lines(sites[0])), Sight(with_lines(sites[1])), np.eye(3))
     coarse = np.count_nonzero(agreement.agreeing) / agreement.blocks
     assert agreement.required - 0.2 < coarse < agreement.required
     assert agreement.share < 0.53
@@ -180,10 +180,10 @@ def test_between_the_lines_of_a_display_the_ground_of_a_moved_camera_is_good() -
 
 def test_the_farther_a_camera_moves_the_less_must_agree(sites: list[Pixels]) -> None:
     sight = Sight(sites[0])
-    moved = [measure_agreement(sight, sight, np.array([[1.0, 0, x], [0, 1, 0], [0, 0, 1]])) for x in (0, 64, 160)]
+    moved = [measure_ground(sight, sight, np.array([[1.0, 0, x], [0, 1, 0], [0, 0, 1]])) for x in (0, 64, 160)]
     assert [each.required for each in moved] == pytest.approx([0.7, 0.4, -0.05])
     assert [each.suffices for each in moved] == [True, False, True]
-    assert measure_agreement(sight, Sight(~sites[0]), np.eye(3)).share == 0
+    assert measure_ground(sight, Sight(~sites[0]), np.eye(3)).share == 0
 
 
 def test_faint_ground_votes_in_the_coarsest_pictures_alone() -> None:
@@ -194,10 +194,9 @@ def test_faint_ground_votes_in_the_coarsest_pictures_alone() -> None:
     left, right = (
         Sight(np.rint(128 + np.where(strong, 15 * grain[0], 1.5 * each)).astype(np.uint8)) for each in grain[1:]
     )
-    agreement = measure_agreement(left, right, np.eye(3))
+    agreement = measure_ground(left, right, np.eye(3))
     rows, columns = agreement.agreeing.shape
     assert agreement.blocks == pytest.approx(rows * columns / 3, abs=rows)
-    assert agreement.decisive is not None
     assert agreement.share < 0.7 < agreement.agreeing.sum() / agreement.blocks
 
 
@@ -217,9 +216,10 @@ def test_a_homography_that_moves_all_but_its_matches_joins_no_ground(sites: list
     assert len(left_out.rejected) == 1
 
 
-def agreeing(share: float, blocks: int = 100, motion: float = 0.1, covered: float = 1.0, **decisive: Any) -> Any:
-    """So much of the ground agrees."""
-    return GroundAgreement(np.arange(blocks)[None] < round(share * blocks), blocks, motion, covered, **decisive)
+def agreeing(share: float, blocks: int = 100, motion: float = 0.1, **decided: Any) -> Any:
+    """So much of the ground agrees, in pictures of one size, or as another size has ``decided``."""
+    voted = {"voted": share if blocks >= 12 else None, **decided}
+    return GroundAgreement(np.arange(blocks)[None] < round(share * blocks), blocks, motion, covered=1.0, **voted)
 
 
 @pytest.mark.parametrize(
@@ -231,8 +231,8 @@ def agreeing(share: float, blocks: int = 100, motion: float = 0.1, covered: floa
         (agreeing(0.24, motion=0.2), "suffices"),
         (agreeing(0.0, 11, motion=0.01), "suffices"),
         (agreeing(1.0, 11, motion=0.009), ""),
-        (agreeing(0.9, decisive=agreeing(0.3)), "wins"),
-        (agreeing(0.0, 11, decisive=agreeing(0.5)), "suffices"),
+        (agreeing(0.9, voted=0.3), "wins"),
+        (agreeing(0.0, 11, voted=0.5), "suffices"),
     ],
 )
 def test_how_much_must_agree(agreement: GroundAgreement, judged: str) -> None:
@@ -241,21 +241,21 @@ def test_how_much_must_agree(agreement: GroundAgreement, judged: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("found", "asked", "decisive"),
+    ("found", "asked", "share"),
     [
-        ((agreeing(0.9), None, None), [160], None),
-        ((agreeing(0.1), None, None), [160], None),
+        ((agreeing(0.9), None, None), [160], 0.9),
+        ((agreeing(0.1), None, None), [160], 0.1),
         ((agreeing(0.3), None, agreeing(0.8)), [160, 480], 0.8),
         ((agreeing(0.3), None, agreeing(0.8, 11)), [160, 480], 0.3),
-        ((agreeing(0.9, motion=0), agreeing(0.8, motion=0), None), [160, 80], None),
+        ((agreeing(0.9, motion=0), agreeing(0.8, motion=0), None), [160, 80], 0.9),
         ((agreeing(0.9, motion=0), agreeing(0.3, motion=0), None), [160, 80], 0.3),
         ((agreeing(0.6, motion=0), agreeing(0.8), agreeing(0.5)), [160, 80, 480], 0.5),
         ((agreeing(0.0, 11, motion=0), agreeing(0.8), None), [160, 80], 0.8),
-        ((agreeing(0.9, motion=0.01), None, None), [160], None),
+        ((agreeing(0.9, motion=0.01), None, None), [160], 0.9),
     ],
 )
 def test_other_sizes_decide_where_the_camera_stood_still_or_there_is_a_doubt(
-    monkeypatch: pytest.MonkeyPatch, found: tuple[Any, ...], asked: list[int], decisive: float | None
+    monkeypatch: pytest.MonkeyPatch, found: tuple[Any, ...], asked: list[int], share: float
 ) -> None:
     sizes, sight, (coarse, *_) = list[int](), Sight(np.zeros((4, 4), np.uint8)), found
 
@@ -264,11 +264,11 @@ def test_other_sizes_decide_where_the_camera_stood_still_or_there_is_a_doubt(
         return found[(160, 80, 480).index(overlay.side_px)]
 
     monkeypatch.setattr(module, "count_agreeing", count)
-    agreement = measure_agreement(sight, sight, np.eye(3))
+    agreement = measure_ground(sight, sight, np.eye(3))
     assert sizes == asked
-    assert (agreement.decisive.share if agreement.decisive else None) == decisive
+    assert agreement.share == share
     # What is explained otherwise is for one size alone.
-    assert measure_agreement(sight, sight, np.eye(3), np.ones((1, 1), np.bool_)) is coarse
+    assert measure_ground(sight, sight, np.eye(3), np.ones((1, 1), np.bool_)) is coarse
     assert sizes[len(asked) :] == [160]
 
 
@@ -322,11 +322,9 @@ def test_rivals_are_searched_in_what_is_not_explained(
         """Each time, other blocks agree."""
         number, explained = len(without), given[3]
         without.append([] if explained is None else np.flatnonzero(explained).tolist())
-        return replace(
-            agreeing(shares[number], motion=0), agreeing=np.arange(6)[None] == number, decisive=agreeing(shares[number])
-        )
+        return replace(agreeing(shares[number], motion=0), agreeing=np.arange(6)[None] == number)
 
-    monkeypatch.setattr(module, "measure_agreement", measure)
+    monkeypatch.setattr(module, "measure_ground", measure)
     fit, agreement, left_out = find_ground(search, lambda _fit: (sight, sight))
     assert (fit, agreement and agreement.share, len(left_out.rejected)) == found
     assert without == [list(range(number)) for number in range(len(shares[:4]))]

@@ -32,7 +32,7 @@ def test_what_stands_still_before_moving_ground_is_looked_behind(
     moving = np.zeros((240, 320), np.bool_)
     moving[:9] = True
     monkeypatch.setattr(f"{MODULE}.find_shared", lambda *_: moving)
-    monkeypatch.setattr(f"{MODULE}.measure_agreement", lambda *_: ground)
+    monkeypatch.setattr(f"{MODULE}.measure_ground", lambda *_: ground)
     behind = look_behind_display(pair, matches)
     assert (behind is not pair) == masked
     if masked:
