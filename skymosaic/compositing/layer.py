@@ -20,9 +20,9 @@ from skymosaic.imagery.parcel import Parcel
 MIN_WEIGHT = 1e-3
 """Weight of a pixel on the image's own border, so that it counts where no other image covers the pixel."""
 NEARLY_BLACK, NEARLY_WHITE = 1, 254
-CLIPPED_CLAIM, CLIPPED_PX, MAX_CLIPPED = 0.01, 9, 0.25
-"""What is left of the claim around which, within so many pixels, more than the third share is white in a channel, or
-black in all of them, or nearly: the ground there was not photographed. Less is glints and shadows."""
+CLIPPED_CLAIM, CLIPPED_CELLS, MAX_CLIPPED = 0.01, 80, 0.05
+"""What is left of the claim where more than the third share of the pixels around is white in a channel, or black in all
+of them, or nearly: the ground there was not photographed. Around is in 3 by 3 cells, of so many along the width."""
 BEYOND = cv2.BORDER_REPLICATE
 FINE_BLOCK_PX, FINE_REACH_PX = 32, 8
 """Fine detail is computed in blocks of this side, and this far beyond what is shown, as far as the finest two bands
@@ -60,6 +60,19 @@ class SeamMask:
         return self.canvas.translation @ resize_matrix(self.scale)
 
 
+def measure_clipped(image: Intensities) -> Pixels:
+    """Measure the share of pixels that are clipped, 0 to 255, in `CLIPPED_CELLS` along an image's width.
+
+    Of 16 bits nobody knows where they end: none is clipped.
+    """
+    brightest = image.reshape(*image.shape[:2], -1).max(axis=2)
+    clipped = np.zeros(brightest.shape, np.uint8)
+    if image.dtype == np.uint8:
+        clipped[(brightest >= NEARLY_WHITE) | (brightest <= NEARLY_BLACK)] = 255
+    size = CLIPPED_CELLS, max(round(CLIPPED_CELLS * clipped.shape[0] / clipped.shape[1]), 1)
+    return np.asarray(cv2.resize(clipped, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
 @dataclass(frozen=True, eq=False)
 class Layer:
     """A photograph with its transformation to the reference frame."""
@@ -78,6 +91,8 @@ class Layer:
     """What is farther from the camera is not shown, see `skymosaic.compositing.warp.nearness`; 0 shows all."""
     mesh: Mesh | None = None
     """Warps the image, its mask and its border before ``transform``; None where it keeps its shape."""
+    clipped: Pixels | None = None
+    """`measure_clipped` of the photograph that a thumbnail shows, which averages it; None: that of the image."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -168,16 +183,17 @@ class Layer:
         return self.visible[source.within(Canvas(0, 0, *self.size))]
 
     def _clipped_part(self, source: Canvas) -> Float32:
-        """1 where much around is clipped, else 0, in a window of the image; 16 bits do not say where they end."""
-        if self.image.dtype != np.uint8:
-            return np.zeros((source.height_px, source.width_px), np.float32)
-        whole = Canvas(0, 0, *self.size)
-        around = source.grown(CLIPPED_PX // 2).intersection(whole) or source
-        pixels = self.image[around.within(whole)]
-        brightest = pixels.reshape(*pixels.shape[:2], -1).max(axis=2)
-        outside = ((brightest >= NEARLY_WHITE) | (brightest <= NEARLY_BLACK)).astype(np.float32)
-        clipped = cv2.blur(outside, (CLIPPED_PX, CLIPPED_PX)) > MAX_CLIPPED
-        return np.asarray(clipped[source.within(around)], dtype=np.float32)
+        """1 where too much around is clipped, else 0, and between them at the borders of cells, in a window."""
+        rows, columns = self._clipped_cells.shape
+        to_cells = resize_matrix(columns / self.size[0], rows / self.size[1]) @ np.linalg.inv(source.translation)
+        size, flags = (source.width_px, source.height_px), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        cells = cv2.warpAffine(self._clipped_cells, to_cells[:2], size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(cells, dtype=np.float32)
+
+    @cached_property
+    def _clipped_cells(self) -> Float32:
+        share = measure_clipped(self.image) if self.clipped is None else self.clipped
+        return np.asarray(cv2.blur(share.astype(np.float32), (3, 3)) > 255 * MAX_CLIPPED, dtype=np.float32)
 
     def _is_near(self, part: Canvas) -> Mask:
         """Where the ground is near enough to be shown."""

@@ -105,7 +105,7 @@ def check_flight(flight: Flight) -> FlightCheck:
     links = Counter(end for link in flight.links if link.holds for end in (link.left, link.right))
     photographs = []
     for index, (view, sharpness) in enumerate(zip(flight.views, flight.relative_sharpness.tolist(), strict=True)):
-        measures = links[index], best[index], sharpness, view.clipped
+        measures = links[index], best[index], sharpness, float(view.clipped.mean() / 255)
         error_px = (errors[index].median_px, errors[index].ninety_px) if index in errors else (None, None)
         has_gps = view.gps is not None
         photographs.append(PhotographCheck(view.name, *measures, has_gps, _problems(*measures), *error_px))

@@ -17,6 +17,7 @@ from golden_model.code_digest import digest_code
 from golden_model.config import Config
 from golden_model.pixel.gray import to_gray
 from skymosaic.common.errors import InputError
+from skymosaic.compositing.layer import measure_clipped
 from skymosaic.features.backends import BACKENDS, load_backend
 from skymosaic.features.contrast import even_contrast
 from skymosaic.features.positions import are_on_ground, feature_points, raw_positions
@@ -66,8 +67,8 @@ class View:
     sharpness: Float32
     """(12, 16): in blocks of the gray working image, the logarithm of the mean square of its Laplacian over its
     variance; falls with blur, hardly depends on exposure, and depends on what is shown."""
-    clipped: float
-    """Share of thumbnail pixels that are black or white."""
+    clipped: Pixels
+    """`skymosaic.compositing.layer.measure_clipped` of the photograph."""
     taken: Metadata
     """How it was taken, from EXIF and XMP."""
     orientation: int
@@ -201,6 +202,7 @@ def straighten(view: View, lens: Lens) -> View:
         features=features,
         thumbnail=np.asarray(upright.straighten(view.thumbnail), dtype=np.uint8),
         visible=None if view.visible is None else upright.straighten_mask(view.visible),
+        clipped=np.asarray(upright.straighten(view.clipped), dtype=np.uint8),
     )
 
 
@@ -233,7 +235,6 @@ def make_view(
     was ``taken`` is read from a file unless it is given.
     """
     thumbnail, from_thumbnail = reduce_to_width(working, THUMBNAIL_WIDTH_PX)
-    gray = to_gray(thumbnail)
     return View(
         name=source.name,
         key=settings.key(source),
@@ -248,7 +249,7 @@ def make_view(
         sample=photograph.sample,
         value_range=photograph.value_range,
         sharpness=_measure_sharpness(to_gray(working).astype(np.float32)),
-        clipped=float(np.mean((gray <= 2) | (gray >= 253))),
+        clipped=measure_clipped(photograph.pixels),
         taken=taken or source.read_metadata(),
         orientation=photograph.orientation,
         notes=photograph.notes,

@@ -136,6 +136,7 @@ def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[l
                 image=_coloured_thumbnail(view, composition.values),
                 transform=resize_matrix(reduction) @ placement.transform @ from_thumbnail,
                 visible=lens.visible_mask(size, view.visible),
+                clipped=None if view.value_range else view.clipped,
                 # Thumbnails have the same size, whatever detail their photographs show.
                 favour=placement.favour * view.size[0] / view.thumbnail.shape[1],
                 least_nearness=placement.least_nearness,

@@ -8,7 +8,7 @@ import pytest
 
 from golden_model.arrays import Array, Float32, Pixels
 from sim.scene import Camera, CameraPose
-from skymosaic.compositing.layer import Layer, SeamMask
+from skymosaic.compositing.layer import Layer, SeamMask, measure_clipped
 from skymosaic.compositing.mesh import Mesh
 from skymosaic.compositing.palette import have_palette
 from skymosaic.compositing.seams import find_allowed
@@ -39,18 +39,21 @@ def test_the_finer_of_two_photographs_shows_all_but_its_margin() -> None:
 
 @pytest.mark.parametrize(
     ("value", "side_px", "lost"),
-    [(255, 8, True), (254, 8, True), (253, 8, False), (1, 8, True), (2, 8, False), (255, 3, False)],
+    [(255, 4, True), (254, 4, True), (253, 4, False), (1, 4, True), (2, 4, False), (255, 2, False)],
 )
 def test_what_is_clipped_hardly_claims_its_ground(value: int, side_px: int, lost: bool) -> None:
-    image = np.full((60, 80, 3), 90, np.uint8)
+    image = np.full((240, 320, 3), 90, np.uint8)
     # White in one channel is enough, of black all are.
-    image[30 : 30 + side_px, 40 : 40 + side_px, 1 if value > 90 else slice(None)] = value
-    layers = Layer(image, np.eye(3)), Layer(np.full_like(image, 90), np.eye(3))
-    clipped, whole = (layer.claim(Canvas(0, 0, 80, 60))[1:-1, 1:-1] for layer in layers)
-    share = clipped / whole
-    assert share[30, 40] == pytest.approx(0.01 if lost else 1, rel=0.01)
-    assert share[10, 10] == pytest.approx(1)
-    assert (share > 0).all()
+    image[120 : 120 + side_px, 160 : 160 + side_px, 1 if value > 90 else slice(None)] = value
+    plain = np.full_like(image, 90)
+    part = Canvas(100, 100, 80, 60)
+    whole = Layer(plain, np.eye(3)).claim(part)
+    # As the whole photograph says, where a thumbnail that averages it does not show it.
+    for layer in (Layer(image, np.eye(3)), Layer(plain, np.eye(3), clipped=measure_clipped(image))):
+        share = layer.claim(part) / whole
+        assert share[21, 61] == pytest.approx(0.01 if lost else 1, rel=0.01)
+        assert share[40, 61] == pytest.approx(1)
+        assert (share > 0).all()
 
 
 @pytest.mark.parametrize("with_seam", [False, True])

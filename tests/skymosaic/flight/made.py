@@ -42,8 +42,8 @@ def view(name: str = "0.jpg", size: tuple[int, int] = (400, 300), **facts: Any) 
     usual: dict[str, Any] = {
         "key": "", "working_size": size, "to_original": np.eye(3), "to_thumbnail": np.eye(3), "features": NO_FEATURES,
         "strongest": NO_FEATURES, "thumbnail": np.zeros((0, 0), np.uint8), "visible": None, "sample": np.zeros(0),
-        "value_range": None, "sharpness": np.zeros(SHARPNESS_BLOCKS[::-1], np.float32), "clipped": 0.0,
-        "taken": Metadata(), "orientation": 1, "notes": (),
+        "value_range": None, "sharpness": np.zeros(SHARPNESS_BLOCKS[::-1], np.float32),
+        "clipped": np.zeros((60, 80), np.uint8), "taken": Metadata(), "orientation": 1, "notes": (),
     }  # fmt: skip
     return View(name=name, size=size, **usual | facts)
 
