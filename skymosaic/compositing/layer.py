@@ -20,9 +20,11 @@ from skymosaic.imagery.parcel import Parcel
 MIN_WEIGHT = 1e-3
 """Weight of a pixel on the image's own border, so that it counts where no other image covers the pixel."""
 NEARLY_BLACK, NEARLY_WHITE = 1, 254
-CLIPPED_CLAIM, CLIPPED_CELLS, MAX_CLIPPED = 0.01, 80, 0.05
-"""What is left of the claim where more than the third share of the pixels around is white in a channel, or black in all
-of them, or nearly: the ground there was not photographed. Around is in 3 by 3 cells, of so many along the width."""
+CLIPPED_CLAIM, CLIPPED_CELLS, MAX_CLIPPED = 0.01, 80, 0.25
+"""What is left of the claim where the third share of the pixels around is white in a channel, or black in all of them,
+or nearly: the ground there was not photographed. Less takes less, so that of a bracket the right exposure shows
+sparkling leaves, but no coarse photograph a bright roof. Around is in 3 by 3 cells, of so many along the width.
+"""
 BEYOND = cv2.BORDER_REPLICATE
 FINE_BLOCK_PX, FINE_REACH_PX = 32, 8
 """Fine detail is computed in blocks of this side, and this far beyond what is shown, as far as the finest two bands
@@ -161,7 +163,7 @@ class Layer:
         """
         if self.seam is None:
             claim = self.border_distance(part) * self._detail(part) * np.float32(self.favour)
-            return claim * (1 - np.float32(1 - CLIPPED_CLAIM) * self._warp_window(self._clipped_part, part))
+            return claim * self._warp_window(self._unclipped_part, part)
         # Pixels between two masks and beyond the last one have no owner, so any image that covers them may show them.
         share = np.maximum(self.seam.share(part), 1)
         covered = np.asarray(self._warp_window(self._visible_part, part) == 255) & self._is_near(part)
@@ -182,18 +184,19 @@ class Layer:
             return np.full((source.height_px, source.width_px), 255, np.uint8)
         return self.visible[source.within(Canvas(0, 0, *self.size))]
 
-    def _clipped_part(self, source: Canvas) -> Float32:
-        """1 where too much around is clipped, else 0, and between them at the borders of cells, in a window."""
-        rows, columns = self._clipped_cells.shape
+    def _unclipped_part(self, source: Canvas) -> Float32:
+        """What clipping leaves of the claim, in a window of the image."""
+        rows, columns = self._unclipped_cells.shape
         to_cells = resize_matrix(columns / self.size[0], rows / self.size[1]) @ np.linalg.inv(source.translation)
         size, flags = (source.width_px, source.height_px), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        cells = cv2.warpAffine(self._clipped_cells, to_cells[:2], size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        cells = cv2.warpAffine(self._unclipped_cells, to_cells[:2], size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(cells, dtype=np.float32)
 
     @cached_property
-    def _clipped_cells(self) -> Float32:
+    def _unclipped_cells(self) -> Float32:
         share = measure_clipped(self.image) if self.clipped is None else self.clipped
-        return np.asarray(cv2.blur(share.astype(np.float32), (3, 3)) > 255 * MAX_CLIPPED, dtype=np.float32)
+        left = 1 - cv2.blur(share.astype(np.float32), (3, 3)) / np.float32(255 * MAX_CLIPPED)
+        return np.asarray(np.maximum(left, CLIPPED_CLAIM), dtype=np.float32)
 
     def _is_near(self, part: Canvas) -> Mask:
         """Where the ground is near enough to be shown."""

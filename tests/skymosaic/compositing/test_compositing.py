@@ -38,10 +38,10 @@ def test_the_finer_of_two_photographs_shows_all_but_its_margin() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "side_px", "lost"),
-    [(255, 4, True), (254, 4, True), (253, 4, False), (1, 4, True), (2, 4, False), (255, 2, False)],
+    ("value", "side_px", "left"),
+    [(255, 8, 0.01), (254, 8, 0.01), (253, 8, 1), (1, 8, 0.01), (2, 8, 1), (255, 4, 5 / 9)],
 )
-def test_what_is_clipped_hardly_claims_its_ground(value: int, side_px: int, lost: bool) -> None:
+def test_what_is_clipped_hardly_claims_its_ground(value: int, side_px: int, left: float) -> None:
     image = np.full((240, 320, 3), 90, np.uint8)
     # White in one channel is enough, of black all are.
     image[120 : 120 + side_px, 160 : 160 + side_px, 1 if value > 90 else slice(None)] = value
@@ -51,8 +51,8 @@ def test_what_is_clipped_hardly_claims_its_ground(value: int, side_px: int, lost
     # As the whole photograph says, where a thumbnail that averages it does not show it.
     for layer in (Layer(image, np.eye(3)), Layer(plain, np.eye(3), clipped=measure_clipped(image))):
         share = layer.claim(part) / whole
-        assert share[21, 61] == pytest.approx(0.01 if lost else 1, rel=0.01)
-        assert share[40, 61] == pytest.approx(1)
+        assert share[24, 64] == pytest.approx(left, rel=0.01)
+        assert share[40, 64] == pytest.approx(1)
         assert (share > 0).all()
 
 
