@@ -6,6 +6,7 @@ from typing import TypedDict
 
 from skymosaic.mosaicking.options import BaseMap
 from skymosaic.mosaicking.options import Blending
+from skymosaic.mosaicking.options import Boundary
 from skymosaic.mosaicking.options import Candidate
 from skymosaic.mosaicking.options import ControlPoints
 from skymosaic.mosaicking.options import Given
@@ -73,6 +74,7 @@ class MosaicKeywords(TypedDict, total=False):
     control_points: ControlPoints | None
     positions: Positions | None
     onto: BaseMap | None
+    boundary: Boundary | None
     keep_all: bool
     scheduler: str | None
     cache: Path | None

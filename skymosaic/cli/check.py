@@ -23,6 +23,7 @@ from skymosaic.imagery.images import check_output
 from skymosaic.imagery.key_frames import flight_sources
 from skymosaic.maps.features import SUFFIXES, write_places
 from skymosaic.mosaicking.options import SurveyOptions
+from skymosaic.mosaicking.outputs import check_boundary
 from skymosaic.mosaicking.run import lay_out
 from skymosaic.running.workers import Workers
 
@@ -49,6 +50,8 @@ def check(
     ):
         captures = group_band_sets(sources, tell=session.note)
         captures = [source.with_damaged(keep=options.keeps_damaged) for source in captures]
+        if options.boundary is not None:
+            check_boundary(captures, options, options.boundary)
         flight = lay_out(captures, options, workers, session.note)
     report = check_flight(flight)
     contradictions = list_contradictions(flight, options.control_points)
@@ -56,8 +59,12 @@ def check(
     session.seconds = flight.seconds
     session.numbers = dataclasses.asdict(report) | {"left_out": flight.left_out}
     _print_check(flight, report)
+    if output is not None or options.boundary is not None:
+        places, cover = plan_again(flight, options.control_points, options.boundary)
+        if cover is not None:
+            session.numbers["boundary"] = dataclasses.asdict(cover)
+            (session.warn if cover.shown < 1 else session.show)(f"boundary: {cover.description}")
     if output is not None:
-        places = plan_again(flight, options.control_points)
         write_places(output, f"fly again: {photographs[0]}", places)
         session.wrote(output)
         session.show(f"fly again {output}: {len(places)} places")

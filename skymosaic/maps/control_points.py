@@ -169,9 +169,9 @@ def read_system(path: Path, name: str) -> Any:
         crs = rasterio.crs.CRS.from_user_input(name)
     # Beside its own errors, rasterio raises ValueError, TypeError, RecursionError and others for what may be JSON.
     except Exception:
-        raise InputError(f"{path}: {name!r} is no coordinate system; begin with a line such as EPSG:32615") from None
+        raise InputError(f"{path}: {name!r} is no coordinate system; name one such as EPSG:32615") from None
     if not crs.is_geographic and not crs.is_projected:
-        raise InputError(f"{path}: {name!r} has no map coordinates; begin with a line such as EPSG:32615")
+        raise InputError(f"{path}: {name!r} has no map coordinates; name a system such as EPSG:32615")
     return crs
 
 

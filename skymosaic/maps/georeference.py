@@ -78,6 +78,12 @@ class Georeference:
         """Ground resolution, the length of a pixel's side."""
         return math.hypot(*self.to_map[:2, 0])
 
+    @property
+    def transform(self) -> rasterio.Affine:
+        """The same as a raster's transformation, whose pixels begin at the outer corner of the first."""
+        corner = self.to_map @ np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1]])
+        return rasterio.Affine(*corner[:2].ravel())
+
     def for_pixels(self, to_pixels: Matrix) -> Georeference:
         """The georeference of other pixels, given their map ``to_pixels`` to these pixels."""
         to_map = np.asarray(self.to_map @ to_pixels, dtype=np.float64)

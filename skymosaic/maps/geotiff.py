@@ -90,11 +90,7 @@ def _create(
 ) -> Any:
     """Create a file for rows of pixels; ``shape`` is its width, its height and its number of channels."""
     width_px, height_px, planes = shape
-    place: dict[str, Any] = {}
-    if georeference is not None:
-        # Rasterio's pixel coordinates start at the outer corner of the first pixel, ours at its centre.
-        corner = georeference.to_map @ np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1]])
-        place = {"crs": georeference.crs, "transform": rasterio.Affine(*corner[:2].ravel())}
+    place = {} if georeference is None else {"crs": georeference.crs, "transform": georeference.transform}
     # Classic TIFF ends at 4 GB.
     profile = {
         "driver": "GTiff", "width": width_px, "height": height_px, "count": planes + 1, "dtype": kind, "tiled": True,

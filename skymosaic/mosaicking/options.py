@@ -14,6 +14,7 @@ from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.picture.composition import MEMORY_BYTES
 from skymosaic.imagery.lens import Lens, load_lens
 from skymosaic.maps.base_map import BaseMap, load_base_map
+from skymosaic.maps.boundary import Boundary, load_boundary
 from skymosaic.maps.control_points import ControlPoints, load_control_points
 from skymosaic.maps.positions import Positions, load_positions
 from skymosaic.mosaicking.result import Mosaic
@@ -91,6 +92,9 @@ class SurveyOptions(FolderOptions, Seeded, PhotographOptions):
         read=load_base_map,
         not_for_two="two photographs stay in the frame of the right one",
     )
+    boundary: Boundary | None = option(
+        None, "End the map at the polygons of a .geojson or .kml file; needs GPS.", MAP, read=load_boundary
+    )
     keep_all: bool = option(
         False,
         "Take pictures that differ from the others in size, kind, GPS and the like, as maps and contact sheets do.",
@@ -127,7 +131,7 @@ class MosaicOptions(CanvasOptions, SurveyOptions, RegistrationOptions):
 
     ``lens`` comes from `skymosaic.imagery.lens.load_lens`, ``control_points`` from
     `skymosaic.maps.control_points.load_control_points`, ``positions`` from `skymosaic.maps.positions.load_positions`,
-    ``onto`` from `skymosaic.maps.base_map.load_base_map`.
+    ``onto`` from `skymosaic.maps.base_map.load_base_map`, ``boundary`` from `skymosaic.maps.boundary.load_boundary`.
     The reference photograph of ``scale`` is the right one of two; of more it is the most connected one, without its
     tilt. With a ``scheduler``, two photographs are registered here and blended there. ``repeat`` is a mosaic whose
     transformations, links and lens are taken over for other photographs from the same places, in the same order:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from golden_model.config import MIN_FRAME_PX
 from skymosaic.common.errors import InputError
-from skymosaic.flight.mapping.place import MapPlace, require_place
+from skymosaic.flight.mapping.place import MAX_AWAY_M, MapPlace, require_place
 from skymosaic.flight.picture.canvas import check_scale
 from skymosaic.flight.picture.composition import Room
 from skymosaic.flight.picture.formats import OutputForm, format_of, room_for, too_deep_for_jpeg
@@ -16,8 +16,9 @@ from skymosaic.imagery.decoding import read_header
 from skymosaic.imagery.exif import explain_missing_gps
 from skymosaic.imagery.images import check_output, check_output_folder
 from skymosaic.imagery.photographs import Source
+from skymosaic.maps.boundary import Boundary
 from skymosaic.maps.tiles import OWN_NAMES
-from skymosaic.mosaicking.options import MEGAPIXEL, MosaicOptions
+from skymosaic.mosaicking.options import MEGAPIXEL, MosaicOptions, SurveyOptions
 
 MIN_ROOM_PX, MIN_COMPUTED_PX = 1_000_000, 100_000
 """A disk with less room is refused before the first feature, and afterwards; one with more gets a reduced mosaic."""
@@ -38,7 +39,7 @@ def check_outputs(
     ------
     InputError
         For an output that cannot be written, would replace a photograph, or exists and must not be overwritten;
-        for a form that does not suit it.
+        for a form that does not suit it; as `check_boundary`.
     RegistrationError
         For a map that is required where nothing can give the mosaic a place.
     """
@@ -50,8 +51,11 @@ def check_outputs(
     check_output(output, inputs, overwrite=overwrite)
     if options.canvas_limit_px is None and not computed:
         check_room(output, room_of(output, sources, options))
-    if form.needs_place(output) and (note := _explain_no_place(sources, options)):
-        require_place(output, MapPlace(note=note))
+    if options.repeat is None:
+        if form.needs_place(output) and (note := _explain_no_place(sources, options)):
+            require_place(output, MapPlace(note=note))
+        if options.boundary is not None:
+            check_boundary(sources, options, options.boundary)
     if options.all_groups:
         for path in list_numbered(output):
             check_output(path, inputs, overwrite=overwrite)
@@ -98,19 +102,28 @@ def _check_headers(output: Path, form: OutputForm, sources: Sequence[Source], sc
         raise too_deep_for_jpeg(output)
 
 
-def _explain_no_place(sources: Sequence[Source], options: MosaicOptions) -> str:
-    """Why nothing could place the mosaic on the map; empty if something may."""
-    if options.control_points is not None or options.positions is not None or options.repeat is not None:
+def check_boundary(sources: Sequence[Source], options: SurveyOptions, boundary: Boundary) -> None:
+    """Raise InputError for a boundary where nothing can place the mosaic on the map, or far from the photographs."""
+    if note := _explain_no_place(sources, options, boundary):
+        raise InputError(f"{boundary.name}: the mosaic has no place on the map, so it cannot end there: {note}")
+
+
+def _explain_no_place(sources: Sequence[Source], options: SurveyOptions, boundary: Boundary | None = None) -> str:
+    """Why nothing could place the mosaic on the map, and near a boundary; empty if something may."""
+    if options.control_points is not None or options.positions is not None:
         return ""
-    taken = []
+    taken, away_m = [], list[float]()
     for source in sources:
         # What cannot be read is said when it is read.
         if isinstance(source.content, Path) and not os.access(source.content, os.R_OK):
             return ""
         taken.append(source.read_metadata())
-        if taken[-1].position is not None:
-            return ""
-    return explain_missing_gps(taken)
+        if (position := taken[-1].position) is not None:
+            away_m.append(0.0 if boundary is None else boundary.metres_to(position))
+            if away_m[-1] < MAX_AWAY_M:
+                return ""
+    far = f"the photographs' GPS is {min(away_m, default=0.0) / 1000:.0f} km away; check the coordinate system"
+    return far if away_m else explain_missing_gps(taken)
 
 
 def list_numbered(base: Path) -> list[Path]:

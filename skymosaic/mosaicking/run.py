@@ -218,6 +218,7 @@ class MosaicRun:
             place=place,
             # A group without a place has the resolution of its photographs.
             gsd_m=options.gsd_m if place.georeference is not None or layout is self.layouts[0] else None,
+            boundary=options.boundary,
         )
         if path is not None:
             check_size(path, composition.size)

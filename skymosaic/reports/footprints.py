@@ -35,7 +35,7 @@ def write_footprints(path: Path, delivery: Delivery) -> None:
 def write_fly_again(path: Path, delivery: Delivery) -> None:
     """Write where to fly again, likewise; nothing for a flight that lacks nothing, or cannot say where without GPS."""
     with contextlib.suppress(InputError):
-        places = plan_again(delivery.flight)
+        places, _ = plan_again(delivery.flight, boundary=delivery.composition.boundary)
         for suffix in SUFFIXES if places else ():
             write_places(path.with_suffix(suffix), f"fly again: {delivery.path.name}", places)
 

@@ -16,6 +16,7 @@ from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.place import place_on_map
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.photographs import short_names
+from skymosaic.maps.boundary import Boundary, Cover
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.features import Place
 from skymosaic.maps.georeference import Georeference, map_to_globe, reproject
@@ -29,13 +30,15 @@ THINNEST, SMALLEST = 0.06, 0.01
 neighbours are never quite in line."""
 
 
-def plan_again(flight: Flight, control: ControlPoints | None = None) -> list[Place]:
-    """What has to be flown again, as places on the globe.
+def plan_again(
+    flight: Flight, control: ControlPoints | None = None, boundary: Boundary | None = None
+) -> tuple[list[Place], Cover | None]:
+    """What has to be flown again, as places on the globe, and how much of a boundary's area is shown.
 
     Raises
     ------
     InputError
-        If no part of the flight has a place on the map.
+        If no part of the flight has a place on the map, or the boundary is elsewhere.
     """
     placed = list(_place(flight, control))
     if not placed:
@@ -44,12 +47,14 @@ def plan_again(flight: Flight, control: ControlPoints | None = None) -> list[Pla
     places = []
     crs = placed[0][1].crs
     outlines = [_outlines(flight, layout, on_map, crs) for layout, on_map in placed]
-    for number, (ring, area_m2) in enumerate(
-        find_holes([ring for each in outlines for ring in each.values()]), start=1
-    ):
+    area, rings = (
+        None if boundary is None else boundary.in_system(crs),
+        [ring for each in outlines for ring in each.values()],
+    )
+    for number, (ring, area_m2) in enumerate(find_holes(rings, area), start=1):
         places.append(Place(f"hole {number}", "Polygon", map_to_globe(ring, crs), {"area_m2": round(area_m2, 2)}))
-    for (layout, _), rings in zip(placed, outlines, strict=True):
-        middles = {view: ring.mean(axis=0) for view, ring in rings.items()}
+    for (layout, _), shown in zip(placed, outlines, strict=True):
+        middles = {view: ring.mean(axis=0) for view, ring in shown.items()}
         for _, _, link, overlap in weak_parts(flight, layout):
             ends = map_to_globe(np.array([middles[link.left], middles[link.right]]), crs)
             name = f"weak link {names[link.left]} - {names[link.right]}"
@@ -58,7 +63,7 @@ def plan_again(flight: Flight, control: ControlPoints | None = None) -> list[Pla
         if source.index in flight.left_out and view.gps is not None:
             degrees, reason = np.array([view.gps.degrees]), flight.left_out[source.index]
             places.append(Place(f"left out {name}", "Point", degrees, {"reason": reason}))
-    return places
+    return places, None if area is None else area.measure(rings)
 
 
 def _place(flight: Flight, control: ControlPoints | None) -> Iterator[tuple[Layout, Georeference]]:
@@ -79,8 +84,8 @@ def _outlines(flight: Flight, layout: Layout, on_map: Georeference, crs: str) ->
     return {view: reproject(apply(on_map.to_map, corners), on_map.crs, crs) for view, corners in views.items()}
 
 
-def find_holes(outlines: Sequence[Points]) -> list[tuple[Points, float]]:
-    """Find what photographs leave out between them, by the corners (N, 2) of what each shows, m.
+def find_holes(outlines: Sequence[Points], area: Boundary | None = None) -> list[tuple[Points, float]]:
+    """Find what photographs leave out between them, or of an area, by the corners (N, 2) of what each shows, m.
 
     Returns the closed ring (N, 2) of each hole, m, counter-clockwise, and its area, m²; the largest first.
     """
@@ -89,15 +94,17 @@ def find_holes(outlines: Sequence[Points]) -> list[tuple[Points, float]]:
     edges = np.concatenate([np.diff(ring, axis=0) @ [1, 1j] for ring in outlines])
     turn = np.angle(np.sum(np.abs(edges) * np.exp(4j * np.angle(edges)))) / 4
     axes = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    turned = np.concatenate(outlines) @ axes
+    turned = np.concatenate([*outlines, *(() if area is None else area.rings)]) @ axes
     low, extent = turned.min(axis=0) - REACH * side_m, np.ptp(turned, axis=0) + 2 * REACH * side_m
     cell_m = max(side_m / CELLS, extent.max() / MAX_CELLS)
     to_map = Affine(*np.column_stack((axes * cell_m, axes @ low)).ravel())
-    shape = tuple(int(np.ceil(length / cell_m)) for length in extent[::-1])
+    width, height = np.ceil(extent / cell_m).astype(int).tolist()
+    shape = height, width
     polygons = ({"type": "Polygon", "coordinates": [[*ring.tolist(), ring[0].tolist()]]} for ring in outlines)
     covered = rasterio.features.rasterize(polygons, shape, transform=to_map, dtype="uint8")
     reach, thinnest = (np.ones((max(round(share * side_m / cell_m), 1),) * 2, np.uint8) for share in (REACH, THINNEST))
-    lacking = cv2.morphologyEx(covered, cv2.MORPH_CLOSE, reach) & ~covered & 1
+    wanted = cv2.morphologyEx(covered, cv2.MORPH_CLOSE, reach) if area is None else area.mask(shape, to_map)
+    lacking = wanted.astype(np.uint8) & ~covered & 1
     lacking = cv2.morphologyEx(lacking, cv2.MORPH_OPEN, thinnest)
     holes = []
     for geometry, _ in rasterio.features.shapes(lacking, mask=lacking > 0, transform=to_map):

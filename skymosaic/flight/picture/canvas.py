@@ -6,17 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from golden_model.arrays import Array, Matrix
+from golden_model.arrays import Array, Matrix, Points
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.compositing.blend import Blending
-from skymosaic.compositing.warp import Canvas, CanvasError, enclosing_canvas, magnification
+from skymosaic.compositing.warp import ROUNDING_PX, Canvas, CanvasError, enclosing_canvas, magnification, outline
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.extent import least_nearness
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.place import MapPlace
 from skymosaic.flight.picture.composition import Composition, Placement, Room
-from skymosaic.geometry.homography import resize_matrix
+from skymosaic.geometry.homography import apply, resize_matrix
 from skymosaic.imagery.depth import measure_common_range
+from skymosaic.maps.boundary import Boundary
 from skymosaic.maps.georeference import Georeference
 
 MIN_GSD = 0.99
@@ -24,7 +25,14 @@ MIN_GSD = 0.99
 
 
 def place_on_canvas(
-    flight: Flight, layout: Layout, blending: Blending, *, scale: float, room: Room, place: MapPlace
+    flight: Flight,
+    layout: Layout,
+    blending: Blending,
+    *,
+    scale: float,
+    room: Room,
+    place: MapPlace,
+    boundary: Boundary | None,
 ) -> Composition:
     """Lay the photographs of a layout on a canvas, without tones and seams; parameters as of `compose`."""
     views = [flight.views[member] for member in layout.members]
@@ -33,24 +41,31 @@ def place_on_canvas(
     on_map, usual = place.georeference, usual_magnification(flight, layout)
     least = list(least_nearness(flight.views, layout.transforms, layout.links, scale).values())
 
-    def lay(scale: float) -> tuple[Array, list[Array], Canvas]:
+    if boundary is not None:
+        shown = zip(views, to_reference, least, strict=True)
+        boundary = _bring_onto(place, boundary, [(outline(v.size, each, near), each) for v, each, near in shown])
+
+    def lay(scale: float) -> tuple[Array, list[Array], Canvas, Canvas]:
         if on_map is not None and flight.pair is None:
             to_canvas = north_up(on_map, on_map.metres_per_pixel * usual / scale, place.grid)
         else:
             to_canvas = resize_matrix(scale / usual)
         transforms = [to_canvas @ transform for transform in to_reference]
         limit_px = math.inf if flight.pair is None else room.area_px
-        return to_canvas, transforms, enclosing_canvas([v.size for v in views], transforms, least, limit_px=limit_px)
+        whole = enclosing_canvas([v.size for v in views], transforms, least, limit_px=limit_px)
+        if boundary is None or on_map is None:
+            return to_canvas, transforms, whole, whole
+        return to_canvas, transforms, whole, _cut_off(whole, boundary, to_canvas @ np.linalg.inv(on_map.to_map))
 
     try:
-        to_canvas, transforms, canvas = lay(scale)
+        to_canvas, transforms, whole, canvas = lay(scale)
     except CanvasError as error:
         raise RegistrationError(f"{len(views)} photographs, the first {views[0].name}: {error}") from None
     reduced = ""
     if flight.pair is None and (share := room.share_of(canvas)) < 1:
         full = canvas
         check_scale(scale * share, [view.size for view in views])
-        to_canvas, transforms, canvas = lay(scale * share)
+        to_canvas, transforms, whole, canvas = lay(scale * share)
         reduced = (
             f"reduced from {full.width_px}x{full.height_px} to {canvas.width_px}x{canvas.height_px} px, because "
             f"{room.reason}; `scale` or `canvas_limit_px` choose the size"
@@ -59,8 +74,9 @@ def place_on_canvas(
         to_layout = np.asarray(np.linalg.inv(canvas.translation @ to_canvas))
         place = replace(place, georeference=on_map.for_pixels(to_layout))
     if flight.pair is None:
-        transforms = [canvas.translation @ transform for transform in transforms]
-        canvas = Canvas(0, 0, canvas.width_px, canvas.height_px)
+        transforms = [whole.translation @ transform for transform in transforms]
+        canvas = replace(canvas, x_px=canvas.x_px - whole.x_px, y_px=canvas.y_px - whole.y_px)
+        whole = replace(whole, x_px=0, y_px=0)
     placements = tuple(
         Placement(
             flight.sources[member],
@@ -74,7 +90,26 @@ def place_on_canvas(
     )
     coloured = any(view.thumbnail.ndim == 3 for view in views)
     values = measure_common_range([view.sample for view in views])
-    return Composition(placements, canvas, coloured, blending, flight.lens, values, place, reduced=reduced)
+    return Composition(
+        placements, canvas, coloured, blending, flight.lens, values, place, boundary, whole, reduced=reduced
+    )
+
+
+def _bring_onto(place: MapPlace, boundary: Boundary, shown: Sequence[tuple[Points, Array]]) -> Boundary:
+    """A boundary in the system of a place, where photographs, outlines and transforms, must show some of it."""
+    if (on_map := place.georeference) is None:
+        raise InputError(f"{boundary.name}: the mosaic has no place on the map, so it cannot end there: {place.note}")
+    boundary = boundary.in_system(on_map.crs)
+    boundary.measure([apply(on_map.to_map @ transform, corners) for corners, transform in shown])
+    return boundary
+
+
+def _cut_off(whole: Canvas, boundary: Boundary, to_frame: Matrix) -> Canvas:
+    """The part of a canvas whose pixels the boundary's box touches; ``to_frame`` takes metres to its frame."""
+    corners = apply(to_frame, np.concatenate(boundary.rings))
+    first, end = np.floor(corners.min(axis=0) + 0.5 + ROUNDING_PX), np.ceil(corners.max(axis=0) + 0.5 - ROUNDING_PX)
+    (x, y), (width, height) = first.astype(int).tolist(), (end - first).astype(int).tolist()
+    return whole.intersection(Canvas(x, y, width, height)) or whole
 
 
 def check_scale(scale: float, sizes: Sequence[tuple[int, int]]) -> None:

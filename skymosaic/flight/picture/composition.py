@@ -18,13 +18,14 @@ from skymosaic.compositing.blend import Blending, blend_layers
 from skymosaic.compositing.layer import Layer, SeamMask
 from skymosaic.compositing.mesh import Mesh
 from skymosaic.compositing.tone import NEUTRAL, Tone
-from skymosaic.compositing.warp import CANVAS_LIMIT_PX, TILE_PX, Canvas, footprint, outline, shrink
+from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, footprint, outline, shrink
 from skymosaic.flight.mapping.place import NOWHERE, MapPlace
 from skymosaic.imagery.decoding import UPRIGHT
 from skymosaic.imagery.depth import ValueRange, show_in_8_bit
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import Source, decoded_photographs
+from skymosaic.maps.boundary import Boundary
 from skymosaic.running.workers import Workers
 
 MEMORY_BYTES = 1 << 30
@@ -115,6 +116,10 @@ class Composition:
     """The range of photographs of more than 8 bits, one for all; where it is deep, the mosaic has 16 bits."""
     place: MapPlace = NOWHERE
     """On the map; its georeference is that of the canvas's pixels."""
+    boundary: Boundary | None = None
+    """Where the picture ends, in the map's coordinate system."""
+    whole: Canvas | None = None
+    """What the canvas would be without the boundary, whose tiles are rendered; None: it has none."""
     band_names: tuple[str, ...] = ()
     """Names of the bands of a multi-band mosaic; else empty."""
     aligned_px: dict[str, float] = field(default_factory=dict)
@@ -147,12 +152,19 @@ class Composition:
         InputError
             If a photograph can no longer be read.
         """
-        tiles = list(self.canvas.tiles())
+        # Cut out of the whole mosaic's tiles, pixels are the same ones to the last bit.
+        tiles = [tile for tile in (self.whole or self.canvas).tiles() if tile.intersection(self.canvas)]
         calls = [(self.for_tile(tile), tile, memory_bytes) for tile in tiles]
         rendered = zip(tiles, workers.run("mosaic", _render, calls), strict=True)
+        top_px = 0
         for _, row in groupby(rendered, key=lambda item: item[0].y_px):
-            pixels, masks = zip(*(tile for _, tile in row), strict=True)
-            yield _join(pixels), _join(masks)
+            pixels, mask = map(_join, zip(*(tile for _, tile in row), strict=True))
+            if self.boundary is not None and (on_map := self.place.georeference) is not None:
+                below = on_map.for_pixels(Canvas(0, -top_px, *self.size).translation)
+                mask &= self.boundary.mask(mask.shape, below.transform)
+                pixels[~mask] = 0
+            top_px += len(mask)
+            yield pixels, mask
 
     def render(self, tile: Canvas, memory_bytes: int) -> tuple[Intensities, Mask]:
         """Render one tile: its pixels, 0 where no photograph shows, and a mask of where one does."""
@@ -180,9 +192,10 @@ class Composition:
 
     def joined(self, bands: Iterable[tuple[Intensities, Mask]]) -> Intensities:
         """Join the bands of `bands` into one picture, (H, W, 3) or (H, W), which is never in memory twice."""
-        picture = self.empty(*self.size)
-        for index, (band, _) in enumerate(bands):
-            picture[index * TILE_PX : index * TILE_PX + len(band)] = band
+        picture, top_px = self.empty(*self.size), 0
+        for band, _ in bands:
+            picture[top_px : top_px + len(band)] = band
+            top_px += len(band)
         return picture
 
     def empty(self, width_px: int, height_px: int) -> Intensities:
@@ -203,10 +216,11 @@ class Composition:
 
 
 def _render(composition: Composition, tile: Canvas, memory_bytes: int) -> tuple[Parcel, Parcel]:
-    """Render one tile, on a worker: its pixels and its mask."""
+    """Render one tile, on a worker: the pixels of it that are on the canvas, and their mask."""
     pixels, mask = composition.render(tile, memory_bytes)
     release_free_memory()
-    return Parcel(pixels), Parcel(mask)
+    where = (tile.intersection(composition.canvas) or tile).within(tile)
+    return Parcel(pixels[where]), Parcel(mask[where])
 
 
 def _join(parcels: Sequence[Parcel]) -> Any:

@@ -22,6 +22,7 @@ from skymosaic.flight.picture.canvas import place_on_canvas, scale_for, usual_ma
 from skymosaic.flight.picture.composition import Composition, Room
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.depth import ValueRange
+from skymosaic.maps.boundary import Boundary
 
 BLURRED_FAVOUR = 1e-3
 """Weight of a blurred photograph: it loses almost every pixel to a sharp one, and still shows where it is alone."""
@@ -41,6 +42,7 @@ def compose(
     room: Room | None = None,
     place: MapPlace = NOWHERE,
     gsd_m: float | None = None,
+    boundary: Boundary | None = None,
 ) -> Composition:
     """Prepare the picture of one layout, from thumbnails alone.
 
@@ -62,11 +64,14 @@ def compose(
         Place on the map; its georeference is that of the layout's reference frame.
     gsd_m : float or None
         Metres on the ground per canvas pixel, instead of ``scale``.
+    boundary : Boundary or None
+        Where the picture ends; inside, it is that of the whole mosaic.
 
     Raises
     ------
     InputError
-        For a ``gsd_m`` without a map, or finer than the photographs; for a scale that leaves no pixel of a photograph.
+        For a ``gsd_m`` without a map, or finer than the photographs; for a scale that leaves no pixel of a photograph;
+        for a boundary without a map, or of ground that no photograph shows.
     RegistrationError
         For two photographs, if the canvas would be too large, or one reaches behind the horizon.
     """
@@ -77,7 +82,9 @@ def compose(
     elif place.georeference is not None and place.grid is not None:
         finest_m = place.georeference.metres_per_pixel * usual_magnification(flight, layout)
         scale = finest_m / math.hypot(*place.grid[:2, 0])
-    composition = place_on_canvas(flight, layout, blending, scale=scale, room=room or Room(), place=place)
+    composition = place_on_canvas(
+        flight, layout, blending, scale=scale, room=room or Room(), place=place, boundary=boundary
+    )
     if flight.pair is not None:
         return composition
     sharpness = flight.relative_sharpness[list(layout.members)]

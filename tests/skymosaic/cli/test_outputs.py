@@ -20,7 +20,8 @@ from skymosaic.imagery.images import check_unused
 from tests.conftest import Run
 from tests.system.command_line import only_error
 
-READ = {"left", "right", "inputs", "file", "data", "config", "camera", "mask", "control_points", "positions", "onto"}
+READ = {"left", "right", "inputs", "file", "data", "config", "camera", "mask"}
+READ |= {"control_points", "positions", "onto", "boundary"}
 OF_OURS = {
     "cache": "a folder of entries whose names are digests",
     "runs": "a folder in which each run makes a new one",

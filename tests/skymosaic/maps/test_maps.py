@@ -9,6 +9,7 @@ from rasterio.crs import CRS
 
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.exif import Position
+from skymosaic.maps.boundary import Boundary, load_boundary
 from skymosaic.maps.control_points import ControlPoints, Sighting, load_control_points
 from skymosaic.maps.features import Place, write_places
 from skymosaic.maps.georeference import map_to_globe, reproject
@@ -243,3 +244,65 @@ def test_an_outline_across_180_degrees_does_not_run_around_the_globe(tmp_path: P
     (written,) = feature["geometry"]["coordinates"]
     assert [longitude for longitude, _ in written] == [179.999, 180.001, 180.001, 179.999, 179.999]
     assert [latitude for _, latitude in written] == [-16.5, -16.5, -16.4, -16.4, -16.5]
+
+
+RING = [[8.0, 47.0], [8.001, 47.0], [8.001, 47.001], [8.0, 47.001]]
+HOLE = [[8.0002, 47.0002], [8.0004, 47.0002], [8.0004, 47.0004]]
+
+
+def geojson(rings: object, kind: str = "Polygon", **more: object) -> str:
+    return json.dumps({"type": "Feature", "geometry": {"type": kind, "coordinates": rings}, **more})
+
+
+def kml(**rings: list[list[float]]) -> str:
+    """A polygon of rings of both sides, whose corners have a height."""
+    parts = ""
+    for side, ring in rings.items():
+        corners = " ".join(f"{x},{y},5" for x, y in ring)
+        parts += f"<{side}BoundaryIs><LinearRing><coordinates>{corners}</coordinates></LinearRing></{side}BoundaryIs>"
+    return f'<kml xmlns="http://www.opengis.net/kml/2.2"><Placemark><Polygon>{parts}</Polygon></Placemark></kml>'
+
+
+def loaded_boundary(tmp_path: Path, name: str, text: str) -> Boundary:
+    (tmp_path / name).write_text(text)
+    return load_boundary(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"), [("a.geojson", geojson([RING, HOLE])), ("a.KML", kml(outer=RING, inner=HOLE))]
+)
+def test_an_area_is_as_large_on_the_map_as_on_the_ground_without_its_hole(tmp_path: Path, name: str, text: str) -> None:
+    area = loaded_boundary(tmp_path, name, text).in_system("EPSG:32632")
+    (west, south), (east, north) = area.box
+    middle = (west + east) / 2
+    cover = area.measure([np.array([(west, south), (west, north), (middle, north), (middle, south)])])
+    assert cover.area_m2 == pytest.approx(0.98 * 111_180 * 76_060 / 1e6, rel=2e-3)
+    assert cover.shown == pytest.approx(0.48 / 0.98, abs=2e-3)
+    assert area.metres_to(Position(47.0005, 8.0005)) == 0
+    assert area.metres_to(Position(47.0005, 8.011)) == pytest.approx(760, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("a.geojson", geojson([[RING[0], RING[2], RING[1], RING[3]]]), "a polygon crosses itself near 8"),
+        (
+            "a.geojson",
+            geojson([RING, [[8.0005, 47.0005], [8.002, 47.0005], [8.0005, 47.0008]]]),
+            "crosses itself near 8",
+        ),
+        ("a.geojson", geojson([[[5e5, 5.2e6], [5e5, 5.3e6], [6e5, 5.3e6]]]), "a longitude beyond 180"),
+        ("a.geojson", geojson([RING], crs={"type": "name", "properties": {"name": "here"}}), "'here' is no coordinate"),
+        ("a.geojson", geojson(RING, "LineString"), "has no polygon; draw the area as one"),
+        ("a.geojson", geojson([RING[:2]]), "a ring has at least three corners"),
+        ("a.geojson", geojson([[[8, None], [9, 47], [9, 48]]]), "is no geojson file of polygons"),
+        ("a.geojson", "[" * 100_000, "is no geojson file of polygons"),
+        ("a.kml", "<kml><Polygon>", "is no kml file of polygons"),
+        ("a.gpkg", "SQLite format 3", "is read from .geojson and .kml files; convert it"),
+    ],
+)
+def test_what_is_no_area_is_one_line(tmp_path: Path, name: str, text: str, says: str) -> None:
+    with pytest.raises(InputError) as refused:
+        loaded_boundary(tmp_path, name, text)
+    assert says in str(refused.value)
+    assert str(refused.value).startswith(str(tmp_path / name))

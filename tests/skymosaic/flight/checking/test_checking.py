@@ -38,6 +38,7 @@ from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.survey import survey
 from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.imagery.photographs import list_sources
+from skymosaic.maps.boundary import Boundary
 from skymosaic.maps.features import Place, write_places
 from skymosaic.running.workers import Workers
 from tests.skymosaic.flight import made
@@ -287,11 +288,14 @@ def test_a_whole_flight_has_no_holes(overlap: float) -> None:
     assert not find_holes(list(flown(np.random.default_rng(4), overlap=overlap, turn_deg=20).values()))
 
 
-def test_a_notch_of_the_border_is_no_hole() -> None:
+def test_a_notch_of_the_border_is_no_hole_unless_the_area_has_it() -> None:
     """Between two photographs, a third lies 7 m lower: a notch 6 m wide, 0.8 % of a photograph."""
     corners = np.array([[0, 0], [80, 0], [80, 60], [0, 60]], np.float64)
     strip = [corners + np.array(step) for step in ((0, 0), (40, -7), (86, 0))]
     assert not find_holes(strip)
+    ring = np.array([[0.0, 0], [160, 0], [160, 70], [0, 70], [0, 0]])
+    ((_, area_m2),) = find_holes(strip, Boundary("area", "EPSG:32632", ((ring,),)))
+    assert area_m2 == pytest.approx(10 * 160 + 6 * 7, rel=0.02)
 
 
 def test_places_are_read_as_they_were_written(tmp_path: Path) -> None:

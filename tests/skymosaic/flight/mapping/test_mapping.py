@@ -1,7 +1,9 @@
 """A flight is anchored by positions along its path, and laid onto a map that is there."""
 
 import dataclasses
+import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,21 +12,29 @@ import numpy as np
 import pytest
 import rasterio
 import rasterio.enums
+import rasterio.mask
 import rasterio.vrt
 
 from golden_model.arrays import Array
 from sim.scene import make_lawnmower
 from skymosaic import Mosaic, mosaic
 from skymosaic.common.errors import InputError
+from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout, lay_out
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
 from skymosaic.flight.mapping.anchoring import Observation, _observe, anchor
+from skymosaic.flight.mapping.place import MapPlace, place_on_map
+from skymosaic.flight.picture.composition import Composition
+from skymosaic.flight.picture.preparation import compose
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.maps.base_map import load_base_map
+from skymosaic.maps.boundary import load_boundary
 from skymosaic.maps.georeference import reproject
+from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.running.workers import Workers
 from tests.made import write_located
 from tests.skymosaic.flight import made
 from tests.skymosaic.flight.mapping.test_contradictions import SIZE as FLOWN_SIZE
@@ -128,14 +138,21 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Mosaic]:
     return base, first
 
 
-def places(made: Mosaic, half: str, crs: str) -> np.ndarray:
+def lay(base: Path, onto: Path | None = None) -> tuple[Flight, Composition]:
+    """The second half laid out, onto another map, and on its canvas."""
+    base_map = None if onto is None else load_base_map(onto)
+    with open_run([base / "second"], MosaicOptions(cache=base / "cache", onto=base_map)) as run:
+        return run.flight, run.composition(run.layouts[0])
+
+
+def places(made: Composition, half: str, crs: str) -> np.ndarray:
     """Where a mosaic has points of the ground that both halves show, in metres."""
     ground = np.stack(np.meshgrid(*(np.arange(0, 2000, 40.0),) * 2), axis=-1).reshape(-1, 2) - 1000
     found = np.full((len(HALVES[half][0]), len(ground), 2), np.nan)
     for index, number in enumerate(HALVES[half][0]):
         seen = apply(FLIGHT.homographies[number], ground)
         inside = ((seen >= 0) & (seen <= np.array(SIZE) - 1)).all(axis=1)
-        on_map: Any = made.composition.place.georeference
+        on_map: Any = made.place.georeference
         at = apply(on_map.to_map @ made.transforms[index], seen[inside])
         found[index, inside] = reproject(at, on_map.crs, crs)
     known = np.isfinite(found).any(axis=(0, 2))
@@ -191,13 +208,20 @@ def elsewhere(source: Path, target: Path) -> Path:
     return rewrite(source, target, lambda pixels: np.concatenate([pixels[:3, ::-1], pixels[3:, ::-1]]))
 
 
+def in_turn(*changes: Callable[[Path, Path], Path]) -> Callable[[Path, Path], Path]:
+    def change(source: Path, target: Path) -> Path:
+        for number, each in enumerate(changes):
+            source = each(source, target.with_stem(f"{number}"))
+        return source
+
+    return change
+
+
 MAPS: dict[str, tuple[Callable[[Path, Path], Path], str, bool]] = {
-    "same": (lambda source, _: source, "EPSG:32633", True),
-    "turned": (turned, "EPSG:32633", True),
-    "half": (halved, "EPSG:32633", True),
-    "gray": (gray_of_16_bits, "EPSG:32633", True),
-    "degrees": (in_system("EPSG:4326"), "EPSG:32633", False),
-    "zone": (in_system("EPSG:32632"), "EPSG:32632", True),
+    "as it was written": (lambda source, _: source, "EPSG:32633", True),
+    "turned, in gray": (in_turn(turned, gray_of_16_bits), "EPSG:32633", True),
+    "of half the resolution, in another zone": (in_turn(halved, in_system("EPSG:32632")), "EPSG:32632", True),
+    "in degrees": (in_system("EPSG:4326"), "EPSG:32633", False),
 }
 
 
@@ -205,50 +229,74 @@ MAPS: dict[str, tuple[Callable[[Path, Path], Path], str, bool]] = {
 def test_a_flight_is_laid_onto_a_map_of_any_form(flown: tuple[Path, Mosaic], tmp_path: Path, kind: str) -> None:
     base, first = flown
     make, crs, on_grid = MAPS[kind]
-    base_map = load_base_map(make(base / "map.tif", tmp_path / "map.tif"))
-    made = mosaic(str(base / "second"), onto=base_map, cache=base / "cache")
-    place, on_first = made.composition.place, first.composition.place.georeference
+    onto = make(base / "map.tif", tmp_path / "map.tif")
+    laid, made = lay(base, onto)
+    place, on_first = made.place, first.composition.place.georeference
     assert (place.by, place.contradictions) == ("other map", ())
-    assert made.flight.onto is not None
-    assert int(made.flight.onto.description[0]) >= 3
+    assert laid.onto is not None
+    assert int(laid.onto.description[0]) >= 3
     assert place.georeference is not None
     assert on_first is not None
     assert place.georeference.crs == crs
-    off_m = places(made, "second", "EPSG:32633") - places(first, "first", "EPSG:32633")
+    off_m = places(made, "second", "EPSG:32633") - places(first.composition, "first", "EPSG:32633")
     off_px = np.linalg.norm(off_m[np.isfinite(off_m).all(axis=1)], axis=1) / on_first.metres_per_pixel
     assert len(off_px) > 100
     assert np.median(off_px) < 0.5
     assert np.percentile(off_px, 90) < 1
     if on_grid:
-        between = np.linalg.inv(base_map.to_map) @ place.georeference.to_map
+        between = np.linalg.inv(load_base_map(onto).to_map) @ place.georeference.to_map
         np.testing.assert_allclose(between[:2, :2], np.eye(2), atol=1e-6)
         np.testing.assert_allclose(between[:2, 2], np.rint(between[:2, 2]), atol=1e-4)
+    # With a resolution of its own, corners of pixels are at multiples of it.
+    coarse = compose(laid, laid.layouts[0], place=place_on_map(laid, laid.layouts[0]), gsd_m=0.4).place.georeference
+    assert coarse is not None
+    corner = coarse.to_map @ [-0.5, -0.5, 1]
+    np.testing.assert_allclose(np.diag(coarse.to_map)[:2], [0.4, -0.4], rtol=1e-9)
+    np.testing.assert_allclose(corner[:2] / 0.4, np.rint(corner[:2] / 0.4), atol=1e-4)
 
 
 def test_a_map_that_nothing_registers_with_moves_nothing(flown: tuple[Path, Mosaic], tmp_path: Path) -> None:
     base, _ = flown
-    alone = mosaic(str(base / "second"), cache=base / "cache").composition.place
-    made = mosaic(
-        str(base / "second"),
-        onto=load_base_map(elsewhere(base / "map.tif", tmp_path / "other.tif")),
-        cache=base / "cache",
-    ).composition.place
-    assert made.georeference is not None
-    assert alone.georeference is not None
-    np.testing.assert_array_equal(made.georeference.to_map, alone.georeference.to_map)
-    assert made.by == "GPS"
+    (_, alone), (_, made) = lay(base), lay(base, elsewhere(base / "map.tif", tmp_path / "other.tif"))
+    np.testing.assert_array_equal(made.transforms, alone.transforms)
+    assert made.place.georeference is not None
+    assert alone.place.georeference is not None
+    np.testing.assert_array_equal(made.place.georeference.to_map, alone.place.georeference.to_map)
+    assert made.place.by == "GPS"
     says = "0 of 5 photographs register with other.tif, and 3 are needed; the mosaic is not laid onto it"
-    assert made.contradictions[-1] == says
+    assert made.place.contradictions[-1] == says
 
 
-def test_with_a_resolution_corners_of_pixels_are_at_its_multiples(flown: tuple[Path, Mosaic]) -> None:
-    base, _ = flown
-    made = mosaic(str(base / "second"), onto=load_base_map(base / "map.tif"), gsd_m=0.4, cache=base / "cache")
-    on_map = made.composition.place.georeference
-    assert on_map is not None
-    corner = on_map.to_map @ [-0.5, -0.5, 1]
-    np.testing.assert_allclose(np.diag(on_map.to_map)[:2], [0.4, -0.4], rtol=1e-9)
-    np.testing.assert_allclose(corner[:2] / 0.4, np.rint(corner[:2] / 0.4), atol=1e-4)
+SHARES = [
+    [[(0.1, 0.2), (0.7, 0.1), (0.55, 0.9)], [(0.4, 0.3), (0.5, 0.3), (0.5, 0.5)]],
+    [[(0.8, 0.6), (1.2, 0.6), (0.9, 0.9)]],
+]
+"""Polygons with their rings, as shares of a map's width and height."""
+
+
+def test_a_boundary_leaves_of_a_map_what_gdals_cutline_leaves(flown: tuple[Path, Mosaic], tmp_path: Path) -> None:
+    """Pixel by pixel, of an area with a hole and two parts, one of which ends beyond the map."""
+    base, first = flown
+    with rasterio.open(base / "map.tif") as whole:
+        step, start = np.array(whole.res) * whole.shape[::-1] * [1, -1], np.array([whole.bounds.left, whole.bounds.top])
+        parts = [[(start + step * [*ring, ring[0]]).tolist() for ring in rings] for rings in SHARES]
+        area = {"type": "MultiPolygon", "coordinates": parts}
+        wanted, transform = rasterio.mask.mask(whole, [area], crop=True)
+    named = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32633"}}
+    (tmp_path / "area.geojson").write_text(json.dumps({"type": "Feature", "geometry": area, "crs": named}))
+    boundary, place = load_boundary(tmp_path / "area.geojson"), place_on_map(first.flight, first.layout)
+    cut = compose(first.flight, first.layout, place=place, boundary=boundary)
+    with Workers() as workers:
+        bands = list(cut.bands(workers))
+    assert cut.place.georeference is not None
+    assert cut.place.georeference.transform == transform
+    made = np.dstack([cut.joined(bands)[..., ::-1], 255 * np.concatenate([mask for _, mask in bands])])
+    np.testing.assert_array_equal(made, np.moveaxis(wanted, 0, -1))
+    away = replace(boundary, polygons=tuple(tuple(ring + 1000 for ring in rings) for rings in boundary.polygons))
+    with pytest.raises(InputError, match=r"area\.geojson: no photograph shows any of it"):
+        compose(first.flight, first.layout, place=place, boundary=away)
+    with pytest.raises(InputError, match=r"area\.geojson: the mosaic has no place on the map: by hand"):
+        compose(first.flight, first.layout, place=MapPlace(note="by hand"), boundary=boundary)
 
 
 def test_what_is_no_map_of_the_ground_is_refused_in_a_line(flown: tuple[Path, Mosaic], tmp_path: Path) -> None:
@@ -259,14 +307,14 @@ def test_what_is_no_map_of_the_ground_is_refused_in_a_line(flown: tuple[Path, Mo
     cut = (base / "map.tif").read_bytes()
     (tmp_path / "cut.tif").write_bytes(cut[: len(cut) // 2])
     with pytest.raises(InputError, match=r"cut\.tif: cannot be read as a map \(.*\); give a GeoTIFF"):
-        mosaic(str(base / "second"), onto=load_base_map(tmp_path / "cut.tif"), cache=base / "cache")
+        lay(base, tmp_path / "cut.tif")
     plain = rewrite(base / "map.tif", tmp_path / "plain.tif", lambda pixels: pixels, crs=None)
     with pytest.raises(InputError, match=r"plain\.tif: has no coordinate system, so it is no map"):
         load_base_map(plain)
     far = rasterio.Affine(0.15, 0, 600_000, 0, -0.15, 5_090_000)
     away = rewrite(base / "map.tif", tmp_path / "away.tif", lambda pixels: pixels, transform=far)
     with pytest.raises(InputError, match=r"away\.tif: shows too little of the photographs' ground; give a map of it"):
-        mosaic(str(base / "second"), onto=load_base_map(away), cache=base / "cache")
+        lay(base, away)
     for options, says in (({"scale": 0.5}, "`onto` and `scale`"), ({"repeat": object()}, "`onto` and `repeat`")):
         with pytest.raises(InputError, match=says):
             MosaicOptions(onto=load_base_map(base / "map.tif"), **options).check_for(3)
