@@ -223,7 +223,7 @@ def quality(flights: Flights, json_file: JsonFile = None) -> None:
         with tempfile.TemporaryDirectory() as temporary:
             mosaic, cpu_seconds = make_mosaic(folder.resolve(), Path(temporary))
             summary = json.loads((Path(temporary) / "report" / "report.json").read_text())
-            rows.append(quality_row(folder.name, summary, measure_photographs(mosaic, summary), cpu_seconds))
+            rows.append(quality_row(folder.name, summary, measure_photographs(folder, mosaic, summary), cpu_seconds))
     report("quality of mosaics", rows, json_file)
 
 
@@ -267,12 +267,12 @@ def read_picture(path: Path) -> Pixels:
     return np.ascontiguousarray(np.moveaxis(bands if bands.dtype == np.uint8 else bands >> 8, 0, -1).astype(np.uint8))
 
 
-def measure_photographs(mosaic_path: Path, summary: dict[str, Any]) -> Array:
+def measure_photographs(folder: Path, mosaic_path: Path, summary: dict[str, Any]) -> Array:
     """The measures of each photograph, (N, 5)."""
     mosaic, transforms = read_picture(mosaic_path), summary["mosaics"][0]["transforms"]
     lens, rows = lens_of(summary["lens"]) if summary["lens"] else Lens(), []
     for name, matrix in transforms.items():
-        photograph = lens.straighten(np.asarray(cv2.imread(name), np.uint8))
+        photograph = lens.straighten(np.asarray(cv2.imread(str(folder / name)), np.uint8))
         if row := measure_photograph(mosaic, np.asarray(photograph, np.uint8), np.array(matrix)):
             rows.append(row)
     return np.array(rows)

@@ -57,13 +57,14 @@ def check(
     contradictions = list_contradictions(flight, options.control_points)
     report = dataclasses.replace(report, problems=(*report.problems, *contradictions))
     session.seconds = flight.seconds
-    session.numbers = dataclasses.asdict(report) | {"left_out": flight.left_out}
+    left_out = {index: flight.shorten(reason) for index, reason in flight.left_out.items()}
+    session.numbers = dataclasses.asdict(report) | {"left_out": left_out}
     _print_check(flight, report)
     if output is not None or options.boundary is not None:
-        places, cover = plan_again(flight, options.control_points, options.boundary)
-        if cover is not None:
-            session.numbers["boundary"] = dataclasses.asdict(cover)
-            (session.warn if cover.shown < 1 else session.show)(f"boundary: {cover.description}")
+        places, share = plan_again(flight, options.control_points, options.boundary)
+        if options.boundary is not None:
+            session.numbers["boundary_shown"] = share
+            session.show(f"boundary: photographs show {share:.1%} of {options.boundary.name}")
     if output is not None:
         write_places(output, f"fly again: {photographs[0]}", places)
         session.wrote(output)
@@ -79,7 +80,7 @@ def _print_check(flight: Flight, report: FlightCheck) -> None:
     for photo in report.photographs:
         error = "" if photo.error_px is None else f"{photo.error_px:.1f} px"
         numbers = str(photo.links), f"{photo.overlap:.0%}", error, f"{photo.sharpness:.2f}", f"{photo.clipped:.0%}"
-        name = Text(one_line(Path(photo.name).name))
+        name = Text(one_line(photo.name))
         table.add_row(name, *numbers, "yes" if photo.gps else "no", ", ".join(photo.problems))
     session.show(table)
     for problem in (*group_reasons(flight.left_out.values()), *report.problems):

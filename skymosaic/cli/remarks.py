@@ -23,7 +23,7 @@ def show_notes(delivery: Delivery, path: Path) -> None:
     for about, line in describe_mosaic(delivery).items():
         if about in ("size", "light", "contradiction"):
             session.warn(f"{path}: {line}")
-        elif about in ("warp", "blurred", "cut off", "bands", "range", "map", "boundary"):
+        elif about in ("warp", "blurred", "cut off", "bands", "range", "map"):
             session.show(f"{about}: {line}")
     if not delivery.georeference and format_of(delivery.path).on_map:
         session.warn(explain_absence(path, delivery.composition.place))

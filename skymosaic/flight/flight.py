@@ -1,8 +1,9 @@
 """A flight laid out: its photographs, the links between them, and their layouts."""
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from skymosaic.flight.layout.self_calibration import Calibration
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import Settings, View
 from skymosaic.imagery.lens import Lens
-from skymosaic.imagery.photographs import Source
+from skymosaic.imagery.photographs import Source, short_names
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.registration.pair import Pair
 
@@ -59,6 +60,22 @@ class Flight:
         """The lens that straightens the photographs: as given, or as estimated from tie points."""
         return self.settings.lens if self.calibration is None else self.calibration.lens
 
+    @cached_property
+    def short_names(self) -> dict[str, str]:
+        """By its name as given, what reports call a photograph: without folders, or with those that tell all apart."""
+        names = list(dict.fromkeys([*self.names, *(view.name for view in self.views)]))
+        return dict(zip(names, short_names(names), strict=True))
+
+    @cached_property
+    def view_names(self) -> list[str]:
+        """The short name of each view."""
+        return [self.short_names[view.name] for view in self.views]
+
+    def shorten(self, text: str) -> str:
+        """A text for a report, with short names."""
+        folders = {name.removesuffix(short) for name, short in self.short_names.items()} - {"", os.sep}
+        return reduce(lambda text, folder: text.replace(folder, ""), sorted(folders, key=len, reverse=True), text)
+
     @property
     def folders(self) -> list[Path]:
         """Where the next run finds the photographs: the folders that were given, or those of the files."""
@@ -89,7 +106,7 @@ class Flight:
         """Name the photographs of a layout that are blurred, beside others of the same ground; else empty."""
         # Two photographs are blended as they are.
         members = layout.members if self.pair is None else ()
-        names = [Path(self.sources[m].name).name for m in members if self.relative_sharpness[m] < BLURRED]
+        names = [self.view_names[m] for m in members if self.relative_sharpness[m] < BLURRED]
         return f"{', '.join(names)}: shown only where no other photograph is" if names else ""
 
     def absent_from(self, layout: Layout) -> dict[int, str]:

@@ -105,7 +105,7 @@ def _check_headers(output: Path, form: OutputForm, sources: Sequence[Source], sc
 def check_boundary(sources: Sequence[Source], options: SurveyOptions, boundary: Boundary) -> None:
     """Raise InputError for a boundary where nothing can place the mosaic on the map, or far from the photographs."""
     if note := _explain_no_place(sources, options, boundary):
-        raise InputError(f"{boundary.name}: the mosaic has no place on the map, so it cannot end there: {note}")
+        raise InputError(f"{boundary.name}: the map cannot end there: {note}")
 
 
 def _explain_no_place(sources: Sequence[Source], options: SurveyOptions, boundary: Boundary | None = None) -> str:

@@ -1,7 +1,6 @@
 """The report of a flight: one page with its mosaics, the graph of its links, the photographs left out, the numbers."""
 
 import dataclasses
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,6 @@ from skymosaic.flight.picture.output import PREVIEW_WIDTH_PX, Delivery
 from skymosaic.flight.picture.relief import bending_numbers
 from skymosaic.imagery.images import reduce_to_width, save
 from skymosaic.imagery.own_outputs import record_output
-from skymosaic.imagery.photographs import short_names
 from skymosaic.reports import pages
 from skymosaic.reports.footprints import outline_photographs, write_fly_again, write_footprints
 from skymosaic.reports.pair import write_pair_report
@@ -68,8 +66,11 @@ def flight_numbers(deliveries: Sequence[Delivery], check: FlightCheck) -> dict[s
     flight = deliveries[0].flight
     return {
         "photographs": len(flight.names),
-        "left_out": {flight.names[index]: reason for index, reason in sorted(flight.left_out.items())},
-        "notes": [f"{view.name}: {note}" for view in flight.views for note in view.notes],
+        "left_out": {
+            flight.short_names[flight.names[index]]: flight.shorten(reason)
+            for index, reason in sorted(flight.left_out.items())
+        },
+        "notes": [flight.shorten(f"{view.name}: {note}") for view in flight.views for note in view.notes],
         "pairs_tried": len(flight.links),
         "links": sum(link.holds for link in flight.links),
         "seconds": {stage: round(value, 3) for stage, value in flight.seconds.items()},
@@ -96,7 +97,7 @@ def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
         "size": list(composition.size),
         **summarise(delivery),
         "placed": len(layout.members),
-        "reference": flight.views[layout.reference].name,
+        "reference": flight.view_names[layout.reference],
         "model": layout.model,
         "model_reason": layout.reason,
         "relief": round(layout.relief, 4),
@@ -105,15 +106,15 @@ def _mosaic_numbers(delivery: Delivery) -> dict[str, Any]:
         "overlaps": layout.agreement.numbers,
         "independent_errors": None if errors is None else dataclasses.asdict(errors),
         "transforms": {
-            placement.source.name: transform.tolist()
+            flight.short_names[placement.source.name]: transform.tolist()
             for placement, transform in zip(composition.placements, composition.transforms, strict=True)
         },
         "bent": bending_numbers(flight, layout),
         "reduced": composition.reduced,
         "uneven": composition.uneven,
-        "cut_off": {name: round(share, 4) for name, share in composition.cut_off.items()},
+        "cut_off": {flight.short_names[name]: round(share, 4) for name, share in composition.cut_off.items()},
         "links": [_link_numbers(flight, layout, row) for row in range(len(layout.links))],
-        "contradicting": [[flight.views[end].name for end in (x.left, x.right)] for x in layout.contradicting],
+        "contradicting": [[flight.view_names[end] for end in (x.left, x.right)] for x in layout.contradicting],
         **_map_numbers(delivery),
         "map_note": delivery.map_note,
         "bands": list(composition.band_names),
@@ -151,8 +152,8 @@ def _map_numbers(delivery: Delivery) -> dict[str, Any]:
 def _link_numbers(flight: Flight, layout: Layout, row: int) -> dict[str, Any]:
     link = layout.links[row]
     return {
-        "left": flight.views[link.left].name,
-        "right": flight.views[link.right].name,
+        "left": flight.view_names[link.left],
+        "right": flight.view_names[link.right],
         "inliers": link.inliers,
         "ties": link.ties,
         "median_error_px": round(float(np.median(layout.errors_px[row])), 4),
@@ -164,7 +165,6 @@ def _render_page(
 ) -> bytes:
     flight = deliveries[0].flight
     placed = sum(len(delivery.layout.members) for delivery in deliveries)
-    folder = _common_folder(flight.names)
     rows = [
         ("photographs", f"{len(flight.names)}, {placed} placed"),
         ("pairs", f"{numbers['pairs_tried']} tried, {numbers['links']} linked"),
@@ -176,11 +176,11 @@ def _render_page(
         rows=summary_rows(deliveries[0]),
         files=files,
         details=rows,
-        left_out=[respell(reason.replace(folder, "")) for reason in flight.left_out.values()],
-        advice=[respell(problem.replace(folder, "")) for problem in _problems(check)],
+        left_out=[respell(flight.shorten(reason)) for reason in flight.left_out.values()],
+        advice=[respell(flight.shorten(problem)) for problem in _problems(check)],
         mosaics=[
             {
-                "rows": [(name, value.replace(folder, "")) for name, value in _mosaic_rows(delivery)],
+                "rows": [(name, flight.shorten(value)) for name, value in _mosaic_rows(delivery)],
                 "photographs": _photographs_worst_first(delivery),
                 "graph": _graph_drawing(delivery),
                 "links": _links_worst_first(delivery),
@@ -198,7 +198,7 @@ def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
     rows = [
         ("file", f"{delivery.path.name}, {delivery.composition.size[0]}x{delivery.composition.size[1]}"),
         ("photographs", str(len(layout.members))),
-        ("frame", f"{flight.views[layout.reference].name}, without its tilt"),
+        ("frame", f"{flight.view_names[layout.reference]}, without its tilt"),
         ("model", f"{layout.model} ({layout.reason})"),
         ("ground", f"{ground} ({layout.relief:.0%} of the matches lie 3 to 12 px off the plane)"),
         ("overlaps", layout.agreement.description),
@@ -209,21 +209,12 @@ def _mosaic_rows(delivery: Delivery) -> list[tuple[str, str]]:
     return rows + list(describe_mosaic(delivery).items())
 
 
-def _common_folder(names: Sequence[str]) -> str:
-    """The folder that has all photographs, with its separator; empty where there is none."""
-    try:
-        common = os.path.commonpath([Path(name).parent for name in names])
-    except ValueError:  # some names are absolute, others relative
-        return ""
-    return f"{common}{os.sep}" if common not in ("", os.curdir) else ""
-
-
 def _photographs_worst_first(delivery: Delivery) -> list[tuple[str, float, float, int]]:
     """Name, median and 90th percentile of the errors, px, and number of matches that the layout did not use."""
     accuracy = delivery.layout.accuracy
     if accuracy is None:
         return []
-    names = short_names([view.name for view in delivery.flight.views])
+    names = delivery.flight.view_names
     return [(names[view], x.median_px, x.ninety_px, x.matches) for view, x in accuracy.photographs.items()]
 
 
@@ -235,7 +226,7 @@ def _problems(check: FlightCheck) -> list[str]:
 def _graph_drawing(delivery: Delivery) -> dict[str, Any]:
     """What the template draws: outlines on the canvas, and links between their centres."""
     layout, composition = delivery.layout, delivery.composition
-    shown = short_names([view.name for view in delivery.flight.views])
+    shown = delivery.flight.view_names
     outlines = dict(zip(layout.members, outline_photographs(composition), strict=True))
     centres = {member: corners.mean(axis=0).round().astype(int).tolist() for member, corners in outlines.items()}
     lines = []
@@ -266,9 +257,5 @@ def _residuals_worst_first(delivery: Delivery) -> list[tuple[str, str, float]]:
 
 def _links_worst_first(delivery: Delivery) -> list[dict[str, Any]]:
     layout = delivery.layout
-    names = short_names([view.name for view in delivery.flight.views])
-    links = [
-        {**_link_numbers(delivery.flight, layout, row), "left": names[link.left], "right": names[link.right]}
-        for row, link in enumerate(layout.links)
-    ]
+    links = [_link_numbers(delivery.flight, layout, row) for row in range(len(layout.links))]
     return sorted(links, key=lambda link: -link["median_error_px"])

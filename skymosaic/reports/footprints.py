@@ -12,7 +12,6 @@ from skymosaic.flight.checking.fly_again import plan_again
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.photographs import short_names
 from skymosaic.maps.features import SUFFIXES, Place, write_places
 from skymosaic.maps.georeference import map_to_globe
 
@@ -21,7 +20,7 @@ def write_footprints(path: Path, delivery: Delivery) -> None:
     """Write the outlines to ``path`` with the suffixes ``.geojson`` and ``.kml``; the mosaic must be georeferenced."""
     on_map, composition = delivery.georeference, delivery.composition
     assert on_map is not None
-    names = short_names([placement.source.name for placement in composition.placements])
+    names = [delivery.flight.short_names[placement.source.name] for placement in composition.placements]
     places = []
     for name, corners in zip(names, outline_photographs(composition), strict=True):
         # GeoJSON asks for closed rings, counter-clockwise.

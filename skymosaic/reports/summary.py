@@ -1,6 +1,5 @@
 """A mosaic in words: what a client asks first, and what else is to be said of it."""
 
-import dataclasses
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,10 +16,8 @@ from skymosaic.flight.checking.check import layout_errors
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.flight.picture.relief import describe_bending
-from skymosaic.geometry.homography import apply
-from skymosaic.maps.boundary import Cover, spell_area
-from skymosaic.reports.footprints import outline_photographs
 
+HECTARE_M2 = 10_000
 MAX_CUTS = 5
 """So many photographs that are cut off are named."""
 OF_SOME_FLIGHTS = {
@@ -41,16 +38,7 @@ def summarise(delivery: Delivery) -> dict[str, Any]:
         "first_taken": times[0] if times else None,
         "last_taken": times[-1] if times else None,
         "cameras": sorted({each.camera for each in taken if each.camera}),
-        "boundary": (cover := measure_cover(delivery)) and dataclasses.asdict(cover),
     }
-
-
-def measure_cover(delivery: Delivery) -> Cover | None:
-    """How much of the boundary's area the photographs show; None without one."""
-    boundary, on_map = delivery.composition.boundary, delivery.georeference
-    if boundary is None or on_map is None:
-        return None
-    return boundary.measure([apply(on_map.to_map, each) for each in outline_photographs(delivery.composition)])
 
 
 def summary_rows(delivery: Delivery) -> list[tuple[str, str]]:
@@ -59,11 +47,9 @@ def summary_rows(delivery: Delivery) -> list[tuple[str, str]]:
     width_px, height_px = delivery.composition.size
     rows = [("overlaps", delivery.layout.agreement.description), ("accuracy", describe_accuracy(delivery))]
     if on_map is not None:
-        rows = [
-            ("area", spell_area(facts["area_m2"])),
-            ("resolution", f"{100 * on_map.metres_per_pixel:.1f} cm per pixel"),
-            *rows,
-        ]
+        hectares = facts["area_m2"] / HECTARE_M2
+        area = f"{hectares:.2f} ha" if hectares >= 1 else f"{facts['area_m2']:.0f} m²"
+        rows = [("area", area), ("resolution", f"{100 * on_map.metres_per_pixel:.1f} cm per pixel"), *rows]
     if facts["cameras"]:
         rows.insert(0, ("camera", ", ".join(facts["cameras"])))
     if facts["first_taken"]:
@@ -103,9 +89,8 @@ def describe_mosaic(delivery: Delivery) -> dict[str, str]:
         "warp": describe_bending(delivery.layout),
         "size": composition.reduced,
         "light": composition.uneven,
-        "boundary": "" if (cover := measure_cover(delivery)) is None else cover.description,
         "blurred": delivery.flight.describe_blurred(delivery.layout),
-        "cut off": _describe_cuts(composition) if composition.cut_off else "",
+        "cut off": _describe_cuts(delivery) if composition.cut_off else "",
         "bands": _describe_bands(composition) if composition.band_names else "",
         "range": composition.values.description if composition.values else "",
         "map": _describe_map(delivery) if delivery.georeference else "",
@@ -141,9 +126,10 @@ def _describe_map(delivery: Delivery) -> str:
     return "; ".join(parts)
 
 
-def _describe_cuts(composition: Composition) -> str:
+def _describe_cuts(delivery: Delivery) -> str:
     """Name the photographs that show less than they contain, and how much is cut off, in one line."""
-    shares = [f"{Path(name).name} {share:.0%}" for name, share in composition.cut_off.items()]
+    named, cuts = delivery.flight.short_names, delivery.composition.cut_off
+    shares = [f"{named[name]} {share:.0%}" for name, share in cuts.items()]
     # Where all look ahead, all are cut; `report.json` has them.
     others = f" and {len(shares) - MAX_CUTS} more" if len(shares) > MAX_CUTS else ""
     return f"{', '.join(shares[:MAX_CUTS])}{others}: ground towards the horizon, far beyond their matches or too coarse"

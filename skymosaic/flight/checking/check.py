@@ -15,7 +15,6 @@ from skymosaic.flight.linking.links import Link
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA, STILL
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import describe_gps_faults
-from skymosaic.imagery.photographs import short_names
 
 MIN_BEST_OVERLAP = 0.3
 """Best overlap with any other photograph below which a photograph is poorly tied."""
@@ -104,11 +103,12 @@ def check_flight(flight: Flight) -> FlightCheck:
     errors = {view: each for photographs in measured for view, each in photographs.items()}
     links = Counter(end for link in flight.links if link.holds for end in (link.left, link.right))
     photographs = []
-    for index, (view, sharpness) in enumerate(zip(flight.views, flight.relative_sharpness.tolist(), strict=True)):
+    named = zip(flight.views, flight.view_names, flight.relative_sharpness.tolist(), strict=True)
+    for index, (view, name, sharpness) in enumerate(named):
         measures = links[index], best[index], sharpness, float(view.clipped.mean() / 255)
         error_px = (errors[index].median_px, errors[index].ninety_px) if index in errors else (None, None)
         has_gps = view.gps is not None
-        photographs.append(PhotographCheck(view.name, *measures, has_gps, _problems(*measures), *error_px))
+        photographs.append(PhotographCheck(name, *measures, has_gps, _problems(*measures), *error_px))
     whole = len(flight.layouts) == 1 and len(flight.layouts[0].members) == len(flight.views)
     by_layout = tuple(each for layout in flight.layouts if (each := layout_errors(flight, layout)) is not None)
     overlaps = tuple(layout.agreement.numbers for layout in flight.layouts)
@@ -119,7 +119,7 @@ def layout_errors(flight: Flight, layout: Layout) -> LayoutErrors | None:
     """Errors of the matches that a layout did not use; None where none were kept aside."""
     if (accuracy := layout.accuracy) is None:
         return None
-    names = short_names([view.name for view in flight.views])
+    names = flight.view_names
     photographs, pairs = list(accuracy.photographs.items()), list(accuracy.pairs.items())
     return LayoutErrors(
         **vars(accuracy.whole),
@@ -211,7 +211,7 @@ def _stood_still(flight: Flight, layout: Layout) -> bool:
 
 def doubts(flight: Flight, layout: Layout) -> Iterator[str]:
     """A line each where ground differs, links contradict the layout, the scene is no plane, photographs are far off."""
-    names = short_names([view.name for view in flight.views])
+    names = flight.view_names
     if differing := layout.agreement.of(False):
         linked = {(link.left, link.right) for link in layout.links}
         (first, _), *others = Counter(end for pair in differing for end in pair).most_common(WORST_NAMED)
@@ -250,7 +250,7 @@ def doubts(flight: Flight, layout: Layout) -> Iterator[str]:
 
 def _weakly_linked(flight: Flight, layout: Layout) -> Iterator[str]:
     """A line for each part of a layout that only weak links join to the rest."""
-    names = short_names([view.name for view in flight.views])
+    names = flight.view_names
     for photographs, links, best, share in weak_parts(flight, layout):
         left, right = names[best.left], names[best.right]
         shared = f"{best.ties} matches and {share:.0%} overlap"

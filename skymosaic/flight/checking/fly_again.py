@@ -15,8 +15,7 @@ from skymosaic.flight.layout.extent import outline
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.place import place_on_map
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.photographs import short_names
-from skymosaic.maps.boundary import Boundary, Cover
+from skymosaic.maps.boundary import Boundary
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.features import Place
 from skymosaic.maps.georeference import Georeference, map_to_globe, reproject
@@ -32,8 +31,8 @@ neighbours are never quite in line."""
 
 def plan_again(
     flight: Flight, control: ControlPoints | None = None, boundary: Boundary | None = None
-) -> tuple[list[Place], Cover | None]:
-    """What has to be flown again, as places on the globe, and how much of a boundary's area is shown.
+) -> tuple[list[Place], float]:
+    """What has to be flown again, as places on the globe, and which share of a boundary's area is shown.
 
     Raises
     ------
@@ -43,14 +42,12 @@ def plan_again(
     placed = list(_place(flight, control))
     if not placed:
         raise InputError("no part of the flight has a place on the map, so nothing says where to fly again")
-    names = short_names([view.name for view in flight.views])
+    names = flight.view_names
     places = []
     crs = placed[0][1].crs
     outlines = [_outlines(flight, layout, on_map, crs) for layout, on_map in placed]
-    area, rings = (
-        None if boundary is None else boundary.in_system(crs),
-        [ring for each in outlines for ring in each.values()],
-    )
+    area = None if boundary is None else boundary.in_system(crs)
+    rings = [ring for each in outlines for ring in each.values()]
     for number, (ring, area_m2) in enumerate(find_holes(rings, area), start=1):
         places.append(Place(f"hole {number}", "Polygon", map_to_globe(ring, crs), {"area_m2": round(area_m2, 2)}))
     for (layout, _), shown in zip(placed, outlines, strict=True):
@@ -61,9 +58,9 @@ def plan_again(
             places.append(Place(name, "LineString", ends, {"matches": link.ties, "overlap": round(overlap, 3)}))
     for source, view, name in zip(flight.sources, flight.views, names, strict=True):
         if source.index in flight.left_out and view.gps is not None:
-            degrees, reason = np.array([view.gps.degrees]), flight.left_out[source.index]
+            degrees, reason = np.array([view.gps.degrees]), flight.shorten(flight.left_out[source.index])
             places.append(Place(f"left out {name}", "Point", degrees, {"reason": reason}))
-    return places, None if area is None else area.measure(rings)
+    return places, 1.0 if area is None else area.share_shown(rings)
 
 
 def _place(flight: Flight, control: ControlPoints | None) -> Iterator[tuple[Layout, Georeference]]:
@@ -94,12 +91,11 @@ def find_holes(outlines: Sequence[Points], area: Boundary | None = None) -> list
     edges = np.concatenate([np.diff(ring, axis=0) @ [1, 1j] for ring in outlines])
     turn = np.angle(np.sum(np.abs(edges) * np.exp(4j * np.angle(edges)))) / 4
     axes = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    turned = np.concatenate([*outlines, *(() if area is None else area.rings)]) @ axes
+    turned = np.concatenate([*outlines, *([] if area is None else [area.points])]) @ axes
     low, extent = turned.min(axis=0) - REACH * side_m, np.ptp(turned, axis=0) + 2 * REACH * side_m
     cell_m = max(side_m / CELLS, extent.max() / MAX_CELLS)
     to_map = Affine(*np.column_stack((axes * cell_m, axes @ low)).ravel())
-    width, height = np.ceil(extent / cell_m).astype(int).tolist()
-    shape = height, width
+    shape = tuple(int(np.ceil(length / cell_m)) for length in extent[::-1])
     polygons = ({"type": "Polygon", "coordinates": [[*ring.tolist(), ring[0].tolist()]]} for ring in outlines)
     covered = rasterio.features.rasterize(polygons, shape, transform=to_map, dtype="uint8")
     reach, thinnest = (np.ones((max(round(share * side_m / cell_m), 1),) * 2, np.uint8) for share in (REACH, THINNEST))

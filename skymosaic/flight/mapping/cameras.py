@@ -63,7 +63,7 @@ def cameras_of(flight: Flight, layout: Layout) -> list[Camera]:
             # That of an estimated lens is only what its coefficients refer to.
             if flight.settings.lens.matrix is not None:
                 focal = float(known[0][0, 0] / (np.hypot(*view.size) / 2))
-        cameras.append(Camera(view.name, view.size, transforms[member], view.taken, focal, centre))
+        cameras.append(Camera(flight.short_names[view.name], view.size, transforms[member], view.taken, focal, centre))
     return cameras
 
 

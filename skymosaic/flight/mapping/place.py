@@ -16,7 +16,7 @@ from skymosaic.geometry.homography import apply
 from skymosaic.imagery.decoding import UPRIGHT
 from skymosaic.imagery.exif import Position, describe_gps_faults, explain_missing_gps
 from skymosaic.imagery.lens import turn_matrix
-from skymosaic.imagery.photographs import index_names, short_names
+from skymosaic.imagery.photographs import index_names
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map, map_to_globe, project_to_utm
 
@@ -186,7 +186,7 @@ def place_cameras(cameras: Sequence[Camera]) -> MapPlace:
     crs, metres = project_to_utm(positions)
     targets = np.full((len(cameras), 2), np.nan)
     targets[[camera.taken.position is not None for camera in cameras]] = metres
-    names = tuple(short_names([camera.name for camera in cameras]))
+    names = tuple(camera.name for camera in cameras)
     # GPS belongs to the camera, not to what is in the middle of its photograph.
     places = np.array([camera.position for camera in cameras])
     tolerances_m = np.array([tolerance_m(camera.taken.accuracy_m) for camera in cameras])

@@ -98,15 +98,15 @@ def place_on_canvas(
 def _bring_onto(place: MapPlace, boundary: Boundary, shown: Sequence[tuple[Points, Array]]) -> Boundary:
     """A boundary in the system of a place, where photographs, outlines and transforms, must show some of it."""
     if (on_map := place.georeference) is None:
-        raise InputError(f"{boundary.name}: the mosaic has no place on the map, so it cannot end there: {place.note}")
+        raise InputError(f"{boundary.name}: the mosaic has no place on the map: {place.note}")
     boundary = boundary.in_system(on_map.crs)
-    boundary.measure([apply(on_map.to_map @ transform, corners) for corners, transform in shown])
+    boundary.share_shown([apply(on_map.to_map @ transform, corners) for corners, transform in shown])
     return boundary
 
 
 def _cut_off(whole: Canvas, boundary: Boundary, to_frame: Matrix) -> Canvas:
     """The part of a canvas whose pixels the boundary's box touches; ``to_frame`` takes metres to its frame."""
-    corners = apply(to_frame, np.concatenate(boundary.rings))
+    corners = apply(to_frame, boundary.points)
     first, end = np.floor(corners.min(axis=0) + 0.5 + ROUNDING_PX), np.ceil(corners.max(axis=0) + 0.5 - ROUNDING_PX)
     (x, y), (width, height) = first.astype(int).tolist(), (end - first).astype(int).tolist()
     return whole.intersection(Canvas(x, y, width, height)) or whole

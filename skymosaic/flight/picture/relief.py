@@ -67,7 +67,7 @@ def bending_numbers(flight: Flight, layout: Layout) -> dict[str, Any] | None:
     return {
         "held_out_within_2_px": layout.bent,
         "meshes": {
-            flight.sources[member].name: {"size": mesh.size, "nodes_px": mesh.nodes_px.round(2).tolist()}
+            flight.view_names[member]: {"size": mesh.size, "nodes_px": mesh.nodes_px.round(2).tolist()}
             for member, mesh in layout.meshes.items()
         },
     }

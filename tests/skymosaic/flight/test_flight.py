@@ -46,7 +46,7 @@ def flown(sharpness: Sequence[Any], links: list[Link], layouts: list[Layout]) ->
     count = len(sharpness)
     views = [made.view(f"{number}.jpg", sharpness=each) for number, each in enumerate(sharpness)]
     sources = tuple(Source(view + 1, f"{view}.jpg", Path(f"{view}.jpg")) for view in range(count))
-    names = tuple("abcdefgh"[: count + 1])
+    names = ("unread.jpg", *(source.name for source in sources))
     return made.flight(views, links, layouts, names=names, sources=sources, left_out={0: "unreadable"})
 
 

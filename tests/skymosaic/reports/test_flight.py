@@ -80,7 +80,9 @@ def test_what_only_some_mosaics_have_is_a_row_of_its_own(tmp_path: Path, monkeyp
     assert (rows["size"], rows["light"]) == ("to a quarter", "burnt")
     why = "ground towards the horizon, far beyond their matches or too coarse"
     assert rows["cut off"] == f"3.jpg 12%, 0.jpg 50%: {why}"
-    monkeypatch.setattr(Composition, "cut_off", {f"{number}.jpg": 0.1 for number in range(9)})
+    nine = {f"/site/{number}.jpg": f"{number}.jpg" for number in range(9)}
+    monkeypatch.setattr(Composition, "cut_off", dict.fromkeys(nine, 0.1))
+    monkeypatch.setitem(vars(rich.flight), "short_names", nine)
     named = "0.jpg 10%, 1.jpg 10%, 2.jpg 10%, 3.jpg 10%, 4.jpg 10% and 4 more"
     assert describe_mosaic(rich)["cut off"] == f"{named}: {why}"
     assert rows["bands"] == "green, red, nir; registered by red, median error of the others: green 0.31 px, nir 1.20 px"
@@ -132,13 +134,13 @@ def test_places_and_links_are_listed_the_worst_first(tmp_path: Path) -> None:
 
 
 def test_the_numbers_of_a_mosaic(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Composition, "cut_off", {"3.jpg": 0.123456})
+    monkeypatch.setattr(Composition, "cut_off", {"/site/3.jpg": 0.123456})
     numbers = numbers_of(delivered(place=PLACE, aligned_px={"nir": 1.23456}))
-    assert (numbers["placed"], numbers["reference"], numbers["size"]) == (3, "/site/1.jpg", [800, 500])
+    assert (numbers["placed"], numbers["reference"], numbers["size"]) == (3, "1.jpg", [800, 500])
     assert (numbers["median_error_px"], numbers["error_90_percent_px"], numbers["relief"]) == (0.5, 2.0, 0.2)
-    assert list(numbers["transforms"]) == ["/site/0.jpg", "/site/1.jpg", "/site/3.jpg"]
-    assert numbers["transforms"]["/site/1.jpg"][0] == [3, 0, 0]
-    assert numbers["contradicting"] == [["/site/0.jpg", "/site/3.jpg"]]
+    assert list(numbers["transforms"]) == ["0.jpg", "1.jpg", "3.jpg"]
+    assert numbers["transforms"]["1.jpg"][0] == [3, 0, 0]
+    assert numbers["contradicting"] == [["0.jpg", "3.jpg"]]
     assert (numbers["band_error_px"], numbers["cut_off"]) == ({"nir": 1.235}, {"3.jpg": 0.1235})
     assert (numbers["value_range"], numbers["independent_errors"]) == (None, None)
     deep = numbers_of(delivered(values=ValueRange(1.0, 2.0)))
@@ -156,8 +158,8 @@ def test_the_numbers_of_a_flight_name_whom_they_concern() -> None:
     )
     check = FlightCheck(complete=False, photographs=(), problems=("one side",))
     numbers = report.flight_numbers([delivery, delivery], check)
-    assert numbers["left_out"] == {"/site/2.jpg": "/site/2.jpg: blurred"}
-    assert numbers["notes"] == ["/site/1.jpg: turned", "/site/3.jpg: 16 bits", "/site/3.jpg: turned"]
+    assert numbers["left_out"] == {"2.jpg": "2.jpg: blurred"}
+    assert numbers["notes"] == ["1.jpg: turned", "3.jpg: 16 bits", "3.jpg: turned"]
     assert (numbers["pairs_tried"], numbers["links"], numbers["photographs"]) == (4, 3, 4)
     assert len(numbers["mosaics"]) == 2
     assert numbers["seconds"] == {"features": 1.235}
@@ -181,11 +183,13 @@ def test_advice_is_about_the_flight_and_then_about_photographs_with_problems(tmp
 @pytest.mark.parametrize(
     ("names", "shown"),
     [
-        (["/flight/1.jpg", "/flight/rtk/2.jpg"], ["1.jpg", "rtk/2.jpg"]),
-        (["flight/1.jpg", "flight/2.jpg"], ["1.jpg", "2.jpg"]),
-        *[(names, names) for names in (["1.jpg", "2.jpg"], ["north/1.jpg", "south/2.jpg"], ["/flight/1.jpg", "2.jpg"])],
+        (["/flight/1.jpg", "/flight/rtk/2.jpg"], ["1.jpg", "2.jpg"]),
+        (["flight/a/1.jpg", "flight/b/1.jpg"], ["a/1.jpg", "b/1.jpg"]),
+        (["1.jpg", "north/2.jpg"], ["1.jpg", "2.jpg"]),
     ],
 )
-def test_names_lose_only_the_folder_that_has_all_of_them(names: list[str], shown: list[str], tmp_path: Path) -> None:
-    _, listed = page_of(tmp_path / "r", delivered(names=tuple(names), left_out=dict(enumerate(names))))
-    assert listed == shown
+def test_names_have_the_folders_that_tell_them_apart(names: list[str], shown: list[str]) -> None:
+    views = tuple(replace(view, name=name) for view, name in zip(delivered().flight.views, names, strict=False))
+    flown = made.flight(views, left_out=dict(enumerate(names)))
+    assert flown.view_names == shown
+    assert flown.shorten(f"{names[0]} is not {names[1]}") == f"{shown[0]} is not {shown[1]}"

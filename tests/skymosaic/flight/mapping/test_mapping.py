@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import rasterio
 import rasterio.enums
-import rasterio.mask
+import rasterio.features
 import rasterio.vrt
 
 from golden_model.arrays import Array
@@ -247,12 +247,12 @@ def test_a_flight_is_laid_onto_a_map_of_any_form(flown: tuple[Path, Mosaic], tmp
         between = np.linalg.inv(load_base_map(onto).to_map) @ place.georeference.to_map
         np.testing.assert_allclose(between[:2, :2], np.eye(2), atol=1e-6)
         np.testing.assert_allclose(between[:2, 2], np.rint(between[:2, 2]), atol=1e-4)
-    # With a resolution of its own, corners of pixels are at multiples of it.
-    coarse = compose(laid, laid.layouts[0], place=place_on_map(laid, laid.layouts[0]), gsd_m=0.4).place.georeference
-    assert coarse is not None
-    corner = coarse.to_map @ [-0.5, -0.5, 1]
-    np.testing.assert_allclose(np.diag(coarse.to_map)[:2], [0.4, -0.4], rtol=1e-9)
-    np.testing.assert_allclose(corner[:2] / 0.4, np.rint(corner[:2] / 0.4), atol=1e-4)
+        # With a resolution of its own, corners of pixels are at multiples of it.
+        coarse = compose(laid, laid.layouts[0], place=place_on_map(laid, laid.layouts[0]), gsd_m=0.4).place.georeference
+        assert coarse is not None
+        corner = coarse.to_map @ [-0.5, -0.5, 1]
+        np.testing.assert_allclose(np.diag(coarse.to_map)[:2], [0.4, -0.4], rtol=1e-9)
+        np.testing.assert_allclose(corner[:2] / 0.4, np.rint(corner[:2] / 0.4), atol=1e-4)
 
 
 def test_a_map_that_nothing_registers_with_moves_nothing(flown: tuple[Path, Mosaic], tmp_path: Path) -> None:
@@ -281,17 +281,20 @@ def test_a_boundary_leaves_of_a_map_what_gdals_cutline_leaves(flown: tuple[Path,
         step, start = np.array(whole.res) * whole.shape[::-1] * [1, -1], np.array([whole.bounds.left, whole.bounds.top])
         parts = [[(start + step * [*ring, ring[0]]).tolist() for ring in rings] for rings in SHARES]
         area = {"type": "MultiPolygon", "coordinates": parts}
-        wanted, transform = rasterio.mask.mask(whole, [area], crop=True)
+        wanted = whole.read() * rasterio.features.geometry_mask([area], whole.shape, whole.transform, invert=True)
     named = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32633"}}
     (tmp_path / "area.geojson").write_text(json.dumps({"type": "Feature", "geometry": area, "crs": named}))
     boundary, place = load_boundary(tmp_path / "area.geojson"), place_on_map(first.flight, first.layout)
     cut = compose(first.flight, first.layout, place=place, boundary=boundary)
     with Workers() as workers:
         bands = list(cut.bands(workers))
-    assert cut.place.georeference is not None
-    assert cut.place.georeference.transform == transform
     made = np.dstack([cut.joined(bands)[..., ::-1], 255 * np.concatenate([mask for _, mask in bands])])
-    np.testing.assert_array_equal(made, np.moveaxis(wanted, 0, -1))
+    assert cut.place.georeference is not None
+    corner = cut.place.georeference.to_map[:2, 2] - whole.transform @ (0.5, 0.5)
+    x, y = np.rint(corner / whole.res * [1, -1]).astype(int)
+    np.testing.assert_allclose(corner / whole.res * [1, -1], (x, y), atol=1e-6)
+    np.testing.assert_array_equal(made, np.moveaxis(wanted, 0, -1)[y : y + len(made), x : x + made.shape[1]])
+    assert np.count_nonzero(made) == np.count_nonzero(wanted)
     away = replace(boundary, polygons=tuple(tuple(ring + 1000 for ring in rings) for rings in boundary.polygons))
     with pytest.raises(InputError, match=r"area\.geojson: no photograph shows any of it"):
         compose(first.flight, first.layout, place=place, boundary=away)

@@ -51,7 +51,8 @@ def test_cameras_that_lean_are_found_above_where_they_were(
     views, members = (view,) * 4, tuple(range(4))
     to_ground = {m: np.linalg.inv(shift @ flight.homographies[m]) for m in members}
     layout: Any = SimpleNamespace(members=members, to_reference=lambda _views: to_ground)
-    leaning: Any = SimpleNamespace(views=views, lens=lens, settings=SimpleNamespace(lens=lens))
+    settings, names = SimpleNamespace(lens=lens), {"0.jpg": "0.jpg"}
+    leaning: Any = SimpleNamespace(views=views, lens=lens, settings=settings, short_names=names)
     found = np.array([camera.position for camera in cameras_of(leaning, layout)])
     np.testing.assert_allclose(found, [(p.x_px, p.y_px, p.altitude_px) for p in flight.poses], rtol=1e-6, atol=1e-3)
     middles = np.array([apply(np.asarray(to_ground[m], np.float64), (np.array(SIZE) - 1) / 2) for m in members])
