@@ -143,12 +143,12 @@ def test_a_camera_build_has_all_its_files(tmp_path: Path, monkeypatch: pytest.Mo
     bench, core = (f"{folder}/skymosaic_camera{suffix}.v" for folder, suffix in (("sim", "_tb"), ("rtl", "")))
     vectors = set(re.findall(r"(\w+\.hex)", (tmp_path / bench).read_text()))
     assert len(vectors) > 10
-    drivers = ("map", "painter", "registers", "rings")
+    drivers = ("camera", "camera_server", "map", "painter", "registers", "rings", "server")
     assert found == {
         "README.md", "constraints/skymosaic_camera.xdc", "registers/register_map.md", "registers/skymosaic.svd",
         "registers/skymosaic_registers.h", "skymosaic_camera.core", bench, core, *(f"sim/{name}" for name in vectors),
-        "LICENSE", "NOTICE",
-        "host/pynq_overlay.py", "host/ring_bus.py", *(f"host/skymosaic_{name}.py" for name in drivers),
+        "LICENSE", "NOTICE", "host/pynq_overlay.py", "host/ring_bus.py", "host/serve_camera.py",
+        *(f"host/skymosaic_{name}.py" for name in drivers),
     }  # fmt: skip
     assert (tmp_path / core).read_text().endswith("`timescale 1ns / 1ps\nthe Verilog")
 

@@ -1,4 +1,4 @@
-"""Serves the accelerator to one client at a time over TCP, on loopback alone. Needs numpy and the driver.
+"""Serves the accelerator to one client at a time over TCP, on loopback alone. Needs Python 3.10 and numpy.
 
 A request is a line of JSON. If it is valid, the server answers with a JSON object, the client sends the bytes of the
 frames, and the server answers with a line of JSON and the bytes of the packets.
@@ -21,7 +21,7 @@ from skymosaic_registers import AcceleratorError
 
 PORT = 7020
 TUNNEL_HELP = """Only programs on this machine reach the server. From another one, use an SSH tunnel:
-ssh -N -L 7020:localhost:7020 BOARD"""
+ssh -N -L {0}:localhost:{0} BOARD"""
 MAX_LINE_BYTES = 65536
 MAX_FRAMES = 64
 IDLE_SECONDS = 30
@@ -184,6 +184,8 @@ class Server(socketserver.TCPServer):
     accelerator : skymosaic_driver.Accelerator
     idle_seconds, request_seconds : float
         See `Client`.
+    handler : type
+        What serves a client.
 
     Raises
     ------
@@ -194,7 +196,9 @@ class Server(socketserver.TCPServer):
     # A restarted server need not wait until old connections have timed out.
     allow_reuse_address = True
 
-    def __init__(self, address, accelerator, idle_seconds=IDLE_SECONDS, request_seconds=REQUEST_SECONDS):
+    def __init__(
+        self, address, accelerator, idle_seconds=IDLE_SECONDS, request_seconds=REQUEST_SECONDS, handler=Handler
+    ):
         if not _is_loopback(address[0]):
             raise ValueError(f"others could use the board at {address[0]!r}; leave out --host and use an SSH tunnel")
         self.accelerator = accelerator
@@ -202,24 +206,24 @@ class Server(socketserver.TCPServer):
         if ":" in address[0]:
             self.address_family = socket.AF_INET6
         try:
-            super().__init__(address, Handler)
+            super().__init__(address, handler)
         except (OSError, OverflowError) as error:
             raise ValueError(f"cannot listen on {address[0]}:{address[1]}: {error}; see --host and --port") from None
 
 
-def options_parser(description):
+def options_parser(description, port=PORT):
     """Make the option parser of a program that serves an accelerator; programs add their own options."""
-    parser = argparse.ArgumentParser(description=description, epilog=TUNNEL_HELP)
+    parser = argparse.ArgumentParser(description=description, epilog=TUNNEL_HELP.format(port))
     parser.add_argument("--host", default="127.0.0.1", help="address of this machine's loopback to listen on")
-    parser.add_argument("--port", type=int, default=PORT)
+    parser.add_argument("--port", type=int, default=port)
     return parser
 
 
-def serve(parser, open_accelerator):
+def serve(parser, open_accelerator, handler=Handler):
     """Serve the accelerator that ``open_accelerator`` makes from the options, until the program is interrupted."""
     options = parser.parse_args()
     try:
-        server = Server((options.host, options.port), open_accelerator(options))
+        server = Server((options.host, options.port), open_accelerator(options), handler=handler)
     except (OSError, ValueError, AcceleratorError) as error:
         parser.error(str(error))
     with server:
