@@ -16,11 +16,13 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+import rasterio
 from rich.console import Console
 from rich.progress import track
 
@@ -30,15 +32,17 @@ from bench.nuisances import nuisances
 from bench.report import Flights, JsonFile, PartsOfNames, Row, program, public_folder, report
 from golden_model.arrays import Array, Matrix, Points
 from golden_model.cache import cache_folder
+from golden_model.pixel.gray import to_gray
 from sim.scene import Flight as RenderedFlight
 from sim.scene import make_lawnmower
+from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.flight import Flight
-from skymosaic.flight.mapping.cameras import cameras_of
-from skymosaic.flight.mapping.place import tolerance_m
-from skymosaic.geometry.homography import DegenerateError, apply, estimate_similarity, grid_over
+from skymosaic.geometry.homography import apply, estimate_similarity, grid_over
 from skymosaic.imagery.lens import Lens
-from skymosaic.maps.georeference import fit_to_map, project_to_utm
-from skymosaic.mosaicking.api import open_run
+from skymosaic.imagery.photographs import list_sources
+from skymosaic.maps.base_map import BaseMap, load_base_map
+from skymosaic.maps.georeference import reproject
+from skymosaic.mosaicking.api import mosaic, open_run
 from skymosaic.mosaicking.options import MosaicOptions
 
 app = program(__doc__)
@@ -60,6 +64,8 @@ Matches = tuple[str, str, Points, Points]
 """Names of two photographs, and their matches in original pixels."""
 LIGHT: dict[str, Any] = {"vignetting": 0.35, "exposure_step": 0.06, "balance_sigma": 0.03}
 GRID_POINTS = 5
+PATCH_PX, REACH_PX, MIN_CORRELATION = 96, 64, 0.6
+"""Side of a patch of a map, how far it is searched in another one, and how well it must fit there."""
 SEEDS = (1, 2, 3, 4)
 
 
@@ -259,43 +265,55 @@ def position_errors(transforms: dict[str, Any], truth: RenderedFlight, names: Se
 
 @app.command()
 def maps(flights: Flights, json_file: JsonFile = None) -> None:
-    """How well flights fit their GPS: at the middle of the photographs, and at the positions of the cameras.
+    """How far the second half of a flight lies from the map of the first: by its own GPS, and laid onto it.
 
-    Median and root mean square distance of all positions, so that both fits are judged alike.
+    Patches of the one map that normalised correlation finds in the other: median and 90th percentile of their
+    distances, in whole pixels of the map.
     """
-    report("distance from GPS", [gps_row(public_folder(flight)) for flight in flights], json_file)
+    report("the second half of a flight on the first", [halves_row(public_folder(each)) for each in flights], json_file)
 
 
-def gps_row(folder: Path) -> Row:
-    """A flight's spread of GPS positions, and the residuals of both fits."""
-    with open_run([folder], MosaicOptions()) as run:
-        flight, layout = run.flight, run.layouts[0]
-    members = [member for member in layout.members if flight.views[member].gps is not None]
-    transforms = layout.to_reference(flight.views)
-    centres = np.array([apply(transforms[m], (np.array(flight.views[m].size) - 1) / 2) for m in members])
-    placed = dict(zip(layout.members, cameras_of(flight, layout), strict=True))
-    cameras = np.array([placed[member].position[:2] for member in members])
-    crs, metres = project_to_utm([gps for m in members if (gps := flight.views[m].gps) is not None])
-    spread = np.sqrt(np.mean(np.sum((metres - metres.mean(axis=0)) ** 2, axis=1)))
-    tolerances_m = np.array([tolerance_m(flight.views[member].taken.accuracy_m) for member in members])
-    fit, _ = fit_to_map(cameras, metres, crs, tolerances_m=tolerances_m)
-    return {
-        "flight": f"{folder.name}, {len(layout.members)} photographs",
-        "GPS spread": f"{spread:.0f} m",
-        "at image centres, median / RMS": residuals(centres, metres),
-        "at cameras, median / RMS": residuals(cameras, metres),
-        "positions left out": "all: refused" if fit is None else f"{len(fit.disagreeing)} of {len(members)}",
-    }
+def halves_row(folder: Path) -> Row:
+    """One flight, whose halves are its files in order."""
+    files = [str(file) for source in list_sources([folder]) for file in source.files]
+    first = mosaic(files[: len(files) // 2])
+    row: Row = {"flight": f"{folder.name}, {len(files)} photographs", "photographs that hold": ""}
+    if first.composition.place.georeference is None:
+        return {**row, "by GPS": "the first half has no map", "laid onto it": ""}
+    with tempfile.TemporaryDirectory() as temporary:
+        paths = [Path(temporary) / f"{name}.tif" for name in ("first", "by GPS", "laid onto it")]
+        first.save(paths[0])
+        for path, onto in zip(paths[1:], (None, load_base_map(paths[0])), strict=True):
+            second = mosaic(files[len(files) // 2 :], onto=onto)
+            second.save(path)
+            if (ties := second.flight.onto) is not None:
+                row["photographs that hold"] = ties.description.partition(" photo")[0]
+            off_px = map_offsets_px(*map(load_base_map, (paths[0], path)))
+            row[path.stem] = "{:.2f} / {:.2f} px".format(*np.percentile(off_px, (50, 90))) + f", {len(off_px)} patches"
+    return row
 
 
-def residuals(places: Points, metres: Points) -> str:
-    """Median and root mean square distance after the best similarity, in words."""
-    upright = places * [1.0, -1.0]
-    try:
-        offsets = np.linalg.norm(apply(estimate_similarity(upright, metres), upright) - metres, axis=1)
-    except DegenerateError:
-        return "none"
-    return f"{np.median(offsets):.2f} / {np.sqrt(np.mean(offsets**2)):.2f} m"
+def map_offsets_px(first: BaseMap, second: BaseMap) -> Array:
+    """Distances of a map's patches from their places on the ``first``, (N,), px of that, where they are found."""
+    boxes = []
+    for each in (first, second):
+        with rasterio.open(each.name) as file:
+            outline = reproject(apply(each.to_map, Canvas(0, 0, file.width, file.height).corners), each.crs, first.crs)
+        boxes.append(apply(np.asarray(np.linalg.inv(first.to_map), np.float64), outline))
+    low = np.max([box.min(axis=0) for box in boxes], axis=0).round()
+    size = np.min([box.max(axis=0) for box in boxes], axis=0).round() - low
+    to_map = first.to_map @ np.array([[1, 0, low[0]], [0, 1, low[1]], [0, 0, 1]])
+    pieces = [each.cut((int(size[0]), int(size[1])), to_map, first.crs) for each in (first, second)]
+    (one, shown), (other, also) = ((to_gray(x.pixels), np.asarray(x.visible)) for x in pieces if x is not None)
+    off_px = []
+    for y, x in product(*(range(0, side - PATCH_PX - 2 * REACH_PX, PATCH_PX) for side in one.shape)):
+        around = np.s_[y : y + PATCH_PX + 2 * REACH_PX, x : x + PATCH_PX + 2 * REACH_PX]
+        if shown[around].all() and also[around].all():
+            patch = other[around][REACH_PX:-REACH_PX, REACH_PX:-REACH_PX]
+            _, best, _, place = cv2.minMaxLoc(cv2.matchTemplate(one[around], patch, cv2.TM_CCOEFF_NORMED))
+            if best > MIN_CORRELATION:
+                off_px.append(np.hypot(place[0] - REACH_PX, place[1] - REACH_PX))
+    return np.array(off_px)
 
 
 if __name__ == "__main__":
