@@ -41,6 +41,8 @@ REFITS = 5
 LAGS = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0)
 """Shots after which the errors of positions have forgotten themselves; each is as likely before they are seen. Those of
 receivers drift, so that a strip may be shifted, turned or stretched as a whole."""
+WRONG = 0.05
+"""Share of positions that are wrong before any are seen."""
 EXACT_M = 1e-6
 """No position is known better."""
 CONFIDENCE = 0.95
@@ -195,47 +197,64 @@ def fit_to_map(
     to_map = similarity @ np.diag([1.0, -1.0, 1.0])
     disagreeing = tuple(known[~agreeing].tolist())
     lags = LAGS if in_time else LAGS[:1]
-    scale_error = _scale_error(upright[agreeing], targets[agreeing], known[agreeing], lags)
+    scale_error = _scale_error(upright, targets, known, agreeing, farthest_m=offsets.max(), lags=lags)
     return Georeference(crs, to_map, residual, tuple(all_offsets.tolist()), disagreeing, scale_error), ""
 
 
-def _scale_error(points: Points, targets: Points, order: NDArray[np.intp], lags: Sequence[float]) -> float:
+def _scale_error(
+    points: Points,
+    targets: Points,
+    order: NDArray[np.intp],
+    agreeing: NDArray[np.bool_],
+    *,
+    farthest_m: float,
+    lags: Sequence[float],
+) -> float:
     """Share of the scale of a similarity within which the true one lies in 95 % of cases; NaN for two positions.
 
-    Errors may be correlated over any of ``lags``. Each is weighed by how well it explains the residuals (restricted
+    Errors may be correlated over any of ``lags``, and positions that do not agree may be wrong, each anywhere up to
+    ``farthest_m`` off, or as good as the others. Each case is weighed by how well it explains all positions (restricted
     likelihood, Patterson and Thompson 1971), and tells how far the scale may be off. Independent errors are lag 0.
     """
-    free = 2 * len(points) - 4
-    if not free:
+    if len(points) == 2:
         return math.nan
-    # On complex numbers, w = a + b z is a similarity.
-    z, w = ((each - each.mean(axis=0)) @ [1, 1j] for each in (points, targets))
-    columns = np.column_stack((np.ones(len(z)), z, w))
     fits = []
-    for lag in lags:
-        kept = np.exp(-np.diff(order) / lag)[:, None] if lag else np.zeros((len(z) - 1, 1))
-        # What each error brings that the one before does not tell: these are independent.
-        new = np.concatenate((columns[:1], (columns[1:] - kept * columns[:-1]) / np.sqrt(1 - kept**2)))
-        design, seen = new[:, :2], new[:, 2]
-        normal = design.conj().T @ design
-        found = np.linalg.solve(normal, design.conj().T @ seen)
-        squares = float((np.abs(seen - design @ found) ** 2).sum()) + EXACT_M**2
-        likelihood = -np.log(1 - kept**2).sum() - np.linalg.slogdet(normal)[1] - free / 2 * np.log(squares)
-        sigma = np.sqrt(np.linalg.inv(normal)[1, 1].real * squares / free)
-        fits.append((found[1], sigma / abs(found[1]), likelihood))
-    special = Later("scipy.special")
-    slopes, sigmas, likelihoods = map(np.array, zip(*fits, strict=True))
-    # The fit is that of independent errors.
+    for chosen in (agreeing, np.ones(len(points), dtype=bool))[: 1 + (not agreeing.all())]:
+        # On complex numbers, w = a + b z is a similarity.
+        z, w = ((each[chosen] - each[agreeing].mean(axis=0)) @ [1, 1j] for each in (points, targets))
+        wrong = (~chosen).sum() * (math.log(WRONG) - 2 * math.log(max(farthest_m, EXACT_M)))
+        for lag in lags:
+            slope, sigma, likelihood = _fit_drifting(z, w, np.diff(order[chosen]), lag)
+            fits.append((slope, sigma / abs(slope), likelihood + wrong, 2 * len(z) - 4))
+    slopes, sigmas, likelihoods, free = map(np.array, zip(*fits, strict=True))
+    # The fit is that of positions that agree, with independent errors.
     off = (slopes / slopes[0]).real - 1
     weights = np.exp(likelihoods - likelihoods.max())
     weights /= weights.sum()
+
+    special = Later("scipy.special")
 
     def excess(share: float) -> float:
         inside = special.stdtr(free, (share - off) / sigmas) - special.stdtr(free, (-share - off) / sigmas)
         return float(weights @ inside) - CONFIDENCE
 
-    most = np.abs(off).max() + special.stdtrit(free, (1 + CONFIDENCE) / 2) * sigmas.max()
+    most = np.abs(off).max() + (special.stdtrit(free, (1 + CONFIDENCE) / 2) * sigmas).max()
     return float(Later("scipy.optimize").brentq(excess, 0, 2 * most))
+
+
+def _fit_drifting(z: Points, w: Points, steps: NDArray[np.intp], lag: float) -> tuple[complex, float, float]:
+    """Slope b of w = a + b z, whose errors are correlated over ``lag``, its standard deviation, and the likelihood."""
+    columns, free = np.column_stack((np.ones(len(z)), z, w)), 2 * len(z) - 4
+    kept = np.exp(-steps / lag)[:, None] if lag else np.zeros((len(z) - 1, 1))
+    # What each error brings that the one before does not tell: these are independent.
+    new = np.concatenate((columns[:1], (columns[1:] - kept * columns[:-1]) / np.sqrt(1 - kept**2)))
+    design, seen = new[:, :2], new[:, 2]
+    normal = design.conj().T @ design
+    found = np.linalg.solve(normal, design.conj().T @ seen)
+    squares = float((np.abs(seen - design @ found) ** 2).sum()) + EXACT_M**2
+    likelihood = math.lgamma(free / 2) - np.log(1 - kept**2).sum() - np.linalg.slogdet(normal)[1]
+    sigma = np.sqrt(np.linalg.inv(normal)[1, 1].real * squares / free)
+    return complex(found[1]), float(sigma), float(likelihood - free / 2 * np.log(squares))
 
 
 def _explain_refusal(agreeing: NDArray[np.bool_], offsets: Array, residual: float, spread: float) -> str:
