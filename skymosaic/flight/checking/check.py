@@ -11,7 +11,7 @@ from skymosaic.flight.layout.accuracy import Errors
 from skymosaic.flight.layout.extent import outline, overlap
 from skymosaic.flight.layout.layout import MAX_RELIEF, Layout
 from skymosaic.flight.layout.linked_group import groups
-from skymosaic.flight.linking.links import Link
+from skymosaic.flight.linking.links import WEAK_TIES, Link
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA, STILL
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import describe_gps_faults
@@ -22,9 +22,8 @@ CLIPPED = 0.2
 """A photograph is badly exposed if more than this share of it is black or white."""
 MAX_REDUCED = 2
 """Photographs of one lens that differ more in size have few descriptors in common."""
-WEAK_TIES = 40
 WEAK_OVERLAP = 0.2
-"""A link with fewer ties or less overlap is weak; it matters if no other joins the two sides."""
+"""A link with less overlap is weak, too."""
 
 MAX_CONTRADICTING = 0.02
 """Share of links that contradict the layout above which it may be wrong: few links of distinct ground are false."""

@@ -46,6 +46,12 @@ def overlap(one: Array, other: Array) -> float:
     return float(area) / max(min(cv2.contourArea(one), cv2.contourArea(other)), 1.0)
 
 
+def common_ground(one: Array, other: Array) -> Array:
+    """Outline (N, 2) of what two convex outlines (N, 2) have in common; without corners if there is nothing."""
+    _, corners = cv2.intersectConvexConvex(one.astype(np.float32), other.astype(np.float32))
+    return np.zeros((0, 2)) if corners is None else corners[:, 0].astype(np.float64)
+
+
 def overlaps(views: Sequence[View], transforms: Mapping[int, Array]) -> dict[Candidate, float]:
     """Overlap of all pairs that are close enough for one, as a share of the smaller view."""
     outlines = {member: outline(views[member], transform) for member, transform in transforms.items()}

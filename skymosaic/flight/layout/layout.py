@@ -5,8 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow
+from scipy.sparse.csgraph import connected_components
 
 from golden_model.arrays import Array
 from skymosaic.compositing.mesh import Mesh
@@ -14,7 +13,7 @@ from skymosaic.flight.layout.accuracy import Accuracy, measure_accuracy
 from skymosaic.flight.layout.adjustment import MODELS, WIDEST_SCALE_PX, Network
 from skymosaic.flight.layout.agreement import Agreement
 from skymosaic.flight.layout.extent import find_misplaced
-from skymosaic.flight.layout.linked_group import LinkedGroup, groups, join, linked_group
+from skymosaic.flight.layout.linked_group import LinkedGroup, groups, join, linked_group, separate
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
 
@@ -242,17 +241,10 @@ def _doubtful_part(layout: Layout) -> tuple[set[int], Link | None]:
     row = {member: index for index, member in enumerate(layout.members)}
     for link in sorted(layout.contradicting, key=lambda each: -each.inliers):
         joined = join(layout.members, layout.links, [1 + (e.inliers >= SURER * link.inliers) for e in layout.links])
-        flow = maximum_flow(joined, row[link.left], row[link.right])
-        if flow.flow_value > 1:
+        strength, sides = separate(joined, row[link.left], row[link.right])
+        if strength > 1:
             continue
-        # What each end still reaches once the one link, or one of several in a row, carries all that it can.
-        spare = csr_array(joined - flow.flow)
-        spare.eliminate_zeros()
-        sides = [
-            breadth_first_order(residual, row[end], return_predecessors=False)
-            for residual, end in ((spare, link.left), (csr_array(spare.T), link.right))
-        ]
-        part = {layout.members[index] for index in min(sides, key=len).tolist()}
+        part = {layout.members[index] for index in min(sides, key=len)}
         joint = next(each for each in layout.links if (each.left in part) != (each.right in part))
         return part, joint if link.inliers >= SURER * joint.inliers else None
     return set(), None

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
+from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow, minimum_spanning_tree
 
 from golden_model.arrays import Array
 from skymosaic.compositing.mesh import Ties
@@ -39,6 +39,20 @@ def join(members: Sequence[int], links: Sequence[Link], strengths: Sequence[int]
     pairs = np.array([(row[link.left], row[link.right]) for link in links], dtype=np.intp).reshape(-1, 2)
     joined = csr_array((np.array(strengths, dtype=np.int32), pairs.T), shape=(len(row),) * 2)
     return csr_array(joined + joined.T)
+
+
+def separate(joined: csr_array, one: int, other: int) -> tuple[int, list[list[int]]]:
+    """The strength of the weakest links between two rows of what `join` returns, and what each still reaches without.
+
+    Parts behind one link, or behind one of several in a row, are those beyond the nearest of these.
+    """
+    flow = maximum_flow(joined, one, other)
+    # What each end still reaches once the links carry all that they can.
+    spare = csr_array(joined - flow.flow)
+    spare.eliminate_zeros()
+    ends = ((spare, one), (csr_array(spare.T), other))
+    sides = [breadth_first_order(residual, end, return_predecessors=False).tolist() for residual, end in ends]
+    return int(flow.flow_value), sides
 
 
 class LinkedGroup:

@@ -37,6 +37,8 @@ SEARCH_PX = 32.0
 SURE_WEIGHT = 0.7
 """Weight that a match found by prediction needs to be a check: lighter ones are wrong three times as often, and so near
 the prediction, epipolar lines do not tell."""
+WEAK_TIES = 40
+"""A link with fewer ties is weak; it matters if no other joins the two sides."""
 FIRST_LOOK_SAMPLES = 1000
 """A third of the samples of a single pair: most candidates overlap well or not at all."""
 

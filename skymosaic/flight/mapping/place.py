@@ -5,11 +5,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from golden_model.arrays import Matrix, Points
 from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
+from skymosaic.flight.layout.linked_group import join, separate
+from skymosaic.flight.linking.links import WEAK_TIES, Link
 from skymosaic.flight.mapping.cameras import Camera, cameras_of, measure_turn
 from skymosaic.flight.mapping.contradictions import compare_places, doubt_records, doubt_scale
 from skymosaic.geometry.homography import apply
@@ -27,6 +30,8 @@ MAX_AWAY_M = 10_000.0
 
 TOLERANCE_M, TOLERANCE_SIGMAS = 3.0, 10.0
 """So far off is no error of ordinary GPS, nor of RTK by its own accuracy: the layout's error at a camera adds to it."""
+SMOOTH = 0.25
+"""What is left of such offsets, as a share of them, where another place for all of them together explains them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +114,7 @@ def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None =
     """
     cameras = cameras_of(flight, layout)
     place, by = place_cameras(cameras), "GPS"
-    if found := _find_break(layout, place):
+    if found := _find_break(layout, place, cameras):
         place = MapPlace(note=found)
     if flight.positions:
         own = [replace(each, taken=replace(each.taken, position=each.taken.own_position)) for each in cameras]
@@ -129,27 +134,50 @@ def place_on_map(flight: Flight, layout: Layout, control: ControlPoints | None =
         return replace(place, contradictions=(*place.contradictions, f"{error}; the mosaic is not laid onto it"))
 
 
-def _find_break(layout: Layout, place: MapPlace) -> str:
-    """Where a layout broke, by a run of positions that disagree behind contradicted links; empty if it did not.
+def _find_break(layout: Layout, place: MapPlace, cameras: Sequence[Camera]) -> str:
+    """Where a layout broke, by positions that disagree behind a joint in doubt; empty if it did not.
 
-    Single positions may be wrong. Several in a row, all behind one place of the flight across which as many links
-    contradict the layout as hold, tell that it is the layout.
+    Positions may be wrong, also several in a row. Where these agree among themselves, and what joins their part of the
+    layout to the others is a single weak link, or contradicted by as many links as hold, they tell that it broke.
     """
-    off = place.georeference.disagreeing if place.georeference else ()
-    if not any({row + 1, row + 2} <= set(off) for row in off):
+    off = set(place.georeference.disagreeing) if place.georeference else set[int]()
+    if place.georeference is None or len(off) < MIN_POSITIONS:
         return ""
-    for row in (*range(off[-1] + 1, len(layout.members)), *range(off[0], 0, -1)):
-        first = layout.members[row]
-        hold, contradict = (
-            sum(link.left < first <= link.right for link in links) for links in (layout.links, layout.contradicting)
-        )
-        if contradict >= hold:
-            between, count = f"{place.fitted_to[row - 1]} and {place.fitted_to[row]}", hold + contradict
+    offsets_m = np.array(place.georeference.offsets_m)
+    for side, hold, contradict in _doubtful_joints(layout):
+        behind = sorted(off.intersection(side))
+        if len(behind) < max(MIN_POSITIONS, np.isfinite(offsets_m[side]).sum() / 2):
+            continue
+        own = place_cameras([cameras[row] for row in behind]).georeference
+        if own is not None and own.residual_m <= SMOOTH * np.median(offsets_m[behind]):
+            surest = max(hold, key=lambda link: link.inliers)
+            ends = [place.fitted_to[layout.members.index(end)] for end in (surest.left, surest.right)]
             return (
-                f"the layout breaks between {between}, where {contradict} of {count} links contradict it; behind, "
+                f"the layout breaks between {ends[0]} and {ends[1]}, where {len(contradict)} of "
+                f"{len(hold) + len(contradict)} links contradict it and the surest has {surest.ties} matches; behind, "
                 f"it leaves {place.describe_disagreeing()}: fly again there"
             )
     return ""
+
+
+def _doubtful_joints(layout: Layout) -> Iterator[tuple[list[int], list[Link], list[Link]]]:
+    """Parts of a layout that as many links contradict as join to the others, or that a single weak one joins.
+
+    Of each its rows, the links that join it, and those that contradict.
+    """
+    row = {member: index for index, member in enumerate(layout.members)}
+    joined = join(layout.members, layout.links, [1] * len(layout.links))
+    strong = [link for link in layout.links if link.ties >= WEAK_TIES]
+    _, part = connected_components(join(layout.members, strong, [1] * len(strong)), directed=False)
+    weak = [link for link in layout.links if part[row[link.left]] != part[row[link.right]]]
+    for link in (*layout.contradicting, *weak):
+        for side in separate(joined, row[link.left], row[link.right])[1]:
+            hold, contradict = (
+                [each for each in links if (row[each.left] in side) != (row[each.right] in side)]
+                for links in (layout.links, layout.contradicting)
+            )
+            if len(contradict) >= len(hold) or hold == [link]:
+                yield side, hold, contradict
 
 
 def _hold_against(place: MapPlace, by: str, other: MapPlace, by_other: str, cameras: Sequence[Camera]) -> MapPlace:

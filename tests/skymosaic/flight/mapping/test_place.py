@@ -259,24 +259,41 @@ def test_a_scale_that_few_positions_hardly_give_is_a_warning_or_no_required_map(
 
 
 @pytest.mark.parametrize(
-    ("wrong", "contradicting", "broken"),
-    [((7, 8, 9), ((4, 6), (5, 7)), True), ((0, 1, 2), ((4, 6), (5, 7)), True), ((7, 8, 9), ((5, 7),), False)]
-    + [(wrong, ((4, 6), (5, 7)), False) for wrong in ((5, 7, 9), (4, 5, 6), (7, 9))],
+    ("wrong", "contradicting", "strips", "ties", "broken"),
+    [
+        ({7: 40, 8: 40, 9: 40}, ((4, 6), (5, 7)), 1, 50, True),
+        ({0: 40, 1: 40, 2: 40}, ((4, 6), (5, 7)), 1, 50, True),
+        ({7: 40, 8: 55, 9: 70}, ((4, 6), (5, 7)), 2, 50, True),
+        ({7: 40, 8: 40, 9: 40}, ((5, 7),), 1, 50, False),
+        ({7: 40, 8: -90, 9: 70}, ((4, 6), (5, 7)), 1, 50, False),
+        ({5: 40, 7: 40, 9: 40}, ((4, 6), (5, 7)), 1, 50, False),
+        ({4: 40, 5: 40, 6: 40}, ((4, 6), (5, 7)), 1, 50, False),
+        ({7: 40, 9: 40}, ((4, 6), (5, 7)), 1, 50, False),
+        ({7: 40, 8: 40, 9: 40}, (), 0, 39, True),
+        ({7: 40, 8: 40, 9: 40}, (), 0, 40, False),
+    ],
 )
-def test_positions_in_a_row_behind_contradicted_links_tell_that_the_layout_broke(
-    wrong: tuple[int, ...], contradicting: tuple[tuple[int, int], ...], broken: bool
+def test_positions_that_agree_behind_a_joint_in_doubt_tell_that_the_layout_broke(
+    wrong: dict[int, float], contradicting: tuple[tuple[int, int], ...], strips: int, ties: int, broken: bool
 ) -> None:
+    """Two pairs hold across each place of a strip but its ends, or, of no strips, one. The second strip is whole."""
     metadata = [
-        Metadata(Position(45 + 40 * (number in wrong) / 111_132, 9 + number * 20 / 78_847)) for number in range(10)
+        Metadata(Position(45 + (wrong.get(view, 0) - 30 * (view // 10)) / 111_132, 9 + view % 10 * 20 / 78_847))
+        for view in range(20 if strips == 2 else 10)
     ]
     views = [SimpleNamespace(name=f"{i}.jpg", size=SIZE, orientation=1, taken=each) for i, each in enumerate(metadata)]
-    flight, layout = lay_out(views, [(100.0 * number, 0.0) for number in range(10)])
-    points = np.zeros((20, 2))
-    # Two pairs hold across each place of the flight but its ends.
-    pairs = {(view, view + step) for view in range(9) for step in (1, 2) if view + step < 10} - {(4, 6), (5, 7)}
-    layout.links = [Link(*each, points, points, 20, 20) for each in (*pairs, (3, 6))]
+    flight, layout = lay_out(views, [(100.0 * (view % 10), 150.0 * (view // 10)) for view in range(len(views))])
+    pairs = {(view, view + step) for view in range(9) for step in ((1, 2) if strips else (1,)) if view + step < 10}
+    if strips:
+        pairs = (pairs | {(view, view + 1) for view in range(10, len(views) - 1)}) - {(4, 6), (5, 7)}
+    if strips == 2:
+        pairs |= {(view, 10 + view) for view in range(6)}
+    points = np.zeros((50, 2))
+    layout.links = [Link(*each, *[points[: ties if each == (5, 6) else 50]] * 2, 90, 50) for each in pairs]
+    layout.links += [Link(3, 6, points, points, 20, 50)] * bool(strips)
     layout.contradicting = [Link(*each, points, points, 20, 20) for each in contradicting]
     place = place_on_map(flight, layout)
     assert (place.georeference is None) == broken
-    assert place.note.startswith("the layout breaks between 5.jpg and 6.jpg, where 2 of 4 links") == broken
+    says = f"the layout breaks between 5.jpg and 6.jpg, where {len(contradicting)} of {2 * len(contradicting) or 1} "
+    assert place.note.startswith(says) == broken
     assert broken == (not place.disagreeing)
