@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from golden_model.arrays import Points
 from skymosaic.common.options import respell
 from skymosaic.flight.checking.check import FlightCheck, check_flight, layout_errors
 from skymosaic.flight.flight import Flight
+from skymosaic.flight.layout.extent import common_ground
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.layout.self_calibration import Calibration
 from skymosaic.flight.picture.output import PREVIEW_WIDTH_PX, Delivery
@@ -183,6 +185,7 @@ def _render_page(
                 "rows": [(name, flight.shorten(value)) for name, value in _mosaic_rows(delivery)],
                 "photographs": _photographs_worst_first(delivery),
                 "graph": _graph_drawing(delivery),
+                "overlaps": _overlaps_drawing(delivery),
                 "links": _links_worst_first(delivery),
                 "residuals": _residuals_worst_first(delivery),
             }
@@ -239,6 +242,20 @@ def _graph_drawing(delivery: Delivery) -> dict[str, Any]:
         lines.append({**ends, "colour": colour, "width": f"{1 + 4 * strength:.1f}", "title": title})
     names = [(Path(shown[member]).stem, x, y) for member, (x, y) in centres.items()]
     return {"size": composition.size, "outlines": list(outlines.values()), "lines": lines, "names": names}
+
+
+def _overlaps_drawing(delivery: Delivery) -> list[tuple[str, str, Points]]:
+    """Kind, names and outline on the canvas of what each two photographs that were compared have in common.
+
+    Those that disagree come last, so that they lie on top.
+    """
+    shown, pairs = delivery.flight.view_names, delivery.layout.agreement
+    outlines = dict(zip(delivery.layout.members, outline_photographs(delivery.composition), strict=True))
+    return [
+        (kind, f"{shown[left]} and {shown[right]}", common_ground(outlines[left], outlines[right]))
+        for kind, agrees in (("agree", True), ("unknown", None), ("disagree", False))
+        for left, right in pairs.of(agrees)
+    ]
 
 
 def _residuals_worst_first(delivery: Delivery) -> list[tuple[str, str, float]]:

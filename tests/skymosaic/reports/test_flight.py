@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from skymosaic.flight.checking.check import FlightCheck, PhotographCheck
+from skymosaic.flight.layout.agreement import Agreement, GroundOfPair
 from skymosaic.flight.layout.self_calibration import Calibration
 from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.mapping.place import MapPlace
@@ -145,6 +146,20 @@ def test_the_numbers_of_a_mosaic(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (numbers["value_range"], numbers["independent_errors"]) == (None, None)
     deep = numbers_of(delivered(values=ValueRange(1.0, 2.0)))
     assert deep["value_range"] == {"low": 1.0, "high": 2.0, "kept_in_tif": False}
+
+
+def test_ground_that_was_compared_is_drawn_over_the_mosaic_and_what_differs_lies_on_top(tmp_path: Path) -> None:
+    pairs = {(0, 1): GroundOfPair(1, 9, 1.0), (0, 3): GroundOfPair(9, 9, 1.0), (1, 3): GroundOfPair(3, 3, 1.0)}
+    page_of(tmp_path, delivered(layout=replace(delivered().layout, agreement=Agreement(pairs))))
+    page = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert '<image href="mosaic_1.jpg" width="800" height="500"/>' in page
+    drawn = re.findall(r'<polygon class="(\w+)" points="(.*?)"><title>(.*?)<', page)
+    assert [(kind, names) for kind, _, names in drawn] == [
+        ("agree", "0.jpg and 3.jpg"), ("unknown", "1.jpg and 3.jpg"), ("disagree", "0.jpg and 1.jpg")
+    ]  # fmt: skip
+    # The second photograph is three times as large on the canvas as the first, and begins where that does.
+    assert {*drawn[2][1].split()} == {*drawn[0][1].split()}
+    assert len({*drawn[0][1].split()}) == 4
 
 
 def test_the_numbers_of_a_flight_name_whom_they_concern() -> None:
