@@ -111,6 +111,13 @@ class _Batch:
         """Distance of each mapped left point from its right one, (L, N), in working px of the right view."""
         return np.asarray(np.sqrt(squared_lengths(predicted - self._right)[..., 0]) * self._unit_px)
 
+    def across_px(self, predicted: Array, between: Array) -> Array:
+        """The part of `errors_px` across the way from the right view to the left one."""
+        # The place of the left view's middle, but for the depth.
+        x, y = between[:, 0, 2], between[:, 1, 2]
+        off = predicted - self._right
+        return np.asarray(np.abs(off[..., 0] * y - off[..., 1] * x) / np.hypot(x, y) * self._unit_px)
+
     def equations(
         self, transforms: Array, free: int, scale_px: float, distortion: Array
     ) -> tuple[Array, Array, Array, Array]:
@@ -174,6 +181,14 @@ class Network:
             row[:count]
             for batch in self._batches
             for row, count in zip(batch.errors_px(batch.map(transforms)[0]), batch.counts, strict=True)
+        ]
+
+    def across_px(self, transforms: Array) -> list[Array]:
+        """The part of each error across the way between the middles of its views: height, as of relief, has none."""
+        return [
+            row[:count]
+            for batch in self._batches
+            for row, count in zip(batch.across_px(*batch.map(transforms)[::2]), batch.counts, strict=True)
         ]
 
     def cost(self, model: str, transforms: Array) -> float:

@@ -3,7 +3,7 @@
 A lens that bends straight lines bends every strip of a mosaic, and running lanes then meet with a step. One
 coefficient of OpenCV's model, k1, removes most of it. Where it helps, k2 and the centre of the lens are tried, too:
 strong lenses need them. Every second tie is fitted and the others are predicted: what is estimated is used only if it
-predicts them clearly better.
+predicts them clearly better across the way from one photograph to the next. Along it, a lens may explain relief.
 
 Near the borders of bent photographs features are a little off and fewer match, so that the coefficient comes out 0.2 %
 too small in rendered flights, and 4 to 12 % smaller in public ones than by features of the straightened photographs.
@@ -33,7 +33,8 @@ from skymosaic.running.cache import key_of
 MIN_VIEWS = 6
 """Fewer views leave the distortion to the tilts: a homography each can absorb most of it."""
 MAX_ERROR_RATIO = 0.95
-"""Terms are used if the median error of held-out ties falls below this share: straightening costs detail."""
+"""Terms are used if held-out ties are off by less than this share across the baseline, median: straightening costs
+detail, and along the baseline relief looks like a lens, to fitted and to held-out ties alike."""
 TRIAL_TIES_PER_LINK = 100
 """More ties per link show no better whether a distortion helps, but take longer."""
 AFFINE_STEPS = 4
@@ -110,14 +111,14 @@ def _measure(group: LinkedGroup, most: int) -> Array:
 
     Of 1 and of 4 terms, if there may be so many, the more are used if they predict clearly better than the fewer.
     """
-    before_px, distortion, transforms = _try(group, NO_DISTORTION, None)
+    (before_px, across_px), distortion, transforms = _try(group, NO_DISTORTION, None)
     after_px = before_px
     for terms in sorted({1, most}):
         start = transforms if len(distortion) else None
         found_px, *found = _try(group, np.pad(distortion, (0, terms - len(distortion))), start)
-        if found_px > MAX_ERROR_RATIO * after_px or (np.abs(found[0]) >= MAX_DISTORTION[:terms]).any():
+        if found_px[1] > MAX_ERROR_RATIO * across_px or (np.abs(found[0]) >= MAX_DISTORTION[:terms]).any():
             break
-        after_px, (distortion, transforms) = found_px, found
+        (after_px, across_px), (distortion, transforms) = found_px, found
     if len(distortion):
         whole = group.network(slice(None), distortion=distortion)
         whole.adjust(transforms, "homography")
@@ -125,15 +126,19 @@ def _measure(group: LinkedGroup, most: int) -> Array:
     return np.array([before_px, after_px, *distortion])
 
 
-def _try(group: LinkedGroup, distortion: Array, start: Array | None) -> tuple[float, Array, Array]:
+def _try(group: LinkedGroup, distortion: Array, start: Array | None) -> tuple[Array, Array, Array]:
     """Fit every second tie; the median error of the others, working px, the distortion and the transformations.
 
-    Begins from a distortion, and from homographies that were fitted with it, if any.
+    Errors (2,) are whole ones and their part across the baseline. Begins from a distortion, and from homographies that
+    were fitted with it, if any.
     """
     fitted = group.network(slice(0, None, 2), TRIAL_TIES_PER_LINK, distortion)
     transforms = _fit(fitted, group.start) if start is None else fitted.adjust(start, "homography")
     held_out = group.network(slice(1, None, 2), TRIAL_TIES_PER_LINK, fitted.distortion)
-    return float(np.median(np.concatenate(held_out.errors_px(transforms)))), fitted.distortion, transforms
+    errors_px = np.array(
+        [np.median(np.concatenate(each(transforms))) for each in (held_out.errors_px, held_out.across_px)]
+    )
+    return errors_px, fitted.distortion, transforms
 
 
 def _fit(network: Network, start: Array) -> Array:

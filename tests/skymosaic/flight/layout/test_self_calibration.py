@@ -24,9 +24,12 @@ def bent(points: Array, k1: float, k2: float = 0, x: float = 0, y: float = 0) ->
 
 @functools.cache
 def lawnmower(
-    *distortion: float, rows: int = 3, columns: int = 5, noise_px: float = 0.3, seed: int = 0
+    *distortion: float, rows: int = 3, columns: int = 5, noise_px: float = 0.3, seed: int = 0, valley: float = 0.0
 ) -> tuple[list[View], list[Link]]:
-    """Views of flat ground by a slightly tilted camera with a bending lens, and the links between neighbours."""
+    """Views by a slightly tilted camera with a bending lens, and the links between neighbours.
+
+    The ground is flat, or a valley along the first row whose sides rise with the square of the distance.
+    """
     rng = np.random.default_rng(seed)
     unit = normalisation(SIZE_PX)
     half_px = 1 / unit[0, 0]
@@ -42,7 +45,7 @@ def lawnmower(
     projections = []
     for pose in poses:
         straight = apply(np.asarray(np.linalg.inv(pose), np.float64), ground)
-        points = bent(straight, *distortion)
+        points = bent(straight * (1 + valley * ground[:, 1:] ** 2), *distortion)
         # Far outside, a bending inwards would fold the ground back into the picture.
         inside = (np.abs(points) < limits).all(axis=1) & (np.linalg.norm(straight, axis=1) < 1.3)
         pixels = apply(np.asarray(np.linalg.inv(unit), np.float64), points)
@@ -103,6 +106,14 @@ def test_a_straight_lens_is_left_alone_and_errors_are_those_of_ties_that_no_fit_
     assert len(parts) == 6
     for fitted, judging in zip(parts[::2], parts[1::2], strict=True):
         assert (fitted & judging, fitted | judging) == (set(), every)
+
+
+def test_relief_that_looks_like_a_lens_is_none_and_hides_none() -> None:
+    """Along a valley, what rises to both sides is displaced as by a lens, but only along the way."""
+    views, links = lawnmower(0.0, rows=1, columns=8, valley=0.15, seed=2)
+    assert calibrate(views, range(len(views)), links) is None
+    views, links = lawnmower(-0.1, rows=1, columns=8, valley=0.1)
+    assert calibrate(views, range(len(views)), links).distortion[0] < 0
 
 
 def test_straightened_links_fit_and_what_cannot_be_calibrated_is_left_alone() -> None:
