@@ -173,6 +173,7 @@ class Session:
                 "outputs": self._outputs,
                 "notes": [*self._notes, *self.numbers.pop("notes", [])],
             }
+            times["processor"] = time.process_time()
             numbers = {**common, **self.numbers, "seconds": {name: round(value, 4) for name, value in times.items()}}
             print(json.dumps(finite(numbers)))
 

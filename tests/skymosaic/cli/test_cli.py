@@ -198,7 +198,7 @@ def test_on_a_terminal_each_stage_is_a_bar_that_ends(monkeypatch: pytest.MonkeyP
 def test_times_add_up_to_the_wall_time(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     now_s = [3.0]
     module = importlib.import_module("skymosaic.cli.session")
-    monkeypatch.setattr(module, "time", SimpleNamespace(perf_counter=lambda: now_s[0]))
+    monkeypatch.setattr(module, "time", SimpleNamespace(perf_counter=lambda: now_s[0], process_time=lambda: 5.5))
     for as_json in (True, False):
         session = Session()
         session.begin("mosaic", started_s=1.0, quiet=False, verbose=False, as_json=as_json)
@@ -208,7 +208,8 @@ def test_times_add_up_to_the_wall_time(monkeypatch: pytest.MonkeyPatch, capsys: 
         session.end(1)
         now_s[0] -= 7
     printed = capsys.readouterr()
-    assert json.loads(printed.out)["seconds"] == {"starting": 2, "features": 4, "other": 3, "total": 9}
+    seconds = json.loads(printed.out)["seconds"]
+    assert seconds == {"starting": 2, "features": 4, "other": 3, "total": 9, "processor": 5.5}
     assert printed.err.splitlines() == 2 * ["seconds: starting 2.00, features 4.00, other 3.00, total 9.00"]
 
 
