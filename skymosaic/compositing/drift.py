@@ -15,13 +15,18 @@ from golden_model.arrays import Array
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.light import GRID
 from skymosaic.compositing.tone import Tone
+from skymosaic.compositing.warp import Canvas
 from skymosaic.geometry.homography import apply
 
 USUAL_DRIFT = 1.25
 """Brightness at one end of the map over that at the other which is left as it is."""
+MIN_LENGTHS = 2.0
+"""Length of a flight along its drift, in those of a photograph: neighbours see the edge of a wood along one of them, so
+in shorter flights most may see no more than that.
+"""
 ROUNDS, LEAST_DIFFERENCE = 20, 0.01
-"""Rounds of reweighting towards the least absolute differences, and the logarithm below which differences weigh alike:
-most neighbours must share a slope; a light field beside a dark wood is a step of a few of them.
+"""Rounds of reweighting towards the least absolute differences, so that most neighbours must share a slope; and the
+logarithm below which differences weigh alike.
 """
 
 
@@ -41,7 +46,8 @@ def take_out_drift(
     slope = of_gains * np.clip(float(of_map @ of_gains) / max(float(of_gains @ of_gains), 1e-12), 0, 1)
     at_centres = centres @ slope
     low, high = at_centres.min(), at_centres.max()
-    if high - low < np.log(USUAL_DRIFT):
+    lengths = [np.ptp(apply(layer.transform, Canvas(0, 0, *layer.size).corners) @ slope) for layer in thumbnails]
+    if high - low < max(np.log(USUAL_DRIFT), MIN_LENGTHS * float(np.median(lengths))):
         return list(tones), 1.0
     x, y = np.meshgrid(np.linspace(0, 1, GRID[1]), np.linspace(0, 1, GRID[0]))
     evened = []
