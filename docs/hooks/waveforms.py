@@ -74,5 +74,5 @@ def draw(make: Callable[[], Block], i: str, o: str, first: int, end: int) -> str
 
 
 def _merge(levels: str) -> str:
-    """Of a level that stays, a line without marks."""
+    """Draw a level that stays as a line without marks."""
     return re.sub(r"(.)\1+", lambda same: same[1] + "." * (len(same[0]) - 1), levels)

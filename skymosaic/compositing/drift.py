@@ -24,7 +24,7 @@ MIN_LENGTHS = 2.0
 """Length of a flight along its drift, in those of a photograph: neighbours see the edge of a wood along one of them, so
 in shorter flights most may see no more than that.
 """
-ROUNDS, LEAST_DIFFERENCE = 20, 0.01
+ROUNDS, MIN_DIFFERENCE = 20, 0.01
 """Rounds of reweighting towards the least absolute differences, so that most neighbours must share a slope; and the
 logarithm below which differences weigh alike.
 """
@@ -67,5 +67,5 @@ def _fit_slope(across: Array, differences: Array) -> Array:
     for _ in range(ROUNDS):
         normal = (weight[:, None] * across).T @ across / weight.sum() + little
         slope = np.linalg.solve(normal, (weight * differences) @ across / weight.sum())
-        weight = 1 / np.maximum(np.abs(differences - across @ slope), LEAST_DIFFERENCE)
+        weight = 1 / np.maximum(np.abs(differences - across @ slope), MIN_DIFFERENCE)
     return slope

@@ -289,7 +289,8 @@ def test_positions_that_agree_behind_a_joint_in_doubt_tell_that_the_layout_broke
     if strips == 2:
         pairs |= {(view, 10 + view) for view in range(6)}
     points = np.zeros((50, 2))
-    layout.links = [Link(*each, *[points[: ties if each == (5, 6) else 50]] * 2, 90, 50) for each in pairs]
+    tied = {each: points[: ties if each == (5, 6) else 50] for each in pairs}
+    layout.links = [Link(*each, some, some, 90, 50) for each, some in tied.items()]
     layout.links += [Link(3, 6, points, points, 20, 50)] * bool(strips)
     layout.contradicting = [Link(*each, points, points, 20, 20) for each in contradicting]
     place = place_on_map(flight, layout)
