@@ -6,7 +6,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.painting.tiles import MAX_TILES, TILE_PX
 from golden_model.records import WORD_BYTES
-from hdl.axi.axi_read import BURST_PART, READ_WORD
+from hdl.axi.axi_read import BURST_PART, READ_WORD, BurstReader
 from hdl.axi.axi_write import BURST_WORDS
 from hdl.lib.delay import delayed
 from hdl.lib.views import view_signal
@@ -143,3 +143,13 @@ class LineReader(wiring.Component):
             m.d.sync += self.o.payload.data.eq(Mux(is_painted, Cat(green, blue, red), picture.border))
             m.d.sync += [self.o.payload.first.eq(is_first), self.o.payload.last.eq(ends_line)]
         return ~runs
+
+
+def add_reader(m: Module, pictures: wiring.PureInterface, shown: wiring.PureInterface) -> LineReader:
+    """Add a reader, whose ports to memory (`AXI_READ`) and to a display are ports of the component that ``m`` makes."""
+    m.submodules.reader, m.submodules.bursts = reader, bursts = LineReader(), BurstReader()
+    wiring.connect(m, reader.o_bursts, bursts.i)
+    wiring.connect(m, bursts.o, reader.i_words)
+    wiring.connect(m, bursts.bus, wiring.flipped(pictures))
+    wiring.connect(m, reader.o, wiring.flipped(shown))
+    return reader

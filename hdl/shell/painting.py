@@ -6,13 +6,13 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.config import MAX_FRAME_PX
 from golden_model.painting.tiles import MAX_TILES, TILE_PX
-from hdl.axi.axi_read import AXI_READ, BurstReader
+from hdl.axi.axi_read import AXI_READ
 from hdl.axi.axi_write import AXI_WRITE
 from hdl.axi.video_input import VideoPayload
 from hdl.lib.delay import delayed
 from hdl.painting.canvas_port import HOLDS
 from hdl.painting.frame_writer import BURST_PX, PIXEL_BYTES
-from hdl.painting.line_reader import SHOWN, LineReader
+from hdl.painting.line_reader import SHOWN, LineReader, add_reader
 from hdl.painting.painter import Painter
 from hdl.painting.pose import ELEMENTS
 from hdl.registers.register_file import RegisterFile
@@ -69,7 +69,7 @@ class Painting(wiring.Component):
         """Connect the painter; switch it on and off."""
         whole, m = Module(), Module()
         whole.submodules.painting = ResetInserter(self.i_forget)(m)
-        registers, reader = self._registers, self._read(whole)
+        registers, reader = self._registers, add_reader(whole, self.pictures, self.o_picture)
         m.submodules.painter = painter = Painter()
         m.submodules.placements = placements = ResetInserter(painter.i_clear)(Placements())
         is_on, shows, faults, is_gray = Signal(), Signal(), self._faults(m), registers.o_gray_input
@@ -108,15 +108,6 @@ class Painting(wiring.Component):
         with m.If(reader.i.valid & reader.i.ready):
             m.d.sync += registers.i_pictures_begun.eq(registers.i_pictures_begun + 1)
         return whole
-
-    def _read(self, m: Module) -> LineReader:
-        """Add the reader of pictures, with its port to memory."""
-        m.submodules.reader, m.submodules.bursts = reader, bursts = LineReader(), BurstReader()
-        wiring.connect(m, reader.o_bursts, bursts.i)
-        wiring.connect(m, bursts.o, reader.i_words)
-        wiring.connect(m, bursts.bus, wiring.flipped(self.pictures))
-        wiring.connect(m, reader.o, wiring.flipped(self.o_picture))
-        return reader
 
     def _settings(self, painter: Painter, shows: Signal, reader: LineReader) -> list[tuple[Signal, Value]]:
         """What is set, each with the bits of registers that are its setting."""

@@ -11,11 +11,11 @@ from amaranth.lib.wiring import In, Out
 from numpy.typing import NDArray
 
 from golden_model.painting.tiles import TILE_PX
-from hdl.axi.axi_read import AXI_READ, BurstReader
+from hdl.axi.axi_read import AXI_READ
 from hdl.axi.flat_ports import FlatTop
 from hdl.blocks.flat import CLOCK, RESET, FlatBlock
 from hdl.painting.frame_writer import BUFFERS, frame_pages
-from hdl.painting.line_reader import PICTURE, SHOWN, LineReader
+from hdl.painting.line_reader import PICTURE, SHOWN, add_reader
 from hdl.painting.painter import Painter
 from hdl.settings import PAGE_BYTES
 from sim.backends.interface import silent
@@ -26,16 +26,8 @@ from sim.simulators.design import Design, Ports
 
 SETTINGS = (
     *("enable", "replace", "clear", "width_px", "height_px", "frames_page", "buffer_pages", "canvas_page"),
-    *("columns", "rows", "max_links", "nowhere_valid", "nowhere_frame"),
-    *(
-        "holds_0_valid",
-        "holds_0_row",
-        "pictures_valid",
-        "pictures_columns",
-        "pictures_lines",
-        "pictures_border",
-        "stop",
-    ),
+    *("columns", "rows", "max_links", "nowhere_valid", "nowhere_frame", "holds_0_valid", "holds_0_row", "stop"),
+    *("pictures_valid", "pictures_columns", "pictures_lines", "pictures_border"),
 )
 PORTS = Ports(
     outputs=(),
@@ -82,7 +74,7 @@ class ShownPainter(wiring.Component):
         """Connect ports of the same names, and the reader to the painter."""
         m = Module()
         m.submodules.painter = painter = self._painter
-        m.submodules.reader, m.submodules.bursts = reader, bursts = LineReader(), BurstReader()
+        reader = add_reader(m, self.pictures, self.o_picture)
         for name, member in painter.signature.members.items():
             inner, outer = getattr(painter, name), getattr(self, name)
             if member.is_signature:
@@ -96,10 +88,6 @@ class ShownPainter(wiring.Component):
             reader.i_stop.eq(self.i_stop),
         ]
         wiring.connect(m, wiring.flipped(self.i_pictures), reader.i)
-        wiring.connect(m, reader.o_bursts, bursts.i)
-        wiring.connect(m, bursts.o, reader.i_words)
-        wiring.connect(m, bursts.bus, wiring.flipped(self.pictures))
-        wiring.connect(m, reader.o, wiring.flipped(self.o_picture))
         return m
 
 
