@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as XmlTree
@@ -38,23 +39,26 @@ class Boundary:
 
     @property
     def points(self) -> Points:
-        """The corners of all rings."""
-        return np.concatenate([ring for rings in self.polygons for ring in rings])
+        """The corners of its outer rings."""
+        return np.concatenate([rings[0] for rings in self.polygons])
 
     def in_system(self, crs: str) -> Boundary:
         """The same area in another coordinate system, where straight edges may be curves."""
+        if crs == self.crs:
+            return self
         steps = np.linspace(0, 1, PARTS, endpoint=False)[:, None]
 
         def convert(ring: Points) -> Points:
             fine = (ring[:-1, None] + steps * np.diff(ring, axis=0)[:, None]).reshape(-1, 2)
             return reproject(np.concatenate([fine, ring[-1:]]), self.crs, crs)
 
-        polygons = tuple(tuple(map(convert, rings)) for rings in self.polygons)
-        return self if crs == self.crs else Boundary(self.name, crs, polygons)
+        return Boundary(self.name, crs, tuple(tuple(map(convert, rings)) for rings in self.polygons))
 
     def mask(self, shape: tuple[int, ...], transform: Affine) -> Mask:
         """Which pixels have their centre inside, (H, W), as GDAL's cutline; ``transform`` is that of a raster."""
-        return _burn(self.polygons, shape, transform)
+        # GDAL fills by even and odd: a hole outside its polygon would be area.
+        outer = _burn([rings[:1] for rings in self.polygons], shape, transform)
+        return outer & _burn(self.polygons, shape, transform)
 
     def share_shown(self, outlines: Sequence[Points]) -> float:
         """Which share of it outlines of photographs (N, 2) cover; both are in one system in metres.
@@ -72,10 +76,14 @@ class Boundary:
             raise InputError(f"{self.name}: no photograph shows any of it; check the area and its coordinate system")
         return float(covered[inside].mean())
 
+    @cached_property
+    def _box_degrees(self) -> tuple[Array, Array]:
+        degrees = self.in_system("EPSG:4326").points
+        return degrees.min(axis=0), degrees.max(axis=0)
+
     def metres_to(self, place: Position) -> float:
         """About how far a place is from the area."""
-        degrees = self.in_system("EPSG:4326").points
-        longitude, latitude = np.clip(place.degrees, degrees.min(axis=0), degrees.max(axis=0)).tolist()
+        longitude, latitude = np.clip(place.degrees, *self._box_degrees).tolist()
         return float(np.hypot(*place.metres_from(Position(latitude, longitude))))
 
 
@@ -101,7 +109,7 @@ def load_boundary(path: Path) -> Boundary:
         data = read_small_file(path, MAX_BYTES)
     try:
         name, found = read(data)
-        polygons = tuple(tuple(map(_close, rings)) for rings in found)
+        polygons = tuple(_close_all(rings) for rings in found)
     # Whatever it is that the file has in place of numbers, names and lists.
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError, XmlTree.ParseError) as error:
         raise InputError(f"{path}: is no {path.suffix[1:]} file of polygons ({error}); export it again") from None
@@ -113,6 +121,12 @@ def load_boundary(path: Path) -> Boundary:
         if (place := _find_crossing(rings)) is not None:
             raise InputError(f"{path}: a polygon crosses itself near {place[0]:.8g}, {place[1]:.8g}; draw it anew")
     return Boundary(str(path), crs.to_string(), polygons)
+
+
+def _close_all(rings: Any) -> tuple[Points, ...]:
+    if not rings:
+        raise ValueError("a polygon has no outer ring")
+    return tuple(map(_close, rings))
 
 
 def _close(points: Any) -> Points:
@@ -144,8 +158,9 @@ def _read_kml(data: bytes) -> tuple[str, list[Any]]:
     """The same; corners are longitudes, latitudes and heights with commas between them."""
     polygons = []
     for polygon in XmlTree.fromstring(data).findall(".//{*}Polygon"):
-        sides = (polygon.findall(f"{{*}}{side}BoundaryIs//{{*}}coordinates") for side in ("outer", "inner"))
-        polygons.append([[c.split(",") for c in (ring.text or "").split()] for rings in sides for ring in rings])
+        outer, inner = (polygon.findall(f"{{*}}{side}BoundaryIs//{{*}}coordinates") for side in ("outer", "inner"))
+        rings = [*outer[:1], *inner] if outer else []
+        polygons.append([[c.split(",") for c in (ring.text or "").split()] for ring in rings])
     return "EPSG:4326", polygons
 
 

@@ -270,7 +270,12 @@ def loaded_boundary(tmp_path: Path, name: str, text: str) -> Boundary:
 
 
 @pytest.mark.parametrize(
-    ("name", "text"), [("a.geojson", geojson([RING, HOLE])), ("a.KML", kml(outer=RING, inner=HOLE))]
+    ("name", "text"),
+    [
+        ("a.geojson", geojson([RING, HOLE])),
+        ("a.json", geojson([RING, HOLE, [[x + 0.005, y] for x, y in HOLE]])),
+        ("a.KML", kml(outer=RING, inner=HOLE)),
+    ],
 )
 def test_an_area_keeps_its_holes_on_the_map(tmp_path: Path, name: str, text: str) -> None:
     area = loaded_boundary(tmp_path, name, text).in_system("EPSG:32632")
@@ -295,6 +300,8 @@ def test_an_area_keeps_its_holes_on_the_map(tmp_path: Path, name: str, text: str
         ("a.geojson", geojson([[[5e5, 5.2e6], [5e5, 5.3e6], [6e5, 5.3e6]]]), "a longitude beyond 180"),
         ("a.geojson", geojson([RING], crs={"type": "name", "properties": {"name": "here"}}), "'here' is no coordinate"),
         ("a.geojson", geojson(RING, "LineString"), "has no polygon; draw the area as one"),
+        ("a.geojson", geojson([]), "a polygon has no outer ring"),
+        ("a.kml", kml(inner=RING), "a polygon has no outer ring"),
         ("a.geojson", geojson([RING[:2]]), "a ring has at least three corners"),
         ("a.geojson", geojson([[[8, None], [9, 47], [9, 48]]]), "is no geojson file of polygons"),
         ("a.geojson", "[" * 100_000, "is no geojson file of polygons"),
