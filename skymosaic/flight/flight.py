@@ -1,9 +1,10 @@
 """A flight laid out: its photographs, the links between them, and their layouts."""
 
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, reduce
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -74,7 +75,9 @@ class Flight:
     def shorten(self, text: str) -> str:
         """A text for a report, with short names."""
         folders = {name.removesuffix(short) for name, short in self.short_names.items()} - {"", os.sep}
-        return reduce(lambda text, folder: text.replace(folder, ""), sorted(folders, key=len, reverse=True), text)
+        # Where a path begins, not wherever the folder's letters are.
+        longest_first = map(re.escape, sorted(folders, key=len, reverse=True))
+        return re.sub(rf"(?<![\w./\\-])(?:{'|'.join(longest_first)})", "", text)
 
     @property
     def folders(self) -> list[Path]:

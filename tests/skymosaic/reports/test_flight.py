@@ -207,4 +207,7 @@ def test_names_have_the_folders_that_tell_them_apart(names: list[str], shown: li
     views = tuple(replace(view, name=name) for view, name in zip(delivered().flight.views, names, strict=False))
     flown = made.flight(views, left_out=dict(enumerate(names)))
     assert flown.view_names == shown
-    assert flown.shorten(f"{names[0]} is not {names[1]}") == f"{shown[0]} is not {shown[1]}"
+    assert (
+        flown.shorten(f"{names[0]} is not {names[1]}, so data/{names[1]}")
+        == f"{shown[0]} is not {shown[1]}, so data/{names[1]}"
+    )
