@@ -241,7 +241,10 @@ def _graph_drawing(delivery: Delivery) -> dict[str, Any]:
         ends = {"x1": x1, "y1": y1, "x2": x2, "y2": y2}
         lines.append({**ends, "colour": colour, "width": f"{1 + 4 * strength:.1f}", "title": title})
     names = [(Path(shown[member]).stem, x, y) for member, (x, y) in centres.items()]
-    return {"size": composition.size, "outlines": list(outlines.values()), "lines": lines, "names": names}
+    # All of them, also where a boundary leaves no picture.
+    whole, canvas = composition.whole or composition.canvas, composition.canvas
+    box = whole.x_px - canvas.x_px, whole.y_px - canvas.y_px, whole.width_px, whole.height_px
+    return {"box": box, "size": composition.size, "outlines": list(outlines.values()), "lines": lines, "names": names}
 
 
 def _overlaps_drawing(delivery: Delivery) -> list[tuple[str, str, Points]]:
