@@ -125,15 +125,6 @@ def test_a_past_frame_is_an_anchor_of_the_newest(host: Any) -> None:
     assert np.abs(elements - expected).max() <= 8
 
 
-def test_an_anchor_of_the_newest_frame_is_its_pose(host: Any) -> None:
-    painter = host.make()
-    painter.follow(frame(5, shift(1, 1)))
-    host.memory.set("pose_newest", 5)
-    assert painter.anchor(5, shift(-7.25, 3))
-    assert [number for number, _ in host.memory.poses] == [5]
-    assert (host.memory.poses[0][1] == quantise(shift(-7.25, 3)[np.newaxis])[0]).all()
-
-
 @pytest.mark.parametrize("pose", [np.zeros((3, 3)), np.full((3, 3), np.nan), np.diag([1, np.inf, 1])])
 def test_a_pose_without_a_scale_is_refused(host: Any, pose: Array) -> None:
     with pytest.raises(host.error, match="the pose is zero or not finite"):
@@ -144,8 +135,12 @@ def test_a_pose_without_a_scale_is_refused(host: Any, pose: Array) -> None:
 def test_an_anchor_needs_a_way_to_the_newest_frame(host: Any) -> None:
     painter = host.make()
     painter.follow(frame(65536, shift(3, 0), reference=0))
-    assert painter.anchor(0, shift(4, 0))
-    assert (host.memory.poses.pop()[1] == quantise(shift(7, 0)[np.newaxis])[0]).all()
+    # From the newest itself there is no way to go.
+    for anchor, pose in ((0, shift(4, 0)), (65536, shift(7, 0))):
+        assert painter.anchor(anchor, pose)
+        number, elements = host.memory.poses.pop()
+        assert number == 0
+        assert (elements == quantise(shift(7, 0)[np.newaxis])[0]).all()
     painter = host.make()
     assert not painter.anchor(1, shift(0, 0))
     painter.follow(frame(4, shift(1, 0), reference=2))
