@@ -27,7 +27,7 @@ PIPELINE_WORDS = 32
 HOLD = data.StructLayout({"valid": 1, "row": range(MAX_TILES)})
 """A row of tiles that is being read."""
 HOLDS = data.ArrayLayout(HOLD, 2)
-"""Of a host, and of the reader in lines."""
+"""Those of a host, and of the reader in lines."""
 
 
 class CanvasPort(wiring.Component):
