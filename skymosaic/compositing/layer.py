@@ -15,15 +15,15 @@ from skymosaic.compositing.mesh import Mesh
 from skymosaic.compositing.tone import NEUTRAL, Tone
 from skymosaic.compositing.warp import Canvas, footprint, nearest_corner, source_window, warp_backward, warp_tile
 from skymosaic.geometry.homography import apply, resize_matrix
+from skymosaic.imagery.depth import measure_clipped
 from skymosaic.imagery.parcel import Parcel
 
 MIN_WEIGHT = 1e-3
 """Weight of a pixel on the image's own border, so that it counts where no other image covers the pixel."""
-NEARLY_BLACK, NEARLY_WHITE = 1, 254
-CLIPPED_CLAIM, CLIPPED_CELLS, MAX_CLIPPED = 0.01, 80, 0.25
-"""What is left of the claim where the third share of the pixels around is white in a channel, or black in all of them,
-or nearly: the ground there was not photographed. Less takes less, so that of a bracket the right exposure shows
-sparkling leaves, but no coarse photograph a bright roof. Around is in 3 by 3 cells, of so many along the width.
+CLIPPED_CLAIM, MAX_CLIPPED = 0.01, 0.25
+"""What is left of the claim where the second share of the pixels around is clipped: the ground there was not
+photographed. Less takes less, so that of a bracket the right exposure shows sparkling leaves, but no coarse photograph
+a bright roof. Around is in 3 by 3 cells of `skymosaic.imagery.depth.measure_clipped`.
 """
 BEYOND = cv2.BORDER_REPLICATE
 FINE_BLOCK_PX, FINE_REACH_PX = 32, 8
@@ -62,19 +62,6 @@ class SeamMask:
         return self.canvas.translation @ resize_matrix(self.scale)
 
 
-def measure_clipped(image: Intensities) -> Pixels:
-    """Measure the share of pixels that are clipped, 0 to 255, in `CLIPPED_CELLS` along an image's width.
-
-    Of 16 bits nobody knows where they end: none is clipped.
-    """
-    brightest = image.reshape(*image.shape[:2], -1).max(axis=2)
-    clipped = np.zeros(brightest.shape, np.uint8)
-    if image.dtype == np.uint8:
-        clipped[(brightest >= NEARLY_WHITE) | (brightest <= NEARLY_BLACK)] = 255
-    size = CLIPPED_CELLS, max(round(CLIPPED_CELLS * clipped.shape[0] / clipped.shape[1]), 1)
-    return np.asarray(cv2.resize(clipped, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-
-
 @dataclass(frozen=True, eq=False)
 class Layer:
     """A photograph with its transformation to the reference frame."""
@@ -94,7 +81,7 @@ class Layer:
     mesh: Mesh | None = None
     """Warps the image, its mask and its border before ``transform``; None where it keeps its shape."""
     clipped: Pixels | None = None
-    """`measure_clipped` of the photograph that a thumbnail shows, which averages it; None: that of the image."""
+    """The clipped share of the photograph that a thumbnail shows, which averages it; None: that of the image."""
 
     @property
     def size(self) -> tuple[int, int]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +17,9 @@ TAIL_PERCENT = 0.1
 """Share of values that saturate at each end when pixels are mapped to 8 bits."""
 SAMPLES_PER_SIDE = 128
 """The range of a flight is measured on this many rows and columns per photograph, enough for tails of 0.1 %."""
+NEARLY_BLACK, NEARLY_WHITE = 1, 254
+CLIPPED_CELLS = 80
+"""Cells along a photograph's width, in which clipped pixels are counted."""
 _BAND_VALUES = 1 << 22
 """Values that are mapped to 8 bits at a time."""
 
@@ -124,3 +128,19 @@ def show_in_8_bit(pixels: Intensities, values: ValueRange | None) -> Pixels:
 def _bands(pixels: NDArray[np.generic]) -> list[slice]:
     rows = max(_BAND_VALUES // max(pixels[0].size, 1), 1)
     return [slice(top, top + rows) for top in range(0, len(pixels), rows)]
+
+
+def measure_clipped(image: Intensities) -> Pixels:
+    """Measure the share of pixels that are white in a channel, or black in all of them, or nearly.
+
+    Returns
+    -------
+    ndarray of uint8, shape (rows, 80)
+        0 to 255, in cells as high as wide; 0 for 16 bits, of which nobody knows where they end.
+    """
+    brightest = image.reshape(*image.shape[:2], -1).max(axis=2)
+    clipped = np.zeros(brightest.shape, np.uint8)
+    if image.dtype == np.uint8:
+        clipped[(brightest >= NEARLY_WHITE) | (brightest <= NEARLY_BLACK)] = 255
+    size = CLIPPED_CELLS, max(round(CLIPPED_CELLS * clipped.shape[0] / clipped.shape[1]), 1)
+    return np.asarray(cv2.resize(clipped, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)

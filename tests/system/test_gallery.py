@@ -161,12 +161,12 @@ def test_the_page_of_the_thesis_has_every_table(browser: Browser, written: Path)
 
 def test_links_are_red_if_and_only_if_they_contradict(browser: Browser, written: Path) -> None:
     page = open_page(browser, (written / "flight" / "index.html").as_uri())
-    assert "red where the layout disagrees" in page.locator("figcaption").last.inner_text()
-    lines = page.locator("svg line").evaluate_all(
+    linked = page.locator("figure", has_text="red where the layout disagrees")
+    lines = linked.locator("svg line").evaluate_all(
         """all => all.map(line => [line.textContent, getComputedStyle(line).stroke.match(/\\d+/g).map(Number),
             ...["x1", "y1", "x2", "y2"].map(end => line[end].baseVal.value)])"""
     )
-    names = page.locator("svg text").evaluate_all(
+    names = linked.locator("svg text").evaluate_all(
         "all => Object.fromEntries(all.map(t => [t.textContent, [t.x.baseVal[0].value, t.y.baseVal[0].value]]))"
     )
     page.context.close()
@@ -184,8 +184,9 @@ def test_links_are_red_if_and_only_if_they_contradict(browser: Browser, written:
 
 def test_outlines_lie_around_what_their_photographs_show(browser: Browser, written: Path) -> None:
     page = open_page(browser, (written / "flight" / "index.html").as_uri())
-    outlines = page.locator("svg polygon").evaluate_all("all => all.map(p => [...p.points].map(at => [at.x, at.y]))")
-    width = page.locator("svg").evaluate("drawing => drawing.viewBox.baseVal.width")
+    drawing = page.locator("figure", has_text="red where the layout disagrees").locator("svg")
+    outlines = drawing.locator("polygon").evaluate_all("all => all.map(p => [...p.points].map(at => [at.x, at.y]))")
+    width = drawing.evaluate("drawing => drawing.viewBox.baseVal.width")
     page.context.close()
     mosaic = read(written / "flight" / "mosaic_1.jpg")
     assert len(outlines) == PLACED

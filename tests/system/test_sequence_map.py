@@ -73,7 +73,9 @@ def test_report_and_geotiff_and_scale(folder: Path, surveyed: Path, tmp_path: Pa
     assert "0 of 9 photographs have GPS" in report["mosaics"][0]["map_note"]
     assert "warning: m.tif has no place on the map: 0 of 9 photographs have GPS; GPS that fits" in result.stderr
     page = (tmp_path / "r" / "index.html").read_text()
-    assert page.count("<polygon") == IMAGES
+    outlines, agreement = (part.count("<polygon") for part in page.split("</svg>")[:2])
+    assert outlines == IMAGES
+    assert agreement == sum(report["mosaics"][0]["overlaps"][key] for key in ("agree", "disagree", "cannot_tell"))
     assert (tmp_path / "r" / "mosaic_1.jpg").exists()
     height, width = cv2.imread(str(tmp_path / "m.tif")).shape[:2]
     assert [width, height] == report["mosaics"][0]["size"]

@@ -17,13 +17,12 @@ from golden_model.code_digest import digest_code
 from golden_model.config import Config
 from golden_model.pixel.gray import to_gray
 from skymosaic.common.errors import InputError
-from skymosaic.compositing.layer import measure_clipped
 from skymosaic.features.backends import BACKENDS, load_backend
 from skymosaic.features.contrast import even_contrast
 from skymosaic.features.positions import are_on_ground, feature_points, raw_positions
 from skymosaic.flight.linking.resemblance import compact
 from skymosaic.geometry.ground import Sight
-from skymosaic.imagery.depth import ValueRange
+from skymosaic.imagery.depth import ValueRange, measure_clipped
 from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.imagery.images import Photograph, load, reduce_for_front_end, reduce_to_width
 from skymosaic.imagery.lens import Lens
@@ -68,7 +67,7 @@ class View:
     """(12, 16): in blocks of the gray working image, the logarithm of the mean square of its Laplacian over its
     variance; falls with blur, hardly depends on exposure, and depends on what is shown."""
     clipped: Pixels
-    """`skymosaic.compositing.layer.measure_clipped` of the photograph."""
+    """`skymosaic.imagery.depth.measure_clipped` of the photograph."""
     taken: Metadata
     """How it was taken, from EXIF and XMP."""
     orientation: int

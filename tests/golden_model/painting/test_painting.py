@@ -17,6 +17,7 @@ from scipy.ndimage import map_coordinates
 from golden_model.arrays import Array, Pixels
 from golden_model.painting.blending import FADE, blend
 from golden_model.painting.corners import CELL_PX, CORNER, SIDE, project
+from golden_model.painting.line_reader import bursts, show
 from golden_model.painting.painter import Painter
 from golden_model.painting.positions import POSITION, positions
 from golden_model.painting.sampling import sample, weigh
@@ -33,6 +34,17 @@ def see(H: Array, points: NDArray[np.int64]) -> tuple[Array, Array]:
     """Positions in the frame, and depths."""
     mapped = points @ H[:, :2].T + H[:, 2]
     return mapped[..., :2] / mapped[..., 2:], mapped[..., 2]
+
+
+def test_a_picture_shows_the_pixels_of_the_tiles_that_its_bursts_read() -> None:
+    rng, columns, lines = np.random.default_rng(2), 3, TILE_PX + 5
+    tiles = rng.integers(0, 256, (2, columns, TILE_PX, TILE_PX, 4), dtype=np.uint8)
+    tiles[..., 3] *= rng.integers(0, 2, tiles.shape[:-1], dtype=np.uint8)
+    shown = show(tiles, lines, border=0x123456)
+    words = tiles.reshape(-1, TILE_PX, 4)[bursts(columns, lines)].reshape(lines, columns * TILE_PX, 4)
+    assert shown.shape == words.shape[:2]
+    for value, (blue, green, red, weight) in zip(shown.ravel(), words.reshape(-1, 4).tolist(), strict=True):
+        assert value == (green + 256 * blue + 65536 * red if weight else 0x123456)
 
 
 def test_corners_are_within_a_step_of_double_precision() -> None:

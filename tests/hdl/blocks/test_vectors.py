@@ -3,6 +3,7 @@
 import numpy as np
 
 from golden_model.records import FRAME_STATUS, MATCH
+from hdl.blocks.painting import FRAME_PX, make_painter
 from hdl.blocks.vectors import answer_rows, packet, padded_status, pixel_rows, rows, sample_image
 
 PLANE = np.arange(20, dtype=np.uint8).reshape(4, 5)
@@ -20,6 +21,19 @@ def test_an_answer_comes_later_by_its_lag_and_not_from_the_margin() -> None:
     # The pixels inside are those with x from 1 to 3 and y from 1 to 2.
     assert specified == {(x + 1, y + 1): PLANE[y, x] for y in (1, 2) for x in (1, 2, 3)}
     assert len(beats) == PLANE.size
+
+
+def test_the_memory_of_the_painter_has_both_frames_behind_a_canvas_that_both_have_changed() -> None:
+    block = make_painter()
+    assert block.memory is not None
+    pixels = np.array(block.memory.words, np.uint64).view(np.uint8).reshape(-1, 4)
+    stored = pixels[-2 * FRAME_PX**2 :]
+    sent = np.array([beat["i_data"] for beat in block.inputs["i"]])
+    # UG934 has green in the lowest byte, then blue, red; memory blue, green, red.
+    np.testing.assert_array_equal(stored[:, :3].astype(int) @ (1 << 8, 1, 1 << 16), sent)
+    painted = [beat["o_counts_painted"] for beat in block.outputs["o"]]
+    assert min(painted) > 0
+    assert (pixels[: -len(stored), 3] > 0).sum() > FRAME_PX**2
 
 
 def test_fields_are_flattened() -> None:

@@ -75,9 +75,9 @@ def test_a_block_of_instances_equals_the_golden_model(
 def test_the_whole_painter_is_made_of_the_cells() -> None:
     """Wherever it multiplies, the factors fit."""
     cells = Counter(re.findall(r"cell \\(DP16KD|MULT18X18D) ", rtlil.convert(Painter(), platform=Ecp5())))
-    # Multipliers: interpolation, blending, the frame's edges, rows of a window and of the canvas. Memories: windows,
-    # weights of tiles, poses.
-    assert cells == {"MULT18X18D": 9 + 3 + 2 + 2, "DP16KD": 24 + 9 + 3}
+    # Multipliers: interpolation, blending, the frame's edges, rows of a window and of the canvas, its pages. Memories:
+    # windows, weights of tiles, poses.
+    assert cells == {"MULT18X18D": 9 + 3 + 2 + 2 + 1, "DP16KD": 24 + 9 + 3}
 
 
 def test_what_does_not_fit_is_refused_and_what_just_fits_is_not() -> None:

@@ -75,8 +75,8 @@ def test_a_complete_flight_is_told_with_or_without_warnings(
     capsys: pytest.CaptureFixture[str], *, complete: bool, problems: tuple[str, ...], left_out: dict[int, str]
 ) -> None:
     photographs = (
-        PhotographCheck("f/a.png", 3, 0.614, 0.987, 0.026, True, ("blurred", "dark"), 0.349),
-        PhotographCheck("f/b.png", 0, 0.0, 1.0, 0.0, False, ()),
+        PhotographCheck("a.png", 3, 0.614, 0.987, 0.026, True, ("blurred", "dark"), 0.349),
+        PhotographCheck("b.png", 0, 0.0, 1.0, 0.0, False, ()),
     )
     flight: Any = SimpleNamespace(left_out=left_out, layouts=())
     session.begin("", started_s=0, quiet=False, verbose=False, as_json=False)

@@ -8,13 +8,14 @@ import pytest
 
 from golden_model.arrays import Array, Float32, Pixels
 from sim.scene import Camera, CameraPose
-from skymosaic.compositing.layer import Layer, SeamMask, measure_clipped
+from skymosaic.compositing.layer import Layer, SeamMask
 from skymosaic.compositing.mesh import Mesh
 from skymosaic.compositing.palette import have_palette
 from skymosaic.compositing.seams import find_allowed
 from skymosaic.compositing.tone import SHOULDER_START, Tone
 from skymosaic.compositing.warp import Canvas, CanvasError, enclosing, footprint, nearness, outline
 from skymosaic.geometry.homography import apply
+from skymosaic.imagery.depth import measure_clipped
 from skymosaic.imagery.parcel import Parcel
 
 IMAGE = np.full((300, 400), 90, np.uint8)
