@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import cv2
@@ -138,9 +139,9 @@ def measure_clipped(image: Intensities) -> Pixels:
     ndarray of uint8, shape (rows, 80)
         0 to 255, in cells as high as wide; 0 for 16 bits, of which nobody knows where they end.
     """
-    brightest = image.reshape(*image.shape[:2], -1).max(axis=2)
-    clipped = np.zeros(brightest.shape, np.uint8)
+    clipped: Pixels = np.zeros(image.shape[:2], np.uint8)
     if image.dtype == np.uint8:
+        brightest = reduce(cv2.max, cv2.split(image))
         clipped[(brightest >= NEARLY_WHITE) | (brightest <= NEARLY_BLACK)] = 255
     size = CLIPPED_CELLS, max(round(CLIPPED_CELLS * clipped.shape[0] / clipped.shape[1]), 1)
     return np.asarray(cv2.resize(clipped, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
