@@ -135,8 +135,10 @@ def project_to_utm(positions: Sequence[Position]) -> tuple[str, Points]:
 def project(positions: Sequence[Position], crs: str) -> Points:
     """Project positions to metres (N, 2) on the map of most of them; those that it cannot show lie about as far off."""
     degrees = np.array([position.degrees for position in positions])
+    # What is off the map is an error or infinite, by what PROJ has computed before.
     with contextlib.suppress(InputError):
-        return reproject(degrees, "EPSG:4326", crs)
+        if np.isfinite(projected := reproject(degrees, "EPSG:4326", crs)).all():
+            return projected
     metres = np.full(degrees.shape, np.nan)
     for index in range(len(positions)):
         with contextlib.suppress(InputError):
