@@ -172,8 +172,9 @@ def _doubtful_joints(layout: Layout) -> Iterator[tuple[list[int], list[Link], li
     weak = [link for link in layout.links if part[row[link.left]] != part[row[link.right]]]
     for link in (*layout.contradicting, *weak):
         for side in separate(joined, row[link.left], row[link.right])[1]:
+            inside = set(side)
             hold, contradict = (
-                [each for each in links if (row[each.left] in side) != (row[each.right] in side)]
+                [each for each in links if (row[each.left] in inside) != (row[each.right] in inside)]
                 for links in (layout.links, layout.contradicting)
             )
             if len(contradict) >= len(hold) or hold == [link]:
