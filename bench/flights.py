@@ -1,6 +1,5 @@
 """Whole flights: what is placed, how exactly, how the mosaics look, and what it costs.
 
-    python -m bench.flights peers FLIGHT ...
     python -m bench.flights rendered [NAME ...]
     python -m bench.flights maps FLIGHT ...
     python -m bench.flights quality FLIGHT ...
@@ -10,10 +9,9 @@
 A FLIGHT is a folder of photographs, or the name of a public flight below SKYMOSAIC_DATA, such as ``brighton_beach``.
 """
 
-import json
-import subprocess
-import sys
+import resource
 import tempfile
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -26,42 +24,27 @@ import rasterio
 from rich.console import Console
 from rich.progress import track
 
-from bench.flight_quality import WIDTH_PX as REPORTED_WIDTH_PX
 from bench.flight_quality import errors, quality, write_images
 from bench.nuisances import nuisances
-from bench.report import Flights, JsonFile, PartsOfNames, Row, program, public_folder, report
-from golden_model.arrays import Array, Matrix, Points
-from golden_model.cache import cache_folder
+from bench.report import Flights, JsonFile, PartsOfNames, Row, in_process, program, public_folder, report
+from golden_model.arrays import Array
 from golden_model.pixel.gray import to_gray
 from sim.scene import Flight as RenderedFlight
 from sim.scene import make_lawnmower
 from skymosaic.compositing.warp import Canvas
-from skymosaic.flight.flight import Flight
 from skymosaic.geometry.homography import apply, estimate_similarity, grid_over
-from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.maps.base_map import BaseMap, load_base_map
 from skymosaic.maps.georeference import reproject
-from skymosaic.mosaicking.api import mosaic, open_run
-from skymosaic.mosaicking.options import MosaicOptions
+from skymosaic.mosaicking.api import mosaic
 
 app = program(__doc__)
 for command in (quality, errors, nuisances):
     app.command()(command)
 
-METHODS = {
-    "skymosaic": "skymosaic",
-    "openstitching": "OpenStitching, affine, its ORB",
-    "openstitching-sift": "OpenStitching, affine, SIFT",
-    "opencv": "`cv2.Stitcher` SCANS",
-}
-STITCHERS = Path(__file__).with_name("stitchers.py")
 WORKING_WIDTH_PX = 1280
-MEMORY_GB = 16.0
 
 Result = dict[str, Any]
-Matches = tuple[str, str, Points, Points]
-"""Names of two photographs, and their matches in original pixels."""
 LIGHT: dict[str, Any] = {"vignetting": 0.35, "exposure_step": 0.06, "balance_sigma": 0.03}
 GRID_POINTS = 5
 PATCH_PX, REACH_PX, MIN_CORRELATION = 96, 64, 0.6
@@ -107,101 +90,6 @@ CASES = {
 
 
 @app.command()
-def peers(flights: Flights, json_file: JsonFile = None) -> None:
-    """Photographs placed, error, processor time and memory, beside other stitchers.
-
-    Processor time is from the files to the mosaic in memory, imports not counted. The error of a method is the median
-    distance, in pixels at 1600 px wide, of our matches (inliers of a pair's homography) under its transformations.
-    """
-    rows = [row for flight in flights for row in peer_rows(public_folder(flight))]
-    report("flights beside other stitchers", rows, json_file)
-
-
-def peer_rows(folder: Path) -> list[Row]:
-    """Every method on a folder."""
-    with open_run([folder], MosaicOptions(working_width_px=WORKING_WIDTH_PX)) as run:
-        flight = run.flight
-    # Our transformations are those of photographs without the distortion that was estimated.
-    straight, distorted = (flight_matches(flight, lens) for lens in (Lens(), flight.lens))
-    rows: list[Row] = []
-    for method in track(METHODS, description=folder.name, transient=True):
-        result = run_stitcher(method, folder)
-        transforms = result["transforms"]
-        placed, failed = max(len(transforms), 1), " (no picture)" * bool(result["failure"])
-        scale = REPORTED_WIDTH_PX / flight.views[0].size[0]
-        error_px = scale * median_error_px(transforms, straight if method == "skymosaic" else distorted)
-        rows.append(
-            {
-                "flight": f"{folder.name}, {len(flight.views)} photographs",
-                "method": METHODS[method],
-                "placed": len(transforms),
-                "error, px": f"{error_px:.3g}",
-                "CPU s per placed photograph": f"{result['cpu_seconds'] / placed:.2f}{failed}",
-                "peak, GB": f"{result['peak_mb'] / 1000:.2g}",
-            }
-        )
-    return rows
-
-
-def run_stitcher(method: str, folder: Path) -> Result:
-    """One method of `bench/stitchers.py` on one folder, in a process of its own with capped memory."""
-    command = [stitcher_python(method), STITCHERS, method, folder, WORKING_WIDTH_PX, MEMORY_GB]
-    finished = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
-    if finished.returncode:
-        return {"transforms": {}, "failure": finished.stderr.strip()[-200:], "cpu_seconds": 0.0, "peak_mb": 0.0}
-    return json.loads(finished.stdout.splitlines()[-1])
-
-
-def stitcher_python(method: str) -> str:
-    """The interpreter a method runs in.
-
-    The package `stitching` pulls in another OpenCV. Its environment, in the user's cache folder, is made the first
-    time.
-    """
-    if not method.startswith("openstitching"):
-        return sys.executable
-    environment = cache_folder() / "bench-stitching"
-    python = environment / "bin" / "python"
-    if not python.exists():
-        subprocess.run([sys.executable, "-m", "venv", str(environment)], check=True)
-        install = [str(python), "-m", "pip", "install", "--quiet"]
-        # OpenCV first; the package itself would replace it by another build.
-        subprocess.run([*install, "opencv-contrib-python-headless>=5,<6", "numba"], check=True)
-        subprocess.run([*install, "--no-deps", "stitching", "largestinteriorrectangle"], check=True)
-    return str(python)
-
-
-def flight_matches(flight: Flight, lens: Lens) -> list[Matches]:
-    """Every pair of photographs that a homography joins, with its matches as ``lens`` shows them."""
-    matches = []
-    for link in (link for link in flight.links if link.holds):
-        ends = (flight.views[link.left], link.left_points), (flight.views[link.right], link.right_points)
-        left, right = (distort(apply(view.to_original, points), lens) for view, points in ends)
-        matches.append((Path(ends[0][0].name).name, Path(ends[1][0].name).name, left, right))
-    return matches
-
-
-def distort(points: Points, lens: Lens) -> Points:
-    """Points (N, 2) of a straightened photograph where the camera's picture shows them, px."""
-    if lens.matrix is None:
-        return points
-    to_ray: Matrix = np.linalg.inv(lens.matrix).astype(np.float64)
-    rays = cv2.convertPointsToHomogeneous(apply(to_ray, points))
-    pixels, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), lens.matrix, lens.distortion)
-    return np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
-
-
-def median_error_px(transforms: dict[str, Any], matches: Sequence[Matches]) -> float:
-    """Median distance of matches under transformations to a common frame; NaN where none joins two placed images."""
-    errors = [
-        np.linalg.norm(apply(np.linalg.inv(transforms[right]) @ transforms[left], points) - targets, axis=1)
-        for left, right, points, targets in matches
-        if left in transforms and right in transforms
-    ]
-    return float(np.median(np.concatenate(errors))) if errors else float("nan")
-
-
-@app.command()
 def rendered(names: PartsOfNames = None, json_file: JsonFile = None) -> None:
     """Position errors of rendered flights with known poses; those measured replace their rows in the file.
 
@@ -235,9 +123,7 @@ def run_case(case: Case, seed: int) -> dict[str, float]:
     camera = flight.camera
     with tempfile.TemporaryDirectory() as temporary:
         names = write_images(Path(temporary), flight.images)
-        result = run_stitcher("skymosaic", Path(temporary))
-    if result["failure"]:
-        raise SystemExit(f"no mosaic of a rendered flight, seed {seed}: {result['failure']}")
+        result = in_process(measure_mosaic, [str(Path(temporary) / name) for name in names])
     errors, places = position_errors(result["transforms"], flight, names)
     outwards = np.argsort(np.linalg.norm(places - places.mean(axis=0), axis=1))
     tenth = max(case.images // 10, 1)
@@ -249,6 +135,21 @@ def run_case(case: Case, seed: int) -> dict[str, float]:
         "distortion": result["distortion"] / true_distortion if true_distortion else 0.0,
         "cpu_seconds": result["cpu_seconds"],
         "peak_mb": result["peak_mb"],
+    }
+
+
+def measure_mosaic(paths: list[str]) -> Result:
+    """Our mosaic without what earlier runs kept: transformations by the files' names, lens, and what it took."""
+    start = time.process_time()
+    with tempfile.TemporaryDirectory() as cache:
+        made = mosaic(paths, working_width_px=WORKING_WIDTH_PX, canvas_limit_px=10**9, cache=Path(cache))
+    numbers = made.flight.lens.numbers
+    return {
+        "transforms": {Path(paths[index]).name: made.transforms[index] for index in made.placed},
+        # As k1 over the square of the focal length, because tie points do not determine the focal length.
+        "distortion": numbers["k1"] / numbers["focal_x_px"] ** 2 if numbers else 0.0,
+        "cpu_seconds": time.process_time() - start,
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
 
 

@@ -1,14 +1,11 @@
 """The accelerator: its clocks by the golden models, and in simulation whether it equals them, and how fast that is.
 
-    python -m bench.hardware matcher
-    python -m bench.hardware homography SET
     python -m bench.hardware rates
     python -m bench.hardware equality
     python -m bench.hardware speed
 
-Clocks are those of matcher, estimator and camera builds. The model is exact for
-streams without pauses; tests compare it with the simulated hardware, clock by clock
-(`tests/golden_model/test_timing.py`, `tests/hdl/geometry/`), so only `equality` and `speed` simulate.
+Clocks are those of camera builds. The model is exact for streams without pauses; tests compare it with the simulated
+hardware, clock by clock (`tests/golden_model/test_timing.py`), so only `equality` and `speed` simulate.
 """
 
 import dataclasses
@@ -20,19 +17,13 @@ from typing import Annotated
 import cv2
 import numpy as np
 import typer
-from rich.console import Console
-from rich.progress import track
 
 from bench.report import Row, program, public_folder, reported
-from golden_model.arrays import Pixels, Records
-from golden_model.config import PRESETS, Config, EstimatorConfig
-from golden_model.feature.ilbp import DescriptorPattern
-from golden_model.feature.orientation import SECTORS
-from golden_model.geometry.estimator import CYCLES, MAX_CYCLES, FrameMatches, estimate
-from golden_model.matching.matcher import match
-from golden_model.timing import FrameWork, steady_pace, timelines
+from golden_model.arrays import Pixels
+from golden_model.config import PRESETS
+from golden_model.geometry.estimator import MAX_CYCLES
+from golden_model.timing import FrameWork, steady_pace
 from hdl.build import Build
-from sim.backends.golden import GoldenBackend
 from sim.scene import make_pair
 from sim.simulators import verilator
 from sim.simulators.accelerator_designs import design_accelerator
@@ -40,19 +31,13 @@ from sim.simulators.hardware import make_segments
 from skymosaic.evaluation.hardware import compare
 from skymosaic.evaluation.known_pairs import read_pairs
 from skymosaic.features.backends import BackendName
-from skymosaic.imagery.images import load
 from skymosaic.registration.options import WORKING_WIDTH_PX, PhotographOptions
 
 app = program(__doc__)
 
 AERIAL = PRESETS["aerial"]
 CLOCK_MHZ = 150
-SIZE_PX = (640, 480)
-FEATURES = (256, 512, 1024, 1850, 2048)
-"""The last but one is the most that a 640x480 frame can have, the last what the memory holds."""
-LANES = (8, 16)
-MAX_NOISE = 0.3
-"""Share of a descriptor's bits that differ between partners."""
+LANES = 16
 SIZES_PX = ((640, 480), (1280, 720), (1920, 1080), (3840, 2160))
 CAMERA_FEATURES, CAMERA_MATCHES = 2000, 1400
 DEMO_SEED = 9
@@ -63,72 +48,6 @@ COLOUR_PAIR = ("DJI_0018.jpg", "DJI_0019.jpg")
 Image = str | Path | Pixels
 
 
-def partners(count: int, pattern: DescriptorPattern) -> tuple[Records, Records]:
-    """Features of two frames, the right ones in another order and with some of their bits turned round."""
-    rng = np.random.default_rng(count)
-    left = np.zeros(count, pattern.record.dtype)
-    left["x"], left["y"] = rng.integers(0, 1 << 16, (2, count))
-    left["sector"] = rng.integers(0, SECTORS, count) if pattern.oriented else 0
-    left["descriptor"] = rng.integers(0, 256, (count, pattern.descriptor_bytes))
-    right = left[rng.permutation(count)]
-    noise = rng.uniform(0, MAX_NOISE, (count, 1))
-    right["descriptor"] ^= np.packbits(rng.random((count, pattern.bits)) < noise, axis=1)
-    for features in (left, right):
-        features["index"] = np.arange(count)
-    return left, right
-
-
-def matching_cycles(count: int, config: Config, lanes: int) -> int:
-    """Clocks from a frame's last word of features to its last match, both at the accelerator's outputs."""
-    pattern = config.front_end.pattern
-    rows = np.sort(match(*partners(count, pattern), pattern, config.matcher)["left_index"])
-    work = FrameWork(*SIZE_PX, good=True, left=count, right=count, rows=rows)
-    (line,) = timelines([work], config, lanes=lanes)
-    return line.matches_end - line.features_end
-
-
-@app.command()
-@reported("clocks from a frame's last word of features to its last match")
-def matcher() -> Iterator[Row]:
-    """Clocks of the matcher for frames whose features nearly all match, beside F * F / lanes."""
-    fronts = [dataclasses.replace(AERIAL.front_end, descriptor=name) for name in ("ilbp-128", "ilbp-256")]
-    builds = {
-        f"{lanes} lanes, {front_end.pattern.bits} bits": (dataclasses.replace(AERIAL, front_end=front_end), lanes)
-        for lanes in LANES
-        for front_end in fronts
-    }
-    for count in FEATURES:
-        cycles = {name: matching_cycles(count, *build) for name, build in builds.items()}
-        yield {"F": count, **cycles, "F² / 16": count**2 // 16}
-
-
-@app.command()
-@reported(f"pairs of {{pairs}}, {max(LANES)} lanes")
-def homography(
-    pairs: Annotated[str, typer.Argument(help="Folder of pairs of photographs.", metavar="SET")],
-) -> Iterator[Row]:
-    """Clocks from a frame's last pixel to its homography, over pairs with the left photograph as the frame before."""
-    stages: dict[str, list[int]] = {"last pixel to last match": [], "last match to homography": []}
-    for pair in track(read_pairs(public_folder(pairs)), console=Console(stderr=True)):
-        left, right = GoldenBackend().run([load(each).pixels for each in (pair.left, pair.right)], AERIAL)
-        size = int(right.status["width"]), int(right.status["height"])
-        counts = len(left.features), len(right.features)
-        work = FrameWork(*size, good=True, left=counts[0], right=counts[1], rows=right.matches["left_index"])
-        (line,) = timelines([work], AERIAL, lanes=max(LANES))
-        result = estimate(FrameMatches.from_records(right.matches, right.status), EstimatorConfig())
-        stages["last pixel to last match"].append(line.matches_end - line.last_pixel)
-        stages["last match to homography"].append(result.cycles + CYCLES.records)
-    stages["last pixel to homography"] = [sum(each) for each in zip(*stages.values(), strict=True)]
-    for name, cycles in stages.items():
-        yield {
-            "clocks": name,
-            "median": int(np.median(cycles)),
-            "most": max(cycles),
-            f"median at {CLOCK_MHZ} MHz, ms": round(float(np.median(cycles)) / CLOCK_MHZ / 1000, 2),
-            "most, ms": round(max(cycles) / CLOCK_MHZ / 1000, 2),
-        }
-
-
 @app.command()
 @reported(f"camera builds, {CAMERA_FEATURES} features of which {CAMERA_MATCHES} match")
 def rates() -> Iterator[Row]:
@@ -136,8 +55,8 @@ def rates() -> Iterator[Row]:
     for width_px, height_px in SIZES_PX:
         indices = np.linspace(0, CAMERA_FEATURES - 1, CAMERA_MATCHES).astype(int)
         work = FrameWork(width_px, height_px, good=True, left=CAMERA_FEATURES, right=CAMERA_FEATURES, rows=indices)
-        pace = steady_pace(work, AERIAL, lanes=max(LANES))
-        longest = steady_pace(dataclasses.replace(work, estimate_cycles=MAX_CYCLES), AERIAL, lanes=max(LANES))
+        pace = steady_pace(work, AERIAL, lanes=LANES)
+        longest = steady_pace(dataclasses.replace(work, estimate_cycles=MAX_CYCLES), AERIAL, lanes=LANES)
         assert pace is not None
         assert longest is not None
         yield {

@@ -12,7 +12,6 @@ import cv2
 import numpy as np
 import typer
 
-from bench.rendered_pairs import ReliefPair
 from golden_model.arrays import Matrix, Pixels, Points
 from golden_model.config import EstimatorConfig, preset_config
 from golden_model.geometry.estimator import Estimate, FrameMatches, estimate
@@ -57,7 +56,7 @@ MAX_PROJECT_FEATURES = 4096
 """More are matched by `sift_matches`."""
 Words = tuple[Points, np.ndarray]
 """Positions (N, 2) of key points and their descriptors (N, 128)."""
-Method = Callable[[KnownPair | ReliefPair, int], Iterator[Matrix | None]]
+Method = Callable[[KnownPair, int], Iterator[Matrix | None]]
 """Takes a pair and the number of seeds; yields the homography of each seed."""
 
 
@@ -76,7 +75,7 @@ def chosen_methods(wanted: list[str] | None) -> dict[str, Method]:
 def ours(**options: Any) -> Method:
     """The project's own registration; its features serve all seeds."""
 
-    def run(pair: KnownPair | ReliefPair, seeds: int) -> Iterator[Matrix | None]:
+    def run(pair: KnownPair, seeds: int) -> Iterator[Matrix | None]:
         is_shared = "detector" not in options and "preset" not in options
         left, right = (extract(side) if is_shared else side for side in (pair.left, pair.right))
         for seed in range(seeds):
@@ -85,7 +84,7 @@ def ours(**options: Any) -> Method:
     return run
 
 
-def chip(pair: KnownPair | ReliefPair, seeds: int) -> Iterator[Matrix | None]:
+def chip(pair: KnownPair, seeds: int) -> Iterator[Matrix | None]:
     """Front end, matcher and estimator of the hardware, with nothing of the host's."""
     for result in estimate_on_chip(load(pair.left).pixels, load(pair.right).pixels, seeds):
         yield None if result.causes else in_pixels(result.homography)
@@ -103,7 +102,7 @@ def estimate_on_chip(left: Pixels, right: Pixels, seeds: int = 1) -> Iterator[Es
 def peer(name: str, count: int) -> Method:
     """One of `PEERS`, or ``rootsift``, on the same files with the ``count`` strongest key points; its seed is fixed."""
 
-    def run(pair: KnownPair | ReliefPair, _seeds: int) -> Iterator[Matrix | None]:
+    def run(pair: KnownPair, _seeds: int) -> Iterator[Matrix | None]:
         left, right = read_gray(pair.left), read_gray(pair.right)
         if name == "rootsift" or count > MAX_PROJECT_FEATURES:
             points = sift_matches(left, right, count, root=name == "rootsift")
@@ -117,10 +116,8 @@ def peer(name: str, count: int) -> Method:
     return run
 
 
-def read_gray(image: Path | Pixels) -> Pixels:
-    """A pair's image, from its file or as it is."""
-    if isinstance(image, np.ndarray):
-        return image
+def read_gray(image: Path) -> Pixels:
+    """A pair's image."""
     return np.asarray(cv2.imread(str(image), cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
 
 

@@ -6,12 +6,10 @@ Each file is written by one process and read by another one, as the command line
 bits, and the reduction for the front end.
 """
 
-import multiprocessing
 import resource
 import tempfile
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,7 +19,7 @@ import numpy as np
 import typer
 from PIL import Image as PillowImage
 
-from bench.report import JsonFile, PartsOfNames, Row, report
+from bench.report import JsonFile, PartsOfNames, Row, in_process, report
 from skymosaic.common.errors import InputError
 from skymosaic.imagery import images
 from skymosaic.imagery.exif import read_metadata
@@ -113,12 +111,6 @@ def read(path: Path) -> tuple[float, int, str]:
         outcome = str(error).removeprefix(f"{path}: ")
     memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
     return time.process_time() - started, memory_mb, outcome
-
-
-def in_process(function: Callable[..., Any], *arguments: Any) -> Any:
-    """What a function returns in a fresh process."""
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        return pool.submit(function, *arguments).result()
 
 
 def main(names: PartsOfNames = None, json_file: JsonFile = None) -> None:

@@ -1,7 +1,6 @@
 """How often, and how closely, pairs with a known homography are registered, beside OpenCV's methods in one run.
 
     python -m bench.registration methods SET ...
-    python -m bench.registration relief
     python -m bench.registration unrelated FLIGHT FLIGHT ...
     python -m bench.registration render DIR
     python -m bench.registration cut DIR FLIGHT=COUNT ...
@@ -13,7 +12,6 @@ inside the right image.
 
 import random
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain, combinations
 from pathlib import Path
@@ -28,15 +26,12 @@ from rich.progress import track
 from bench import flight_pairs
 from bench.flight_pairs import WRONG_PX
 from bench.methods import ON_CHIP, REFERENCE, Method, chosen_methods, estimate_on_chip, read_gray
-from bench.rendered_pairs import HEIGHTS_PX, OVERLAPS, STEPS, ReliefPair, flat_pairs, relief_pairs, write_set
+from bench.rendered_pairs import STEPS, flat_pairs, write_set
 from bench.report import Flights, JsonFile, Row, program, public_folder, report
-from golden_model.arrays import Matrix
 from golden_model.config import MIN_FRAME_PX
 from skymosaic import extract, register
 from skymosaic.evaluation.known_pairs import KnownPair, read_pairs
 from skymosaic.evaluation.metrics import MISSING_ERROR_PX, grid_error
-from skymosaic.geometry.homography import transfer_error
-from skymosaic.geometry.prosac import INLIER_PX, estimate_homography
 from skymosaic.imagery.images import load, reduce_to_width
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.registration.options import EFFORTS, Effort
@@ -154,51 +149,6 @@ def shares(outcomes: list[Outcome]) -> str:
         f"{share.mean():.0f}" + (f" ({share.min():.0f}-{share.max():.0f})" if np.ptp(share) > 0 else "")
         for share in by_seed
     )
-
-
-@app.command()
-def relief(
-    each: Annotated[int, typer.Option(min=1, help="Rendered pairs for every height and overlap.")] = 2,
-    seeds: Seeds = 5,
-    method: Methods = None,
-    json_file: JsonFile = None,
-) -> None:
-    """Share of the overlap within 2 px of each pixel's true position, relief included; refused pairs count 0.
-
-    The last row is for the homography that is fitted to the true positions.
-    """
-    cv2.setNumThreads(1)
-    pairs = list(track(relief_pairs(each), "rendering", len(HEIGHTS_PX) * len(OVERLAPS) * each, console=progress))
-    chosen = {**chosen_methods(method), "the truth's own homography": fit_to_truth}
-    rows = [relief_row(heading, run, pairs, seeds) for heading, run in chosen.items()]
-    report(f"{len(pairs)} pairs with relief, {seeds} seeds", rows, json_file)
-
-
-def fit_to_truth(pair: KnownPair | ReliefPair, _seeds: int) -> Iterator[Matrix | None]:
-    """About the best that any homography can do."""
-    assert isinstance(pair, ReliefPair)
-    points = pair.left_points, pair.right_points
-    yield estimate_homography(*points, np.ones(len(pair.left_points)), rng=np.random.default_rng(0)).homography
-
-
-def relief_row(heading: str, method: Method, pairs: list[ReliefPair], seeds: int) -> Row:
-    """Share within 2 px, mean error and refusals of one method."""
-    errors = []
-    for pair in track(pairs, description=heading, console=progress, transient=True):
-        points = pair.left_points, pair.right_points
-        nothing = np.full(len(pair.left_points), MISSING_ERROR_PX)
-        errors.append([nothing if H is None else transfer_error(H, *points) for H in method(pair, seeds)])
-    within = 100 * np.array([[np.mean(error <= INLIER_PX) for error in of_seeds] for of_seeds in errors])
-    mean_px = np.array([[np.minimum(error, MISSING_ERROR_PX).mean() for error in of_seeds] for of_seeds in errors])
-    wrong = (mean_px > WRONG_PX) & (mean_px < MISSING_ERROR_PX)
-    return {
-        "method": heading,
-        "within 2 px": f"{within.mean():.1f} %",
-        "median": f"{np.median(mean_px):.1f} px",
-        "refused": round(float((mean_px == MISSING_ERROR_PX).sum(axis=0).mean()), 1),
-        "wrong": int(wrong.any(axis=1).sum()),
-        "seeds differ": int((np.ptp(mean_px, axis=1) > 1).sum()),
-    }
 
 
 @app.command()

@@ -6,9 +6,11 @@ Also what programs that measure take: folders of public photographs by their nam
 import functools
 import inspect
 import json
+import multiprocessing
 import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -37,6 +39,12 @@ def public_folder(name: str | Path) -> Path:
         if folder.is_dir():
             return folder
     raise SystemExit(f"{name}: no such folder; set SKYMOSAIC_DATA to that of the public photographs, or name a path")
+
+
+def in_process(function: Callable[..., Any], *arguments: Any) -> Any:
+    """What a function returns in a fresh process."""
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(function, *arguments).result()
 
 
 def reported(title: str) -> Callable[[Callable[..., Iterable[Row]]], Callable[..., None]]:

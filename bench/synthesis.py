@@ -2,16 +2,13 @@
 
     python -m bench.synthesis area [NAME ...]
     python -m bench.synthesis clock NAME ...
-    python -m bench.synthesis netlists [NAME ...]
 
-NAMEs choose among the designs, or the blocks whose netlists are simulated; a part of the name is enough.
+NAMEs choose among the designs; a part of the name is enough.
 """
 
 import json
 import re
 import statistics
-import subprocess
-import sys
 import tempfile
 from collections import defaultdict
 from collections.abc import Callable, Collection
@@ -21,7 +18,6 @@ from graphlib import TopologicalSorter
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
-from xml.etree import ElementTree
 
 import typer
 from amaranth import Value
@@ -56,7 +52,6 @@ PORTS = re.compile(r"^(module \S+) ?\(.*\);$", re.MULTILINE)
 """The ports are declared below. Amaranth lists clocks that no component defines in a different order each time."""
 RECORDED = MEASURED / "synthesis.json"
 COMMAND = "python -m bench.synthesis area"
-NETLIST_TESTS = "tests/system/test_netlists.py"
 
 
 def measure(design: Design, folder: Path, *, known: Collection[Row] = ()) -> Row:
@@ -235,33 +230,6 @@ def clock(names: Names = None, json_file: JsonFile = None) -> None:
     """Clocks and cells on the ECP5, of three placements; takes the extra ``ulx3s``."""
     rows = run_designs(designs() | placed_designs(), names, place)
     report("ECP5-85, speed grade 8", rows, json_file, keep_others=bool(names))
-
-
-@app.command()
-def netlists(names: Names = None, json_file: JsonFile = None) -> None:
-    """Yosys's netlists for xc7 and the ECP5 in simulation against the golden model: the results of their tests."""
-    with tempfile.TemporaryDirectory() as folder:
-        results = Path(folder) / "results.xml"
-        # The other family of files has no properties.
-        options = ("-n", "0", "-m", "", "-k", " or ".join(names or ()), "-o", "junit_family=xunit1")
-        command = [sys.executable, "-m", "pytest", "-q", NETLIST_TESTS, *options, f"--junitxml={results}"]
-        subprocess.run(command, check=False)
-        rows = [row for case in ElementTree.parse(results).iter("testcase") if (row := _netlist_row(case))]
-    report("netlists against the golden model", rows, json_file, keep_others=bool(names))
-
-
-def _netlist_row(case: ElementTree.Element) -> Row | None:
-    """What a test records of a netlist; None for other tests."""
-    recorded = {str(each.get("name")): str(each.get("value")) for each in case.iter("property")}
-    if not recorded:
-        return None
-    return {
-        "netlist": recorded["netlist"],
-        "cells": int(recorded.get("cells", 0)),
-        "simulator": recorded["simulator"],
-        "equal": "no" if case.find("failure") is not None else "yes",
-        "processor s": int(recorded.get("processor_s", 0)),
-    }
 
 
 if __name__ == "__main__":

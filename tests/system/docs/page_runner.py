@@ -7,8 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-from docs.hooks.notebooks import FENCE
-
+FENCE = re.compile(
+    r"^```(?P<language>\w+)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL
+)
+"""A block of a page: with a title a file, otherwise ``pycon``, ``console`` with commands after ``$``, or text."""
 OPTIONS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 

@@ -3,12 +3,9 @@
 import sys
 from pathlib import Path
 
-import nbformat
 import pytest
 
-from docs.hooks.notebooks import FENCE, notebook
-from tests.system.docs.notebook_runner import run_notebook
-from tests.system.docs.page_runner import run_page
+from tests.system.docs.page_runner import FENCE, run_page
 
 DOCS = Path(__file__).parents[3] / "docs"
 SLOW = {"change_a_rule.md", "export_to_a_kit.md", "flight_to_map.md", "fuzzy_systems.md", "own_rules.md"}
@@ -53,28 +50,3 @@ def test_a_wrong_output_fails(tmp_path: Path) -> None:
     page.write_text("```pycon\n>>> 1 + 1\n3\n\n```\n")
     with pytest.raises(AssertionError, match=r"Expected:\n\s+3\nGot:\n\s+2"):
         run_page(page)
-
-
-def test_a_page_becomes_a_notebook() -> None:
-    page = (
-        '# Title\n\nSee [here](../panel.md).\n\n```python title="two.py"\nTWO = 2\n```\n\n'
-        "```pycon\n>>> one = 1\n>>> one\n1\n>>> for _ in range(2):\n...     print(one)\n1\n1\n\n```\n\n"
-        "```console\n$ skymosaic --version\n0\n```\n\nEnd.\n"
-    )
-    cells = nbformat.reads(notebook(page), as_version=4).cells
-    shown = [(cell.source, [output.text for output in cell.get("outputs", [])]) for cell in cells]
-    assert shown == [
-        ("# Title\n\nSee here.", []),
-        ("%%writefile two.py\nTWO = 2", []),
-        ("one = 1\none", ["1\n"]),
-        ("for _ in range(2):\n    print(one)", ["1\n1\n"]),
-        ("!skymosaic --version", ["0\n"]),
-        ("End.", []),
-    ]
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of Jupyter's own packages
-@pytest.mark.parametrize("page", tutorials(), ids=lambda page: page.stem)
-def test_the_notebook_prints_what_its_page_shows(page: Path, tmp_path: Path) -> None:
-    assert run_notebook(page, tmp_path, DOCS.parent) == []
