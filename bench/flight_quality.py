@@ -9,27 +9,22 @@ pair's own ties, can be the height of the ground; the part across it is a fault 
 layout's cameras do not say where the baseline is: from a kite, a few degrees of theirs make a fault of height.
 """
 
-import json
-import os
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import cv2
 import numpy as np
-import rasterio
 import typer
 from rich.console import Console
 from rich.progress import track
 
 from bench.methods import match_words, sift_words
-from bench.report import Flights, JsonFile, Row, public_folder, report
-from golden_model.arrays import Array, Matrix, Pixels, Points
+from bench.report import Flights, JsonFile, Row, in_process, public_folder, report
+from golden_model.arrays import Array, Intensities, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
 from sim.scene import Flight as RenderedFlight
 from sim.scene import make_lawnmower
@@ -40,8 +35,7 @@ from skymosaic.flight.layout.extent import outline, overlap
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.geometry.homography import apply, resize_matrix
 from skymosaic.imagery.images import reduce_to_width
-from skymosaic.imagery.lens import Lens, lens_of
-from skymosaic.mosaicking.api import open_run
+from skymosaic.mosaicking.api import mosaic, open_run
 from skymosaic.mosaicking.options import MosaicOptions, Warp
 
 WIDTH_PX = 1600
@@ -209,34 +203,34 @@ def write_images(folder: Path, images: Iterable[Pixels]) -> list[str]:
 
 
 def quality(flights: Flights, json_file: JsonFile = None) -> None:
-    """Quality of mosaics without ground truth, and their cost.
+    """Quality of mosaics without ground truth.
 
-    Error: median of the tie points at 1600 px wide. CPU: from the files to the mosaic and the report. Brightness kept:
-    the mosaic's against the photograph's, with the smallest and largest. Burnt: pixels that are white in the mosaic and
-    not in the photograph. Misfit: mean absolute difference from the photograph once both have the same mean and
-    contrast. NCC: correlation with the photograph after a high-pass, with the tenth percentile; what is out of place
-    lowers it. Sharp: energy of fine detail against the photograph warped by a Lanczos kernel, which keeps nearly all.
+    Error: median of the tie points at 1600 px wide. Brightness kept: the mosaic's against the photograph's, with the
+    smallest and largest. Burnt: pixels that are white in the mosaic and not
+    in the photograph. Misfit: mean absolute difference from the photograph once both have the same mean and contrast.
+    NCC: correlation with the photograph after a high-pass, with the tenth percentile; what is out of place lowers it.
+    Sharp: energy of fine detail against the photograph warped by a Lanczos kernel, which keeps nearly all.
     """
-    rows = []
-    for flight in flights:
-        folder = public_folder(flight)
-        with tempfile.TemporaryDirectory() as temporary:
-            mosaic, cpu_seconds = make_mosaic(folder.resolve(), Path(temporary))
-            summary = json.loads((Path(temporary) / "report" / "report.json").read_text())
-            rows.append(quality_row(folder.name, summary, measure_photographs(folder, mosaic, summary), cpu_seconds))
+    rows = [in_process(quality_row, public_folder(flight).resolve()) for flight in flights]
     report("quality of mosaics", rows, json_file)
 
 
-def quality_row(name: str, summary: dict[str, Any], measures: Array, cpu_seconds: float) -> Row:
+def quality_row(folder: Path) -> Row:
     """A flight's medians and extremes."""
-    kept, burnt, misfit, ncc, sharp = measures.T
-    mosaic = summary["mosaics"][0]
-    placed, scale = mosaic["placed"], WIDTH_PX / summary["working_width_px"]
+    with tempfile.TemporaryDirectory() as cache:
+        made = mosaic([folder], cache=Path(cache))
+    flight, composition = made.flight, made.composition
+    shown, measures = _in_colour(made.image), []
+    for placement, transform in zip(composition.placements, composition.transforms, strict=True):
+        photograph = _in_colour(placement.source.read_photograph(flight.lens).pixels)
+        if row := measure_photograph(shown, photograph, transform):
+            measures.append(row)
+    kept, burnt, misfit, ncc, sharp = np.array(measures).T
+    scale = WIDTH_PX / flight.settings.working_width_px
     return {
-        "flight": name,
-        "placed": f"{placed} of {summary['photographs']}",
-        "error, px": f"{scale * mosaic['median_error_px']:.2f}",
-        "CPU s per photograph": f"{cpu_seconds / placed:.2f}",
+        "flight": folder.name,
+        "placed": f"{len(made.placed)} of {len(flight.names)}",
+        "error, px": f"{scale * made.layout.median_error_px:.2f}",
         "brightness kept": f"{np.median(kept):.2f} ({kept.min():.2f}, {kept.max():.2f})",
         "burnt, %": f"{100 * burnt.mean():.2f}",
         "misfit, %": f"{100 * np.median(misfit):.1f}",
@@ -245,37 +239,9 @@ def quality_row(name: str, summary: dict[str, Any], measures: Array, cpu_seconds
     }
 
 
-def make_mosaic(folder: Path, target: Path) -> tuple[Path, float]:
-    """Make the mosaic and its report in the folder ``target``; returns its file and seconds of processor time."""
-    # Photographs of 16 bits keep their numbers in .tif files only.
-    deep = any(path.suffix.lower() in (".tif", ".tiff") for path in folder.iterdir())
-    mosaic = target / ("mosaic.tif" if deep else "mosaic.png")
-    command = [sys.executable, "-m", "skymosaic", "mosaic", str(folder), "-o", mosaic.name, "--report", "report"]
-    process = subprocess.Popen([*command, "--cache", "cache", "--quiet"], stdout=subprocess.DEVNULL, cwd=target)
-    _, status, usage = os.wait4(process.pid, 0)
-    if status:
-        raise SystemExit(f"failed: {' '.join(command)}")
-    return mosaic, usage.ru_utime + usage.ru_stime
-
-
-def read_picture(path: Path) -> Pixels:
-    """The mosaic in 8 bits a channel, BGR. OpenCV reads no TIFF file of gray and alpha."""
-    if path.suffix == ".png":
-        return np.asarray(cv2.imread(str(path)), dtype=np.uint8)
-    with rasterio.open(path) as raster:
-        bands = raster.read([3, 2, 1] if raster.count > 2 else [1, 1, 1])
-    return np.ascontiguousarray(np.moveaxis(bands if bands.dtype == np.uint8 else bands >> 8, 0, -1).astype(np.uint8))
-
-
-def measure_photographs(folder: Path, mosaic_path: Path, summary: dict[str, Any]) -> Array:
-    """The measures of each photograph, (N, 5)."""
-    mosaic, transforms = read_picture(mosaic_path), summary["mosaics"][0]["transforms"]
-    lens, rows = lens_of(summary["lens"]) if summary["lens"] else Lens(), []
-    for name, matrix in transforms.items():
-        photograph = lens.straighten(np.asarray(cv2.imread(str(folder / name)), np.uint8))
-        if row := measure_photograph(mosaic, np.asarray(photograph, np.uint8), np.array(matrix)):
-            rows.append(row)
-    return np.array(rows)
+def _in_colour(pixels: Intensities) -> Pixels:
+    shown = pixels if pixels.dtype == np.uint8 else (pixels >> 8).astype(np.uint8)
+    return np.asarray(shown if shown.ndim == 3 else np.dstack([shown] * 3), dtype=np.uint8)
 
 
 def measure_photograph(mosaic: Pixels, photograph: Pixels, to_mosaic: Matrix) -> tuple[float, ...] | None:

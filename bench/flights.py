@@ -123,7 +123,7 @@ def run_case(case: Case, seed: int) -> dict[str, float]:
     camera = flight.camera
     with tempfile.TemporaryDirectory() as temporary:
         names = write_images(Path(temporary), flight.images)
-        result = in_process(measure_mosaic, [str(Path(temporary) / name) for name in names])
+        result = in_process(measure_mosaic, [Path(temporary) / name for name in names])
     errors, places = position_errors(result["transforms"], flight, names)
     outwards = np.argsort(np.linalg.norm(places - places.mean(axis=0), axis=1))
     tenth = max(case.images // 10, 1)
@@ -138,14 +138,14 @@ def run_case(case: Case, seed: int) -> dict[str, float]:
     }
 
 
-def measure_mosaic(paths: list[str]) -> Result:
-    """Our mosaic without what earlier runs kept: transformations by the files' names, lens, and what it took."""
+def measure_mosaic(paths: list[Path]) -> Result:
+    """Transformations of our mosaic by the names of its files, the lens, and what both took."""
     start = time.process_time()
     with tempfile.TemporaryDirectory() as cache:
         made = mosaic(paths, working_width_px=WORKING_WIDTH_PX, canvas_limit_px=10**9, cache=Path(cache))
     numbers = made.flight.lens.numbers
     return {
-        "transforms": {Path(paths[index]).name: made.transforms[index] for index in made.placed},
+        "transforms": {paths[index].name: made.transforms[index] for index in made.placed},
         # As k1 over the square of the focal length, because tie points do not determine the focal length.
         "distortion": numbers["k1"] / numbers["focal_x_px"] ** 2 if numbers else 0.0,
         "cpu_seconds": time.process_time() - start,

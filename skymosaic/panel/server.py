@@ -14,9 +14,9 @@ from nicegui import app as page_app
 from nicegui import ui
 
 from skymosaic.common.errors import InputError
+from skymosaic.panel.access import AccessCheck
 from skymosaic.panel.file_routes import FileRoutes
 from skymosaic.panel.folders import Roots
-from skymosaic.panel.origin_check import OriginCheck
 from skymosaic.panel.pages.mosaic_page import build_mosaic_page
 from skymosaic.panel.pages.page_layout import PAGES
 from skymosaic.panel.pages.runs_page import build_runs_page
@@ -25,7 +25,6 @@ from skymosaic.panel.runs import open_runs
 from skymosaic.panel.session import Session
 from skymosaic.panel.tasks.containment import MISSING_LIMITS
 from skymosaic.panel.tasks.jobs import prepare_workers
-from skymosaic.panel.token_check import TokenCheck
 
 HOST = "127.0.0.1"
 SECONDS_TO_CLOSE = 2
@@ -55,10 +54,9 @@ def serve(
     page_app.on_shutdown(stack.close)
     prepare_workers(session.runs.unfinished)
     port, token = listener.getsockname()[1], secrets.token_urlsafe()
-    app = TokenCheck(_application(session), port, token)
     announce(f"http://{HOST}:{port}/?token={token}", MISSING_LIMITS)
     config = uvicorn.Config(
-        OriginCheck(app, port),
+        AccessCheck(_application(session), port, token),
         log_level="warning",
         ws="wsproto",
         server_header=False,

@@ -15,7 +15,7 @@ from skymosaic.panel.options import Options, fault_of
 from skymosaic.panel.pages import drawings
 from skymosaic.panel.results import Decoded, Picture, side_by_side
 from skymosaic.panel.session import Session
-from skymosaic.panel.widgets.viewer import Viewer
+from skymosaic.panel.widgets import Viewer
 from skymosaic.registration.extraction import extract_within_capacity
 
 _AFFECTED_BY = ("preset", "detector", "descriptor", "position")

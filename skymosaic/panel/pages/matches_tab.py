@@ -8,8 +8,7 @@ from skymosaic.panel.explain import classify_matches, explain
 from skymosaic.panel.pages import drawings
 from skymosaic.panel.pages.page_layout import fill_in
 from skymosaic.panel.results import Picture
-from skymosaic.panel.widgets.slider import Slider
-from skymosaic.panel.widgets.viewer import Viewer
+from skymosaic.panel.widgets import Slider, Viewer
 from skymosaic.registration.pair import Pair
 
 KINDS = {"inlier": "kept, on the homography", "outlier": "kept, off it", "rejected": "rejected by the rules"}

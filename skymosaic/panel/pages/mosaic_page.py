@@ -4,11 +4,9 @@ from nicegui import ui
 
 from skymosaic.panel.options import fault_of
 from skymosaic.panel.pages.corners_tab import CornersTab
-from skymosaic.panel.pages.hardware_tab import HardwareTab
 from skymosaic.panel.pages.matches_tab import MatchesTab
-from skymosaic.panel.pages.mosaic_tab import build_mosaic_tab
-from skymosaic.panel.pages.numbers_tab import build_numbers_tab
 from skymosaic.panel.pages.page_layout import page_layout
+from skymosaic.panel.pages.result_tabs import HardwareTab, build_mosaic_tab, build_numbers_tab
 from skymosaic.panel.pages.rules_editor import RulesEditor
 from skymosaic.panel.pages.sidebar import OptionsCard, PhotographsCard, RunCard, enable_while_idle
 from skymosaic.panel.results import MosaicResult

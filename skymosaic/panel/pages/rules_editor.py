@@ -11,7 +11,7 @@ from skymosaic.panel.pages.matches_tab import MatchesTab
 from skymosaic.panel.results import EDITED_RULES
 from skymosaic.panel.rules_edit import find_corners, move_corner
 from skymosaic.panel.session import Session
-from skymosaic.panel.widgets.curves import Curves
+from skymosaic.panel.widgets import Curves
 from skymosaic.registration.pair import Pair
 
 CURVE_POINTS = 129

@@ -13,9 +13,7 @@ from skymosaic.panel.options import LABELLED, OPTION_VALUES, fault_of
 from skymosaic.panel.pages.folder_picker import FolderPicker
 from skymosaic.panel.results import InputFile, picture_address
 from skymosaic.panel.session import Session
-from skymosaic.panel.widgets.drop_zone import DropZone
-from skymosaic.panel.widgets.slider import Slider
-from skymosaic.panel.widgets.thumbnails import MAX_TILES, Thumbnails
+from skymosaic.panel.widgets import MAX_TILES, DropZone, Slider, Thumbnails
 
 BUILT_IN = {"Pair": 2, "Flight": 9}
 """Number of photographs in each built-in example."""

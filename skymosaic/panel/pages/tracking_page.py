@@ -6,7 +6,7 @@ from skymosaic.panel.pages.page_layout import page_layout, show_command, show_fi
 from skymosaic.panel.pages.sidebar import RunCard, build_heading, build_input, build_option, enable_while_idle
 from skymosaic.panel.results import InputFile, TrackingResult, picture_address
 from skymosaic.panel.session import Session
-from skymosaic.panel.widgets.drop_zone import DropZone
+from skymosaic.panel.widgets import DropZone
 
 CORNERS = ("top left", "top right", "bottom right", "bottom left")
 

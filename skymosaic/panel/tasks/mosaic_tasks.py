@@ -40,7 +40,7 @@ from skymosaic.panel.results import (
     shown_name,
     side_by_side,
 )
-from skymosaic.panel.steps import Progress
+from skymosaic.panel.tasks.jobs import Progress
 from skymosaic.panel.tasks.mosaic_picture import PREVIEW_WIDTH_PX, show_mosaic
 from skymosaic.registration.options import PhotographOptions
 from skymosaic.registration.pair import Pair

@@ -9,7 +9,7 @@ from skymosaic.imagery.images import save_bytes
 from skymosaic.imagery.video import VideoReader
 from skymosaic.panel.options import Options
 from skymosaic.panel.results import TrackingResult
-from skymosaic.panel.steps import Progress
+from skymosaic.panel.tasks.jobs import Progress
 from skymosaic.tracking.output import follow_video, save_corners
 from skymosaic.tracking.tracker import Tracker, TrackerOptions
 

@@ -17,7 +17,7 @@ from skymosaic.imagery.decoding import MAX_AREA_PX, MAX_DECODED_BYTES, read_head
 from skymosaic.imagery.images import load, reduce_to_width, save
 from skymosaic.imagery.video import DEFAULT_RATE, VideoReader, write_video
 from skymosaic.panel.results import Decoded, InputFile, new_picture
-from skymosaic.panel.steps import Progress
+from skymosaic.panel.tasks.jobs import Progress
 from skymosaic.registration.options import WORKING_WIDTH_PX
 
 BUILT_IN_SEED = 9

@@ -12,7 +12,7 @@ from skymosaic.panel.options import LABELLED, OPTION_VALUES, SCALES, STRONGEST, 
 from skymosaic.panel.results import InputFile, Picture, Run, side_by_side
 from skymosaic.panel.server import _listen
 from skymosaic.panel.session_files import SessionFiles
-from skymosaic.panel.steps import Steps
+from skymosaic.panel.tasks.jobs import Steps
 from tests.skymosaic.panel.visitor import noise_png
 
 
@@ -28,7 +28,7 @@ def test_pictures_stand_in_a_row_with_gaps() -> None:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     now = [100.0]
-    monkeypatch.setattr("skymosaic.panel.steps.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("skymosaic.panel.tasks.jobs.time.monotonic", lambda: now[0])
     return now
 
 

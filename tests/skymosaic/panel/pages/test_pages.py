@@ -26,13 +26,13 @@ from skymosaic.panel.pages import drawings
 from skymosaic.panel.pages.corners_tab import CornersTab, detect
 from skymosaic.panel.pages.drawings import draw_corners
 from skymosaic.panel.pages.matches_tab import MatchesTab
-from skymosaic.panel.pages.numbers_tab import _describe, _list_quality
+from skymosaic.panel.pages.result_tabs import _describe_homography, _list_quality
 from skymosaic.panel.pages.runs_page import build_runs_page
 from skymosaic.panel.pages.sidebar import PhotographsCard
 from skymosaic.panel.results import Picture
 from skymosaic.panel.runs import Runs
 from skymosaic.panel.session import Session
-from skymosaic.panel.widgets.thumbnails import MAX_TILES
+from skymosaic.panel.widgets import MAX_TILES
 from tests.skymosaic.panel import made_up
 from tests.skymosaic.panel.visitor import Scenario
 
@@ -142,7 +142,7 @@ def test_corners_are_drawn_until_they_fit_the_options(picture: Path, descriptor:
 def test_a_homography_is_described_by_its_turn_scale_and_shift() -> None:
     cos, sin = np.cos(np.radians(30)), np.sin(np.radians(30))
     turned = np.array([[1.5 * cos, -1.5 * sin, 7], [1.5 * sin, 1.5 * cos, -3], [0, 0, 1]])
-    assert _describe(turned).endswith("rotates by 30.00°, scales by 1.5000, shifts by 7.0, -3.0 px")
+    assert _describe_homography(turned).endswith("rotates by 30.00°, scales by 1.5000, shifts by 7.0, -3.0 px")
 
 
 def test_quality_is_measured_on_inliers_and_correct_matches() -> None:

@@ -9,7 +9,7 @@ from nicegui import Client
 from nicegui.page import page
 from playwright.sync_api import Page, expect
 
-from skymosaic.panel.widgets.slider import Slider
+from skymosaic.panel.widgets import Slider
 from tests.skymosaic.panel.visitor import Scenario, photographs_loaded
 from tools.panel import make_mosaic, mosaic_viewer
 
