@@ -19,9 +19,12 @@ fabric = Later("skymosaic.geometry.fabric")
 FABRIC = "fabric"
 """What the chip computes, which also decides what is accepted; the checks of the host come after it."""
 MIN_MATCHES = 4
-RANSAC_ROUNDS = 2000
-MAGSAC_TOLERANCE_PX = 3.0
-MAGSAC_ROUNDS = 10_000
+_BY_OPENCV = {
+    # Samples of four until a better one is improbable (thesis, section III.5.1); and MAGSAC++ (Barath et al., 2020).
+    "ransac": (cv2.RANSAC, fuzzy_ransac.TOLERANCE_PX, 2000),
+    "magsac": (cv2.USAC_MAGSAC, 3.0, 10_000),
+}
+"""OpenCV's estimators by name: method, tolerance in px, and samples at most."""
 
 
 def estimate(
@@ -73,24 +76,20 @@ def estimate(
     elif name == FABRIC:
         H = fabric.estimate_as_in_fabric(left[verified], right[verified], weight[verified], size, rng=rng)
     else:
-        H = (magsac if name == "magsac" else ransac)(left[verified], right[verified])
+        H = estimate_by_opencv(name, left[verified], right[verified])
     if H is None:
         return None, inliers
     near = verified & (transfer_error(H, left, right) <= INLIER_PX)
     return H if near.sum() >= MIN_INLIERS else None, inliers if name == FUZZY_RANSAC else near
 
 
-def ransac(left: Array, right: Array, tolerance_px: float = fuzzy_ransac.TOLERANCE_PX) -> Array | None:
-    """Estimate by OpenCV's RANSAC: fit samples of four until a better one is improbable (thesis, section III.5.1).
-
-    Returns None where no homography can be estimated.
-    """
-    return _estimate_by_opencv(left, right, cv2.RANSAC, tolerance_px, RANSAC_ROUNDS)
-
-
-def magsac(left: Array, right: Array) -> Array | None:
-    """Estimate by OpenCV's MAGSAC++ (Barath et al., 2020) at 3 px; None where no homography can be estimated."""
-    return _estimate_by_opencv(left, right, cv2.USAC_MAGSAC, MAGSAC_TOLERANCE_PX, MAGSAC_ROUNDS)
+def estimate_by_opencv(name: str, left: Array, right: Array) -> Array | None:
+    """Estimate by OpenCV's ``ransac`` or ``magsac``; None where no homography can be estimated."""
+    if len(left) < MIN_MATCHES:
+        return None
+    kind, tolerance_px, rounds = _BY_OPENCV[name]
+    H, _ = cv2.findHomography(left, right, kind, tolerance_px, maxIters=rounds, confidence=CONFIDENCE)
+    return None if H is None else np.asarray(H, dtype=np.float64)
 
 
 def fuzzy(left: Array, right: Array, verified: Mask) -> tuple[Array | None, fuzzy_ransac.Decision | None]:
@@ -98,7 +97,7 @@ def fuzzy(left: Array, right: Array, verified: Mask) -> tuple[Array | None, fuzz
 
     Where RANSAC finds nothing, both are None; where the rules accept too few matches, the homography alone.
     """
-    H = ransac(left, right)
+    H = estimate_by_opencv("ransac", left, right)
     if H is None:
         return None, None
     decision = fuzzy_ransac.decide(H, left, right, verified)
@@ -106,10 +105,3 @@ def fuzzy(left: Array, right: Array, verified: Mask) -> tuple[Array | None, fuzz
         return dlt(left[decision.inliers], right[decision.inliers]), decision
     except DegenerateError:
         return None, decision
-
-
-def _estimate_by_opencv(left: Array, right: Array, kind: int, tolerance_px: float, rounds: int) -> Array | None:
-    if len(left) < MIN_MATCHES:
-        return None
-    H, _ = cv2.findHomography(left, right, kind, tolerance_px, maxIters=rounds, confidence=CONFIDENCE)
-    return None if H is None else np.asarray(H, dtype=np.float64)

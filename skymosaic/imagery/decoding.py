@@ -22,7 +22,8 @@ from golden_model.config import MIN_FRAME_PX
 from golden_model.small_files import open_regular, read_small_file
 from skymosaic.common.errors import DamagedError, InputError, reading
 from skymosaic.imagery.colour import convert_to_srgb
-from skymosaic.imagery.jpeg import END, TURNS, decode_strictly
+from skymosaic.imagery.jpeg import END, decode_strictly
+from skymosaic.imagery.orientation import AXES, UPRIGHT, turn_pixels
 from skymosaic.imagery.tiff import check_tiff
 
 MAX_AREA_PX = 105_000_000
@@ -37,7 +38,6 @@ MAX_READS = 500_000
 and comments one by one, in Python, and a file may declare hundreds of millions of them."""
 SPARE_BYTES = 64_000_000
 """Limit of bytes read from a header, beyond the size of the file, because TIFF tags can all name the same bytes."""
-UPRIGHT = 1
 NODATA_TAG, EXTRA_SAMPLES = 42113, 338
 ASSOCIATED_ALPHA = 1
 MAX_PAGES = 1000
@@ -287,7 +287,7 @@ def _decode_data(path: Path, header: Header, data: bytes, *, keep_damaged: bool)
     if header.kind == "PNG" and b"IEND" not in data:
         raise InputError(f"{path}: the file is truncated; copy it again from the camera")
     # With alpha, OpenCV turns nothing but TIFF by itself.
-    turns = TURNS if header.transparent and not is_tiff else {}
+    axes = AXES[header.orientation if header.transparent and not is_tiff else UPRIGHT]
     flags = cv2.IMREAD_UNCHANGED if header.transparent else cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
     with contextlib.suppress(cv2.error, IndexError, ValueError):
         if (decoded := cv2.imdecode(np.frombuffer(data, np.uint8), flags)) is not None:
@@ -299,7 +299,7 @@ def _decode_data(path: Path, header: Header, data: bytes, *, keep_damaged: bool)
             if is_tiff and decoded.shape[2:] == (4,) and (decoded.dtype == np.uint8 or header.premultiplied):
                 alpha = cv2.merge([decoded[..., 3]] * 3)
                 decoded[..., :3] = cv2.divide(decoded[..., :3], alpha, scale=float(np.iinfo(decoded.dtype).max))
-            return turns.get(header.orientation, np.asarray)(decoded), damage
+            return turn_pixels(decoded, axes), damage
     if damage:
         raise InputError(f"{damage}; nothing of it can be decoded")
     raise InputError(f"{path}: damaged or of an unsupported kind; convert it to PNG, JPEG or TIFF")

@@ -18,8 +18,9 @@ from skymosaic.common.errors import InputError, reading
 from skymosaic.common.replaced import refuse_inputs
 from skymosaic.common.temporary import existing_parent, expect_new, write_atomically
 from skymosaic.geometry.homography import resize_matrix
-from skymosaic.imagery.decoding import UPRIGHT, check_size, decode, read_header
+from skymosaic.imagery.decoding import check_size, decode, read_header
 from skymosaic.imagery.depth import ValueRange, measure_range, sample_values
+from skymosaic.imagery.orientation import UPRIGHT
 from skymosaic.imagery.patterns import only_match
 
 Image = str | Path | Pixels

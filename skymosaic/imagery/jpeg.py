@@ -1,9 +1,8 @@
 """Decodes JPEG files strictly: reports libjpeg's warnings as damage, and refuses files that take too long."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -11,6 +10,7 @@ import simplejpeg
 from numpy.typing import NDArray
 
 from skymosaic.common.errors import DamagedError, InputError
+from skymosaic.imagery.orientation import AXES, turn_pixels
 
 MAX_SCANS = 100
 """Progressive JPEG files have about ten. Every scan costs a pass over the whole picture, however short it is."""
@@ -26,16 +26,6 @@ _START_OF_SCAN, _END_OF_IMAGE = 0xDA, 0xD9
 _WITHOUT_LENGTH = (0x01, 0xD8)
 _MARKER = re.compile(rb"\xff([^\x00\xff\xd0-\xd7])")
 """In entropy-coded data, FF is followed by 00 or a restart marker. Further FF may precede a marker."""
-TURNS: dict[int, Callable[[NDArray[Any]], NDArray[Any]]] = {
-    2: np.fliplr,
-    3: lambda pixels: np.rot90(pixels, 2),
-    4: np.flipud,
-    5: lambda pixels: pixels.swapaxes(0, 1),
-    6: lambda pixels: np.rot90(pixels, 3),
-    7: lambda pixels: np.rot90(pixels, 2).swapaxes(0, 1),
-    8: np.rot90,
-}
-"""Turns stored pixels upright, by the values of EXIF's orientation."""
 _REVISION = re.compile(rb"\xff\xd8\xff\xe0..JFIF\x00", re.DOTALL)
 """The bytes before the JFIF revision."""
 _HARMLESS = "unknown Adobe color transform"
@@ -85,7 +75,7 @@ def decode_strictly(data: bytes, path: Path, *, area_px: int, orientation: int) 
         except ValueError as error:
             fault = fault or str(error)
             continue
-        return np.ascontiguousarray(TURNS.get(orientation, np.asarray)(pixels))
+        return turn_pixels(pixels, AXES[orientation])
     raise DamagedError(f"{path}: the JPEG is damaged ({fault}); copy it again from the camera")
 
 

@@ -23,6 +23,8 @@ from skymosaic.imagery.patterns import is_folder
 from skymosaic.imagery.photographs import Images, Source, list_images, list_sources
 from skymosaic.imagery.subtitles import read_track
 
+DEFAULT_RATE = Fraction(25)
+"""Frames per second of a video that does not state them."""
 KEY_OVERLAP = 0.65
 """Share of its area that a key frame has in common with the next, or slightly more: enough for reliable registration,
 with as few frames as possible."""
@@ -127,7 +129,9 @@ class KeyFrame(NamedTuple):
 
 
 def select_key_frames(
-    frames: Iterable[Pixels], frame_rate: Fraction | float = 25.0, tell: Callable[[str], None] = lambda _line: None
+    frames: Iterable[Pixels],
+    frame_rate: Fraction | float = DEFAULT_RATE,
+    tell: Callable[[str], None] = lambda _line: None,
 ) -> Iterator[KeyFrame]:
     """Select the first frame, then repeatedly the last one that still shows `KEY_OVERLAP` of the previous key frame.
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from golden_model.arrays import Array, Intensities, Matrix, Pixels, Points
+from golden_model.arrays import Array, Intensities, Pixels, Points
 from golden_model.small_files import read_small_file
 from skymosaic.common.errors import InputError, reading
 from skymosaic.geometry.homography import resize_matrix
-from skymosaic.imagery.decoding import UPRIGHT
 from skymosaic.imagery.images import load
+from skymosaic.imagery.orientation import AXES, MIRROR, UPRIGHT, turn_matrix
 
 _REQUIRED = ("width_px", "height_px", "focal_x_px", "focal_y_px", "centre_x_px", "centre_y_px")
 _DISTORTION = ("k1", "k2", "p1", "p2", "k3")
@@ -23,18 +23,6 @@ MAX_NUMBER = 1e9
 """Limit of the numbers in a camera file; it excludes infinities, and integers too large for a float."""
 SAME_SHAPE = 0.02
 """Shapes (shorter side / longer side) that differ by less are the same, but for rounding."""
-_MIRROR = 5
-_AXES = {
-    UPRIGHT: ((1, 0), (0, 1)),
-    2: ((-1, 0), (0, 1)),
-    3: ((-1, 0), (0, -1)),
-    4: ((1, 0), (0, -1)),
-    _MIRROR: ((0, 1), (1, 0)),
-    6: ((0, -1), (1, 0)),
-    7: ((0, -1), (-1, 0)),
-    8: ((0, 1), (-1, 0)),
-}
-"""How EXIF's orientations turn directions in stored photographs, x and y, to those in upright ones."""
 _Camera = tuple[tuple[int, int], Array, Array]
 """Size, calibration matrix and distortion."""
 
@@ -71,7 +59,7 @@ class Lens:
         """The lens of stored photographs, where this one is of those turned upright by this EXIF orientation."""
         if self._camera is None:
             return self
-        size, matrix, distortion = _turn_axes(self._camera, np.transpose(_AXES[orientation]))
+        size, matrix, distortion = _turn_axes(self._camera, np.transpose(AXES[orientation]))
         return replace(self, size=size, matrix=matrix, distortion=distortion)
 
     def fits(self, size: tuple[int, int]) -> bool:
@@ -149,11 +137,11 @@ class Lens:
         if self._camera is None or not self.fits(size):
             return None
         (width, height), *_ = self._camera
-        axes = np.array(_AXES[self.orientation])
+        axes = np.array(AXES[self.orientation])
         sideways = (size[0] > size[1]) != (width > height)
         if width != height and sideways == bool(axes[0, 0]):
             # The calibration is of upright photographs, or EXIF does not tell which way this one was turned.
-            axes = np.array(_AXES[_MIRROR if sideways else UPRIGHT])
+            axes = np.array(AXES[MIRROR if sideways else UPRIGHT])
         (width, height), matrix, distortion = _turn_axes(self._camera, axes)
         return np.asarray(resize_matrix(size[0] / width, size[1] / height) @ matrix), distortion
 
@@ -164,22 +152,11 @@ class Lens:
         return self.size, self.matrix, self.distortion
 
 
-def turn_matrix(size: tuple[int, int], orientation: int) -> Matrix:
-    """The map (3, 3) from stored pixels to those of the upright photograph, whose ``size`` is width and height."""
-    return _turn_matrix(size, np.array(_AXES[orientation]))
-
-
-def _turn_matrix(size: tuple[int, int], axes: Array) -> Matrix:
-    turned = np.eye(3)
-    turned[:2, :2], turned[:2, 2] = axes, np.where(axes.sum(axis=1) < 0, np.array(size) - 1, 0)
-    return turned
-
-
 def _turn_axes(camera: _Camera, axes: Array) -> _Camera:
     """Size, calibration matrix and distortion of photographs that have been turned."""
     size, matrix, (k1, k2, p1, p2, k3) = camera
     width, height = (np.abs(axes) @ size).tolist()
-    turned, back = _turn_matrix((width, height), axes), np.eye(3)
+    turned, back = turn_matrix((width, height), axes), np.eye(3)
     back[:2, :2] = axes.T
     p2, p1 = axes @ (p2, p1)
     return (int(width), int(height)), np.asarray(turned @ matrix @ back), np.array([k1, k2, p1, p2, k3])

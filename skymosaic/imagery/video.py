@@ -17,10 +17,10 @@ from golden_model.arrays import Pixels
 from skymosaic.common.errors import InputError
 from skymosaic.common.temporary import write_atomically
 from skymosaic.imagery.decoding import MAX_AREA_PX, check_file
+from skymosaic.imagery.key_frames import DEFAULT_RATE
+from skymosaic.imagery.orientation import turn_pixels
 
 OUTPUT_SUFFIXES = (".mp4", ".mov", ".mkv")
-DEFAULT_RATE = Fraction(25)
-"""Frames per second of a video that does not state them."""
 TICKS_PER_SECOND = 90_000
 """Resolution of time in the videos written; the usual rates are whole numbers of it."""
 MIN_STEP_S, MAX_STEP_S = 2 / TICKS_PER_SECOND, 3600.0
@@ -147,14 +147,13 @@ class VideoReader:
 
     def _make_upright(self, stored: Pixels, matrix: NDArray[np.int32]) -> Pixels:
         """Turn and mirror a frame by the quarter nearest to its display matrix, (2, 2), which row vectors x, y meet."""
+        upright = turn_pixels(stored, matrix.T)
         (right, right_down), (down_right, down) = matrix.tolist()
         mirrored = right * down < right_down * down_right
         note = "mirrored as its display matrix says" if mirrored else "turned upright by its rotation tag"
-        if turned := abs(right_down) > abs(right):
-            stored, right, down = stored.swapaxes(0, 1), down_right, right_down
-        if (turned or min(right, down) < 0) and note not in self.notes:
+        if (abs(right_down) > abs(right) or min(right, down) < 0) and note not in self.notes:
             self.notes.append(note)
-        return np.ascontiguousarray(stored[:: -1 if down < 0 else 1, :: -1 if right < 0 else 1])
+        return upright
 
     def _make_square(self, stored: Pixels) -> Pixels:
         """Widen frames whose pixels are narrower than they are high, and the other way round."""

@@ -27,6 +27,10 @@ PARTS = 16
 """Into which an edge is cut before it is converted: then one of a kilometre keeps its place within 0.1 mm."""
 
 
+class OutsideError(InputError):
+    """A mosaic shows nothing of the area."""
+
+
 @dataclass(frozen=True, eq=False)
 class Boundary:
     """An area, which may have holes and several parts."""
@@ -65,15 +69,15 @@ class Boundary:
 
         Raises
         ------
-        InputError
+        OutsideError
             If they cover none of it.
         """
         (west, south), (width, height) = self.points.min(axis=0), np.ptp(self.points, axis=0)
         cell = max(width, height, 1e-6) / CELLS
         grid = (int(height / cell) + 1, int(width / cell) + 1), Affine(cell, 0, west, 0, cell, south)
-        inside, covered = self.mask(*grid), _burn([[ring[[*range(len(ring)), 0]]] for ring in outlines], *grid)
+        inside, covered = self.mask(*grid), burn_outlines(outlines, *grid)
         if not (inside & covered).any():
-            raise InputError(f"{self.name}: no photograph shows any of it; check the area and its coordinate system")
+            raise OutsideError(f"{self.name}: no photograph shows any of it; check the area and its coordinate system")
         return float(covered[inside].mean())
 
     @cached_property
@@ -85,6 +89,11 @@ class Boundary:
         """About how far a place is from the area."""
         longitude, latitude = np.clip(place.degrees, *self._box_degrees).tolist()
         return float(np.hypot(*place.metres_from(Position(latitude, longitude))))
+
+
+def burn_outlines(outlines: Sequence[Points], shape: tuple[int, ...], transform: Affine) -> Mask:
+    """Which pixels of a raster have their centre in any of the outlines (N, 2), not closed, in its system, (H, W)."""
+    return _burn([[ring[[*range(len(ring)), 0]]] for ring in outlines], shape, transform)
 
 
 def _burn(polygons: Sequence[Sequence[Points]], shape: tuple[int, ...], transform: Affine) -> Mask:

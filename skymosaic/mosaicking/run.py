@@ -26,6 +26,7 @@ from skymosaic.imagery.exif import describe_days
 from skymosaic.imagery.images import FIRST_PAGE
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
+from skymosaic.maps.boundary import OutsideError
 from skymosaic.mosaicking.options import MosaicOptions, SurveyOptions
 from skymosaic.mosaicking.outputs import check_outputs, room_of
 from skymosaic.mosaicking.result import Mosaic
@@ -107,11 +108,20 @@ class MosaicRun:
         self, layouts: Sequence[Layout], output: Path, form: OutputForm, preview_width_px: int
     ) -> list[Delivery]:
         # Canvas, exposure and seams; of all groups, since one that cannot be made leaves no half of the mosaics behind.
-        compositions = [self.composition(layout, output) for layout in layouts]
-        for composition in compositions if form.needs_place(output) else ():
+        composed, outside = list[tuple[Layout, Composition]](), list[OutsideError]()
+        for layout in layouts:
+            try:
+                composed.append((layout, self.composition(layout, output)))
+            except OutsideError as error:
+                outside.append(error)
+        if not composed:
+            raise outside[0]
+        for reason in outside:
+            self._tell(f"note: a group is left out: {reason}")
+        for _, composition in composed if form.needs_place(output) else ():
             require_place(output, composition.place)
         deliveries, failures = list[Delivery](), list[str]()
-        for number, (layout, composition) in enumerate(zip(layouts, compositions, strict=True), start=1):
+        for number, (layout, composition) in enumerate(composed, start=1):
             # Warped and blended band by band, while the file is written.
             bands, path = self.bands(composition), numbered(output, number)
             own_form = form.numbered(number)
@@ -127,18 +137,23 @@ class MosaicRun:
 
     def mosaics(self) -> Iterator[Mosaic]:
         """The mosaic of each group in memory, the largest first; raises as `write`."""
-        number = 0
+        number = yielded = 0
         while number < len(self.layouts):
             layout = self.layouts[number]
             try:
                 composition = self.composition(layout)
                 image = composition.joined(self.bands(composition))
+            except OutsideError as error:
+                number += 1
+                if not yielded and number == len(self.layouts):
+                    raise
+                self._tell(f"note: a group is left out: {error}")
             except InputError:
                 if not self._leave_out_changed():
                     raise
             else:
                 yield Mosaic(image, self.flight, layout, composition)
-                number += 1
+                number, yielded = number + 1, yielded + 1
 
     def _leave_out_changed(self) -> bool:
         """Leave out placed photographs that are no longer what they were when they were laid out; whether any were."""

@@ -26,7 +26,6 @@ GOOD_PX, POOR_PX = 2.0, 5.0
 """A pair is good below the first predicted error, and poor from the second on."""
 MAX_DOUBT_OF_GOOD, MAX_DOUBT = 0.01, 0.12
 """Doubt up to which a pair may be good, and above which it is refused."""
-CAUSES = "mask what moves with it (display, border, dirt); or water or cars move, or nothing overlaps"
 
 
 @dataclass(frozen=True)
@@ -179,30 +178,19 @@ def name_verdict(doubt: float, predicted_px: float) -> str:
     return "check" if doubt <= MAX_DOUBT and predicted_px < POOR_PX else "poor"
 
 
-def _tell_held_out(evidence: Evidence) -> str:
-    return f"{100 * evidence.held_out_share:.0f} % of held-out matches within 2 px"
-
-
-def _tell_ground(evidence: Evidence) -> str:
-    return f"{100 * evidence.ground_share:.0f} % of the ground agrees"
-
-
-def _tell_lack(evidence: Evidence) -> str:
-    moved = f"a camera that moved by {100 * evidence.motion:.0f} % of the picture"
-    return f"{100 * evidence.ground_lack:.0f} % of the ground more should agree for {moved}: {CAUSES}"
-
-
-def _tell_motion(evidence: Evidence) -> str:
-    moved = f"the camera moved by only {100 * evidence.motion:.2f} % of the picture"
-    return f"{moved}: it stands on a tripod, or a watermark, a display or a sensor's pattern is what agrees"
-
-
 _WORDS: dict[str, Callable[[Evidence], str]] = {
-    "held_out_share": _tell_held_out,
-    "hull_share": lambda evidence: f"inliers cover {100 * evidence.hull_share:.0f} % of the overlap",
-    "motion": _tell_motion,
-    "ground_share": _tell_ground,
-    "ground_lack": _tell_lack,
-    "rival": lambda evidence: f"the ground repeats itself: it fits elsewhere {evidence.rival:.2f} times as well",
+    "held_out_share": lambda it: f"{100 * it.held_out_share:.0f} % of held-out matches within 2 px",
+    "hull_share": lambda it: f"inliers cover {100 * it.hull_share:.0f} % of the overlap",
+    "motion": lambda it: (
+        f"the camera moved by only {100 * it.motion:.2f} % of the picture: it stands on a tripod, or a watermark, a "
+        "display or a sensor's pattern is what agrees"
+    ),
+    "ground_share": lambda it: f"{100 * it.ground_share:.0f} % of the ground agrees",
+    "ground_lack": lambda it: (
+        f"{100 * it.ground_lack:.0f} % of the ground more should agree for a camera that moved by "
+        f"{100 * it.motion:.0f} % of the picture: mask what moves with it (display, border, dirt); or water or cars "
+        "move, or nothing overlaps"
+    ),
+    "rival": lambda it: f"the ground repeats itself: it fits elsewhere {it.rival:.2f} times as well",
 }
 """The evidence in words, by the input of the table. Of inliers there could always be more; they are counted anyway."""

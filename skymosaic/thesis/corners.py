@@ -16,7 +16,7 @@ from skymosaic.features.descriptors import describe
 from skymosaic.features.detectors import to_key_points
 from skymosaic.features.matchers import match_by_correlation
 from skymosaic.features.positions import feature_points, match_points
-from skymosaic.geometry.estimators import ransac
+from skymosaic.geometry.estimators import estimate_by_opencv
 from skymosaic.geometry.fuzzy_ransac import TOLERANCE_PX
 from skymosaic.thesis.dataset import DatasetPair
 from skymosaic.thesis.measurements import Line
@@ -109,7 +109,7 @@ def _measure_quality(grays: tuple[Pixels, Pixels], features: tuple[Records, Reco
         describe(gray, to_key_points(each), QUALITY_WINDOW) for gray, each in zip(grays, features, strict=True)
     )
     points = match_points(match_by_correlation(left, right))
-    H = ransac(*points)
+    H = estimate_by_opencv("ransac", *points)
     return 0.0 if H is None else float(np.mean(correct_matches(*points, H, tolerance_px=TOLERANCE_PX)))
 
 

@@ -21,7 +21,7 @@ from skymosaic.features.matchers import match_by_correlation
 from skymosaic.features.methods import HostBackend, choose_method
 from skymosaic.features.positions import feature_points, match_points
 from skymosaic.geometry import estimators, fuzzy_ransac
-from skymosaic.geometry.estimators import ransac
+from skymosaic.geometry.estimators import estimate_by_opencv
 from skymosaic.geometry.homography import resize_matrix
 from skymosaic.mosaicking.api import mosaic
 from skymosaic.registration.register import register
@@ -98,8 +98,8 @@ def measure_stage(stage: str, pair: DatasetPair, points: tuple[Points, Points], 
         "FP": counts.false_positives,
         "TN": counts.true_negatives,
         "FN": counts.false_negatives,
-        "registered before": is_registered(ransac(*points), pair),
-        "registered after": is_registered(ransac(points[0][kept], points[1][kept]), pair),
+        "registered before": is_registered(estimate_by_opencv("ransac", *points), pair),
+        "registered after": is_registered(estimate_by_opencv("ransac", points[0][kept], points[1][kept]), pair),
     }
     return "stages", stage, values
 

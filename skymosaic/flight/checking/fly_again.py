@@ -15,7 +15,7 @@ from skymosaic.flight.layout.extent import outline
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.place import place_on_map
 from skymosaic.geometry.homography import apply
-from skymosaic.maps.boundary import Boundary
+from skymosaic.maps.boundary import Boundary, burn_outlines
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.features import Place
 from skymosaic.maps.georeference import Georeference, map_to_globe, reproject
@@ -96,8 +96,7 @@ def find_holes(outlines: Sequence[Points], area: Boundary | None = None) -> list
     cell_m = max(side_m / CELLS, extent.max() / MAX_CELLS)
     to_map = Affine(*np.column_stack((axes * cell_m, axes @ low)).ravel())
     shape = tuple(int(np.ceil(length / cell_m)) for length in extent[::-1])
-    polygons = ({"type": "Polygon", "coordinates": [[*ring.tolist(), ring[0].tolist()]]} for ring in outlines)
-    covered = rasterio.features.rasterize(polygons, shape, transform=to_map, dtype="uint8")
+    covered = burn_outlines(outlines, shape, to_map).astype(np.uint8)
     reach, thinnest = (np.ones((max(round(share * side_m / cell_m), 1),) * 2, np.uint8) for share in (REACH, THINNEST))
     wanted = cv2.morphologyEx(covered, cv2.MORPH_CLOSE, reach) if area is None else area.mask(shape, to_map)
     lacking = wanted.astype(np.uint8) & ~covered & 1

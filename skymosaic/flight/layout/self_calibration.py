@@ -26,8 +26,8 @@ from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS, NO_DISTORTION,
 from skymosaic.flight.linking.links import Candidate, Link
 from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.decoding import UPRIGHT
 from skymosaic.imagery.lens import Lens
+from skymosaic.imagery.orientation import UPRIGHT
 from skymosaic.running.cache import key_of
 
 MIN_VIEWS = 6

@@ -16,9 +16,8 @@ from skymosaic.flight.linking.links import WEAK_TIES, Link
 from skymosaic.flight.mapping.cameras import Camera, cameras_of, measure_turn
 from skymosaic.flight.mapping.contradictions import compare_places, doubt_records, doubt_scale
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.decoding import UPRIGHT
 from skymosaic.imagery.exif import Position, describe_gps_faults, explain_missing_gps
-from skymosaic.imagery.lens import turn_matrix
+from skymosaic.imagery.orientation import AXES, UPRIGHT, turn_matrix
 from skymosaic.imagery.photographs import index_names
 from skymosaic.maps.control_points import ControlPoints
 from skymosaic.maps.georeference import MIN_POSITIONS, Georeference, fit_to_map, map_to_globe, project_to_utm
@@ -319,7 +318,7 @@ def _locate(
             view, mesh = flight.views[member], layout.meshes.get(member)
             pixel = np.array([[sighting.x_px, sighting.y_px]])
             if as_stored:
-                pixel = apply(turn_matrix(view.size, view.orientation), pixel)
+                pixel = apply(turn_matrix(view.size, AXES[view.orientation]), pixel)
             if not control.tried:
                 pixel = flight.lens.turned(view.orientation).straighten_points(pixel, view.size)
             if mesh is not None:

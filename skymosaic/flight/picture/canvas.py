@@ -17,11 +17,15 @@ from skymosaic.flight.mapping.place import MapPlace
 from skymosaic.flight.picture.composition import Composition, Placement, Room
 from skymosaic.geometry.homography import apply, resize_matrix
 from skymosaic.imagery.depth import measure_common_range
-from skymosaic.maps.boundary import Boundary
+from skymosaic.maps.boundary import Boundary, OutsideError
 from skymosaic.maps.georeference import Georeference
 
 MIN_GSD = 0.99
 """A ground resolution is refused below this share of the photographs' own: enlarging them shows nothing new."""
+
+NARROW_PX = 2
+"""Only in so narrow a canvas may a boundary miss the centres of all pixels."""
+THIN = "the boundary is thinner than a pixel of the mosaic; draw an area, or raise `scale`"
 
 
 def place_on_canvas(
@@ -41,9 +45,11 @@ def place_on_canvas(
     on_map, usual = place.georeference, usual_magnification(flight, layout)
     least = list(least_nearness(flight.views, layout.transforms, layout.links, scale).values())
 
+    ends = None
     if boundary is not None:
         shown = zip(views, to_reference, least, strict=True)
-        boundary = _bring_onto(place, boundary, [(outline(v.size, each, near), each) for v, each, near in shown])
+        outlines = [apply(each, outline(v.size, each, near)) for v, each, near in shown]
+        boundary, ends = _bring_onto(place, boundary, outlines)
 
     def lay(scale: float) -> tuple[Array, list[Array], Canvas, Canvas]:
         if on_map is not None and flight.pair is None:
@@ -53,9 +59,7 @@ def place_on_canvas(
         transforms = [to_canvas @ transform for transform in to_reference]
         limit_px = math.inf if flight.pair is None else room.area_px
         whole = enclosing_canvas([v.size for v in views], transforms, least, limit_px=limit_px)
-        if boundary is None or on_map is None:
-            return to_canvas, transforms, whole, whole
-        return to_canvas, transforms, whole, _cut_off(whole, boundary, to_canvas @ np.linalg.inv(on_map.to_map))
+        return to_canvas, transforms, whole, whole if ends is None else _cut_off(whole, apply(to_canvas, ends))
 
     try:
         to_canvas, transforms, whole, canvas = lay(scale)
@@ -71,8 +75,11 @@ def place_on_canvas(
             f"{room.reason}; `scale` or `canvas_limit_px` choose the size"
         )
     if on_map is not None:
-        to_layout = np.asarray(np.linalg.inv(canvas.translation @ to_canvas))
-        place = replace(place, georeference=on_map.for_pixels(to_layout))
+        on_map = on_map.for_pixels(np.asarray(np.linalg.inv(canvas.translation @ to_canvas)))
+        place = replace(place, georeference=on_map)
+        shape = canvas.height_px, canvas.width_px
+        if boundary is not None and min(shape) <= NARROW_PX and not boundary.mask(shape, on_map.transform).any():
+            raise InputError(THIN)
     if flight.pair is None:
         transforms = [whole.translation @ transform for transform in transforms]
         canvas = replace(canvas, x_px=canvas.x_px - whole.x_px, y_px=canvas.y_px - whole.y_px)
@@ -95,21 +102,22 @@ def place_on_canvas(
     )
 
 
-def _bring_onto(place: MapPlace, boundary: Boundary, shown: Sequence[tuple[Points, Array]]) -> Boundary:
-    """A boundary in the system of a place, where photographs, outlines and transforms, must show some of it."""
+def _bring_onto(place: MapPlace, boundary: Boundary, outlines: Sequence[Points]) -> tuple[Boundary, Points]:
+    """A boundary in the system of a place, and its corners in the reference frame, as are the photographs' outlines."""
     if (on_map := place.georeference) is None:
-        raise InputError(f"{boundary.name}: the mosaic has no place on the map: {place.note}")
+        raise OutsideError(f"{boundary.name}: the mosaic has no place on the map: {place.note}")
     boundary = boundary.in_system(on_map.crs)
-    boundary.share_shown([apply(on_map.to_map @ transform, corners) for corners, transform in shown])
-    return boundary
+    boundary.share_shown([apply(on_map.to_map, corners) for corners in outlines])
+    return boundary, apply(np.asarray(np.linalg.inv(on_map.to_map)), boundary.points)
 
 
-def _cut_off(whole: Canvas, boundary: Boundary, to_frame: Matrix) -> Canvas:
-    """The part of a canvas whose pixels the boundary's box touches; ``to_frame`` takes metres to its frame."""
-    corners = apply(to_frame, boundary.points)
-    first, end = np.floor(corners.min(axis=0) + 0.5 + ROUNDING_PX), np.ceil(corners.max(axis=0) + 0.5 - ROUNDING_PX)
+def _cut_off(whole: Canvas, ends: Points) -> Canvas:
+    """The part of a canvas whose pixels the box of a boundary touches."""
+    first, end = np.floor(ends.min(axis=0) + 0.5 + ROUNDING_PX), np.ceil(ends.max(axis=0) + 0.5 - ROUNDING_PX)
     (x, y), (width, height) = first.astype(int).tolist(), (end - first).astype(int).tolist()
-    return whole.intersection(Canvas(x, y, width, height)) or whole
+    if (part := whole.intersection(Canvas(x, y, width, height))) is None:
+        raise InputError(THIN)
+    return part
 
 
 def check_scale(scale: float, sizes: Sequence[tuple[int, int]]) -> None:

@@ -20,9 +20,9 @@ from skymosaic.compositing.mesh import Mesh
 from skymosaic.compositing.tone import NEUTRAL, Tone
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, footprint, outline, shrink
 from skymosaic.flight.mapping.place import NOWHERE, MapPlace
-from skymosaic.imagery.decoding import UPRIGHT
 from skymosaic.imagery.depth import ValueRange, show_in_8_bit
 from skymosaic.imagery.lens import Lens
+from skymosaic.imagery.orientation import UPRIGHT
 from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import Source, decoded_photographs
 from skymosaic.maps.boundary import Boundary

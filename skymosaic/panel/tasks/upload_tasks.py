@@ -15,7 +15,8 @@ from sim.scene import make_lawnmower, make_pair, make_pursuit
 from skymosaic.common.errors import InputError, reading
 from skymosaic.imagery.decoding import MAX_AREA_PX, MAX_DECODED_BYTES, read_header
 from skymosaic.imagery.images import load, reduce_to_width, save
-from skymosaic.imagery.video import DEFAULT_RATE, VideoReader, write_video
+from skymosaic.imagery.key_frames import DEFAULT_RATE
+from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.panel.results import Decoded, InputFile, new_picture
 from skymosaic.panel.tasks.jobs import Progress
 from skymosaic.registration.options import WORKING_WIDTH_PX

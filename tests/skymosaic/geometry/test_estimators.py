@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from skymosaic.geometry import fuzzy_ransac
-from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, estimate, fuzzy, magsac, ransac
+from skymosaic.geometry.estimators import ESTIMATORS, FUZZY_RANSAC, estimate, estimate_by_opencv, fuzzy
 from skymosaic.geometry.homography import apply
 
 SIZE = (600, 600)
@@ -59,7 +59,7 @@ def test_fuzzy_ransac_accepts_what_its_rules_accept() -> None:
     verified = np.arange(len(left)) % 3 > 0
     H, inliers = estimated(FUZZY_RANSAC, left, right, verified)
     _, decision = fuzzy(left, right, verified)
-    candidate = ransac(left, right)
+    candidate = estimate_by_opencv("ransac", left, right)
     assert candidate is not None
     expected = fuzzy_ransac.decide(candidate, left, right, verified)
     np.testing.assert_array_equal(decision.rule, expected.rule)
@@ -69,8 +69,10 @@ def test_fuzzy_ransac_accepts_what_its_rules_accept() -> None:
 
 def test_three_matches_give_no_homography() -> None:
     four = np.array([[0.0, 0], [100, 0], [100, 100], [0, 90]])
-    assert ransac(four, four + 5) == pytest.approx(np.array([[1, 0, 5], [0, 1, 5], [0, 0, 1]]), abs=1e-6)
+    assert estimate_by_opencv("ransac", four, four + 5) == pytest.approx(
+        np.array([[1, 0, 5], [0, 1, 5], [0, 0, 1]]), abs=1e-6
+    )
     left, right, _ = matches(good=3, bad=0)
-    assert ransac(left, right) is None
-    assert magsac(left, right) is None
+    assert estimate_by_opencv("ransac", left, right) is None
+    assert estimate_by_opencv("magsac", left, right) is None
     assert fuzzy(left, right, np.ones(3, dtype=bool)) == (None, None)

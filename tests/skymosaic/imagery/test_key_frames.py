@@ -10,10 +10,17 @@ import pytest
 from sim.scene import Camera, CameraPose, Flight, Photometry
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.exif import Position
-from skymosaic.imagery.key_frames import MIN_CORNERS, _motion, flight_sources, read_key_frames, select_key_frames
+from skymosaic.imagery.key_frames import (
+    DEFAULT_RATE,
+    MIN_CORNERS,
+    _motion,
+    flight_sources,
+    read_key_frames,
+    select_key_frames,
+)
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.subtitles import read_track
-from skymosaic.imagery.video import DEFAULT_RATE, write_video
+from skymosaic.imagery.video import write_video
 
 
 def _flight(poses: list[CameraPose]) -> Flight:

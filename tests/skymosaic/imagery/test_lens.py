@@ -10,8 +10,8 @@ from PIL.ExifTags import Base
 
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.depth import ValueRange
-from skymosaic.imagery.jpeg import TURNS
 from skymosaic.imagery.lens import Lens, lens_of, load_lens
+from skymosaic.imagery.orientation import AXES, turn_pixels
 from skymosaic.imagery.photographs import Source
 from skymosaic.mosaicking.api import mosaic
 from skymosaic.mosaicking.options import MosaicOptions
@@ -100,7 +100,7 @@ def test_a_photograph_turned_by_exif_has_the_lens_turned(tmp_path: Path, orienta
     exif = PillowImage.Exif()
     exif[Base.Orientation] = orientation
     PillowImage.fromarray(stored).save(tmp_path / "a.tif", exif=exif)
-    expected = TURNS[orientation](lens.straighten(stored))
+    expected = turn_pixels(lens.straighten(stored), AXES[orientation])
     values = ValueRange(0, 255, deep=deep)
     shown = Source(0, "a", tmp_path / "a.tif").read_photograph(lens, values).pixels
     np.testing.assert_allclose(shown.astype(int), expected, atol=1)
@@ -110,7 +110,7 @@ def test_a_photograph_turned_by_exif_has_the_lens_turned(tmp_path: Path, orienta
         assert photograph.orientation == orientation
     turned, size = lens.turned(orientation), (expected.shape[1], expected.shape[0])
     visible: Any = lens.visible_mask((640, 480))
-    assert np.mean(turned.visible_mask(size) != TURNS[orientation](visible)) < 1e-3
+    assert np.mean(turned.visible_mask(size) != turn_pixels(visible, AXES[orientation])) < 1e-3
     # A camera file may be of upright photographs, which is seen where their sides have changed places.
     camera: Any = turned.camera_at(size)
     upright = Lens(size, *camera)

@@ -22,6 +22,7 @@ from skymosaic.imagery.exif import Metadata
 from skymosaic.imagery.images import load
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source, list_sources
+from skymosaic.maps.boundary import OutsideError
 from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.result import Mosaic
@@ -127,18 +128,37 @@ def test_where_all_photographs_change_there_is_no_mosaic(folder: Path, surveyed:
         assert not any(tmp_path.iterdir())
 
 
-def test_all_groups_are_written_where_that_is_wanted(flight: Flight, surveyed: Path, tmp_path: Path) -> None:
+def test_all_groups_are_written_where_that_is_wanted(
+    flight: Flight, surveyed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The group with most pixels comes first: wide and thermal pictures of one drone may be in any order."""
     # Nothing links mirrored ground to the other photographs.
     small = [cv2.resize(image[:, ::-1], (320, 240), interpolation=cv2.INTER_AREA) for image in flight.images[:3]]
-    told: list[dict[int, str]] = []
-    with open_run([*small, *flight.images[:3]], MosaicOptions(cache=surveyed)) as run:
+    told, lines, outside = list[dict[int, str]](), list[str](), list[Layout]()
+
+    def compose_inside(run: MosaicRun, layout: Layout, *path: Path) -> Any:
+        if layout in outside:
+            raise OutsideError("a.kml: no photograph shows any of it")
+        return compose(run, layout, *path)
+
+    compose = MosaicRun.composition
+    monkeypatch.setattr(MosaicRun, "composition", compose_inside)
+    with open_run([*small, *flight.images[:3]], MosaicOptions(cache=surveyed), tell=lines.append) as run:
         one = run.write(tmp_path / "one.png", on_absent=lambda absent: told.append(dict(absent)))
         run.options = replace(run.options, all_groups=True)
         both = run.write(tmp_path / "all.png", on_absent=lambda absent: told.append(dict(absent)))
-    written = [[each.path.name for each in made] for made in (one, both)]
-    assert written == [["one.png"], ["all.png", "all_2.png"]]
-    assert {path.name for path in tmp_path.iterdir()} == {"one.png", "all.png", "all_2.png"}
+        outside.append(run.layouts[0])
+        second, (other,) = run.write(tmp_path / "second.png"), run.mosaics()
+        outside.append(run.layouts[1])
+        with pytest.raises(OutsideError, match="no photograph shows any of it"):
+            run.write(tmp_path / "none.png")
+        with pytest.raises(OutsideError, match="no photograph shows any of it"):
+            next(run.mosaics())
+    written = [[each.path.name for each in made] for made in (one, both, second)]
+    assert written == [["one.png"], ["all.png", "all_2.png"], ["second.png"]]
+    assert other.placed == (0, 1, 2)
+    assert lines == ["note: a group is left out: a.kml: no photograph shows any of it"] * 3
+    assert {path.name for path in tmp_path.iterdir()} == {"one.png", "all.png", "all_2.png", "second.png"}
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "all.png").read_bytes()
     assert [list(absent) for absent in told] == [[0, 1, 2], []]
 

@@ -15,7 +15,7 @@ from skymosaic.flight.mapping.cameras import Camera
 from skymosaic.flight.mapping.contradictions import compare_places
 from skymosaic.flight.mapping.place import list_contradictions, place_cameras, place_on_map
 from skymosaic.imagery.exif import Metadata, Position
-from skymosaic.imagery.jpeg import TURNS
+from skymosaic.imagery.orientation import AXES, turn_pixels
 from skymosaic.maps.control_points import load_control_points
 from skymosaic.maps.georeference import Georeference, map_to_globe
 from tests.skymosaic.flight.mapping.laid_out import lay_out
@@ -62,7 +62,7 @@ def test_pixels_of_photographs_that_exif_turns_may_be_those_of_the_file(
     tmp_path: Path, orientation: int, *, as_stored: bool
 ) -> None:
     stored_size = SIZE if orientation < 5 else SIZE[::-1]
-    upright = TURNS[orientation](np.arange(SIZE[0] * SIZE[1]).reshape(stored_size[::-1]))
+    upright = turn_pixels(np.arange(SIZE[0] * SIZE[1]).reshape(stored_size[::-1]), AXES[orientation])
 
     def click(seen: np.ndarray) -> np.ndarray:
         row, column = divmod(int(upright[int(seen[1]), int(seen[0])]), stored_size[0])

@@ -298,6 +298,10 @@ def test_a_boundary_leaves_of_a_map_what_gdals_cutline_leaves(flown: tuple[Path,
     away = replace(boundary, polygons=tuple(tuple(ring + 1000 for ring in rings) for rings in boundary.polygons))
     with pytest.raises(InputError, match=r"area\.geojson: no photograph shows any of it"):
         compose(first.flight, first.layout, place=place, boundary=away)
+    sides_m = np.array(whole.res) * [(0.1, 0), (0.1, 20), (0.3, 20), (0.3, 0), (0.1, 0)]
+    thin = whole.transform @ (whole.width // 2, whole.height // 2) + sides_m
+    with pytest.raises(InputError, match="the boundary is thinner than a pixel of the mosaic; draw an area"):
+        compose(first.flight, first.layout, place=place, boundary=replace(boundary, polygons=((thin,),)))
     with pytest.raises(InputError, match=r"area\.geojson: the mosaic has no place on the map: by hand"):
         compose(first.flight, first.layout, place=MapPlace(note="by hand"), boundary=boundary)
 

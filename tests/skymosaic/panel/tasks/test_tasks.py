@@ -13,10 +13,11 @@ from skymosaic.common.errors import InputError
 from skymosaic.compositing.layer import SeamMask
 from skymosaic.compositing.warp import Canvas
 from skymosaic.flight.picture.composition import Composition, Placement
+from skymosaic.imagery.key_frames import DEFAULT_RATE
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import Source
-from skymosaic.imagery.video import DEFAULT_RATE, write_video
+from skymosaic.imagery.video import write_video
 from skymosaic.panel.tasks import mosaic_picture, upload_tasks
 from skymosaic.panel.tasks.mosaic_picture import show_mosaic
 
