@@ -2,12 +2,14 @@
 
     python -m bench.camera flight [--frames 100] [--size 1280x720] [--seed N]
     python -m bench.camera paint [--pictures FOLDER]
+    python -m bench.camera steady [--pictures FOLDER]
 
 A camera has its own clock, memory has random latency and back-pressure, and the exported drivers read the rings.
 """
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,8 +25,9 @@ from bench.report import Row, program, reported
 from golden_model.arrays import Matrix, Pixels, Records
 from golden_model.front_end import extract
 from golden_model.geometry.estimator import MAX_CYCLES
+from golden_model.geometry.fixed_point import homography_elements
 from golden_model.painting.painter import Painter
-from golden_model.painting.pose import Placement, Poses, placement_of
+from golden_model.painting.pose import UNIT_LOG2, Placement, Poses, placement_of
 from golden_model.painting.tiles import TILE_PX
 from golden_model.timing import FrameWork, steady_pace
 from hdl.build import BUILDS, Build
@@ -41,6 +44,7 @@ from tools.pictures import save
 app = program(__doc__)
 
 SLOTS = 8
+UNIT_PX = 1 << UNIT_LOG2
 PAUSE_EVERY, PAUSE_FRAMES = 25, 9
 """After each `PAUSE_EVERY` frames the host stops reading for `PAUSE_FRAMES`, more than the ring holds."""
 FRAME_BLANK_LINES = 20
@@ -57,6 +61,7 @@ PAINTING_BUILD = dataclasses.replace(
     painter=True,
 )
 PAINTING_CAMERA = CameraTiming(line_blank=40, frame_blank=250_000, jitter=8, steps=99, period=100)
+STEADY_FRAMES, SHAKE = 240, 0.5
 MISSING_PX = 288
 """The canvas ends so far before the end of the legs."""
 
@@ -196,25 +201,19 @@ def spoil(views: Sequence[Pixels]) -> list[Pixels]:
 
 
 def paint_frames(
-    images: list[Pixels], start: Matrix, tiles: tuple[int, int], *, replace: bool
+    images: list[Pixels], origin: Matrix, tiles: tuple[int, int], *, replace: bool
 ) -> tuple[Row, dict[int, Pixels]]:
     """Run the build on frames; returns figures, and the canvas after each frame that was painted.
 
-    The canvas lies on that of the anchors, or on the first frame, as ``start`` says.
+    The canvas lies on that of the anchors, or on the first frame, as ``origin`` says.
     """
-    settings = matched_frame_settings(CONFIG, *PAINTED_PX, gray_input=False)
-    requested = {name: settings[name] for name in (*REQUESTED, "gray_input")}
-    bench = CameraBench(PAINTING_BUILD, length_bytes=1 << 24, camera=PAINTING_CAMERA, rules=RULES)
-    with host_programs(PAINTING_BUILD) as load:
-        rings = load("skymosaic_rings").RingReader(bench, requested, slots=8, hold_reference=replace)
-        painter = load("skymosaic_painter").Painter(rings.registers, *tiles, replace=replace)
-    painter.start()
+    bench, rings, painter = start(tiles, hold_reference=replace, replace=replace)
     host, chip, model = Anchors(PAINTED_PX, CONFIG), Poses(), Painter(*tiles, replace=replace)
     canvases, differing, refused = dict[int, Pixels](), 0, 0
     late: Matrix | None = None
     first: NDArray[np.int64] | None = None
     bench.show(*images)
-    if replace and painter.place(0, start):
+    if replace and painter.place(0, origin):
         first, _ = chip.place(placement_set(rings.registers))
     while (frame := rings.next_frame(0.1)) is not None:
         painter.follow(frame)
@@ -227,7 +226,7 @@ def paint_frames(
             canvases[number] = painter.picture()[..., :3].copy()
         # What the host knows of a frame comes when the next one is there.
         is_due = not canvases or number % ANCHOR_EVERY == 1
-        if is_due and late is not None and painter.anchor(number - 1, invert(late) @ start):
+        if is_due and late is not None and painter.anchor(number - 1, invert(late) @ origin):
             chip.place(placement_set(rings.registers))
         late = None if replace or not frame.good else host.add(number, frame.features)
         if number % ANCHOR_EVERY == ANCHOR_EVERY // 2:
@@ -236,6 +235,87 @@ def paint_frames(
     row: Row = {"frames": len(images), "homographies refused": refused, "painted": len(canvases)}
     row |= {"bytes unlike the model's": differing, "breaks of AXI's rules": bench.violations}
     return row, canvases
+
+
+def start(tiles: tuple[int, int], *, hold_reference: bool, **options: Any) -> tuple[CameraBench, Any, Any]:
+    """Switch a simulated build on; its rings and its painter."""
+    settings = matched_frame_settings(CONFIG, *PAINTED_PX, gray_input=False)
+    requested = {name: settings[name] for name in (*REQUESTED, "gray_input")}
+    bench = CameraBench(PAINTING_BUILD, length_bytes=1 << 24, camera=PAINTING_CAMERA, rules=RULES)
+    with host_programs(PAINTING_BUILD) as load:
+        rings = load("skymosaic_rings").RingReader(bench, requested, slots=8, hold_reference=hold_reference)
+        painter = load("skymosaic_painter").Painter(rings.registers, *tiles, **options)
+    painter.start()
+    return bench, rings, painter
+
+
+@app.command()
+@reported("Steady video in the whole camera build")
+def steady(pictures: Annotated[Path | None, typer.Option(help="Folder for a picture.")] = None) -> Iterator[Row]:
+    """What a camera sees that flies on while the wind shakes it, shown along the smooth path of the driver.
+
+    Every byte is compared as by ``paint``. How the ground really moves in the pictures, at their corners and by the
+    camera's true poses, is held against how the path says it does. A jerk is by how much that motion changes from
+    frame to frame.
+    """
+    flight = fly_straight(PAINTED_PX, STEADY_FRAMES, shake=SHAKE)
+    tiles = PAINTED_PX[0] // TILE_PX, PAINTED_PX[1] // TILE_PX
+    row, shown, poses, links = paint_path(list(flight.images), tiles)
+    right, low = np.multiply(tiles, TILE_PX) - 1
+    corners = np.array([[0, 0], [right, 0], [right, low], [0, low]])
+    on_ground = {n: invert(flight.homographies[n]) for n in poses}
+
+    def motions(poses: dict[int, Matrix]) -> NDArray[np.float64]:
+        views = [on_ground[n] @ pose for n, pose in poses.items()]
+        return np.array([apply(invert(before) @ after, corners) for before, after in pairwise(views)])
+
+    moved = motions(poses)
+    told = [apply(invert(links[b] @ poses[a]) @ poses[b], corners) for a, b in pairwise(poses)]
+    row |= {"beside the path, 90th percentile (px)": percentile(90, moved - told)}
+    row |= {"jerk, median (px)": percentile(50, np.diff(moved, axis=0))}
+    unmoved = dict.fromkeys(poses, next(iter(poses.values())))
+    row |= {"jerk of the camera": percentile(50, np.diff(motions(unmoved), axis=0))}
+    yield row | {"pixels without a picture": sum(int((each[..., 3] == 0).sum()) for each in shown.values())}
+    if pictures:
+        pictures.mkdir(parents=True, exist_ok=True)
+        pairs = [np.vstack([flight.images[n], shown[n][..., :3]]) for n in list(shown)[-4:]]
+        save(pictures / "painter-steady.webp", np.hstack(pairs))
+
+
+def percentile(share: float, differences: NDArray[np.float64]) -> float:
+    """A percentile of lengths."""
+    return round(float(np.percentile(np.linalg.norm(differences, axis=-1), share)), 2)
+
+
+def paint_path(
+    images: list[Pixels], tiles: tuple[int, int]
+) -> tuple[Row, dict[int, Pixels], dict[int, Matrix], dict[int, Matrix]]:
+    """Run the build on frames, with the driver's path; figures, and each frame's picture, pose and homography."""
+    bench, rings, painter = start(tiles, hold_reference=False, steady={})
+    chip, model = Poses(), Painter(*tiles, replace=True)
+    shown, poses, links, differing = dict[int, Pixels](), dict[int, Matrix](), dict[int, Matrix](), 0
+    bench.show(*images)
+    while (frame := rings.next_frame(0.1)) is not None:
+        painter.follow(frame)
+        number = int(frame.homography["frame"])
+        rings.release()
+        if frame.homography["causes"] or not is_painted(rings.registers, number):
+            continue
+        placement = placement_set(rings.registers)
+        pose, _ = chip.place(placement)
+        assert pose is not None
+        model.paint(images[number], pose)
+        differing += int(np.count_nonzero(painter.tiles != model.memory))
+        shown[number] = painter.picture()
+        poses[number], links[number] = in_px(placement.elements), in_px(homography_elements(frame.homography))
+    row: Row = {"frames": len(images), "painted": len(shown), "bytes unlike the model's": differing}
+    return row | {"breaks of AXI's rules": bench.violations}, shown, poses, links
+
+
+def in_px(elements: NDArray[np.integer]) -> Matrix:
+    """A homography of pixels."""
+    units = np.array([UNIT_PX, UNIT_PX, 1.0])
+    return np.asarray(elements * units[:, np.newaxis] / units)
 
 
 def motion_px(pictures: Sequence[Pixels], steady: Sequence[Pixels]) -> float:

@@ -91,12 +91,17 @@ def speed() -> Iterator[Row]:
 
 
 def fly_straight(
-    size: tuple[int, int], frames: int, *, speed_px: tuple[float, float] = SPEED_PX, heading_deg: float = 20
+    size: tuple[int, int],
+    frames: int,
+    *,
+    speed_px: tuple[float, float] = SPEED_PX,
+    heading_deg: float = 20,
+    shake: float = 1,
 ) -> Flight:
     """A camera that flies straight on while the wind shakes it."""
     rng = np.random.default_rng(3)
     camera = Camera(width_px=size[0], height_px=size[1], focal_px=0.8 * size[0])
-    wind = rng.normal(0, [4, 4, 0.02 * camera.focal_px, 4, 1.5, 1.5], (frames, 6))
+    wind = shake * rng.normal(0, [4, 4, 0.02 * camera.focal_px, 4, 1.5, 1.5], (frames, 6))
     steady = [[*np.multiply(number, speed_px), camera.focal_px, heading_deg, 0, 0] for number in range(frames)]
     names = ("x_px", "y_px", "altitude_px", "heading_deg", "pitch_deg", "roll_deg")
     poses = poses_along(**dict(zip(names, (wind + steady).T, strict=True)))

@@ -19,6 +19,7 @@ import numpy as np
 import skymosaic_map as register_map
 from skymosaic_map import PAGE_BYTES
 from skymosaic_registers import AcceleratorError
+from skymosaic_steady import SteadyPath
 
 TILE_PX, PIXEL_BYTES, FRAME_BUFFERS, MAX_TILES = 32, 4, 3, 128
 FOLLOWED = 1000
@@ -43,6 +44,9 @@ class Painter:
         Size of the canvas in tiles of 32 px, 1 to 128.
     replace : bool
         Every frame makes a new canvas, as stabilised video needs it: one of two, of which the other is shown.
+    steady : dict
+        Parameters of `skymosaic_steady.SteadyPath`, for a camera that moves: as ``replace``, and `follow` sets the pose
+        of each frame. Without, poses are those of the chip and of `anchor` and `place`.
     max_links : int
         Homographies that may follow a pose of the host, at most 255; frames after them are not painted.
     picture_lines : int
@@ -51,16 +55,20 @@ class Painter:
         What it shows where nothing was painted: green in the lowest byte, then blue, red.
     """
 
-    def __init__(self, registers, columns, rows, *, replace=False, max_links=255, picture_lines=0, picture_border=0):
+    def __init__(
+        self, registers, columns, rows, *, replace=False, steady=None, max_links=255, picture_lines=0, picture_border=0
+    ):
         if not register_map.BUILT.get("built_painter"):
             raise AcceleratorError("this build has no painter; export the camera with --homography --painter")
         self.registers, self.bus = registers, registers.bus
+        replace |= steady is not None
         width, height = registers.read("width_px"), registers.read("height_px")
         row_bytes = -(-width // TILE_PX) * TILE_PX * PIXEL_BYTES
         pages = -(-row_bytes * height // PAGE_BYTES)
         self._settings = {
             "painter_replace": int(replace),
-            "painter_max_links": max_links,
+            # With 0 a frame waits for the host's pose until the next one is there.
+            "painter_max_links": max_links if steady is None else 0,
             "picture_enable": int(picture_lines > 0),
             "picture_lines": picture_lines,
             "picture_border": picture_border,
@@ -77,6 +85,8 @@ class Painter:
         self._canvas = self._allocate("canvas", columns * rows * (1 + int(replace)))
         self._frames = self._allocate("frames", FRAME_BUFFERS * pages)
         self._links, self._newest = {}, None
+        picture = columns * TILE_PX, picture_lines or rows * TILE_PX
+        self._path = None if steady is None else SteadyPath((width, height), picture, **steady)
 
     def _allocate(self, area, pages):
         buffer = self.bus.allocate(pages * PAGE_BYTES)
@@ -92,6 +102,8 @@ class Painter:
         self._canvas[:] = 0
         self.bus.flush(self._canvas)
         self._links, self._newest = {}, None
+        if self._path is not None:
+            self._path.begin()
         self.registers.write(**self._settings)
         self.registers.write(painter_enable=1)
         faults = self.registers.read("painter_refused")
@@ -108,7 +120,10 @@ class Painter:
         self._wait(lambda: not self.registers.read("painter_clear") and self.registers.read("painter_idle"))
 
     def follow(self, frame):
-        """Remember the homography of a frame from the rings, if the chip has accepted it."""
+        """Remember the homography of a frame from the rings, if the chip has accepted it.
+
+        With ``steady``, set its pose as well: soon, since the frame waits no longer than the next one comes.
+        """
         record = frame.homography
         if record["causes"]:
             return
@@ -121,6 +136,8 @@ class Painter:
         self._newest = number
         if len(self._links) > FOLLOWED:
             del self._links[min(self._links)]
+        if self._path is not None:
+            self.place(number, self._path.follow(number, *self._links[number]))
 
     def anchor(self, number, pose):
         """Say where a frame lies that may be past; carried on to the newest one that was followed, the pose is set.

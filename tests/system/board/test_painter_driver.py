@@ -221,3 +221,24 @@ def test_a_build_without_a_painter_says_how_to_get_one() -> None:
         registers = load("skymosaic_registers").Registers(Memory(driver.register_map))
         with pytest.raises(driver.AcceleratorError, match="--painter"):
             driver.Painter(registers, 1, 1)
+
+
+def test_each_frame_of_steady_video_is_set_on_its_path(host: Any) -> None:
+    """Those that the chip refuses are not: the last picture stays."""
+    painter = host.make(steady={"crop": 0.2}, picture_lines=50)
+    painter.start()
+    assert [host.memory.get(name) for name in ("painter_replace", "painter_max_links")] == [1, 0]
+    path = host.driver.SteadyPath((WIDTH_PX, HEIGHT_PX), (COLUMNS * 32, 50), crop=0.2)
+    for number in (1, 2, 4):
+        painter.follow(frame(number, shift(2, 1), reference=max(number - 1, 1) if number < 4 else 2))
+    painter.follow(frame(5, shift(500, 0), causes=1))
+    poses = [path.follow(n, reference, shift(2, 1)) for n, reference in ((1, 1), (2, 1), (4, 2))]
+    assert [number for number, _ in host.memory.poses] == [1, 2, 4]
+    for (_, elements), pose in zip(host.memory.poses, poses, strict=True):
+        assert np.abs(elements - quantise(pose[np.newaxis])[0]).max() <= 8
+    # A session begins a path of its own.
+    painter.start()
+    painter.follow(frame(5, shift(2, 1)))
+    assert (host.memory.poses[-1][1] == host.memory.poses[0][1]).all()
+    with pytest.raises(ValueError, match="crop"):
+        host.make(steady={"crop": 2})
