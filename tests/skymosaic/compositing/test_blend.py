@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array, Pixels
 from skymosaic.compositing.blend import Blending, blend_layers
 from skymosaic.compositing.layer import Layer
-from skymosaic.compositing.warp import TILE_PX, Canvas, enclosing_canvas, shrink, warp_backward
+from skymosaic.compositing.warp import TILE_PX, Canvas, enclosing_canvas, shrink
 
 TURNED = np.array([[0.96, 0.17, 90.0], [-0.17, 0.98, 70.0], [1e-5, -2e-5, 1]])
 
@@ -27,23 +27,6 @@ def smooth_image(height: int, width: int, *channels: int, seed: int = 0) -> Pixe
     return cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 5), None, 20, 180, cv2.NORM_MINMAX)
 
 
-def two_views(*channels: int) -> tuple[Any, ...]:
-    """Two crops of one scene, 60 px apart, with the canvas that holds both: the scene itself."""
-    scene = smooth_image(120, 260, *channels)
-    images, transforms = [scene[:, :200], scene[:, 60:]], [np.eye(3), shift(60, 0)]
-    return scene, images, transforms, enclosing_canvas([(200, 120), (200, 120)], transforms)
-
-
-@pytest.mark.parametrize("channels", [(), (3,)], ids=["gray", "bgr"])
-@pytest.mark.parametrize("method", get_args(Blending))
-def test_two_crops_give_the_scene(method: Blending, channels: tuple[Any, ...]) -> None:
-    scene, images, transforms, canvas = two_views(*channels)
-    mosaic = blend(images, transforms, canvas, method=method)
-    # Near its border a view repeats the border, which the coarsest bands carry some way inwards.
-    np.testing.assert_allclose(mosaic, scene, atol=5 if method == "multiband" else 0)
-    assert np.abs(mosaic.astype(int) - scene).mean() < 0.25
-
-
 def test_average_and_distance_by_hand() -> None:
     # Two flat 5x5 images, 2 columns apart: columns 2 to 4 overlap.
     images = [np.full((5, 5), value, np.uint8) for value in (100, 200)]
@@ -55,17 +38,6 @@ def test_average_and_distance_by_hand() -> None:
     np.testing.assert_array_equal(distance[2], [100, 100, 100, 150, 200, 200, 200])
     # One pixel from the top both are at most 1 away: 1, 1, 0 and 0, 1, 1.
     np.testing.assert_array_equal(distance[1], [100, 100, 100, 150, 200, 200, 200])
-
-
-@pytest.mark.parametrize("beside_px", [0, TILE_PX - 150], ids=["within a tile", "where tiles meet"])
-def test_detail_at_a_seam_is_that_of_the_photographs(beside_px: int) -> None:
-    scene = cv2.GaussianBlur(np.random.default_rng(3).integers(0, 256, (220, 420), np.uint8), (0, 0), 0.7)
-    # Half a pixel aside, where interpolation takes detail; at whole pixels it takes none.
-    canvas, left = Canvas(beside_px, 0, 420, 220), shift(0.5 + beside_px, 0.5)
-    mosaic = blend([scene[:, :300], scene[:, 120:]], [left, left @ shift(120, 0)], canvas, method="multiband")
-    whole = warp_backward(scene, left, canvas, interpolation=cv2.INTER_LANCZOS4)
-    around = np.s_[20:-20, 150:270]
-    np.testing.assert_allclose(mosaic[around].astype(int), whole[around], atol=1)
 
 
 @pytest.mark.parametrize("method", get_args(Blending))

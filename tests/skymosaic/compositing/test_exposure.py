@@ -49,13 +49,6 @@ def white_share(images: list[NDArray[Any]]) -> float:
     return np.mean([(image.min(axis=2) > 250).mean() for image in images])
 
 
-def test_darkness_is_not_favoured() -> None:
-    """Every second photograph is 40 % darker: least squares on gains would darken all, logarithms do not."""
-    gain = gains(estimate_tones(strip(np.array([1.0, 0.6] * 4)[:, None]))[0]).mean(axis=1)
-    assert np.exp(np.log(gain).mean()) == pytest.approx(1, abs=0.3)
-    np.testing.assert_allclose(gain[1::2] / gain[::2], 1 / 0.6, rtol=0.03)
-
-
 def lit_strip(lamp: Array, exposures: Array) -> list[Layer]:
     """Photographs that all head the same way, under a light (H, 1, 3) that moves with the camera."""
     ground, layers, rng = scene(320, 1500), [], np.random.default_rng(3)
@@ -180,31 +173,6 @@ def test_bright_ground_beside_dark_ground_stays_and_stays_below_white() -> None:
     assert np.mean(tones[-1].gain) / np.mean(tones[0].gain) == pytest.approx(2, rel=0.05)
     assert tones[0].shoulder < SHOULDER_START
     assert white_share(after) <= white_share([layer.image for layer in layers]) + 0.001
-
-
-@pytest.fixture(scope="module")
-def sunlit() -> list[Layer]:
-    """Photographs of 16 bits with a black level; every second one has sun in one half, whichever ground that is."""
-    x = np.linspace(0, 1, SIZE_PX[0])[None, :, None]
-    layers = []
-    for number, layer in enumerate(strip(np.ones((10, 1)), noise=0)):
-        light = 1 + 0.9 / (1 + np.exp(-12 * (x - 0.5))) if number % 4 == 0 else 1.0
-        numbers = 5000 + 120.0 * light * layer.image
-        layers.append(Layer(np.rint(numbers).astype(np.uint16), layer.transform))
-    return layers
-
-
-def test_light_that_changes_within_photographs_is_evened_out(sunlit: list[Layer]) -> None:
-    black, white = estimate_levels([layer.image for layer in sunlit], [5000.0, None, 5004.0])
-    assert (black, white) == (5002, 65_535)
-    tones, _ = estimate_tones(sunlit, black=black, white=white)
-    after = [toned(layer, tone) for layer, tone in zip(sunlit, tones, strict=True)]
-    kept = [image.mean() / layer.image.mean() for image, layer in zip(after, sunlit, strict=True)]
-    assert np.median(kept) == pytest.approx(1, abs=0.03)
-    agreeing = [Layer(image, layer.transform) for image, layer in zip(after, sunlit, strict=True)]
-    before, left = (np.abs(compare_overlaps(some, 5002, 65_535).difference) for some in (sunlit, agreeing))
-    assert np.quantile(before, 0.9) > 0.5
-    assert np.quantile(left, 0.9) < 0.1
 
 
 def test_the_levels_of_a_camera_and_the_range_that_gains_leave() -> None:

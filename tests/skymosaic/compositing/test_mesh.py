@@ -1,10 +1,8 @@
-import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from golden_model.arrays import Array, Points
-from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.mesh import CHECK_CELLS, Frame, Mesh, Ties, fit_meshes
 from skymosaic.compositing.warp import Canvas
 from skymosaic.geometry.homography import apply
@@ -73,39 +71,9 @@ def test_matches_on_the_fields_of_one_colour_cannot_be_held_out(few: int) -> Non
         assert fit(left[chosen], right[chosen], always=False) is None
 
 
-def test_a_point_is_found_where_the_warped_image_shows_it() -> None:
-    left, right, _ = matches(bulge_px=10.0)
-    mesh = fit(left, right)
-    assert mesh is not None
-    shown = mesh.find(left)
-    assert np.abs(shown - left).max() > 5
-    assert shown + mesh.displacement(shown) == pytest.approx(left, abs=0.05)
-
-
 def waves(size: tuple[int, int] = SIZE) -> Mesh:
     """A mesh whose displacements of up to 8 px change from node to node."""
     return Mesh(size, np.random.default_rng(3).uniform(-8, 8, (4, 5, 2)))
-
-
-def test_mesh_and_homography_read_each_pixel_once() -> None:
-    """A second interpolation would lose fine detail."""
-    mesh, transform = waves(), np.array([[1.9, 0.2, -30], [-0.1, 2.1, 15], [1e-4, -5e-5, 1]])
-    noise = np.random.default_rng(2).normal(0, 1, SIZE[::-1])
-    image = np.clip(128 + 40 * cv2.GaussianBlur(noise, (0, 0), 0.6) / 0.45, 0, 255).astype(np.uint8)
-    canvas = Canvas(-60, -20, 1200, 900)
-    shown = Layer(image, transform, mesh=mesh).pixels(canvas)
-    rows, columns = np.mgrid[5:900:7, 5:1200:7]
-    points = apply(np.linalg.inv(transform), np.stack([columns.ravel() - 60.0, rows.ravel() - 20.0], axis=1))
-    within = ((points > 0) & (points < np.array(SIZE) - 1)).all(axis=1)
-    assert within.sum() > 10_000
-    places = (points + mesh.displacement(np.clip(points, 0, np.array(SIZE) - 1)))[within].astype(np.float32)
-    expected = cv2.remap(image, places[:, None], None, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE)
-    off = np.abs(shown[rows.ravel(), columns.ravel()][within].astype(int) - expected.ravel())
-    assert np.percentile(off, 99) <= 3
-    bent = Layer(image, np.eye(3), mesh=mesh).pixels(Canvas(0, 0, *SIZE))
-    twice = Layer(bent, transform).pixels(canvas)
-    energy = [float(np.var(cv2.Laplacian(each[100:-100, 100:-100], cv2.CV_64F))) for each in (shown, twice)]
-    assert energy[1] < 0.97 * energy[0]
 
 
 def test_a_part_has_the_places_of_the_whole() -> None:

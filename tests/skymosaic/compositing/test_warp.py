@@ -1,5 +1,3 @@
-from typing import Any
-
 import cv2
 import numpy as np
 import pytest
@@ -82,15 +80,6 @@ def test_the_ground_is_near_even_where_most_of_an_image_is_sky(sign: int) -> Non
     horizon = np.array([[1.0, 0, 0], [0, 1, 0], [-1 / 20, 0, 1]])
     points = np.array([[0.0, 0], [10, 5], [20, 0], [80, 0]])
     np.testing.assert_allclose(nearness((81, 60), sign * horizon, points), [1, 0.5, 0, -3])
-
-
-@pytest.mark.parametrize("channels", [(), (3,)], ids=["gray", "bgr"])
-def test_whole_pixel_shift_is_exact(channels: tuple[Any, ...]) -> None:
-    image = noise_image(40, 60, *channels)
-    warped = warp_backward(image, shift(7, -5), Canvas(0, -10, 80, 60))
-    expected = np.zeros((60, 80, *channels), dtype=np.uint8)
-    expected[5:45, 7:67] = image
-    np.testing.assert_array_equal(warped, expected)
 
 
 def test_backward_against_a_textbook_loop() -> None:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, cast
 
 import cv2
@@ -24,7 +23,6 @@ from skymosaic.flight.layout.layout import Layout, lay_out
 from skymosaic.flight.linking import surveyor
 from skymosaic.flight.linking.links import Link, link_views
 from skymosaic.flight.pairing.linked_views import LinkedViews
-from skymosaic.flight.two_photographs import choose_mesh
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.photographs import Source
 from skymosaic.mosaicking.api import open_run
@@ -269,12 +267,6 @@ def test_a_pair_with_a_horizon_becomes_a_mosaic_without_the_far_field() -> None:
     assert 0.3 < left.cut_off < 0.9
     assert right.cut_off == 0
     assert 1.2 * size[0] * size[1] < np.count_nonzero(result.image) < 5 * size[0] * size[1]
-
-
-@pytest.mark.parametrize(("warp", "matrix"), [("homography", np.eye(3)), ("mesh", None), ("auto", None)])
-def test_a_pair_keeps_its_shape_unless_a_mesh_is_wanted_and_it_was_registered(warp: str, matrix: Any) -> None:
-    pair: Any = SimpleNamespace(working_homography=matrix)
-    assert choose_mesh(pair, warp) == {}
 
 
 def test_a_pair_without_matches_on_its_plane_is_not_cut() -> None:

@@ -66,15 +66,6 @@ def test_pixels_survive_the_way(pixels: Any) -> None:
     assert again.dtype == pixels.dtype
 
 
-def test_smooth_pictures_and_masks_shrink() -> None:
-    ramp = np.add.outer(np.arange(256), np.arange(256)).astype(np.uint8)
-    mask = np.zeros((256, 256), np.bool_)
-    mask[50:90] = True
-    assert len(pickle.dumps(Parcel(ramp))) < 2000
-    assert len(pickle.dumps(Parcel(mask))) < 2000
-    assert Parcel(mask).pixels is mask
-
-
 def bands_of(picture: np.ndarray, rows: int = 64) -> list[np.ndarray]:
     return [picture[top : top + rows] for top in range(0, len(picture), rows)]
 

@@ -1,7 +1,9 @@
 """Lists of positions and control points, and places as features."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -56,45 +58,6 @@ def test_a_byte_order_mark_does_not_matter_and_degrees_become_metres(tmp_path: P
     assert np.hypot(*(points.metres[1] - points.metres[0])) == pytest.approx(763, abs=2)
 
 
-@pytest.mark.parametrize(
-    ("header", "x", "y", "utm"),
-    [("EPSG:4230", 2.0, 48.0, "EPSG:32631"), ("EPSG:4807", 0.0, 53.0, "EPSG:32631")],
-    ids=["European Datum 1950", "grads from Paris"],
-)
-def test_degrees_of_another_datum_or_unit_are_converted(
-    tmp_path: Path, header: str, x: float, y: float, utm: str
-) -> None:
-    points = loaded(tmp_path, header, f"\n{x} {y} 200 10 20 a.jpg\n")
-    assert points.crs == utm
-    np.testing.assert_allclose(points.metres, reproject(np.array([(x, y)]), header, utm), atol=0.01)
-
-
-@pytest.mark.parametrize(
-    ("header", "lines", "says"),
-    [
-        ("EPSG:32610", "", "no control points"),
-        ("somewhere", LINES, "'somewhere' is no coordinate system"),
-        ("[1]", LINES, "is no coordinate system"),
-        ('{"init":5}', LINES, "is no coordinate system"),
-        ("WGS84 UTM 61N", LINES, "'WGS84 UTM 61N' is no coordinate system"),
-        ("UTM 0S", LINES, "'UTM 0S' is no coordinate system"),
-        ("EPSG:4978", LINES, "has no map coordinates"),
-        ("EPSG:5703", LINES, "has no map coordinates"),
-        ("EPSG:4326", "\n46.8 -92 200 10 20 a.jpg\n46.8 -91.9 200 10 20 b.jpg", "a latitude beyond 90 degrees"),
-        ("EPSG:4807", "\n0 -101 200 10 20 a.jpg", "Invalid latitude; check the coordinate system"),
-        ("EPSG:32610", "\n-92 46.8 200 10 20 a.jpg\n-91.99 46.8 200 10 20 b.jpg", "are degrees, but EPSG:32610 is"),
-        ("EPSG:32610", "\n1 2 3 4 5", "line 2 is '1 2 3 4 5'"),
-        ("EPSG:32610", "\n1 2 3 4 nan a.jpg", "line 2"),
-    ],
-)
-def test_a_file_of_another_form_is_one_line(tmp_path: Path, header: str, lines: str, says: str) -> None:
-    with pytest.raises(InputError) as refused:
-        loaded(tmp_path, header, lines)
-    assert says in str(refused.value)
-    assert "gcp_list.txt" in str(refused.value)
-    assert "\n" not in str(refused.value)
-
-
 def test_a_file_that_cannot_be_read_is_named_with_the_reason(tmp_path: Path) -> None:
     (tmp_path / "latin.txt").write_bytes("EPSG:32610\n1 2 3 1 1 Höhe.jpg".encode("latin-1"))
     for name, reason in (("latin.txt", "'utf-8' codec can't decode"), ("none.txt", "No such file or directory")):
@@ -102,17 +65,6 @@ def test_a_file_that_cannot_be_read_is_named_with_the_reason(tmp_path: Path) -> 
             InputError, match=rf"{name}: cannot be read \({reason}.*; give a text file of control points"
         ):
             load_control_points(tmp_path / name)
-
-
-@pytest.mark.parametrize(
-    ("header", "x", "y"),
-    [("EPSG:2056", 2_600_000, 1_200_000), ("EPSG:2154", 1_222_000, 6_052_000), ("EPSG:5514", -886_000, -1_006_000)],
-    ids=["oblique Mercator", "Lambert, in Corsica", "Krovak, in the west"],
-)
-def test_maps_in_metres_on_the_ground_stay(tmp_path: Path, header: str, x: float, y: float) -> None:
-    points = loaded(tmp_path, header, f"\n{x} {y} 200 10 20 a.jpg\n{x + 50} {y} 200 10 20 b.jpg\n")
-    assert points.crs == header
-    np.testing.assert_array_equal(points.metres, [(x, y), (x + 50, y)])
 
 
 @pytest.mark.parametrize(
@@ -137,19 +89,27 @@ def test_feet_and_stretched_metres_become_metres_on_the_ground(tmp_path: Path, h
 
 
 @pytest.mark.parametrize(
-    ("header", "place", "utm", "step"),
+    ("header", "place", "offset", "system", "step"),
     [
-        ("EPSG:2048", (-1000, 3_652_000), "EPSG:32734", (0, 100)),
-        ("EPSG:5513", (1_006_000, 886_000), "EPSG:32633", (99.2, 12.9)),
+        # Another datum, and grads from Paris.
+        ("EPSG:4230", (2.0, 48.0), (0.01, 0), "EPSG:32631", (746, -9)),
+        ("EPSG:4807", (0.0, 53.0), (0.01, 0), "EPSG:32631", (674, -6)),
+        # Maps in metres stay: oblique Mercator, Lambert in Corsica, and Krovak in the west.
+        ("EPSG:2056", (2_600_000, 1_200_000), (50, 0), "EPSG:2056", (50, 0)),
+        ("EPSG:2154", (1_222_000, 6_052_000), (50, 0), "EPSG:2154", (50, 0)),
+        ("EPSG:5514", (-886_000, -1_006_000), (50, 0), "EPSG:5514", (50, 0)),
+        # Axes that point west and south, and south and west.
+        ("EPSG:2048", (-1000, 3_652_000), (0, -100), "EPSG:32734", (0, 100)),
+        ("EPSG:5513", (1_006_000, 886_000), (0, -100), "EPSG:32633", (99.2, 12.9)),
     ],
-    ids=["west and south", "south and west"],
 )
-def test_axes_that_point_elsewhere_become_east_and_north(
-    tmp_path: Path, header: str, place: tuple[int, int], utm: str, step: tuple[float, float]
+def test_points_of_any_system_become_metres_to_the_east_and_north(
+    tmp_path: Path, header: str, place: Any, offset: Any, *, system: str, step: Any
 ) -> None:
-    x, y = place
-    points = loaded(tmp_path, header, f"\n{x} {y} 200 10 20 a.jpg\n{x} {y - 100} 200 10 20 b.jpg\n")
-    assert points.crs == utm
+    given = np.array([place, np.add(place, offset)])
+    points = loaded(tmp_path, header, "".join(f"\n{x} {y} 200 10 20 a.jpg" for x, y in given))
+    assert points.crs == system
+    np.testing.assert_allclose(points.metres, reproject(given, header, system), atol=0.01)
     assert points.metres[1] - points.metres[0] == pytest.approx(step, abs=4)
 
 
@@ -164,6 +124,54 @@ DJI_2.JPG -91.992 46.842
 def loaded_positions(tmp_path: Path, header: str, lines: str = POSITIONS_LINES) -> Positions:
     (tmp_path / "geo.txt").write_text(header + lines)
     return load_positions(tmp_path / "geo.txt")
+
+
+@pytest.mark.parametrize(
+    ("read", "header", "lines", "says"),
+    [
+        (loaded, "EPSG:32610", "", "no control points"),
+        (loaded, "somewhere", LINES, "'somewhere' is no coordinate system"),
+        (loaded, "[1]", LINES, "is no coordinate system"),
+        (loaded, '{"init":5}', LINES, "is no coordinate system"),
+        (loaded, "WGS84 UTM 61N", LINES, "'WGS84 UTM 61N' is no coordinate system"),
+        (loaded, "UTM 0S", LINES, "'UTM 0S' is no coordinate system"),
+        (loaded, "EPSG:4978", LINES, "has no map coordinates"),
+        (loaded, "EPSG:5703", LINES, "has no map coordinates"),
+        (loaded, "EPSG:4326", "\n46.8 -92 200 10 20 a.jpg\n46.8 -91.9 200 10 20 b.jpg", "a latitude beyond 90 degrees"),
+        (loaded, "EPSG:4807", "\n0 -101 200 10 20 a.jpg", "Invalid latitude; check the coordinate system"),
+        (
+            loaded,
+            "EPSG:32610",
+            "\n-92 46.8 200 10 20 a.jpg\n-91.99 46.8 200 10 20 b.jpg",
+            "are degrees, but EPSG:32610 is",
+        ),
+        (loaded, "EPSG:32610", "\n1 2 3 4 5", "line 2 is '1 2 3 4 5'"),
+        (loaded, "EPSG:32610", "\n1 2 3 4 nan a.jpg", "line 2"),
+        (loaded_positions, "EPSG:4326", "", "no positions"),
+        (loaded_positions, "EPSG:4326", "\n1.jpg 46.8 -92", "a latitude beyond 90"),
+        (loaded_positions, "EPSG:4326", "\n1.jpg 268 46.8", "a longitude beyond 180"),
+        (loaded_positions, "EPSG:32615", "\n1.jpg 5e7 1e8", "check the coordinate system"),
+        (loaded_positions, "EPSG:4326", "\n1.jpg 46.8", "line 2 is '1.jpg 46.8'"),
+        (
+            loaded_positions,
+            "EPSG:32615",
+            POSITIONS_LINES,
+            "its coordinates are degrees, but EPSG:32615 is in metres; begin with EPSG:4326",
+        ),
+        (loaded_positions, "EPSG:4326", "\n1.jpg 46.8 east", "line 2"),
+        (loaded_positions, "EPSG:4326", "\n1.jpg -92 46.8 0 0 0 0 -0.02", "line 2"),
+        (loaded_positions, "EPSG:4326", "\n1.jpg -92 46.8\n2.jpg -92 46.8 nan", "line 3"),
+        (loaded_positions, "EPSG:4978", POSITIONS_LINES, "has no map coordinates"),
+    ],
+)
+def test_a_file_of_another_form_is_one_line(
+    tmp_path: Path, read: Callable[..., object], header: str, lines: str, says: str
+) -> None:
+    with pytest.raises(InputError) as refused:
+        read(tmp_path, header, lines)
+    assert says in str(refused.value)
+    assert str(refused.value).startswith(str(tmp_path / ("gcp_list.txt" if read is loaded else "geo.txt")))
+    assert "\n" not in str(refused.value)
 
 
 def test_positions_and_their_accuracy_belong_to_photographs_of_any_name(tmp_path: Path) -> None:
@@ -192,33 +200,6 @@ def test_feet_and_other_datums_are_converted(tmp_path: Path) -> None:
     ((longitude_deg, latitude_deg),) = map_to_globe(np.array([(-92.0, 46.8)]), "EPSG:4267").tolist()
     assert fix.position == Position(latitude_deg, longitude_deg)
     assert longitude_deg == pytest.approx(-92.0002, abs=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("header", "lines", "says"),
-    [
-        ("EPSG:4326", "", "no positions"),
-        ("EPSG:4326", "\n1.jpg 46.8 -92", "a latitude beyond 90"),
-        ("EPSG:4326", "\n1.jpg 268 46.8", "a longitude beyond 180"),
-        ("EPSG:32615", "\n1.jpg 5e7 1e8", "check the coordinate system"),
-        ("EPSG:4326", "\n1.jpg 46.8", "line 2 is '1.jpg 46.8'"),
-        (
-            "EPSG:32615",
-            POSITIONS_LINES,
-            "its coordinates are degrees, but EPSG:32615 is in metres; begin with EPSG:4326",
-        ),
-        ("EPSG:4326", "\n1.jpg 46.8 east", "line 2"),
-        ("EPSG:4326", "\n1.jpg -92 46.8 0 0 0 0 -0.02", "line 2"),
-        ("EPSG:4326", "\n1.jpg -92 46.8\n2.jpg -92 46.8 nan", "line 3"),
-        ("EPSG:4978", POSITIONS_LINES, "has no map coordinates"),
-    ],
-)
-def test_a_file_of_another_form_is_one_line_positions(tmp_path: Path, header: str, lines: str, says: str) -> None:
-    with pytest.raises(InputError) as refused:
-        loaded_positions(tmp_path, header, lines)
-    assert says in str(refused.value)
-    assert "geo.txt" in str(refused.value)
-    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize(

@@ -97,15 +97,6 @@ def test_unrelated_images_are_refused_at_every_effort(near: tuple[CameraPose, ND
         assert pair.reason.endswith("; `effort` thorough tries more") is (effort == "normal")
 
 
-def test_the_seed_hardly_matters(
-    near: tuple[CameraPose, NDArray[np.uint8]], far: tuple[CameraPose, NDArray[np.uint8]]
-) -> None:
-    shapes = [register(near[1], far[1], seed=seed).homography for seed in range(3)]
-    corners = np.array([[0.0, 0, 1], [479, 0, 1], [479, 359, 1], [0, 359, 1]])
-    mapped = [(corners @ H.T)[:, :2] / (corners @ H.T)[:, 2:] for H in shapes]
-    assert np.ptp(mapped, axis=0).max() < 1.0
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -192,23 +183,6 @@ def test_further_passes_do_not_replace_what_predicts_held_out_matches_better(
     assert np.count_nonzero(chosen.inliers) == len(pair.inliers)
     assert search.choose(wrong, right) is right
     assert search.choose(replace(right, homography=None), wrong) is wrong
-
-
-def test_the_zoom_is_that_in_the_middle_of_the_left_photograph(
-    near: tuple[CameraPose, NDArray[np.uint8]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The right one is smaller."""
-    images, sizes = (near[1], near[1][:200, :300]), list[tuple[int, int]]()
-    pair = register(near[1], near[1], effort="fast")
-    weak = SearchState(
-        PooledMatches(pair.features, pair.matches), np.eye(3), pair.matches["verdict"] == 1, 19, passes=1
-    )
-    passes = "skymosaic.registration.passes"
-    monkeypatch.setattr(f"{passes}.Search._search_together", lambda _, state, __: state)
-    monkeypatch.setattr(f"{passes}.front_end_runs.choose_run_between_octaves", lambda _, size: sizes.append(size))
-    search = Search(GoldenBackend(), images, pair.config, np.random.default_rng(0), lambda matches: matches)
-    assert search.run("normal", weak) is weak
-    assert sizes == [SIZE]
 
 
 @pytest.mark.parametrize(

@@ -36,39 +36,6 @@ def network(transforms: np.ndarray, rng: np.random.Generator, noise_px: float) -
     return Network(ties, [UNIT_PX] * views, 0)
 
 
-def test_exact_ties_give_the_true_mappings_between_views() -> None:
-    rng = np.random.default_rng(1)
-    true = true_transforms(8, rng)
-    ties = network(true, rng, noise_px=0.0)
-    start = true.copy()
-    start[1:, :2, 2] += rng.normal(0, 0.02, (7, 2))
-    start[:, 2, :2] = 0
-    refined = ties.adjust(start, "homography")
-    assert np.concatenate(ties.errors_px(refined)).max() < 0.02
-
-
-def test_a_tenth_of_wrong_ties_does_no_harm() -> None:
-    rng = np.random.default_rng(2)
-    true = true_transforms(6, rng)
-    links = []
-    for left in range(5):
-        tie = ties_between(true, left, left + 1, rng, 0.2)
-        tie.right_points[:6] += rng.normal(0, 0.1, (6, 2))
-        links.append(tie)
-    ties = Network(links, [UNIT_PX] * 6, 0)
-    refined = ties.adjust(true, "homography")
-    good = np.concatenate([error[6:] for error in ties.errors_px(refined)])
-    assert np.median(good) < 0.35
-
-
-def test_the_reference_stays_where_it_is() -> None:
-    rng = np.random.default_rng(3)
-    true = true_transforms(5, rng)
-    refined = network(true, rng, 0.3).adjust(true, "homography")
-    np.testing.assert_allclose(refined[0, :2, 2], 0, atol=1e-4)
-    np.testing.assert_allclose(shapes(refined)[:, :2], 0, atol=0.004)
-
-
 @pytest.mark.parametrize("model", ["similarity", "affine"])
 def test_a_model_leaves_what_it_does_not_have_alone(model: str) -> None:
     rng = np.random.default_rng(4)

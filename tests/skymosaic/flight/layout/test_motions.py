@@ -32,15 +32,6 @@ def test_generators_are_the_derivative_of_the_motions() -> None:
         np.testing.assert_allclose(derivative[:, :, motion], moved, atol=1e-5)
 
 
-def test_shapes_of_a_similarity_are_zero_and_of_a_stretch_its_size() -> None:
-    turned = np.array([[0.9, -0.4, 3.0], [0.4, 0.9, -1.0], [0, 0, 1]])
-    np.testing.assert_allclose(shapes(turned[None])[0], 0, atol=1e-12)
-    stretched = turned @ np.diag([1.003, 0.997, 1.0])
-    np.testing.assert_allclose(shapes(stretched[None])[0], [0.003, 0, 0, 0], atol=1e-12)
-    tilted = turned @ np.array([[1, 0, 0], [0, 1, 0], [0.02, -0.01, 1]])
-    np.testing.assert_allclose(shapes(tilted[None])[0, 2:], [0.02, -0.01], atol=1e-12)
-
-
 @pytest.mark.parametrize(("pitch_deg", "roll_deg"), [(12, 0), (0, -9), (8, 6)])
 def test_a_leaning_camera_stretches_as_its_tilt_tells(pitch_deg: int, roll_deg: int) -> None:
     half_px = FOCAL_HALF_DIAGONALS * 500

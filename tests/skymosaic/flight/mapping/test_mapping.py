@@ -28,7 +28,7 @@ from skymosaic.flight.mapping.place import MapPlace, place_on_map
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.preparation import compose
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.exif import Metadata, Position
+from skymosaic.imagery.exif import Metadata
 from skymosaic.maps.base_map import load_base_map
 from skymosaic.maps.boundary import load_boundary
 from skymosaic.maps.georeference import reproject
@@ -85,19 +85,6 @@ def test_what_is_known_of_cameras_is_as_exact_as_they_record(accuracy_m: float |
     places = [middle + STEPS[each.view] for each in observed]
     np.testing.assert_allclose([each.place for each in observed], places, atol=0.02)
     assert [each.sigma_px for each in observed] == pytest.approx([sigma_px] * 11, rel=1e-3)
-
-
-def test_one_position_that_the_map_cannot_show_leaves_the_others_their_part() -> None:
-    flight, layout = unrolled()
-    for view, step in zip(flight.views, STEPS, strict=True):
-        view.taken = taken_above(*((np.array(FLOWN_SIZE) - 1) / 2 + step))
-        view.to_original, view.working_size = np.eye(3), view.size
-    layout.reference, layout.transforms = 0, layout.to_reference(None)
-    places = [each.place for each in _observe(flight, layout, None)]
-    flight.views[0].taken = Metadata(position=Position(0.0, -2.0))
-    far, *others = [each.place for each in _observe(flight, layout, None)]
-    np.testing.assert_allclose(others, places[1:], atol=0.01)
-    assert 1e7 < np.linalg.norm(far - places[0]) < 1e8 * np.sqrt(2)
 
 
 def test_positions_straighten_a_strip_that_ties_bend() -> None:

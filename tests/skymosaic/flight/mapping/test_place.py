@@ -171,11 +171,6 @@ def test_control_points_of_another_site_are_refused_but_not_for_gps_off_the_map(
         place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt"))
 
 
-def test_forms_that_cannot_apply_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"is for \.tif"):
-        OutputForm("jpeg").check(tmp_path / "m.png")
-
-
 @pytest.mark.parametrize(("accuracy_m", "placed"), [(None, True), (0.2, True), (10.0, True), (0.02, False)])
 def test_of_few_positions_two_may_be_off_by_what_they_are_exact_to(accuracy_m: float | None, placed: bool) -> None:
     cameras = []

@@ -85,18 +85,6 @@ def test_no_mask_without_a_flight_that_moves_with_its_camera(flight: list[Pixels
     assert find_mask(views, links(here), dark) is None
 
 
-def test_what_is_drawn_is_masked_where_no_match_is_rejected(flight: list[Pixels]) -> None:
-    with open_run(flight[:3], MosaicOptions()) as run:
-        views = run.flight.views
-    above = np.array([(20.0, 20.0), (60.0, 40.0)])
-    link = Link(0, 1, above[:0], above[:0], 0, 0, left_moving=above, right_moving=above)
-    links = [replace(link, left=left, right=right) for left, right in ((0, 1), (0, 2), (1, 2))]
-    mask = find_mask(views, links, [view.thumbnail for view in views])
-    assert mask is not None
-    assert not mask[:, :40].any()
-    assert (mask[:, 60:] == 255).mean() > 0.9
-
-
 @pytest.mark.parametrize(
     ("found", "is_for_links"),
     [(((0, 1), (2, 3)), True), (((0, 1), (1, 2)), True), (((0, 1),), False), (((0, 1), (1, 2), (2, 3)), True)],

@@ -72,15 +72,6 @@ def survey(rounds: int) -> tuple[Any, ...]:
     return views, transforms, links
 
 
-def test_a_dense_survey_is_tied_by_about_ten_links_per_photograph() -> None:
-    views, transforms, links = survey(6)
-    degree = np.bincount(np.array([pair for pair, each in links.items() if each.holds]).ravel())
-    possible = 2 * sum(link(transforms, i, j).holds for i in range(len(views)) for j in range(i)) / len(views)
-    assert 8 < degree.mean() < 12
-    assert possible > 2.5 * degree.mean()
-    assert predicted(views, transforms, links) == set()
-
-
 @pytest.mark.parametrize("rounds", [0, 2])
 def test_each_view_proposes_the_pairs_with_the_largest_gain(rounds: int) -> None:
     views, transforms, links = survey(rounds)
@@ -98,44 +89,20 @@ def test_each_view_proposes_the_pairs_with_the_largest_gain(rounds: int) -> None
     assert predicted(views, transforms, links) == expected
 
 
-def test_predicted_pairs_join_rows_of_one_group() -> None:
-    _, _, links = survey(1)
-    across = [abs(left // COLUMNS - right // COLUMNS) for left, right in links if right - left > 2]
-    assert len(across) > 20
-    assert min(across) >= 1
-    views, transforms, links = survey(0)
-    inside = {view: transform for view, transform in transforms.items() if view < 2 * COLUMNS}
-    links = {pair: each for pair, each in links.items() if (pair[0] in inside) == (pair[1] in inside)}
-    pairs = predicted(views, inside, links)
-    assert pairs
-    assert {view for pair in pairs for view in pair} <= set(inside)
-
-
 def above(north_deg: float) -> Metadata:
     return Metadata(position=Position(45 + north_deg, 7.0))
-
-
-def test_first_candidates_are_neighbours_in_order_by_gps_and_by_votes() -> None:
-    views = made.views(8)
-    votes = np.zeros((8, 8), dtype=np.int16)
-    votes[0, 6] = votes[6, 0] = 9
-    votes[0, 7] = votes[7, 0] = 8
-    in_order = {(i, i + step) for step in (1, 2) for i in range(8 - step)}
-    assert first_candidates(views, votes) == in_order | {(0, 6)}
-    # Six of the cameras stand apart and two together, so these two are each other's neighbours, too.
-    views = [replace(view, taken=above(0.01 * (number % 7))) for number, view in enumerate(views)]
-    assert (0, 7) in first_candidates(views, votes)
 
 
 def test_each_view_proposes_its_four_nearest_and_the_four_that_resemble_it_most() -> None:
     votes = np.zeros((12, 12), dtype=np.int16)
     votes[0, 5:11] = 9, 20, 19, 18, 17, 9
+    votes[1, 7:9] = 9, 8
     # On a line, whose steps grow, the nearest are those before; a view without GPS has none.
     places = [1.0 * number**2 for number in range(11)]
     views = [*(made.view(taken=above(1e-4 * place)) for place in places), made.view()]
     found = first_candidates(views, votes)
     in_order = {(i, i + step) for step in (1, 2) for i in range(12 - step)}
-    by_votes = {(0, 6), (0, 7), (0, 8), (0, 9)}
+    by_votes = {(0, 6), (0, 7), (0, 8), (0, 9), (1, 7)}
     by_gps = set()
     for view, place in enumerate(places):
         near = sorted((abs(other - place), each) for each, other in enumerate(places) if each != view)[:4]

@@ -15,14 +15,13 @@ from golden_model.arrays import Pixels
 from sim.scene import Flight
 from skymosaic.common.errors import InputError
 from skymosaic.compositing.tone import NEUTRAL
-from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas, enclosing_canvas
+from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas
 from skymosaic.flight.mapping.place import MapPlace
-from skymosaic.flight.picture.canvas import check_scale, scale_for
+from skymosaic.flight.picture.canvas import scale_for
 from skymosaic.flight.picture.composition import Composition, Placement, Room
 from skymosaic.flight.picture.formats import PLAIN, OutputForm, check_size, numbered, room_for
 from skymosaic.flight.picture.output import deliver
 from skymosaic.flight.picture.preparation import PALETTE, equalise, thumbnail_layers
-from skymosaic.geometry.homography import resize_matrix
 from skymosaic.imagery.depth import ValueRange
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
@@ -107,12 +106,6 @@ def test_a_canvas_is_as_fine_as_the_photographs_at_most(gsd_m: float, scale: flo
     on_map = Georeference("EPSG:32615", np.array([[0.1, 0, 0], [0, -0.1, 0], [0, 0, 1]]), 0.0)
     with contextlib.nullcontext() if scale else pytest.raises(InputError, match=r"finer than the .* at least 0\.1$"):
         assert scale_for(flight([], pair=pair), layout, on_map, gsd_m) == pytest.approx(scale)
-
-
-def test_a_photograph_has_a_pixel_at_least() -> None:
-    check_scale(0.01, [(60, 20), (20, 100)])
-    with pytest.raises(InputError, match="smaller than a pixel"):
-        check_scale(0.0099, [(60, 20), (20, 100)])
 
 
 def test_gray_becomes_bgr_beside_colour_and_stays_gray_alone() -> None:
@@ -203,20 +196,6 @@ def test_a_mosaic_grows_as_the_file_and_the_disk_allow(tmp_path: Path, monkeypat
         room = room_for(tmp_path / f"m{suffix}", 4)
         assert (room.area_px, room.reason) == (10_000_000, "the disk has 38 MB left")
     assert room_for(tmp_path / "m.webp", 4).side_px == 16_383
-
-
-@pytest.mark.parametrize("size_px", [(1_000_000, 20), (1001, 1001), (3, 900_000)])
-def test_a_reduced_canvas_keeps_to_its_room(size_px: tuple[int, int]) -> None:
-    # A band is reduced to few rows, of which rounding adds one.
-    for area_px in (1e6, 1000, 10):
-        smaller = resize_matrix(Room(area_px=area_px).share_of(Canvas(0, 0, *size_px)))
-        enclosing_canvas([size_px], [smaller], limit_px=area_px)
-
-
-def test_a_canvas_that_just_fits_is_not_reduced() -> None:
-    room = Room(area_px=1e6, side_px=1000)
-    assert room.share_of(Canvas(0, 0, 1000, 1000)) == 1
-    assert 0.99 < room.share_of(Canvas(0, 0, 1001, 999)) < 0.9991
 
 
 TILES = Path("tiles")

@@ -5,7 +5,6 @@ import cv2
 import numpy as np
 import pytest
 import rasterio
-from PIL import Image as PillowImage
 
 from golden_model.arrays import Pixels
 from golden_model.config import preset_config
@@ -81,16 +80,6 @@ def test_given_features_make_the_same_mosaic_as_computed_ones(frames: list[Pixel
     assert list(given.transforms) == list(computed.transforms) == [0, 1, 2]
     for number, transform in computed.transforms.items():
         np.testing.assert_array_equal(given.transforms[number], transform)
-
-
-def test_pages_that_are_not_read_are_told_once(frames: list[Pixels], tmp_path: Path) -> None:
-    for number, frame in enumerate(frames[:2]):
-        page = PillowImage.fromarray(frame)
-        page.save(tmp_path / f"{number}.tif", save_all=True, append_images=[page])
-    live, told = LiveMosaic(config=CONFIG), list[str]()
-    live.extend(tmp_path)
-    with live.open_run(told.append):
-        assert told == [f"note {tmp_path / '0.tif'}: only the first of 2 pages is read (2 such files)"]
 
 
 @pytest.mark.slow
@@ -264,11 +253,6 @@ def test_what_was_placed_is_written_as_large_as_the_disk_allows(
     leave_free(monkeypatch, 10)
     with pytest.raises(InputError, match=r"none\.png: the disk has 0 MB left, too little for a mosaic; free"):
         live.save(tmp_path / "none.png")
-
-
-def test_a_scale_beyond_one_is_refused() -> None:
-    with pytest.raises(InputError, match="`scale` is 2"):
-        LiveMosaic(config=CONFIG, scale=2)
 
 
 def test_what_a_callback_raises_costs_no_frame(frames: list[Pixels], tmp_path: Path) -> None:
