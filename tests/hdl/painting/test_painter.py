@@ -287,8 +287,8 @@ def test_what_is_held_is_whole_and_stays(replaces: bool, reads: int) -> None:
     events = bench.events
     given_up = events.get("unplaced", 0) + events.get("skipped", 0)
     assert given_up == len(shown) - len(bench.reports)
-    # The last one's pose waits for a later frame.
-    assert given_up - events.get("unmatched", 0) in {0, 1}
+    # A refused pose leaves its frame without one; the last one's pose waits for a later frame.
+    assert given_up - events.get("unmatched", 0) - events.get("refused", 0) in {0, 1}
     assert given_up > 0 or not replaces
     assert (bench.violations, bench.is_idle) == (0, True)
 
