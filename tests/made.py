@@ -1,7 +1,9 @@
 """What many tests make in one way: files of pictures, and photographs that say where they were taken."""
 
+import contextlib
+import resource
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -43,6 +45,17 @@ def write_located(
     sides = "N" if degrees[0] > 0 else "S", "E" if degrees[1] > 0 else "W"
     exif.get_ifd(IFD.GPSInfo).update({1: sides[0], 2: minutes[0], 3: sides[1], 4: minutes[1]})
     Image.fromarray(image[..., ::-1]).save(path, quality=92, exif=exif)
+
+
+@contextlib.contextmanager
+def limited_files(size_bytes: int) -> Iterator[None]:
+    """Let no file grow beyond a size, as on a disk that becomes full."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size_bytes, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
 def leave_free(monkeypatch: pytest.MonkeyPatch, free_bytes: int) -> None:

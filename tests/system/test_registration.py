@@ -106,24 +106,6 @@ def test_a_pair_is_a_flight_with_one_link(made: Mosaic) -> None:
     assert np.all(shift == np.rint(shift))
 
 
-def test_scale_sets_the_size_of_the_mosaic(images: list[Pixels], made: Mosaic) -> None:
-    full, half = made.image, mosaic(images, scale=0.5).image
-    assert abs(full.shape[1] / 2 - half.shape[1]) <= 1
-    grown = cv2.resize(half, (full.shape[1], full.shape[0]), interpolation=cv2.INTER_LINEAR)
-    middle = (slice(150, 300), slice(200, 500))
-    assert np.abs(grown[middle].astype(int) - full[middle]).mean() < 12
-
-
-def test_a_thesis_frame_with_too_many_corners_raises_the_threshold_for_both() -> None:
-    rng = np.random.default_rng(0)
-    noise = cv2.GaussianBlur(rng.integers(0, 256, (480, 640), dtype=np.uint8), (0, 0), 1.0)
-    pair = register(noise, noise, preset="thesis")
-    assert pair.config.front_end.threshold > 1000
-    assert 0 < len(pair.features[0]) <= pair.config.front_end.max_features
-    assert pair.homography is not None
-    assert np.allclose(pair.homography, np.eye(3), atol=1e-3)
-
-
 def test_rotated_photographs_are_all_registered_within_a_pixel(public_data: Path) -> None:
     folder = public_data / "registration"
     with (folder / "pairs.csv").open(newline="") as file:

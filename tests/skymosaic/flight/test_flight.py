@@ -12,7 +12,6 @@ import pytest
 from sim.scene import CameraPose
 from sim.scene import Flight as Rendered
 from skymosaic import mosaic
-from skymosaic.common.errors import RegistrationError
 from skymosaic.compositing.warp import nearness
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.flight import survey
@@ -27,7 +26,6 @@ from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.photographs import Source
 from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
-from skymosaic.mosaicking.run import MosaicRun
 from tests.skymosaic.flight import made
 from tests.skymosaic.flight.layout.cameras import views_of
 from tests.skymosaic.registration.rendering import CAMERA, view
@@ -241,15 +239,6 @@ def test_why_a_photograph_is_alone_is_said_with_its_best_match() -> None:
     for moving in ([*some, tried(0, 3, 6, moves=True)], [tried(0, 1, 0), tried(0, 3, 0, moves=True)]):
         assert "water below a camera that hovers" in why(*moving)
     assert why(*some, tried(0, 3, 20, ties=20)).startswith("1 links contradict each other")
-
-
-def test_photographs_that_no_layout_explains_are_refused_with_counts() -> None:
-    noise = list(np.random.default_rng(2).integers(0, 256, (3, 160, 200), dtype=np.uint8))
-    with open_run(noise, MosaicOptions()) as run:
-        flight = replace(run.flight, links=(Link(0, 1, np.zeros((9, 2)), np.zeros((9, 2)), 9, 9),))
-        linked = MosaicRun(run.sources, run.options, run._workers, print, flight)
-        with pytest.raises(RegistrationError, match="no two photographs make a mosaic; 1 of 1 pairs show common"):
-            _ = linked.layouts
 
 
 def test_a_pair_with_a_horizon_becomes_a_mosaic_without_the_far_field() -> None:

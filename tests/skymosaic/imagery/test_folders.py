@@ -94,11 +94,6 @@ def test_mosaics_and_links_inside_are_no_photographs(card: Path) -> None:
     assert [source.content for source in list_sources(card, recursive=True)] == [source.content for source in sources]
 
 
-def test_a_link_to_a_folder_is_not_followed(card: Path) -> None:
-    (card / "101MEDIA" / "loop").symlink_to(card)
-    assert len(list_pictures(card, recursive=True).pictures) == 4
-
-
 def test_an_unreadable_folder_inside_matters_where_it_is_read(card: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse_inside(folder: Path) -> list[Path]:
         if folder.name == "101MEDIA":

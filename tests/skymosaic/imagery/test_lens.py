@@ -79,18 +79,6 @@ def test_bad_camera_files_are_one_line(tmp_path: Path, text: str, says: str) -> 
         load_lens(tmp_path / "camera.toml", None)
 
 
-@pytest.mark.parametrize("size", [(240, 320), (480, 640)])
-def test_an_upright_photograph_has_the_same_lens(tmp_path: Path, size: tuple[int, int]) -> None:
-    (tmp_path / "camera.toml").write_text(CAMERA)
-    lens = load_lens(tmp_path / "camera.toml", None)
-    points = np.random.default_rng(0).uniform(0, min(size), (20, 2))
-    lying = lens.straighten_points(points[:, ::-1], size[::-1])
-    np.testing.assert_allclose(lens.straighten_points(points, size), lying[:, ::-1], atol=1e-6)
-    noise = np.random.default_rng(1).integers(0, 256, size[::-1], dtype=np.uint8)
-    picture = cv2.GaussianBlur(noise, (0, 0), 3)
-    np.testing.assert_allclose(lens.straighten(picture).astype(int), lens.straighten(picture.T).T, atol=1)
-
-
 @pytest.mark.parametrize("orientation", range(2, 9))
 @pytest.mark.parametrize("deep", [False, True])
 def test_a_photograph_turned_by_exif_has_the_lens_turned(tmp_path: Path, orientation: int, deep: bool) -> None:

@@ -1,6 +1,5 @@
 import http.server
 import re
-import resource
 import socket
 import threading
 from collections.abc import Callable, Iterable, Iterator
@@ -16,6 +15,7 @@ from av.stream import Disposition
 from golden_model.arrays import Pixels
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.video import VideoReader, write_video
+from tests.made import limited_files
 
 RATE = Fraction(30000, 1001)
 
@@ -263,13 +263,8 @@ def test_nothing_is_left_of_a_video_that_could_not_be_finished(tmp_path: Path, f
 
 def test_a_full_disk_is_told_and_nothing_is_left(tmp_path: Path) -> None:
     noise = np.random.default_rng(1).integers(0, 256, (40, 240, 320, 3), dtype=np.uint8)
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    try:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, hard))
-        with pytest.raises(InputError, match=r"v\.mp4: cannot be written"):
-            _write(tmp_path / "v.mp4", noise)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    with limited_files(30_000), pytest.raises(InputError, match=r"v\.mp4: cannot be written"):
+        _write(tmp_path / "v.mp4", noise)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -1,7 +1,5 @@
-import resource
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +14,7 @@ from numpy.typing import NDArray
 from skymosaic.common.errors import InputError
 from skymosaic.maps.georeference import Georeference
 from skymosaic.maps.geotiff import tee_to_raster, write_cog
-from tests.made import leave_free
+from tests.made import leave_free, limited_files
 
 cogeo = pytest.importorskip("rio_cogeo.cogeo")
 PLACE = Georeference("EPSG:32615", np.array([[0.1, 0, 430_000], [0, -0.1, 5_190_000], [0, 0, 1]]), 0.5)
@@ -109,24 +107,14 @@ def test_a_picture_without_a_place_has_overviews_too(tmp_path: Path, recwarn: py
         assert file.crs is None
 
 
-@pytest.fixture
-def full_disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """No file can grow beyond 100 kB, and no space is left, as far as can be told."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    leave_free(monkeypatch, 0)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-
-
-def test_a_full_disk_is_named_with_the_mosaic(tmp_path: Path, request: pytest.FixtureRequest) -> None:
+def test_a_full_disk_is_named_with_the_mosaic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     image, shown = picture(3), np.ones((700, 600), np.bool_)
     raster = tmp_path / "raw.tif"
     list(tee_to_raster(raster, (600, 700), [(image, shown)], PLACE))
-    request.getfixturevalue("full_disk")
+    leave_free(monkeypatch, 0)
     line = r"map\.tif: cannot be written \(No space left on device\); choose another folder"
-    with pytest.raises(InputError, match=line):
+    with limited_files(100_000), pytest.raises(InputError, match=line):
         list(tee_to_raster(tmp_path / "other.tif", (600, 700), [(image, shown)], PLACE, mosaic=tmp_path / "map.tif"))
-    with pytest.raises(InputError, match=line):
+    with limited_files(100_000), pytest.raises(InputError, match=line):
         write_cog(tmp_path / "map.tif", raster)
     assert not (tmp_path / "map.tif").exists()

@@ -1,7 +1,6 @@
 import contextlib
 import json
 import re
-import resource
 import sqlite3
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from skymosaic.imagery.exif import Position
 from skymosaic.maps.georeference import Georeference, map_to_globe, project_to_utm
 from skymosaic.maps.geotiff import tee_to_raster
 from skymosaic.maps.tiles import TILE_PX, Pyramid, write_kmz, write_mbtiles, write_tiles
+from tests.made import limited_files
 
 WIDTH, HEIGHT, METRES = 900, 700, 0.1
 PLACE = Georeference("EPSG:32615", np.array([[METRES, 0, 430_000], [0, -METRES, 5_190_000], [0, 0, 1]]), 0.5)
@@ -160,13 +160,9 @@ def test_mbtiles_have_the_same_tiles_where_gdal_finds_the_mosaic(tmp_path: Path)
 
 def test_mbtiles_on_a_full_disk_are_refused_in_a_line(tmp_path: Path) -> None:
     raw = raster(tmp_path / "m.tif", PLACE)
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))
-    try:
-        with pytest.raises(InputError, match=r"m\.mbtiles: cannot be written \(.*\); choose another folder"):
-            write_mbtiles(tmp_path / "m.mbtiles", raw)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    refused = pytest.raises(InputError, match=r"m\.mbtiles: cannot be written \(.*\); choose another folder")
+    with limited_files(10_000), refused:
+        write_mbtiles(tmp_path / "m.mbtiles", raw)
     assert [each.name for each in tmp_path.iterdir()] == ["m.tif"]
 
 
@@ -229,11 +225,7 @@ def test_what_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=rf"{NAME}: the mosaic reaches beyond Web Mercator \(across 180 degrees"):
         write_kmz(tmp_path / NAME, far)
     noise = smooth_raster(tmp_path / "raw.tif", (600, 700), noise=True)
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
-    try:
-        with pytest.raises(InputError, match=rf"{NAME}: cannot be written \(.*\); choose another folder"):
-            write_kmz(tmp_path / NAME, noise)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    refused = pytest.raises(InputError, match=rf"{NAME}: cannot be written \(.*\); choose another folder")
+    with limited_files(100_000), refused:
+        write_kmz(tmp_path / NAME, noise)
     assert {each.name for each in tmp_path.iterdir()} == {"far.tif", "raw.tif"}

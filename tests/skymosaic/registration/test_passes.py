@@ -19,7 +19,6 @@ from skymosaic.features.backends import load_backend
 from skymosaic.features.frames import Change, DescribedImage
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.prosac import MIN_INLIERS
-from skymosaic.registration import front_end_runs as runs
 from skymosaic.registration.front_end_runs import LARGER_OF_SMALL, FrontEndRun
 from skymosaic.registration.passes import MIN_PLACES, PooledMatches, Search, SearchState, explain_refusal, is_coarse
 from tests.skymosaic.registration.rendering import CAMERA, view
@@ -205,63 +204,6 @@ def test_why_a_pair_is_refused_is_said_with_the_counts(
     state = SearchState(PooledMatches((left, right), matches), None, np.arange(40) < 7, places, passes=1)
     counts = f"features {features[0]} and {features[1]}, matches 40, kept {kept}, inliers 7 at {places} places"
     assert explain_refusal(state) == f"{cause}: {counts}"
-
-
-NAMES = dict.fromkeys(LARGER_OF_SMALL, "small") | dict.fromkeys(runs.QUARTERS, "quarters")
-NAMES |= {runs.LARGER: "larger", runs.SMALLER: "smaller", runs.INVERTED: "inverted"}
-NAMES |= {runs.LADDER[0]: "ladder", runs.TILTS[0]: "tilts"}
-ALL = "larger smaller ladder scan quarters inverted"
-
-
-@pytest.mark.parametrize(
-    ("begun", "width_px", "found", "tried"),
-    [
-        ("none fast", 640, "", ""),
-        ("strong normal", 640, "", ""),
-        ("strong thorough", 640, "", "larger+smaller"),
-        ("none thorough", 640, "", "larger+smaller ladder scan tilts quarters inverted"),
-        ("none thorough", 640, "tilts weak", "larger+smaller ladder scan tilts"),
-        ("none normal", 640, "", ALL),
-        ("none normal", 400, "", "small small smaller ladder scan inverted"),
-        ("none normal", 401, "", ALL),
-        ("none normal", 640, "larger strong", "larger"),
-        ("none normal", 400, "small strong", "small"),
-        ("none normal", 640, "smaller strong", "larger smaller"),
-        ("none normal", 640, "ladder weak", "larger smaller ladder"),
-        ("none normal", 640, "quarters weak", "larger smaller ladder scan quarters"),
-        ("none normal", 640, "scan weak", "larger smaller ladder scan"),
-        ("none normal", 640, "inverted weak", ALL),
-        ("weak normal", 640, "", "larger between"),
-        ("coarse normal", 640, "", "smaller between"),
-    ],
-)
-def test_passes_are_tried_until_one_is_strong_or_none_is_left(
-    monkeypatch: pytest.MonkeyPatch, begun: str, width_px: int, found: str, tried: str
-) -> None:
-    images = np.zeros((100, width_px), np.uint8), np.zeros((100, 90), np.uint8)
-    log, (start, effort) = list[str](), begun.split()
-    scan, between = (FrontEndRun(Change(scale), (Change(scale),)) for scale in (0.5, 1.0))
-    matches = np.zeros(0, MATCH.dtype)
-    none = SearchState(PooledMatches((matches, matches), matches), None, np.zeros(0, np.bool_), 0, passes=1)
-    strength = {"none": none, "weak": replace(none, homography=np.eye(3), places=20)}
-    strength |= {"coarse": strength["weak"], "strong": replace(strength["weak"], places=60)}
-
-    def search(_: Search, state: SearchState, tried: Sequence[FrontEndRun]) -> SearchState:
-        log.append("+".join(dict.fromkeys(NAMES[run] for run in tried if run in NAMES) or ["between"]))
-        return strength[found.split()[1]] if found.startswith(f"{log[-1]} ") else state
-
-    passes = "skymosaic.registration.passes"
-    monkeypatch.setattr(f"{passes}.Search._search_together", search)
-    monkeypatch.setattr(f"{passes}.Search._search_separately", search)
-    monkeypatch.setattr(f"{passes}.Search._scan_tilts", lambda self, state: search(self, state, [scan]))
-    monkeypatch.setattr(f"{passes}.Search._is_strong", lambda _, state: state.places == 60)
-    monkeypatch.setattr(f"{passes}.is_coarse", lambda _: start == "coarse")
-    monkeypatch.setattr(f"{passes}.front_end_runs.choose_run_between_octaves", lambda *_: between)
-    monkeypatch.setitem(NAMES, scan, "scan")
-    ended = Search(None, images, None, None, None).run(effort, strength[start])  # type: ignore[arg-type]
-    assert " ".join(log) == tried
-    assert ended.places == (strength[found.split()[1]] if found else strength[start]).places
-    assert ended.inverted == (found == "inverted weak")
 
 
 def state_of(kept: int, inliers: int, places: int, part: float = 1.0, levels: int = 0) -> SearchState:

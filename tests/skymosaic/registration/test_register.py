@@ -14,7 +14,6 @@ from sim.scene import make_pair
 from skymosaic.imagery.images import Photograph
 from skymosaic.imagery.lens import Lens
 from skymosaic.registration.options import RegistrationOptions
-from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register, register_photographs
 
 MODULE = "skymosaic.registration.register"
@@ -56,15 +55,3 @@ def test_only_a_pair_in_doubt_is_registered_without_a_pattern(
     assert (register(flat, flat) is again) == asked
     left, right = make_pair(seed=5, size=(320, 240)).images
     assert register(left, right, effort="fast").accepted
-
-
-@pytest.mark.parametrize("accept_poor", [False, True])
-def test_what_rests_on_a_display_is_delivered_only_on_request(
-    monkeypatch: pytest.MonkeyPatch, accept_poor: bool
-) -> None:
-    def refuse(pair: Pair, _: Any, *, accept_poor: bool) -> Pair:
-        return pair if accept_poor else pair.refused("a display")
-
-    monkeypatch.setattr(f"{MODULE}.look_behind_display", refuse)
-    left, right = make_pair(seed=5, size=(320, 240)).images
-    assert register(left, right, effort="fast", accept_poor=accept_poor).accepted == accept_poor

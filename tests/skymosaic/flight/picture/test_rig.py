@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from skymosaic.common.errors import RegistrationError
-from skymosaic.flight.picture.rig import Alignment, _fit, _peak, align_bands
+from skymosaic.flight.picture.rig import Alignment, _fit, align_bands
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.lens import Lens
@@ -28,23 +28,6 @@ def test_the_alignment_of_the_rig_is_found(band_folder: Path) -> None:
     for band, name in (("RED", "red"), ("NIR", "nir")):
         error_px = np.linalg.norm(apply(alignments[name].homography, GRID) - apply(homography(band), GRID), axis=1)
         assert error_px.mean() < 0.15
-
-
-@pytest.mark.parametrize(
-    ("place", "best", "found"),
-    [((2, 3), 0.3, True), ((2, 3), 0.29, False), ((0, 3), 0.9, False), ((5, 3), 0.9, False), ((2, 0), 0.9, False),
-     ((2, 4), 0.9, False), ((1, 1), 0.9, True), ((4, 3), 0.9, True)],
-)  # fmt: skip
-def test_a_peak_is_high_and_not_at_the_border(place: tuple[int, int], best: float, found: bool) -> None:
-    x, y = place
-    scores = np.zeros((5, 6), np.float32)
-    scores[y, x] = best
-    if found:
-        # Half as high on one side as in the middle: a parabola's top lies a sixth of a pixel there.
-        scores[y, x + 1] = scores[y - 1, x] = best / 2
-    peak = _peak(scores)
-    assert (peak is not None) is found
-    assert peak is None or peak == pytest.approx((x + 1 / 6, y - 1 / 6, best), abs=1e-6)
 
 
 @pytest.mark.parametrize(

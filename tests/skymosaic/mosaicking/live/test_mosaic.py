@@ -169,16 +169,6 @@ def test_frames_without_overlap_and_flat_frames_are_left_out(frames: list[Pixels
     assert "too few features" in live.left_out[3]
 
 
-def test_a_mosaic_is_reduced_to_the_canvas_limit(frames: list[Pixels], tmp_path: Path) -> None:
-    limit_px = SIZE[0] * SIZE[1] // 4
-    live = LiveMosaic(config=CONFIG, canvas_limit_px=limit_px)
-    assert [live.add(frame).reason for frame in frames[:3]] == [""] * 3
-    written = live.save(tmp_path / "m.png")
-    height, width = cv2.imread(str(tmp_path / "m.png")).shape[:2]
-    assert 0.95 * limit_px < height * width <= limit_px
-    assert "reduced from" in written.composition.reduced
-
-
 def test_what_happens_to_files_meanwhile_is_said_by_name(frames: list[Pixels], tmp_path: Path) -> None:
     live = LiveMosaic(config=CONFIG)
     for number, frame in enumerate(frames[:4]):
