@@ -21,7 +21,6 @@ from hdl.feature.ring_window import RingWindow
 from hdl.front_end import FrontEnd
 from hdl.level import Level
 from hdl.lib.delay import delayed
-from hdl.matching.fuzzy_correlation import FuzzyCorrelation
 from hdl.selection.selection import CellSelection
 from hdl.shell.camera import CameraCrossing, CameraGate
 from hdl.shell.camera_top import CameraAccelerator, CameraTop
@@ -162,7 +161,7 @@ def designs() -> dict[str, Design]:
         "front end, 3840 wide, two pixels per clock": front_end(config, 2 * WIDTH_PX, 2, video_bits=48),
         "front end, thesis, 1920 wide": front_end(THESIS.front_end, WIDTH_PX, 1),
         "window correlation": listed("correlation"),
-        "fuzzy correlation": block(FuzzyCorrelation),
+        "fuzzy correlation": listed("fuzzy_correlation"),
         "matcher": listed("matcher", **banks),
         "matcher, largest rules": listed("matcher", rule_base=largest_rules(), **banks),
         "homography estimator": listed("homography"),

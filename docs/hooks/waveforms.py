@@ -9,36 +9,26 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import wavedrom
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
-from golden_model.records import FRAME_STATUS, MATCH, Tag
-from hdl.axi.packet_gate import PacketGate
+from hdl.blocks.axi import make_packet_gate
 from hdl.blocks.catalogue import make_block
-from hdl.blocks.vectors import Block, of_stream, packet, padded_status
+from hdl.blocks.vectors import Block, of_stream
 from hdl.lib.skid_buffer import SkidBuffer
-from sim.benches.rows import Row, record
+from sim.benches.rows import record
 
 
 def _numbers() -> Block:
     return of_stream(SkidBuffer(shape=8), "", range(1, 40), range(1, 40))
 
 
-def _packets() -> Block:
-    match, status = np.zeros((), MATCH.dtype), np.zeros(1, FRAME_STATUS.dtype)[0]
-    match["tag"], match["verdict"], match["distance"] = Tag.MATCH, 1, 9
-    status["tag"], status["good"] = Tag.FRAME_STATUS, 1
-    words = packet(match, padded_status(status, MATCH.record_bytes)) * 4
-    return of_stream(PacketGate(record_bytes=MATCH.record_bytes), "", words, words, i_enable=1)
-
-
 PICTURES: dict[str, tuple[Callable[[], Block], str, str, int, int]] = {
     "beat": (lambda: make_block("gray", {}), "x y data", "x y pixel", 0, 11),
     "line": (lambda: make_block("half", {}), "x y pixel", "x y pixel", 37, 57),
     "stream": (_numbers, "", "", 0, 20),
-    "packet": (_packets, "data last", "data last", 0, 20),
+    "packet": (make_packet_gate, "data last", "data last", 0, 20),
 }
 """What is drawn of a block: ports of ``i`` and ``o``, from one clock up to another. Those called data are
 hexadecimal."""
@@ -53,7 +43,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def draw(make: Callable[[], Block], i: str, o: str, first: int, end: int) -> str:
     """Simulate a block, and draw its ports as SVG."""
-    recorded = {name: values[first:] for name, values in record(Row(make), end).items()}
+    recorded = {name: values[first:] for name, values in record(make(), end).items()}
     groups: list[Any] = [{"name": "clk", "wave": "p" + "." * (end - first - 1)}]
     longest = 0
     for port, fields in (("i", i), ("o", o)):

@@ -1,206 +1,36 @@
 # amaranth: UnusedElaboratable=no
 # Blocks that are refused are never elaborated, of which whoever reads the refusal would be warned, too.
-"""The blocks for `skymosaic export block`, with their vectors."""
+"""The rows of blocks: what `skymosaic export block` writes, and what tests, netlists, area and clock are of."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from golden_model import front_end as golden_front_end
-from golden_model.config import (
-    DETECTORS,
-    MAX_FRAME_PX,
-    EstimatorConfig,
-    FrontEndConfig,
-    MatcherConfig,
-    check_choice,
-    check_range,
-)
+from golden_model.config import EstimatorConfig, MatcherConfig
 from golden_model.feature import ilbp
-from golden_model.formats import RESPONSE_CODE, encode_response
-from golden_model.fuzzy.rules import MatchRules
 from golden_model.fuzzy.sugeno import SugenoSystem
 from golden_model.geometry.estimator import FrameMatches, estimate, homography_record
 from golden_model.matching import correlation, rule_bases
 from golden_model.matching.matcher import check_rule_base, match
-from golden_model.pixel import fast, gray, half, harris, nms, smooth, sobel
 from golden_model.records import MATCH
-from hdl.blocks.chain import Chain, Descriptor
+from hdl.blocks import axi
+from hdl.blocks.chain import Descriptor
 from hdl.blocks.flat import flat_values
-from hdl.blocks.painting import make_painter
-from hdl.blocks.vectors import (
-    Block,
-    Row,
-    neighbours,
-    of_stream,
-    packet,
-    padded_status,
-    rows,
-    sample_frames,
-    sample_image,
-    scan,
-)
-from hdl.build import Build, check_lanes
+from hdl.blocks.painting import make_line_reader, make_painter
+from hdl.blocks.pixel import PIXEL_BLOCKS, BlockConfig, Entry
+from hdl.blocks.vectors import Block, of_stream, packet, padded_status, rows, sample_image
 from hdl.fuzzy.sugeno import Sugeno
 from hdl.geometry.records import RecordEstimator
 from hdl.matching.correlation import WindowCorrelation
+from hdl.matching.fuzzy_correlation import FuzzyCorrelation
 from hdl.matching.matcher import Matcher
-from hdl.pixel.corners import Corners
-from hdl.pixel.fast import WINDOW_PX, Fast
-from hdl.pixel.gradients import GradientColumns
-from hdl.pixel.gray import Gray
-from hdl.pixel.half import Half
-from hdl.pixel.harris import RawResponse, ResponseCode, StructureTensor
-from hdl.pixel.nms import Suppression
-from hdl.pixel.smooth import Binomial
-from hdl.pixel.sobel import Sobel
-from hdl.pixel.window import LineBuffer
 
-SMALL_FRAME_PX = 64
 MATCHED_FRAME_PX = 160
 """Has some ninety features, twelve times as many as the matcher compares at once."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class BlockConfig(FrontEndConfig):
-    """What blocks are built from; the threshold, which none has built in, is that of the test benches."""
-
-    levels: int = 1
-    threshold: int = 1000
-    max_features: int = 256
-    width_px: int = Build.max_width_px
-    """Longest line that a block accepts; the test benches send shorter ones."""
-    pixels_per_clock: int = 1
-    window_px: int = 3
-    """Side of the window that is smoothed, 3 or 5."""
-    lanes: int = 8
-    rule_base: str | MatchRules = MatcherConfig.rule_base
-    keep_above: int = MatcherConfig.keep_above
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_range("width_px", self.width_px, SMALL_FRAME_PX, MAX_FRAME_PX)
-        check_choice("window_px", self.window_px, (3, 5))
-        check_choice("pixels_per_clock", self.pixels_per_clock, (1, 2))
-        check_lanes(self.lanes, self.max_features)
-
-
-def _with_lines(
-    config: BlockConfig, about: str, lines: int, blocks: Mapping[str, Any], answer: Callable[..., dict[str, Any]],
-    *, margin_px: int, settings: Row | None = None, **others: Any,
-) -> Block:  # fmt: skip
-    """Blocks of which the first takes columns of pixels, behind the line memory that makes them."""
-    rate = config.pixels_per_clock
-    memory = LineBuffer(shape=8, lines=lines, width_px=config.width_px, pixels_per_clock=rate)
-    lags = (getattr(block, name, 0) for block in blocks.values() for name in ("lag_px", "gradient_lag_px"))
-    chain = Chain({"lines": memory, **blocks}, lag_px=sum(lags), **others)
-    frames = [{"pixel": frame} for frame in sample_frames()]
-    return scan(chain, about, frames, answer, margin_px=margin_px, settings=settings)
-
-
-def _gray(config: BlockConfig) -> Block:
-    frames = sample_frames()
-    images = [np.stack([frames[n], frames[1 - n][::-1], frames[n][:, ::-1]], axis=-1) for n in (0, 1)]
-    # Green in the lowest byte, then blue, red: the order of UG934.
-    beats = [{"data": image.astype(int) @ (1 << 8, 1, 1 << 16)} for image in images]
-    colours = iter(images)
-    block, about = Gray(pixels_per_clock=config.pixels_per_clock), "Luma of RGB pixels, or gray pixels unchanged."
-    return scan(block, about, beats, lambda data: {"pixel": gray.to_gray(next(colours))}, settings={"i_gray_input": 0})
-
-
-def _half(config: BlockConfig) -> Block:
-    block = Half(width_px=config.width_px, pixels_per_clock=config.pixels_per_clock)
-    # The right pixel of a beat is in the line, too.
-    frames = [{"pixel": frame[:, : 32 - block.pixels_per_clock]} for frame in sample_frames()]
-    return scan(block, "Mean of each 2x2 pixels.", frames, lambda pixel: {"pixel": half.halve(pixel)},
-        answered_per_clock=1)  # fmt: skip
-
-
-def _smooth(config: BlockConfig) -> Block:
-    side_px = config.window_px
-    return _with_lines(
-        config, f"Binomial smoothing, {side_px}x{side_px}.", side_px - 1,
-        {"block": Binomial(window_px=side_px, pixels_per_clock=config.pixels_per_clock)},
-        lambda pixel: {"pixel": smooth.binomial(pixel, side_px)}, margin_px=side_px // 2,
-    )  # fmt: skip
-
-
-def _sobel(config: BlockConfig) -> Block:
-    return _with_lines(
-        config, "Sobel gradients.", 2, {"block": Sobel(pixels_per_clock=config.pixels_per_clock)},
-        lambda pixel: dict(zip(("gradient_x", "gradient_y"), sobel.gradients(pixel), strict=True)), margin_px=1,
-    )  # fmt: skip
-
-
-def _fast(config: BlockConfig) -> Block:
-    return _with_lines(
-        config, "FAST-9/16: segment test and score.", WINDOW_PX - 1,
-        {"block": Fast(pixels_per_clock=config.pixels_per_clock)},
-        lambda pixel: {"code": fast.response_code(pixel, 12)},
-        margin_px=fast.MARGIN_PX, settings={"i_threshold_code": 12},
-    )  # fmt: skip
-
-
-def _response(config: BlockConfig, pixel: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    """The codes of a frame's responses."""
-    if config.detector == "fast":
-        return fast.response_code(pixel, config.threshold)
-    smoothed = smooth.binomial(pixel, 3) if config.smoothed_gradients else pixel
-    tensor = harris.structure_tensor(*sobel.gradients(smoothed), config.tensor_window_px)
-    raw = harris.raw_response(*tensor, config.harris_k_numerator, config.harris_k_shift)
-    return harris.response_code(raw, config.threshold)
-
-
-def _settings(config: BlockConfig, *ports: str) -> Row:
-    """What is set at run time, of the detector and its smallest code."""
-    code = config.threshold if config.detector == "fast" else encode_response(np.array(config.threshold))
-    values = {"i_fast": DETECTORS.index(config.detector), "i_threshold_code": int(code)}
-    return {port: values[port] for port in ports}
-
-
-def _harris(config: BlockConfig) -> Block:
-    blocks = {
-        "columns": GradientColumns(smoothed=config.smoothed_gradients, width_px=config.width_px),
-        "tensor": StructureTensor(window_px=config.tensor_window_px),
-        "raw": RawResponse(k_numerator=config.harris_k_numerator, k_shift=config.harris_k_shift),
-        "code": ResponseCode(),
-    }
-    about = "Harris's corner response as a logarithmic code; 0 below the threshold."
-    return _with_lines(
-        config, about, 2, blocks, lambda pixel: {"code": _response(config, pixel)},
-        margin_px=config.response_support_px, settings=_settings(config, "i_threshold_code"),
-        fields={"column": "gradients"}, constants={"i_fast": 0},
-    )  # fmt: skip
-
-
-def _survivors(config: BlockConfig, code: NDArray[np.uint16]) -> dict[str, Any]:
-    return {"code": nms.suppress(code, *config.suppression), **neighbours(code)}
-
-
-def _nms(config: BlockConfig) -> Block:
-    radius_px, rate = config.suppression_radius_px, config.pixels_per_clock
-    # Equal ones, and the extremes: those of FAST have 8 bits.
-    most = np.array([2, 6, 40, 256 if config.detector == "fast" else 1 << RESPONSE_CODE.bits])[np.arange(31) // 8]
-    random = np.random.default_rng(4)
-    frames = [{"code": random.integers(0, most, (27, 31)).astype(np.uint16)} for _ in range(2)]
-    about = f"Non-maximum suppression in a window of {2 * radius_px + 1}x{2 * radius_px + 1} px."
-    block = Suppression(radius_px=radius_px, width_px=config.width_px, pixels_per_clock=rate)
-    return scan(block, about, frames, partial(_survivors, config), margin_px=radius_px,
-        settings=_settings(config, "i_fast"))  # fmt: skip
-
-
-def _corners(config: BlockConfig) -> Block:
-    corners = Corners(config=config, width_px=config.width_px, pixels_per_clock=config.pixels_per_clock)
-    about = "Harris or FAST corners after suppression, with the codes of the four neighbours."
-    return _with_lines(
-        config, about, 2, {"corners": corners}, lambda pixel: _survivors(config, _response(config, pixel)),
-        margin_px=config.response_support_px + config.suppression_radius_px,
-        settings=_settings(config, "i_fast", "i_threshold_code"),
-    )  # fmt: skip
 
 
 def _ilbp(config: BlockConfig) -> Block:
@@ -238,13 +68,31 @@ def _fuzzy(config: BlockConfig) -> Block:
     return sugeno(system, 6, about, vectors=60)
 
 
-def _correlation(_config: BlockConfig) -> Block:
-    pairs = np.random.default_rng(6).integers(0, 256, (2, 30, 9)).astype(np.uint8)
-    names = ("sad", "zssd", "ncc")
-    scores = np.transpose([getattr(correlation, name)(*pairs) for name in names]).tolist()
+def correlated(component: Any, about: str, pairs: NDArray[np.uint8], **answers: NDArray[np.integer]) -> Block:
+    """Make a block that compares the windows of ``pairs`` (2, N, 9)."""
     sent = [dict(zip(("left", "right"), pair, strict=True)) for pair in pairs.swapaxes(0, 1).tolist()]
-    expected = [dict(zip(names, each, strict=True)) for each in scores]
-    return of_stream(WindowCorrelation(), "SAD, ZSSD and NCC of two windows of 3x3 pixels.", sent, expected)
+    found = np.stack(list(answers.values()), axis=1).tolist()
+    return of_stream(component, about, sent, [dict(zip(answers, each, strict=True)) for each in found])
+
+
+def correlation_scores(pairs: NDArray[np.uint8]) -> Block:
+    """Make the block of the three scores."""
+    scores = {name: getattr(correlation, name)(*pairs) for name in ("sad", "zssd", "ncc")}
+    return correlated(WindowCorrelation(), "SAD, ZSSD and NCC of two windows of 3x3 pixels.", pairs, **scores)
+
+
+def fuzzy_correlation(pairs: NDArray[np.uint8]) -> Block:
+    """Make the block of the rules over the scores."""
+    weight, rule = rule_bases.correlation().evaluate(*correlation.fuzzy_inputs(*pairs))
+    about = "Weight (UQ0.8) of two windows of 3x3 pixels by the fuzzy rules for their scores, and the dominant rule."
+    return correlated(FuzzyCorrelation(), about, pairs, weight=weight, rule=rule)
+
+
+def _windows(*, noise: float) -> NDArray[np.uint8]:
+    """Pairs of windows, the second one the first one with noise."""
+    rng = np.random.default_rng(6)
+    left = rng.integers(0, 256, (30, 9))
+    return np.stack([left, left + rng.normal(0, noise, left.shape)]).clip(0, 255).astype(np.uint8)
 
 
 def _frames(config: BlockConfig) -> list[golden_front_end.FrameFeatures]:
@@ -270,6 +118,8 @@ def _matcher(config: BlockConfig) -> Block:
         {"o_matches": rows("o_matches", expected)},
         dict.fromkeys(("i_estimating", "i_refused", "i_hold_reference", "i_take_reference"), 0)
         | {"i_keep_above": config.keep_above},
+        idle_cycles=20_000,
+        remembers=True,
     )
 
 
@@ -289,34 +139,23 @@ def _homography(config: BlockConfig) -> Block:
         {"i_matches": rows("i_matches", packet(matches, padded_status(right.status, MATCH.record_bytes)))},
         {"o": rows("o", packet(homography_record(result, frame=1)))},
         flat_values("i_settings", vars(settings)) | {"i_enable": 1, "i_clear": 0},
+        idle_cycles=100_000,
+        remembers=True,
     )
 
 
-class Entry(NamedTuple):
-    """A block of the catalogue."""
-
-    make: Callable[[BlockConfig], Block]
-    settings: tuple[str, ...] = ()
-    """The fields of the configuration on which it depends."""
-
-
-WIDTH = ("width_px", "pixels_per_clock")
-HARRIS = ("smoothed_gradients", "tensor_window_px", "harris_k_numerator", "harris_k_shift")
-SUPPRESSED = ("suppression_radius_px", "detector")
 CATALOGUE = {
-    "gray": Entry(_gray, ("pixels_per_clock",)),
-    "half": Entry(_half, WIDTH),
-    "smooth": Entry(_smooth, (*WIDTH, "window_px")),
-    "sobel": Entry(_sobel, WIDTH),
-    "harris": Entry(_harris, ("width_px", *HARRIS)),
-    "fast": Entry(_fast, WIDTH),
-    "nms": Entry(_nms, (*WIDTH, *SUPPRESSED)),
-    "corners": Entry(_corners, (*WIDTH, *HARRIS, *SUPPRESSED, "threshold")),
+    **PIXEL_BLOCKS,
     "ilbp": Entry(_ilbp, ("descriptor",)),
     "fuzzy": Entry(_fuzzy),
-    "correlation": Entry(_correlation),
+    "correlation": Entry(lambda _: correlation_scores(_windows(noise=99))),
+    "fuzzy_correlation": Entry(lambda _: fuzzy_correlation(_windows(noise=9))),
     "matcher": Entry(_matcher, ("lanes", "max_features", "descriptor", "rule_base", "keep_above")),
     "homography": Entry(_homography),
+    "video_input": Entry(axi.make_video_input, ("video_bits",)),
+    "packet_gate": Entry(lambda _: axi.make_packet_gate()),
+    "burst_reader": Entry(lambda _: axi.make_burst_reader()),
+    "line_reader": Entry(lambda _: make_line_reader()),
     "painter": Entry(lambda _: make_painter()),
 }
 """The blocks by name."""

@@ -63,20 +63,23 @@ def write_block(folder: Path, name: str, block: Block, configuration: object = N
     verilog = to_verilog(top, name=name, aliases=False) if IDENTIFIER.fullmatch(name) else ""
     if f"module {name}(" not in verilog:
         raise ValueError(f"{name!r} cannot be the name of a Verilog module; give another by `name`")
+    ports = module_ports(top)
+    # Those of a channel of AXI have its name without an underscore: bus_rvalid.
+    prefixes = {each: f"{each}_" if f"{each}_valid" in ports else each for each in (*block.inputs, *block.outputs)}
     bench = VerilogBench(
         module=name,
-        ports=module_ports(top),
-        inputs=_name_rows(block.inputs, block.names),
-        outputs=_name_rows(block.outputs, block.names),
+        ports=ports,
+        inputs={prefixes[each]: _name_rows(rows, block.names) for each, rows in block.inputs.items()},
+        outputs={prefixes[each]: _name_rows(rows, block.names) for each, rows in block.outputs.items()},
         settings=block.settings,
         spacing_cycles=block.spacing_cycles,
-        conditions={f"{stream}_": block.starts for stream in block.inputs},
+        conditions={prefixes[each]: f"cycle >= {block.start_cycles}" for each in block.inputs},
         memory=block.memory,
     )
     # Without answers there is nothing to check.
     benches = bench.files() if block.outputs else {}
-    if benches and not block.memory:
-        benches[f"test_{name}.py"] = bench.cocotb_test()
+    if benches:
+        benches[f"test_{name}.py"] = bench.cocotb_test(block.start_cycles)
     texts = {
         f"{name}.v": verilog,
         f"{name}.core": core_file(name, [f"{name}.v"], list(benches)),
@@ -85,12 +88,9 @@ def write_block(folder: Path, name: str, block: Block, configuration: object = N
     write_files(folder, texts | benches, (configuration, block.parameters), block.licence)
 
 
-def _name_rows(streams: Mapping[str, Sequence[Row]], names: Mapping[str, str]) -> dict[str, list[Row]]:
-    """The rows of each stream, by its prefix, with the names that its ports have in Verilog."""
-    return {
-        f"{stream}_": [{names.get(port, port): value for port, value in row.items()} for row in rows]
-        for stream, rows in streams.items()
-    }
+def _name_rows(rows: Sequence[Row], names: Mapping[str, str]) -> list[Row]:
+    """The rows of a stream with the names that its ports have in Verilog."""
+    return [{names.get(port, port): value for port, value in row.items()} for row in rows]
 
 
 def write_files(folder: Path, texts: Mapping[str, str], configuration: object, licence: str = LICENCE) -> None:

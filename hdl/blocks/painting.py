@@ -6,12 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from golden_model.painting import painter as golden
+from golden_model.painting.line_reader import bursts, show
 from golden_model.painting.pose import MAX_LINKS, Placement, Poses
-from golden_model.painting.tiles import MAX_TILES
+from golden_model.painting.tiles import MAX_TILES, TILE_PX
 from hdl.axi.axi_write import BURST_BYTES
 from hdl.blocks.vectors import Block, Memory, rows, sample_image
 from hdl.painting.canvas_port import HOLDS, TILE_BURSTS
 from hdl.painting.frame_writer import frame_pages
+from hdl.painting.line_reader import LineReader
 from hdl.painting.painter import Painter
 from hdl.settings import PAGE_BYTES
 
@@ -22,7 +24,7 @@ CANVAS_TILES = 3
 FRAMES_ADDRESS = MEMORY_ADDRESS + CANVAS_TILES**2 * PAGE_BYTES
 FIRST_POSE = np.array([[0xFFFFFF, 0x50000, -0x14000], [-0x50000, 0xFFFFFF, -0xA000], [0, 0, 0xFFFFFF]])
 """A turned frame, 20 px from the canvas's left border and 10 px from the upper one."""
-CLEARED = f"cycle > {MAX_TILES**2 + 99}"
+CLEARING_CYCLES = MAX_TILES**2 + 99
 """After a reset the painter forgets its canvas."""
 FRAME_PX = 64
 
@@ -76,5 +78,31 @@ def make_painter() -> Block:
         {"o": rows("o", painted)},
         {f"i_{name}": value for name, value in settings.items()},
         memory=memory,
-        starts=CLEARED,
+        start_cycles=CLEARING_CYCLES,
+    )
+
+
+def make_line_reader() -> Block:
+    """Make the reader in lines: part of a canvas of odd sides, with holes and with words that could not be read."""
+    columns, lines, border, page = 3, 45, 0x123456, 0x8_1234_5678
+    rng = np.random.default_rng(2)
+    tiles = rng.integers(0, 256, (2, columns, TILE_PX, TILE_PX, 4), np.uint8)
+    tiles[..., 3] *= rng.random(tiles.shape[:-1]) < 0.7
+    order = bursts(columns, lines)
+    words = tiles.reshape(-1, 16 * 8).view(np.uint64)[order]
+    failed = rng.random(words.shape) < 0.1
+    tiles.reshape(-1, 16, 2, 4)[order, ..., 3] *= ~failed[..., np.newaxis]
+    read = [{"data": int(word), "failed": int(bad)} for word, bad in zip(words.flat, failed.flat, strict=True)]
+    shown = [
+        {"data": int(colour), "first": y + x == 0, "last": x == columns * TILE_PX - 1}
+        for (y, x), colour in np.ndenumerate(show(tiles, lines, border))
+    ]
+    asked = [{"burst": page * TILE_PX + int(each), "first": 0, "last": 15} for each in order]
+    return Block(
+        LineReader(),
+        "Reads the painter's canvas in lines, as AXI4-Stream video for a display.",
+        {"i": rows("i", [{"columns": columns, "lines": lines, "border": border}]), "i_words": rows("i_words", read)},
+        {"o": rows("o", shown), "o_bursts": rows("o_bursts", asked)},
+        {"i_page": page, "i_held": 1, "i_stop": 0},
+        clocks_each=1,
     )

@@ -97,11 +97,11 @@ class VerilogBench:
         files[f"{self.module}_tb.v"] = self._render("testbench.v")
         return files
 
-    def cocotb_test(self) -> str:
+    def cocotb_test(self, start_cycles: int) -> str:
         """A cocotb test with the same vectors, for modules of one clock."""
-        return self._render("cocotb_test.py.jinja")
+        return self._render("cocotb_test.py.jinja", start_cycles=start_cycles)
 
-    def _render(self, template: str) -> str:
+    def _render(self, template: str, **others: int) -> str:
         sources, sinks = self._channels()
         clocks = dict.fromkeys((self.clock, *self.clocks.values()), 0)
         return render(
@@ -112,6 +112,7 @@ class VerilogBench:
             other_clocks=set(self.clocks.values()),
             reset_cycles=RESET_CYCLES,
             idle_cycles=IDLE_CYCLES,
+            **others,
             **vars(self),
         )
 

@@ -39,7 +39,7 @@ class Block:
     """A sentence for its README."""
     inputs: Mapping[str, Sequence[Row]]
     outputs: Mapping[str, Sequence[Row]]
-    """For each stream or beat, the inputs and the expected outputs, in order."""
+    """For each stream, beat or channel of AXI (``bus_r``), the inputs and the expected outputs, in order."""
     settings: Mapping[str, int] = field(default_factory=dict)
     """Values of other inputs, which stay."""
     names: Mapping[str, str] = field(default_factory=dict)
@@ -49,10 +49,18 @@ class Block:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     """What it was built from, by the names of the configuration."""
     memory: Memory | None = None
-    starts: str = "1"
-    """A Verilog expression, in which ``cycle`` counts the clocks; inputs wait until it is true."""
+    start_cycles: int = 0
+    """Clocks after which inputs begin."""
     licence: str = LICENCE
     """SPDX identifier; empty for what is not of this project."""
+    clocks_each: int | None = None
+    """Clocks from one answer to the next of a stream that nobody stalls."""
+    idle_cycles: int = 2048
+    """Clocks after which a block that does not answer has failed."""
+    remembers: bool = False
+    """A stream whose packets count as a whole: all of them meet gaps and stalls, and its latency is not checked."""
+    in_turn: bool = False
+    """Each input waits until all of the one before it has gone."""
 
 
 def rows(name: str, values: Sequence[Any]) -> list[Row]:

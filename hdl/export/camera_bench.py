@@ -7,7 +7,7 @@ import numpy as np
 from golden_model.painting.pose import Placement, placement_of
 from golden_model.records import WORD_BYTES
 from hdl.axi.axi_write import BURST_BYTES, BURST_WORDS, INCREMENTING, MODIFIABLE
-from hdl.blocks.painting import CANVAS_TILES, CLEARED, FIRST_POSE, FRAMES_ADDRESS, MEMORY_ADDRESS, paint
+from hdl.blocks.painting import CANVAS_TILES, CLEARING_CYCLES, FIRST_POSE, FRAMES_ADDRESS, MEMORY_ADDRESS, paint
 from hdl.blocks.testbench import Port, VerilogBench
 from hdl.blocks.vectors import Memory, Row
 from hdl.build import Build
@@ -48,7 +48,7 @@ def make_camera_bench(module: str, ports: dict[str, Port], build: Build) -> Veri
     conditions = {
         # A camera does not wait until the accelerator is switched on.
         VIDEO_STREAM: f"{BUS}b_next == {len(writes)}",
-        f"{BUS}aw": CLEARED if build.painter else "1",
+        f"{BUS}aw": f"cycle > {CLEARING_CYCLES}" if build.painter else "1",
     }
     for ring, packets in frames.packets.items():
         prefix = f"m_axi_{ring}_"

@@ -19,7 +19,6 @@ from tests.cocotb.bench import RESET_CYCLES, Bench, render_scene
 from tests.cocotb.runner import BUILD, SEED
 
 SMALL_PX = (64, 64)
-EVENTS = ("frame_done", "matches_done", "frame_bad")
 ACCESSES, AT_ONCE, BATCHES_A_RESET = 400, 4, 10
 BLOCK_BYTES = 1 << ADDRESS_BITS
 MAX_BYTES = 9
@@ -94,30 +93,6 @@ async def four_hundred_random_accesses(dut: Any) -> None:
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
-async def the_interrupt_is_high_while_a_masked_event_is_set(dut: Any) -> None:
-    """Events are set even if they are masked; writing 1 to an event clears it and no other."""
-    bench = await Bench.open(dut)
-    image = render_scene(SMALL_PX, gray=True)[0]
-    await bench.configure(image, memory_mode=1)
-    await bench.send_memory(image)
-    await bench.receive_frames(1)
-    assert await _read_events(bench) == [1, 1, 0]
-    assert not dut.interrupt.value
-    await bench.write(frame_bad_mask=1)
-    assert not dut.interrupt.value
-    await bench.write(matches_done_mask=1)
-    assert dut.interrupt.value
-    await bench.write(frame_done=1)
-    assert await _read_events(bench) == [0, 1, 0]
-    assert dut.interrupt.value
-    await bench.write(frame_bad=1)
-    assert await _read_events(bench) == [0, 1, 0]
-    await bench.write(matches_done=1)
-    assert await _read_events(bench) == [0, 0, 0]
-    assert not dut.interrupt.value
-
-
-@cocotb.test(timeout_time=1, timeout_unit="ms")
 async def the_interrupt_marks_the_end_of_a_packet(dut: Any) -> None:
     """The interrupt rises when the last word of the frame has been taken, not before."""
     bench = await Bench.open(dut)
@@ -133,10 +108,6 @@ async def the_interrupt_marks_the_end_of_a_packet(dut: Any) -> None:
     matches.pause = False
     await RisingEdge(dut.interrupt)
     assert not matches.empty()
-
-
-async def _read_events(bench: Bench) -> list[int]:
-    return [await bench.read(name) for name in EVENTS]
 
 
 async def _all_at_once(accesses: Iterable[Coroutine[Any, Any, None]]) -> None:

@@ -1,4 +1,7 @@
-"""Malformed frames are reported with their cause and without matches, and do not change the frames around them."""
+"""Frames that are bad are reported with their cause and without matches, and do not change the frames around them.
+
+The front end's tests have all causes (`tests.hdl.test_front_end`).
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,7 +9,6 @@ from typing import Any
 import cocotb
 import numpy as np
 from cocotb.triggers import ClockCycles
-from cocotbext.axi import AxiStreamFrame
 
 from golden_model.arrays import Pixels
 from golden_model.records import WORD_BYTES, Cause, Tag
@@ -16,24 +18,9 @@ from tests.cocotb.bench import Bench, assert_golden, make_lines, render_scene
 from tests.cocotb.runner import CONFIG, MAX_SIZE_PX
 
 SIZE_PX = (64, 64)
-FAULTY_LINE = 7
 MISSING_LINES = 3
 WAIT_CYCLES = 100
 RECORD_WORDS = CONFIG.front_end.pattern.record.record_bytes // WORD_BYTES
-FAULTS = (Cause.SHORT_LINE, Cause.MISSING_START)
-"""The front end's tests have all of them (`tests.hdl.test_front_end`)."""
-
-
-def _make_faulty_lines(image: Pixels, fault: Cause) -> list[AxiStreamFrame]:
-    """A frame as video with one of `FAULTS`, or one that ends early."""
-    packets = make_lines(image)
-    line = packets[FAULTY_LINE]
-    if fault == Cause.EARLY_END:
-        return packets[:-MISSING_LINES]
-    if fault == Cause.MISSING_START:
-        return [AxiStreamFrame(packet.tdata, tuser=0) for packet in packets]
-    packets[FAULTY_LINE] = AxiStreamFrame(line.tdata[:-1], tuser=line.tuser[:-1])
-    return packets
 
 
 def assert_bad(result: FrameResult, number: int, cause: Cause) -> None:
@@ -59,26 +46,6 @@ async def _assert_only_second_bad(
     assert_bad(results[1], 1, cause)
     assert_golden(results, {0: good[0], 2: good[1]})
     await _assert_counted(bench, results, 1, cause)
-
-
-@cocotb.test(timeout_time=3, timeout_unit="ms")
-async def malformed_video(dut: Any) -> None:
-    """Each fault occurs between two good frames, without a pause."""
-    bench = await Bench.open(dut)
-    left, right = render_scene(SIZE_PX, gray=True)
-    await bench.configure(left)
-    good, bad = {0: left}, dict[int, Cause]()
-    packets = make_lines(left)
-    for cause in FAULTS:
-        number = len(good) + len(bad)
-        bad[number], good[number + 1] = cause, right
-        packets += [*_make_faulty_lines(right, cause), *make_lines(right)]
-    await bench.send(packets)
-    results = await bench.receive_frames(len(good) + len(bad))
-    for number, cause in bad.items():
-        assert_bad(results[number], number, cause)
-    assert_golden(results, good)
-    await _assert_counted(bench, results, len(bad), cause)
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
@@ -118,7 +85,7 @@ async def clear_in_mid_frame(dut: Any) -> None:
     await bench.send_video(right)
     await bench.receive_frames(1)
     features.pause = True
-    await bench.send(_make_faulty_lines(right, Cause.EARLY_END))
+    await bench.send(make_lines(right)[:-MISSING_LINES])
     while not await bench.read("features_waiting"):
         await ClockCycles(dut.aclk, WAIT_CYCLES)
     await bench.configure(left, clear=1)

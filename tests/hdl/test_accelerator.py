@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from golden_model.config import PRESETS, EstimatorConfig
-from golden_model.records import Cause
 from hdl.build import Build
 from hdl.registers.register_map import register_writes
 from hdl.registers.shell_register_map import ALL_REGISTERS
@@ -100,14 +99,3 @@ def test_an_output_that_is_off_discards_its_records(library: Path) -> None:
     assert not is_done
     assert recording.outputs[HOMOGRAPHIES].words.size == 0
     assert [len(output.packets) for output in recording.outputs.values()] == [2, 2, 0]
-
-
-def test_a_frame_that_is_refused_says_why_in_a_register(library: Path) -> None:
-    offsets = {register.name: register.offset for register in ALL_REGISTERS}
-    with contextlib.closing(Bench(library, DESIGN.ports)) as bench:
-        (segment,) = make_segments(views(1), CONFIG, "previous")
-        # Narrower than any frame may be.
-        writes = [*segment.writes, *register_writes({"width_px": 32, "height_px": HEIGHT_PX})]
-        bench.run(dataclasses.replace(segment, writes=writes))
-        assert bench.read(offsets["BAD_FRAMES"]) == 1
-        assert bench.read(offsets["CAUSES"]) == Cause.INVALID_SETTINGS

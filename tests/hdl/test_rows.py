@@ -2,6 +2,7 @@
 """Running a row fails on whatever a block does wrong."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -9,9 +10,9 @@ from amaranth.hdl import Module, Signal
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from hdl.blocks.vectors import of_stream
+from hdl.blocks.vectors import Block, of_stream
 from hdl.lib.skid_buffer import SkidBuffer
-from sim.benches.rows import Row, check
+from sim.benches.rows import check
 
 SENT = range(100)
 
@@ -45,8 +46,8 @@ class Wrong(wiring.Component):
         return m
 
 
-def row(dut: Any, answers: Sequence[int] = SENT, clocks_each: int | None = None) -> Row:
-    return Row(lambda: of_stream(dut, "", SENT, answers), clocks_each, idle_cycles=200)
+def block(dut: Any, answers: Sequence[int] = SENT, clocks_each: int | None = None) -> Block:
+    return replace(of_stream(dut, "", SENT, answers), clocks_each=clocks_each, idle_cycles=200)
 
 
 @pytest.mark.parametrize(
@@ -55,14 +56,14 @@ def row(dut: Any, answers: Sequence[int] = SENT, clocks_each: int | None = None)
 )
 def test_a_stream_that_breaks_its_rules_is_found_out(fault: str, says: str) -> None:
     with pytest.raises(AssertionError, match=says):
-        check(row(Wrong(fault)))
+        check(block(Wrong(fault)))
 
 
 def test_times_are_checked() -> None:
-    check(row(Wrong("")))
+    check(block(Wrong("")))
     late, slow = SkidBuffer(shape=8), SkidBuffer(shape=8)
     late.latency_cycles += 1
-    for wrong in (row(late), row(slow, clocks_each=2)):
+    for wrong in (block(late), block(slow, clocks_each=2)):
         with pytest.raises(AssertionError):
             check(wrong)
 
@@ -70,4 +71,4 @@ def test_times_are_checked() -> None:
 def test_an_answer_too_many_and_one_too_few_are_found_out() -> None:
     for answers in (SENT[:-1], [*SENT, 7]):
         with pytest.raises(AssertionError, match=r"more answers than inputs|no more answers"):
-            check(row(SkidBuffer(shape=8), answers))
+            check(block(SkidBuffer(shape=8), answers))

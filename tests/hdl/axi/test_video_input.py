@@ -1,6 +1,7 @@
 # amaranth: UnusedElaboratable=no
 """Beats of every width of the video port, cut into pixels."""
 
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -11,53 +12,21 @@ from amaranth.lib import wiring
 from amaranth.sim import Simulator
 
 from hdl.axi.video_input import VideoInput
+from hdl.blocks.axi import make_video_input
+from hdl.blocks.pixel import BlockConfig
 from hdl.build import VIDEO_BITS, Build, pixels_per_clock
 from hdl.frame_admission import FrameAdmission
 from sim.benches.exported import host_programs
-from tests.hdl.block_bench import CLOCK_S, BlockBench
+from tests.hdl.block_bench import CLOCK_S
+from tests.hdl.rows import row_test
 
-PIXELS = [0x11, 0x22, 0x33, 0x44, 0x55, 0x66]
-
-
-@pytest.mark.parametrize(
-    ("video_bits", "memory_mode", "gray"),
-    [each for each in product(VIDEO_BITS["streams"], (0, 1), (0, 1)) if each[0] > 16 or each[2]],
-)
-def test_beats_become_pixels(video_bits: int, memory_mode: int, gray: int) -> None:
-    """Four gray pixels from memory in a beat of 32 bits; two of any kind in one of 48 or 16, the left one lowest."""
-    pair_bits = video_bits // 2 if pixels_per_clock(video_bits) == 2 else 0
-    bits = pair_bits or video_bits
-    colours = PIXELS if gray else [0xBBAA00 + pixel for pixel in PIXELS]
-    beats = [left | right << pair_bits for left, right in zip(colours, colours[::-1], strict=True)] if pair_bits else (
-        [0x44332211, 0xEEEE6655] if memory_mode and gray and bits == 32 else colours
-    )  # fmt: skip
-    # Memory has red, green, blue; video green, blue, red.
-    wanted = [0x00BBAA + (pixel << 16) for pixel in PIXELS] if memory_mode and not gray else colours
-    found = received(video_bits, beats, memory_mode=memory_mode, gray=gray)
-    mask = 0xFF if gray else 0xFFFFFF
-    both = [[left, right] for left, right in zip(wanted, wanted[::-1], strict=True)]
-    assert [[each & mask for each in pixels] for pixels in found] == (
-        both if pair_bits else [[each] for each in wanted]
+test_rows = row_test({
+    f"{bits} bits {'gray' if gray else 'colour'} {'memory' if memory else 'video'}": partial(
+        make_video_input, BlockConfig(video_bits=bits), memory_mode=memory, gray=gray
     )
-
-
-def received(video_bits: int, beats: list[int], *, memory_mode: int, gray: int) -> list[list[int]]:
-    """The data of the pixels of each clock that come of ``beats``."""
-    dut = VideoInput(video_bits=video_bits)
-    bench = BlockBench(dut, settings={"i_memory_mode": memory_mode, "i_gray_input": gray})
-    pixels = []
-
-    async def send(ctx: Any) -> None:
-        for beat in beats:
-            await bench.stream_put(ctx, dut.i, {"data": beat, "first": 0, "last": 0})
-
-    async def receive(ctx: Any) -> None:
-        for _ in PIXELS:
-            data = (await bench.stream_get(ctx, dut.o)).data
-            pixels.append([data] if dut.pixels_per_clock == 1 else list(data))
-
-    bench.run(receive, background=[send])
-    return pixels
+    for bits, memory, gray in product(VIDEO_BITS["streams"], (0, 1), (0, 1))
+    if bits not in (8, 16) or gray
+})  # fmt: skip
 
 
 def test_other_widths_are_refused() -> None:

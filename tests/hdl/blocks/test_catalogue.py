@@ -1,4 +1,7 @@
-"""The blocks answer their vectors, and the vectors reach what they are there for."""
+"""The blocks answer their vectors, and the vectors reach what they are there for.
+
+Rows are in `catalogue`, `pixel`, `axi` and `painting`; a new one needs no other list to be tested.
+"""
 
 from functools import partial
 
@@ -8,26 +11,27 @@ from numpy.typing import NDArray
 
 from golden_model.matching import rule_bases
 from golden_model.records import HOMOGRAPHY, MATCH, WORD_BYTES, Record
-from hdl.blocks.catalogue import BlockConfig, make_block
-from hdl.blocks.vectors import Row as Fields
-from sim.benches.rows import Row, check
-from tests.hdl.rows import table
+from hdl.blocks.catalogue import CATALOGUE, make_block
+from hdl.blocks.pixel import BlockConfig
+from hdl.blocks.vectors import Row
+from tests.hdl.rows import row_test
 
 pytestmark = pytest.mark.usefixtures("unused_blocks")
 
 
-@table(
-    harris=partial(make_block, "harris", {}),
-    ilbp=partial(make_block, "ilbp", {}),
-    fuzzy=partial(make_block, "fuzzy", {}),
-    matcher=Row(partial(make_block, "matcher", {}), idle_cycles=20_000, remembers=True),
-)
-def test_a_block_of_the_catalogue_answers_its_vectors(row: Row) -> None:
-    """The others are among the rows of their folders."""
-    check(row)
+AROUND_A_MEMORY = ("painter",)
+"""`tests/hdl/painting/test_painter.py` has the memory, and the exported bench."""
+ROWS = {name: partial(make_block, name, {}) for name in CATALOGUE if name not in AROUND_A_MEMORY}
+AT_TWO = {
+    f"{name} at two": partial(make_block, name, {"pixels_per_clock": 2})
+    for name, entry in CATALOGUE.items()
+    if "pixels_per_clock" in entry.settings
+}
+# Of 1,000 clocks a second.
+test_rows = row_test(ROWS | AT_TWO, slow=("homography",))
 
 
-def records(rows: list[Fields], port: str, record: Record) -> NDArray[np.void]:
+def records(rows: list[Row], port: str, record: Record) -> NDArray[np.void]:
     """The records in the words of a packet; words that are not compared are 0."""
     words = [row.get(f"{port}_data", 0) for row in rows]
     return np.array(words, np.uint64).view(record.dtype)

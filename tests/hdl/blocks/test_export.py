@@ -203,7 +203,7 @@ def test_the_command_writes_a_block_or_says_what_to_choose(tmp_path: Path, run: 
 def test_a_block_of_ones_own_is_exported_by_module_and_class(tmp_path: Path) -> None:
     write_block(tmp_path / "component", *find_block("hdl.pixel.gray:Gray"))
     assert "module gray(" in (tmp_path / "component" / "gray.v").read_text()
-    write_block(tmp_path / "block", *find_block("tests.hdl.lib.test_ecp5:wide_product"))
+    write_block(tmp_path / "block", *find_block("tests.hdl.lib.test_lib:wide_product"))
     assert (tmp_path / "block" / "wide_product_tb.v").exists()
     assert all(re.fullmatch(OWN_NAMES, path.name) for path in (tmp_path / "block").iterdir())
     for name, says in {

@@ -4,7 +4,7 @@ import numpy as np
 
 from golden_model.records import FRAME_STATUS, MATCH
 from hdl.blocks.painting import FRAME_PX, make_painter
-from hdl.blocks.vectors import answer_rows, packet, padded_status, pixel_rows, rows, sample_image
+from hdl.blocks.vectors import answer_rows, packet, padded_status, pixel_rows
 
 PLANE = np.arange(20, dtype=np.uint8).reshape(4, 5)
 
@@ -36,10 +36,6 @@ def test_the_memory_of_the_painter_has_both_frames_behind_a_canvas_that_both_hav
     assert (pixels[: -len(stored), 3] > 0).sum() > FRAME_PX**2
 
 
-def test_fields_are_flattened() -> None:
-    assert rows("i", [{"pair": [1, 2], "data": True}]) == [{"i_pair_0": 1, "i_pair_1": 2, "i_data": 1}]
-
-
 def test_a_packet_ends_with_its_last_word_and_leaves_out_what_is_unspecified() -> None:
     records = np.zeros(2, MATCH.dtype)
     records["left_x"] = 3
@@ -60,10 +56,3 @@ def test_padding_is_zero_whatever_was_in_memory() -> None:
         dirty[name] = 0
     assert any(memory)
     assert {word["data"] for word in packet(dirty)} == {0}
-
-
-def test_the_sample_has_strong_edges_in_any_size() -> None:
-    image = sample_image(31, 17)
-    assert image.shape == (31, 17)
-    assert (np.abs(np.diff(image.astype(int), axis=1)) > 60).sum() > 20
-    assert (sample_image(31, 17, seed=4) != image).any()

@@ -5,26 +5,29 @@ import pytest
 from amaranth import signed
 
 from golden_model.feature.orientation import HALF_SECTOR_TANGENTS, TANGENT_ONE, sector_of
+from hdl.blocks.vectors import Block, of_stream
 from hdl.feature import orientation
 from hdl.feature.orientation import RingMoments, Sector
-from tests.hdl.drivers import run_clocks
+from tests.hdl.rows import Clocked, row_test
 
 LARGEST = (1 << 15) - 1
 
 
-def test_sectors_at_the_borders_equal_the_golden_model() -> None:
+def sectors() -> Block:
     """On each border of the first octant and on both sides of it, in all octants; axes, diagonals, ends and zero."""
     borders = [(TANGENT_ONE, tangent + d) for tangent in HALF_SECTOR_TANGENTS for d in (-1, 0, 1)]
     octant = np.array([*borders, (LARGEST, 0), (1, 0), (LARGEST, LARGEST), (LARGEST, LARGEST - 1), (0, 0)])
     turned = np.concatenate((octant, octant[:, ::-1]))
-    signs = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
-    mx, my = np.concatenate([turned * sign for sign in signs]).T
-    dut = Sector(moment=signed(16), spacing_cycles=1)
-    given = [[(dut.i_valid, 1), (dut.i_mx, int(x)), (dut.i_my, int(y))] for x, y in zip(mx, my, strict=True)]
-    inputs = [*given, *[[]] * dut.latency_cycles]
-    sectors = [sector for (sector,) in run_clocks(dut, inputs, [dut.o_sector])[dut.latency_cycles :]]
-    assert sectors == sector_of(mx, my).tolist()
-    assert set(sectors) == set(range(16))
+    moments = np.concatenate([turned * sign for sign in ((1, 1), (-1, 1), (1, -1), (-1, -1))])
+    found = sector_of(*moments.T).tolist()
+    assert set(found) == set(range(16))
+    sent = [{"mx": x, "my": y} for x, y in moments.tolist()]
+    return of_stream(
+        Clocked(Sector(moment=signed(16), spacing_cycles=1)), "", sent, [{"sector": each} for each in found]
+    )
+
+
+test_rows = row_test({"sectors": sectors})
 
 
 @pytest.mark.usefixtures("unused_blocks")

@@ -11,8 +11,7 @@ from golden_model.feature.ilbp import PATTERNS, describe, gather
 from hdl.blocks.chain import Descriptor
 from hdl.blocks.vectors import Block, of_stream
 from hdl.feature.ilbp import RingDescriptor
-from sim.benches.rows import Row, check
-from tests.hdl.rows import table
+from tests.hdl.rows import row_test
 
 CENTRE_PX = 20
 PATCH_PX = 2 * CENTRE_PX + 1
@@ -53,9 +52,7 @@ CASES = [
 ]
 
 
-@table(**{f"{name.replace('-', '_')}_every_{each}": partial(descriptor, name, each) for name, each in CASES})
-def test_sector_and_descriptor_equal_the_golden_model(row: Row) -> None:
-    check(row)
+test_rows = row_test({f"{name} every {each}": partial(descriptor, name, each) for name, each in CASES})
 
 
 def test_impossible_spacing_is_refused() -> None:

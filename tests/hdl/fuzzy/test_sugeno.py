@@ -13,7 +13,7 @@ from golden_model.fuzzy.sugeno import Rule, SugenoSystem, Variable
 from golden_model.matching import rule_bases
 from hdl.blocks.vectors import of_stream
 from hdl.fuzzy.sugeno import Sugeno
-from sim.benches.rows import Row, check
+from sim.benches.rows import check
 
 
 def distinct(variable: Variable) -> list[int]:
@@ -30,7 +30,7 @@ def golden(system: SugenoSystem, inputs: list[Any]) -> NDArray[np.uint8]:
 def check_inputs(system: SugenoSystem, value_bits: int, inputs: list[Any]) -> None:
     """The hardware answers the same, the first after exactly its latency, whatever gaps, stalls and a reset."""
     answers = [{"weight": weight, "rule": rule} for weight, rule in golden(system, inputs).tolist()]
-    check(Row(lambda: of_stream(Sugeno(system=system, value_bits=value_bits), "", inputs, answers)))
+    check(of_stream(Sugeno(system=system, value_bits=value_bits), "", inputs, answers))
 
 
 @pytest.mark.parametrize(

@@ -1,26 +1,29 @@
+# amaranth: UnusedElaboratable=no
 """The gain equals the golden model: near and far matches, ties, and elements at both ends of their range."""
 
 import numpy as np
 
 from golden_model.geometry.match_gain import gain
+from hdl.blocks.vectors import Block, of_stream
 from hdl.geometry.match_gain import PAIR, MatchGain
-from tests.hdl.drivers import run_clocks
 from tests.hdl.geometry.match_cases import extreme_hypotheses, extreme_matches, matches, near_truth
+from tests.hdl.rows import Clocked, row_test
 
 
-def test_gains_equal_the_golden_model() -> None:
+def gains() -> Block:
     """Another hypothesis and another match in every clock."""
     (left, right, _), some = extreme_matches(), matches(30)
-    left, right = np.vstack((left, some[0])), np.vstack((right, some[1]))
+    pairs = np.hstack((np.vstack((left, some[0])), np.vstack((right, some[1]))))
     hypotheses = np.concatenate((extreme_hypotheses(), near_truth(12)))
-    rng = np.random.default_rng(4)
-    pairs = np.stack(np.unravel_index(rng.permutation(len(hypotheses) * len(left))[:500], (len(hypotheses), len(left))))
-    dut = MatchGain()
-    inputs = []
-    for h, n in pairs.T:
-        positions = dict(zip(PAIR.members, np.hstack((left[n], right[n])).tolist(), strict=True))
-        inputs.append([(dut.i_hypothesis, hypotheses[h].ravel().tolist()), (dut.i_match, positions)])
-    outputs = run_clocks(dut, [*inputs, *[[]] * dut.latency_cycles], [dut.o_gain])
-    gains = np.ravel(outputs[dut.latency_cycles :])
-    np.testing.assert_array_equal(gains, gain(hypotheses, left, right)[tuple(pairs)])
-    assert len(set(gains)) > 15
+    every = np.indices((len(hypotheses), len(pairs))).reshape(2, -1)
+    h, n = every[:, np.random.default_rng(4).permutation(every.shape[1])[:500]]
+    found = gain(hypotheses, pairs[:, :2], pairs[:, 2:])[h, n].tolist()
+    assert len(set(found)) > 15
+    sent = [
+        {"hypothesis": each, "match": dict(zip(PAIR.members, pair, strict=True))}
+        for each, pair in zip(hypotheses[h].reshape(-1, 9).tolist(), pairs[n].tolist(), strict=True)
+    ]
+    return of_stream(Clocked(MatchGain()), "", sent, [{"gain": each} for each in found])
+
+
+test_rows = row_test({"gains": gains})

@@ -7,43 +7,18 @@ from pathlib import Path
 
 import pytest
 from amaranth.back import rtlil
-from amaranth.hdl import Module, Signal, signed
-from amaranth.lib import data, wiring
-from amaranth.lib.wiring import In, Out
+from amaranth.hdl import Module, Signal
 
 from hdl.blocks.catalogue import make_block
 from hdl.blocks.export import write_block
 from hdl.blocks.flat import FlatBlock
-from hdl.blocks.vectors import Block, rows
-from hdl.lib.delay import delayed
 from hdl.lib.ecp5 import Ecp5
 from hdl.lib.line_memory import LineMemory
-from hdl.lib.multiplier import multiply_wide
 from hdl.netlist import to_verilog
 from hdl.painting.painter import Painter
-from tests.hdl.lib.test_lib import FACTORS
+from tests.hdl.lib.test_lib import wide_product
 from tests.hdl.netlists import models, run_bench
 from tests.hdl.pixel.test_rows import raw_response
-
-
-class WideProduct(wiring.Component):
-    """A product that is cut in two, with its valid bit."""
-
-    i: In(data.StructLayout({"valid": 1, "wide": signed(25), "narrow": 16}))
-    o: Out(data.StructLayout({"valid": 1, "product": signed(41)}))
-
-    def elaborate(self, platform: object) -> Module:
-        m = Module()
-        product = multiply_wide(m, platform, self.i.wide, self.i.narrow)
-        valid = delayed(m, self.i.valid, 2, reset_less=False)
-        m.d.comb += [self.o.product.eq(product), self.o.valid.eq(valid)]
-        return m
-
-
-def wide_product() -> Block:
-    factors = [{"wide": wide, "narrow": narrow} for wide, narrow in FACTORS]
-    products = [{"product": wide * narrow} for wide, narrow in FACTORS]
-    return Block(WideProduct(), "A wide product.", {"i": rows("i", factors)}, {"o": rows("o", products)})
 
 
 @pytest.mark.needs("icarus")

@@ -2,19 +2,20 @@
 """Sums, differences, products and counts against the numbers that they are."""
 
 import itertools
-from typing import Any
+from functools import partial
 
 import numpy as np
 import pytest
-from amaranth import Module, Signal, signed, unsigned
-from amaranth.lib import wiring
+from amaranth import Module, signed, unsigned
+from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
-from amaranth.sim import Simulator
 
+from hdl.blocks.vectors import Block, of_stream
 from hdl.lib.add_subtract import add_or_subtract
+from hdl.lib.delay import delayed
 from hdl.lib.multiplier import multiply_wide
 from hdl.lib.popcount import Popcount
-from tests.hdl.drivers import run_clocks
+from tests.hdl.rows import Clocked, row_test
 
 WIDE, NARROW = signed(25), unsigned(16)
 LARGEST = 1 << WIDE.width - 1
@@ -22,71 +23,64 @@ FACTORS = [(a, b) for a in (-LARGEST, -1, 0, (1 << 17) - 1, 1 << 17, LARGEST - 1
 FACTORS += np.random.default_rng(1).integers((-LARGEST, 0), (LARGEST, 1 << NARROW.width), (300, 2)).tolist()
 
 
-def test_a_wide_product_takes_two_clocks() -> None:
+class WideProduct(wiring.Component):
+    """A product that is cut in two, with its valid bit."""
+
+    i: In(data.StructLayout({"valid": 1, "wide": WIDE, "narrow": NARROW}))
+    o: Out(data.StructLayout({"valid": 1, "product": signed(41)}))
+    latency_cycles = 2
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        product = multiply_wide(m, platform, self.i.wide, self.i.narrow)
+        valid = delayed(m, self.i.valid, self.latency_cycles, reset_less=False)
+        m.d.comb += [self.o.product.eq(product), self.o.valid.eq(valid)]
+        return m
+
+
+def wide_product() -> Block:
     """As on the ECP5, in `test_ecp5`."""
-    m = Module()
-    wide, narrow = Signal(WIDE), Signal(NARROW)
-    product = multiply_wide(m, None, wide, narrow)
-
-    async def run(context: Any) -> None:
-        for number in range(len(FACTORS) + 2):
-            a, b = FACTORS[min(number, len(FACTORS) - 1)]
-            context.set(wide, a)
-            context.set(narrow, b)
-            if number >= 2:
-                before, other = FACTORS[number - 2]
-                assert context.get(product) == before * other
-            await context.tick()
-
-    simulator = Simulator(m)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(run)
-    simulator.run()
+    factors = [{"wide": wide, "narrow": narrow} for wide, narrow in FACTORS]
+    return of_stream(WideProduct(), "A wide product.", factors, [{"product": a * b} for a, b in FACTORS])
 
 
 class Sum(wiring.Component):
     """The result in more bits than it needs."""
 
+    latency_cycles = 1
+
     def __init__(self, a_bits: int, b_bits: int) -> None:
         super().__init__(
-            {"i_a": In(signed(a_bits)), "i_b": In(signed(b_bits)), "i_subtract": In(1), "o": Out(signed(8))}
+            {"i_a": In(signed(a_bits)), "i_b": In(signed(b_bits)), "i_subtract": In(1), "o_sum": Out(signed(8))}
         )
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        # A register, so that the block has a clock.
-        m.d.sync += Signal().eq(1)
-        m.d.comb += self.o.eq(add_or_subtract(self.i_a, self.i_b, self.i_subtract))
+        m.d.sync += self.o_sum.eq(add_or_subtract(self.i_a, self.i_b, self.i_subtract))
         return m
 
 
-@pytest.mark.parametrize("widths", [(3, 3), (4, 2), (2, 4)])
-def test_the_result_is_the_sum_or_the_difference(widths: tuple[int, int]) -> None:
-    dut = Sum(*widths)
+def sums(*widths: int) -> Block:
     cases = list(itertools.product(*(range(-(1 << bits - 1), 1 << bits - 1) for bits in widths), (0, 1)))
-    rows = [list(zip((dut.i_a, dut.i_b, dut.i_subtract), case, strict=True)) for case in cases]
-    results = [value for (value,) in run_clocks(dut, rows, [dut.o])]
-    assert results == [a - b if subtract else a + b for a, b, subtract in cases]
+    sent = [{"a": a, "b": b, "subtract": subtract} for a, b, subtract in cases]
+    return of_stream(Clocked(Sum(*widths)), "", sent, [{"sum": a - b if each else a + b} for a, b, each in cases])
 
 
-@pytest.mark.parametrize(("bits", "lanes"), [(3, 2), (8, 3), (24, 2), (256, 1)])
-def test_popcount_counts_the_ones_of_each_lane(bits: int, lanes: int) -> None:
-    dut = Popcount(bits=bits, lanes=lanes)
+def popcount(bits: int, lanes: int) -> Block:
+    """The ones of each lane."""
     rng = np.random.default_rng(bits)
     inputs = rng.random((25, bits, lanes)) < rng.random((25, 1, lanes))
     inputs[0], inputs[1] = 0, 1
-    valid = rng.random(25) < 0.7
-    valid[:2] = True
-    values = (inputs << np.arange(lanes)).sum(axis=2).tolist()
-    rows = [
-        [(dut.i_valid, bool(is_valid)), *zip(dut.i_planes, planes, strict=True)]
-        for is_valid, planes in zip(valid, values, strict=True)
-    ]
-    rows += [[]] * dut.latency_cycles  # the last planes stay at the inputs
-    counts = run_clocks(dut, rows, dut.o_counts)[dut.latency_cycles :]
-    # A count stays until the next valid input.
-    last_valid = np.maximum.accumulate(np.where(valid, np.arange(25), 0))
-    np.testing.assert_array_equal(counts, inputs.sum(axis=1)[last_valid])
+    planes = (inputs << np.arange(lanes)).sum(axis=2).tolist()
+    answers = [{"counts": each} for each in inputs.sum(axis=1).tolist()]
+    return of_stream(Clocked(Popcount(bits=bits, lanes=lanes)), "", [{"planes": each} for each in planes], answers)
+
+
+test_rows = row_test({
+    "wide product": wide_product,
+    **{f"sum of {a} and {b} bits": partial(sums, a, b) for a, b in ((3, 3), (4, 2), (2, 4))},
+    **{f"popcount of {a} in {b}": partial(popcount, a, b) for a, b in ((3, 2), (8, 3), (24, 2), (256, 1))},
+})  # fmt: skip
 
 
 def test_popcount_refuses_too_few_bits() -> None:

@@ -1,6 +1,7 @@
 # amaranth: UnusedElaboratable=no
 """Queues and buffers pass everything on in its order, one payload per clock; `tests/formal` proves the rest."""
 
+from dataclasses import replace
 from functools import partial
 from random import Random
 
@@ -12,8 +13,7 @@ from hdl.blocks.vectors import Block, of_stream
 from hdl.lib.delay import delayed
 from hdl.lib.result_queue import ResultQueue
 from hdl.lib.skid_buffer import SkidBuffer
-from sim.benches.rows import Row, check
-from tests.hdl.rows import table
+from tests.hdl.rows import row_test
 
 PAYLOAD = 2
 
@@ -43,7 +43,7 @@ class Pipeline(wiring.Component):
 
 def passes(dut: object) -> Block:
     sent = Random(1).choices(range(1 << PAYLOAD), k=100)
-    return of_stream(dut, "", sent, sent)
+    return replace(of_stream(dut, "", sent, sent), clocks_each=1)
 
 
 def buffer() -> Block:
@@ -54,8 +54,4 @@ def queue(pipeline_cycles: int) -> Block:
     return passes(Pipeline(pipeline_cycles))
 
 
-@table(
-    buffer=Row(buffer, clocks_each=1), **{f"queue_of_{n}": Row(partial(queue, n), clocks_each=1) for n in (1, 4, 11)}
-)
-def test_everything_leaves_in_its_order(row: Row) -> None:
-    check(row)
+test_rows = row_test({"buffer": buffer, **{f"queue of {n}": partial(queue, n) for n in (1, 4, 11)}})

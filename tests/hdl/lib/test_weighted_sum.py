@@ -8,8 +8,10 @@ from amaranth.hdl import signed, unsigned
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hdl.blocks.vectors import of_stream
 from hdl.lib.weighted_sum import WeightedSum, signed_digits
-from tests.hdl.drivers import run_clocks
+from sim.benches.rows import check
+from tests.hdl.rows import Clocked
 
 
 @given(st.integers(-(1 << 40), 1 << 40))
@@ -38,18 +40,11 @@ def test_sum_is_exact_at_its_latency(weights: tuple[Any, ...], shape: Any, laten
     vectors = rng.integers(low, high + 1, (60, len(weights)))
     vectors[0] = np.where(np.array(weights) > 0, high, low)
     vectors[1] = np.where(np.array(weights) > 0, low, high)
-    valids = rng.random(60) < 0.7
-    valids[:2] = True
-    inputs = [
-        [(dut.i_valid, bool(valid)), *zip(dut.i_values, vector, strict=True)]
-        for valid, vector in zip(valids, vectors.tolist(), strict=True)
-    ]
-    inputs += [[(dut.i_valid, 0)]] * latency_cycles
-    outputs = run_clocks(dut, inputs, [dut.o_valid, dut.o_sum])
-    assert [valid for valid, _ in outputs] == [0] * latency_cycles + valids.tolist()
-    sums = [total for valid, total in outputs if valid]
-    assert sums == (vectors @ np.array(weights))[valids].tolist()
+    sums = (vectors @ np.array(weights)).tolist()
     assert (dut.low, dut.high) == (sums[1], sums[0])
+    check(
+        of_stream(Clocked(dut), "", [{"values": each} for each in vectors.tolist()], [{"sum": each} for each in sums])
+    )
 
 
 def test_weights_that_are_all_zero_are_refused() -> None:

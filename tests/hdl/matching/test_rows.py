@@ -8,12 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from golden_model.matching import correlation, rule_bases
+from hdl.blocks.catalogue import correlation_scores, fuzzy_correlation
 from hdl.blocks.vectors import Block, of_stream
-from hdl.matching.correlation import PIXELS, SumOfAbsoluteDifferences, WindowCorrelation
-from hdl.matching.fuzzy_correlation import FuzzyCorrelation, scale_constants
-from sim.benches.rows import Row, check
-from tests.hdl.drivers import run_clocks
-from tests.hdl.rows import table
+from hdl.matching.correlation import PIXELS, SumOfAbsoluteDifferences
+from hdl.matching.fuzzy_correlation import scale_constants
+from tests.hdl.rows import Clocked, row_test
 
 
 def windows() -> NDArray[np.uint8]:
@@ -43,31 +42,30 @@ def graded_windows() -> NDArray[np.uint8]:
     return np.asarray(np.concatenate([bright, dark], axis=1).clip(0, 255), np.uint8)
 
 
-def of_windows(dut: object, pairs: NDArray[np.uint8], **answers: NDArray[np.integer]) -> Block:
-    sent = [{"left": a, "right": b} for a, b in zip(*pairs.tolist(), strict=True)]
-    found = zip(*(values.tolist() for values in answers.values()), strict=True)
-    return of_stream(dut, "", sent, [dict(zip(answers, each, strict=True)) for each in found])
-
-
 def scores() -> Block:
-    pairs = windows()
-    found = {name: getattr(correlation, name)(*pairs) for name in ("sad", "zssd", "ncc")}
-    assert [int(each.min()) for each in found.values()] == [0, 0, 0]
-    assert [int(each.max()) for each in found.values()] == [9 * 255, 81 * 255**2 - 255**2, 256]
-    return of_windows(WindowCorrelation(), pairs, **found)
+    block = correlation_scores(windows())
+    found = np.array([[*row.values()] for row in block.outputs["o"]])
+    assert found.min(axis=0).tolist() == [0, 0, 0]
+    assert found.max(axis=0).tolist() == [9 * 255, 81 * 255**2 - 255**2, 256]
+    return block
 
 
 def fuzzy() -> Block:
-    pairs = graded_windows()
-    weight, rule = rule_bases.correlation().evaluate(*correlation.fuzzy_inputs(*pairs))
-    assert len(set(rule)) >= 10
-    assert {0, 128, 255} < set(weight)
-    return of_windows(FuzzyCorrelation(), pairs, weight=weight, rule=rule)
+    block = fuzzy_correlation(graded_windows())
+    weights, rules = ({row[name] for row in block.outputs["o"]} for name in ("o_weight", "o_rule"))
+    assert len(rules) >= 10
+    assert {0, 128, 255} < weights
+    return block
 
 
-@table(scores=scores, fuzzy=fuzzy)
-def test_a_correlation_answers_as_the_golden_model(row: Row) -> None:
-    check(row)
+def sum_of_differences() -> Block:
+    pairs = windows()
+    clocked = Clocked(SumOfAbsoluteDifferences(pixels=PIXELS))
+    sent = [dict(zip(("left", "right"), pair, strict=True)) for pair in pairs.swapaxes(0, 1).tolist()]
+    return of_stream(clocked, "", sent, [{"sum": each} for each in correlation.sad(*pairs).tolist()])
+
+
+test_rows = row_test({"scores": scores, "fuzzy": fuzzy, "sum of differences": sum_of_differences})
 
 
 @pytest.mark.parametrize(("variable", "factor"), [(0, Fraction(16, 9)), (1, Fraction(4, 81))], ids=["sad", "zssd"])
@@ -78,13 +76,3 @@ def test_scaling_is_exact_up_to_where_the_tables_end(variable: int, factor: Frac
     scaled = scores * multiplier >> shift
     np.testing.assert_array_equal(scaled, scores * factor.numerator // factor.denominator)
     assert rule_bases.correlation().inputs[variable].entries - 1 <= scaled[-1] <= 255
-
-
-def test_sum_of_absolute_differences_equals_the_golden_model() -> None:
-    left, right = windows()
-    dut = SumOfAbsoluteDifferences(pixels=PIXELS)
-    ports = [*dut.i_left, *dut.i_right]
-    inputs = [list(zip(ports, pixels, strict=True)) for pixels in np.hstack([left, right]).tolist()]
-    inputs += [[]] * dut.latency_cycles
-    sums = [total for (total,) in run_clocks(dut, inputs, [dut.o_sum])[dut.latency_cycles :]]
-    np.testing.assert_array_equal(sums, correlation.sad(left, right))

@@ -17,12 +17,13 @@ def pixel_payload(colour: NDArray[np.integer], weight: int) -> dict[str, Any]:
     return {"colour": [int(channel) for channel in colour], "weight": int(weight)}
 
 
-def pixel_row(pixel: Any) -> list[int]:
-    """Blue, green, red, weight."""
-    return [*(pixel.colour[n] for n in range(3)), pixel.weight]
+def pose_columns(pose: NDArray[np.int64]) -> list[list[int]]:
+    """What is constant, then the factors of X and Y."""
+    columns: list[list[int]] = elements(pose)[:, [2, 0, 1]].T.tolist()
+    return columns
 
 
-async def put_pose(ctx: Any, bench: Any, port: Any, pose: NDArray[np.int64], columns: int = 3) -> None:
-    """Send a pose's columns, or the first of them: what is constant, then the factors of X and Y."""
-    for column in elements(pose)[:, [2, 0, 1]].T.tolist()[:columns]:
+async def put_pose(ctx: Any, bench: Any, port: Any, pose: NDArray[np.int64]) -> None:
+    """Send a pose's columns."""
+    for column in pose_columns(pose):
         await bench.stream_put(ctx, port, dict(zip("xyw", column, strict=True)))

@@ -5,10 +5,7 @@ It stands for tests of its parts, whose wrong lines it notices in samples: `tile
 """
 
 import itertools
-import re
-import subprocess
 from dataclasses import asdict, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,10 +13,8 @@ from numpy.typing import NDArray
 
 from golden_model.geometry.fixed_point import quantise
 from golden_model.painting import painter as golden
-from golden_model.painting.line_reader import show
 from golden_model.painting.pose import Placement, Poses
 from golden_model.painting.timing import painting_cycles
-from hdl.blocks.export import find_block, write_block
 from sim.benches.memory import MemoryRules
 from sim.benches.painter import PainterBench, Report
 from tests.golden_model.painting import tilted
@@ -29,7 +24,6 @@ SIZE, COLUMNS, ROWS = (75, 58), 5, 4
 LARGE = (170, 150)
 """It holds more than one wide window."""
 SLOW = MemoryRules(waits=43, latency_clocks=119, seed=1)
-BORDER = 0x123456
 FRAME_CLOCKS = 200_000
 """Limit."""
 
@@ -70,25 +64,6 @@ def counted(report: Report) -> dict[str, int]:
     counts = asdict(report)
     del counts["cycle"], counts["frame"]
     return counts
-
-
-def check_pictures(pixels: NDArray[np.int64], states: list[NDArray[np.uint8]], lines: int, *, torn: bool) -> None:
-    """Compare what a display has got with what was shown some time; with ``torn`` each tile by itself."""
-    shape = (-1, lines, COLUMNS * 32)
-    assert len(pixels) > 3 * np.prod(shape[1:])
-    first, last = (pixels >> bit & 1 for bit in (24, 25))
-    np.testing.assert_array_equal(np.flatnonzero(first), np.arange(0, len(pixels), lines * COLUMNS * 32))
-    np.testing.assert_array_equal(np.flatnonzero(last), np.arange(COLUMNS * 32 - 1, len(pixels), COLUMNS * 32))
-    shown = np.array([show(state, lines, BORDER) for state in states])
-    parts = (
-        [np.s_[:]]
-        if not torn
-        else [np.s_[y : y + 32, x : x + 32] for y, x in np.ndindex(lines, COLUMNS * 32) if y % 32 == x % 32 == 0]
-    )
-    for part in parts:
-        known = {state[part].tobytes() for state in shown}
-        seen = {picture[part].tobytes() for picture in (pixels & 0xFFFFFF).reshape(shape)}
-        assert seen <= known
 
 
 def model_counts(counts: golden.Counts) -> dict[str, int]:
@@ -225,108 +200,6 @@ def test_a_refused_pose_costs_its_own_frame_alone(nowhere: bool) -> None:
     for number in (1, 3):
         model.paint(frame(number), integers(places[number]))
     np.testing.assert_array_equal(bench.canvas, model.memory)
-
-
-@pytest.mark.parametrize("reads", [60, pytest.param(5_000, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("replaces", [False, True], ids=["canvas", "stabilised"])
-def test_what_is_held_is_whole_and_stays(replaces: bool, reads: int) -> None:
-    """Read at random moments for random times: no tile is torn, and of stabilised video no page has two frames.
-
-    Nor of the pictures on a display, which waits at random, too. A hold that lasts costs frames, which are counted; the
-    poses go on.
-    """
-    bench, model = start(replaces=replaces)
-    lines = 32 * ROWS - 9
-    bench.set(pictures_valid=1, pictures_columns=COLUMNS, pictures_lines=lines, pictures_border=BORDER)
-    bench.display(60)
-    rng, shown, next_frame, snapshots = (
-        np.random.default_rng(4),
-        list[tuple[NDArray[np.uint8], NDArray[np.float64]]](),
-        0,
-        [],
-    )
-    for read in range(reads):
-        row = int(rng.integers(ROWS))
-        bench.set(holds_0_valid=1, holds_0_row=row)
-        bench.run(2)
-        while not bench.held:
-            bench.run(50)
-        part = bench.pages[bench.shown] if replaces else bench.pages[0, row]
-        snapshots.append((row, part.copy()))
-        bench.run(int(rng.integers(50_000 if read % 9 == 0 else 3_000)))
-        np.testing.assert_array_equal(part, snapshots[-1][1])
-        bench.set(holds_0_valid=0)
-        for _ in range(int(rng.integers(3, 9))):
-            if bench.cycle > next_frame:
-                next_frame = bench.cycle + 12_000
-                (H,) = homographies(1, seed=len(shown))
-                shown.append((frame(len(shown)), H))
-                bench.show(shown[-1][0])
-                bench.place(quantise(H[np.newaxis])[0], len(shown))
-            bench.run(int(rng.integers(1_500)))
-    bench.set(pictures_valid=0)
-    while not bench.is_idle or len(bench.pixels) % (lines * COLUMNS * 32):
-        bench.run(30_000)
-    states = [model.memory.copy()]
-    for report in bench.reports:
-        picture, H = shown[report.frame - 1]
-        model.paint(picture, integers(H))
-        states.append(model.memory.copy())
-    np.testing.assert_array_equal(bench.pages, model.pages)
-    assert bench.shown == model.shown
-    pages = {state.tobytes() for state in states}
-    tiles = {(row, n, state[row, n].tobytes()) for state in states for row, n in np.ndindex(ROWS, COLUMNS)}
-    for row, part in snapshots:
-        whole = (
-            part.tobytes() in pages if replaces else {(row, n, tile.tobytes()) for n, tile in enumerate(part)} <= tiles
-        )
-        assert whole
-    check_pictures(bench.pixels, states, lines, torn=not replaces)
-    # Neither an empty canvas alone, nor nothing but what is painted.
-    assert len({part.tobytes() for _, part in snapshots}) > 2
-    events = bench.events
-    given_up = events.get("unplaced", 0) + events.get("skipped", 0)
-    assert given_up == len(shown) - len(bench.reports)
-    # A refused pose leaves its frame without one; the last one's pose waits for a later frame.
-    assert given_up - events.get("unmatched", 0) - events.get("refused", 0) in {0, 1}
-    assert given_up > 0 or not replaces
-    assert (bench.violations, bench.is_idle) == (0, True)
-
-
-def test_a_picture_ends_where_it_should_whatever_stops() -> None:
-    """The display in mid-line, the reader, a reset: no burst stays open, and what is not read is the border."""
-    bench, _ = start()
-    rng = np.random.default_rng(3)
-    bench.pages[:] = rng.integers(0, 256, bench.pages.shape)
-    for number in range(12):
-        # After a reset the painter forgets its canvas.
-        bench.run(20_000)
-        columns, lines = int(rng.integers(1, 6)), int(rng.integers(1, 65))
-        tiles = bench.pages.reshape(-1, 32, 32, 4)[: 2 * columns].reshape(2, columns, 32, 32, 4)
-        expected, before = show(tiles, lines, BORDER).ravel(), len(bench.pixels)
-        bench.set(stop=0, pictures_valid=1, pictures_columns=columns, pictures_lines=lines, pictures_border=BORDER)
-        bench.display(int(rng.choice([0, 60, 200])))
-        bench.run(int(rng.integers(1, 3 * len(expected))))
-        bench.display(256)
-        bench.run(3_000)
-        assert bench.is_idle
-        if number % 3 == 2:
-            bench.set(pictures_valid=0)
-            bench.reset()
-            continue
-        bench.set(stop=1)
-        bench.run(9)
-        bench.display(0)
-        bench.run(len(expected) + 9)
-        pixels = bench.pixels[before:]
-        first, last = (np.flatnonzero(pixels >> bit & 1) for bit in (24, 25))
-        assert first.tolist() == list(range(0, len(pixels), len(expected)))
-        assert last.tolist() == list(range(32 * columns - 1, len(pixels), 32 * columns))
-        *whole, cut = (pixels & 0xFFFFFF).reshape(-1, len(expected))
-        assert all(np.array_equal(picture, expected) for picture in whole)
-        left_out = np.cumsum(cut != expected) > 0
-        assert (cut[left_out] == BORDER).all()
-    assert bench.violations == 0
 
 
 def test_a_page_that_memory_refused_is_not_shown() -> None:
@@ -468,46 +341,3 @@ def test_a_reset_in_a_frame_leaves_nothing_behind(
     assert [report.frame for report in bench.run(FRAME_CLOCKS, reports=1)] == [1]
     model.paint(frame(2, size), integers(second))
     np.testing.assert_array_equal(bench.canvas, model.memory)
-
-
-@pytest.mark.slow
-@pytest.mark.needs("icarus")
-def test_the_exported_block_is_verilog_with_four_buses(tmp_path: Path) -> None:
-    write_block(tmp_path, *find_block("hdl.painting.painter:Painter"))
-    verilog = tmp_path / "painter.v"
-    subprocess.run(["iverilog", "-g2012", "-s", "painter", "-o", tmp_path / "painter", verilog], check=True)
-    ports = set(re.findall(r"\w+", verilog.read_text().split("module painter(")[1].split(");")[0]))
-    # Frames in, windows out, tiles of the canvas both ways; and the streams around them.
-    assert {"frames_wdata", "windows_rdata", "old_tiles_rdata", "new_tiles_wdata"} <= ports
-    assert {"clk", "rst", "i_data", "i_poses_elements_8", "o_counts_painted"} <= ports
-
-
-OUTSIDE = """
-module bench;
-  reg clk = 0, rst = 1, valid = 0;
-  wire [7:0] blue, green, red, weight;
-  wire is_valid;
-  always #5 clk = ~clk;
-  blending dut(.clk(clk), .rst(rst), .i_valid(valid), .o_ready(1'b1), .o_valid(is_valid), .i_old_colour_0(8'd11),
-    .i_old_colour_1(8'd22), .i_old_colour_2(8'd33), .i_old_weight(8'd4), .i_new_colour_0(8'hxx),
-    .i_new_colour_1(8'hxx), .i_new_colour_2(8'hxx), .i_new_weight(8'd0), .o_colour_0(blue), .o_colour_1(green),
-    .o_colour_2(red), .o_weight(weight));
-  initial begin
-    repeat (3) @(negedge clk);
-    rst = 0;
-    valid = 1;
-    @(posedge is_valid) #1 $display("%0d %0d %0d %0d", blue, green, red, weight);
-    $finish;
-  end
-endmodule
-"""
-
-
-@pytest.mark.needs("icarus")
-def test_what_is_unknown_outside_the_frame_stays_there(tmp_path: Path) -> None:
-    """A memory that was never written is X in a simulation of four values."""
-    write_block(tmp_path, *find_block("hdl.painting.blending:Blending"))
-    (tmp_path / "bench.v").write_text(OUTSIDE)
-    subprocess.run(["iverilog", "-g2012", "-o", "bench", "bench.v", "blending.v"], cwd=tmp_path, check=True)
-    told = subprocess.run(["vvp", "-n", "bench"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
-    assert told.splitlines()[0] == "11 22 33 4"

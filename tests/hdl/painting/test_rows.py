@@ -1,24 +1,25 @@
 # amaranth: UnusedElaboratable=no
-"""Blending, positions and the reader in lines answer as the golden model, one pixel per clock."""
+"""Blending, positions and tiles answer as the golden model."""
 
+import subprocess
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from golden_model.painting.blending import FADE, blend
 from golden_model.painting.corners import CORNER
-from golden_model.painting.line_reader import bursts, show
 from golden_model.painting.positions import positions
-from golden_model.painting.tiles import TILE_PX
-from hdl.blocks.vectors import Block, of_stream, rows
+from hdl.blocks.export import find_block, write_block
+from hdl.blocks.vectors import Block, of_stream
 from hdl.painting.blending import Blending
-from hdl.painting.line_reader import LineReader
 from hdl.painting.positions import Positions
-from sim.benches.rows import Row, check
 from tests.golden_model.painting import tilted
 from tests.hdl.painting.payloads import corner_payload, pixel_payload
-from tests.hdl.rows import table
+from tests.hdl.rows import row_test
 
 COUNT = 600
 
@@ -42,7 +43,7 @@ def blending() -> Block:
     each = zip(old, colours, weights, strict=True)
     sent = [{"old": pixel_payload(under[:3], under[3]), "new": pixel_payload(over, now)} for under, over, now in each]
     answers = [pixel_payload(pixel[:3], pixel[3]) for pixel in blend(old, colours, weights)]
-    return of_stream(Blending(), "", sent, answers)
+    return replace(of_stream(Blending(), "", sent, answers), clocks_each=1)
 
 
 def places() -> Block:
@@ -63,31 +64,35 @@ def places() -> Block:
     return of_stream(Positions(), "", sent, answers)
 
 
-def picture() -> Block:
-    """Part of a canvas of odd sides, with holes and with words that could not be read."""
-    columns, lines, border, page = 3, 45, 0x123456, 0x8_1234_5678
-    rng = np.random.default_rng(2)
-    tiles = rng.integers(0, 256, (2, columns, TILE_PX, TILE_PX, 4), np.uint8)
-    tiles[..., 3] *= rng.random(tiles.shape[:-1]) < 0.7
-    order = bursts(columns, lines)
-    words = tiles.reshape(-1, 16 * 8).view(np.uint64)[order]
-    failed = rng.random(words.shape) < 0.1
-    tiles.reshape(-1, 16, 2, 4)[order, ..., 3] *= ~failed[..., np.newaxis]
-    read = [{"data": int(word), "failed": int(bad)} for word, bad in zip(words.flat, failed.flat, strict=True)]
-    shown = [
-        {"data": int(colour), "first": y + x == 0, "last": x == columns * TILE_PX - 1}
-        for (y, x), colour in np.ndenumerate(show(tiles, lines, border))
-    ]
-    asked = [{"burst": page * TILE_PX + int(each), "first": 0, "last": 15} for each in order]
-    return Block(
-        LineReader(),
-        "",
-        {"i": rows("i", [{"columns": columns, "lines": lines, "border": border}]), "i_words": rows("i_words", read)},
-        {"o": rows("o", shown), "o_bursts": rows("o_bursts", asked)},
-        {"i_page": page, "i_held": 1, "i_stop": 0},
-    )
+test_rows = row_test({"blending": blending, "positions": places})
 
 
-@table(picture=Row(picture, clocks_each=1), blending=Row(blending, clocks_each=1), positions=places)
-def test_a_part_of_the_painter_answers_as_the_golden_model(row: Row) -> None:
-    check(row)
+OUTSIDE = """
+module bench;
+  reg clk = 0, rst = 1, valid = 0;
+  wire [7:0] blue, green, red, weight;
+  wire is_valid;
+  always #5 clk = ~clk;
+  blending dut(.clk(clk), .rst(rst), .i_valid(valid), .o_ready(1'b1), .o_valid(is_valid), .i_old_colour_0(8'd11),
+    .i_old_colour_1(8'd22), .i_old_colour_2(8'd33), .i_old_weight(8'd4), .i_new_colour_0(8'hxx),
+    .i_new_colour_1(8'hxx), .i_new_colour_2(8'hxx), .i_new_weight(8'd0), .o_colour_0(blue), .o_colour_1(green),
+    .o_colour_2(red), .o_weight(weight));
+  initial begin
+    repeat (3) @(negedge clk);
+    rst = 0;
+    valid = 1;
+    @(posedge is_valid) #1 $display("%0d %0d %0d %0d", blue, green, red, weight);
+    $finish;
+  end
+endmodule
+"""
+
+
+@pytest.mark.needs("icarus")
+def test_what_is_unknown_outside_the_frame_stays_there(tmp_path: Path) -> None:
+    """A memory that was never written is X in a simulation of four values."""
+    write_block(tmp_path, *find_block("hdl.painting.blending:Blending"))
+    (tmp_path / "bench.v").write_text(OUTSIDE)
+    subprocess.run(["iverilog", "-g2012", "-o", "bench", "bench.v", "blending.v"], cwd=tmp_path, check=True)
+    told = subprocess.run(["vvp", "-n", "bench"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+    assert told.splitlines()[0] == "11 22 33 4"

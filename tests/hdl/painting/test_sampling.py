@@ -1,19 +1,19 @@
 # amaranth: UnusedElaboratable=no
 """Colours and weights equal the golden model wherever a window lies, and while the other one is written."""
 
+import itertools
+from functools import partial
 from typing import Any
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from golden_model.arrays import Pixels
 from golden_model.painting.positions import POSITION
 from golden_model.painting.sampling import sample
+from hdl.blocks.vectors import Block, rows
 from hdl.painting.sampling import Sampling
-from sim.simulators.recording import NO_PAUSES, Pauses
-from tests.hdl.block_bench import BlockBench
-from tests.hdl.painting.payloads import pixel_row
+from tests.hdl.rows import row_test
 
 COUNT = 80
 BOXES = {
@@ -25,10 +25,6 @@ BOXES = {
     "the largest weights of 1080 lines": ((1920, 1080), (950, 530, 970, 550)),
     "a column at the right border": ((1031, 1100), (1029, 600, 1030, 640)),
 }
-
-
-def settings_of(size: tuple[int, int]) -> dict[str, int]:
-    return {"i_width_px": size[0], "i_height_px": size[1]}
 
 
 def draw(size: tuple[int, int], box: tuple[int, int, int, int], seed: int) -> tuple[Pixels, NDArray[np.int64]]:
@@ -62,84 +58,32 @@ def is_wide(box: tuple[int, int, int, int]) -> bool:
     return box[2] - box[0] >= 64
 
 
-async def write(ctx: Any, port: Any, window: int, box: tuple[int, int, int, int], colours: Pixels) -> None:
-    """Write a box in words of two pixels, as they come from memory."""
-    left, top, right, bottom = box
-    wide = is_wide(box)
-    ctx.set(port.valid, 1)
-    for y in range(top, bottom + 1):
-        for x in range(left & ~1, right + 1, 2):
-            kept = [int(left <= each <= right) for each in (x, x + 1)]
-            pair = [
-                colours[y - top, each - left].tolist() if left <= each <= right else [170] * 3 for each in (x, x + 1)
-            ]
-            column = x // 2 % 64 if wide else x // 2 % 32 + 32 * window
-            ctx.set(port, {"valid": 1, "y": y % 128, "x": column, "pixels": pair, "kept": kept})
-            await ctx.tick()
-    ctx.set(port.valid, 0)
-
-
-async def put(
-    ctx: Any, bench: BlockBench, window: int, at: NDArray[np.int64], *, wide: bool = False, blank: bool = False
-) -> None:
-    for x, y in at.tolist():
-        await bench.stream_put(ctx, bench.dut.i, {"x": x, "y": y, "window": window, "wide": wide, "blank": blank})
-
-
-async def get(ctx: Any, bench: BlockBench, results: list[list[int]], count: int) -> None:
-    for _ in range(count):
-        results.append(pixel_row(await bench.stream_get(ctx, bench.dut.o)))
-
-
-def assert_equal(results: list[list[int]], colours: NDArray[np.int64], weights: NDArray[np.int64]) -> None:
-    received = np.array(results)
-    np.testing.assert_array_equal(received[:, 3], weights)
-    np.testing.assert_array_equal(received[weights > 0, :3], colours[weights > 0])
-
-
-@pytest.mark.parametrize(
-    ("name", "pauses"),
-    [*((name, NO_PAUSES) for name in BOXES), ("a whole frame of odd size", Pauses(gaps=100, stalls=140, seed=9))],
-)
-def test_pixels_equal_the_golden_model(name: str, pauses: Pauses) -> None:
+def sampled(name: str, *, blank: bool = False) -> Block:
+    """The box is written in words of two pixels, as they come from memory, and then asked for."""
     size, box = BOXES[name]
+    left, top, right, bottom = box
     colours, at = draw(size, box, seed=len(name))
-    dut = Sampling()
-    bench = BlockBench(dut, settings=settings_of(size), pauses=pauses, cycle_limit=10_000)
-    results: list[list[int]] = []
+    wide, words = right - left >= 64, list[dict[str, Any]]()
+    for y, x in itertools.product(range(top, bottom + 1), range(left & ~1, right + 1, 2)):
+        kept = [left <= each <= right for each in (x, x + 1)]
+        pair = [colours[y - top, each - left].tolist() if left <= each <= right else [170] * 3 for each in (x, x + 1)]
+        words.append({"y": y % 128, "x": x // 2 % 64 if wide else x // 2 % 32 + 32, "pixels": pair, "kept": kept})
+    asked = [{"x": x, "y": y, "window": 1, "wide": wide, "blank": blank} for x, y in at.tolist()]
+    found, weights = expected(size, box, colours, at)
+    assert len(set(weights > 0)) == 2 or name.startswith("the largest")
+    answers: list[dict[str, Any]] = [
+        {"colour": colour.tolist(), "weight": int(weight)} if weight and not blank else {"weight": 0}
+        for colour, weight in zip(found, weights, strict=True)
+    ]
+    return Block(
+        Sampling(),
+        "",
+        {"i_write": rows("i_write", words), "i": rows("i", asked)},
+        {"o": rows("o", answers)},
+        dict(zip(("i_width_px", "i_height_px"), size, strict=True)),
+        in_turn=True,
+    )
 
-    async def send(ctx: Any) -> None:
-        await write(ctx, dut.i_write, 1, box, colours)
-        await put(ctx, bench, 1, at, wide=is_wide(box))
 
-    async def receive(ctx: Any) -> None:
-        await get(ctx, bench, results, COUNT)
-
-    bench.run(send, receive)
-    assert_equal(results, *expected(size, box, colours, at))
-    assert {bool(weight) for *_, weight in results} == {True, False} or name.startswith("the largest")
-
-
-def test_blank_positions_weigh_nothing_and_a_reset_forgets_what_is_under_way() -> None:
-    size, box = BOXES["a whole frame of odd size"]
-    colours, at = draw(size, box, seed=4)
-    dut = Sampling()
-    bench = BlockBench(dut, settings=settings_of(size), cycle_limit=3000)
-    blank: list[list[int]] = []
-    results: list[list[int]] = []
-
-    async def run(ctx: Any) -> None:
-        await write(ctx, dut.i_write, 0, box, colours)
-        await put(ctx, bench, 0, at[:10], blank=True)
-        await get(ctx, bench, blank, 10)
-        for count in (1, 6, 14):
-            await put(ctx, bench, 0, at[:count])
-            await bench.pulse(ctx, bench.reset)
-            await put(ctx, bench, 0, at[20:26])
-            await get(ctx, bench, results, 6)
-
-    bench.run(run)
-    assert not any(weight for *_, weight in blank)
-    for n in range(3):
-        after = (each[20:26] for each in expected(size, box, colours, at))
-        assert_equal(results[6 * n : 6 * n + 6], *after)
+FIRST, *_ = BOXES
+test_rows = row_test({"blank": partial(sampled, FIRST, blank=True), **{name: partial(sampled, name) for name in BOXES}})

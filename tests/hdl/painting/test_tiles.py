@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 
 from golden_model.painting.tiles import UNIT_TILES, touched
+from hdl.blocks.vectors import Block, of_stream
 from hdl.painting.tiles import COEFFICIENT_CYCLES, TileWalker
-from sim.simulators.recording import Pauses
 from tests.golden_model.painting.poses import homography, pose
 from tests.hdl.block_bench import BlockBench
-from tests.hdl.painting.payloads import put_pose
+from tests.hdl.painting.payloads import pose_columns, put_pose
+from tests.hdl.rows import row_test
 
 SIZE = (90, 70)
 TILES = (7, 9)
@@ -35,56 +36,19 @@ def poses() -> list[np.ndarray]:
     ]
 
 
-def test_the_tiles_are_those_of_the_golden_model() -> None:
-    pauses = Pauses(gaps=90, stalls=120, seed=2)
-    given = poses()
-    tiles = [touched(each, SIZE, TILES).tolist() for each in given]
-    wanted = [tile for each in tiles for tile in each]
-    assert [len(each) for each in tiles[3:5]] == [0, 0]
-    dut = TileWalker()
-    found: list[list[int]] = []
-
-    async def send(ctx: Any) -> None:
-        for each in given:
-            await put_pose(ctx, bench, dut.i, each)
-
-    async def receive(ctx: Any) -> None:
-        for _ in wanted:
-            tile = await bench.stream_get(ctx, dut.o)
-            found.append([tile.column, tile.row])
-
-    bench = BlockBench(dut, settings=SETTINGS, pauses=pauses, cycle_limit=4000)
-    bench.run(send, receive)
-    assert found == wanted
+def walked(given: list[np.ndarray], **settings: int) -> Block:
+    columns = [dict(zip("xyw", column, strict=True)) for each in given for column in pose_columns(each)]
+    found = [tile for each in given for tile in touched(each, SIZE, TILES, all_tiles=bool(settings)).tolist()]
+    tiles = [dict(zip(("column", "row"), tile, strict=True)) for tile in found]
+    return of_stream(TileWalker(), "", columns, tiles, **SETTINGS, **settings)
 
 
-def test_a_reset_forgets_the_pose_and_the_way() -> None:
-    """In the middle of the way, in a row that leads to the left, and between the columns of a pose."""
-    first, last = poses()[0], poses()[-1]
-    dut = TileWalker()
-    found: list[list[int]] = []
-
-    async def run(ctx: Any) -> None:
-        ctx.set(dut.o.ready, 1)
-        await put_pose(ctx, bench, dut.i, first)
-        await ctx.tick().repeat(25)
-        assert not ctx.get(dut.o_idle)
-        await bench.pulse(ctx, bench.reset)
-        await put_pose(ctx, bench, dut.i, first, columns=2)
-        await bench.pulse(ctx, bench.reset)
-        assert ctx.get(dut.o_idle)
-        ctx.set(dut.o.ready, 0)
-        await put_pose(ctx, bench, dut.i, last)
-        while not ctx.get(dut.o_idle):
-            if ctx.get(dut.o.valid):
-                tile = await bench.stream_get(ctx, dut.o)
-                found.append([tile.column, tile.row])
-            else:
-                await ctx.tick()
-
-    bench = BlockBench(dut, settings=SETTINGS, cycle_limit=1200)
-    bench.run(run)
-    assert found == touched(last, SIZE, TILES).tolist()
+# The reset falls into the way of another pose.
+test_rows = row_test({
+    "poses": lambda: walked(poses()),
+    "turned first": lambda: walked(poses()[::-1]),
+    "replaced": lambda: walked(poses()[3:], i_replace=1),
+})  # fmt: skip
 
 
 def test_every_tile_is_offered_where_the_canvas_is_replaced() -> None:

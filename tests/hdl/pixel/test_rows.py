@@ -1,5 +1,8 @@
 # amaranth: UnusedElaboratable=no
-"""Each pixel block answers as the golden model: chains of the catalogue, and parts of them at their extremes."""
+"""Parts of the pixel blocks (gray, half, smooth, sobel, fast, harris, nms, corners) at their extremes.
+
+The blocks themselves are rows of the catalogue, which `tests/hdl/blocks/test_catalogue.py` runs.
+"""
 
 from collections.abc import Sequence
 from functools import partial
@@ -20,16 +23,12 @@ from hdl.pixel.gray import Gray
 from hdl.pixel.harris import TENSOR_LINES, RawResponse, ResponseCode, StructureTensor
 from hdl.pixel.smooth import Binomial
 from hdl.pixel.window import LineBuffer, OffsetColumns, Window
-from sim.benches.rows import Row, check
-from tests.hdl.rows import table
+from sim.benches.rows import check
+from tests.hdl.rows import row_test
 
 Pixels = NDArray[Any]
 TWO = {"pixels_per_clock": 2}
 UNSMOOTHED = {"smoothed_gradients": False, "tensor_window_px": 3, "suppression_radius_px": 1}
-
-
-def of(name: str, **settings: Any) -> Any:
-    return partial(make_block, name, settings)
 
 
 def columns(plane: Pixels, lines: int) -> Pixels:
@@ -165,43 +164,31 @@ def window() -> Block:
     return scan(Window(shape=8, columns=4), "", frames, answer, margin_px=3)
 
 
-@table(
-    gray=of("gray"),
-    gray_at_two=of("gray", **TWO),
-    gray_as_it_is=gray_input,
-    half=of("half"),
-    half_at_two=of("half", **TWO),
-    smooth=of("smooth"),
-    smooth_5_at_two=of("smooth", window_px=5, **TWO),
-    smooth_1=lambda: of_columns(Binomial(window_px=1, **TWO), 1, lambda frame: {"pixel": frame}),
-    sobel=of("sobel"),
-    sobel_at_two=of("sobel", **TWO),
-    gradients=partial(gradient_columns, "harris"),
-    pixels_for_fast_at_two=partial(gradient_columns, "fast", **TWO),
-    tensor=tensor,
-    raw_response=raw_response,
-    raw_response_of_11=partial(raw_responses, 11, 6),
-    raw_response_of_0=partial(raw_responses, 0, 0),
-    code_from_1=partial(response_code, 1),
-    code_from_1500=partial(response_code, 1500),
-    code_from_70000=partial(response_code, 70_000),
-    fast=partial(fast_of, 1, 3, 1),
-    fast_at_two=partial(fast_of, 20, 4, 2),
-    nms=of("nms"),
-    nms_3_at_two=of("nms", **TWO),
-    nms_1=of("nms", suppression_radius_px=1),
-    nms_of_fast=of("nms", detector="fast"),
-    nms_of_fast_at_two=of("nms", detector="fast", suppression_radius_px=1, **TWO),
-    corners_at_two=of("corners", **TWO),
-    corners_of_fast=of("corners", detector="fast", **UNSMOOTHED),
-    lines=line_buffer,
-    lines_at_two=partial(line_buffer, **TWO),
-    offset_0=partial(offset_columns, 0),
-    offset_3_at_two=partial(offset_columns, 3, **TWO),
-    window=window,
-)
-def test_a_pixel_block_answers_as_the_golden_model(row: Row) -> None:
-    check(row)
+test_rows = row_test({
+    "gray as it is": gray_input,
+    "smooth 5 at two": partial(make_block, "smooth", {"window_px": 5, **TWO}),
+    "smooth 1": lambda: of_columns(Binomial(window_px=1, **TWO), 1, lambda frame: {"pixel": frame}),
+    "gradients": partial(gradient_columns, "harris"),
+    "pixels for fast at two": partial(gradient_columns, "fast", **TWO),
+    "tensor": tensor,
+    "raw response": raw_response,
+    "raw response of 11": partial(raw_responses, 11, 6),
+    "raw response of 0": partial(raw_responses, 0, 0),
+    "code from 1": partial(response_code, 1),
+    "code from 1500": partial(response_code, 1500),
+    "code from 70000": partial(response_code, 70_000),
+    "fast of 1": partial(fast_of, 1, 3, 1),
+    "fast of 20 at two": partial(fast_of, 20, 4, 2),
+    "nms 1": partial(make_block, "nms", {"suppression_radius_px": 1}),
+    "nms of fast": partial(make_block, "nms", {"detector": "fast"}),
+    "nms of fast at two": partial(make_block, "nms", {"detector": "fast", "suppression_radius_px": 1, **TWO}),
+    "corners of fast": partial(make_block, "corners", {"detector": "fast", **UNSMOOTHED}),
+    "lines": line_buffer,
+    "lines at two": partial(line_buffer, **TWO),
+    "offset 0": partial(offset_columns, 0),
+    "offset 3 at two": partial(offset_columns, 3, **TWO),
+    "window": window,
+})  # fmt: skip
 
 
 def test_fast_waits_for_a_larger_window_of_harris(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -213,4 +200,4 @@ def test_fast_waits_for_a_larger_window_of_harris(monkeypatch: pytest.MonkeyPatc
         "harris.StructureTensor.lag_px": 3,
     }.items():
         monkeypatch.setattr(f"hdl.pixel.{name}", value)
-    check(Row(of("corners", detector="fast")))
+    check(make_block("corners", {"detector": "fast"}))

@@ -34,14 +34,21 @@ def test_a_constant_beyond_its_field_is_refused() -> None:
 
 
 @pytest.mark.parametrize("event", [field.name for field in fields(Access.EVENT)])
-def test_each_event_interrupts_under_its_own_mask(event: str) -> None:
+def test_each_event_interrupts_under_its_own_mask_until_it_is_cleared(event: str) -> None:
     async def testbench(ctx: Any, registers: Any) -> None:
-        ctx.set(getattr(registers, f"i_{event}"), 1)
+        for field in fields(Access.EVENT):
+            ctx.set(getattr(registers, f"i_{field.name}"), 1)
         await ctx.tick()
+        for field in fields(Access.EVENT):
+            ctx.set(getattr(registers, f"i_{field.name}"), 0)
         bit = 1 << next(field.low for field in fields(Access.EVENT) if field.name == event)
-        for mask, interrupts in ((7 & ~bit, 0), (bit, 1)):
+        for mask in (bit, 7):
             await write(ctx, registers.bus, OFFSETS["IRQ_MASK"], mask)
-            assert ctx.get(registers.o_interrupt) == interrupts
+            assert ctx.get(registers.o_interrupt)
+            await write(ctx, registers.bus, OFFSETS["IRQ_STATUS"], bit)
+            assert (await read(ctx, registers.bus, OFFSETS["IRQ_STATUS"]))[0] == 7 & ~bit
+            # The others are set, and interrupt only under their own masks.
+            assert ctx.get(registers.o_interrupt) == (mask == 7)
 
     simulate(testbench)
 

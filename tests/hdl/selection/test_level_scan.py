@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hdl.blocks.vectors import Block, of_stream
 from hdl.selection.level_scan import WARNING_BEATS, LevelScan
 from hdl.streams import beat
-from sim.benches.rows import Row, check
+from sim.benches.rows import check
 
 LAG_PX, BORDER_PX, CELL_LOG2 = 4, 7, 4
 
@@ -74,7 +74,7 @@ def test_marks_belong_to_the_lagging_pixel(pixels_per_clock: int, shape: tuple[i
     }
     # During the first frame the sizes are still new.
     dut = ScanWithWarning(cells=cells, pixels_per_clock=pixels_per_clock)
-    check(Row(lambda: scanned(shape, [{}, marks, marks], dut)))
+    check(scanned(shape, [{}, marks, marks], dut))
 
 
 def test_a_border_wider_than_the_smallest_level_still_ends_it() -> None:
@@ -82,4 +82,4 @@ def test_a_border_wider_than_the_smallest_level_still_ends_it() -> None:
     dut = LevelScan(lag_px=LAG_PX, border_px=60, cells=True)
     end = np.zeros(shape, int)
     end[0, -1] = 1
-    check(Row(lambda: scanned(shape, [{}, {"inside": 0 * end, "ends_row": end, "ends_level": end}], dut)))
+    check(scanned(shape, [{}, {"inside": 0 * end, "ends_row": end, "ends_level": end}], dut))

@@ -11,8 +11,7 @@ from golden_model.records import Tag
 from hdl.blocks.vectors import Block, of_stream
 from hdl.feature.extractor import feature_layout
 from hdl.selection.record_serializer import FeatureWords
-from sim.benches.rows import Row, check
-from tests.hdl.rows import table
+from tests.hdl.rows import row_test
 
 FEATURES = 40
 ENDS_AFTER = {11: [0], 12: [0, 1], 39: [1]}
@@ -43,10 +42,5 @@ def record_words(name: str, level: int) -> Block:
     return of_stream(FeatureWords(pattern=pattern, level=level), "", items, answers)
 
 
-@table(**{
-    f"{name}_level_{level}".replace("-", "_"): partial(record_words, name, level)
-    for level, name in enumerate(("ilbp-128", "ilbp-256", "thesis-ilbp-1", "thesis-ilbp-4"))
-    for level in (level % 2,)
-})  # fmt: skip
-def test_words_are_the_records(row: Row) -> None:
-    check(row)
+NAMES = ("ilbp-128", "ilbp-256", "thesis-ilbp-1", "thesis-ilbp-4")
+test_rows = row_test({f"{name} level {n % 2}": partial(record_words, name, n % 2) for n, name in enumerate(NAMES)})
