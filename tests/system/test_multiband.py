@@ -10,11 +10,12 @@ import pytest
 import rasterio
 import rasterio.errors
 
-from skymosaic import mosaic
 from skymosaic.common.errors import InputError
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.live_frames import read_live_frames
 from skymosaic.imagery.photographs import list_sources
+from skymosaic.mosaicking.api import open_run
+from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.panel.options import Options
 from skymosaic.panel.tasks.mosaic_tasks import make_mosaic
 from tests.skymosaic.flight.picture.conftest import CAPTURES
@@ -88,4 +89,7 @@ def test_bands_need_a_tif_are_kept_if_damaged_and_shown(band_folder: Path, tmp_p
     capture = group_band_sets(list_sources([band_folder]))[0].with_damaged(keep=True)
     assert [source.keep_damaged for source in (capture, *capture.bands.values())] == [True] * 4
     few = sorted(band_folder.iterdir())[: 3 * FEW]
-    assert "<img" in mosaic(few, band="red")._repr_html_()
+    told = list[str]()
+    with open_run(few, MosaicOptions(band="red", warp="mesh"), tell=told.append) as run:
+        assert "<img" in next(run.mosaics())._repr_html_()
+    assert any(line.startswith("note: `warp`: a mask or other bands would not be bent") for line in told)

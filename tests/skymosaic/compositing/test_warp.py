@@ -10,7 +10,6 @@ from skymosaic.compositing.warp import (
     enclosing_canvas,
     footprint,
     magnification,
-    nearness,
     shrink,
     source_window,
     warp_backward,
@@ -72,14 +71,6 @@ def test_the_magnification_is_that_of_the_area_in_the_middle() -> None:
     right, below = np.array([302, 200]) / 1.002, np.array([300, 202]) / 1.001
     area = np.linalg.det([right - (300, 200), below - (300, 200)])
     assert magnification((301, 201), leaning) == pytest.approx(np.sqrt(area), rel=1e-9)
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-def test_the_ground_is_near_even_where_most_of_an_image_is_sky(sign: int) -> None:
-    # It maps column 20 to infinity; what is left of it is ground.
-    horizon = np.array([[1.0, 0, 0], [0, 1, 0], [-1 / 20, 0, 1]])
-    points = np.array([[0.0, 0], [10, 5], [20, 0], [80, 0]])
-    np.testing.assert_allclose(nearness((81, 60), sign * horizon, points), [1, 0.5, 0, -3])
 
 
 def test_backward_against_a_textbook_loop() -> None:

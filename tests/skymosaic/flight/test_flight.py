@@ -166,7 +166,7 @@ def test_links_that_a_layout_led_to_and_then_denies_are_dropped() -> None:
     layout = lay_out(views, range(5), list(links.values()))
     # View 4 hangs on one link, so that a link that contradicts it would put its place in doubt.
     nearby = {(0, 2): tie(0, 2), (1, 3): tie(1, 3), (2, 4): tie(2, 4, off_px=25)}
-    again = survey._lay_out_again(views, layout, links, nearby)
+    ((again,), _) = survey.lay_out_all(views, [list(range(5))], links, lambda _: nearby, lambda _: Agreement())
     assert again.members == layout.members
     assert again.contradicting == ()
     assert links.keys() == {(0, 1), (1, 2), (2, 3), (3, 4), (0, 2), (1, 3)}

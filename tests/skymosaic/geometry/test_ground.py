@@ -240,38 +240,6 @@ def test_how_much_must_agree(agreement: GroundAgreement, judged: str) -> None:
     assert [word for word, holds in words.items() if holds] == judged.split()
 
 
-@pytest.mark.parametrize(
-    ("found", "asked", "share"),
-    [
-        ((agreeing(0.9), None, None), [160], 0.9),
-        ((agreeing(0.1), None, None), [160], 0.1),
-        ((agreeing(0.3), None, agreeing(0.8)), [160, 480], 0.8),
-        ((agreeing(0.3), None, agreeing(0.8, 11)), [160, 480], 0.3),
-        ((agreeing(0.9, motion=0), agreeing(0.8, motion=0), None), [160, 80], 0.9),
-        ((agreeing(0.9, motion=0), agreeing(0.3, motion=0), None), [160, 80], 0.3),
-        ((agreeing(0.6, motion=0), agreeing(0.8), agreeing(0.5)), [160, 80, 480], 0.5),
-        ((agreeing(0.0, 11, motion=0), agreeing(0.8), None), [160, 80], 0.8),
-        ((agreeing(0.9, motion=0.01), None, None), [160], 0.9),
-    ],
-)
-def test_other_sizes_decide_where_the_camera_stood_still_or_there_is_a_doubt(
-    monkeypatch: pytest.MonkeyPatch, found: tuple[Any, ...], asked: list[int], share: float
-) -> None:
-    sizes, sight, (coarse, *_) = list[int](), Sight(np.zeros((4, 4), np.uint8)), found
-
-    def count(overlay: module.Overlay, *_: Any) -> GroundAgreement:
-        sizes.append(overlay.side_px)
-        return found[(160, 80, 480).index(overlay.side_px)]
-
-    monkeypatch.setattr(module, "count_agreeing", count)
-    agreement = measure_ground(sight, sight, np.eye(3))
-    assert sizes == asked
-    assert agreement.share == share
-    # What is explained otherwise is for one size alone.
-    assert measure_ground(sight, sight, np.eye(3), np.ones((1, 1), np.bool_)) is coarse
-    assert sizes[len(asked) :] == [160]
-
-
 @pytest.mark.parametrize("written", [0, 40])
 def test_a_form_fits_elsewhere_unless_it_is_filled_in(written: int) -> None:
     rng, form = np.random.default_rng(3), np.full((1000, 1500), 250, np.uint8)
@@ -346,17 +314,3 @@ def test_what_a_rejected_homography_explains_or_has_beside_it_is_not_apart() -> 
     }  # fmt: skip
     left, right = np.hsplit(np.array(list(cases), np.float64), 2)
     assert left_out.are_apart(left, right).tolist() == list(cases.values())
-
-
-@pytest.mark.parametrize(
-    ("moved_px", "motion"),
-    [([0, 9, 10.5, 50], 0.00975), ([0, 8, 12, 50], 0.2), ([0, 0, 5, 9, 50], 0.005), ([0, 9, 11, 50, 60], 0.2)],
-)
-def test_where_most_inliers_stand_still_the_camera_does(moved_px: list[float], motion: float) -> None:
-    sight = Sight(np.zeros((300, 1000), np.uint8))
-    left = np.random.default_rng(0).uniform(0, 300, (len(moved_px), 2))
-    right, far = (
-        left + np.stack([moved_px, 0 * np.array(moved_px)], axis=1),
-        np.array([[1.0, 0, 200], [0, 1, 0], [0, 0, 1]]),
-    )
-    assert module._motion_of_most(sight, sight, far, (left, right)) == pytest.approx(motion)

@@ -33,14 +33,15 @@ def test_gps_and_focal_length_are_read_from_exif(tmp_path: Path) -> None:
     assert metadata(tmp_path) == Metadata()
 
 
-@pytest.mark.parametrize("place", [(90, 180), (-90, -180), (0, 8.5), (46.5, 0)])
-def test_a_place_on_the_globe_is_one(place: tuple[float, float]) -> None:
-    assert on_globe(*place) == Position(*place)
-
-
-@pytest.mark.parametrize("place", [(0, 0), (90.5, 8), (-90.5, 8), (46, 180.5), (46, -180.5), (np.nan, 8), (46, np.nan)])
-def test_what_cameras_without_reception_write_is_no_place(place: tuple[float, float]) -> None:
-    assert on_globe(*place) is None
+@pytest.mark.parametrize(
+    ("places", "known"),
+    [
+        ([(90, 180), (-90, -180), (0, 8.5), (46.5, 0)], True),
+        ([(0, 0), (90.5, 8), (-90.5, 8), (46, 180.5), (46, -180.5), (np.nan, 8), (46, np.nan)], False),
+    ],
+)
+def test_what_cameras_without_reception_write_is_no_place(places: list[tuple[float, float]], known: bool) -> None:
+    assert [on_globe(*place) for place in places] == [Position(*place) if known else None for place in places]
 
 
 @pytest.mark.parametrize(

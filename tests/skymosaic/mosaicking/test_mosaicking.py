@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from sim.scene import make_lawnmower, make_pair
-from skymosaic import extract, mosaic, register, register_pairs, table_of_pairs
+from skymosaic import mosaic, register, register_pairs, table_of_pairs
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.common.tables import Table, tabulate
 from skymosaic.flight.picture.composition import Room
@@ -179,17 +179,6 @@ def test_pairs_are_those_of_register_with_names_and_progress(folder: Path, pairs
 def test_pairs_that_are_none_are_refused_before_anything_is_read(pair: Any) -> None:
     with pytest.raises(InputError, match="numbers of two photographs for each, 0 to 3"):
         register_pairs(["absent.png"] * 4, [pair])
-
-
-def test_pairs_are_keys_and_one_with_itself_is_the_same_picture(folder: Path, pairs: list[Pair]) -> None:
-    features = [extract(folder / f"{number}.png") for number in range(2)]
-    mosaics = [mosaic([folder / "0.png", folder / "1.png"]) for _ in range(2)]
-    every: list[list[Any]] = [[*pairs], [*features], [*mosaics]]
-    for results in every:
-        assert results.index(results[-1]) == len(set(results)) - 1
-    (same,) = register_pairs([folder / "0.png", folder / "0.png"])
-    assert "the same picture as" in same.summary()["notes"][0]
-    assert pairs[0].summary()["notes"] == []
 
 
 def test_a_table_of_pairs_has_a_row_each(pairs: list[Pair], tmp_path: Path) -> None:

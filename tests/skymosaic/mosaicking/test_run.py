@@ -20,7 +20,6 @@ from skymosaic.flight.picture import formats
 from skymosaic.flight.picture.formats import format_of
 from skymosaic.imagery.exif import Metadata
 from skymosaic.imagery.images import load
-from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source, list_sources
 from skymosaic.maps.boundary import OutsideError
 from skymosaic.mosaicking.api import open_run
@@ -32,7 +31,6 @@ from tests.skymosaic.flight import made
 
 PHOTOGRAPH = Source(0, "0.jpg", Path("0.jpg"))
 MULTI_BAND = replace(PHOTOGRAPH, bands={"nir": PHOTOGRAPH})
-MASKED = Lens(mask=np.ones((4, 4), np.uint8))
 
 
 def swap(one: Path, other: Path) -> None:
@@ -215,42 +213,6 @@ def test_control_points_must_reach_the_largest_group_and_no_other(monkeypatch: p
             run.composition(first)
         place: Any = run.composition(second)
     assert place.note == "too few control points"
-
-
-@pytest.mark.parametrize(
-    ("photographs", "changes", "made", "told"),
-    [
-        (2, {}, "two homography", 0),
-        (2, {"lens": MASKED}, "two homography masked", 0),
-        (2, {"repeat": SimpleNamespace(flight=None)}, "repeated", 0),
-        (3, {"repeat": SimpleNamespace(flight=None)}, "repeated", 0),
-        (3, {"lens": MASKED}, "laid out, homography", 0),
-        (3, {"warp": "mesh"}, "laid out, mesh", 0),
-        (3, {"warp": "mesh", "lens": MASKED}, "laid out, mesh", 1),
-        (4, {"warp": "mesh"}, "laid out, mesh", 1),
-        (4, {"warp": "auto", "lens": MASKED}, "laid out, auto", 0),
-    ],
-)
-def test_a_flight_is_registered_repeated_or_laid_out(
-    monkeypatch: pytest.MonkeyPatch, photographs: int, changes: dict[str, Any], made: str, told: int
-) -> None:
-    """Four have other bands."""
-
-    def register_two(_: Any, __: Any, lens: Lens, *, warp: str, **___: Any) -> str:
-        return f"two {warp}" + (" masked" if lens.mask is not None else "")
-
-    laid_out = SimpleNamespace(lens=changes.get("lens", Lens()))
-    module, notes = "skymosaic.mosaicking.run", list[str]()
-    monkeypatch.setattr(f"{module}.register_two", register_two)
-    monkeypatch.setattr(f"{module}.repeat_flight", lambda *_: "repeated")
-    monkeypatch.setattr(f"{module}.lay_out", lambda *_: laid_out)
-    monkeypatch.setattr(f"{module}.follow_relief", lambda flight, warp: f"laid out, {warp}" * (flight is laid_out))
-    sources = [MULTI_BAND if photographs == 4 else PHOTOGRAPH, *[PHOTOGRAPH] * (photographs - 1)]
-    options = replace(MosaicOptions(), **changes)
-    with Workers() as workers:
-        flight: Any = MosaicRun(sources, options, workers, notes.append).flight
-    assert flight == made
-    assert [note.startswith("note: `warp`: a mask or other bands would not be bent") for note in notes] == [True] * told
 
 
 @pytest.mark.parametrize(

@@ -220,28 +220,6 @@ def state_of(kept: int, inliers: int, places: int, part: float = 1.0, levels: in
     return SearchState(pooled, np.eye(3), np.arange(kept) < inliers, places, passes=1)
 
 
-@pytest.mark.parametrize(
-    ("kept", "inliers", "places", "part", "strong"),
-    [
-        (240, 60, 60, 1.0, True),
-        (241, 60, 60, 1.0, False),
-        (240, 60, 59, 1.0, False),
-        (120, 60, 20, 1.0, True),
-        (121, 60, 20, 1.0, False),
-        (120, 60, 19, 1.0, False),
-        (240, 60, 60, 0.45, False),
-    ],
-)
-def test_a_strong_pass_has_places_a_share_of_the_matches_and_of_the_overlap(
-    kept: int, inliers: int, places: int, part: float, strong: bool
-) -> None:
-    images = (np.zeros(SIZE[::-1], np.uint8),) * 2
-    search = Search(None, images, None, None, None)  # type: ignore[arg-type]
-    state = state_of(kept, inliers, places, part)
-    assert search._is_strong(state) is strong
-    assert not search._is_strong(replace(state, homography=None))
-
-
 @pytest.mark.parametrize(("levels", "coarse"), [(3, False), (4, True)])
 def test_coarse_is_where_a_third_of_the_inliers_are_at_half_the_size(levels: int, coarse: bool) -> None:
     assert is_coarse(state_of(12, 9, 9, levels=levels)) is coarse

@@ -68,13 +68,6 @@ def test_a_view_survives_the_cache(tmp_path: Path) -> None:
     assert again.name == "renamed"
 
 
-@pytest.mark.parametrize(("size", "width_px"), [((700, 16000), 1280), ((300, 400), 64)])
-def test_a_photograph_that_cannot_be_reduced_is_named(size: tuple[int, int], width_px: int) -> None:
-    source = Source(0, "pano", np.zeros(size, np.uint8))
-    with pytest.raises(InputError, match=r"pano: .* is reduced to"):
-        describe(source, Settings(preset_config("aerial"), working_width_px=width_px))
-
-
 def test_photographs_of_any_shape_are_described_alike() -> None:
     rng = np.random.default_rng(1)
     source = Source(0, "tall", rng.integers(0, 256, (4200, 500), dtype=np.uint8))
