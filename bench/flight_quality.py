@@ -222,8 +222,9 @@ def quality_row(folder: Path) -> Row:
     flight, composition = made.flight, made.composition
     shown, measures = _in_colour(made.image), []
     for placement, transform in zip(composition.placements, composition.transforms, strict=True):
-        photograph = _in_colour(placement.source.read_photograph(flight.lens).pixels)
-        if row := measure_photograph(shown, photograph, transform):
+        # Of 16 bits, too, as they are: the program's own pictures for the front end have another contrast.
+        photograph = flight.lens.straighten(np.asarray(cv2.imread(placement.source.name), np.uint8))
+        if row := measure_photograph(shown, np.asarray(photograph, np.uint8), transform):
             measures.append(row)
     kept, burnt, misfit, ncc, sharp = np.array(measures).T
     scale = WIDTH_PX / flight.settings.working_width_px

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.mutants.mutants import ROOT, Mutant, choose_tests, find_mutants, main, notices
+from tests.mutants.mutants import find_mutants, main, notices
 
 SOURCE = '''"""Docstrings, True and 1 in texts, are left alone."""
 
@@ -44,26 +44,6 @@ def test_each_mutant_is_one_other_program() -> None:
     assert described.startswith("a.py:6: return all(y is not None for y in (x, x % 2))  ->  return any(y is not None")
 
 
-@pytest.mark.parametrize(
-    ("path", "first", "among"),
-    [
-        (
-            "skymosaic/maps/positions.py",
-            "tests/skymosaic/maps/test_maps.py",
-            "tests/skymosaic/flight/checking/test_checking.py",
-        ),
-        ("skymosaic/common/replaced.py", "tests/skymosaic/common/test_common.py", "tests/skymosaic/imagery"),
-        ("skymosaic/cli/track.py", "tests/skymosaic/cli/", "tests/system/test_full_disk.py"),
-        ("skymosaic/panel/pages/sidebar.py", "tests/skymosaic/panel/pages/", "tests/skymosaic/panel/pages/test_mosaic"),
-    ],
-)
-def test_the_tests_beside_a_file_come_first(path: str, first: str, among: str) -> None:
-    chosen = choose_tests(Path(path))
-    assert str(chosen[0]).startswith(first)
-    assert any(str(each).startswith(among) for each in chosen)
-    assert all((ROOT / each).exists() for each in chosen)
-
-
 @pytest.mark.parametrize(("line", "says"), [("x = 1", ""), ("x = 2", "test_a.py::test_it")])
 def test_what_the_tests_say_of_a_tree(tmp_path: Path, line: str, says: str) -> None:
     (tmp_path / "code_of_tree.py").write_text(line)
@@ -71,18 +51,6 @@ def test_what_the_tests_say_of_a_tree(tmp_path: Path, line: str, says: str) -> N
     said = notices(tmp_path, [Path("test_a.py")])
     assert bool(said) == bool(says)
     assert says in said
-
-
-def test_a_place_is_found_where_its_lines_are_today(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tests.mutants.mutants.ROOT", tmp_path)
-    old, moved, twin = (Path(name) for name in ("old.py", "moved.py", "twin.py"))
-    place = Mutant(old, "x = 1\n", "x = 2\n")
-    (tmp_path / moved).write_text("a = 0\nx = 1\n")
-    assert place.find([moved]) == moved
-    (tmp_path / twin).write_text("x = 1\n")
-    assert place.find([moved, twin]) is None
-    (tmp_path / old).write_text("b = 0\nx = 1\n")
-    assert place.find([moved, twin]) == old
 
 
 def test_a_list_is_written_and_replayed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from axe_playwright_python.base import AXE_SCRIPT
 from playwright.sync_api import Page, ViewportSize
 
-from golden_model.arrays import Mask, Pixels, Points
+from golden_model.arrays import Pixels, Points
 from golden_model.pixel.gray import to_gray
 from tools.panel import PHONE, WINDOW
 
@@ -130,13 +130,6 @@ def listen(page: Page) -> list[str]:
 def read(path: Path) -> Pixels:
     """A picture in BGR."""
     return np.asarray(cv2.imread(str(path)), dtype=np.uint8)
-
-
-def find_drawn(picture: Pixels, ground: Pixels) -> Mask:
-    """Where something is drawn over ``ground``, which the picture shows darkened, below a header."""
-    colour = ground if ground.ndim == 3 else cv2.cvtColor(ground, cv2.COLOR_GRAY2BGR)
-    below = picture[-len(ground) :].astype(int) - cv2.convertScaleAbs(colour, alpha=0.6)
-    return np.asarray(np.abs(below).max(axis=2) > MIN_CONTRAST)
 
 
 def alike(one: Pixels, other: Pixels) -> float:

@@ -9,7 +9,6 @@ from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page
@@ -17,21 +16,17 @@ from typer.testing import CliRunner
 
 from bench.rendered_pairs import write_set
 from golden_model.feature.ilbp import PATTERNS
-from golden_model.feature.orientation import SECTORS
 from golden_model.fuzzy.sugeno import ONE
 from golden_model.matching.rule_bases import aerial
 from sim.scene import Flight, make_pair
 from skymosaic.cli.commands import COMMANDS, app
-from skymosaic.features.positions import feature_points, match_points
 from skymosaic.flight.checking.check import check_flight
 from skymosaic.flight.mapping.place import MapPlace
 from skymosaic.flight.picture.formats import OutputForm
 from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.registration.pair import Pair
-from skymosaic.reports import figures
 from skymosaic.reports.flight import write_flight_report, write_report
-from skymosaic.reports.pair import write_pair_report
 from tests.skymosaic.panel.states import FOLDER_STATES, LONG_STATES, STATES, write_flight
 from tests.system.command_line import captured
 from tests.system.looking import (
@@ -39,13 +34,11 @@ from tests.system.looking import (
     VIEWS,
     alike,
     drawn,
-    find_drawn,
     listen,
     look,
     marks_beside_curves,
     patch,
     pictures_of,
-    read,
     share_on_corners,
 )
 from tests.system.test_sequence_map import with_gps
@@ -182,62 +175,6 @@ def test_links_are_red_if_and_only_if_they_contradict(browser: Browser, written:
     assert red == [[Path(name).stem for name in link] for link in mosaic["contradicting"]]
 
 
-def test_outlines_lie_around_what_their_photographs_show(browser: Browser, written: Path) -> None:
-    page = open_page(browser, (written / "flight" / "index.html").as_uri())
-    drawing = page.locator("figure", has_text="red where the layout disagrees").locator("svg")
-    outlines = drawing.locator("polygon").evaluate_all("all => all.map(p => [...p.points].map(at => [at.x, at.y]))")
-    width = drawing.evaluate("drawing => drawing.viewBox.baseVal.width")
-    page.context.close()
-    mosaic = read(written / "flight" / "mosaic_1.jpg")
-    assert len(outlines) == PLACED
-    for path, corners in zip(sorted(written.glob("*.jpg")), outlines, strict=False):
-        shown = read(path)
-        rows, columns = shown.shape[:2]
-        around = np.array([(0, 0), (columns, 0), (columns, rows), (0, rows)], np.float32)
-        place = cv2.getPerspectiveTransform(around, np.array(corners, np.float32) * (mosaic.shape[1] / width))
-        found = cv2.warpPerspective(mosaic, place, (columns, rows), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
-        # Farther in, where no seam is near.
-        inside = np.s_[rows // 3 : -rows // 3, columns // 3 : -columns // 3]
-        assert alike(found[inside], shown[inside]) > MIN_ALIKE
-
-
-def test_circles_lie_on_corners_and_their_ticks_point_along_them(pair: Pair, tmp_path: Path) -> None:
-    assert share_on_corners(pair.working[0], feature_points(pair.features[0])) > MIN_ON_CORNERS
-    for level in (0, 1):
-        one = pair.features[0][pair.features[0]["level"] == level][5:6]
-        ((x, y),), angle = feature_points(one), 2 * np.pi * one["sector"][0] / SECTORS
-        write_pair_report(tmp_path, replace(pair, features=(one, one[:0])), None)
-        changed = find_drawn(read(tmp_path / "corners_left.png"), pair.working[0])
-        (found_x, found_y), radius = cv2.minEnclosingCircle(np.argwhere(changed)[:, ::-1].astype(np.float32))
-        assert (found_x, found_y) == pytest.approx((x, y), abs=0.75)
-        assert radius == pytest.approx((4, 8)[level], abs=1.25)
-        ahead, behind = ((round(y + side * np.sin(angle)), round(x + side * np.cos(angle))) for side in (2, -2))
-        assert changed[ahead]
-        assert not changed[behind]
-        assert not find_drawn(read(tmp_path / "corners_right.png"), pair.working[1]).any()
-
-
-def test_lines_of_matches_end_on_their_points(pair: Pair, tmp_path: Path) -> None:
-    none, rejected = pair.matches[:0], pair.matches[pair.matches["verdict"] == 0]
-    gap = np.full_like(pair.working[0][:, : figures._PANEL_GAP_PX], 40)
-    sides = np.hstack((pair.working[0], gap, pair.working[1]))
-    for shown, kept, inliers in (
-        (pair.kept[3:4], pair.kept[3:4], none),
-        (pair.inliers[7:8], pair.inliers[7:8], pair.inliers[7:8]),
-        (rejected[2:3], none, none),
-    ):
-        write_pair_report(tmp_path, replace(pair, matches=shown, kept=kept, inliers=inliers), None)
-        upper, lower = np.vsplit(read(tmp_path / "matches.png"), 2)
-        changed, other = (find_drawn(half, sides) for half in ((lower, upper) if len(kept) == 0 else (upper, lower)))
-        (left,), (right,) = match_points(shown)
-        ends = np.sort([left, np.add(right, (sides.shape[1] - pair.working[1].shape[1], 0))], axis=0)
-        found = np.argwhere(changed)[:, ::-1]
-        ring_px = 3 if len(inliers) else 0
-        np.testing.assert_allclose(found.min(axis=0), ends[0] - ring_px, atol=1.5)
-        np.testing.assert_allclose(found.max(axis=0), ends[1] + ring_px, atol=1.5)
-        assert not other.any()
-
-
 def build_site(folder: Path, **environment: str) -> Path:
     """The site; a link, a page or a reference that does not exist is an error."""
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
@@ -281,9 +218,7 @@ def look_at_pages(browser: Browser, site: Path, names: set[str]) -> None:
     assert {address.partition(":")[0] for address in asked} <= {"file", "data", "blob"}
 
 
-def test_the_site_has_every_notebook_and_every_command(site: Path) -> None:
-    tutorials = {path.stem for path in (ROOT / "docs" / "tutorials").glob("*.md")} - {"index"}
-    assert {path.stem for path in (site / "tutorials").glob("*.ipynb")} == tutorials
+def test_the_site_has_every_command(site: Path) -> None:
     commands = (site / "reference" / "command_line.html").read_text(encoding="utf-8")
     for name in COMMANDS:
         assert f"skymosaic {name}" in commands

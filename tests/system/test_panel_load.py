@@ -13,10 +13,10 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.parse import urlsplit
 
-import cv2
 import httpx
-import numpy as np
 import pytest
+
+from tests.skymosaic.panel.visitor import enter, noise_png, upload
 
 BROWSERS = 10
 UPLOADS = 10
@@ -46,21 +46,9 @@ def panel(tmp_path: Path, temp: Path) -> Iterator[tuple[subprocess.Popen[str], s
             process.kill()
 
 
-def enter(address: str) -> httpx.Client:
-    """A browser without a screen that was given the address with the token."""
-    panel = address.partition("/?")[0]
-    client = httpx.Client(base_url=panel, headers={"origin": panel}, timeout=None)
-    client.get(address)
-    return client
-
-
-def upload(address: str, number: int) -> list[int]:
-    noise = np.random.default_rng(number).integers(0, 256, (96, 96), np.uint8)
-    data = cv2.imencode(".png", noise)[1].tobytes()
+def upload_many(address: str) -> list[int]:
     with enter(address) as client:
-        names = [f"a_{index}.png" for index in range(UPLOADS)]
-        answers = [client.post("/upload/photograph", params={"name": name}, content=data) for name in names]
-    return [answer.status_code for answer in answers]
+        return [upload(client, f"a_{index}.png", noise_png()).status_code for index in range(UPLOADS)]
 
 
 def abort(address: str, cookie: str) -> None:
@@ -81,18 +69,17 @@ def test_many_browsers_are_served_and_nothing_is_left(
 ) -> None:
     process, address = panel
     with ThreadPoolExecutor(BROWSERS) as pool:
-        statuses = [status for each in pool.map(upload, [address] * BROWSERS, range(BROWSERS)) for status in each]
+        statuses = [status for each in pool.map(upload_many, [address] * BROWSERS) for status in each]
     assert statuses == [204] * (BROWSERS * UPLOADS)
-    client = enter(address)
-    pictures = set(re.findall(r"/picture/uploads/[\w.]+", client.get("/").text))
-    assert [client.get(picture).status_code for picture in pictures] == [200] * (BROWSERS * UPLOADS)
-    for _ in range(5):
-        abort(address, "; ".join(f"{name}={value}" for name, value in client.cookies.items()))
-    assert client.get("/").status_code == 200
-    refused = client.post("/upload/photograph", params={"name": "a.png"}, content=b"x", headers={"origin": "null"})
-    assert refused.status_code == 403
-    assert "frame-ancestors 'none'" in refused.headers["content-security-policy"]
-    client.close()
+    with enter(address) as client:
+        pictures = set(re.findall(r"/picture/uploads/[\w.]+", client.get("/").text))
+        assert [client.get(picture).status_code for picture in pictures] == [200] * (BROWSERS * UPLOADS)
+        for _ in range(5):
+            abort(address, "; ".join(f"{name}={value}" for name, value in client.cookies.items()))
+        assert client.get("/").status_code == 200
+        refused = client.post("/upload/photograph", params={"name": "a.png"}, content=b"x", headers={"origin": "null"})
+        assert refused.status_code == 403
+        assert "frame-ancestors 'none'" in refused.headers["content-security-policy"]
     process.send_signal(signal.SIGTERM)
     process.wait()
     assert "Traceback" not in (tmp_path / "log").read_text()

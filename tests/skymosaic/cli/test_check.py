@@ -3,18 +3,15 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
 from sim.scene import make_lawnmower
-from skymosaic.cli.check import _print_check, check
+from skymosaic.cli.check import check
 from skymosaic.cli.session import session
 from skymosaic.common.errors import InputError, RegistrationError
-from skymosaic.flight.checking.check import FlightCheck, PhotographCheck
 from skymosaic.maps.control_points import load_control_points
 from skymosaic.maps.georeference import map_to_globe
 from skymosaic.maps.positions import load_positions
@@ -66,25 +63,3 @@ def test_where_to_fly_again_is_written_for_a_map(tmp_path: Path, capsys: pytest.
     assert problem.startswith(both)
     assert "0 degrees apart, 60 m away" in problem
     assert f"warning: {problem}\n" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("complete", "problems", "left_out"), [(True, (), {}), (True, ("gap",), {}), (False, (), {2: "c.png: dark"})]
-)
-def test_a_complete_flight_is_told_with_or_without_warnings(
-    capsys: pytest.CaptureFixture[str], *, complete: bool, problems: tuple[str, ...], left_out: dict[int, str]
-) -> None:
-    photographs = (
-        PhotographCheck("a.png", 3, 0.614, 0.987, 0.026, True, ("blurred", "dark"), 0.349),
-        PhotographCheck("b.png", 0, 0.0, 1.0, 0.0, False, ()),
-    )
-    flight: Any = SimpleNamespace(left_out=left_out, layouts=())
-    session.begin("", started_s=0, quiet=False, verbose=False, as_json=False)
-    _print_check(flight, FlightCheck(complete, photographs, problems))
-    printed = capsys.readouterr()
-    _, first, second, *rest = (line.split() for line in printed.out.splitlines())
-    assert first == ["a.png", "3", "61%", "0.3", "px", "0.99", "3%", "yes", "blurred,", "dark"]
-    assert second == ["b.png", "0", "0%", "1.00", "0%", "no"]
-    told = "complete: the photographs make one mosaic" + "; read the warnings" * len(problems)
-    assert [" ".join(words) for words in rest] == [told] * complete
-    assert printed.err.splitlines() == [f"warning: {line}" for line in (*left_out.values(), *problems)]

@@ -15,14 +15,12 @@ import pytest
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
-from typer.testing import CliRunner
 
 from sim.backends.errors import BackendError
 from sim.backends.interface import Mismatch
 from sim.simulators.scoreboard import Coverage
 from skymosaic import cli
 from skymosaic.cli import compare, demo, progress
-from skymosaic.cli.commands import app
 from skymosaic.cli.session import PIPED_WIDTH, Session, Terminal, session
 from skymosaic.cli.track import _show_summary, _template_and_video
 from skymosaic.common.errors import InputError, RegistrationError
@@ -106,17 +104,6 @@ def begun(*, quiet: bool = False, verbose: bool = False, as_json: bool = False, 
     return session
 
 
-@pytest.mark.parametrize(
-    ("is_terminal", "quiet", "verbose", "animated"),
-    [(True, False, False, True), (False, False, False, False), (True, True, False, False), (True, False, True, False)],
-)
-def test_progress_is_drawn_on_a_terminal_unless_lines_are_wanted(
-    monkeypatch: pytest.MonkeyPatch, *, is_terminal: bool, quiet: bool, verbose: bool, animated: bool
-) -> None:
-    monkeypatch.setattr("skymosaic.cli.session.Terminal.is_terminal", is_terminal)
-    assert begun(quiet=quiet, verbose=verbose).animated == animated
-
-
 def test_the_object_has_what_was_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     session = begun(as_json=True)
     session.note("note: add `all_groups`")
@@ -137,16 +124,6 @@ def test_the_object_has_what_was_told(capsys: pytest.CaptureFixture[str], tmp_pa
     assert {key: last[key] for key in expected} == expected
     lines = ["note: add --all-groups", "warning: --scale is\\nlarge", "drawing", "half of it"]
     assert printed.err.splitlines() == lines
-
-
-@pytest.mark.parametrize(("command", "seconds", "error"), [("", 1.0, None), ("mosaic", None, None), ("mosaic", 1, "x")])
-def test_times_are_those_of_a_command_with_stages_that_succeeds(
-    capsys: pytest.CaptureFixture[str], command: str, seconds: float | None, error: str | None
-) -> None:
-    session = begun(command=command)
-    session.seconds = {"drawing": seconds} if seconds else {}
-    session.end(0, error)
-    assert capsys.readouterr() == ("", "")
 
 
 def test_standard_output_takes_one_thing(capfdbinary: pytest.CaptureFixture[bytes]) -> None:
@@ -285,9 +262,3 @@ def test_the_summary_counts_and_says_where_the_object_was_lost(capsys: pytest.Ca
         "frames 1 to 2: blurred",
         "frames 5 to 5: left",
     ]
-
-
-def test_the_command_names_a_missing_list(tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["thesis", "--data", str(tmp_path), "-o", str(tmp_path / "out")])
-    assert isinstance(result.exception, InputError)
-    assert "pairs.csv" in str(result.exception)

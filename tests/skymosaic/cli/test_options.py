@@ -120,12 +120,6 @@ def test_the_words_for_options_are_read_as_these_options(tmp_path: Path) -> None
     assert command_words(MosaicOptions()) == []
 
 
-@pytest.mark.parametrize("words", [("--scale", 0), ("--estimator", "psychic"), ("--effort", "heroic")])
-def test_what_is_not_valid_is_refused_when_it_is_read(words: tuple[object, ...]) -> None:
-    result = run("everything", *words)
-    assert isinstance(result.exception, InputError)
-
-
 def talk() -> None:
     """A command that prints each kind of line."""
     session.tell("progress")
@@ -171,18 +165,3 @@ def test_a_package_that_few_commands_need_is_named_with_its_remedy(missing: str 
     run: Any = complete_command("talk", command, {})
     with pytest.raises(InputError if says else ModuleNotFoundError, match=says):
         run(as_json=False, quiet=False, verbose=False)
-
-
-@pytest.mark.parametrize("status", [0, 1])
-def test_the_status_of_a_command_is_that_of_the_program(status: int, capsys: pytest.CaptureFixture[str]) -> None:
-    def command() -> None:
-        session.status = status
-
-    run: Any = complete_command("talk", command, {})
-    try:
-        run(as_json=True, quiet=False, verbose=False)
-        ended_with = 0
-    except typer.Exit as end:
-        ended_with = end.exit_code
-    assert ended_with == status
-    assert f'"status": {status}' in capsys.readouterr().out

@@ -56,13 +56,6 @@ def test_confusion_counts_each_case() -> None:
     assert counts.precision == pytest.approx(2 / 3)
 
 
-def test_the_thesis_table_of_ilbp_lengths() -> None:
-    # Table IV-3, N = 4: 51 matches, 23 good, 28 false.
-    counts = confusion(np.ones(51), np.arange(51) < 23)
-    assert (counts.true_positives, counts.false_positives) == (23, 28)
-    assert 1 - counts.precision == pytest.approx(28 / 51)
-
-
 def test_nothing_kept_and_nothing_correct_is_zero_not_an_error() -> None:
     assert confusion([0, 0], [0, 0]).recall == 0
     assert confusion([0, 0], [1, 0]).precision == 0

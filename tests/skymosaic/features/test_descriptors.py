@@ -12,7 +12,7 @@ from golden_model.feature import ilbp
 from golden_model.front_end import extract
 from golden_model.pixel.smooth import binomial
 from sim.scene import make_pair
-from skymosaic.features.descriptors import DESCRIPTORS, WINDOWS_PX, describe
+from skymosaic.features.descriptors import DESCRIPTORS, describe
 from skymosaic.features.detectors import detect, key_point_positions, to_key_points
 
 FLIGHT = make_pair(seed=1)
@@ -84,7 +84,3 @@ def test_ilbp_at_sift_key_points_reads_the_nearest_pixel(gray: np.ndarray) -> No
     expected = ilbp.describe(gray, binomial(gray, 5), np.array([100]), np.array([121]), pattern)
     np.testing.assert_array_equal(record["sector"], expected[0])
     np.testing.assert_array_equal(record["descriptor"], expected[1])
-
-
-def test_window_names_carry_the_sides_of_table_iv_2() -> None:
-    assert list(WINDOWS_PX.values()) == [3, 10, 22, 25, 30]

@@ -20,15 +20,7 @@ from skymosaic.features.backends import load_backend
 from skymosaic.features.board_client import PORT, BoardBackend, _check_status, _list_packets
 from skymosaic.features.contrast import even_contrast, find_pattern, find_shared, share_pattern
 from skymosaic.features.detectors import detect, keep_one_per_position
-from skymosaic.features.frames import (
-    Change,
-    ChangedImage,
-    _line_blur,
-    change_image,
-    map_matches_to_images,
-    map_to_image,
-    swap_sides,
-)
+from skymosaic.features.frames import Change, ChangedImage, _line_blur, change_image, map_matches_to_images, swap_sides
 from skymosaic.features.positions import MASK_MARGIN_PX, are_on_ground, feature_points, match_points, raw_positions
 from skymosaic.geometry.homography import apply
 
@@ -278,16 +270,6 @@ def test_frames_outside_the_range_of_the_front_end_are_refused(image: Pixels) ->
     assert change_image(image, Change(20.0)) is None
     assert change_image(image, Change(12.7)) is not None
     assert change_image(image, Change(12.7, margin_px=20)) is None
-
-
-def test_features_and_matches_lie_where_the_image_has_them(image: Pixels) -> None:
-    frame = change_image(image, Change(0.5))
-    features = extract(frame.pixels, CONFIG.front_end).features
-    assert frame
-    moved = map_to_image(features, frame.to_image)
-    np.testing.assert_allclose(
-        feature_points(moved), apply(frame.to_image, feature_points(features)), atol=0.5 / 16 + 1e-9
-    )
 
 
 def test_a_tilt_compresses_along_its_direction(image: Pixels) -> None:

@@ -11,10 +11,8 @@ from golden_model.config import PRESETS, RuleBase, preset_config
 from golden_model.records import MATCH, feature_record
 from sim.scene import make_pair
 from skymosaic.common.errors import InputError
-from skymosaic.evaluation.metrics import correct_matches
-from skymosaic.features.detectors import DETECTORS, FRONT_END_DETECTORS
+from skymosaic.features.detectors import DETECTORS
 from skymosaic.features.methods import HostBackend, Method, choose_method
-from skymosaic.features.positions import match_points
 from skymosaic.geometry.homography import apply
 from skymosaic.registration.options import FeatureOptions
 from skymosaic.registration.register import register
@@ -161,13 +159,3 @@ def test_matches_are_explained_by_the_rules_of_their_method(
 def test_what_cannot_be_is_refused_with_the_reason(images: list[Pixels], options: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         register(images[0], images[1], **options)
-
-
-def test_good_matches_of_the_baselines(images: list[Pixels]) -> None:
-    truth = FLIGHT.homography_between(0, 1)
-    for detector in set(DETECTORS) - set(FRONT_END_DETECTORS) - {"klt", "surf"}:
-        method, config = choose_method(preset_config("aerial"), detector)
-        matches = HostBackend(method).run(images, config)[1].matches
-        kept = matches[matches["verdict"] == 1]
-        assert len(kept) > 200
-        assert correct_matches(*match_points(kept), truth).mean() > 0.9

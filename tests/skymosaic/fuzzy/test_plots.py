@@ -1,6 +1,5 @@
 """The pictures of fuzzy systems, held pixel by pixel against the rules in real numbers."""
 
-from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -15,7 +14,7 @@ from golden_model.arrays import Array, Pixels
 from golden_model.fuzzy.fll import load_system
 from golden_model.fuzzy.rules import SHIPPED
 from skymosaic.fuzzy import plots
-from skymosaic.fuzzy.plots import SET_COLORS, _plot_membership, draw_system
+from skymosaic.fuzzy.plots import SET_COLORS, draw_system
 from skymosaic.fuzzy.plotted_systems import PLOTTED_SYSTEMS
 from skymosaic.fuzzy.quantised import MIN_FIRING_STRENGTH
 
@@ -72,12 +71,3 @@ def test_curves_and_surfaces_are_those_of_the_rules(name: str, monkeypatch: pyte
         firm = truth.strengths(*values).sum(axis=1) >= MIN_FIRING_STRENGTH
         places, colours = np.stack((x, y), axis=1), colormaps["viridis"](truth.evaluate(*values))[:, :3]
         assert np.mean(nearest_colours(picture, plot, places[firm], colours[firm]) < 40) > 0.9
-
-
-def test_each_of_sixteen_sets_has_a_curve_of_its_own_colour() -> None:
-    plotted = PLOTTED_SYSTEMS["aerial"]
-    variable = plotted.system().inputs[0]
-    table = next(iter(variable.sets.values()))
-    plot = Figure().subplots()
-    _plot_membership(plot, replace(variable, sets={f"set {n}": table for n in range(16)}), plotted.axes[0])
-    assert len({str(line.get_color()) for line in plot.lines}) == 16

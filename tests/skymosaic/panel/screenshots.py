@@ -4,11 +4,24 @@ import sys
 import tempfile
 from pathlib import Path
 
+import cv2
+import numpy as np
 from playwright.sync_api import Page, expect
 
-from tests.skymosaic.panel.states import flight, shoot, tracked
+from tests.skymosaic.panel.states import flight, tracked
 from tests.skymosaic.panel.visitor import middle_of, open_tab
 from tools.panel import chromium, load_built_in_pair, make_mosaic, open_page, running_panel
+
+WEBP_QUALITY = 60
+SETTLED_MS = 300
+"""Time for pictures to be loaded."""
+
+
+def shoot(page: Page, folder: Path, name: str) -> None:
+    """Save the window as ``NAME.webp``."""
+    page.wait_for_timeout(SETTLED_MS)
+    pixels = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    cv2.imwrite(str(folder / f"{name}.webp"), pixels, [cv2.IMWRITE_WEBP_QUALITY, WEBP_QUALITY])
 
 
 def visit_pair(page: Page, folder: Path) -> None:

@@ -1,36 +1,14 @@
-"""Every state of the panel's pages, each reached from the one before.
+"""Every state of the panel's pages, each reached from the one before."""
 
-``python -m tests.skymosaic.panel.states FOLDER`` shows all of them in a small window, in a large one and on a phone, in
-light and dark: to be looked at after a change of the style.
-"""
-
-import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
 
-import cv2
-import numpy as np
-from playwright.sync_api import Page, ViewportSize, expect
+from playwright.sync_api import Page, expect
 
 from sim.scene import make_lawnmower
 from skymosaic.imagery.images import save
 from tests.skymosaic.panel.visitor import choose, open_tab, photographs_loaded
-from tools.panel import PHONE, WINDOW, chromium, load_built_in_pair, make_mosaic, open_page, running_panel
-
-SIZES: tuple[ViewportSize, ...] = (WINDOW, {"width": 1920, "height": 1080}, PHONE)
-SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
-WEBP_QUALITY = 60
-SETTLED_MS = 300
-"""Time for pictures to be loaded."""
-
-
-def shoot(page: Page, folder: Path, name: str, *, whole_page: bool = False) -> None:
-    """Save the window, or all that it can be scrolled to, as ``NAME.webp``."""
-    page.wait_for_timeout(SETTLED_MS)
-    pixels = cv2.imdecode(np.frombuffer(page.screenshot(full_page=whole_page), np.uint8), cv2.IMREAD_COLOR)
-    cv2.imwrite(str(folder / f"{name}.webp"), pixels, [cv2.IMWRITE_WEBP_QUALITY, WEBP_QUALITY])
+from tools.panel import load_built_in_pair, make_mosaic
 
 
 def welcome(page: Page) -> None:
@@ -148,33 +126,3 @@ FOLDER_STATES: dict[str, Callable[[Page], None]] = {
     "finished runs": finished_runs,
 }
 """States of folders and runs; the panel's root is that of `write_flight`."""
-
-
-def show_states(folder: Path) -> None:
-    """Save ``STATE-WIDTH-SCHEME.webp`` for every state, size of the window and colour scheme."""
-    with chromium() as browser:
-        for states in (STATES, LONG_STATES, FOLDER_STATES):
-            with tempfile.TemporaryDirectory() as log_folder:
-                write_flight(Path(log_folder) / "flight")
-                with running_panel(Path(log_folder), "--root", "flight") as address:
-                    shoot_states(open_page(browser, address), states, folder)
-
-
-def shoot_states(page: Page, states: dict[str, Callable[[Page], None]], folder: Path) -> None:
-    """Save the pictures of a new panel's states."""
-    for name, reach in states.items():
-        reach(page)
-        for scheme in SCHEMES:
-            page.emulate_media(color_scheme=scheme)
-            for size in SIZES:
-                page.set_viewport_size(size)
-                shoot(page, folder, f"{name.replace(' ', '_')}-{size['width']}-{scheme}", whole_page=True)
-        page.emulate_media(color_scheme="light")
-        page.set_viewport_size(WINDOW)
-    page.context.close()
-
-
-if __name__ == "__main__":
-    pictures = Path(sys.argv[1])
-    pictures.mkdir(parents=True, exist_ok=True)
-    show_states(pictures)

@@ -15,7 +15,7 @@ from playwright.sync_api import Browser
 from starlette.responses import PlainTextResponse
 
 from skymosaic.panel.access import NO_TOKEN, AccessCheck
-from tests.skymosaic.panel.visitor import noise_png
+from tests.skymosaic.panel.visitor import enter, noise_png, upload
 from tools.panel import open_page
 
 OWN = object()
@@ -100,26 +100,15 @@ def test_a_port_that_browsers_leave_out_may_be_left_out(port: int, host: str, ac
 
 
 @pytest.fixture
-def owners(panel: str, owner_address: str) -> Iterator[list[httpx.Client]]:
-    """Two browsers without a screen that were given the address with the token."""
-    browsers = [httpx.Client(base_url=panel, headers={"origin": panel}, timeout=None) for _ in range(2)]
-    for browser in browsers:
-        entered = browser.get(owner_address)
-        assert (entered.status_code, entered.headers["location"]) == (303, "/")
-        assert "httponly" in entered.headers["set-cookie"].lower()
-    yield browsers
-    for browser in browsers:
-        browser.close()
-
-
-def upload(client: httpx.Client) -> httpx.Response:
-    return client.post("/upload/photograph", params={"name": "field.png"}, content=noise_png(96, seed=1))
+def owners(owner_address: str) -> Iterator[list[httpx.Client]]:
+    with enter(owner_address) as one, enter(owner_address) as other:
+        yield [one, other]
 
 
 def test_all_browsers_of_the_owner_show_the_same(owners: list[httpx.Client]) -> None:
     one, other = owners
     before = set(PICTURE.findall(other.get("/").text))
-    assert upload(one).status_code == 204
+    assert upload(one, "field.png", noise_png()).status_code == 204
     (shown,) = set(PICTURE.findall(other.get("/").text)) - before
     assert other.get(shown).content == one.get(shown).content != b""
 
@@ -130,13 +119,13 @@ def test_without_the_token_nothing_is_shown_and_nothing_stored(
 ) -> None:
     """As it is by a bookmark without the token, a guess, or with the cookie of a panel that has ended."""
     owner = owners[0]
-    assert upload(owner).status_code == 204
+    assert upload(owner, "field.png", noise_png()).status_code == 204
     shown = PICTURE.findall(owner.get("/").text)
     given = None if token is None else token.format(token=owner_address.partition("=")[2]).encode()
     cookie = b"" if given is None else f"skymosaic_{urlsplit(panel).port}=".encode() + given
     headers = {b"origin": panel.encode(), b"cookie": cookie}
     with httpx.Client(base_url=panel, headers=headers, timeout=None) as stranger:
-        assert upload(stranger).status_code == 403
+        assert upload(stranger, "field.png", noise_png()).status_code == 403
         for path in ("/", "/tracking", "/runs", "/archive", shown[0], "/file/mosaic/mosaic.png", "/absent"):
             refused = stranger.get(path, params={"token": given} if given is not None and path == "/" else None)
             assert (refused.status_code, refused.text) == (403, f"{REFUSAL}\n"), path

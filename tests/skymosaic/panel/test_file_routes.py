@@ -22,39 +22,30 @@ from starlette.responses import Response
 from skymosaic.panel.file_routes import FileRoutes
 from skymosaic.panel.results import Run
 from skymosaic.panel.session_files import SessionFiles
-from tests.skymosaic.panel.visitor import noise_png
+from tests.skymosaic.panel.visitor import enter, noise_png, upload
 
 
 class Client:
-    """A browser without a screen: it has the owner's cookie and sends the page's own Origin."""
+    """A browser without a screen, of the owner."""
 
-    def __init__(self, owner_address: str) -> None:
-        panel = owner_address.partition("/?")[0]
-        self.http = httpx.Client(base_url=panel, headers={"origin": panel}, timeout=None)
-        self.http.get(owner_address)
+    def __init__(self, http: httpx.Client) -> None:
+        self.http, self.get = http, http.get
         self._before: set[str] = set()
         self._before = set(self.pictures())
 
     def upload(self, name: str, body: bytes | Iterator[bytes], slot: str = "photograph") -> httpx.Response:
-        return self.http.post(f"/upload/{slot}", params={"name": name}, content=body)
-
-    def get(self, path: str) -> httpx.Response:
-        return self.http.get(path)
+        return upload(self.http, name, body, slot)
 
     def pictures(self) -> list[str]:
         """What the page shows that it did not show at first."""
         return sorted(set(re.findall(r"/picture/[\w.-]+/[\w.-]+", self.get("/").text)) - self._before)
 
-    def close(self) -> None:
-        self.http.close()
-
 
 @pytest.fixture
 def client(owner_address: str) -> Iterator[Client]:
-    opened = Client(owner_address)
-    yield opened
-    assert opened.get("/").status_code == 200, "the panel no longer answers"
-    opened.close()
+    with enter(owner_address) as http:
+        yield Client(http)
+        assert http.get("/").status_code == 200, "the panel no longer answers"
 
 
 def png(width: int, height: int, data: bytes) -> bytes:
@@ -67,13 +58,9 @@ def png(width: int, height: int, data: bytes) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
 
 
-def picture(side_px: int = 96) -> bytes:
-    return noise_png(side_px, seed=1)
-
-
 @pytest.mark.parametrize("name", ["field.png", "../../../etc/passwd", "a\0b.png", "<img src=x>.png", ""])
 def test_a_photograph_is_shown_and_its_name_cannot_choose_a_path(client: Client, name: str) -> None:
-    assert client.upload(name, picture()).status_code == 204
+    assert client.upload(name, noise_png()).status_code == 204
     (shown,) = client.pictures()
     assert client.get(shown).content.startswith(b"\x89PNG")
     assert re.fullmatch(r"/picture/uploads/[0-9a-f]{32}\.png", shown)
@@ -86,9 +73,9 @@ def test_a_photograph_is_shown_and_its_name_cannot_choose_a_path(client: Client,
         ("nothing", b"", 415, "is empty"),
         ("a program", b"\x7fELF" + bytes(64), 415, "is not a photograph"),
         ("a play list", b"#EXTM3U\n#EXT-X-MEDIA-SEQUENCE:0\nfile:///etc/passwd\n", 415, "is not a photograph"),
-        ("a truncated photograph", picture()[:900], 422, "truncated"),
+        ("a truncated photograph", noise_png()[:900], 422, "truncated"),
         ("a header and noise", b"\xff\xd8\xff" + bytes(range(256)), 422, "not an image"),
-        ("a small picture", picture(16), 422, "16x16"),
+        ("a small picture", noise_png(side_px=16), 422, "16x16"),
         ("a decompression bomb", png(60_000, 60_000, zlib.compress(bytes(1 << 22))), 422, "larger than 105 megapixels"),
         ("a header that lies", png(640, 480, zlib.compress(b"short")), 422, ""),
     ],
@@ -120,7 +107,7 @@ def film(width: int, height: int) -> bytes:
 
 def test_a_video_is_accepted_and_its_first_frame_shown(client: Client) -> None:
     assert client.upload("flight.mkv", film(320, 240), "video").status_code == 204
-    assert client.upload("car.png", picture(), "template").status_code == 204
+    assert client.upload("car.png", noise_png(), "template").status_code == 204
     shown = sorted(set(re.findall(r"/picture/[\w.-]+/[\w.-]+", client.get("/tracking").text)))
     assert len(shown) == 2
     assert all(client.get(each).content.startswith(b"\x89PNG") for each in shown)
@@ -130,13 +117,13 @@ def test_a_video_is_accepted_and_its_first_frame_shown(client: Client) -> None:
 @pytest.mark.parametrize(
     ("slot", "body", "status", "message"),
     [
-        ("video", picture(), 415, "is not a video"),
+        ("video", noise_png(), 415, "is not a video"),
         ("video", b"#EXTM3U\nfile:///etc/passwd\n", 415, "is not a video"),
         ("video", film(320, 240)[:300], 422, "not a readable video"),
         ("video", film(6000, 4500), 422, "frames of 6000x4500 pixels are too large"),
         ("template", film(320, 240), 415, "is not a photograph"),
-        ("uploads", picture(), 422, ""),
-        ("..%2fviews", picture(), 404, ""),
+        ("uploads", noise_png(), 422, ""),
+        ("..%2fviews", noise_png(), 404, ""),
     ],
     ids=["picture", "play list", "truncated", "bomb", "film", "other slot", "way out"],
 )  # fmt: skip
@@ -166,7 +153,7 @@ def test_an_oversized_upload_is_stopped(client: Client, slot: str, head: bytes) 
 
 
 def test_no_path_reads_another_file(client: Client) -> None:
-    assert client.upload("mine.png", picture()).status_code == 204
+    assert client.upload("mine.png", noise_png()).status_code == 204
     for path in (
         "/picture/..%2f..%2fetc%2fpasswd", "/picture/%2fetc%2fpasswd", "/picture/../archive", "/picture/mine.png",
         "/picture/%2e%2e/uploads%2fmine.png", "/picture/uploads/%2e%2e", "/picture/uploads/mine.png",
@@ -219,7 +206,7 @@ def test_a_full_disk_or_a_deleted_run_costs_the_archive_and_nothing_else(
 
 def test_a_get_changes_nothing(client: Client) -> None:
     """Addresses that look like commands change nothing."""
-    assert client.upload("mine.png", picture()).status_code == 204
+    assert client.upload("mine.png", noise_png()).status_code == 204
     before = client.pictures()
     for path in ("/", "/archive", "/upload/photograph?name=x.png", "/?preset=thesis", "/cancel", before[0]):
         client.get(path)

@@ -25,13 +25,9 @@ def inputs(session: Session) -> Inputs:
     return session.inputs
 
 
-def picture(seed: int) -> bytes:
-    return noise_png(96, seed)
-
-
 async def refuse(inputs: Inputs, says: str, status: int) -> None:
     with pytest.raises(UploadRefusedError, match=says) as refused:
-        await inputs.upload("photograph", body(picture(1)), "field.png")
+        await inputs.upload("photograph", body(noise_png(1)), "field.png")
     assert refused.value.status == status
 
 
@@ -40,7 +36,7 @@ def test_a_file_keeps_its_name(inputs: Inputs, run_in_loop: Callable[[Scenario],
 
     async def scenario() -> None:
         for name in ("DJI_0018.png", "DJI_0018.png", "mosaic.png", "Überflug Süd (2).png"):
-            await inputs.upload("photograph", body(picture(1)), name)
+            await inputs.upload("photograph", body(noise_png(1)), name)
 
     run_in_loop(scenario)
     names = [each.name for each in inputs.photographs]
@@ -154,7 +150,7 @@ def test_a_limited_number_of_uploads_is_under_way(
         assert caught.value.status == 429
         stalled.cancel()
         await asyncio.gather(stalled, return_exceptions=True)
-        await inputs.upload("photograph", body(picture(1)), "field.png")
+        await inputs.upload("photograph", body(noise_png(1)), "field.png")
         assert len(inputs.photographs) == 1
 
     run_in_loop(scenario)

@@ -9,20 +9,11 @@ import pytest
 from skymosaic.common.errors import InputError
 from skymosaic.panel.folders import Roots
 from skymosaic.panel.options import LABELLED, OPTION_VALUES, SCALES, STRONGEST, Options, SliderScale, fault_of
-from skymosaic.panel.results import InputFile, Picture, Run, side_by_side
+from skymosaic.panel.results import InputFile, Run
 from skymosaic.panel.server import _listen
 from skymosaic.panel.session_files import SessionFiles
 from skymosaic.panel.tasks.jobs import Steps
 from tests.skymosaic.panel.visitor import noise_png
-
-
-def test_pictures_stand_in_a_row_with_gaps() -> None:
-    sizes = (100, 50), (60, 40), (30, 20)
-    assert side_by_side((Path(f"pictures/07/{width}.png"), (width, height)) for width, height in sizes) == (
-        Picture("/picture/07/100.png", 100, 50, 0, 0, 1),
-        Picture("/picture/07/60.png", 60, 40, 112, 0, 1),
-        Picture("/picture/07/30.png", 30, 20, 184, 0, 1),
-    )
 
 
 @pytest.fixture
@@ -111,7 +102,7 @@ def flights(tmp_path: Path) -> Path:
         (tmp_path / folder).mkdir(parents=True)
     for folder in ("root/flight", "outside"):
         for number in (10, 2):
-            (tmp_path / folder / f"DJI_{number}.png").write_bytes(noise_png(96, number))
+            (tmp_path / folder / f"DJI_{number}.png").write_bytes(noise_png(number))
     return tmp_path / "root"
 
 
@@ -212,14 +203,6 @@ def test_options_begin_as_the_preset_has_them() -> None:
     board = aerial.changed("backend", "board:pynq:5000")
     assert (board.backend, board.address, board.shown("backend")) == ("board", "pynq:5000", "board:pynq:5000")
     assert (board.changed("backend", "rtl").address, aerial.address) == (None, None)
-
-
-@pytest.mark.parametrize("preset", OPTION_VALUES["preset"])
-def test_a_preset_resolves_to_its_own_configuration(preset: str) -> None:
-    options = Options.of_preset(preset)
-    _, config = options.choose_method()
-    assert config.preset == preset
-    assert options.slider_scale.values[options.position] >= config.front_end.threshold
 
 
 def test_every_combination_of_options_resolves_or_is_refused_with_a_reason() -> None:

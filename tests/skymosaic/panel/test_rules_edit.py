@@ -1,9 +1,8 @@
 """Edited rules decide as a new run with them would, and every change can be taken back."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import cv2
 import numpy as np
@@ -18,6 +17,7 @@ from skymosaic.panel.options import OWN, Options
 from skymosaic.panel.results import MosaicResult
 from skymosaic.panel.rules_edit import RulesEdit, find_corners, move_corner
 from skymosaic.panel.tasks.mosaic_tasks import make_mosaic
+from tests.skymosaic.panel import made_up
 
 AERIAL = read_shipped("aerial")
 STRICT = AERIAL.replace("Ramp 0.34 0.1\n", "Ramp 0.2 0.1\n").replace("Ramp 0.1 0.34\n", "Ramp 0.1 0.2\n")
@@ -126,14 +126,12 @@ def test_terms_of_every_shape_have_the_corners_that_lie_on_them(shape: str) -> N
         assert move_corner(text, 0, index, 0.05, mine[0].y) != text
 
 
-@pytest.mark.parametrize(
-    ("descriptor", "rules", "applies"),
-    [("ilbp-128", True, True), ("ilbp-128", None, False), ("freak", True, False), ("freak", None, False)],
-)
-def test_rules_are_edited_where_they_decide(descriptor: str, rules: object, applies: bool) -> None:
-    config = SimpleNamespace(matcher=SimpleNamespace(rules=rules))
-    pair: Any = SimpleNamespace(method=SimpleNamespace(descriptor=descriptor), config=config)
-    assert RulesEdit.applies_to(SimpleNamespace(pair=pair)) == applies  # type: ignore[arg-type]
+def test_rules_are_edited_where_they_decide(tmp_path: Path) -> None:
+    with_rules = made_up.pair_result(tmp_path)
+    without = made_up.pair("a.png", "b.png", Options.of_preset("aerial").changed("rules", "none"))
+    assert RulesEdit.applies_to(with_rules)
+    assert not RulesEdit.applies_to(replace(with_rules, pair=without))
+    assert not RulesEdit.applies_to(made_up.flight_result(tmp_path))
 
 
 @pytest.mark.parametrize(("points", "shown"), [(22, 24), (23, 0)])

@@ -6,10 +6,12 @@ import shlex
 import subprocess
 import sys
 import zipfile
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
+import httpx
 import numpy as np
 from playwright.sync_api import CDPSession, Locator, Page, expect
 
@@ -20,9 +22,26 @@ MAX_CONTROLS = 100
 Scenario = Callable[[], Awaitable[None]]
 
 
-def noise_png(side_px: int, seed: int) -> bytes:
+def noise_png(seed: int = 1, side_px: int = 96) -> bytes:
     noise = np.random.default_rng(seed).integers(0, 256, (side_px, side_px), np.uint8)
     return cv2.imencode(".png", noise)[1].tobytes()
+
+
+@contextmanager
+def enter(owner_address: str) -> Iterator[httpx.Client]:
+    """A browser without a screen: it was given the address with the token, and sends the page's own Origin."""
+    panel = owner_address.partition("/?")[0]
+    with httpx.Client(base_url=panel, headers={"origin": panel}, timeout=None) as client:
+        entered = client.get(owner_address)
+        assert (entered.status_code, entered.headers["location"]) == (303, "/")
+        assert "httponly" in entered.headers["set-cookie"].lower()
+        yield client
+
+
+def upload(
+    client: httpx.Client, name: str, content: bytes | Iterator[bytes], slot: str = "photograph"
+) -> httpx.Response:
+    return client.post(f"/upload/{slot}", params={"name": name}, content=content)
 
 
 async def body(data: bytes) -> AsyncIterator[bytes]:

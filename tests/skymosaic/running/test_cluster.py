@@ -229,26 +229,6 @@ def test_a_worker_that_hangs_is_one_line(cluster: Processes) -> None:
 
 
 @pytest.mark.slow
-def test_a_worker_that_is_lost_while_it_starts_costs_nothing(cluster: Processes) -> None:
-    cluster.worker()
-    connect(cluster).__exit__(None, None, None)
-
-    def start_and_stop(threads: int) -> subprocess.Popen[bytes]:
-        starting = cluster.worker("--nthreads", threads)
-        while sum(client.nthreads().values()) < 1 + threads:
-            time.sleep(0.05)
-        # From now on it has not imported the package, and will not.
-        starting.send_signal(signal.SIGSTOP)
-        return starting
-
-    with distributed.Client(scheduler_file=str(cluster.file), set_as_default=False) as client:
-        threading.Timer(2, start_and_stop(1).kill).start()
-        with connect(cluster) as workers:
-            threading.Timer(2, start_and_stop(2).kill).start()
-            assert list(workers.run("powers", pow, [(2, n) for n in range(30)])) == [2**n for n in range(30)]
-
-
-@pytest.mark.slow
 def test_lost_workers_cost_their_calls_and_all_of_them_end_the_run(cluster: Processes) -> None:
     lines: list[str] = []
     both = [cluster.worker() for _ in range(2)]

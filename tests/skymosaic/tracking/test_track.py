@@ -197,18 +197,6 @@ def test_blocks_of_the_first_view_and_then_of_the_last_are_tried_where_features_
     assert [view.in_frame[0, 2] for view in seen.by_blocks] == [0, 2]
 
 
-def test_an_object_is_expected_in_its_shape_whatever_its_corners_did() -> None:
-    sheared = np.array([[1.0, 0.1, 5], [0, 1, 0], [0, 0, 1]])
-    seen = Seen([sheared, sheared])
-    track = begun(seen, moved(0, 0))
-    for _ in range(2):
-        track.follow(FRAME)
-    seen_sides, expected_sides = (
-        np.linalg.norm(np.diff(corners, axis=0), axis=1) for corners in (apply(sheared, seen.corners), seen.expected[1])
-    )
-    np.testing.assert_allclose(expected_sides / expected_sides[0], seen_sides / seen_sides[0], atol=1e-6)
-
-
 @pytest.mark.parametrize(
     ("place", "sees_surroundings", "says"),
     [
@@ -226,10 +214,6 @@ def test_why_an_object_is_lost_is_said(place: Any, sees_surroundings: bool, says
     for _ in range(2):
         track.follow(FRAME)
     assert says in track.explain(FRAME)
-
-
-def test_a_track_that_just_began_is_not_lost_for_a_twin_or_a_cut() -> None:
-    assert "features agree" in begun(Seen([]), moved(50, 50)).explain(FRAME)
 
 
 @pytest.mark.parametrize("at_once", [False, True])

@@ -19,7 +19,7 @@ from skymosaic.geometry.model_selection import fit
 from skymosaic.imagery.video import VideoReader
 from skymosaic.tracking.blocks import BORDER_PX, match_blocks
 from skymosaic.tracking.motion import Matches, fit_object, fit_surroundings
-from skymosaic.tracking.output import draw_outline, follow_video, make_row, save_corners
+from skymosaic.tracking.output import follow_video, make_row, save_corners
 from skymosaic.tracking.template import MARGIN_PX, Roi, Template
 from skymosaic.tracking.tracker import TrackedFrame
 
@@ -164,16 +164,6 @@ def test_a_row_has_corners_or_the_reason_and_files_have_both(tmp_path: Path) -> 
     seen, lost = json.loads((tmp_path / "a.JSON").read_text())["corners"]
     assert (seen["corners"][2], seen["model"], seen["inliers"]) == ([50.25, 41.0], "similarity", 9)
     assert (lost["corners"], lost["inliers"], lost["reason"]) == (None, 0, "lost: hidden")
-
-
-def test_the_outline_is_closed_and_green_on_a_copy_of_the_frame() -> None:
-    drawn = draw_outline(SEEN)
-    for x, y in ((30, 20), (50, 30), (30, 41), (10, 30)):
-        assert drawn[y, x, 1] > 200
-        assert drawn[y, x, [0, 2]].tolist() == [0, 0]
-    assert not drawn[24:37, 14:47].any()
-    assert not draw_outline(LOST).any()
-    assert not BLACK.any()
 
 
 @pytest.mark.parametrize(("found", "is_writable"), [((0,), True), ((0, 2), False), ((), False)])
