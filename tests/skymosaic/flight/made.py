@@ -63,6 +63,15 @@ def flight(views: Sequence[View], links: Iterable[Link] = (), layouts: Iterable[
     return Flight(views=tuple(views), links=tuple(links), layouts=tuple(layouts), **usual | changes)
 
 
+def flight_along(
+    views: Sequence[View], steps: Sequence[tuple[float, float]], positions: str = "", **changes: Any
+) -> tuple[Flight, Layout]:
+    """Photographs that lie ``steps`` (x, y) px from the first one's corner, and their layout with ``changes``."""
+    shifts = {view: np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]]) for view, (x, y) in enumerate(steps)}
+    layout = Layout(tuple(shifts), 0, shifts, **changes)
+    return flight(views, (), [layout], positions=positions), layout
+
+
 def tie(left: int, right: int, count: int, checks: int = 0, off_px: float = 0.0) -> Link:
     """A link of a photograph and its copy, with matches kept aside that are off."""
     points = np.random.default_rng(left).uniform(0, 300, (count, 2))

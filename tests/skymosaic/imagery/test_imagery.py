@@ -6,7 +6,6 @@ import pickle
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -83,16 +82,6 @@ def test_bands_read_back_as_the_picture(tmp_path: Path, channels: tuple[Any, ...
     with Image.open(path) as opened:
         rgb = np.asarray(opened)
     np.testing.assert_array_equal(rgb, picture[..., ::-1] if channels else picture)
-
-
-def test_a_full_disk_leaves_one_line_and_no_file(tmp_path: Path) -> None:
-    def disk_fills() -> Iterator[Any]:
-        yield noise(64, 67)
-        raise OSError(28, "No space left on device")
-
-    with pytest.raises(InputError, match="No space left on device"):
-        write_png(tmp_path / "picture.png", (67, 150), 1, disk_fills())
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("source", ["99999999999", "9" * 5000, "100"], ids=len)

@@ -66,11 +66,6 @@ def test_what_is_transparent_is_no_ground(tmp_path: Path, kind: str) -> None:
     assert images.load(path).notes == ()
 
 
-def test_an_array_of_the_wrong_kind_is_refused() -> None:
-    with pytest.raises(InputError, match="uint8"):
-        images.load(np.zeros((100, 100), np.float32), "left image")
-
-
 def test_reduced_keeps_pixel_centres(tmp_path: Path) -> None:
     wide = np.zeros((600, 2000), np.uint8)
     small, to_original = images.reduce_to_width(wide, 1000)

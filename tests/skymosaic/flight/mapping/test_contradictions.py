@@ -1,16 +1,17 @@
 """Control points and records that are wrong while a fit to them alone looks well, beside GPS that is right."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from skymosaic.common.errors import InputError
+from skymosaic.flight.flight import Flight
+from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.cameras import Camera
 from skymosaic.flight.mapping.contradictions import compare_places
 from skymosaic.flight.mapping.place import list_contradictions, place_cameras, place_on_map
@@ -18,7 +19,7 @@ from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.imagery.orientation import AXES, turn_pixels
 from skymosaic.maps.control_points import load_control_points
 from skymosaic.maps.georeference import Georeference, map_to_globe
-from tests.skymosaic.flight.mapping.laid_out import lay_out
+from tests.skymosaic.flight import made
 
 CORNER, METRES, SIZE = np.array([576_600.0, 5_188_200.0]), 0.1, (400, 300)
 STEPS = [(150 * column, 120 * row) for row in range(3) for column in range(4)]
@@ -32,14 +33,13 @@ def taken_above(x_px: float, y_px: float, **recorded: Any) -> Metadata:
     return Metadata(position=Position(latitude, longitude), **recorded)
 
 
-def unrolled() -> tuple[Any, Any]:
-    """Twelve photographs in three strips, 0.1 m per pixel, with exact GPS."""
-    middle = (np.array(SIZE) - 1) / 2
-    views = [
-        SimpleNamespace(name=f"{number}.jpg", size=SIZE, orientation=1, taken=taken, gps=taken.position)
-        for number, taken in enumerate(taken_above(*(step + middle)) for step in STEPS)
-    ]
-    return lay_out(views, STEPS)
+EXACT = [taken_above(*(step + (np.array(SIZE) - 1) / 2)) for step in STEPS]
+
+
+def unrolled(recorded: Sequence[Metadata] = EXACT, orientation: int = 1, **facts: Any) -> tuple[Flight, Layout]:
+    """Twelve photographs in three strips, 0.1 m per pixel, with what their cameras recorded."""
+    views = [made.view(f"{n}.jpg", SIZE, taken=each, orientation=orientation) for n, each in enumerate(recorded)]
+    return made.flight_along(views, STEPS, **facts)
 
 
 def write_control(path: Path, place: Change, pixel: Change, shift: int) -> Path:
@@ -68,11 +68,8 @@ def test_pixels_of_photographs_that_exif_turns_may_be_those_of_the_file(
         row, column = divmod(int(upright[int(seen[1]), int(seen[0])]), stored_size[0])
         return np.array([column, row]) if as_stored else seen
 
-    flight, layout = unrolled()
-    for view in flight.views:
-        view.orientation = orientation
     write_control(tmp_path / "gcp.txt", same, click, 0)
-    place = place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt"))
+    place = place_on_map(*unrolled(orientation=orientation), load_control_points(tmp_path / "gcp.txt"))
     assert place.georeference is not None
     assert place.georeference.residual_m < 1e-6
     assert ("as stored" in place.note) == as_stored
@@ -82,15 +79,14 @@ def same(values: np.ndarray) -> np.ndarray:
     return values
 
 
-def with_positions(place: Change) -> tuple[Any, Any]:
+def with_positions(place: Change) -> tuple[Flight, Layout]:
     """The same flight with a file of positions, changed likewise."""
-    flight, layout = unrolled()
-    flight.positions = "geo.txt"
-    for view, (x_px, y_px) in zip(flight.views, STEPS, strict=True):
+    given = []
+    for recorded, (x_px, y_px) in zip(EXACT, STEPS, strict=True):
         east_north = place(CORNER + METRES * np.array([x_px, -y_px]) + METRES * np.array([199.5, -149.5]))
         ((longitude, latitude),) = map_to_globe(east_north[None], "EPSG:32615")
-        view.taken = replace(view.taken, position=Position(latitude, longitude), own_position=view.taken.position)
-    return flight, layout
+        given.append(replace(recorded, position=Position(latitude, longitude), own_position=recorded.position))
+    return unrolled(given, positions="geo.txt")
 
 
 @pytest.mark.parametrize(
@@ -121,18 +117,14 @@ def test_a_file_of_positions_is_held_against_gps(place: Change, found: str) -> N
 
 
 def test_positions_that_disagree_with_the_layout_are_named() -> None:
-    flight, layout = unrolled()
-    for view, other in zip(flight.views, np.random.default_rng(0).permutation(12), strict=True):
-        view.taken = taken_above(*STEPS[other])
-    (line,) = list_contradictions(flight)
+    mixed = [taken_above(*STEPS[other]) for other in np.random.default_rng(0).permutation(12)]
+    (line,) = list_contradictions(unrolled(mixed)[0])
     assert re.match(r"no place on the map: positions and layout differ by .* farthest off: ", line)
-    for view in flight.views:
-        view.taken, view.gps = Metadata(), None
+    flight, layout = unrolled([Metadata()] * 12)
     assert list_contradictions(flight) == []
     assert place_on_map(flight, layout).note
-    flight, layout = unrolled()
-    for number, step_px in ((2, 60), (7, 90)):
-        flight.views[number].taken = taken_above(*(STEPS[number] + (np.array(SIZE) - 1) / 2 + [step_px, 0]))
+    off = {2: 60, 7: 90}
+    flight, layout = unrolled([taken_above(x + 199.5 + off.get(n, 0), y + 149.5) for n, (x, y) in enumerate(STEPS)])
     assert place_on_map(flight, layout).georeference is not None
     assert list_contradictions(flight) == ["a map is made without the GPS of 7.jpg (9 m off), 2.jpg (6 m off)"]
 

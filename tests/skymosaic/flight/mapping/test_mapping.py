@@ -71,15 +71,11 @@ def true_places(layout: Layout) -> Array:
 @pytest.mark.parametrize(("accuracy_m", "sigma_px"), [(0.5, 5.0), (0.001, 0.1), (None, 0.1)])
 def test_what_is_known_of_cameras_is_as_exact_as_they_record(accuracy_m: float | None, sigma_px: float) -> None:
     """Of 0.1 m per pixel: at best 1 cm. Without a record it is the misfit, which is none here."""
-    flight, layout = unrolled()
     middle = (np.array(FLOWN_SIZE) - 1) / 2
-    for view, step in zip(flight.views, STEPS, strict=True):
-        view.taken = taken_above(*(middle + step), accuracy_m=accuracy_m)
-        view.to_original, view.working_size = np.eye(3), view.size
-    layout.reference, layout.transforms = 0, layout.to_reference(None)
+    recorded = [taken_above(*(middle + step), accuracy_m=accuracy_m) for step in STEPS]
     # Photographs without a position say nothing.
-    flight.views[3].taken = Metadata()
-    observed = list(_observe(flight, layout, None))
+    recorded[3] = Metadata()
+    observed = list(_observe(*unrolled(recorded), None))
     assert [each.view for each in observed] == [view for view in range(12) if view != 3]
     np.testing.assert_allclose([each.point for each in observed], [middle] * 11, atol=1e-3)
     places = [middle + STEPS[each.view] for each in observed]

@@ -2,8 +2,6 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import cv2
 import numpy as np
@@ -13,7 +11,9 @@ import rasterio
 from sim.scene import make_lawnmower
 from sim.scene.flight import Flight
 from skymosaic.common.errors import InputError, RegistrationError
+from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
+from skymosaic.flight.linking.view import Settings
 from skymosaic.flight.mapping.cameras import Camera, cameras_of, measure_turn
 from skymosaic.flight.mapping.place import place_cameras, place_on_map, require_place
 from skymosaic.flight.picture.canvas import scale_for
@@ -25,7 +25,7 @@ from skymosaic.maps.control_points import load_control_points
 from skymosaic.maps.positions import load_positions
 from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
-from tests.skymosaic.flight.mapping.laid_out import lay_out
+from tests.skymosaic.flight import made
 
 SIZE = (480, 360)
 METRES, CORNER = 0.15, np.array([430_000.0, 5_190_000.0])
@@ -47,15 +47,12 @@ def test_cameras_that_lean_are_found_above_where_they_were(
         shift[:2, 2] = beside_px
         middle = shift @ [(SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2, 1]
         lens = Lens(SIZE, np.column_stack((np.diag([focal_px, focal_px, 0])[:, :2], middle)), np.zeros(5))
-    view = SimpleNamespace(name="0.jpg", size=SIZE, orientation=1, taken=Metadata(focal_half_diagonals=half_diagonals))
-    views, members = (view,) * 4, tuple(range(4))
-    to_ground = {m: np.linalg.inv(shift @ flight.homographies[m]) for m in members}
-    layout: Any = SimpleNamespace(members=members, to_reference=lambda _views: to_ground)
-    settings, names = SimpleNamespace(lens=lens), {"0.jpg": "0.jpg"}
-    leaning: Any = SimpleNamespace(views=views, lens=lens, settings=settings, short_names=names)
-    found = np.array([camera.position for camera in cameras_of(leaning, layout)])
+    views = made.views(4, SIZE, taken=Metadata(focal_half_diagonals=half_diagonals))
+    to_ground = {m: np.asarray(np.linalg.inv(shift @ flight.homographies[m]), np.float64) for m in range(4)}
+    leaning = made.flight(views, settings=Settings(made.CONFIG, lens=lens))
+    found = np.array([camera.position for camera in cameras_of(leaning, Layout((0, 1, 2, 3), 0, to_ground))])
     np.testing.assert_allclose(found, [(p.x_px, p.y_px, p.altitude_px) for p in flight.poses], rtol=1e-6, atol=1e-3)
-    middles = np.array([apply(np.asarray(to_ground[m], np.float64), (np.array(SIZE) - 1) / 2) for m in members])
+    middles = np.array([apply(to_ground[m], (np.array(SIZE) - 1) / 2) for m in to_ground])
     assert np.linalg.norm(middles - found[:, :2], axis=1).max() > 3
 
 
@@ -126,14 +123,11 @@ def test_a_file_of_positions_puts_a_flight_without_gps_on_the_map(flight: Flight
         run.write(tmp_path / "m.tif", OutputForm(require_map=True))
 
 
-def flown(folders: Sequence[str], position: Position | None = None) -> tuple[Any, Any]:
+def flown(folders: Sequence[str], *positions: Position) -> tuple[Any, Layout]:
     """Photographs of one name in several folders, side by side on the ground, each 100 px wide."""
-    taken = Metadata(position=position)
-    views = [
-        SimpleNamespace(name=f"{folder}/1.jpg", size=(100, 100), orientation=1, gps=position, taken=taken)
-        for folder in folders
-    ]
-    return lay_out(views, [(100 * view, 0) for view in range(len(views))])
+    taken = map(Metadata, positions or (None,) * len(folders))
+    views = [made.view(f"{each}/1.jpg", (100, 100), taken=how) for each, how in zip(folders, taken, strict=True)]
+    return made.flight_along(views, [(100 * view, 0) for view in range(len(views))])
 
 
 def test_photographs_of_one_name_in_two_folders_are_told_apart(tmp_path: Path) -> None:
@@ -154,19 +148,19 @@ def test_photographs_of_one_name_in_two_folders_are_told_apart(tmp_path: Path) -
 
 
 def test_control_points_of_another_site_are_refused_but_not_for_gps_off_the_map(tmp_path: Path) -> None:
-    flight, layout = flown(("a",), Position(45.1, -93.0))
+    site, off_the_map = Position(45.1, -93.0), Position(0.0, -2.0)
+    flight, layout = flown(("a",), site)
     lines = [f"{500_000 + x} {5_000_000 - y} 0 {x} {y} 1.jpg" for x, y in ((10, 10), (90, 20), (40, 80))]
     (tmp_path / "gcp.txt").write_text("\n".join(["EPSG:32615", *lines]))
     assert place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt")).georeference is not None
     (tmp_path / "gcp.txt").write_text("\n".join(["EPSG:32616", *lines]))
     with pytest.raises(InputError, match=r"lie \d+ km from the photographs' GPS; check the coordinate system"):
         place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt"))
-    flight, layout = flown("abc", Position(45.1, -93.0))
+    flight, layout = flown("abc", off_the_map, site, site)
     lines = [f"{500_000 + x} {5_000_000 - y} 0 {x} {y} a/1.jpg" for x, y in ((10, 10), (90, 20), (40, 80))]
     (tmp_path / "gcp.txt").write_text("\n".join(["EPSG:32615", *lines]))
-    flight.views[0].gps = Position(0.0, -2.0)
     assert place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt")).georeference is not None
-    flight.views[1].gps = flight.views[0].gps
+    flight, layout = flown("abc", off_the_map, off_the_map, site)
     with pytest.raises(InputError, match=r"gcp.txt: its points lie \d+ km from the photographs' GPS"):
         place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt"))
 
@@ -276,8 +270,7 @@ def test_positions_that_agree_behind_a_joint_in_doubt_tell_that_the_layout_broke
         Metadata(Position(45 + (wrong.get(view, 0) - 30 * (view // 10)) / 111_132, 9 + view % 10 * 20 / 78_847))
         for view in range(20 if strips == 2 else 10)
     ]
-    views = [SimpleNamespace(name=f"{i}.jpg", size=SIZE, orientation=1, taken=each) for i, each in enumerate(metadata)]
-    flight, layout = lay_out(views, [(100.0 * (view % 10), 150.0 * (view // 10)) for view in range(len(views))])
+    views = [made.view(f"{i}.jpg", SIZE, taken=each) for i, each in enumerate(metadata)]
     pairs = {(view, view + step) for view in range(9) for step in ((1, 2) if strips else (1,)) if view + step < 10}
     if strips:
         pairs = (pairs | {(view, view + 1) for view in range(10, len(views) - 1)}) - {(4, 6), (5, 7)}
@@ -285,10 +278,11 @@ def test_positions_that_agree_behind_a_joint_in_doubt_tell_that_the_layout_broke
         pairs |= {(view, 10 + view) for view in range(6)}
     points = np.zeros((50, 2))
     tied = {each: points[: ties if each == (5, 6) else 50] for each in pairs}
-    layout.links = [Link(*each, some, some, 90, 50) for each, some in tied.items()]
-    layout.links += [Link(3, 6, points, points, 20, 50)] * bool(strips)
-    layout.contradicting = [Link(*each, points, points, 20, 20) for each in contradicting]
-    place = place_on_map(flight, layout)
+    links = [Link(*each, some, some, 90, 50) for each, some in tied.items()]
+    links += [Link(3, 6, points, points, 20, 50)] * bool(strips)
+    against = tuple(Link(*each, points, points, 20, 20) for each in contradicting)
+    steps = [(100.0 * (view % 10), 150.0 * (view // 10)) for view in range(len(views))]
+    place = place_on_map(*made.flight_along(views, steps, links=tuple(links), contradicting=against))
     assert (place.georeference is None) == broken
     says = f"the layout breaks between 5.jpg and 6.jpg, where {len(contradicting)} of {2 * len(contradicting) or 1} "
     assert place.note.startswith(says) == broken

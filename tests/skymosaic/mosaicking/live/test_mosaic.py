@@ -11,7 +11,6 @@ from golden_model.config import preset_config
 from sim.scene.flight import Flight
 from skymosaic.common.errors import AppearedError, InputError
 from skymosaic.features.backends import load_backend
-from skymosaic.flight.survey import lay_out_all
 from skymosaic.geometry.homography import apply, estimate_similarity
 from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.imagery.images import Photograph, check_output
@@ -80,18 +79,6 @@ def test_given_features_make_the_same_mosaic_as_computed_ones(frames: list[Pixel
     assert list(given.transforms) == list(computed.transforms) == [0, 1, 2]
     for number, transform in computed.transforms.items():
         np.testing.assert_array_equal(given.transforms[number], transform)
-
-
-@pytest.mark.slow
-def test_features_of_the_hardware_in_sequence_mode_make_a_live_mosaic(frames: Any) -> None:
-    """Compiles the accelerator the first time."""
-    results = {name: load_backend(name).run(frames[:3], CONFIG, reference="previous") for name in ("golden", "rtl")}
-    for wanted, got in zip(*results.values(), strict=True):
-        np.testing.assert_array_equal(wanted.features, got.features)
-        np.testing.assert_array_equal(wanted.matches, got.matches)
-    live = LiveMosaic(config=CONFIG)
-    updates = [live.add(frame, result.features) for frame, result in zip(frames, results["rtl"], strict=False)]
-    assert all(update.placement for update in updates[1:])
 
 
 @pytest.mark.parametrize(
@@ -186,22 +173,6 @@ def test_what_happens_to_files_meanwhile_is_said_by_name(frames: list[Pixels], t
     assert sorted(left_out) == [0, 3, 4]
     assert "0.png" in left_out[0]
     assert "3.png: was replaced after it had been read" in left_out[3]
-
-
-def test_a_frame_whose_links_are_disputed_in_the_end_is_left_out_for_that(
-    frames: list[Pixels], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    live = LiveMosaic(config=CONFIG)
-    for frame in frames[:3]:
-        live.add(frame)
-
-    def dispute(views: Any, *given: Any) -> Any:
-        (layout,), _ = lay_out_all(views, *given)
-        return [layout.without({2})], {2: ""}
-
-    monkeypatch.setattr("skymosaic.mosaicking.live.growing_flight.lay_out_all", dispute)
-    with live.open_run() as run:
-        assert "links contradict each other or the layout, so its place is unknown" in run.flight.left_out[2]
 
 
 def test_a_full_disk_ends_the_growth_and_not_the_mosaic(
