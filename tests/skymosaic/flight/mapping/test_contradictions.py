@@ -12,7 +12,7 @@ import pytest
 from skymosaic.common.errors import InputError
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.mapping.cameras import Camera
+from skymosaic.flight.mapping.cameras import Camera, cameras_of
 from skymosaic.flight.mapping.contradictions import compare_places
 from skymosaic.flight.mapping.place import list_contradictions, place_cameras, place_on_map
 from skymosaic.imagery.exif import Metadata, Position
@@ -210,17 +210,9 @@ def test_control_points_are_held_against_gps(
 
 def cameras(*, focal: float | None = 1.5, height_m: float | None = None, yaw_deg: float | None = None) -> list[Camera]:
     """Twelve cameras, all at one height, looking down, north up."""
-    middle = (np.array(SIZE) - 1) / 2
-    recorded: dict[str, Any] = {"focal_half_diagonals": focal, "height_m": height_m, "yaw_deg": yaw_deg}
-    return [
-        Camera(
-            f"{number}.jpg",
-            SIZE,
-            np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]]),
-            taken_above(middle[0] + x, middle[1] + y, **recorded),
-        )
-        for number, (x, y) in enumerate(STEPS)
-    ]
+    recorded = {"focal_half_diagonals": focal, "height_m": height_m, "yaw_deg": yaw_deg}
+    flight, layout = unrolled([replace(each, **recorded) for each in EXACT])  # type: ignore[arg-type]
+    return cameras_of(flight, layout)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -165,14 +166,16 @@ def test_control_points_of_another_site_are_refused_but_not_for_gps_off_the_map(
         place_on_map(flight, layout, load_control_points(tmp_path / "gcp.txt"))
 
 
+def camera(number: int, x_px: float, y_px: float, position: Position | None, **recorded: Any) -> Camera:
+    """A camera whose photograph lies so far from the first one's corner, with what it recorded."""
+    to_reference = np.array([[1.0, 0, x_px], [0, 1, y_px], [0, 0, 1]])
+    return Camera(f"{number}.jpg", SIZE, to_reference, Metadata(position, **recorded))
+
+
 @pytest.mark.parametrize(("accuracy_m", "placed"), [(None, True), (0.2, True), (10.0, True), (0.02, False)])
 def test_of_few_positions_two_may_be_off_by_what_they_are_exact_to(accuracy_m: float | None, placed: bool) -> None:
-    cameras = []
-    for number, off_m in enumerate((0.0, 0.9, 0.0, 0.9, 0.0)):
-        to_reference = np.array([[1.0, 0, 100 * number], [0, 1, 0], [0, 0, 1]])
-        taken = Metadata(Position(45 + off_m / 111_132, 9 + number * 10 / 78_847), accuracy_m=accuracy_m)
-        cameras.append(Camera(f"{number}.jpg", SIZE, to_reference, taken))
-    place = place_cameras(cameras)
+    places = [Position(45 + off_m / 111_132, 9 + n * 10 / 78_847) for n, off_m in enumerate((0.0, 0.9, 0.0, 0.9, 0.0))]
+    place = place_cameras([camera(n, 100 * n, 0, each, accuracy_m=accuracy_m) for n, each in enumerate(places)])
     assert (place.georeference is not None) == placed
     if placed:
         assert not place.disagreeing
@@ -182,20 +185,14 @@ def test_of_few_positions_two_may_be_off_by_what_they_are_exact_to(accuracy_m: f
 
 def test_of_too_few_positions_it_is_said_that_others_are_none() -> None:
     positions = [Position(45.0, 8.0), Position(45.001, 8.0), None, None]
-    taken = [Metadata(each, gps_fault="" if each else "that is no position") for each in positions]
-    cameras = [Camera(f"{number}.jpg", SIZE, np.eye(3), each) for number, each in enumerate(taken)]
+    cameras = [camera(0, 0, 0, each, gps_fault="" if each else "that is no position") for each in positions]
     assert place_cameras(cameras).note == ("2 of 4 photographs have GPS; 3 are needed; 2 have GPS that is no position")
 
 
 def test_a_compass_that_is_wrong_by_half_a_turn_is_said_so() -> None:
     """The differences +178 and -179 degrees have no median near 180 degrees."""
     cameras = [
-        Camera(
-            f"{number}.jpg",
-            SIZE,
-            np.array([[1.0, 0, 300 * number], [0, 1, 0], [0, 0, 1]]),
-            Metadata(position=Position(45 - 0.001 * number, 8.0), yaw_deg=yaw_deg),
-        )
+        camera(number, 300 * number, 0, Position(45 - 0.001 * number, 8.0), yaw_deg=yaw_deg)
         for number, yaw_deg in enumerate((-88.0, -91.4))
     ]
     place = place_cameras(cameras)
@@ -206,10 +203,8 @@ def test_a_turn_is_measured_whatever_it_is() -> None:
     """A poor compass's directions lie on both sides of each that could be where degrees begin anew."""
     to_map, noise_deg = np.array([[1.0, 0, 500_000], [0, -1, 5_000_000], [0, 0, 1]]), np.array([-30.0, 1, 30])
     for turned_deg in range(-180, 180, 5):
-        cameras = [
-            Camera("a.jpg", SIZE, np.eye(3), Metadata(yaw_deg=float((180 - turned_deg - noise) % 360 - 180)))
-            for noise in noise_deg
-        ]
+        yaws_deg = ((180 - turned_deg - noise_deg) % 360 - 180).tolist()
+        cameras = [camera(0, 0, 0, None, yaw_deg=yaw_deg) for yaw_deg in yaws_deg]
         found_deg = measure_turn(cameras, to_map, to_map[:2, 2], "EPSG:32615")
         assert found_deg is not None
         assert abs((found_deg - turned_deg + 180) % 360 - 180) == pytest.approx(1, abs=0.01)
@@ -218,15 +213,9 @@ def test_a_turn_is_measured_whatever_it_is() -> None:
 def test_the_compass_shows_true_north_and_not_that_of_the_map() -> None:
     """At 69 degrees north and 2.5 degrees from the middle of its UTM zone, they are 2.3 degrees apart."""
     cameras = [
-        Camera(
-            f"{index}.jpg",
-            SIZE,
-            np.array([[1.0, 0, 1000 * (index % 3)], [0, 1, -1000 * (index // 3)], [0, 0, 1]]),
-            Metadata(
-                position=Position(69 + 100 * (index // 3) / 111_570, 23.5 + 100 * (index % 3) / 40_097), yaw_deg=0.0
-            ),
-        )
-        for index in range(9)
+        camera(0, 1000 * x, -1000 * y, Position(69 + 100 * y / 111_570, 23.5 + 100 * x / 40_097), yaw_deg=0.0)
+        for y in range(3)
+        for x in range(3)
     ]
     assert place_cameras(cameras).turned_deg == pytest.approx(0, abs=0.05)
 
@@ -235,12 +224,8 @@ def test_the_compass_shows_true_north_and_not_that_of_the_map() -> None:
 def test_a_scale_that_few_positions_hardly_give_is_a_warning_or_no_required_map(
     off_m: float, doubted: bool, refused: bool
 ) -> None:
-    cameras = []
-    for number, north_m in enumerate((0.0, off_m, 0.0)):
-        to_reference = np.array([[1.0, 0, 100 * number], [0, 1, 0], [0, 0, 1]])
-        taken = Metadata(Position(45 + north_m / 111_132, 9 + number * 10 / 78_847))
-        cameras.append(Camera(f"{number}.jpg", SIZE, to_reference, taken))
-    place = place_cameras(cameras)
+    places = [Position(45 + north_m / 111_132, 9 + n * 10 / 78_847) for n, north_m in enumerate((0.0, off_m, 0.0))]
+    place = place_cameras([camera(n, 100 * n, 0, each) for n, each in enumerate(places)])
     assert place.georeference is not None
     assert [f"± {place.georeference.scale_error:.0%} only" in line for line in place.contradictions] == [True] * doubted
     with pytest.raises(RegistrationError, match=r"a required map needs 15%") if refused else nullcontext():
