@@ -186,21 +186,6 @@ def test_frames_of_any_size_and_content_equal_the_golden_model(
     assert features.size
 
 
-@pytest.mark.slow  # The preset's whole frames are compared in tests/system/test_accelerator.py, too.
-def test_thesis_preset_equals_the_golden_model(scene: Any) -> None:
-    """No smoothing, a 3x3 tensor and no selection; then with corners of FAST instead of Harris."""
-    config = dataclasses.replace(THESIS, threshold=200_000)
-    with compiled(config) as opened:
-        bench = FrontEndBench(opened, config)
-        for pauses in (NO_PAUSES, PAUSES):
-            _, features = bench.check([gray(scene(number, (640, 480))) for number in range(2)], pauses=pauses)
-            assert features.size > 200
-            bench.check(extremes((65, 67)), pauses=pauses)
-            sparse = dataclasses.replace(config, detector="fast", threshold=40)
-            _, features = bench.check([gray(scene(2, (640, 480)))], config=sparse, pauses=pauses)
-            assert features.size > 200
-
-
 def test_fast_is_a_setting_beside_harris(aerial: FrontEndBench, scene: Callable[..., Any]) -> None:
     """One build processes whole frames with FAST, then any size and content with FAST and Harris in turn."""
     size_px = (320, 240)
