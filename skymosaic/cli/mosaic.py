@@ -23,7 +23,7 @@ from skymosaic.cli.session import STDOUT, session
 from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.options import MAP, OUTPUT
 from skymosaic.flight.checking.check import check_flight, describe_moving, doubts, layout_errors
-from skymosaic.flight.picture.formats import OutputForm
+from skymosaic.flight.picture.formats import OutputForm, sources_of
 from skymosaic.flight.picture.output import Delivery
 from skymosaic.imagery.images import check_output, check_output_folder, save_bytes
 from skymosaic.maps.geotiff import COMPRESSIONS
@@ -41,13 +41,19 @@ def _list_groups(output: Path | None, typed: Typed) -> list[Path]:
     return [] if output is None else [output, *(list_numbered(output) if typed["all_groups"] else ())]
 
 
+def _list_mosaics(output: Path, typed: Typed) -> list[Path]:
+    """The mosaics, and what is written beside each."""
+    mosaics = _list_groups(output, typed)
+    return [*mosaics, *(map(sources_of, mosaics) if typed["sources"] else ())]
+
+
 def mosaic(
     *,
     photographs: PhotographsArgument,
     output: Annotated[
         Path,
         output_option("The mosaic: .png, .tif, .mbtiles, .kmz ...; -: PNG on stdout."),
-        Writes(list_outputs=_list_groups),
+        Writes(list_outputs=_list_mosaics),
     ],
     report: Annotated[
         Path | None, typer.Option(rich_help_panel=OUTPUT, help="Folder for pictures and numbers."), Writes(REPORT_NAMES)
@@ -72,12 +78,22 @@ def mosaic(
         typer.Option(rich_help_panel=MAP, help="Folder for map tiles and a page that shows them offline."),
         Writes(TILE_NAMES, list_outputs=_list_groups),
     ] = None,
+    sources: Annotated[
+        bool,
+        typer.Option(
+            "--sources",
+            rich_help_panel=OUTPUT,
+            help="Write which photograph each pixel shows, beside mosaic.tif as mosaic.sources.tif.",
+        ),
+    ] = False,
     options: MosaicOptions,
 ) -> None:
     """Make one mosaic of overlapping photographs: two, or a whole flight."""
+    if sources and output == STDOUT:
+        raise InputError("--sources: a mosaic on stdout has no file beside it; name one by -o")
     if save_camera and options.lens and options.lens.matrix is not None:
         raise InputError("--save-camera: the lens is given by --camera, so it is not estimated; leave one out")
-    form = OutputForm(compress, tiles, require_map)
+    form = OutputForm(compress, tiles, require_map, sources)
     with (
         session.destination(output, "mosaic.png") as target,
         progress_bars() as progress,
@@ -185,6 +201,9 @@ def _show_mosaic(delivery: Delivery, path: Path) -> None:
         session.show(f"overlaps: {layout.agreement.description}")
         if (errors := layout_errors(flight, layout)) is not None:
             session.show(f"linked pairs: {errors.description}")
+    if delivery.sources:
+        session.wrote(delivery.sources)
+        session.show(f"sources {delivery.sources}")
     if delivery.tiles:
         session.wrote(delivery.tiles)
         session.show(f"tiles {delivery.tiles / 'index.html'}")

@@ -7,22 +7,23 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Float32, Intensities, Mask
+from golden_model.arrays import Float32, Intensities
 from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.warp import Canvas
 
 Blending = Literal["average", "distance", "multiband"]
+Owners = NDArray[np.int16]
 BANDS = 5
 DETAIL_PX = 32
 """Fine detail farther from a tile than this reaches it only in coarse bands, which contain none of it."""
 TINY = float(np.finfo(np.float32).tiny)
 
 
-def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: Blending) -> tuple[Intensities, Mask]:
+def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: Blending) -> tuple[Intensities, Owners]:
     """Warp layers onto a canvas and blend them where they overlap.
 
     The layers are all gray or all BGR, and all of uint8 or all of uint16; they may have masks and seams. Returns also
-    where there is an image, (H, W); elsewhere pixels are 0.
+    which layer each pixel shows, or shows most, its index, (H, W); -1, and pixels of 0, where there is none.
 
     Parameters
     ----------
@@ -32,33 +33,36 @@ def blend_layers(layers: Sequence[Layer], canvas: Canvas, *, method: Blending) -
         frequency bands (Burt and Adelson 1983), which keeps detail where the registration is not perfect.
     """
     mosaic = np.zeros((canvas.height_px, canvas.width_px, *layers[0].image.shape[2:]), dtype=layers[0].image.dtype)
-    shown = np.zeros(mosaic.shape[:2], dtype=np.bool_)
+    owner = np.full(mosaic.shape[:2], -1, dtype=np.int16)
     for tile in canvas.tiles():
         where = tile.within(canvas)
         if method == "multiband":
-            mosaic[where], shown[where] = _blend_bands(layers, tile)
+            mosaic[where], owner[where] = _blend_bands(layers, tile)
         else:
-            mosaic[where], shown[where] = _blend_average(layers, tile, by_distance=method == "distance")
-    return mosaic, shown
+            mosaic[where], owner[where] = _blend_average(layers, tile, by_distance=method == "distance")
+    return mosaic, owner
 
 
-def _blend_average(layers: Sequence[Layer], tile: Canvas, *, by_distance: bool) -> tuple[Intensities, Mask]:
+def _blend_average(layers: Sequence[Layer], tile: Canvas, *, by_distance: bool) -> tuple[Intensities, Owners]:
     """Blend one tile by the weighted average of all images."""
     total = np.zeros((tile.height_px, tile.width_px, *layers[0].image.shape[2:]), dtype=np.float32)
     total_weight = np.zeros((tile.height_px, tile.width_px), dtype=np.float32)
-    for layer in layers:
+    owner, largest = np.full(total_weight.shape, -1, dtype=np.int16), np.zeros_like(total_weight)
+    for index, layer in enumerate(layers):
         part = layer.footprint.intersection(tile)
         if part is None:
             continue
         distance = layer.border_distance(part)
         # Inside the image every distance is positive, so its sign is the weight of a plain average.
         weight = np.float32(layer.favour) * (distance if by_distance else np.sign(distance))
-        total[part.within(tile)] += layer.pixels(part) * _per_channel(weight, total)
-        total_weight[part.within(tile)] += weight
-    return _round(_divide(total, total_weight), layers[0].image.dtype), total_weight > 0
+        where = part.within(tile)
+        total[where] += layer.pixels(part) * _per_channel(weight, total)
+        total_weight[where] += weight
+        _claim(owner[where], largest[where], index, weight)
+    return _round(_divide(total, total_weight), layers[0].image.dtype), owner
 
 
-def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> tuple[Intensities, Mask]:
+def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> tuple[Intensities, Owners]:
     """Blend one tile in frequency bands; each pixel belongs to the layer with the largest claim.
 
     The pyramids are in float32. OpenCV's blender, with pyramids of 16 bits, darkens a mosaic by two gray levels on
@@ -68,7 +72,7 @@ def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> tuple[Intensities, Ma
     owner, _ = find_owners(layers, around)
     if owner.min() == owner.max() >= 0:
         # The bands of a single photograph add up to the photograph itself.
-        return layers[int(owner.max())].pixels(tile), np.ones((tile.height_px, tile.width_px), dtype=np.bool_)
+        return layers[int(owner.max())].pixels(tile), owner[tile.within(around)]
     shape = (*owner.shape, *layers[0].image.shape[2:])
     in_detail = np.zeros(owner.shape, dtype=np.bool_)
     in_detail[tile.grown(DETAIL_PX).within(around)] = True
@@ -91,7 +95,7 @@ def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> tuple[Intensities, Ma
     blended = _join_bands(finest, coarser, weights)
     blended[owner < 0] = 0
     inside = tile.within(around)
-    return _round(blended[inside], layers[0].image.dtype), owner[inside] >= 0
+    return _round(blended[inside], layers[0].image.dtype), owner[inside]
 
 
 def _split_bands(image: Float32) -> Iterator[Float32]:
@@ -126,7 +130,7 @@ def _halved(where: tuple[slice, slice]) -> tuple[slice, slice]:
     return rows, columns
 
 
-def find_owners(layers: Sequence[Layer], canvas: Canvas) -> tuple[NDArray[np.int16], Float32]:
+def find_owners(layers: Sequence[Layer], canvas: Canvas) -> tuple[Owners, Float32]:
     """Index of the layer with the largest claim to each pixel, -1 without a claim; and that claim."""
     owner = np.full((canvas.height_px, canvas.width_px), -1, dtype=np.int16)
     strongest = np.zeros(owner.shape, dtype=np.float32)
@@ -135,11 +139,15 @@ def find_owners(layers: Sequence[Layer], canvas: Canvas) -> tuple[NDArray[np.int
         if part is None:
             continue
         where = part.within(canvas)
-        claim = layer.claim(part)
-        stronger = claim > strongest[where]
-        strongest[where][stronger] = claim[stronger]
-        owner[where][stronger] = index
+        _claim(owner[where], strongest[where], index, layer.claim(part))
     return owner, strongest
+
+
+def _claim(owner: Owners, strongest: Float32, index: int, claim: Float32) -> None:
+    """Give a layer the pixels to which it has the strongest claim up to now."""
+    stronger = claim > strongest
+    strongest[stronger] = claim[stronger]
+    owner[stronger] = index
 
 
 def _divide(total: Float32, weight: Float32) -> Float32:

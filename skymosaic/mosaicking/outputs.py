@@ -11,7 +11,7 @@ from skymosaic.common.errors import InputError
 from skymosaic.flight.mapping.place import MAX_AWAY_M, MapPlace, require_place
 from skymosaic.flight.picture.canvas import check_scale
 from skymosaic.flight.picture.composition import Room
-from skymosaic.flight.picture.formats import OutputForm, format_of, room_for, too_deep_for_jpeg
+from skymosaic.flight.picture.formats import OutputForm, format_of, room_for, sources_of, too_deep_for_jpeg
 from skymosaic.imagery.decoding import read_header
 from skymosaic.imagery.exif import explain_missing_gps
 from skymosaic.imagery.images import check_output, check_output_folder
@@ -48,7 +48,9 @@ def check_outputs(
     inputs += [Path(options.onto.name)] if options.onto is not None else []
     if form.tiles is not None:
         check_output_folder(form.tiles, inputs, OWN_NAMES, overwrite=overwrite)
-    check_output(output, inputs, overwrite=overwrite)
+    written = [output, *(list_numbered(output) if options.all_groups else ())]
+    for path in (*written, *(map(sources_of, written) if form.sources else ())):
+        check_output(path, inputs, overwrite=overwrite)
     if options.canvas_limit_px is None and not computed:
         check_room(output, room_of(output, sources, options))
     if options.repeat is None:
@@ -56,12 +58,9 @@ def check_outputs(
             require_place(output, MapPlace(note=note))
         if options.boundary is not None:
             check_boundary(sources, options, options.boundary)
-    if options.all_groups:
-        for path in list_numbered(output):
-            check_output(path, inputs, overwrite=overwrite)
-        if form.tiles is not None:
-            for path in list_numbered(form.tiles):
-                check_output_folder(path, inputs, OWN_NAMES, overwrite=overwrite)
+    if options.all_groups and form.tiles is not None:
+        for path in list_numbered(form.tiles):
+            check_output_folder(path, inputs, OWN_NAMES, overwrite=overwrite)
     # Last, because it may read all files.
     _check_headers(output, form, sources, options.scale)
 

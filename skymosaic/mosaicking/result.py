@@ -14,7 +14,7 @@ from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.place import require_place
 from skymosaic.flight.picture.composition import Composition
-from skymosaic.flight.picture.formats import OutputForm, check_size, format_of
+from skymosaic.flight.picture.formats import OutputForm, check_size, format_of, sources_of
 from skymosaic.flight.picture.output import deliver
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.images import check_output, save
@@ -95,7 +95,9 @@ class Mosaic:
             rows.append(row | {measure: getattr(checks.get(index, unread), measure) for measure in measures})
         return tabulate(rows)
 
-    def save(self, path: str | Path, *, overwrite: bool = False, require_map: bool = False) -> None:
+    def save(
+        self, path: str | Path, *, overwrite: bool = False, require_map: bool = False, sources: bool = False
+    ) -> None:
         """Write the mosaic; for a map, as a ``.tif`` is where its place is known, it is rendered again.
 
         Photographs given as files are read again then, so they must still be there; key frames of a video are not.
@@ -108,6 +110,8 @@ class Mosaic:
             Whether an existing file may be replaced.
         require_map : bool
             Whether a mosaic that would not lie on the map is an error.
+        sources : bool
+            Whether to write which photograph each pixel shows, beside ``mosaic.tif`` as ``mosaic.sources.tif``.
 
         Raises
         ------
@@ -118,19 +122,21 @@ class Mosaic:
         """
         path = Path(path)
         files = [file for source in self.flight.sources for file in source.files]
-        form = OutputForm(require_map=require_map)
+        form = OutputForm(require_map=require_map, sources=sources)
         form.check(path, len(self.composition.band_names))
         check_size(path, self.composition.size)
-        check_output(path, files, overwrite=overwrite)
+        for each in (path, *((sources_of(path),) if sources else ())):
+            check_output(each, files, overwrite=overwrite)
         if form.needs_place(path):
             require_place(path, self.composition.place)
-        if not format_of(path).on_map:
+        if not (format_of(path).on_map or sources):
             save(path, self.composition.in_8_bit(self.image))
             record_output(path, self.flight.folders)
             return
         try:
             with Workers() as workers:
-                made = deliver(path, self.flight, self.layout, self.composition, self.composition.bands(workers))
+                bands = self.composition.bands(workers)
+                made = deliver(path, self.flight, self.layout, self.composition, bands, form=form)
         finally:
             forget_decoded()
         if made.failures:

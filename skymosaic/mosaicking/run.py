@@ -5,7 +5,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
-from golden_model.arrays import Intensities, Mask
+from golden_model.arrays import Intensities
 from skymosaic.common.errors import InputError, RegistrationError, noting
 from skymosaic.common.memory import release_free_memory
 from skymosaic.common.stopwatch import Stopwatch
@@ -27,6 +27,7 @@ from skymosaic.imagery.images import FIRST_PAGE
 from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import Source
 from skymosaic.maps.boundary import OutsideError
+from skymosaic.maps.geotiff import Shown
 from skymosaic.mosaicking.options import MosaicOptions, SurveyOptions
 from skymosaic.mosaicking.outputs import check_outputs, room_of
 from skymosaic.mosaicking.result import Mosaic
@@ -248,7 +249,7 @@ class MosaicRun:
                 raise
             return MapPlace(note=str(error))
 
-    def bands(self, composition: Composition) -> Iterator[tuple[Intensities, Mask]]:
+    def bands(self, composition: Composition) -> Iterator[tuple[Intensities, Shown]]:
         """Render the picture in bands of whole rows from the top, each with a mask of what shows a photograph."""
         clock = Stopwatch()
         release_free_memory()

@@ -159,6 +159,8 @@ def list_files(deliveries: Sequence[Delivery], folder: Path, staged: Path) -> li
     for number, delivery in enumerate(deliveries, start=1):
         of = f" {number}" if len(deliveries) > 1 else ""
         files.append((f"mosaic{of}", _address(delivery.path, folder)))
+        if delivery.sources is not None:
+            files.append((f"photograph of each pixel{of}", _address(delivery.sources, folder)))
         if delivery.tiles is not None:
             files.append((f"map to zoom{of}", _address(delivery.tiles / "index.html", folder)))
         if delivery.georeference is not None:

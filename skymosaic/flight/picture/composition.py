@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from golden_model.arrays import Array, Intensities, Mask, Pixels
+from golden_model.arrays import Array, Intensities, Pixels
 from skymosaic.common.memory import release_free_memory
 from skymosaic.compositing.blend import Blending, blend_layers
 from skymosaic.compositing.layer import Layer, SeamMask
@@ -26,6 +26,7 @@ from skymosaic.imagery.orientation import UPRIGHT
 from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import Source, decoded_photographs
 from skymosaic.maps.boundary import Boundary
+from skymosaic.maps.geotiff import Shown
 from skymosaic.running.workers import Workers
 
 MEMORY_BYTES = 1 << 30
@@ -144,8 +145,8 @@ class Composition:
         """The transformation of each placement from its pixels to canvas pixels, (3, 3)."""
         return [self.canvas.translation @ placement.transform for placement in self.placements]
 
-    def bands(self, workers: Workers, memory_bytes: int = MEMORY_BYTES) -> Iterator[tuple[Intensities, Mask]]:
-        """Render the picture in bands of at most 1024 rows from the top, each with a mask of where a photograph shows.
+    def bands(self, workers: Workers, memory_bytes: int = MEMORY_BYTES) -> Iterator[tuple[Intensities, Shown]]:
+        """Render the picture in bands of at most 1024 rows from the top, each with the photographs that it shows.
 
         Raises
         ------
@@ -158,18 +159,18 @@ class Composition:
         rendered = zip(tiles, workers.run("mosaic", _render, calls), strict=True)
         top_px = 0
         for _, row in groupby(rendered, key=lambda item: item[0].y_px):
-            pixels, mask = map(_join, zip(*(tile for _, tile in row), strict=True))
+            pixels, shown = map(_join, zip(*(tile for _, tile in row), strict=True))
             if self.boundary is not None and (on_map := self.place.georeference) is not None:
                 below = on_map.for_pixels(Canvas(0, -top_px, *self.size).translation)
-                mask &= self.boundary.mask(mask.shape, below.transform)
-                pixels[~mask] = 0
-            top_px += len(mask)
-            yield pixels, mask
+                shown *= self.boundary.mask(shown.shape, below.transform)
+                pixels[shown == 0] = 0
+            top_px += len(shown)
+            yield pixels, shown
 
-    def render(self, tile: Canvas, memory_bytes: int) -> tuple[Intensities, Mask]:
-        """Render one tile: its pixels, 0 where no photograph shows, and a mask of where one does."""
+    def render(self, tile: Canvas, memory_bytes: int) -> tuple[Intensities, Shown]:
+        """Render one tile: its pixels, 0 where no photograph shows, and which one does."""
         if not self.placements:
-            return self.empty(tile.width_px, tile.height_px), np.zeros((tile.height_px, tile.width_px), np.bool_)
+            return self.empty(tile.width_px, tile.height_px), np.zeros((tile.height_px, tile.width_px), np.uint16)
         layers = []
         for each in self.placements:
             pixels, own = decoded_photographs(memory_bytes).pixels(each.source, self.lens, self.values)
@@ -179,7 +180,10 @@ class Composition:
             visible = self.lens.turned(each.orientation).visible_mask((image.shape[1], image.shape[0]), own)
             shown = each.tone, visible, each.favour, each.seam, each.least_nearness, each.mesh
             layers.append(Layer(image, transform, *shown))
-        return blend_layers(layers, tile, method=self.blending)
+        pixels, owner = blend_layers(layers, tile, method=self.blending)
+        # The last one stands for none.
+        numbers = np.array([*(1 + each.source.index for each in self.placements), 0], np.uint16)
+        return pixels, numbers[owner]
 
     def in_8_bit(self, pixels: Intensities) -> Pixels:
         """Reduce pixels of the mosaic to 8 bits."""
@@ -190,7 +194,7 @@ class Composition:
         shown = self.in_8_bit(pixels)
         return shown if shown.ndim == 3 else np.dstack([shown] * 3)
 
-    def joined(self, bands: Iterable[tuple[Intensities, Mask]]) -> Intensities:
+    def joined(self, bands: Iterable[tuple[Intensities, Shown]]) -> Intensities:
         """Join the bands of `bands` into one picture, (H, W, 3) or (H, W), which is never in memory twice."""
         picture, top_px = self.empty(*self.size), 0
         for band, _ in bands:
@@ -216,11 +220,11 @@ class Composition:
 
 
 def _render(composition: Composition, tile: Canvas, memory_bytes: int) -> tuple[Parcel, Parcel]:
-    """Render one tile, on a worker: the pixels of it that are on the canvas, and their mask."""
-    pixels, mask = composition.render(tile, memory_bytes)
+    """Render one tile, on a worker: the pixels of it that are on the canvas, and what they show."""
+    pixels, shown = composition.render(tile, memory_bytes)
     release_free_memory()
     where = (tile.intersection(composition.canvas) or tile).within(tile)
-    return Parcel(pixels[where]), Parcel(mask[where])
+    return Parcel(pixels[where]), Parcel(shown[where])
 
 
 def _join(parcels: Sequence[Parcel]) -> Any:

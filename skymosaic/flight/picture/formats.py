@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from golden_model.arrays import Intensities, Mask, Pixels
+from golden_model.arrays import Intensities, Pixels
 from skymosaic.common.errors import InputError
 from skymosaic.flight.picture.composition import Composition, Room
 from skymosaic.imagery.band_writer import write_png
 from skymosaic.imagery.images import check_suffix, save
-from skymosaic.maps.geotiff import COMPRESSIONS, write_cog
+from skymosaic.maps.geotiff import COMPRESSIONS, Shown, write_cog
 from skymosaic.maps.tiles import write_kmz, write_mbtiles
 
 BYTES_PER_SAMPLE = 6
@@ -29,8 +29,8 @@ class Picture:
     """A picture on its way into a file."""
 
     composition: Composition
-    bands: Iterable[tuple[Intensities, Mask]]
-    """Whole rows from the top, rendered as they are asked for, each with a mask of where a photograph shows."""
+    bands: Iterable[tuple[Intensities, Shown]]
+    """Whole rows from the top, rendered as they are asked for, each with the photographs that it shows."""
     raster: Path
     """A plain GeoTIFF of all bands, complete, for kinds that are ``on_map``; the bands have ended then."""
     compress: str
@@ -38,7 +38,7 @@ class Picture:
     """Whether two photographs make it, whose picture fits in memory."""
 
     def in_8_bit(self) -> Iterator[Pixels]:
-        """The bands in 8 bits, without their masks."""
+        """The bands in 8 bits, alone."""
         return (self.composition.in_8_bit(pixels) for pixels, _ in self.bands)
 
 
@@ -135,6 +135,8 @@ class OutputForm:
     """Folder for map tiles and a page that shows them."""
     require_map: bool = False
     """Write nothing without a place on the map."""
+    sources: bool = False
+    """Write which photograph each pixel shows into a second file, `sources_of` the first."""
 
     def check(self, path: Path, bands: int = 0) -> None:
         """Refuse what cannot apply to a file, before anything is computed; ``bands`` is 0 but for multi-band mosaics.
@@ -167,6 +169,11 @@ class OutputForm:
 
 
 PLAIN = OutputForm()
+
+
+def sources_of(path: Path) -> Path:
+    """The file that says which photograph each pixel of a mosaic shows."""
+    return path.with_name(f"{path.stem}.sources.tif")
 
 
 def numbered(path: Path, number: int) -> Path:

@@ -10,17 +10,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from golden_model.arrays import Intensities, Mask, Pixels
+from golden_model.arrays import Intensities, Pixels
 from golden_model.temporary import temporary_folder
 from skymosaic.common.errors import noting
 from skymosaic.common.stopwatch import Stopwatch
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.picture.composition import Composition
-from skymosaic.flight.picture.formats import PLAIN, OutputForm, Picture, format_of, too_deep_for_jpeg
+from skymosaic.flight.picture.formats import PLAIN, OutputForm, Picture, format_of, sources_of, too_deep_for_jpeg
 from skymosaic.imagery.own_outputs import record_output
 from skymosaic.maps.georeference import Georeference
-from skymosaic.maps.geotiff import tee_to_raster
+from skymosaic.maps.geotiff import Shown, tee_sources, tee_to_raster
 from skymosaic.maps.tiles import write_tiles
 
 PREVIEW_WIDTH_PX = 1600
@@ -42,6 +42,8 @@ class Delivery:
     """(H, W): how much of each pixel of the preview a photograph shows: 255, all of it."""
     seconds: float
     """Wall time of blending and writing."""
+    sources: Path | None = None
+    """Which photograph each pixel shows."""
     tiles: Path | None = None
     """Folder of map tiles."""
     failures: tuple[str, ...] = ()
@@ -64,15 +66,15 @@ def deliver(
     flight: Flight,
     layout: Layout,
     composition: Composition,
-    bands: Iterable[tuple[Intensities, Mask]],
+    bands: Iterable[tuple[Intensities, Shown]],
     *,
     form: OutputForm = PLAIN,
     preview_width_px: int = PREVIEW_WIDTH_PX,
 ) -> Delivery:
     """Write the mosaic of a layout; ``.tif`` becomes a GeoTIFF.
 
-    ``bands`` are its picture in bands of whole rows from the top, rendered as they are asked for, each with a mask of
-    where a photograph shows. Photographs of 16 bits are written with 16 bits into ``.tif``, otherwise as
+    ``bands`` are its picture in bands of whole rows from the top, rendered as they are asked for, each with the
+    photographs that it shows. Photographs of 16 bits are written with 16 bits into ``.tif``, otherwise as
     `Composition.values` says.
 
     Raises
@@ -89,17 +91,22 @@ def deliver(
     # Every band is rendered once: on its way into the file it also fills the preview and the raster for tiles.
     bands = _collect_previews(bands, composition, min(1.0, preview_width_px / composition.size[0]), previews)
     with temporary_folder(path.parent) as folder:
-        raster = folder / "mosaic.tif"
+        raster, sources = folder / "mosaic.tif", folder / "sources.tif"
+        if form.sources:
+            names = {1 + flight.sources[member].index: flight.views[member].name for member in layout.members}
+            bands = tee_sources(sources, composition.size, bands, on_map, names, mosaic=path)
         if kind.only_map:
-            bands = ((composition.in_colour(pixels), mask) for pixels, mask in bands)
+            bands = ((composition.in_colour(pixels), shown) for pixels, shown in bands)
         if kind.on_map or form.tiles is not None:
             bands = tee_to_raster(raster, composition.size, bands, on_map, composition.band_names, mosaic=path)
         if kind.on_map:
             deque(bands, maxlen=0)
         kind.write(path, Picture(composition, bands, raster, form.compress, flight.pair is not None))
+        beside = sources.replace(sources_of(path)) if form.sources else None
         # At once: if the tiles fail, the next run must not take the mosaic for a photograph.
         with noting(failures):
-            record_output(path, flight.folders)
+            for each in filter(None, (path, beside)):
+                record_output(each, flight.folders)
         tiles = None
         with noting(failures):
             if form.tiles is not None:
@@ -109,21 +116,20 @@ def deliver(
     if not note and not kind.on_map:
         note = f"{path.suffix} files have no georeference; .tif, .mbtiles and .kmz files do"
     preview, coverage = map(np.concatenate, zip(*previews, strict=True))
-    return Delivery(
-        path, flight, layout, composition, note, preview, coverage, clock.lap("writing"), tiles, tuple(failures)
-    )
+    seconds = clock.lap("writing")
+    return Delivery(path, flight, layout, composition, note, preview, coverage, seconds, beside, tiles, tuple(failures))
 
 
 def _collect_previews(
-    bands: Iterable[tuple[Intensities, Mask]],
+    bands: Iterable[tuple[Intensities, Shown]],
     composition: Composition,
     scale: float,
     previews: list[tuple[Pixels, Pixels]],
-) -> Iterator[tuple[Intensities, Mask]]:
+) -> Iterator[tuple[Intensities, Shown]]:
     """Pass on the bands of a picture, and append each, in 8 bits and reduced, to ``previews``, with its coverage."""
-    for pixels, mask in bands:
+    for pixels, shown in bands:
         size = (max(1, round(pixels.shape[1] * scale)), max(1, round(len(pixels) * scale)))
-        whole = composition.in_8_bit(pixels), 255 * mask.astype(np.uint8)
+        whole = composition.in_8_bit(pixels), 255 * (shown > 0).astype(np.uint8)
         small, coverage = (cv2.resize(each, size, interpolation=cv2.INTER_AREA).astype(np.uint8) for each in whole)
         previews.append((small, coverage))
-        yield pixels, mask
+        yield pixels, shown

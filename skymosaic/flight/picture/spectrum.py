@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from golden_model.arrays import Intensities, Mask, Pixels
+from golden_model.arrays import Intensities, Pixels
 from skymosaic.common.errors import InputError
 from skymosaic.compositing.tone import NEUTRAL
 from skymosaic.compositing.warp import Canvas
@@ -18,6 +18,7 @@ from skymosaic.flight.picture.preparation import equalise, thumbnail_layers
 from skymosaic.flight.picture.rig import Alignment, align_bands
 from skymosaic.imagery.depth import measure_common_range
 from skymosaic.imagery.photographs import Source
+from skymosaic.maps.geotiff import Shown
 from skymosaic.running.workers import Workers
 
 
@@ -28,11 +29,11 @@ class SpectralComposition(Composition):
     each: tuple[Composition, ...] = ()
     reference: int = 0
 
-    def render(self, tile: Canvas, memory_bytes: int) -> tuple[Intensities, Mask]:
-        """Render one tile, (H, W, bands), 0 where not all bands show a photograph, and a mask of where they do."""
-        planes, masks = zip(*(band.render(tile, memory_bytes) for band in self.each), strict=True)
-        mask = np.logical_and.reduce(masks)
-        return np.stack(planes, axis=-1) * mask[..., None], mask
+    def render(self, tile: Canvas, memory_bytes: int) -> tuple[Intensities, Shown]:
+        """Render one tile, (H, W, bands), 0 where not all bands show a photograph, and which one they do."""
+        planes, shown = zip(*(band.render(tile, memory_bytes) for band in self.each), strict=True)
+        mask = np.logical_and.reduce(shown)
+        return np.stack(planes, axis=-1) * mask[..., None], shown[self.reference] * mask
 
     def empty(self, width_px: int, height_px: int) -> Intensities:
         """A black picture, (H, W, bands)."""

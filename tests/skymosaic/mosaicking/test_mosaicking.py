@@ -10,11 +10,13 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import rasterio
 
 from sim.scene import make_lawnmower, make_pair
 from skymosaic import mosaic, register, register_pairs, table_of_pairs
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.common.tables import Table, tabulate
+from skymosaic.compositing.blend import Blending
 from skymosaic.flight.picture.composition import Room
 from skymosaic.flight.picture.formats import PLAIN, OutputForm
 from skymosaic.imagery.exif import Metadata, Position
@@ -24,7 +26,7 @@ from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.mosaicking.outputs import check_outputs, check_room, room_of
 from skymosaic.mosaicking.run import MosaicRun
 from skymosaic.registration.pair import Pair
-from tests.made import leave_free
+from tests.made import leave_free, write_located
 from tests.skymosaic.panel.tasks.test_mosaic_tasks import write_flight_with_gps
 
 
@@ -236,3 +238,36 @@ def test_nothing_makes_an_empty_table_and_none_is_not_a_number() -> None:
     table = tabulate([{"a": None, "b": 1}, {"a": 2.5, "b": 2}])
     assert np.isnan(table["a"][0])
     assert table["b"].dtype.kind == "i"
+
+
+@pytest.mark.parametrize("blending", ["multiband", "distance"])
+def test_a_second_file_says_which_photograph_each_pixel_shows(tmp_path: Path, blending: Blending) -> None:
+    """As their own noise tells, where they show the same ground; the first file is no photograph."""
+    (tmp_path / "0_note.png").write_bytes(b"no picture")
+    rendered, rng = make_lawnmower(seed=9, images=4, size=(400, 300)), np.random.default_rng(3)
+    for number, (image, pose) in enumerate(zip(rendered.images, rendered.poses, strict=True)):
+        noisy = np.clip(image + rng.normal(0, 12, (300, 400, 1)), 0, 255).astype(np.uint8)
+        write_located(tmp_path / f"DJI_{number}.jpg", noisy, (46.0, 7.0), (pose.x_px, -pose.y_px))
+    made, output = mosaic(tmp_path, blending=blending), tmp_path / "m.tif"
+    made.save(output, sources=True)
+    with rasterio.open(tmp_path / "m.sources.tif") as file, rasterio.open(output) as picture:
+        shown, tags = file.read(1), file.tags()
+        assert (file.transform, file.crs, file.nodata, file.dtypes) == (picture.transform, picture.crs, 0, ("uint16",))
+        np.testing.assert_array_equal(shown > 0, picture.read(4) > 0)
+        pixels = picture.read(2).astype(np.float32)
+    named = {number: Path(tags[f"PHOTOGRAPH_{number}"]).name for number in range(2, 6)}
+    assert named == {number: f"DJI_{number - 2}.jpg" for number in range(2, 6)}
+    unlike = np.full((6, *shown.shape), np.inf)
+    for number, name in named.items():
+        seen = cv2.imread(str(tmp_path / name))[..., 1].astype(np.float32)
+        warped = cv2.warpPerspective(seen, made.transforms[number - 1], shown.shape[::-1], flags=cv2.INTER_CUBIC)
+        inside = cv2.warpPerspective(np.ones_like(seen), made.transforms[number - 1], shown.shape[::-1]) == 1
+        fine = pixels - warped - cv2.GaussianBlur(pixels - warped, (0, 0), 2)
+        unlike[number][inside] = cv2.GaussianBlur(fine**2, (0, 0), 3)[inside]
+    shared = np.isfinite(unlike).sum(axis=0) > 1
+    assert set(np.unique(shown[shared])) == set(named)
+    assert (unlike.argmin(axis=0) == shown)[shared].mean() > (0.97 if blending == "multiband" else 0.9)
+    # Neither is a photograph of the next run, and neither is replaced unasked.
+    assert len(mosaic(tmp_path).placed) == 4
+    with pytest.raises(InputError, match=r"m\.sources\.tif.*exists"):
+        made.save(tmp_path / "m.png", sources=True)

@@ -57,8 +57,8 @@ def bent(given: list[Layer]) -> list[Layer]:
 
 
 def check_blended(name: str, given: list[Layer], method: Blending, unit: float = 1.0) -> None:
-    picture, shown = blend_layers(given, enclosing([each.footprint for each in given]), method=method)
-    check_picture(name, picture / unit, shown)
+    picture, owner = blend_layers(given, enclosing([each.footprint for each in given]), method=method)
+    check_picture(name, picture / unit, owner >= 0)
 
 
 def toned(given: list[Layer], tones: list[Tone], values: ValueRange | None = None) -> list[Layer]:

@@ -271,7 +271,7 @@ def test_a_boundary_leaves_of_a_map_what_gdals_cutline_leaves(flown: tuple[Path,
     cut = compose(first.flight, first.layout, place=place, boundary=boundary)
     with Workers() as workers:
         bands = list(cut.bands(workers))
-    made = np.dstack([cut.joined(bands)[..., ::-1], 255 * np.concatenate([mask for _, mask in bands])])
+    made = np.dstack([cut.joined(bands)[..., ::-1], 255 * (np.concatenate([shown for _, shown in bands]) > 0)])
     assert cut.place.georeference is not None
     corner = cut.place.georeference.to_map[:2, 2] - whole.transform @ (0.5, 0.5)
     x, y = np.rint(corner / whole.res * [1, -1]).astype(int)
