@@ -106,6 +106,15 @@ def test_the_headline_counts_every_pair_that_tells() -> None:
     assert mixed.description == "2 of 3 pairs that overlap by half agree (67%); 1 cannot tell"
 
 
+@pytest.mark.parametrize(("same", "apart"), [(4, True), (5, False)])
+def test_a_joint_by_a_twin_that_all_pairs_see_is_false_though_none_disagrees(same: int, apart: bool) -> None:
+    inside, across = GroundOfPair(10, 10, 1.0), GroundOfPair(same, 10, 1.0)
+    assert across.agrees
+    grounds = {(0, 1): inside, (2, 3): inside} | dict.fromkeys(((0, 2), (0, 3), (1, 2), (1, 3)), across)
+    links = [Link(*pair, np.ones((0, 2)), np.ones((0, 2)), 50, 50) for pair in ((0, 1), (2, 3), (1, 2))]
+    assert (find_false_joint(Agreement(grounds), range(4), links, {}) is not None) is apart
+
+
 @pytest.mark.parametrize(("same", "apart"), [(9, True), (10, False)])
 def test_a_joint_is_judged_by_all_pairs_across_it(same: int, apart: bool) -> None:
     nothing = np.zeros((0, 2))
