@@ -1,5 +1,4 @@
 import json
-import re
 import signal
 import subprocess
 import sys
@@ -148,14 +147,6 @@ def test_a_cluster_of_processes_gives_the_same(folder: Path, whole: Mosaic) -> N
     np.testing.assert_array_equal(spread.image, whole.image)
     for index in range(IMAGES):
         np.testing.assert_array_equal(spread.transforms[index], whole.transforms[index])
-
-
-def test_a_canvas_beyond_the_limit_is_reduced_to_it_and_says_so(folder: Path, surveyed: Path) -> None:
-    result = mosaic([folder], canvas_limit_px=100_000, cache=surveyed)
-    height_px, width_px = result.image.shape[:2]
-    assert 95_000 < height_px * width_px <= 100_000
-    assert re.search(r"reduced from \d+x\d+ to .*the limit is 0.1 megapixels.*`scale`", result.composition.reduced)
-    assert result.image.any(axis=2).mean() > 0.5
 
 
 @pytest.mark.slow

@@ -22,11 +22,7 @@ from skymosaic.imagery.images import load
 from skymosaic.maps.georeference import configured_rasterio
 from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
-
-
-def photograph(height: int = 96, width: int = 128) -> np.ndarray:
-    rng = np.random.default_rng(7)
-    return cv2.GaussianBlur(rng.integers(0, 256, (height, width, 3), dtype=np.uint8), (0, 0), 2)
+from tests.skymosaic.imagery.test_images import photograph
 
 
 def write_raster(path: Path, values: NDArray[Any], mask: NDArray[np.bool_] | None = None, **profile: object) -> None:

@@ -102,20 +102,3 @@ def test_a_refused_pair_stays_refused(pair: Pair) -> None:
     refused = pair.refused("no overlap")
     assert refit_pair(refused, everywhere) == refused
     assert (refused.accepted, refused.reason) == (False, "no overlap")
-
-
-def test_a_pair_is_refitted_where_the_ground_does_not_agree(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[Pair] = []
-
-    def note(pair: Pair, _: object) -> Pair:
-        asked.append(pair)
-        return pair
-
-    monkeypatch.setattr("skymosaic.registration.register.refit_pair", note)
-    register(*photographs())
-    assert not asked
-    monkeypatch.setattr("skymosaic.registration.register.FLAT_SHARE", 1.1)
-    register(*photographs(), effort="fast")
-    assert not asked
-    register(*photographs())
-    assert len(asked) == 1
