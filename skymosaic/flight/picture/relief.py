@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from golden_model.arrays import Points
-from skymosaic.compositing.mesh import Frame, Ties, fit_meshes
+from skymosaic.compositing.mesh import Frame, Mesh, Ties, fit_meshes
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
@@ -24,16 +24,23 @@ def follow_relief(flight: Flight, warp: str) -> Flight:
         return flight
     layouts = list[Layout]()
     for layout in flight.layouts:
-        frames = {m: Frame(flight.views[m].working_size, layout.transforms[m]) for m in layout.members}
-        meshes, shares = fit_meshes(
-            frames, [_ties(link) for link in layout.links], layout.members, always=warp == "mesh"
-        )
+        meshes, shares = _fit(flight, layout, always=warp == "mesh")
         layouts.append(replace(layout, bent=shares, meshes=meshes) if meshes else layout)
     moves = {view: mesh.find for layout in layouts for view, mesh in layout.meshes.items()}
     if not moves:
         return flight
     links = tuple(link.move(moves) for link in flight.links)
     return replace(flight, links=links, layouts=tuple(_move_links(layout, moves) for layout in layouts))
+
+
+def gains_by_meshes(flight: Flight, layout: Layout) -> bool:
+    """Whether held-out matches of a layout whose photographs keep their shape would gain by meshes."""
+    return bool(not layout.meshes and _fit(flight, layout, always=False)[0])
+
+
+def _fit(flight: Flight, layout: Layout, *, always: bool) -> tuple[dict[int, Mesh], tuple[float, float]]:
+    frames = {m: Frame(flight.views[m].working_size, layout.transforms[m]) for m in layout.members}
+    return fit_meshes(frames, [_ties(link) for link in layout.links], layout.members, always=always)
 
 
 def _ties(link: Link) -> Ties:
