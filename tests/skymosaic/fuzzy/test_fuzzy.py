@@ -14,7 +14,7 @@ from golden_model.fuzzy.system import FuzzySystem, IfThen, Input, Output
 from golden_model.fuzzy.terms import Term
 from skymosaic.cli.commands import app
 from skymosaic.common.errors import InputError
-from skymosaic.fuzzy.plotted_systems import PLOTTED_SYSTEMS, plan_plot
+from skymosaic.fuzzy.plotted_systems import plan_plot
 from skymosaic.fuzzy.quantised import measure_errors, quantise
 from tests.golden_model.fuzzy.tipper import TIPPER
 from tests.golden_model.fuzzy.valve import PRODUCT, VALVE
@@ -66,15 +66,6 @@ def test_a_product_of_terms_that_sum_to_one_needs_no_division() -> None:
     assert errors.largest < 3 / 256
     with pytest.raises(ValueError, match="strengths sum to"):
         quantise(corners((1.0, 0.0), (0.0, 0.5)), 100)
-
-
-@pytest.mark.parametrize("name", PLOTTED_SYSTEMS)
-def test_each_plot_fits_its_system(name: str) -> None:
-    plotted = PLOTTED_SYSTEMS[name]
-    inputs = len(plotted.system().inputs)
-    assert len(plotted.axes) == inputs
-    assert set(plotted.surface) <= set(range(inputs))
-    assert (len(plotted.sections) > 1) == (inputs > 2)
 
 
 def test_a_third_input_is_shown_at_its_ends_and_in_its_middle() -> None:
