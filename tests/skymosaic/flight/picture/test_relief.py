@@ -4,8 +4,6 @@ import dataclasses
 import json
 import re
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import cv2
 import numpy as np
@@ -20,6 +18,7 @@ from skymosaic.flight.mapping.place import sightings_of
 from skymosaic.flight.picture.relief import bending_numbers, describe_bending, follow_relief
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.imagery.lens import Lens
+from skymosaic.maps.control_points import ControlPoints, Sighting
 from skymosaic.mosaicking.api import mosaic, open_run
 from skymosaic.mosaicking.options import MosaicOptions
 
@@ -97,8 +96,7 @@ def test_the_report_has_the_meshes_and_what_they_gained(flight: Flight) -> None:
 
 def test_a_control_point_is_sought_where_the_mesh_shows_it(flight: Flight) -> None:
     bent = follow_relief(flight, "auto")
-    mark = SimpleNamespace(photograph="2.png", x_px=200.0, y_px=150.0, point=0)
-    control: Any = SimpleNamespace(name="gcp", sightings=[mark], tried=())
+    control = ControlPoints("gcp", "", np.zeros((1, 2)), ("1",), (Sighting(0, "2.png", 200.0, 150.0),))
     (_, _, plain), (view, _, moved) = (next(sightings_of(control, each, each.layouts[0])) for each in (flight, bent))
     assert plain == pytest.approx([200, 150])
     # Photographs of this size are their own working images.
