@@ -1,3 +1,5 @@
+# amaranth: UnusedElaboratable=no
+# What is made and not elaborated would warn whoever refuses it, or looks at its vectors alone.
 """The painter as a block: two frames, the memory around it, and what that holds when both have been painted."""
 
 from collections.abc import Sequence

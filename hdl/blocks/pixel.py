@@ -1,3 +1,5 @@
+# amaranth: UnusedElaboratable=no
+# What is made and not elaborated would warn whoever refuses it, or looks at its vectors alone.
 """Rows of the pixel blocks: what each is made of for a configuration, two frames, and what the golden model answers."""
 
 from collections.abc import Callable, Mapping

@@ -99,9 +99,11 @@ class VerilogBench:
 
     def cocotb_test(self, start_cycles: int) -> str:
         """A cocotb test with the same vectors, for modules of one clock."""
-        return self._render("cocotb_test.py.jinja", start_cycles=start_cycles)
+        buses = (*self.memory.writers, *self.memory.readers) if self.memory else ()
+        idle = {name: 0 for name, port in self.ports.items() if port.is_input and name.startswith(buses)}
+        return self._render("cocotb_test.py.jinja", start_cycles=start_cycles, settings={**idle, **self.settings})
 
-    def _render(self, template: str, **others: int) -> str:
+    def _render(self, template: str, **others: object) -> str:
         sources, sinks = self._channels()
         clocks = dict.fromkeys((self.clock, *self.clocks.values()), 0)
         return render(
@@ -112,8 +114,7 @@ class VerilogBench:
             other_clocks=set(self.clocks.values()),
             reset_cycles=RESET_CYCLES,
             idle_cycles=IDLE_CYCLES,
-            **others,
-            **vars(self),
+            **vars(self) | others,
         )
 
     def _channels(self) -> tuple[list[Channel], list[Channel]]:

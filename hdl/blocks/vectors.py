@@ -58,7 +58,7 @@ class Block:
     idle_cycles: int = 2048
     """Clocks after which a block that does not answer has failed."""
     remembers: bool = False
-    """A stream whose packets count as a whole: all of them meet gaps and stalls, and its latency is not checked."""
+    """A stream whose packets or bursts count as a whole: all meet gaps and stalls, and its latency is not checked."""
     in_turn: bool = False
     """Each input waits until all of the one before it has gone."""
 
