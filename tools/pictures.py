@@ -9,7 +9,7 @@ from golden_model.arrays import Pixels
 
 PICTURES = Path(__file__).parents[1] / "docs" / "images"
 SEED = 9
-"""Of the built-in pair, which they show."""
+"""The built-in pair, which they show, has this seed."""
 QUALITY = 70
 
 

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator
 from multiprocessing import forkserver
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import pytest
 
@@ -185,14 +184,6 @@ def test_a_cancelled_job_never_starts_and_a_killed_helper_is_replaced(tasks: Mod
             return False
 
     assert eventually(works)
-
-
-def test_a_queue_runs_all_its_jobs(tasks: ModuleType, tmp_path: Path) -> None:
-    async def three_in_one_queue() -> list[Any]:
-        queue = asyncio.Semaphore(1)
-        return await asyncio.gather(*(Job("adding", tasks.add, tmp_path, n, n).run(queue) for n in range(3)))
-
-    assert [total for total, _ in asyncio.run(three_in_one_queue())] == [0, 2, 4]
 
 
 ELSEWHERE = """
