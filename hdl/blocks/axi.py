@@ -24,9 +24,10 @@ def make_video_input(config: BlockConfig, *, memory_mode: int = 1, gray: int = 1
     """Make the video input, and beats with any data in all bytes that the port has."""
     block = VideoInput(video_bits=config.video_bits)
     rate, per_beat = block.pixels_per_clock, block.gray_per_beat if memory_mode and gray else 1
-    pixel_bytes = len(block.i.payload.data) // (8 * rate)
     lanes = np.zeros((BEATS, rate, 4), int)
     wired = config.video_bits // (8 * rate)
+    # A single pixel always has the 32 bits of a DMA.
+    pixel_bytes = 4 if rate == 1 else wired
     lanes[..., :wired] = np.random.default_rng(2).integers(0, 256, (BEATS, rate, wired))
     data = lanes[..., :pixel_bytes].reshape(BEATS, -1) @ (1 << 8 * np.arange(rate * pixel_bytes))
     marks = [{"first": n == 0, "last": n % LINE_BEATS == LINE_BEATS - 1} for n in range(BEATS)]
