@@ -27,7 +27,7 @@ AT_TWO = {
     for name, entry in CATALOGUE.items()
     if "pixels_per_clock" in entry.settings
 }
-# Of 1,000 clocks a second.
+# The homography takes minutes.
 test_rows = row_test(ROWS | AT_TWO, slow=("homography",))
 
 

@@ -244,7 +244,7 @@ def test_records_of_a_sequence_equal_the_golden_model(reference: Reference, paus
             assert 0 < cycles <= 2 * left + 47 * len(results[number].matches) + 90
 
 
-RULES = {
+RULES: dict[str, tuple[DescriptorPattern, str | MatchRules]] = {
     "ilbp": (ILBP_32, "ilbp"),
     "none": (ILBP_32, "none"),
     "own over windows": (ILBP_32, MatchRules(read_shipped("ilbp").replace("yes Constant 1", "yes Constant 0.7"))),
