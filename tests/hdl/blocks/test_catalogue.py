@@ -27,7 +27,7 @@ AT_TWO = {
     for name, entry in CATALOGUE.items()
     if "pixels_per_clock" in entry.settings
 }
-# The homography takes minutes.
+# The homography takes half a minute.
 test_rows = row_test(ROWS | AT_TWO, slow=("homography",))
 
 
