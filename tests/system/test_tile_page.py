@@ -31,7 +31,7 @@ def test_the_tile_page_shows_the_mosaic_and_zooms_without_a_network(
 ) -> None:
     picture = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
     cv2.circle(picture, (450, 350), 60, (0, 0, 255), -1)
-    shown = np.ones((HEIGHT, WIDTH), np.bool_)
+    shown = np.ones((HEIGHT, WIDTH), np.uint16)
     for _ in tee_to_raster(tmp_path / "m.tif", (WIDTH, HEIGHT), [(picture, shown)], place):
         pass
     write_tiles(tmp_path / "tiles", tmp_path / "m.tif", "field", None)

@@ -27,8 +27,8 @@ def picture(*channels: int, kind: type = np.uint8) -> np.ndarray:
 
 def written(path: Path, image: np.ndarray, place: Georeference | None = PLACE, compress: str = "deflate") -> np.ndarray:
     """Write a picture in two bands; returns what it shows."""
-    shown = np.ones(image.shape[:2], np.bool_)
-    shown[100:200] = False
+    shown = np.ones(image.shape[:2], np.uint16)
+    shown[100:200] = 0
     bands = [(image[rows], shown[rows]) for rows in (slice(512), slice(512, 700))]
     for (passed, _), (given, _) in zip(
         tee_to_raster(path.with_name("raw.tif"), (600, 700), bands, place), bands, strict=True
@@ -76,7 +76,7 @@ def test_a_geotiff_is_valid_and_says_where_it_lies_and_what_it_shows(tmp_path: P
 
 
 def test_bands_keep_their_order_and_their_names(tmp_path: Path) -> None:
-    image, shown = picture(3, kind=np.uint16), np.ones((700, 600), np.bool_)
+    image, shown = picture(3, kind=np.uint16), np.ones((700, 600), np.uint16)
     for _ in tee_to_raster(tmp_path / "raw.tif", (600, 700), [(image, shown)], PLACE, ("green", "red", "nir")):
         pass
     with rasterio.open(tmp_path / "raw.tif") as file:
@@ -108,7 +108,7 @@ def test_a_picture_without_a_place_has_overviews_too(tmp_path: Path, recwarn: py
 
 
 def test_a_full_disk_is_named_with_the_mosaic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    image, shown = picture(3), np.ones((700, 600), np.bool_)
+    image, shown = picture(3), np.ones((700, 600), np.uint16)
     raster = tmp_path / "raw.tif"
     list(tee_to_raster(raster, (600, 700), [(image, shown)], PLACE))
     leave_free(monkeypatch, 0)

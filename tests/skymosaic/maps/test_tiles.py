@@ -64,8 +64,8 @@ def raster(path: Path, place: Georeference | None) -> Path:
     """A gray mosaic with a red spot, without a photograph on the left."""
     picture = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
     cv2.circle(picture, SPOT, 12, (0, 0, 255), -1)
-    shown = np.ones((HEIGHT, WIDTH), np.bool_)
-    shown[:, :100] = False
+    shown = np.ones((HEIGHT, WIDTH), np.uint16)
+    shown[:, :100] = 0
     for _ in tee_to_raster(path, (WIDTH, HEIGHT), [(picture, shown)], place):
         pass
     return path
@@ -176,8 +176,8 @@ def smooth_raster(
     """A picture without a photograph in its first quarter; smooth, unless it is ``noise``."""
     rng, (width, height) = np.random.default_rng(0), size
     image = rng.integers(0, 255, (height // (1 if noise else 32), width // (1 if noise else 32), 3), dtype=np.uint8)
-    image, shown = cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), np.ones((height, width), np.bool_)
-    shown[: height // 2, : width // 2] = False
+    image, shown = cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), np.ones((height, width), np.uint16)
+    shown[: height // 2, : width // 2] = 0
     across, down = STEP_M * np.cos(turn), STEP_M * np.sin(turn)
     to_map = np.array([[across, down, east_m], [down, -across, 5_200_000], [0, 0, 1]])
     for _ in tee_to_raster(path, size, [(np.asarray(image), shown)], Georeference("EPSG:32633", to_map, 0.5)):

@@ -259,7 +259,7 @@ def test_a_second_file_says_which_photograph_each_pixel_shows(tmp_path: Path, bl
     assert named == {number: f"DJI_{number - 2}.jpg" for number in range(2, 6)}
     unlike = np.full((6, *shown.shape), np.inf)
     for number, name in named.items():
-        seen = cv2.imread(str(tmp_path / name))[..., 1].astype(np.float32)
+        seen = np.asarray(cv2.imread(str(tmp_path / name)))[..., 1].astype(np.float32)
         warped = cv2.warpPerspective(seen, made.transforms[number - 1], shown.shape[::-1], flags=cv2.INTER_CUBIC)
         inside = cv2.warpPerspective(np.ones_like(seen), made.transforms[number - 1], shown.shape[::-1]) == 1
         fine = pixels - warped - cv2.GaussianBlur(pixels - warped, (0, 0), 2)

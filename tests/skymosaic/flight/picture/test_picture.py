@@ -131,8 +131,8 @@ def test_what_is_delivered_is_written_and_previewed(
     tmp_path: Path, name: str, note: str, says: str, pair: object
 ) -> None:
     composition = Composition((), Canvas(0, 0, 80, 60), False, "distance", Lens(), place=MapPlace(note=note))
-    picture, shown = np.full((60, 80), 90, np.uint8), np.ones((60, 80), np.bool_)
-    shown[:, :20] = False
+    picture, shown = np.full((60, 80), 90, np.uint8), np.ones((60, 80), np.uint16)
+    shown[:, :20] = 0
     bands = [(picture[rows], shown[rows]) for rows in (slice(40), slice(40, 60))]
     layout: Any = None
     # A file stands in the way of the tiles; the mosaic is there all the same.
@@ -158,7 +158,7 @@ def test_maps_for_the_eye_show_gray_of_16_bits_in_8(tmp_path: Path, name: str) -
         (), Canvas(0, 0, 90, 60), False, "distance", Lens(), values, place=MapPlace(georeference=on_map)
     )
     layout: Any = None
-    bands = [(np.full((60, 90), 10_000, np.uint16), np.ones((60, 90), np.bool_))]
+    bands = [(np.full((60, 90), 10_000, np.uint16), np.ones((60, 90), np.uint16))]
     made = deliver(tmp_path / name, flight([]), layout, composition, bands)
     assert (made.map_note, made.failures) == ("", ())
     with rasterio.open(tmp_path / name) as file:
@@ -172,7 +172,7 @@ def test_maps_for_the_eye_show_gray_of_16_bits_in_8(tmp_path: Path, name: str) -
 def test_only_16_bits_are_too_deep_for_jpeg(tmp_path: Path, values: ValueRange | None) -> None:
     layout: Any = None
     composition = Composition((), Canvas(0, 0, 32, 32), True, "distance", Lens(), values)
-    bands = [(composition.empty(32, 32), np.ones((32, 32), np.bool_))]
+    bands = [(composition.empty(32, 32), np.ones((32, 32), np.uint16))]
     refused = pytest.raises(InputError, match=r"m\.tif: JPEG holds 8 bits, the photographs have 16; leave out the")
     with refused if values is not None and values.deep else contextlib.nullcontext():
         made = deliver(tmp_path / "m.tif", flight([]), layout, composition, bands, form=OutputForm("jpeg"))
