@@ -93,7 +93,7 @@ def deliver(
     with temporary_folder(path.parent) as folder:
         raster, sources = folder / "mosaic.tif", folder / "sources.tif"
         if form.sources:
-            names = {1 + flight.sources[member].index: flight.views[member].name for member in layout.members}
+            names = {1 + flight.sources[member].index: flight.view_names[member] for member in layout.members}
             bands = tee_sources(sources, composition.size, bands, on_map, names, mosaic=path)
         if kind.only_map:
             bands = ((composition.in_colour(pixels), shown) for pixels, shown in bands)
