@@ -5,8 +5,6 @@ The blocks are those of `test_export`, for lines of 64 px; those for the ECP5 in
 RAMs, as in `bench.synthesis`.
 """
 
-import os
-import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -30,8 +28,6 @@ from sim.simulators.design import Design
 from tests.hdl.netlists import SYNTHESIS, models, run_bench, run_compiled_bench, synthesise
 from tests.hdl.painting import test_painter
 from tests.hdl.pixel.test_rows import raw_response
-
-Recorder = Callable[[str, object], None]
 
 pytestmark = [pytest.mark.needs("icarus"), pytest.mark.needs("compiler")]
 COMPILED = ("harris", "corners", "ilbp", "matcher", "homography", "accelerator")
@@ -79,15 +75,6 @@ def export_accelerator(folder: Path, platform: object) -> None:
         (folder / name).write_text(text)
 
 
-def processor_s() -> float:
-    """Processor time of this process and of those that it has waited for."""
-    return sum(os.times()[:4])
-
-
-def count_cells(netlist: Path) -> int:
-    return len(re.findall(r"^  [A-Z]\w+ ", netlist.read_text(), re.MULTILINE))
-
-
 ROWS: dict[str, Callable[[], Block]] = {
     "raw_response": raw_response,
     # The painter has a test of its own, with more than a bench can do.
@@ -104,14 +91,9 @@ ROWS: dict[str, Callable[[], Block]] = {
         for family in SYNTHESIS
     ],
 )
-def test_the_netlist_of_a_block_equals_the_golden_model(
-    tmp_path: Path, record_property: Recorder, title: str, family: str
-) -> None:
-    """Synthesised and simulated; `python -m bench.synthesis netlists` makes its table of what is recorded."""
+def test_the_netlist_of_a_block_equals_the_golden_model(tmp_path: Path, title: str, family: str) -> None:
+    """Synthesised and simulated."""
     folder, name = tmp_path, title.partition(",")[0]
-    record_property("netlist", f"{title.replace('_', ' ')}, {family}")
-    record_property("simulator", "Verilator" if name in COMPILED else "Icarus")
-    start_s = processor_s()
     platform = Ecp5() if family == "ecp5" else None
     source = folder / f"{name}.v"
     if name == "accelerator":
@@ -122,10 +104,8 @@ def test_the_netlist_of_a_block_equals_the_golden_model(
         if platform:
             source.write_text(to_verilog(FlatBlock(block.component), name=name, platform=platform))
     netlist = synthesise(folder, name, family, source)
-    record_property("cells", count_cells(netlist))
     simulate = run_compiled_bench if name in COMPILED else run_bench
     printed = simulate(folder, name, [netlist, *models(folder, family)])
-    record_property("processor_s", round(processor_s() - start_s))
     assert printed.startswith("PASS"), printed
 
 
@@ -143,16 +123,12 @@ def test_why_the_trace_has_a_register_before_the_multiplier(tmp_path: Path) -> N
 @pytest.mark.slow
 @pytest.mark.parametrize("family", SYNTHESIS)
 def test_the_netlist_of_the_painter_equals_the_golden_model(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, record_property: Recorder, family: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, family: str
 ) -> None:
     """With a memory that waits and fails, and poses of all kinds, as the painter itself is tested."""
-    record_property("netlist", f"painter, {family}")
-    record_property("simulator", "Verilator")
-    start_s = processor_s()
     source = tmp_path / "top.v"
     source.write_text(to_verilog(PainterTop(), platform=Ecp5() if family == "ecp5" else None))
     netlist = synthesise(tmp_path, "top", family, source)
-    record_property("cells", count_cells(netlist))
     verilog = "\n".join(path.read_text() for path in (netlist, *models(tmp_path, family)))
     flags = (*verilator.VERILATOR_FLAGS, "--top-module", "top", "-DNO_INCLUDES")
     monkeypatch.setattr(Design, "verilog", lambda *_, **__: verilog)
@@ -161,4 +137,3 @@ def test_the_netlist_of_the_painter_equals_the_golden_model(
     test_painter.test_every_byte_is_the_models(replaces=True, count=20)
     test_painter.test_poses_are_composed_and_refused()
     test_painter.test_a_memory_that_fails_spoils_no_pixel(wide=True)
-    record_property("processor_s", round(processor_s() - start_s))
