@@ -48,7 +48,7 @@ def test_verilator_finds_nothing_but_what_is_allowed(folder: Path) -> None:
     assert set(re.findall(r"%Warning-(\w+)", result.stderr)) <= ACCEPTED
     header = (folder / "registers" / "skymosaic_registers.h").read_text()
     assert all(f"SKYMOSAIC_{register.name} " in header for register in (*REGISTERS, *SHELL_REGISTERS))
-    names = ("camera", "camera_server", "map", "painter", "registers", "rings", "server")
+    names = ("camera", "camera_server", "map", "painter", "registers", "rings", "server", "steady")
     drivers = {"ring_bus.py", "pynq_overlay.py", "serve_camera.py"} | {f"skymosaic_{name}.py" for name in names}
     assert {path.name for path in (folder / "host").iterdir()} == drivers
     assert "not yet run" in (folder / "README.md").read_text().lower()

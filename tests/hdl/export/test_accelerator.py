@@ -139,7 +139,7 @@ def test_a_camera_build_has_all_its_files(tmp_path: Path, monkeypatch: pytest.Mo
     bench, core = (f"{folder}/skymosaic_camera{suffix}.v" for folder, suffix in (("sim", "_tb"), ("rtl", "")))
     vectors = set(re.findall(r"(\w+\.hex)", (tmp_path / bench).read_text()))
     assert len(vectors) > 10
-    drivers = ("camera", "camera_server", "map", "painter", "registers", "rings", "server")
+    drivers = ("camera", "camera_server", "map", "painter", "registers", "rings", "server", "steady")
     assert found == {
         "README.md", "constraints/skymosaic_camera.xdc", "registers/register_map.md", "registers/skymosaic.svd",
         "registers/skymosaic_registers.h", "skymosaic_camera.core", bench, core, *(f"sim/{name}" for name in vectors),
