@@ -25,9 +25,8 @@ from bench.report import Row, program, reported
 from golden_model.arrays import Matrix, Pixels, Records
 from golden_model.front_end import extract
 from golden_model.geometry.estimator import MAX_CYCLES
-from golden_model.geometry.fixed_point import homography_elements
 from golden_model.painting.painter import Painter
-from golden_model.painting.pose import UNIT_LOG2, Placement, Poses, placement_of
+from golden_model.painting.pose import Placement, Poses, placement_of
 from golden_model.painting.tiles import TILE_PX
 from golden_model.timing import FrameWork, steady_pace
 from hdl.build import BUILDS, Build
@@ -37,6 +36,7 @@ from sim.benches.camera import CameraBench, CameraTiming
 from sim.benches.exported import host_programs
 from sim.benches.memory import MemoryRules
 from sim.scene import make_lawnmower
+from skymosaic.geometry.fabric import homography_in_pixels, in_pixels
 from skymosaic.geometry.homography import apply
 from skymosaic.mosaicking.live.anchors import Anchors
 from tools.pictures import save
@@ -44,7 +44,6 @@ from tools.pictures import save
 app = program(__doc__)
 
 SLOTS = 8
-UNIT_PX = 1 << UNIT_LOG2
 PAUSE_EVERY, PAUSE_FRAMES = 25, 9
 """After each `PAUSE_EVERY` frames the host stops reading for `PAUSE_FRAMES`, more than the ring holds."""
 FRAME_BLANK_LINES = 20
@@ -297,9 +296,9 @@ def paint_path(
     bench.show(*images)
     while (frame := rings.next_frame(0.1)) is not None:
         painter.follow(frame)
-        number = int(frame.homography["frame"])
+        number, link = int(frame.homography["frame"]), homography_in_pixels(frame.homography)
         rings.release()
-        if frame.homography["causes"] or not is_painted(rings.registers, number):
+        if link is None or not is_painted(rings.registers, number):
             continue
         placement = placement_set(rings.registers)
         pose, _ = chip.place(placement)
@@ -307,15 +306,9 @@ def paint_path(
         model.paint(images[number], pose)
         differing += int(np.count_nonzero(painter.tiles != model.memory))
         shown[number] = painter.picture()
-        poses[number], links[number] = in_px(placement.elements), in_px(homography_elements(frame.homography))
+        poses[number], links[number] = in_pixels(placement.elements), link
     row: Row = {"frames": len(images), "painted": len(shown), "bytes unlike the model's": differing}
     return row | {"breaks of AXI's rules": bench.violations}, shown, poses, links
-
-
-def in_px(elements: NDArray[np.integer]) -> Matrix:
-    """A homography of pixels."""
-    units = np.array([UNIT_PX, UNIT_PX, 1.0])
-    return np.asarray(elements * units[:, np.newaxis] / units)
 
 
 def motion_px(pictures: Sequence[Pixels], steady: Sequence[Pixels]) -> float:

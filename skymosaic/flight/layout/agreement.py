@@ -168,7 +168,7 @@ def find_false_joint(
     """
     pairs, unknown = np.array([*agreement.pairs]), GroundOfPair(0, 0, 0.0)
     counts = np.array([(ground.same, ground.recognised) for ground in agreement.pairs.values()])
-    # A joint has no smaller share than each of its pairs.
+    # The share of a joint is not below that of the worst pair across it.
     if all(same >= FALSE_JOINT * known for same, known in counts):
         return None
     grounds = [agreement.pairs.get((link.left, link.right), unknown) for link in links]
