@@ -81,12 +81,12 @@ class Painter:
         if not (1 <= columns <= MAX_TILES and 1 <= rows <= MAX_TILES):
             raise AcceleratorError(f"a canvas of {columns}x{rows} tiles; each side has 1 to {MAX_TILES}")
         registers.check(self._settings)
+        picture = columns * TILE_PX, picture_lines or rows * TILE_PX
+        self._path = None if steady is None else SteadyPath((width, height), picture, **steady)
         self._shape = rows, columns, TILE_PX, TILE_PX, PIXEL_BYTES
         self._canvas = self._allocate("canvas", columns * rows * (1 + int(replace)))
         self._frames = self._allocate("frames", FRAME_BUFFERS * pages)
         self._links, self._newest = {}, None
-        picture = columns * TILE_PX, picture_lines or rows * TILE_PX
-        self._path = None if steady is None else SteadyPath((width, height), picture, **steady)
 
     def _allocate(self, area, pages):
         buffer = self.bus.allocate(pages * PAGE_BYTES)

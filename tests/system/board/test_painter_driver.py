@@ -240,5 +240,7 @@ def test_each_frame_of_steady_video_is_set_on_its_path(host: Any) -> None:
     painter.start()
     painter.follow(frame(5, shift(2, 1)))
     assert (host.memory.poses[-1][1] == host.memory.poses[0][1]).all()
+    taken = len(host.memory.buffers)
     with pytest.raises(ValueError, match="crop"):
         host.make(steady={"crop": 2})
+    assert len(host.memory.buffers) == taken
