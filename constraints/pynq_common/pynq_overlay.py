@@ -1,10 +1,11 @@
 """Loads an overlay for this process alone, and moves data by its AXI DMAs in simple mode. Needs PYNQ 3.0 or newer.
 
-Every wait has a limit of time. PYNQ's own `wait`, `start` and `stop` have none: they are called only where they return
-at once.
+Every wait ends after a number of looks, since a clock would count what other programs take as well. PYNQ's own `wait`,
+`start` and `stop` do not end: they are called only where they return at once.
 """
 
 import fcntl
+import math
 import os
 import pathlib
 import tempfile
@@ -115,11 +116,12 @@ class Transfers:
 
     def wait(self, timeout_seconds):
         """Wait until every started transfer has ended; returns the lengths of received packets in bytes."""
-        end = time.monotonic() + timeout_seconds
-        while busy := [name for name in self._started if not self._is_done(name)]:
-            if time.monotonic() > end:
-                raise AcceleratorError(f"no answer within {timeout_seconds:g} s; still busy: {', '.join(busy)}")
-            time.sleep(POLL_SECONDS)
+        for _ in _looks(timeout_seconds):
+            busy = [name for name in self._started if not self._is_done(name)]
+            if not busy:
+                break
+        else:
+            raise AcceleratorError(f"no answer within {timeout_seconds:g} s; still busy: {', '.join(busy)}")
         lengths = {}
         for name in self._started:
             # Returns at once; it invalidates the cache, and reads the length of what has come.
@@ -134,12 +136,11 @@ class Transfers:
         self._started = []
         for dma, offset in self._dmas.values():
             dma.write(offset + CONTROL, RESET)
-        end = time.monotonic() + RESET_SECONDS
         for name in self._dmas:
-            self._await(name, CONTROL, RESET, end)
+            self._await(name, CONTROL, RESET)
         for name, (dma, offset) in self._dmas.items():
             dma.write(offset + CONTROL, RUN)
-            self._await(name, STATUS, HALTED, end)
+            self._await(name, STATUS, HALTED)
             # It runs already; PYNQ has to know that the next transfer is the first.
             self._channels[name].start()
 
@@ -165,10 +166,16 @@ class Transfers:
                 "set c_addr_width of the DMA to 40 in the block design"
             )
 
-    def _await(self, name, register, bit, end):
+    def _await(self, name, register, bit):
         """Wait until a bit of a register is 0."""
         dma, offset = self._dmas[name]
-        while dma.read(offset + register) & bit:
-            if time.monotonic() > end:
-                raise AcceleratorError(f"the DMA of the {name} does not reset; load the overlay again")
-            time.sleep(POLL_SECONDS)
+        if all(dma.read(offset + register) & bit for _ in _looks(RESET_SECONDS)):
+            raise AcceleratorError(f"the DMA of the {name} does not reset; load the overlay again")
+
+
+def _looks(seconds):
+    """Yield at once, and then after each `POLL_SECONDS`, for at least so long."""
+    yield
+    for _ in range(math.ceil(seconds / POLL_SECONDS)):
+        time.sleep(POLL_SECONDS)
+        yield

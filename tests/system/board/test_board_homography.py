@@ -51,9 +51,8 @@ def test_the_board_gives_the_golden_homographies(tmp_path: Path, monkeypatch: py
     system = open_board(BUILD)
     with host_programs(BUILD) as load:
         overlay: Any = load("pynq_overlay")
-        # However slowly a busy machine simulates.
-        overlay.LOCK, overlay.RESET_SECONDS = tmp_path / "lock", 600
-        device = load("skymosaic_driver").Accelerator(load("pynq_bus").PynqBus("skymosaic.bit"), 600)
+        overlay.LOCK = tmp_path / "lock"
+        device = load("skymosaic_driver").Accelerator(load("pynq_bus").PynqBus("skymosaic.bit"))
         with load("skymosaic_server").Server(("127.0.0.1", 0), device) as server, serving(server):
             client = load_backend(f"board:127.0.0.1:{server.server_address[1]}")
             found = client.run(images, CONFIG, reference="previous")
