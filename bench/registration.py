@@ -7,7 +7,7 @@
 
 A SET is a folder with a pairs.csv, or ``registration``, the public pairs below SKYMOSAIC_DATA; ``render`` and ``cut``
 write such folders. The error of a pair is the mean distance over a 20x20 grid of left points that fall
-inside the right image.
+inside the right image. The truth of `REAL` pairs is a plane through their relief; `bench.patches` asks the pictures.
 """
 
 import random
@@ -26,6 +26,7 @@ from rich.progress import track
 from bench import flight_pairs
 from bench.flight_pairs import WRONG_PX
 from bench.methods import ON_CHIP, REFERENCE, Method, chosen_methods, estimate_on_chip, read_gray
+from bench.patches import confirmed_share
 from bench.rendered_pairs import STEPS, flat_pairs, write_set
 from bench.report import Flights, JsonFile, Row, program, public_folder, report
 from golden_model.config import MIN_FRAME_PX
@@ -40,6 +41,8 @@ app = program(__doc__)
 progress = Console(stderr=True)
 
 LIMITS_PX = (1, 3, 5)
+REAL = ("real", "unseen")
+"""Groups of pairs with relief."""
 Sets = Annotated[list[str], typer.Argument(help="Folders of pairs; several are joined.", metavar="SET...")]
 Seeds = Annotated[int, typer.Option(min=1, help="Seeds of our estimator; OpenCV's are fixed.")]
 Methods = Annotated[list[str] | None, typer.Option(help="Only these: normal, thorough, sift, ...")]
@@ -52,6 +55,8 @@ class Outcome:
     group: str
     error_px: tuple[float, ...]
     seconds: float
+    confirmed: tuple[float, ...]
+    """For each seed, the share of the patches that lie within 2 px; of `REAL` pairs."""
 
 
 @app.command()
@@ -66,7 +71,8 @@ def methods(
     """Accuracy and processor time of each method.
 
     A share is the mean over the seeds; where it differs between seeds, lowest and highest follow. mAA is the mean of
-    the shares under 1, 2, ... 10 px. Wrong: accepted and more than 20 px off, at any seed. The time is a ratio to
+    the shares under 1, 2, ... 10 px. Patches: how many of those of real pairs lie within 2 px, the mean over pairs and
+    seeds; none of a pair that is refused. Wrong: accepted and more than 20 px off, at any seed. The time is a ratio to
     SIFT's, pair by pair, in the median.
     """
     cv2.setNumThreads(1)
@@ -83,16 +89,18 @@ def methods(
 
 def measure(method: Method, pair: KnownPair, seeds: int) -> Outcome:
     """Run a method on a pair."""
-    sizes = [read_gray(path).shape[::-1] for path in (pair.left, pair.right)]
-    errors: list[float] = []
+    images = read_gray(pair.left), read_gray(pair.right)
+    errors, confirmed = list[float](), list[float]()
     seconds = 0.0
     start = time.process_time()
     for homography in method(pair, seeds):
         if not errors:
             seconds = time.process_time() - start
-        error = min(grid_error(homography, pair.truth, *sizes), MISSING_ERROR_PX - 1)
+        error = min(grid_error(homography, pair.truth, *(each.shape[::-1] for each in images)), MISSING_ERROR_PX - 1)
         errors.append(error if homography is not None else MISSING_ERROR_PX)
-    return Outcome(pair.group, tuple(errors), seconds)
+        if pair.group in REAL:
+            confirmed.append(confirmed_share(*images, homography, pair.truth))
+    return Outcome(pair.group, tuple(errors), seconds, tuple(confirmed))
 
 
 def method_row(results: dict[str, list[Outcome]], heading: str) -> Row:
@@ -104,6 +112,7 @@ def method_row(results: dict[str, list[Outcome]], heading: str) -> Row:
         "method": heading,
         **{group: shares([o for o in outcomes if o.group == group]) for group in sorted({o.group for o in outcomes})},
         "all pairs": shares(outcomes),
+        "patches": share_of_patches(outcomes),
         "mAA": round(100 * float(np.mean([np.mean(errors < limit) for limit in range(1, 11)])), 1),
         "median": f"{np.median(errors):.2f} px" if refused < len(outcomes) / 2 else "most refused",
         "refused": round(refused, 1),
@@ -131,6 +140,12 @@ def group_rows(results: dict[str, list[Outcome]]) -> list[Row]:
 def count_wrong(outcomes: list[Outcome]) -> int:
     """Pairs that are accepted and more than 20 px off, at any seed."""
     return sum(any(WRONG_PX < error < MISSING_ERROR_PX for error in outcome.error_px) for outcome in outcomes)
+
+
+def share_of_patches(outcomes: list[Outcome]) -> str:
+    """Percent of the patches of real pairs that are where they were found."""
+    found = [share for outcome in outcomes for share in outcome.confirmed]
+    return f"{100 * np.mean(found):.1f} %" if found else ""
 
 
 def median_time(outcomes: list[Outcome], reference: list[Outcome] | None) -> str:

@@ -11,6 +11,7 @@ import pytest
 from bench import camera, confidence, rendered_pairs
 from bench.methods import REFERENCE
 from bench.painter import DELAY, STEP_PX, find_owners, find_seams, place_frames
+from bench.patches import confirmed_share
 from bench.registration import Outcome, group_rows, method_row
 from golden_model.arrays import Array
 from golden_model.geometry.fixed_point import quantise
@@ -86,8 +87,30 @@ def test_an_anchor_counts_from_the_frame_after_the_delay() -> None:
     assert off == pytest.approx(expected, abs=0.01)
 
 
-OURS = [Outcome("dark_2", (0.5, 2.0), 0.1), Outcome("dark_2", (0.5, 21.0), 0.2), Outcome("small_55", (4.0, 4.0), 0.3)]
-SIFT = [Outcome("dark_2", (MISSING_ERROR_PX,), 0.4), Outcome("dark_2", (0.2,), 0.4), Outcome("small_55", (0.2,), 0.2)]
+def test_patches_tell_which_of_two_planes_is_the_ground() -> None:
+    """The right half of the ground has moved 8 px farther than the left one, and a corner shows something else."""
+    grain = np.random.default_rng(3).uniform(0, 255, (240, 560))
+    ground = cv2.GaussianBlur(grain, (0, 0), 1.5)
+    ground = np.clip(128 + 8 * (ground - 128), 0, 255).astype(np.uint8)
+    left, right = ground[:, 40:520], np.hstack([ground[:, 10:250], ground[:, 258:498]])
+    right[:120, :200] = right[120:, 280:]
+    planes = shift(-30, 0), shift(-22, 0)
+    near, far = (confirmed_share(left, right, plane, planes[0]) for plane in planes)
+    assert near + far == pytest.approx(1, abs=0.05)
+    assert 0.2 < near < far, "the corner is of the near plane, and tells nothing"
+    assert confirmed_share(left, right, shift(-33, 0), planes[0]) == 0, (
+        "the truth's plane tells what the answer's does not"
+    )
+    assert confirmed_share(left, right, None, planes[0]) == 0
+
+
+OURS = [
+    Outcome("dark_2", (0.5, 2.0), 0.1, ()),
+    Outcome("dark_2", (0.5, 21.0), 0.2, ()),
+    Outcome("small_55", (4.0, 4.0), 0.3, (0.25, 0.5)),
+]
+SIFT = [Outcome(name, (px,), 0.4, ()) for name, px in (("dark_2", MISSING_ERROR_PX), ("dark_2", 0.2))]
+SIFT.append(Outcome("small_55", (0.2,), 0.2, ()))
 
 
 def test_a_group_has_shares_what_was_wrong_and_the_time_beside_sift() -> None:
@@ -101,12 +124,9 @@ def test_a_group_has_shares_what_was_wrong_and_the_time_beside_sift() -> None:
 
 def test_a_method_without_a_reference_has_its_time_in_ms() -> None:
     row = method_row({"ours": OURS}, "ours")
-    assert (row["dark_2"], row["wrong"], row["refused"], row["time"]) == (
-        "50 (0-100) / 75 (50-100) / 75 (50-100)",
-        1,
-        0.0,
-        "200 ms",
-    )
+    shares = "50 (0-100) / 75 (50-100) / 75 (50-100)"
+    assert (row["dark_2"], row["wrong"], row["refused"], row["time"]) == (shares, 1, 0.0, "200 ms")
+    assert row["patches"] == "37.5 %"
 
 
 @pytest.mark.parametrize(
