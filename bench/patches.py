@@ -16,6 +16,7 @@ from skymosaic.geometry.homography import apply
 PATCH_PX, SEARCH_PX, STEP_PX = 41, 12, 32
 """Side of a patch, how far from a guess it is looked for, and from one patch to the next."""
 MIN_CORRELATION = 0.6
+MIN_PATCHES = 8
 BACK_PX = 1.5
 """How far from where it began a patch may arrive that is looked for there and back."""
 NEAR_PX = 2.0
@@ -28,8 +29,10 @@ class _Found(NamedTuple):
     correlation: Array
 
 
-def confirmed_share(left: Pixels, right: Pixels, answer: Matrix | None, truth: Matrix) -> float:
+def confirmed_share(left: Pixels, right: Pixels, answer: Matrix | None, truth: Matrix) -> float | None:
     """Share of the patches, of those that are found in both images, that an answer puts within `NEAR_PX`.
+
+    None where fewer than `MIN_PATCHES` are found: as among rows of a crop, where they may be those of other rows.
 
     Parameters
     ----------
@@ -37,15 +40,17 @@ def confirmed_share(left: Pixels, right: Pixels, answer: Matrix | None, truth: M
     answer, truth : (3, 3) ndarray
         Left to right, px; the answer of a pair that is refused is None, which puts nothing anywhere.
     """
+    centres = _patch_centres(left.shape)
+    guesses = [truth] if answer is None else [answer, truth]
+    found = [_find_patches(left, right, guess, centres) for guess in guesses]
+    correlations = np.stack([each.correlation for each in found])
+    known: Mask = correlations.max(axis=0) > 0
+    if np.count_nonzero(known) < MIN_PATCHES:
+        return None
     if answer is None:
         return 0.0
-    centres = _patch_centres(left.shape)
-    found = [_find_patches(left, right, guess, centres) for guess in (answer, truth)]
-    better = found[0].correlation >= found[1].correlation
-    right_points = np.where(better[:, None], found[0].right, found[1].right)
-    known: Mask = np.maximum(found[0].correlation, found[1].correlation) > 0
-    near = np.linalg.norm(apply(answer, centres) - right_points, axis=1) <= NEAR_PX
-    return float(np.mean(near[known])) if known.any() else 0.0
+    better = np.stack([each.right for each in found])[correlations.argmax(axis=0), np.arange(len(centres))]
+    return float(np.mean(np.linalg.norm(apply(answer, centres) - better, axis=1)[known] <= NEAR_PX))
 
 
 def _patch_centres(shape: tuple[int, ...]) -> Points:

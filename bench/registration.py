@@ -55,7 +55,7 @@ class Outcome:
     group: str
     error_px: tuple[float, ...]
     seconds: float
-    confirmed: tuple[float, ...]
+    confirmed: tuple[float | None, ...]
     """For each seed, the share of the patches that lie within 2 px; of `REAL` pairs."""
 
 
@@ -90,7 +90,7 @@ def methods(
 def measure(method: Method, pair: KnownPair, seeds: int) -> Outcome:
     """Run a method on a pair."""
     images = read_gray(pair.left), read_gray(pair.right)
-    errors, confirmed = list[float](), list[float]()
+    errors, confirmed = list[float](), list[float | None]()
     seconds = 0.0
     start = time.process_time()
     for homography in method(pair, seeds):
@@ -144,7 +144,7 @@ def count_wrong(outcomes: list[Outcome]) -> int:
 
 def share_of_patches(outcomes: list[Outcome]) -> str:
     """Percent of the patches of real pairs that are where they were found."""
-    found = [share for outcome in outcomes for share in outcome.confirmed]
+    found = [share for outcome in outcomes for share in outcome.confirmed if share is not None]
     return f"{100 * np.mean(found):.1f} %" if found else ""
 
 

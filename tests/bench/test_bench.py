@@ -95,19 +95,21 @@ def test_patches_tell_which_of_two_planes_is_the_ground() -> None:
     left, right = ground[:, 40:520], np.hstack([ground[:, 10:250], ground[:, 258:498]])
     right[:120, :200] = right[120:, 280:]
     planes = shift(-30, 0), shift(-22, 0)
-    near, far = (confirmed_share(left, right, plane, planes[0]) for plane in planes)
+    near, far = (confirmed_share(left, right, plane, planes[0]) or 0 for plane in planes)
     assert near + far == pytest.approx(1, abs=0.05)
     assert 0.2 < near < far, "the corner is of the near plane, and tells nothing"
     assert confirmed_share(left, right, shift(-33, 0), planes[0]) == 0, (
         "the truth's plane tells what the answer's does not"
     )
     assert confirmed_share(left, right, None, planes[0]) == 0
+    assert confirmed_share(left, right, planes[0], shift(-400, 0)) == near
+    assert confirmed_share(left, left[::-1], planes[0], planes[0]) is None
 
 
 OURS = [
     Outcome("dark_2", (0.5, 2.0), 0.1, ()),
     Outcome("dark_2", (0.5, 21.0), 0.2, ()),
-    Outcome("small_55", (4.0, 4.0), 0.3, (0.25, 0.5)),
+    Outcome("small_55", (4.0, 4.0), 0.3, (0.25, None)),
 ]
 SIFT = [Outcome(name, (px,), 0.4, ()) for name, px in (("dark_2", MISSING_ERROR_PX), ("dark_2", 0.2))]
 SIFT.append(Outcome("small_55", (0.2,), 0.2, ()))
@@ -126,7 +128,7 @@ def test_a_method_without_a_reference_has_its_time_in_ms() -> None:
     row = method_row({"ours": OURS}, "ours")
     shares = "50 (0-100) / 75 (50-100) / 75 (50-100)"
     assert (row["dark_2"], row["wrong"], row["refused"], row["time"]) == (shares, 1, 0.0, "200 ms")
-    assert row["patches"] == "37.5 %"
+    assert row["patches"] == "25.0 %"
 
 
 @pytest.mark.parametrize(
