@@ -14,7 +14,7 @@ REQUIRE ?=
 # Three on two processors, since some tests wait for tools and browsers.
 PYTEST := $(BIN)/pytest -n 3 --dist loadgroup --no-loadscope-reorder $(if $(REQUIRE),--require $(REQUIRE))
 
-.PHONY: demo test fast-tests test-slow test-fuzz test-soak test-mutants dist docs pynq needs lint clean
+.PHONY: demo test fast-tests test-slow test-fuzz test-mutants dist docs pynq needs lint clean
 
 demo: $(VENV)/runs
 	$(BIN)/skymosaic demo -o demo --overwrite
@@ -33,11 +33,6 @@ test-slow: $(VENV)/slow pynq
 # Mutated files for everything that reads files; prints what became of them.
 test-fuzz: $(VENV)/installed
 	$(BIN)/python -m tests.fuzz.fuzz 10000
-
-# Random frames, settings, stalls, bad frames, clears and resets on the compiled accelerator: 20 minutes or more.
-SOAK_CLOCKS ?= 100000000
-test-soak: $(VENV)/installed
-	$(BIN)/python -m tests.soak.soak $(SOAK_CLOCKS)
 
 # Wrong lines, a sample of them, which the tests should notice; of some files only, or of what changed since a commit:
 # make test-mutants MUTANTS="--count 100 --seed 7 --since main skymosaic/maps"; a list of places that is written, and

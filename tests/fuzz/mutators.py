@@ -60,17 +60,7 @@ def repeat_slice(data: bytes, rng: np.random.Generator) -> bytes:
     return data[: start + length] + data[start : start + length] * int(rng.integers(1, 50)) + data[start + length :]
 
 
-def insert_noise(data: bytes, rng: np.random.Generator) -> bytes:
-    start = int(rng.integers(len(data)))
-    return data[:start] + rng.bytes(int(rng.integers(1, 300))) + data[start:]
-
-
-def swap_halves(data: bytes, rng: np.random.Generator) -> bytes:
-    middle = int(rng.integers(len(data)))
-    return data[middle:] + data[:middle]
-
-
-MUTATORS = (flip_bits, zero_run, truncate, extreme_integer, extreme_integer, repeat_slice, insert_noise, swap_halves)
+MUTATORS = (flip_bits, zero_run, truncate, extreme_integer, extreme_integer, repeat_slice)
 
 
 def mutated(data: bytes, rng: np.random.Generator) -> bytes:

@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 SHARED = ("rows", "refusals")
 """Files of tests that the modules of a folder share beside the one of the folder's name."""
-OF_SEVERAL_PARTS = ("tests/system", "tests/formal", "tests/cocotb", "tests/fuzz", "tests/soak")
+OF_SEVERAL_PARTS = ("tests/system", "tests/formal", "tests/cocotb", "tests/fuzz")
 
 
 def find_misplaced(root: Path) -> list[str]:

@@ -157,7 +157,7 @@ def test_every_quoted_command_exists() -> None:
         ("make everything", "no everything"),
         ("pip install 'skymosaic[sim]'", "on no package index"),
         ("pip install '.[absent]'", "no extra absent"),
-        ("make test-soak CLOCKS=5", "no CLOCKS=5"),
+        ("make test-fuzz COUNT=5", "no COUNT=5"),
         ("pytest tests/absent.py::test_it -k one", "no tests/absent.py"),
     ],
 )
