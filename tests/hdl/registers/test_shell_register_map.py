@@ -1,20 +1,9 @@
-import dataclasses
 import enum
 
 import pytest
 
-from golden_model.config import EstimatorConfig
-from hdl.build import BUILDS, Build
-from hdl.registers.painter_register_map import PAINTER_REGISTERS, PainterFault
-from hdl.registers.register_map import ESTIMATOR_REGISTERS, REGISTERS
-from hdl.registers.shell_register_map import (
-    ALL_REGISTERS,
-    HOMOGRAPHY_RING,
-    SHELL_REGISTERS,
-    Refusal,
-    RingFault,
-    list_registers,
-)
+from hdl.registers.painter_register_map import PainterFault
+from hdl.registers.shell_register_map import ALL_REGISTERS, Refusal, RingFault
 from hdl.shell.slot import HeaderFlag
 
 
@@ -32,24 +21,6 @@ def test_names_and_offsets_are_unique_and_fields_do_not_overlap() -> None:
 def test_each_fault_has_a_bit_of_its_own_from_the_lowest_on(flags: type[enum.IntFlag]) -> None:
     """What model and hardware share is no check of either: hosts of earlier boards read these."""
     assert [fault.value for fault in flags.__members__.values()] == [1 << bit for bit in range(len(flags.__members__))]
-
-
-@pytest.mark.parametrize("shell", ["streams", "serial", "camera"])
-@pytest.mark.parametrize("estimates", [False, True])
-def test_a_build_has_the_registers_of_its_parts(shell: str, estimates: bool) -> None:
-    usual = {"streams": Build(), "serial": BUILDS["ulx3s"], "camera": BUILDS["camera"]}[shell]
-    config = dataclasses.replace(usual.config, estimator=EstimatorConfig() if estimates else None)
-    build = dataclasses.replace(usual, config=config)
-    found = list_registers(build)
-    expected = [*REGISTERS]
-    expected += ESTIMATOR_REGISTERS if estimates else ()
-    expected += SHELL_REGISTERS if shell == "camera" else ()
-    expected += HOMOGRAPHY_RING if shell == "camera" and estimates else ()
-    assert list(found) == expected
-    if shell == "camera" and estimates:
-        expected += PAINTER_REGISTERS
-        assert list(list_registers(dataclasses.replace(build, painter=True))) == expected
-    assert {*expected} <= {*ALL_REGISTERS}
 
 
 def test_the_faults_of_each_ring_are_those_of_one() -> None:

@@ -35,10 +35,6 @@ def simulate(dut: ulx3s.Ulx3s, run: Callable[[Any], Coroutine[Any, Any, None]]) 
     simulator.run()
 
 
-def test_the_port_has_the_rate_that_hosts_open_it_with() -> None:
-    assert (ulx3s.BAUD, ulx3s.CLOCK_HZ, ulx3s.COMMAND_SPACE, ulx3s.CLOCKS_PER_BIT) == (1_000_000, 25_000_000, 64, 25)
-
-
 class IdleAccelerator(wiring.Component):
     """The ports of an accelerator, and nothing that drives its outputs."""
 
