@@ -7,6 +7,7 @@ Answers come after ``latency_cycles``, the first of a stream where nobody waits.
 
 import random
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import Any
 
 from amaranth import Cat, ResetInserter, Signal, Value
@@ -53,21 +54,17 @@ class _Port:
         return sum((value & mask) << low for (low, mask), value in places)
 
     def begin(self, words: list[int]) -> None:
-        self.left, self.offered = words[::-1], False
+        self.left, self.offered, self.bits = words[::-1], False, 0
         self.waits: int | None = None
         self.begins, self.cycles = list[int](), list[int]()
 
-    def offer(self, ctx: Any, cycle: int, pauses: Pauses, garbage: random.Random, spacing_cycles: int) -> None:
+    def offer(self, cycle: int, pauses: Pauses, garbage: random.Random, spacing_cycles: int) -> None:
         """Of an input: the next word, unless one waits already."""
         late = not self.cycles or cycle - self.cycles[-1] >= spacing_cycles
         if not self.offered:
             self.offered = bool(self.left) and late and not pauses.gap(cycle, self.number)
-            if self.offered:
-                ctx.set(self.word, self.left[-1])
-                self.begins.append(cycle)
-            else:
-                ctx.set(self.word, garbage.getrandbits(len(self.word)))
-        ctx.set(self.valid, self.offered)
+            self.bits = self.left[-1] if self.offered else garbage.getrandbits(len(self.word))
+            self.begins += [cycle] * self.offered
 
     def pass_on(self, cycle: int, ready: int) -> None:
         """Of an input: what was offered has been taken, or waits."""
@@ -99,6 +96,10 @@ class _Bench:
         ports = [_Port(self.dut, name, n, each) for n, (name, each) in enumerate(streams)]
         self.sources, self.sinks = ports[: len(block.inputs)], ports[len(block.inputs) :]
         self.reset, self.cycle, self.garbage = Signal(), 0, random.Random(3)
+        self.seen = [port.ready for port in self.sources] + [v for port in self.sinks for v in (port.valid, port.word)]
+        driven = [each for port in self.sources for each in (port.word, port.valid)]
+        driven += [port.ready for port in self.sinks if port.is_stream]
+        self.driven, self.lows = Cat(driven), [0, *accumulate(map(len, driven))][:-1]
 
     async def run(self, ctx: Any) -> None:
         self._set(ctx)
@@ -127,16 +128,8 @@ class _Bench:
         for port in self.sinks:
             port.begin([])
         idle = drained = 0
-        while drained < (DRAIN_CYCLES if part == 1 else 1):
-            turn = next((n for n, port in enumerate(self.sources) if port.left), len(self.sources))
-            for port in self.sources[: turn + 1] if self.block.in_turn else self.sources:
-                port.offer(ctx, self.cycle, pauses, self.garbage, self.block.spacing_cycles)
-            readies = [not pauses.stall(self.cycle, port.number) for port in self.sinks]
-            for port, ready in zip(self.sinks, readies, strict=True):
-                if port.is_stream:
-                    ctx.set(port.ready, ready)
-            seen = [port.ready for port in self.sources] + [v for port in self.sinks for v in (port.valid, port.word)]
-            _, _, *values = await ctx.tick().sample(*seen)
+        readies = self._drive(ctx, pauses)
+        async for _, _, *values in ctx.tick().sample(*self.seen):
             before = self._count()
             for port, ready in zip(self.sources, values, strict=False):
                 port.pass_on(self.cycle, ready)
@@ -150,6 +143,21 @@ class _Bench:
             # Words may wait for a burst that the first part has not.
             drained += part < 1 and self.block.remembers and idle == self.block.idle_cycles
             assert idle <= self.block.idle_cycles, f"no more answers in clock {self.cycle}"
+            if drained >= (DRAIN_CYCLES if part == 1 else 1):
+                break
+            readies = self._drive(ctx, pauses)
+
+    def _drive(self, ctx: Any, pauses: Pauses) -> list[bool]:
+        """Set the inputs for the next clock; which outputs are taken in it."""
+        turn = next((n for n, port in enumerate(self.sources) if port.left), len(self.sources))
+        for port in self.sources[: turn + 1] if self.block.in_turn else self.sources:
+            port.offer(self.cycle, pauses, self.garbage, self.block.spacing_cycles)
+        readies = [not pauses.stall(self.cycle, port.number) for port in self.sinks]
+        values = [bits for port in self.sources for bits in (port.bits, port.offered)]
+        values += [ready for port, ready in zip(self.sinks, readies, strict=True) if port.is_stream]
+        # Each set lets the whole block settle: one for all.
+        ctx.set(self.driven, sum(bits << low for bits, low in zip(values, self.lows, strict=True)))
+        return readies
 
     def _count(self) -> int:
         return sum(len(port.cycles) for port in (*self.sources, *self.sinks))

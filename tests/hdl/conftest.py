@@ -56,5 +56,8 @@ def collisions(monkeypatch: pytest.MonkeyPatch) -> None:
 def unused_blocks(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Amaranth does not complain about blocks that were made before a larger one was refused."""
     monkeypatch.setattr(Elaboratable, "_MustUse__silence", True)
+    # What was there before is not looked at: in a long run that takes seconds.
+    gc.freeze()
     yield
     gc.collect()
+    gc.unfreeze()
