@@ -135,14 +135,6 @@ def test_any_content_and_size(contents: Callable[..., Any], data: st.DataObject)
         assert (fine <= 16 * (limits - 1 - config.border_px) + 8).all()
 
 
-@pytest.mark.parametrize("value", [0, 255])
-@CONFIGS
-def test_flat_images_have_no_features(config: FrontEndConfig, value: int) -> None:
-    result = extract(np.full((96, 128), value, np.uint8), config)
-    assert len(result.features) == 0
-    assert result.status["good"] == 1
-
-
 def test_half_turn_mirrors_the_features(texture: Callable[..., Any]) -> None:
     # Cells of 32 px tile both levels of this frame, so that the half turn maps cells onto cells.
     image = texture(256, 256, seed=3)

@@ -111,13 +111,6 @@ def test_fields_follow_each_other_within_whole_words(record: Record) -> None:
     assert record.dtype.itemsize == record.record_bytes
 
 
-def test_status_takes_the_length_of_its_stream() -> None:
-    status = np.zeros(1, FRAME_STATUS.dtype_padded_to(48))
-    status["threshold"] = 2
-    assert len(status.tobytes()) == 48
-    assert status.view(np.uint8)[: FRAME_STATUS.record_bytes].view(FRAME_STATUS.dtype)["threshold"] == 2
-
-
 def test_a_file_is_read_up_to_the_limit_and_not_beyond(tmp_path: Path) -> None:
     path = tmp_path / "text"
     path.write_bytes(b"twelve bytes")

@@ -92,14 +92,6 @@ def test_two_pixels_a_clock_take_half_the_clocks() -> None:
         assert slow.matches_end - slow.last_pixel == fast.matches_end - fast.last_pixel
 
 
-@pytest.mark.parametrize("matched", [[], [0], [0, 5, 37], [3, 39]])
-def test_a_walk_ends_with_its_last_row_or_match(matched: list[int]) -> None:
-    """Matches that are taken at once make it as long as `tests/hdl/matching/test_mutual_neighbours.py` measures."""
-    work = FrameWork(640, 480, good=True, left=40, right=9, rows=np.array(matched, np.int64))
-    ends = timing._walk_ends(work, walk_cycles=6, service_cycles=1, begins=100)
-    assert ends == 105 + max(40, *(row + 3 for row in matched), 0)
-
-
 def test_the_homography_before_sets_the_pace_of_small_frames_only() -> None:
     most = MAX_MATCHES
     frame = FrameWork(1280, 720, True, most, most, np.arange(most), estimate_cycles=MAX_CYCLES)

@@ -94,10 +94,3 @@ def test_levels_share_one_frame_of_reference(level: int) -> None:
     code[12, 10] = 9000
     fine_x, fine_y = refine(code, np.array([10]), np.array([12]), level)
     assert (fine_x[0] / 16, fine_y[0] / 16) == ((10, 12) if level == 0 else (20.5, 24.5))
-
-
-def test_farthest_position_of_the_largest_frame_fits() -> None:
-    code = np.zeros((3, 2048), np.uint16)
-    code[1, 2046:] = (9000, 9000)
-    fine_x, _ = refine(np.pad(code, ((0, 0), (0, 1))), np.array([2047]), np.array([1]), 1)
-    assert fine_x[0] == 2 * (16 * 2047 - 8) + 8

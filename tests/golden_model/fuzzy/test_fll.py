@@ -37,59 +37,8 @@ def evaluate_by_fuzzylite(text: str, values: list[np.ndarray], output: int = 0) 
     return np.array(outputs)
 
 
-SHAPES = """\
-Engine: shapes
-InputVariable: x
-  enabled: true
-  range: -3 4
-  lock-range: false
-  term: rising Ramp -1 2
-  term: falling Ramp 2.5 0.5
-  term: tip Triangle -1 0.25 3
-  term: flat Trapezoid -2 -1 1 3.5
-  term: open Trapezoid -inf -1 0 2
-  term: box Rectangle -0.5 1.5
-  term: curve Sigmoid 0.5 -3
-  term: line Discrete -2 0 -1 0.75 1 0.5 3 1
-InputVariable: y
-  range: 0 1
-  term: low Ramp 1 0
-  term: high Ramp 0 1
-OutputVariable: z
-  range: -3 6
-  aggregation: none
-  defuzzifier: WeightedAverage TakagiSugeno
-  default: -1
-  lock-previous: false
-  term: c0 Constant -2.5
-  term: c1 Constant -1.5
-  term: c2 Constant -0.5
-  term: c3 Constant 0.5
-  term: c4 Constant 1.5
-  term: c5 Constant 2.5
-  term: c6 Constant 3.5
-  term: c7 Constant 4.5
-RuleBlock: rules
-  enabled: true
-  conjunction: CONJUNCTION
-  disjunction: none
-  implication: none
-  activation: General
-  rule: if x is rising and y is high then z is c0
-  rule: if x is falling and y is low then z is c1
-  rule: if x is tip and y is high then z is c2
-  rule: if x is flat and y is low then z is c3
-  rule: if x is open and y is high then z is c4
-  rule: if x is box and y is low then z is c5
-  rule: if x is curve and y is high then z is c6
-  rule: if x is line and y is low then z is c7
-  rule: if y is low then z is c0
-"""
-TEXTS = {name: (SHIPPED / f"{name}.fll").read_text() for name in ("correlation", "ilbp", "ransac")}
-TEXTS |= {
-    "minimum": SHAPES.replace("CONJUNCTION", "Minimum"),
-    "product": SHAPES.replace("CONJUNCTION", "AlgebraicProduct"),
-}
+TEXTS = {path.stem: path.read_text() for path in sorted(SHIPPED.glob("*.fll"))}
+"""By minimum and by product; `test_fuzzy` has the other shapes."""
 
 
 @pytest.mark.parametrize("name", TEXTS)
@@ -237,7 +186,7 @@ InputVariable: service
   term: good Gaussian 10 1.5
 InputVariable: food
   range: 0 10
-  term: rancid Trapezoid -5 0 1 3
+  term: rancid Trapezoid -inf 0 1 3
   term: delicious Trapezoid 7 9 10 15
 OutputVariable: other
   range: 0 1

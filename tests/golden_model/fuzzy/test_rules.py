@@ -8,8 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from golden_model.config import Config, MatcherConfig
 from golden_model.config_file import load_config, to_toml
@@ -19,7 +17,6 @@ from golden_model.fuzzy.fll import load_system
 from golden_model.fuzzy.rules import SHIPPED, MatchRules, load_rules, match_tables, read_shipped
 from golden_model.fuzzy.sugeno import ONE, SugenoSystem
 from golden_model.fuzzy.system import make_tables
-from golden_model.matching import rule_bases
 from skymosaic.geometry import fuzzy_ransac
 
 AERIAL = read_shipped("aerial")
@@ -67,25 +64,6 @@ def test_ilbp_is_the_published_formula_over_the_whole_grid(bits: int) -> None:
     assert belongs[153] == 0
     for number in (1, 2):
         assert_tables(system, number, "belongs", "does_not", belongs)
-
-
-def written(name: str, tmp_path: Path) -> Path:
-    """The file that ``skymosaic fuzzy NAME --write`` writes."""
-    path = tmp_path / f"{name}.fll"
-    path.write_bytes((SHIPPED / f"{name}.fll").read_bytes())
-    return path
-
-
-@pytest.mark.parametrize(("name", "bits"), [("aerial", 128), ("aerial", 256), ("ilbp", 8), ("ilbp", 32)])
-def test_a_written_file_decides_every_match_as_the_built_in_does(tmp_path: Path, name: str, bits: int) -> None:
-    built_in: SugenoSystem = getattr(rule_bases, name)(bits)
-    own = load_rules(written(name, tmp_path)).tables(bits)
-    assert own.digest == built_in.digest
-    ends = (bits + 1, bits + 1, 9) if name == "aerial" else (bits + 1, 181, 181)
-    step = -(-math.prod(ends) // 2_000_000)
-    grid = np.unravel_index(np.arange(0, math.prod(ends), step), ends)
-    for found, expected in zip(own.evaluate(*grid), built_in.evaluate(*grid), strict=True):
-        np.testing.assert_array_equal(found, expected)
 
 
 def test_the_file_of_fuzzy_ransac_decides_as_the_built_in_does() -> None:
@@ -193,13 +171,3 @@ def test_a_configuration_holds_rules_or_names_their_file(tmp_path: Path) -> None
     path.write_text('[matcher]\nrule_base = "absent.fll"\n')
     with pytest.raises(ValueError, match=r"absent\.fll: cannot be read"):
         load_config(path)
-
-
-@given(description=st.text(max_size=40))
-@settings(max_examples=10, deadline=None)
-def test_any_text_survives_a_configuration(description: str, tmp_path_factory: pytest.TempPathFactory) -> None:
-    # What splits lines in Python is no description's.
-    config = Config(matcher=MatcherConfig(rule_base=MatchRules(f"# {' '.join(description.splitlines())}\n{AERIAL}")))
-    path = tmp_path_factory.mktemp("toml") / "a.toml"
-    path.write_text(to_toml(config), encoding="utf-8", newline="")
-    assert load_config(path) == config

@@ -10,9 +10,8 @@ from golden_model.geometry.fixed_point import quantise
 from golden_model.geometry.floating import MANTISSA_BITS, MAX_EXPONENT, MIN_EXPONENT, SEEDS, Floats
 from golden_model.geometry.match_gain import LEVELS, TOLERANCE_PX
 from golden_model.geometry.ordering import BINS, order
-from golden_model.geometry.program import Value, constants, held
-from golden_model.geometry.refit import BANDS, SUMS, factors, solve_sums
-from golden_model.geometry.sampling import STEPS, advance, draw, subset_size
+from golden_model.geometry.refit import SUMS, factors, solve_sums
+from golden_model.geometry.sampling import STEPS, draw, subset_size
 from golden_model.geometry.solving import areas, solve
 from skymosaic.geometry.homography import apply, dlt, transfer_error
 from tests.golden_model.geometry.execution import to_real
@@ -118,16 +117,6 @@ def test_subsets_grow_to_all_matches() -> None:
     assert sizes[-1] == 700
     assert sizes == [-(-700 * (step + 1) // STEPS) for step in range(STEPS)]
     assert [subset_size(4, step) for step in range(STEPS)] == [4] * STEPS
-
-
-def test_the_generator_does_not_fall_into_a_short_cycle() -> None:
-    state = 0x9E3779B9
-    seen = {state}
-    for _ in range(20_000):
-        state = advance(state)
-        seen.add(state)
-    assert len(seen) == 20_001
-    assert 0 not in seen
 
 
 TRUTH = np.array([[0.9, 0.3, 40.0], [-0.2, 1.1, 90.0], [1e-4, -5e-5, 1.0]])
@@ -248,29 +237,9 @@ def test_the_refit_is_that_in_double_precision(count: int, side_px: int) -> None
     assert transfer_error(H, left / 16, apply(in_double(left, right, weight), left / 16)).max() < 16**-1 / 100
 
 
-def test_the_bands_are_errors_that_narrow_to_two_pixels() -> None:
-    # The gain is 32 (1 - e² / 2 tau²), rounded up.
-    widths_px = [TOLERANCE_PX * np.sqrt(2 * (LEVELS - band + 1) / LEVELS) for band in BANDS]
-    np.testing.assert_allclose(widths_px, [4.24, 3.67, 3, 2.12], atol=0.005)
-
-
 def test_matches_on_a_line_give_numbers_like_any_other() -> None:
     left = 1000 + np.arange(20)[:, np.newaxis] * (16, 8)
     H, _ = fitted(left, left, np.full(20, 9))
     assert np.isfinite(H).all()
     none = np.zeros((0, 2), dtype=np.int64)
     assert np.isfinite(fitted(none, none, none[:, 0])[0]).all()
-
-
-def test_the_equations_skip_what_is_zero() -> None:
-    """The blocks of the left coordinates do not mix, so that fewer operations are needed than for any 8 equations."""
-    zero, one = constants()
-    rows, _ = solve_sums(zero, one, [held(30), held(31)], [held(2 + n) for n in range(SUMS)])
-    seen: set[Value] = set()
-    waiting = [value for row in rows for value in row]
-    while waiting:
-        value = waiting.pop()
-        if value not in seen:
-            seen.add(value)
-            waiting += value.operands
-    assert sum(bool(value.operands) for value in seen) < 200

@@ -40,12 +40,6 @@ def test_distance_counts_differing_bits(left_count: int, right_count: int, descr
     assert (distance == expected).all()
 
 
-def test_distance_of_complements_is_all_bits() -> None:
-    for descriptor_bytes in (16, 31, 32):
-        zeros = np.zeros((1, descriptor_bytes), dtype=np.uint8)
-        assert hamming.distances(zeros, ~zeros).item() == 8 * descriptor_bytes
-
-
 # Few distinct values: ties everywhere.
 @given(hnp.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.integers(0, 4)))
 def test_matches_ties_and_margins_equal_naive_loops(distance: Any) -> None:

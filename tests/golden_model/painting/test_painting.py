@@ -1,8 +1,7 @@
-"""The stages of the painter against double precision, and its clocks; the hardware's are held against these."""
+"""The stages of the painter against double precision; the hardware's are held against these, and against `timing`."""
 
 from collections.abc import Callable
 from fractions import Fraction
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -18,14 +17,11 @@ from golden_model.arrays import Array, Pixels
 from golden_model.painting.blending import FADE, blend
 from golden_model.painting.corners import CELL_PX, CORNER, SIDE, project
 from golden_model.painting.line_reader import bursts, show
-from golden_model.painting.painter import Painter
 from golden_model.painting.positions import POSITION, positions
 from golden_model.painting.sampling import sample, weigh
 from golden_model.painting.tiles import MAX_TILES, TILE_PX, touched
-from golden_model.painting.timing import ENDING_CYCLES, JUDGING_CYCLES, PAINTING_CYCLES, POSE_CYCLES, painting_cycles
 from tests.golden_model.painting import tilted
 from tests.golden_model.painting.poses import homography, in_pixels, pose
-from tests.golden_model.painting.test_painter import integers
 
 SIZE = (1920, 1080)
 
@@ -93,13 +89,13 @@ def sees(H: Array, size: tuple[int, int], x: Any, y: Any) -> NDArray[np.bool_]:
     return np.asarray((w > 0) & (u >= 0) & (v >= 0) & (u <= right) & (v <= bottom))
 
 
-def test_none_of_100_000_tiles_is_missed() -> None:
+def test_no_tile_is_missed() -> None:
     """Every eighth pixel of the canvas, and all pixels of the tiles around those found."""
     rng = np.random.default_rng(3)
     coarse_y, coarse_x = np.mgrid[0:SIDE_PX:8, 0:SIDE_PX:8]
     inside_y, inside_x = np.mgrid[0:TILE_PX, 0:TILE_PX]
     missed = seen = found = 0
-    for n in range(48):
+    for n in range(16):
         size = SIZES[n % len(SIZES)]
         tilt = rng.normal(0, (0, 2e-4, 8e-4)[n % 3], 2)
         # Some frames leave the canvas, some see the horizon.
@@ -120,7 +116,7 @@ def test_none_of_100_000_tiles_is_missed() -> None:
         missed += (coarse & ~tiles).sum()
         seen += coarse.sum()
         found += tiles.sum()
-    assert seen > 100_000
+    assert seen > 30_000
     assert missed == 0
     assert found < 1.03 * seen
 
@@ -148,7 +144,7 @@ def test_positions_are_bilinear_between_the_corners_and_rounded_once(
 
 
 @pytest.mark.parametrize(("tilt", "worst_px"), [(0.0, 0.015), (2e-4, 0.1), (8e-4, 1.2)])
-@pytest.mark.parametrize("zoom", [0.5, 1.0, 1.9])
+@pytest.mark.parametrize("zoom", [0.5, 1.9])
 def test_positions_are_near_those_of_the_homography(zoom: float, tilt: float, worst_px: float) -> None:
     for turn in (0.0, 0.4, 2.0, 3.9):
         H = tilted.pose((640, 480), zoom=zoom, turn=turn, tilt=tilt)
@@ -207,13 +203,6 @@ def test_a_warp_is_near_that_of_double_precision(texture: Callable[..., Pixels])
     check_warps(np.asarray(cv2.GaussianBlur(noise, None, 1.2)))
 
 
-@pytest.mark.parametrize("name", ["real_copr_24_26_right", "real_brighton_1_3_left", "real_happy_D_left"])
-def test_a_warped_photograph_is_near_that_of_double_precision(public_data: Path, name: str) -> None:
-    photograph = cv2.imread(str(public_data / "registration" / "images" / f"{name}.jpg"))
-    assert photograph is not None
-    check_warps(photograph)
-
-
 @pytest.mark.parametrize(("width", "height"), [(24, 510), (511, 900), (512, 512), (1920, 1080), (4096, 4096), (2, 2)])
 def test_weights_rise_from_the_border_to_the_middle_of_any_frame(width: int, height: int) -> None:
     largest = min(width, height) // 2
@@ -253,54 +242,3 @@ def test_shares_follow_the_difference_of_weights(old: list[int], colour: list[in
 def test_replacing_forgets_the_canvas(old: list[int], colour: list[int], weight: int) -> None:
     new = blend(pixels(old), np.array([colour]), np.array([weight]), replace=True)
     assert new[0].tolist() == ([*colour, weight] if weight else [0, 0, 0, 0])
-
-
-def test_a_frame_fades_into_another_without_a_step() -> None:
-    """Two frames side by side: black, whose border is on the right, and white, whose border is on the left."""
-    x = np.arange(60)
-    old = np.zeros((60, 4), np.uint8)
-    old[:, 3] = 60 - x
-    new = blend(old, np.full((60, 3), 255), x + 1)
-    steps = np.diff(new[:, 0].astype(int))
-    assert new[0, 0] == 0
-    assert new[-1, 0] == 255
-    assert steps.min() == 0
-    # The difference of the weights changes by 2 per pixel, and is odd.
-    assert steps.max() <= 2 * 256 // FADE
-    assert np.flatnonzero(steps).size == FADE // 2 + 1
-
-
-@pytest.mark.parametrize("weight", [0, 1, 40, 255])
-def test_equal_weights_share_and_lesser_ones_by_half_the_fade_change_nothing(weight: int) -> None:
-    before = np.arange(1, 256)
-    old = np.column_stack([np.full((255, 3), 10), before]).astype(np.uint8)
-    new = blend(old, np.full((255, 3), 210), np.full(255, weight))
-    kept = (new == old).all(axis=1)
-    np.testing.assert_array_equal(kept, (weight == 0) | (before - weight >= FADE // 2))
-    assert all(new[before == weight, 0] == 110)
-
-
-SMALL, COLUMNS, ROWS = (320, 256), 9, 7
-
-
-def cycles(pose: np.ndarray, *, replaces: bool = False) -> tuple[int, int]:
-    """Clocks of a frame on an empty canvas, and how many tiles are painted."""
-    plan = Painter(COLUMNS, ROWS, replace=replaces).plan(SMALL, integers(pose))
-    return painting_cycles(plan, COLUMNS, ROWS), plan.counts.painted
-
-
-def test_off_the_canvas_each_tile_is_only_tried() -> None:
-    assert cycles(np.array([[1.0, 0, 9000], [0, 1, 0], [0, 0, 1]])) == (POSE_CYCLES + COLUMNS * ROWS, 0)
-
-
-@pytest.mark.parametrize("replaces", [False, True])
-def test_of_tiles_as_fine_as_the_frame_painting_takes_the_longest(replaces: bool) -> None:
-    found, painted = cycles(np.array([[1.0, 0, 0.5], [0, 1, 0.5], [0, 0, 1]]), replaces=replaces)
-    assert painted == COLUMNS * ROWS
-    assert 0 <= found - painted * PAINTING_CYCLES - POSE_CYCLES - JUDGING_CYCLES - ENDING_CYCLES < PAINTING_CYCLES
-
-
-def test_of_coarser_tiles_reading_their_windows_does() -> None:
-    found, painted = cycles(np.array([[1.8, 0, -40.0], [0, 1.8, -30.0], [0, 0, 1]]))
-    # A window of 60 x 60 px is 1,800 words, where it is not cut by the frame's border.
-    assert 1.3 * painted * PAINTING_CYCLES < found < painted * 1800

@@ -5,13 +5,12 @@ from typing import Any
 
 import cv2
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from golden_model.arrays import Pixels
-from golden_model.pixel.fast import neighbour, response_code, score
+from golden_model.pixel.fast import response_code, score
 from golden_model.pixel.nms import suppress
 
 
@@ -47,23 +46,3 @@ def test_score_is_the_largest_threshold_that_opencv_passes(texture: Callable[...
         largest[opencv_corners(gray, threshold, suppressed=False) > 0] = threshold
     assert (largest > 0).sum() > 500
     np.testing.assert_array_equal(score(gray), largest)
-
-
-@pytest.mark.parametrize(("run", "corner"), [(8, False), (9, True), (16, True)])
-@pytest.mark.parametrize("start", [0, 5, 12])
-@pytest.mark.parametrize("brighter", [False, True])
-def test_nine_contiguous_pixels_make_a_corner(run: int, corner: bool, start: int, brighter: bool) -> None:
-    circle = [(0, -3), (1, -3), (2, -2), (3, -1), (3, 0), (3, 1), (2, 2), (1, 3)]
-    circle += [(-x, -y) for x, y in circle]
-    gray = np.full((7, 7), 100, np.uint8)
-    for i in range(run):
-        x, y = circle[(start + i) % 16]
-        gray[3 + y, 3 + x] = 130 if brighter else 70
-    assert score(gray)[3, 3] == (29 if corner else 0)
-
-
-@pytest.mark.parametrize(("x", "y"), [(0, 0), (-3, 1), (3, -3), (2, 3)])
-def test_the_neighbour_of_every_inner_pixel(x: int, y: int) -> None:
-    plane = np.arange(10 * 12, dtype=np.uint8).reshape(10, 12)
-    found = neighbour(plane, x, y)
-    assert found.tolist() == [[plane[row + y, column + x] for column in range(3, 9)] for row in range(3, 7)]

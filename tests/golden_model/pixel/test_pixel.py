@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import correlate
 
 from golden_model.arrays import Pixels
-from golden_model.formats import GRADIENT, decode_response, encode_response
+from golden_model.formats import decode_response, encode_response
 from golden_model.pixel.gray import to_gray
 from golden_model.pixel.half import halve
 from golden_model.pixel.nms import suppress
@@ -42,13 +42,6 @@ def test_gray_is_within_one_level_of_the_thesis_weights() -> None:
     image = noise(400, 400, 3)
     exact = image @ np.array([0.114, 0.587, 0.299])
     assert np.abs(to_gray(image) - exact).max() < 0.96
-
-
-@pytest.mark.parametrize(
-    ("bgr", "gray"), [((255, 0, 0), 29), ((0, 255, 0), 149), ((0, 0, 255), 77), ((255, 255, 255), 255), ((0, 0, 0), 0)]
-)
-def test_gray_of_pure_colours(bgr: tuple[int, int, int], gray: int) -> None:
-    assert to_gray(np.array([[bgr]], np.uint8)) == gray
 
 
 def test_gray_image_passes_unchanged() -> None:
@@ -99,27 +92,12 @@ def test_smoothing_rounds_the_binomial_sum_once(
     np.testing.assert_array_equal(inside(binomial(gray, len(taps)), len(taps) // 2), inside(expected, len(taps) // 2))
 
 
-def inside_sobel(plane: NDArray[Any]) -> NDArray[Any]:
-    return plane[1:-1, 1:-1]
-
-
 @given(data=st.data())
 def test_gradients_are_cv2_sobel(contents: Callable[..., Any], data: st.DataObject) -> None:
     gray = data.draw(contents(8, 70))
     gradient_x, gradient_y = gradients(gray)
-    np.testing.assert_array_equal(inside_sobel(gradient_x), inside_sobel(cv2.Sobel(gray, cv2.CV_16S, 1, 0)))
-    np.testing.assert_array_equal(inside_sobel(gradient_y), inside_sobel(cv2.Sobel(gray, cv2.CV_16S, 0, 1)))
-
-
-def test_gradient_reaches_its_bound_and_points_to_the_bright_side() -> None:
-    step = np.zeros((9, 9), np.uint8)
-    step[:, 5:] = 255
-    for image, axis in ((step, 0), (step.T, 1)):
-        along, across = gradients(np.ascontiguousarray(image))[axis], gradients(np.ascontiguousarray(image))[1 - axis]
-        assert along.max() == 4 * 255
-        assert not across.any()
-        assert GRADIENT.holds(along)
-        assert GRADIENT.holds(-along)
+    np.testing.assert_array_equal(inside(gradient_x, 1), inside(cv2.Sobel(gray, cv2.CV_16S, 1, 0), 1))
+    np.testing.assert_array_equal(inside(gradient_y, 1), inside(cv2.Sobel(gray, cv2.CV_16S, 0, 1), 1))
 
 
 # Few values, so that ties and plateaus are common.
