@@ -10,7 +10,7 @@ from golden_model.arrays import Array, Pixels
 from sim.scene import Camera, CameraPose, Photometry, ground, make_lawnmower, make_pair, project, render_view
 from sim.scene.flight import Flight
 from sim.scene.noise import make_noise
-from sim.scene.terrain import SLOPE, TERRACE_PX, TERRAINS, render_terrain
+from sim.scene.terrain import TERRAINS, render_terrain
 from tests.sim.scene.conftest import clear_caches
 
 
@@ -31,14 +31,6 @@ def test_land_is_continuous_never_below_the_plane_and_the_same_in_every_part(nam
     assert whole.max() > 20
     assert max(np.abs(np.diff(whole, axis=axis)).max() for axis in (0, 1)) < 1
     assert np.array_equal(render_terrain(name, 300, 200, (100, 50)), whole[350:550, 800:1100])
-
-
-def test_a_terrace_is_level_and_a_slope_rises_by_a_fifth() -> None:
-    step = np.abs(np.diff(render_terrain("terraces", 2000, 1, (0, 0))[0]))
-    assert np.median(step) == 0
-    assert step.sum() > 6 * TERRACE_PX
-    rise = np.abs(np.diff(render_terrain("slope", 2800, 1, (0, 0))[0]))
-    assert set(np.unique(rise.astype(float).round(2)).tolist()) >= {0.0, SLOPE}
 
 
 CAMERA = Camera(width_px=321, height_px=240, focal_px=260)

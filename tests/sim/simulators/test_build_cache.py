@@ -155,15 +155,6 @@ def test_a_damaged_build_is_built_again(damage: Callable[..., Any]) -> None:
     assert kept() == {"thing.entry"}
 
 
-def test_a_cache_of_the_last_version_is_not_looked_at() -> None:
-    old = cache_folder() / "thing"
-    old.mkdir(parents=True)
-    (old / "checksums").write_text(f"{'0' * 64} result\n")
-    (cache_folder() / "thing.lock").touch()
-    folder = build_once("thing", write_result, what="the thing", progress=silent)
-    assert (folder / "result").read_text() == "complete"
-
-
 def test_a_build_that_cannot_be_kept_serves_this_run(monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
