@@ -1,4 +1,7 @@
-"""Frame admission: bad frames are reported with their causes; `tests/formal` proves the rest, memory mode among it."""
+"""Frame admission: bad frames are reported with their causes.
+
+`tests/formal` proves the rest, memory mode among it; `test_front_end` has two pixels per clock.
+"""
 
 import random
 from collections.abc import Container
@@ -34,19 +37,16 @@ def transfer(seed: int, pixels: int = WIDTH_PX * HEIGHT_PX) -> list[tuple[int, i
     return [(data, 0, int(n == pixels - 1)) for n, (data, _, _) in enumerate(frame(seed)[:pixels])]
 
 
-def admit(
-    pixels: list[Any], pauses: Pauses = NO_PAUSES, *, width_px: int = WIDTH_PX, pixels_per_clock: int = 1, **inputs: int
-) -> list[Any]:
+def admit(pixels: list[Any], pauses: Pauses = NO_PAUSES, **inputs: int) -> list[Any]:
     """Frames ``(causes, [(x, y, data), ...])`` that come out; ``pauses.stalls`` hold the admission of pixels.
 
     Between pixels, a dictionary changes inputs.
     """
-    closing_px = CLOSING_PX * pixels_per_clock
-    dut = FrameAdmission(closing_lines=CLOSING_LINES, closing_px=closing_px, pixels_per_clock=pixels_per_clock)
+    dut = FrameAdmission(closing_lines=CLOSING_LINES, closing_px=CLOSING_PX)
     frames, beats = [], []
 
     async def testbench(ctx: Any) -> None:
-        ctx.set(dut.i_width_px, width_px)
+        ctx.set(dut.i_width_px, WIDTH_PX)
         ctx.set(dut.i_height_px, HEIGHT_PX)
         ctx.set(dut.i_may_start, 1)
         ctx.set(dut.i_acceptable, 1)
@@ -74,7 +74,7 @@ def admit(
                 waiting.pop(0)
                 last_taken = cycle
             if beat.valid:
-                beats.append((beat.x, beat.y, beat.data if pixels_per_clock == 1 else tuple(beat.data)))
+                beats.append((beat.x, beat.y, beat.data))
             if ends:
                 assert not pauses.stall(cycle - 2, 2), "a frame ended before it might"
                 frames.append((Cause(causes), beats.copy()))
@@ -166,39 +166,3 @@ def test_a_refused_transfer_that_breaks_off_is_forgotten_in_video_mode() -> None
     pixels = [*broken, {"i_memory_mode": 0}, repaired, *transfer(2)]
     found = admit(pixels, i_acceptable=0, i_memory_mode=1)
     assert found == [(Cause.INVALID_SETTINGS, []), good(transfer(2))]
-
-
-PAIRED_PX = 2 * WIDTH_PX
-
-
-def paired(beats: list[tuple[int, int, int]]) -> list[tuple[tuple[int, int], int, int]]:
-    """The same beats, each with two pixels."""
-    return [((data, data ^ 0xFFFFFF), first, last) for data, first, last in beats]
-
-
-def two_a_clock(
-    frames: list[tuple[Cause, list[tuple[Any, Any, Any]]]],
-) -> list[tuple[Cause, list[tuple[Any, Any, Any]]]]:
-    """Result of the same frames with two pixels per beat."""
-    return [
-        (cause, [(2 * x, y, (data, data ^ 0xFFFFFF) if data else (0, 0)) for x, y, data in beats])
-        for cause, beats in frames
-    ]
-
-
-@pytest.mark.parametrize(("width_px", "pauses"), [(PAIRED_PX, NO_PAUSES), (PAIRED_PX - 1, GAPS_AND_HOLDS)])
-def test_two_pixels_a_clock_make_half_as_many_beats(width_px: int, pauses: Pauses) -> None:
-    """Lines of 7 beats as above, whether the last beat holds two pixels or one: good, short, long and cut off."""
-    frames = [frame(1), frame(3, drop={9}), frame(4), frame(5, double={9}), frame(6)]
-    beats = [pixel for one in frames for pixel in one]
-    expected = two_a_clock(admit(beats, pauses))
-    assert [cause for cause, _ in expected] == [0, Cause.SHORT_LINE, 0, Cause.LONG_LINE, 0]
-    assert admit(paired(beats), pauses, width_px=width_px, pixels_per_clock=2) == expected
-
-
-@pytest.mark.parametrize(("width_px", "closing_x"), [(PAIRED_PX, 6), (PAIRED_PX - 1, 4)])
-def test_a_frame_of_two_pixels_a_clock_that_ends_early_is_closed(width_px: int, closing_x: int) -> None:
-    (cause, beats), last = admit(paired(frame(1)[:9] + frame(2)), width_px=width_px, pixels_per_clock=2)
-    assert (cause, last) == (Cause.EARLY_END, *two_a_clock([good(frame(2))]))
-    closing = [(x, y) for y in range(CLOSING_Y, HEIGHT_PX) for x in range(closing_x, width_px, 2)]
-    assert [(x, y) for x, y, _ in beats[2 * WIDTH_PX :]] == closing

@@ -1,5 +1,8 @@
 # amaranth: UnusedElaboratable=no
-"""The front end equals the golden model on whole frames, good and bad; compiled, since a frame takes many clocks."""
+"""The front end equals the golden model on whole frames, good and bad; compiled, since a frame takes many clocks.
+
+It stands for tests of `level_merge`: order, indices and status; `tests/formal` proves that records leave whole.
+"""
 
 import contextlib
 import dataclasses

@@ -1,4 +1,7 @@
-"""The exported Verilog: which memories it clears, and which registers it marks."""
+"""The exported Verilog: which memories it clears, and which registers it marks.
+
+Names of ports (`port_names`) are in the recorded Verilog of each block, and in `export/test_accelerator.py`.
+"""
 
 import re
 import subprocess

@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""Running a row fails on whatever a block does wrong."""
+"""Running a row, and the bench of the other tests, fail on whatever a block does wrong."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,6 +13,8 @@ from amaranth.lib.wiring import In, Out
 from hdl.blocks.vectors import Block, of_stream
 from hdl.lib.skid_buffer import SkidBuffer
 from sim.benches.rows import check
+from sim.simulators.recording import Pauses
+from tests.hdl.block_bench import BlockBench, CycleLimitError
 
 SENT = range(100)
 
@@ -57,6 +59,26 @@ def block(dut: Any, answers: Sequence[int] = SENT, clocks_each: int | None = Non
 def test_a_stream_that_breaks_its_rules_is_found_out(fault: str, says: str) -> None:
     with pytest.raises(AssertionError, match=says):
         check(block(Wrong(fault)))
+
+
+@pytest.mark.parametrize(
+    ("fault", "more", "says", "error"),
+    [("forgets", 0, "withdrawn before it was taken", AssertionError), ("", 1, "not done within 900", CycleLimitError)],
+)
+def test_a_bench_finds_it_out_too(fault: str, more: int, says: str, error: type[AssertionError]) -> None:
+    dut = Wrong(fault)
+    bench = BlockBench(dut, pauses=Pauses(stalls=200, seed=1), cycle_limit=900)
+
+    async def send(ctx: Any) -> None:
+        for number in SENT:
+            await bench.stream_put(ctx, dut.i, number)
+
+    async def take(ctx: Any) -> None:
+        for _ in range(len(SENT) + more):
+            await bench.stream_get(ctx, dut.o)
+
+    with pytest.raises(error, match=says):
+        bench.run(send, take)
 
 
 def test_times_are_checked() -> None:

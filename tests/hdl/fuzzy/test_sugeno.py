@@ -2,7 +2,6 @@
 """Sugeno systems equal the golden ones."""
 
 import itertools
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -105,13 +104,6 @@ def test_of_alternatives_the_strongest_counts_once() -> None:
     mean = strengths @ (64, 192, 224) / strengths.sum(axis=1)
     np.testing.assert_allclose(golden(system, inputs)[:, 0], mean, atol=0.5)
     check_inputs(system, 4, inputs)
-    unjoined = SugenoSystem(
-        "sum", inputs=(a, b), rules=tuple(replace(rule, joins=False) for rule in rules), conjunction="minimum"
-    )
-    assert unjoined.digest != system.digest
-    for wrong in (rules[1:], (rules[0], replace(rules[1], output=0.5))):
-        with pytest.raises(ValueError, match="OR needs conjunction 'minimum', and a rule before it with the same"):
-            SugenoSystem("wrong", inputs=(a, b), rules=wrong, conjunction="minimum")
 
 
 def test_product_of_too_many_inputs_is_refused() -> None:

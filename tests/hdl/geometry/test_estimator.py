@@ -1,5 +1,9 @@
 # amaranth: UnusedElaboratable=no
-"""The estimator equals the golden model, clocks included, frame after frame."""
+"""The estimator equals the golden model, clocks included, frame after frame; its states end in the golden causes.
+
+It stands for tests of `ordering` and `estimator_states`: the order of matches, and what is done when, decide on samples
+and clocks.
+"""
 
 import numpy as np
 import pytest
@@ -8,9 +12,11 @@ from golden_model.config import PRESETS, EstimatorConfig
 from golden_model.geometry import estimator as golden
 from golden_model.geometry.estimator import CYCLES, EstimateCause, FrameMatches
 from hdl.geometry.estimator import GATHER_CYCLES, HomographyEstimator
+from hdl.geometry.estimator_states import TURN_CYCLES
 from hdl.geometry.sweep import Sweep
 from sim.backends.golden import GoldenBackend
 from sim.scene import make_pair
+from sim.simulators.recording import Pauses
 from tests.hdl.geometry.estimator_bench import MAX_MATCHES, assert_equal, frame, simulate_estimates
 
 
@@ -18,7 +24,7 @@ def test_estimates_equal_the_golden_model(monkeypatch: pytest.MonkeyPatch) -> No
     """Matches of the next frame arrive while those before are in use.
 
     Only the first 4 of the 16 steps are searched. The first frame is refitted in mid-search; the second has no time for
-    it after a step that found a better homography, the third has too many matches.
+    it after a step that found a better homography, the third has as many matches as fit.
     """
     model, states = "golden_model.geometry.estimator", "hdl.geometry.estimator_states"
     for module in ("golden_model.geometry.sampling", states):
@@ -40,9 +46,37 @@ def test_estimates_equal_the_golden_model(monkeypatch: pytest.MonkeyPatch) -> No
     assert [result.causes for result in results] == [0, 0, 0, EstimateCause.TOO_FEW_MATCHES]
 
 
+def test_frames_without_a_homography_have_their_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search has 4 steps instead of 16."""
+    for module in ("golden_model.geometry.sampling", "hdl.geometry.estimator_states"):
+        monkeypatch.setattr(f"{module}.STEPS", 4)
+    pauses = Pauses(gaps=100, stalls=180, seed=3)
+    some, settings = frame(4, 3)
+    line = some._replace(left=np.repeat(some.left[:, :1], 2, axis=1))
+    frames = [
+        frame(0, 1),
+        frame(3, 2),
+        frame(MAX_MATCHES + 1, 4),
+        (some._replace(good=False), settings),
+        (some, EstimatorConfig(seed=0)),
+        (some, EstimatorConfig(passes=0)),
+        (line, settings),
+    ]
+    results = simulate_estimates(frames, max_matches=MAX_MATCHES, pauses=pauses, cycle_limit=40_000)
+    assert_equal(results, frames)
+    assert [result.causes for result in results] == [
+        *[EstimateCause.TOO_FEW_MATCHES] * 2,
+        EstimateCause.TOO_MANY_MATCHES,
+        EstimateCause.BAD_FRAME,
+        *[EstimateCause.INVALID_SETTINGS] * 2,
+        EstimateCause.NO_HYPOTHESIS,
+    ]
+
+
 def test_the_model_of_time_knows_the_parts() -> None:
     assert CYCLES.sweep == Sweep.latency_cycles + 2
     assert CYCLES.gather == GATHER_CYCLES + 3
+    assert CYCLES.turn == TURN_CYCLES + 2
 
 
 @pytest.mark.parametrize("max_matches", [3, 2049])

@@ -13,7 +13,7 @@ from tests.hdl.block_bench import BlockBench
 SEED = 0x1234_5678
 
 
-@pytest.mark.parametrize("count", [4, 5, 77, MAX_MATCHES])
+@pytest.mark.parametrize("count", [5, MAX_MATCHES])
 def test_ranks_equal_the_golden_model(count: int) -> None:
     dut = SampleDraws()
     ranks: list[list[int]] = []

@@ -18,7 +18,7 @@ from tests.hdl.geometry.match_cases import TRUTH, matches
 SIZE = (641, 479)
 
 
-@pytest.mark.parametrize(("count", "band"), [(60, BANDS[0]), (61, BANDS[-1]), (1, BANDS[0]), (1100, BANDS[0])])
+@pytest.mark.parametrize(("count", "band"), [(61, BANDS[-1]), (1, BANDS[0]), (1100, BANDS[0])])
 def test_a_sweep_equals_the_golden_model(count: int, band: int) -> None:
     """The second of two sweeps, so that nothing of the first is left; or one with more inliers than the list holds."""
     left, right, weight = matches(count)

@@ -21,9 +21,3 @@ def pose_columns(pose: NDArray[np.int64]) -> list[list[int]]:
     """What is constant, then the factors of X and Y."""
     columns: list[list[int]] = elements(pose)[:, [2, 0, 1]].T.tolist()
     return columns
-
-
-async def put_pose(ctx: Any, bench: Any, port: Any, pose: NDArray[np.int64]) -> None:
-    """Send a pose's columns."""
-    for column in pose_columns(pose):
-        await bench.stream_put(ctx, port, dict(zip("xyw", column, strict=True)))

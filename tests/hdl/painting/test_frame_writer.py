@@ -127,13 +127,6 @@ def test_a_slow_painter_gets_some_of_the_frames() -> None:
     check(bench, {n: frames[n - 1] for n in (1, 2, 4)}, o_skipped=1)
 
 
-def test_without_a_painter_only_one_frame_waits() -> None:
-    bench = WriterBench(paints_clocks=-1)
-    bench.run([frame(number) for number in range(3)])
-    check(bench, {}, o_skipped=2)
-    np.testing.assert_array_equal(bench.picture(0), frame(0))
-
-
 def test_a_frame_of_another_size_is_cut_off() -> None:
     bench = WriterBench(waits=43, latency_clocks=119)
     good = [frame(number) for number in range(7)]

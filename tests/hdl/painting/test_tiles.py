@@ -1,16 +1,13 @@
 # amaranth: UnusedElaboratable=no
 """Every tile that the golden model finds is offered, in its order, whatever the pose."""
 
-from typing import Any
-
 import numpy as np
 
-from golden_model.painting.tiles import UNIT_TILES, touched
+from golden_model.painting.tiles import touched
 from hdl.blocks.vectors import Block, of_stream
-from hdl.painting.tiles import COEFFICIENT_CYCLES, TileWalker
+from hdl.painting.tiles import TileWalker
 from tests.golden_model.painting.poses import homography, pose
-from tests.hdl.block_bench import BlockBench
-from tests.hdl.painting.payloads import pose_columns, put_pose
+from tests.hdl.painting.payloads import pose_columns
 from tests.hdl.rows import row_test
 
 SIZE = (90, 70)
@@ -49,25 +46,3 @@ test_rows = row_test({
     "turned first": lambda: walked(poses()[::-1]),
     "replaced": lambda: walked(poses()[3:], i_replace=1),
 })  # fmt: skip
-
-
-def test_every_tile_is_offered_where_the_canvas_is_replaced() -> None:
-    dut = TileWalker()
-    found: list[list[int]] = []
-    cycles = 0
-
-    async def run(ctx: Any) -> None:
-        nonlocal cycles
-        await put_pose(ctx, bench, dut.i, poses()[3])
-        ctx.set(dut.o.ready, 1)
-        while not ctx.get(dut.o_idle):
-            *_, valid, tile = await ctx.tick().sample(dut.o.valid, dut.o.payload)
-            if valid:
-                found.append([tile.column, tile.row])
-            cycles += 1
-
-    bench = BlockBench(dut, settings={**SETTINGS, "i_replace": 1}, cycle_limit=1000)
-    bench.run(run)
-    assert found == touched(poses()[3], SIZE, TILES, all_tiles=True).tolist()
-    # The last column settles, and the best corner is favoured; then a tile in each clock.
-    assert cycles == dut.setup_cycles - UNIT_TILES - 2 * (COEFFICIENT_CYCLES + 1) - 1 + len(found)

@@ -14,7 +14,6 @@ from tests.hdl.block_bench import BlockBench
 
 RECORD_WORDS = HOMOGRAPHY.record_bytes // WORD_BYTES
 HOST_EVERY = 5
-LATENCY_CYCLES = 3
 
 
 def records(count: int, seed: int = 1) -> Records:
@@ -109,20 +108,6 @@ def test_records_and_poses_become_placements(pauses: Pauses) -> None:
     assert composed == [expected(each) for each in sent if not isinstance(each, dict)]
     assert bench.nowhere == [(int(record["frame"]) + 1) & 0xFFFF for record in nowhere]
     assert bench.counts == {"o_lost": 0, "o_ignored": 0}
-
-
-def test_a_record_takes_three_clocks() -> None:
-    bench = PlacementsBench(pauses=Pauses())
-
-    async def feed(ctx: Any) -> None:
-        await bench.send(ctx, records(1)[0])
-        clocks = 0
-        while not ctx.get(bench.dut.o.valid):
-            await ctx.tick()
-            clocks += 1
-        assert clocks == LATENCY_CYCLES
-
-    bench.run(feed, takes=False)
 
 
 def test_a_hosts_pose_goes_first_and_is_never_mixed() -> None:
