@@ -8,10 +8,8 @@ from cocotb.triggers import ClockCycles
 
 from golden_model.arrays import Pixels
 from sim.backends.interface import Reference
-from sim.simulators.accelerator_designs import FEATURES, MATCHES
-from sim.simulators.hardware import decode_frame
-from tests.cocotb.bench import Bench, assert_golden, compute_golden, render_scene
-from tests.cocotb.runner import CONFIG, MAX_SIZE_PX
+from tests.cocotb.bench import Bench, assert_golden, render_scene
+from tests.cocotb.runner import MAX_SIZE_PX
 
 ODD_SIZE_PX = (83, 67)
 SMALL_PX = (64, 64)
@@ -59,33 +57,3 @@ async def gray_video_of_an_odd_size_with_random_stalls(dut: Any) -> None:
 async def gray_memory_of_an_odd_size_with_random_stalls(dut: Any) -> None:
     """Two frames in one transfer; the padding in the last beat of each is dropped."""
     await _run(dut, render_scene(ODD_SIZE_PX, gray=True), memory_mode=True, seed=200)
-
-
-@cocotb.test(timeout_time=1, timeout_unit="ms")
-async def a_disabled_output_discards(dut: Any) -> None:
-    """A disabled output does not block the other one; outputs can be enabled and disabled between frames."""
-    bench = await Bench.open(dut)
-    left, right = render_scene(SMALL_PX, gray=True)
-    expected = compute_golden({0: left, 1: right, 2: left}, "held")
-    features, matches = (bench.sinks[name] for name in (FEATURES, MATCHES))
-    features.pause = True
-    await bench.configure(left, memory_mode=1, features_enable=0)
-    await bench.send_memory(left, right)
-    match_words = [await bench.receive_packet(MATCHES) for _ in range(2)]
-    assert await bench.read("frames") == 2
-    assert not await bench.read("features_waiting")
-
-    features.pause, matches.pause = False, True
-    await bench.configure(left, memory_mode=1, matches_enable=0, matches_done=1)
-    await bench.send_memory(left)
-    feature_words = await bench.receive_packet(FEATURES)
-    while not await bench.read("matches_done"):
-        await ClockCycles(dut.aclk, QUIET_CYCLES)
-    assert await bench.read("last_matches") == len(expected[2].matches)
-    assert not await bench.read("matches_waiting")
-    assert features.empty()
-    assert matches.empty()
-
-    decoded = decode_frame(feature_words, match_words[1], CONFIG)
-    assert np.array_equal(decoded.features, expected[2].features)
-    assert np.array_equal(decoded.matches, expected[1].matches)

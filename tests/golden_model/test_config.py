@@ -8,15 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from golden_model.config import (
-    DETECTORS,
-    PRESETS,
-    Config,
-    EstimatorConfig,
-    FrontEndConfig,
-    MatcherConfig,
-    preset_config,
-)
+from golden_model.config import DETECTORS, PRESETS, Config, FrontEndConfig, MatcherConfig
 from golden_model.config_file import load_config, to_toml
 from golden_model.feature.ilbp import PATTERNS
 
@@ -142,13 +134,6 @@ def test_matches_are_kept_above_a_weight_of_8_bits() -> None:
             MatcherConfig(keep_above=value)
     with pytest.raises(ValueError, match="rule_base is 'x'; valid: aerial, ilbp, none"):
         MatcherConfig(rule_base="x")
-
-
-def test_registers_after_reset_and_presets_by_name() -> None:
-    assert vars(EstimatorConfig()) == {"passes": 32, "seed": 0x9E3779B9, "min_inliers": 12, "min_cells": 5}
-    assert preset_config("thesis").front_end.pattern.name == "thesis-ilbp-4"
-    with pytest.raises(ValueError, match="preset is 'nasa'; valid: aerial, thesis"):
-        preset_config("nasa")
 
 
 front_ends = st.builds(

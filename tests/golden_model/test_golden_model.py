@@ -99,18 +99,6 @@ def test_each_cause_has_a_bit(kind: type[enum.IntFlag], names: str) -> None:
     assert {name.lower(): int(value) for name, value in kind.__members__.items()} == expected
 
 
-@pytest.mark.parametrize("record", [*FEATURES, MATCH, FRAME_STATUS])
-def test_fields_follow_each_other_within_whole_words(record: Record) -> None:
-    ends = [1]
-    for field, offset in record.offsets():
-        assert offset == ends[-1]
-        assert 8 * field.storage_bytes >= field.bits
-        ends.append(offset + field.storage_bytes)
-    assert ends[-1] == record.payload_bytes <= record.record_bytes
-    assert record.record_bytes % 8 == 0
-    assert record.dtype.itemsize == record.record_bytes
-
-
 def test_a_file_is_read_up_to_the_limit_and_not_beyond(tmp_path: Path) -> None:
     path = tmp_path / "text"
     path.write_bytes(b"twelve bytes")

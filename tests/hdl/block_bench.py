@@ -116,10 +116,10 @@ class BlockBench:
             state.cycle += 1
         ctx.set(port.payload, payload)
         ctx.set(port.valid, 1)
-        taken = False
-        while not taken:
-            *_, taken = await ctx.tick().sample(port.ready)
+        async for *_, taken in ctx.tick().sample(port.ready):
             state.cycle += 1
+            if taken:
+                break
         ctx.set(port.valid, 0)
 
     async def stream_get(self, ctx: Any, port: Any) -> Any:
@@ -131,10 +131,9 @@ class BlockBench:
             If the block withdraws or changes a payload before it is taken.
         """
         state = self._find_state(port)
-        while True:
-            ready = not self._pauses.stall(state.cycle, state.number)
-            ctx.set(port.ready, ready)
-            *_, valid, bits = await ctx.tick().sample(port.valid, Value.cast(port.payload))
+        ready = not self._pauses.stall(state.cycle, state.number)
+        ctx.set(port.ready, ready)
+        async for *_, valid, bits in ctx.tick().sample(port.valid, Value.cast(port.payload)):
             state.cycle += 1
             if state.waiting is not None and not (valid and bits == state.waiting):
                 raise AssertionError(f"a payload was withdrawn before it was taken, cycle {state.cycle}")
@@ -143,6 +142,11 @@ class BlockBench:
                 ctx.set(port.ready, 0)
                 shape = port.payload.shape()
                 return shape.from_bits(bits) if isinstance(shape, ShapeCastable) else bits
+            # Each set lets the whole block settle.
+            if ready == self._pauses.stall(state.cycle, state.number):
+                ready = not ready
+                ctx.set(port.ready, ready)
+        raise AssertionError("the clock has stopped")
 
     def _find_state(self, port: Any) -> _StreamState:
         # Streams are numbered in the order of their first use, which the simulator repeats in every run.

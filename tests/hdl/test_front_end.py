@@ -22,9 +22,11 @@ from golden_model.pixel.threshold import next_code
 from golden_model.records import FRAME_STATUS, WORD_BYTES, Cause
 from hdl.build import Build
 from hdl.front_end import FrontEnd
+from hdl.level import Level
 from hdl.pixel.gray import Gray
 from hdl.pixel.threshold import AdaptiveThreshold
 from hdl.selection.cell_ranking import CellRanking
+from hdl.selection.level_scan import LevelScan
 from hdl.settings import frame_settings
 from sim.scene import make_pair
 from sim.simulators import verilator
@@ -219,6 +221,13 @@ def test_the_last_features_of_the_smallest_frame_are_counted_before_it_ends(
         lines = level.closing_lines - 1 - 2 * level.level
         needed = gray.latency_cycles + level.latency_cycles + counted
         assert lines * MIN_FRAME_PX // dut.pixels_per_clock >= needed
+
+
+@pytest.mark.usefixtures("unused_blocks")
+def test_marks_that_come_after_their_corner_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(LevelScan, "latency_cycles", 100)
+    with pytest.raises(ValueError, match="marks of the scan take 100 clocks, but the path that they meet only 53"):
+        Level(config=FrontEndConfig(), level=0, width_px=64)
 
 
 @pytest.mark.slow

@@ -1,11 +1,10 @@
-import dataclasses
 import re
 import subprocess
 import sys
 
 import pytest
 
-from golden_model.config import PRESETS, EstimatorConfig, FrontEndConfig
+from golden_model.config import PRESETS, FrontEndConfig
 from hdl.registers.register_map import ESTIMATOR_REGISTERS, REGISTERS, Access, Field, Register, fields
 from hdl.registers.shell_register_map import ALL_REGISTERS
 from hdl.settings import (
@@ -13,8 +12,6 @@ from hdl.settings import (
     FRONT_END,
     MIN_SLOTS,
     PAGE_BYTES,
-    REQUESTED,
-    RUNNING,
     SETTINGS,
     TICK_CLOCKS,
     estimator_settings,
@@ -98,20 +95,3 @@ def test_a_configuration_becomes_these_settings(preset: str, size_px: tuple[int,
     fast = FrontEndConfig(detector="fast", threshold=20)
     assert frame_settings(fast, *size_px, gray_input=True)["detector"] == 1
     assert estimator_settings(PRESETS[preset]) == {}
-
-
-@pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize("size_px", [(64, 64), (640, 480), (1920, 1080)])
-def test_settings_from_a_configuration_are_valid(preset: str, size_px: tuple[int, int]) -> None:
-    config = PRESETS[preset]
-    values = matched_frame_settings(config, *size_px, gray_input=True)
-    assert all(value in SETTINGS[name].values for name, value in values.items())
-    assert set(REQUESTED) <= set(values)
-    assert set(RUNNING) <= set(written(*REGISTERS))
-    config = dataclasses.replace(config, estimator=EstimatorConfig())
-    estimating = estimator_settings(config)
-    placed = written(*ESTIMATOR_REGISTERS)
-    assert all(value in placed[name].values for name, value in estimating.items())
-    assert estimating == {"homographies_enable": 1, **vars(EstimatorConfig())}
-    assert SETTINGS["min_cells"].values[-1] == 8 * 8
-    assert set(frame_settings(config.front_end, *size_px, gray_input=True)) == {setting.name for setting in FRONT_END}

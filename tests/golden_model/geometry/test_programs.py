@@ -6,61 +6,23 @@ import numpy as np
 import pytest
 
 from golden_model.geometry.floating import Floats
-from golden_model.geometry.program import (
-    LANES,
-    LATENCY_CYCLES,
-    MAX_WAIT,
-    SLOTS,
-    Coordinate,
-    constants,
-    held,
-    loaded,
-    schedule,
-)
+from golden_model.geometry.program import LANES, SLOTS, Coordinate, constants, loaded, schedule
 from golden_model.geometry.programs import (
     ADD,
     AREAS,
     AREAS_KEPT,
     CLEAR,
     FIRST_ELEMENT,
-    FIRST_FREE,
     FIRST_SUM,
     FIT,
     GROUP,
     LANE_REGISTERS,
-    PROGRAMS,
     SOLVE,
 )
 from golden_model.geometry.refit import SUMS, factors, solve_sums
 from golden_model.geometry.sampling import SAMPLE
 from golden_model.geometry.solving import areas, solve
-from tests.golden_model.geometry.execution import executed, number, to_real
-
-
-def test_a_program_computes_its_formula() -> None:
-    zero, one = constants()
-    x = zero.plus(one, loaded(3, Coordinate.RIGHT_Y))
-    root = held(9).minus(x, x)
-    inverse = root.seed()
-    inverse = inverse.plus(inverse, one.minus(inverse, root))
-    # Old values are read before results overwrite them.
-    program = schedule([(9, held(9).plus(x, one)), (10, inverse)], first=20)
-    numbers = executed(program, {9: number(0.75)}, {3 * 8 + 3: Floats.from_integers(np.array([1 << 14]), 16)})
-    assert to_real(numbers[9]) == 1.0
-    assert to_real(numbers[10]) == pytest.approx(1 / (0.75 - 0.0625), rel=2**-13)
-
-
-def test_registers_are_used_again_and_never_too_early() -> None:
-    zero, one = constants()
-    total, expected = held(2), 0.5
-    for _ in range(40):
-        total = total.plus(zero.plus(held(3), one), held(3))
-        expected += 0.25**2
-    program = schedule([(2, total)], first=80)
-    assert to_real(executed(program, {2: number(0.5), 3: number(0.25)}, {})[2]) == expected
-    assert program.cycles >= 40 * LATENCY_CYCLES
-    # The others belong to those who run it.
-    assert min({each.result for each in program.instructions} - {2, 0}) == 80
+from tests.golden_model.geometry.execution import executed, number
 
 
 def test_too_few_registers_are_refused() -> None:
@@ -137,11 +99,3 @@ def test_the_fit_is_that_of_all_matches_that_were_added() -> None:
     assert bits(elements(registers, 0)) == bits([each for row in rows for each in row])
     (checked,) = (each.result for each in FIT.instructions if each.checks)
     assert bits([registers[checked]]) == bits([determinant])
-
-
-def test_the_programs_write_to_free_registers_and_fit_the_memory() -> None:
-    assert sum(len(program.instructions) for program in PROGRAMS) <= 1024
-    for program in PROGRAMS:
-        assert all(each.wait <= MAX_WAIT for each in program.instructions)
-        assert all(2 <= each.result <= 25 or each.result >= 32 for each in program.instructions if each.result)
-    assert FIRST_FREE == 64

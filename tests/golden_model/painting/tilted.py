@@ -6,16 +6,13 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array, Matrix
 from golden_model.painting.corners import CELL_PX, CORNER
 from golden_model.painting.tiles import TILE_PX
+from tests.golden_model.painting.poses import homography
 
 
 def pose(size: tuple[int, int], *, zoom: float, turn: float, tilt: float = 0.0, tiles: int = 8) -> Matrix:
     """Canvas of ``tiles`` x ``tiles`` to a frame, middle to middle; ``zoom`` is frame px per canvas px."""
     middle = tiles * TILE_PX / 2
-    lens, camera, move = np.eye(3), np.eye(3), np.eye(3)
-    lens[:2, 2], move[:2, 2] = (size[0] / 2, size[1] / 2), -middle
-    camera[:2, :2] = zoom * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    camera[2, :2] = tilt, -tilt / 2
-    return np.asarray(lens @ camera @ move)
+    return homography(size, (middle, middle), zoom=zoom, turn=turn, tilt=(tilt, -tilt / 2))
 
 
 def project(H: Matrix, points: Array) -> Array:

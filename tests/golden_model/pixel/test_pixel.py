@@ -44,11 +44,6 @@ def test_gray_is_within_one_level_of_the_thesis_weights() -> None:
     assert np.abs(to_gray(image) - exact).max() < 0.96
 
 
-def test_gray_image_passes_unchanged() -> None:
-    image = np.arange(256, dtype=np.uint8).reshape(16, 16)
-    np.testing.assert_array_equal(to_gray(image), image)
-
-
 @pytest.mark.parametrize(("shape", "dtype"), [((8, 8), np.uint16), ((8, 8, 4), np.uint8), ((8,), np.uint8)])
 def test_gray_names_what_it_cannot_take(shape: tuple[Any, ...], dtype: type[np.uint16] | type[np.uint8]) -> None:
     with pytest.raises(ValueError, match=rf"{np.dtype(dtype)} of shape .*give uint8 of shape"):

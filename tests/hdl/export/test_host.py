@@ -11,7 +11,7 @@ import pytest
 
 from golden_model.config import EstimatorConfig
 from golden_model.records import HOMOGRAPHY, MATCH
-from hdl.build import BUILDS, Build, Shell
+from hdl.build import BUILDS, Build
 from hdl.export.host import write_host
 from hdl.registers.register_map import REGISTERS
 from sim.benches.exported import host_programs
@@ -55,16 +55,6 @@ def test_the_map_names_what_the_build_has(build: Build, homographies: bool, ring
         assert found.PACKET_BYTES["homographies"] == 64
         assert HOMOGRAPHY.dtype == found.HOMOGRAPHY
         assert np.zeros(2, found.HOMOGRAPHY).nbytes == 2 * HOMOGRAPHY.record_bytes
-
-
-@pytest.mark.parametrize(
-    ("shell", "own", "other"), [("serial", "serial_bus.py", "pynq_bus.py"), ("streams", "pynq_bus.py", "serial_bus.py")]
-)
-def test_each_shell_has_its_programs(tmp_path: Path, shell: Shell, own: str, other: str) -> None:
-    write_host(tmp_path, dataclasses.replace(TINY, video_bits=8, shell=shell))
-    names = {path.name for path in tmp_path.iterdir()}
-    assert {own, "skymosaic_driver.py", "skymosaic_map.py"} <= names
-    assert other not in names
 
 
 HWH = """<EDKSYSTEM><MODULES><MODULE MODTYPE="{ps}"><MEMORYMAP>

@@ -15,8 +15,8 @@ from hdl.geometry.match_gain import PAIR
 from hdl.geometry.ordering import FRAME
 from sim.simulators.recording import NO_PAUSES, Pauses
 from tests.hdl.block_bench import BlockBench
+from tests.hdl.geometry.match_cases import TRUTH
 
-TRUTH = np.array([[1.02, 0.05, 30], [-0.04, 0.97, 10], [1e-5, 2e-5, 1]])
 MAX_MATCHES = 29
 
 NUMBERS = ("score", "support", "inliers", "cells", "causes", "cycles")

@@ -1,8 +1,8 @@
 # amaranth: UnusedElaboratable=no
 """The estimator equals the golden model, clocks included, frame after frame; its states end in the golden causes.
 
-It stands for tests of `ordering` and `estimator_states`: the order of matches, and what is done when, decide on samples
-and clocks.
+It stands for tests of `ordering`, `processor` and `estimator_states`: the order of matches, and what is done when,
+decide on samples and clocks.
 """
 
 import numpy as np

@@ -15,6 +15,7 @@ from hdl.lib.add_subtract import add_or_subtract
 from hdl.lib.delay import delayed
 from hdl.lib.multiplier import multiply_wide
 from hdl.lib.popcount import Popcount
+from hdl.lib.views import view_signal
 from tests.hdl.rows import Clocked, row_test
 
 WIDE, NARROW = signed(25), unsigned(16)
@@ -81,6 +82,13 @@ test_rows = row_test({
     **{f"sum of {a} and {b} bits": partial(sums, a, b) for a, b in ((3, 3), (4, 2), (2, 4))},
     **{f"popcount of {a} in {b}": partial(popcount, a, b) for a, b in ((3, 2), (8, 3), (24, 2), (256, 1))},
 })  # fmt: skip
+
+
+def test_a_view_has_the_name_of_its_variable_or_the_one_that_was_given() -> None:
+    layout = data.StructLayout({"x": 4, "y": 4})
+    position = view_signal(layout)
+    assert position.as_value().name == "position"
+    assert view_signal(layout, name="other").as_value().name == "other"
 
 
 def test_popcount_refuses_too_few_bits() -> None:

@@ -301,15 +301,6 @@ def test_a_taken_reference_replaces_the_old_one() -> None:
     assert len(bench.taken) == 1
 
 
-def test_the_choice_of_reference_can_change_between_frames() -> None:
-    frames = sequence(ILBP_32, (7, 8, 7, 8, 7))
-    config = MatcherConfig()
-    settings = settings_for(frames[:3], config, "held") + settings_for(frames[3:], config, "previous")
-    held, _ = expected_packets(frames[:3], ILBP_32, config, "held")
-    previous, _ = expected_packets(frames[2:], ILBP_32, config, "previous")
-    assert MatcherBench(ILBP_32, config, frames, settings).run() == held + previous[1:]
-
-
 def test_a_refused_frame_does_not_become_the_reference() -> None:
     """Known once the next frame waits to be taken."""
     frames, config = sequence(ILBP_32, (7, 8, 7, 8, 7)), MatcherConfig()

@@ -242,16 +242,6 @@ def test_a_clear_forgets_the_canvas_and_the_poses() -> None:
     assert bench.events == {"refused": 1}
 
 
-def test_a_switch_lets_no_frame_in() -> None:
-    bench, _ = start()
-    bench.set(enable=0)
-    bench.show(frame(1))
-    bench.run(20_000)
-    assert bench.is_idle
-    assert bench.events == {}
-    assert not bench.reports
-
-
 def test_switched_off_nothing_waits_and_poses_are_still_composed() -> None:
     bench, model = start()
     anchor = quantise(tilted.pose(SIZE, zoom=1, turn=0.5, tiles=4)[np.newaxis])[0]

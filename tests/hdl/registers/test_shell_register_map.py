@@ -26,19 +26,3 @@ def test_each_fault_has_a_bit_of_its_own_from_the_lowest_on(flags: type[enum.Int
 def test_the_faults_of_each_ring_are_those_of_one() -> None:
     for ring, shift in (("FEATURES", 0), ("MATCHES", 3)):
         assert [Refusal[f"{ring}_{fault.name}"] for fault in RingFault] == [fault << shift for fault in RingFault]
-
-
-def test_every_ring_has_the_same_registers() -> None:
-    shapes = []
-    for ring in ("features", "matches", "homographies"):
-        names = f"{ring.upper()}_"
-        registers = [r for r in ALL_REGISTERS if r.name.startswith(names) and r.name != "HOMOGRAPHIES_STATUS"]
-        first = registers[0].offset
-        shapes.append(
-            [
-                (r.name.removeprefix(names), r.offset - first, [(f.low, f.bits, f.access) for f in r.fields])
-                for r in registers
-            ]
-        )
-    assert shapes[0] == shapes[1] == shapes[2]
-    assert len(shapes[0]) == 6

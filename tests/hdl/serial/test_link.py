@@ -146,16 +146,6 @@ def test_registers_are_written_and_read() -> None:
     assert received == answer(0) + answer(0x12345678) + answer(0)
 
 
-def test_pixels_arrive_in_order_and_the_last_one_ends_the_transfer() -> None:
-    sent = [
-        *command(Command.PIXELS, 3, 10, 20, 30),
-        *command(Command.PIXELS, 0),
-        *command(Command.LAST_PIXELS, 2, 5, 6),
-    ]
-    _, pixels = talk(sent)
-    assert pixels == [(10, 0), (20, 0), (30, 0), (5, 0), (6, 1)]
-
-
 def test_a_command_that_breaks_off_is_forgotten_and_one_that_pauses_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(link, "FORGET_CLOCKS", 256)
     write = command(Command.WRITE, 8, 0x78, 0x56, 0x34, 0x12)

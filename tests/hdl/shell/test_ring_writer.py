@@ -10,7 +10,7 @@ import pytest
 from golden_model.records import WORD_BYTES
 from hdl.settings import PAGE_BYTES
 from hdl.shell.ring_writer import RingWriter
-from hdl.shell.slot import HEADER, HEADER_BYTES, HeaderFlag
+from hdl.shell.slot import HEADER, HEADER_BYTES, HeaderFlag, slot_pages
 from sim.simulators.recording import Pauses
 from tests.hdl.block_bench import BlockBench, Testbench
 from tests.hdl.shell.axi_memory import AxiMemory
@@ -141,6 +141,11 @@ def test_packets_of_any_length_arrive_with_their_headers(rules: dict[str, Any]) 
         assert int(header["status"]) == sent[-RECORD_WORDS]
         # The header's own way takes some more.
         assert -200 < frame_time(n) + int(header["clocks"]) - bench.times[n - 1] < 0
+
+
+@pytest.mark.parametrize(("words", "pages"), [(1, 1), (496, 1), (497, 2), (1008, 2), (1009, 3)])
+def test_a_slot_has_pages_for_its_header_and_its_words(words: int, pages: int) -> None:
+    assert slot_pages(words) == pages
 
 
 def test_what_waits_for_the_memory_does_not_change_when_the_next_packet_comes() -> None:

@@ -170,14 +170,6 @@ def gray_view(flight: Flight, index: int) -> Pixels:
     return cv2.cvtColor(flight.images[index], cv2.COLOR_BGR2GRAY)
 
 
-def test_images_are_reproducible_and_their_noise_is_their_own() -> None:
-    flight = make_pair(9, size=(160, 120))
-    assert np.array_equal(flight.images[1], make_pair(9, size=(160, 120)).images[-1])
-    flat = np.full((240, 321, 3), 128, np.uint8)
-    first, second = (Photometry(noise_sigma=3).apply(flat, np.random.default_rng([3, number])) for number in (0, 1))
-    assert not np.array_equal(first, second)
-
-
 @pytest.mark.parametrize("seed", [9, pytest.param(2, marks=pytest.mark.slow)])
 def test_pair_shows_the_same_ground(seed: int) -> None:
     flight = make_pair(seed, (240, 180))
