@@ -3,31 +3,23 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
 from sim.scene import CameraPose
-from sim.scene import Flight as Rendered
 from skymosaic import mosaic
 from skymosaic.compositing.warp import nearness
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.flight import survey
 from skymosaic.flight.flight import BLURRED, Flight
 from skymosaic.flight.layout.agreement import Agreement
-from skymosaic.flight.layout.extent import least_nearness
 from skymosaic.flight.layout.layout import Layout, lay_out
-from skymosaic.flight.linking import surveyor
-from skymosaic.flight.linking.links import Link, link_views
-from skymosaic.flight.pairing.linked_views import LinkedViews
+from skymosaic.flight.linking.links import Link
 from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.imagery.photographs import Source
-from skymosaic.mosaicking.api import open_run
-from skymosaic.mosaicking.options import MosaicOptions
 from tests.skymosaic.flight import made
-from tests.skymosaic.flight.layout.cameras import views_of
 from tests.skymosaic.registration.rendering import CAMERA, view
 
 TIES = np.arange(40.0).reshape(20, 2)
@@ -85,72 +77,6 @@ def test_what_is_taken_out_is_left_out_with_the_reason() -> None:
     assert [layout.members for layout in kept.layouts] == [(0, 1, 2)]
     assert kept.left_out == {0: "unreadable", 4: "changed", 5: "gone"}
     assert [layout.members for layout in flight.without({0: "", 1: ""}).layouts] == [(2, 3), (4, 5)]
-
-
-def test_what_is_in_another_group_is_absent_with_the_links_that_contradict() -> None:
-    groups = [laid_out(0, 1, 2), laid_out(3, 4)]
-    flight = flown([1.0] * 5, [link(0, 1), link(1, 3), link(2, 4), link(0, 4, ties=1)], groups)
-    why = "in another group of 2 photographs, whose links to it (2) contradict"
-    assert flight.absent_from(groups[0]) == {0: "unreadable", 4: f"3.jpg: {why}", 5: f"4.jpg: {why}"}
-    assert list(flight.absent_from(groups[1])) == [0, 1, 2, 3]
-
-
-HARD = (0, 2)
-"""Photographs that overlap, but match only once a layout says where."""
-
-
-def test_a_layout_links_what_features_alone_do_not(flight: Rendered, monkeypatch: pytest.MonkeyPatch) -> None:
-    tried: list[tuple[tuple[int, int], bool]] = []
-
-    def link(pair: tuple[int, int], left: Any, right: Any, *, predicted: Any = None, **settings: Any) -> Link:
-        tried.append((pair, predicted is not None))
-        if pair == HARD and predicted is None:
-            return Link(*pair, np.zeros((0, 2)), np.zeros((0, 2)), inliers=4, near=0)
-        return link_views(pair, left, right, predicted=predicted, **settings)
-
-    monkeypatch.setattr(surveyor, "link_views", link)
-    with open_run(list(flight.images), MosaicOptions()) as run:
-        (layout,) = run.layouts
-    assert (HARD, False) in tried
-    assert (HARD, True) in tried
-    assert HARD in {(link.left, link.right) for link in layout.links}
-    assert layout.members == tuple(range(len(flight.images)))
-
-
-def test_photographs_of_another_camera_stay_as_they_are_beside_a_lens_that_bends(flight: Rendered) -> None:
-    size_px = (320, 240)
-    camera = np.array([[250.0, 0, 159.5], [0, 250, 119.5], [0, 0, 1]])
-    grid = np.stack(np.meshgrid(*(np.arange(side, dtype=np.float32) for side in size_px)), axis=-1)
-    places = cv2.undistortPoints(grid.reshape(-1, 1, 2), camera, np.array([0.15, 0, 0, 0]), P=camera)
-    small = [cv2.resize(image, size_px, interpolation=cv2.INTER_AREA) for image in flight.images]
-    bent = [cv2.remap(image, places.reshape(grid.shape), None, cv2.INTER_LINEAR) for image in small]
-    # Nothing links mirrored ground to the other photographs.
-    others = [np.ascontiguousarray(image[30:210, ::-1]) for image in small[:2]]
-    with open_run([*bent, *others], MosaicOptions(all_groups=True)) as run:
-        assert run.flight.calibration is not None
-        assert [layout.members for layout in run.layouts] == [tuple(range(9)), (9, 10)]
-        assert [view.thumbnail.shape[:2] for view in run.flight.views[9:]] == [(180, 320)] * 2
-        assert all(min(run.composition(layout).size) > 180 for layout in run.layouts)
-
-
-def test_no_link_is_looked_for_around_a_place_in_dispute() -> None:
-    ties = np.zeros((50, 2))
-    views = made.views(6)
-    transforms = {view: np.array([[1.0, 0, 100 * view], [0, 1, 0], [0, 0, 1]]) for view in range(6)}
-    links = tuple(Link(view, view + 1, ties, ties, 50, 50) for view in range(5))
-    asked: list[set[tuple[int, int]]] = []
-
-    class Stub:
-        def link_nearby(self, _views: Any, pairs: Any) -> dict[tuple[int, int], Link]:
-            asked.append(set(pairs))
-            return {}
-
-    linked = LinkedViews(cast(Any, Stub()), (), tuple(views), {})
-    for contradicting in ((), (Link(0, 2, ties, ties, 50, 50),)):
-        layout = Layout(tuple(transforms), 0, transforms, links, contradicting)
-        assert survey._link_nearby(linked, layout) == {}
-    assert {(0, 2), (1, 3), (3, 5)} <= asked[0]
-    assert asked[1] == {pair for pair in asked[0] if not {0, 2} & set(pair)}
 
 
 def test_links_that_a_layout_led_to_and_then_denies_are_dropped() -> None:
@@ -256,9 +182,3 @@ def test_a_pair_with_a_horizon_becomes_a_mosaic_without_the_far_field() -> None:
     assert 0.3 < left.cut_off < 0.9
     assert right.cut_off == 0
     assert 1.2 * size[0] * size[1] < np.count_nonzero(result.image) < 5 * size[0] * size[1]
-
-
-def test_a_pair_without_matches_on_its_plane_is_not_cut() -> None:
-    nothing = np.zeros((0, 2))
-    link = Link(0, 1, nothing, nothing, inliers=0, near=0)
-    assert least_nearness(views_of(2), {0: np.eye(3), 1: np.eye(3)}, [link]) == {0: 0.0, 1: 0.0}

@@ -1,23 +1,15 @@
 """What a check says of a flight, and where it says to fly again."""
 
-import json
 import re
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
-from xml.etree import ElementTree as XmlTree
 
 import cv2
 import numpy as np
 import pytest
 import rasterio.features
 
-from golden_model.cache import NO_CACHE
-from golden_model.config import preset_config
-from golden_model.version import VERSION
-from sim.scene.flight import Flight
 from skymosaic.flight.checking.check import (
     CLIPPED,
     MIN_BEST_OVERLAP,
@@ -34,35 +26,9 @@ from skymosaic.flight.layout.accuracy import Errors
 from skymosaic.flight.layout.agreement import Agreement, GroundOfPair
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
-from skymosaic.flight.linking.view import Settings
-from skymosaic.flight.survey import survey
 from skymosaic.imagery.exif import Metadata, Position
-from skymosaic.imagery.photographs import list_sources
 from skymosaic.maps.boundary import Boundary
-from skymosaic.maps.features import Place, write_places
-from skymosaic.running.workers import Workers
 from tests.skymosaic.flight import made
-
-
-@pytest.mark.parametrize("more", [[], range(9)], ids=["alone", "beside_sharp_ones"])
-def test_blurred_photographs_are_named(flight: Flight, more: Sequence[int]) -> None:
-    """One in place of a sharp one, or with others that are linked with it, each beside a sharp one."""
-    images = list(flight.images)
-    blurred = {4: images[4]} if not more else {len(images) + k: images[each][6:, 8:] for k, each in enumerate(more)}
-    images += [images[0]] * len(more)
-    for number, image in blurred.items():
-        images[number] = cv2.GaussianBlur(image, (0, 0), 4 if more else 1.5)
-    with Workers() as workers:
-        surveyed = survey(list_sources(images), Settings(preset_config("aerial")), 0, workers, NO_CACHE)
-    checked = check_flight(surveyed)
-    assert [photo.name for photo in checked.photographs if "blurred" in photo.problems] == [
-        f"image {each}" for each in blurred
-    ]
-    assert checked.complete
-    (errors,) = checked.errors
-    assert errors.matches > 100
-    assert 0.05 < errors.median_px < 1 < 3 * errors.ninety_px
-    assert all(photo.error_px is not None and photo.error_px < 2 for photo in checked.photographs)
 
 
 def test_each_problem_of_a_photograph_is_named() -> None:
@@ -286,11 +252,6 @@ def test_holes_are_what_the_lost_photographs_alone_showed(
     assert sum(area_m2 for _, area_m2 in find_holes(kept)) == pytest.approx(found.sum() * CELL_M**2, rel=0.02)
 
 
-@pytest.mark.parametrize("overlap", [0.1, 0.3, 0.6])
-def test_a_whole_flight_has_no_holes(overlap: float) -> None:
-    assert not find_holes(list(flown(np.random.default_rng(4), overlap=overlap, turn_deg=20).values()))
-
-
 def test_a_notch_of_the_border_is_no_hole_unless_the_area_has_it() -> None:
     """Between two photographs, a third lies 7 m lower: a notch 6 m wide, 0.8 % of a photograph."""
     corners = np.array([[0, 0], [80, 0], [80, 60], [0, 60]], np.float64)
@@ -299,25 +260,3 @@ def test_a_notch_of_the_border_is_no_hole_unless_the_area_has_it() -> None:
     ring = np.array([[0.0, 0], [160, 0], [160, 70], [0, 70], [0, 0]])
     ((_, area_m2),) = find_holes(strip, Boundary("area", "EPSG:32632", ((ring,),)))
     assert area_m2 == pytest.approx(10 * 160 + 6 * 7, rel=0.02)
-
-
-def test_places_are_read_as_they_were_written(tmp_path: Path) -> None:
-    ring = np.array([[8.0, 46], [8.1, 46], [8.1, 46.1], [8, 46]])
-    places = [
-        Place("hole & 1", "Polygon", ring, {"area_m2": 3.5}),
-        Place("link", "LineString", ring[:2]),
-        Place("left out", "Point", ring[:1], {"reason": "blurred"}),
-    ]
-    for suffix in (".geojson", ".kml"):
-        write_places(tmp_path / f"again{suffix}", "fly again", places)
-    written = json.loads((tmp_path / "again.geojson").read_text())
-    features = written["features"]
-    assert (written["type"], written["version"]) == ("FeatureCollection", VERSION)
-    assert [each["geometry"]["type"] for each in features] == ["Polygon", "LineString", "Point"]
-    assert features[0]["geometry"]["coordinates"] == [ring.tolist()]
-    assert features[0]["properties"] == {"name": "hole & 1", "area_m2": 3.5}
-    assert features[2]["geometry"]["coordinates"] == [8, 46]
-    root = XmlTree.parse(tmp_path / "again.kml").getroot()
-    names = [element.text for element in root.iter("{http://www.opengis.net/kml/2.2}name")]
-    assert names == ["fly again", "hole & 1", "link", "left out"]
-    assert len(list(root.iter("{http://www.opengis.net/kml/2.2}coordinates"))) == 3

@@ -5,18 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skymosaic.compositing.mesh import Ties
-from skymosaic.compositing.warp import enclosing_canvas, nearness
+from skymosaic.compositing.warp import nearness
 from skymosaic.flight.layout.accuracy import Errors, measure_accuracy
-from skymosaic.flight.layout.adjustment import Network
 from skymosaic.flight.layout.expected_shape import are_possible
-from skymosaic.flight.layout.extent import least_nearness
 from skymosaic.flight.layout.layout import _lay_out_together, lay_out
 from skymosaic.flight.layout.linked_group import linked_group, trust_by_loops
 from skymosaic.flight.layout.motions import shapes
 from skymosaic.flight.linking.links import Link
-from skymosaic.flight.picture.composition import Room
-from skymosaic.geometry.homography import apply, estimate_similarity, resize_matrix
+from skymosaic.geometry.homography import apply, estimate_similarity
 from tests.skymosaic.flight import made
 from tests.skymosaic.flight.layout import cameras
 from tests.skymosaic.flight.layout.cameras import views_of
@@ -42,16 +38,6 @@ def test_false_links_of_repeated_textures_are_found_and_move_no_photograph(perio
     off = np.linalg.norm(apply(estimate_similarity(found, true), found) - true, axis=1)
     # Of ground of 820 by 630.
     assert off.mean() < 0.7
-
-
-def test_a_step_that_overshoots_is_damped() -> None:
-    """The ties of the second view are those of a mirror; the undamped step turns the view inside out."""
-    points = np.random.default_rng(5).uniform(-0.6, 0.6, (60, 2))
-    ties = Network([Ties(0, 1, points, points * np.array([-1, 1]))], [800.0] * 2, 0)
-    start = np.tile(np.eye(3), (2, 1, 1))
-    refined = ties.adjust(start, "homography")
-    assert are_possible(refined).all()
-    assert np.median(ties.errors_px(refined)) <= np.median(ties.errors_px(start))
 
 
 def test_each_photograph_whose_single_link_is_contradicted_is_left_out() -> None:
@@ -98,25 +84,6 @@ def test_a_far_surer_link_over_relief_overrules_one_that_fits_better(
     assert layout.contradicting == ((false,) if overruled else ())
 
 
-@pytest.mark.parametrize(
-    ("seeds", "most"), [(range(1, 3), 4), pytest.param(range(30, 430), 12, marks=pytest.mark.slow)], ids=["few", "many"]
-)
-def test_bad_links_end_in_a_layout_that_cameras_can_have(seeds: range, most: int) -> None:
-    for seed in seeds:
-        views, links = cameras.bad_graph(seed, most)
-        layout = lay_out(views, range(len(views)), links)
-        assert layout.misplaced.keys().isdisjoint(layout.members)
-        for link in layout.links:
-            for member, points in ((link.left, link.left_points), (link.right, link.right_points)):
-                assert nearness(cameras.SIZE_PX, layout.transforms[member], points).min() > 0
-        least = list(least_nearness(views, layout.transforms, layout.links).values())
-        sizes, transforms = [cameras.SIZE_PX] * len(least), layout.transforms.values()
-        canvas = enclosing_canvas(sizes, list(transforms), least, limit_px=np.inf)
-        # What is promised is kept, however large the canvas would be.
-        smaller = resize_matrix(Room(area_px=1e6).share_of(canvas))
-        enclosing_canvas(sizes, [smaller @ transform for transform in transforms], least, limit_px=1e6)
-
-
 @pytest.mark.parametrize("place", [(50.0, 400.0), cameras.MIDDLE_PX], ids=["aside", "in the middle"])
 def test_ties_that_all_coincide_move_no_other_photograph(place: tuple[float, float]) -> None:
     level = [cameras.camera(60 * x, 0, 0) for x in range(5)]
@@ -130,32 +97,6 @@ def test_ties_that_all_coincide_move_no_other_photograph(place: tuple[float, flo
         np.testing.assert_allclose(apply(with_them, (0, 0)), apply(alone, (0, 0)), atol=0.5)
 
 
-def test_photographs_of_one_place_from_all_sides_lie_together() -> None:
-    around = cameras.ring(18, 50)
-    links = cameras.tie_all(around, seed=0, reach=1)
-    layout = lay_out(cameras.views_of(18), range(18), links)
-    assert len(layout.links) == len(links) == 18
-    assert max(float(np.median(errors)) for errors in layout.errors_px) < 1.5
-
-
-def test_cameras_that_all_look_ahead_make_no_skew_ground() -> None:
-    """Ties leave the tilt of the whole open; a step that is damped too much hardly rights it, and ends beside it."""
-    rng = np.random.default_rng(13)
-    rows = [(leg, row) for leg in range(4) for row in (range(6), range(5, -1, -1))[leg % 2]]
-    ahead = [
-        cameras.camera(160 * leg + rng.normal(0, 6), -120 * row + rng.normal(0, 6), *rng.normal((54, 0), (1, 1.5)))
-        for leg, row in rows
-    ]
-    links = [link for link in cameras.tie_all(ahead, seed=13) if link.right - link.left in (1, 5, 7, 9, 11)]
-    layout = lay_out(cameras.views_of(24), range(24), links)
-    near = [(x, y) for x in (60, 320, 580) for y in (240, 350, 460)]
-    places = np.array([apply(layout.transforms[view], near) for view in range(24)]).reshape(-1, 2)
-    true = np.array([apply(np.asarray(np.linalg.inv(pose), np.float64), near) for pose in ahead]).reshape(-1, 2)
-    off = np.linalg.norm(apply(estimate_similarity(places, true), places) - true, axis=1)
-    # The ground that they show is 900 by 1,200.
-    assert off.mean() < 10
-
-
 def test_a_photograph_that_shows_the_sky_keeps_its_place() -> None:
     raised = [cameras.camera(40 * x, 0, lean) for x in (0, 1) for lean in range(0, 80, 8)]
     layout = lay_out(cameras.views_of(20), range(20), cameras.tie_all(raised, seed=1))
@@ -164,18 +105,6 @@ def test_a_photograph_that_shows_the_sky_keeps_its_place() -> None:
     top = [float(nearness(cameras.SIZE_PX, layout.transforms[view], np.array([[320.0, 0]]))[0]) for view in (0, 9, 19)]
     assert top[0] > 0.5
     assert max(top[1:]) < 0
-
-
-def test_copies_of_photographs_do_not_choose_the_model() -> None:
-    rng, leaning = np.random.default_rng(0), cameras.ring(12, 50)[:6]
-    links = cameras.tie_all(leaning, seed=0, reach=2)
-    for view in range(6):
-        points = rng.uniform(0, 400, (200, 2))
-        links.append(Link(view, 6 + view, points, points + rng.normal(0, 0.1, points.shape), 200, 200))
-    layout = lay_out(cameras.views_of(12), range(12), sorted(links, key=lambda link: (link.left, link.right)))
-    assert layout.model == "homography"
-    assert len(layout.members) == 12
-    assert layout.contradicting == ()
 
 
 def test_a_loop_that_does_not_close_takes_trust_from_its_links() -> None:

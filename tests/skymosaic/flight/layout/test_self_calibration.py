@@ -8,7 +8,7 @@ from golden_model.arrays import Array
 from skymosaic.flight.layout.layout import lay_out
 from skymosaic.flight.layout.linked_group import LinkedGroup, normalisation
 from skymosaic.flight.layout.motions import FOCAL_HALF_DIAGONALS
-from skymosaic.flight.layout.self_calibration import calibrate, straighten_links
+from skymosaic.flight.layout.self_calibration import calibrate
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
 from skymosaic.geometry.homography import apply
@@ -114,18 +114,3 @@ def test_relief_that_looks_like_a_lens_is_none_and_hides_none() -> None:
     assert calibrate(views, range(len(views)), links) is None
     views, links = lawnmower(-0.1, rows=1, columns=8, valley=0.1)
     assert calibrate(views, range(len(views)), links).distortion[0] < 0
-
-
-def test_straightened_links_fit_and_what_cannot_be_calibrated_is_left_alone() -> None:
-    views, links = lawnmower(-0.06)
-    _, straight_links = lawnmower(0.0)
-    calibration = calibrate(views, range(len(views)), links)
-    members = list(range(len(views)))
-    straight = list(straighten_links(links, views, dict.fromkeys(range(len(views)), calibration.distortion)).values())
-    after = lay_out(views, members, straight).median_error_px
-    assert after < 1.2 * lay_out(views, members, straight_links).median_error_px
-    assert after < lay_out(views, members, links).median_error_px
-    other = made.view(size=(640, 480), working_size=SIZE_PX)
-    assert calibrate([*views[:-1], other], range(len(views)), links) is None
-    few, few_links = lawnmower(-0.1, rows=1, columns=4)
-    assert calibrate(few, range(len(few)), few_links) is None

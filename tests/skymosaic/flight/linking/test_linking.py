@@ -11,7 +11,6 @@ import pytest
 from numpy.typing import NDArray
 
 from golden_model.arrays import Pixels
-from golden_model.cache import Cache
 from golden_model.config import preset_config
 from golden_model.feature.orientation import SECTORS
 from golden_model.formats import POSITION
@@ -19,7 +18,6 @@ from golden_model.front_end import extract
 from golden_model.matching.hamming import distances, mutual_matches
 from sim.scene import make_lawnmower, make_pair
 from skymosaic.common.errors import InputError
-from skymosaic.features.positions import feature_points
 from skymosaic.flight.linking.links import are_right, link_views, tie_views
 from skymosaic.flight.linking.resemblance import (
     CLOSE_BITS,
@@ -29,43 +27,10 @@ from skymosaic.flight.linking.resemblance import (
     count_votes,
     likely_pairs,
 )
-from skymosaic.flight.linking.view import Settings, View, describe, describe_thumbnail
+from skymosaic.flight.linking.view import Settings, describe, describe_thumbnail
 from skymosaic.geometry.ground import Sight
 from skymosaic.geometry.homography import transfer_error
-from skymosaic.imagery.lens import load_lens
 from skymosaic.imagery.photographs import Source, list_sources
-
-
-def test_masked_places_have_no_features(tmp_path: Path) -> None:
-    mask = np.full((480, 640), 255, np.uint8)
-    mask[300:] = 0
-    cv2.imwrite(str(tmp_path / "mask.png"), mask)
-    lens = load_lens(None, tmp_path / "mask.png")
-    image = make_pair(seed=1).images[0]
-    source = Source(0, "image", image)
-    free = describe(source, Settings(preset_config("aerial")))
-    masked = describe(source, Settings(preset_config("aerial"), lens=lens))
-    assert len(masked.features) < len(free.features)
-    assert feature_points(masked.features)[:, 1].max() < 300
-    assert feature_points(free.features)[:, 1].max() > 400
-    assert masked.key != free.key
-
-
-def test_a_view_survives_the_cache(tmp_path: Path) -> None:
-    cache = Cache(tmp_path / "cache")
-    source = Source(0, "image", make_pair(seed=1).images[0])
-    view = describe(source, Settings(preset_config("aerial")))
-    assert cache.load(view.key) is None
-    cache.save(view.key, view.pack())
-    stored = cache.load(view.key)
-    assert stored
-    again = View.unpack(stored, "renamed", view.key)
-    np.testing.assert_array_equal(again.features, view.features)
-    np.testing.assert_array_equal(again.thumbnail, view.thumbnail)
-    assert again.features.dtype == view.features.dtype
-    assert (again.size, again.gps) == (view.size, view.gps)
-    np.testing.assert_array_equal(again.sharpness, view.sharpness)
-    assert again.name == "renamed"
 
 
 def test_photographs_of_any_shape_are_described_alike() -> None:

@@ -23,12 +23,11 @@ from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout, lay_out
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
-from skymosaic.flight.mapping.anchoring import Observation, _observe, anchor
+from skymosaic.flight.mapping.anchoring import Observation, anchor
 from skymosaic.flight.mapping.place import MapPlace, place_on_map
 from skymosaic.flight.picture.composition import Composition
 from skymosaic.flight.picture.preparation import compose
 from skymosaic.geometry.homography import apply
-from skymosaic.imagery.exif import Metadata
 from skymosaic.maps.base_map import load_base_map
 from skymosaic.maps.boundary import load_boundary
 from skymosaic.maps.georeference import reproject
@@ -37,8 +36,6 @@ from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.running.workers import Workers
 from tests.made import write_located
 from tests.skymosaic.flight import made
-from tests.skymosaic.flight.mapping.test_contradictions import SIZE as FLOWN_SIZE
-from tests.skymosaic.flight.mapping.test_contradictions import STEPS, taken_above, unrolled
 
 SIZE, STRIP, STEP_PX = (1000, 800), 24, 300.0
 MIDDLE = (np.array(SIZE) - 1) / 2
@@ -66,21 +63,6 @@ def middles(layout: Layout) -> Array:
 
 def true_places(layout: Layout) -> Array:
     return MIDDLE + STEP_PX * (np.arange(STRIP) - layout.reference)[:, None] * [1, 0]
-
-
-@pytest.mark.parametrize(("accuracy_m", "sigma_px"), [(0.5, 5.0), (0.001, 0.1), (None, 0.1)])
-def test_what_is_known_of_cameras_is_as_exact_as_they_record(accuracy_m: float | None, sigma_px: float) -> None:
-    """Of 0.1 m per pixel: at best 1 cm. Without a record it is the misfit, which is none here."""
-    middle = (np.array(FLOWN_SIZE) - 1) / 2
-    recorded = [taken_above(*(middle + step), accuracy_m=accuracy_m) for step in STEPS]
-    # Photographs without a position say nothing.
-    recorded[3] = Metadata()
-    observed = list(_observe(*unrolled(recorded), None))
-    assert [each.view for each in observed] == [view for view in range(12) if view != 3]
-    np.testing.assert_allclose([each.point for each in observed], [middle] * 11, atol=1e-3)
-    places = [middle + STEPS[each.view] for each in observed]
-    np.testing.assert_allclose([each.place for each in observed], places, atol=0.02)
-    assert [each.sigma_px for each in observed] == pytest.approx([sigma_px] * 11, rel=1e-3)
 
 
 def test_positions_straighten_a_strip_that_ties_bend() -> None:

@@ -1,6 +1,5 @@
 """A flight masks what moves with its camera, as the file in its report would."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -8,21 +7,13 @@ import numpy as np
 import pytest
 
 from golden_model.arrays import Array, Pixels
-from golden_model.cache import NO_CACHE
-from golden_model.config import preset_config
 from skymosaic.flight.checking.check import check_flight
 from skymosaic.flight.linking.links import Link
-from skymosaic.flight.linking.surveyor import Surveyor
-from skymosaic.flight.linking.view import Settings
-from skymosaic.flight.pairing import own_mask
-from skymosaic.flight.pairing.linked_views import LinkedViews
-from skymosaic.flight.pairing.own_mask import _explains, find_mask, mask_own
-from skymosaic.imagery.lens import Lens, load_lens
-from skymosaic.imagery.photographs import list_sources
+from skymosaic.flight.pairing.own_mask import _explains, find_mask
+from skymosaic.imagery.lens import load_lens
 from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
 from skymosaic.reports.flight import write_report
-from skymosaic.running.workers import Workers
 from tests.skymosaic.geometry.covered import at_night, ground, seen
 
 
@@ -83,38 +74,6 @@ def test_no_mask_without_a_flight_that_moves_with_its_camera(flight: list[Pixels
     # Nor where nothing is drawn: the matches are on a sensor's pattern.
     dark = [at_night(seen(ground(5), *corner), 0)[::2, ::2] for corner in ((50, 40), (230, 60), (240, 240))]
     assert find_mask(views, links(here), dark) is None
-
-
-@pytest.mark.parametrize(
-    ("found", "is_for_links"),
-    [(((0, 1), (2, 3)), True), (((0, 1), (1, 2)), True), (((0, 1),), False), (((0, 1), (1, 2), (2, 3)), True)],
-)
-def test_a_mask_by_which_groups_are_smaller_is_for_the_picture_alone(
-    monkeypatch: pytest.MonkeyPatch, found: tuple[tuple[int, int], ...], is_for_links: bool
-) -> None:
-    def link(*pairs: tuple[int, int]) -> dict[tuple[int, int], Link]:
-        points = np.ones((20, 2))
-        return {pair: Link(*pair, points, points, 20, 20) for pair in pairs}
-
-    rng = np.random.default_rng(0)
-    photographs = [cv2.resize(rng.integers(0, 256, (60, 80, 3)).astype(np.uint8), (320, 240)) for _ in range(4)]
-    before = link((0, 1), (2, 3))
-    with Workers() as workers:
-        surveyor = Surveyor(Settings(preset_config("aerial")), 0, workers, NO_CACHE)
-        sources = list_sources(photographs)
-        linked = LinkedViews(surveyor, tuple(sources), tuple(surveyor.describe_all(sources)), before)
-        monkeypatch.setattr(own_mask, "_moving_links", lambda linked: list(linked.links.values()))
-        monkeypatch.setattr(own_mask, "find_mask", lambda *_: np.full((240, 320), 255, np.uint8))
-        monkeypatch.setattr(own_mask, "link_all", lambda described: replace(described, links=link(*found)))
-        masked = mask_own(linked)
-        unlinked = replace(linked, links={})
-        assert mask_own(unlinked) is unlinked
-        for lens in (Lens(mask=np.zeros((240, 320), np.uint8)), Lens((320, 240), np.eye(3), np.zeros(5))):
-            through_lens = replace(surveyor, settings=replace(surveyor.settings, lens=lens))
-            given = replace(linked, surveyor=through_lens)
-            assert mask_own(given) is given
-    assert masked.surveyor.settings.lens.mask is not None
-    assert (masked.links is not before) == is_for_links
 
 
 def test_what_a_layout_explains_does_not_move_with_the_camera() -> None:

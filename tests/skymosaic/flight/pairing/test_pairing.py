@@ -1,7 +1,6 @@
 """Which pairs are tried, which are looked at again, and which photographs belong to a flight."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -13,80 +12,19 @@ from sim.scene import Flight, make_lawnmower
 from skymosaic import mosaic
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
-from skymosaic.flight.pairing import linked_views
 from skymosaic.flight.pairing.belonging import find_strangers
-from skymosaic.flight.pairing.candidates import MAX_PREDICTED, MIN_GAIN, MIN_OVERLAP, first_candidates, predicted
-from skymosaic.flight.pairing.linked_views import LinkedViews, link_all
-from skymosaic.flight.pairing.second_look import link_across_heights
+from skymosaic.flight.pairing.candidates import first_candidates, predicted
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata, Position
 from tests.skymosaic.flight import made
 
 SIZE_PX = (400, 300)
-COLUMNS, ROWS, STEP_PX = 8, 6, (60, 70)
-
-
-def grid() -> tuple[list[View], dict[int, Array]]:
-    """Views of a dense survey, each overlapped by dozens of others, flown in rows to and fro, not quite regularly."""
-    rng = np.random.default_rng(4)
-    transforms = {}
-    for view in range(COLUMNS * ROWS):
-        row, column = divmod(view, COLUMNS)
-        column = column if row % 2 == 0 else COLUMNS - 1 - column
-        x, y = np.array([column, row]) * STEP_PX + rng.uniform(-8, 8, 2)
-        transforms[view] = np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
-    return made.views(len(transforms)), transforms
 
 
 def overlap(transforms: dict[int, Array], left: int, right: int) -> float:
     """Share of two views, which are rectangles between the centres of their corner pixels."""
     sides = np.array(SIZE_PX) - 1
     return float(np.prod(np.maximum(1 - np.abs(transforms[left] - transforms[right])[:2, 2] / sides, 0)))
-
-
-def link(transforms: dict[int, Array], left: int, right: int) -> Link:
-    """A link with as many ties as the overlap allows; it does not hold where there is too little."""
-    share = overlap(transforms, left, right)
-    ties = np.zeros((int(300 * share) if share > 0.15 else 0, 2))
-    return Link(left, right, ties, ties, len(ties), len(ties))
-
-
-def resistances(links: dict[tuple[int, int], Link]) -> Array:
-    """Resistance between every two views, by the pseudo-inverse of the network's Laplacian matrix."""
-    laplacian = np.zeros((COLUMNS * ROWS,) * 2)
-    for (left, right), each in links.items():
-        laplacian[[left, right], [right, left]] -= each.ties
-        laplacian[[left, right], [left, right]] += each.ties
-    # One eigenvalue is 0 but for rounding, which depends on the BLAS.
-    inverse = np.linalg.pinv(laplacian, rcond=1e-12, hermitian=True)
-    return np.diag(inverse)[:, None] + np.diag(inverse) - 2 * inverse
-
-
-def survey(rounds: int) -> tuple[Any, ...]:
-    """The links of the grid: neighbours in the order of the flight, then so many rounds of predicted pairs."""
-    views, transforms = grid()
-    pairs = [(view, view + step) for step in (1, 2) for view in range(len(views) - step)]
-    links = {pair: link(transforms, *pair) for pair in pairs}
-    for _ in range(rounds):
-        links |= {pair: link(transforms, *pair) for pair in predicted(views, transforms, links)}
-    return views, transforms, links
-
-
-@pytest.mark.parametrize("rounds", [0, 2])
-def test_each_view_proposes_the_pairs_with_the_largest_gain(rounds: int) -> None:
-    views, transforms, links = survey(rounds)
-    shares = np.array([[overlap(transforms, left, right) for right in transforms] for left in transforms])
-    full = np.median([each.ties / max(shares[pair], MIN_OVERLAP) for pair, each in links.items() if each.holds])
-    gains = shares * full * resistances(links)
-    gains[shares < MIN_OVERLAP] = 0
-    for left, right in links:
-        gains[left, right] = gains[right, left] = 0
-    expected = set()
-    for view, row in enumerate(gains):
-        best = np.argsort(-row)[:MAX_PREDICTED].tolist()
-        expected |= {(min(view, other), max(view, other)) for other in best if row[other] >= MIN_GAIN}
-    assert len(expected) > 20
-    assert predicted(views, transforms, links) == expected
 
 
 def above(north_deg: float) -> Metadata:
@@ -121,26 +59,6 @@ def test_pairs_of_little_overlap_are_not_proposed(share: float, pairs: set[Any])
     assert predicted(views, transforms, links) == pairs
 
 
-def test_what_a_second_look_joins_predicts_further_links(monkeypatch: pytest.MonkeyPatch) -> None:
-    points, asked = np.random.default_rng(0).uniform(100, 300, (40, 2)), list[set[tuple[int, int]]]()
-
-    def tie(left: int, right: int) -> Link:
-        return Link(left, right, points, points - [60 * (right - left), 0], 40, 40)
-
-    def link(_views: Any, pairs: Any) -> dict[tuple[int, int], Link]:
-        asked.append(set(pairs))
-        return {pair: tie(*pair) for pair in pairs}
-
-    monkeypatch.setattr("skymosaic.flight.pairing.linked_views.first_candidates", lambda *_: {(0, 1)})
-    monkeypatch.setattr(linked_views, "link_by_more_features", lambda *_: {(1, 2): tie(1, 2)})
-    for name in ("link_across_heights", "link_by_coarse_detail"):
-        monkeypatch.setattr(linked_views, name, lambda *_: {})
-    views = made.views(3)
-    stub: Any = SimpleNamespace(count_votes=lambda _views: None, link=link, given={})
-    assert set(link_all(LinkedViews(stub, (), tuple(views), {})).links) == {(0, 1), (1, 2), (0, 2)}
-    assert asked == [{(0, 1)}, {(0, 2)}]
-
-
 SIZE, RATIO = (480, 360), 3
 
 
@@ -164,56 +82,6 @@ def test_photographs_of_two_heights_become_one_mosaic(flight: Flight) -> None:
         assert np.median(np.linalg.norm(found - true, axis=1)) < 0.5
 
 
-class Stub:
-    """A surveyor whose thumbnails have half the size, and that links as a list of numbers of ties says."""
-
-    def __init__(self, *passes: dict[tuple[int, int], int]) -> None:
-        self.passes = list(passes)
-        self.across: list[Any] = []
-        self.asked: list[set[tuple[int, int]]] = []
-
-    def describe_thumbnails(self, views: Any) -> Any:
-        return made.views(len(views), to_original=np.diag([4.0, 4, 1]))
-
-    def count_votes(self, views: Any, across: Any) -> Any:
-        self.across.append((across, [view.to_original[0, 0] for view in views]))
-        votes = np.zeros((len(views), len(views)), np.int16)
-        votes[3] = 7, 1, 9, 0, 0
-        votes[4] = 0, 2, 1, 0, 0
-        return votes
-
-    def link(self, _views: Any, pairs: Any) -> dict[tuple[int, int], Link]:
-        self.asked.append(set(pairs))
-        points = np.arange(40.0).reshape(20, 2)
-        return {pair: Link(*pair, points[:ties], points[:ties], 20, 20) for pair, ties in self.passes.pop(0).items()}
-
-
-def test_of_two_attempts_across_heights_the_link_with_more_ties_stays() -> None:
-    views = made.views(5, to_original=np.diag([2.0, 2, 1]))
-    points = np.ones((9, 2))
-    links = {pair: Link(*pair, points, points, 9, 9) for pair in ((0, 1), (1, 2), (3, 4))}
-    links[2, 3] = Link(2, 3, points[:0], points[:0], 5, 0)
-    stub = Stub({(0, 3): 5, (2, 3): 9, (1, 4): 1}, {(0, 3): 8, (2, 3): 8, (2, 4): 2})
-    found = link_across_heights(stub, views, links)  # type: ignore[arg-type]
-    # One of both is reduced: first those of the small group, then those of the large one.
-    assert stub.across == [([3, 4], [2, 2, 2, 4, 4]), ([3, 4], [4, 4, 4, 2, 2])]
-    # Each is matched with the two of the large group that resemble it most.
-    assert stub.asked == [{(0, 3), (2, 3), (1, 4), (2, 4)}] * 2
-    assert {pair: link.ties for pair, link in found.items()} == {(0, 3): 8, (2, 3): 9, (2, 4): 2}
-    # Working pixels of the views, of which a thumbnail has half: left, in the first attempt, those of a view.
-    assert (found[2, 3].left_points[1].tolist(), found[2, 3].right_points[1].tolist()) == ([2, 3], [4, 6])
-    assert (found[0, 3].left_points[1].tolist(), found[0, 3].right_points[1].tolist()) == ([4, 6], [2, 3])
-    del links[2, 3]
-    links |= {(2, 3): Link(2, 3, points, points, 9, 9)}
-    assert link_across_heights(stub, views, links) == {}  # type: ignore[arg-type]
-
-
-@pytest.mark.slow
-def test_links_across_heights_are_what_joins_them(flight: Flight, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(linked_views, "link_across_heights", lambda *_: {})
-    assert len(mosaic(list(flight.images)).left_out) == 2
-
-
 @pytest.fixture(scope="module")
 def murky() -> list[Pixels]:
     """Two legs over murky ground: soft, of little contrast, lit from ahead."""
@@ -229,12 +97,6 @@ def murky() -> list[Pixels]:
 
 def test_soft_ground_is_linked_by_its_coarse_detail(murky: list[Pixels]) -> None:
     assert mosaic(murky, scale=0.2).placed == tuple(range(6))
-
-
-@pytest.mark.slow
-def test_coarse_detail_is_what_links_it(murky: list[Pixels], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(linked_views, "link_by_coarse_detail", lambda *_: {})
-    assert len(mosaic(murky, scale=0.2).placed) < 6
 
 
 TAKEN = Metadata(position=Position(46.0, 8.0), focal_half_diagonals=1.2)

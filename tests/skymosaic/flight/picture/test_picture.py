@@ -9,17 +9,15 @@ import cv2
 import numpy as np
 import pytest
 import rasterio
-from numpy.typing import NDArray
 
-from golden_model.arrays import Pixels
 from sim.scene import Flight
 from skymosaic.common.errors import InputError
 from skymosaic.compositing.tone import NEUTRAL
 from skymosaic.compositing.warp import CANVAS_LIMIT_PX, Canvas
 from skymosaic.flight.mapping.place import MapPlace
 from skymosaic.flight.picture.canvas import scale_for
-from skymosaic.flight.picture.composition import Composition, Placement, Room
-from skymosaic.flight.picture.formats import PLAIN, OutputForm, check_size, numbered, room_for
+from skymosaic.flight.picture.composition import Composition, Placement
+from skymosaic.flight.picture.formats import OutputForm, check_size, room_for
 from skymosaic.flight.picture.output import deliver
 from skymosaic.flight.picture.preparation import PALETTE, equalise, thumbnail_layers
 from skymosaic.imagery.depth import ValueRange
@@ -59,23 +57,6 @@ def test_a_photograph_that_others_make_up_for_shows_nothing(flight: Flight, surv
     assert shown == [True] * 9 + [False]
 
 
-def render(*images: Pixels, coloured: bool) -> NDArray[np.generic]:
-    """Photographs of 64x64 px side by side."""
-    shifts = (np.array([[1.0, 0, 64 * number], [0, 1, 0], [0, 0, 1]]) for number in range(len(images)))
-    sources = (Source(number, str(number), image) for number, image in enumerate(images))
-    placements = tuple(Placement(source, (64, 64), shift) for source, shift in zip(sources, shifts, strict=True))
-    canvas = Canvas(0, 0, 64 * len(images), 64)
-    return Composition(placements, canvas, coloured, "distance", Lens()).render(canvas, 1 << 20)[0]
-
-
-@pytest.mark.parametrize("sides", [(1000, 30), (30, 1000)])
-def test_the_longest_side_decides_where_sides_are_limited(sides: tuple[int, int]) -> None:
-    canvas = Canvas(0, 0, *sides)
-    assert Room(side_px=1000).share_of(canvas) == 1
-    assert 398 < Room(side_px=400).share_of(canvas) * 1000 <= 400
-    assert Room(area_px=300).share_of(canvas) < 0.1
-
-
 def test_a_tile_needs_what_lies_within_the_reach_of_blending() -> None:
     tile = Canvas(0, 0, 100, 100)
     shifts = [(259, 0), (260, 0), (0, 259), (0, 260), (-223, 0), (-224, 0)]
@@ -89,16 +70,6 @@ def test_a_tile_needs_what_lies_within_the_reach_of_blending() -> None:
     assert [placement.source.index for placement in whole.for_tile(tile).placements] == [0, 2, 4]
 
 
-@pytest.mark.parametrize(
-    ("values", "kind"), [(None, np.uint8), (ValueRange(0, 900), np.uint8), (ValueRange(0, 900, deep=True), np.uint16)]
-)
-def test_a_picture_has_16_bits_where_all_photographs_have(values: ValueRange | None, kind: type) -> None:
-    for coloured in (False, True):
-        empty = Composition((), Canvas(0, 0, 9, 9), coloured, "distance", Lens(), values).empty(4, 3)
-        assert empty.dtype == kind
-        assert empty.shape == ((3, 4, 3) if coloured else (3, 4))
-
-
 @pytest.mark.parametrize(("gsd_m", "scale"), [(0.0991, 1.0), (0.1, 1.0), (0.2, 0.5), (0.098, None)])
 def test_a_canvas_is_as_fine_as_the_photographs_at_most(gsd_m: float, scale: float | None) -> None:
     pair: Any = object()
@@ -106,14 +77,6 @@ def test_a_canvas_is_as_fine_as_the_photographs_at_most(gsd_m: float, scale: flo
     on_map = Georeference("EPSG:32615", np.array([[0.1, 0, 0], [0, -0.1, 0], [0, 0, 1]]), 0.0)
     with contextlib.nullcontext() if scale else pytest.raises(InputError, match=r"finer than the .* at least 0\.1$"):
         assert scale_for(flight([], pair=pair), layout, on_map, gsd_m) == pytest.approx(scale)
-
-
-def test_gray_becomes_bgr_beside_colour_and_stays_gray_alone() -> None:
-    gray, colour = np.full((64, 64), 50, np.uint8), np.full((64, 64, 3), (10, 20, 30), np.uint8)
-    mosaic = render(gray, colour, coloured=True)
-    np.testing.assert_array_equal(mosaic[:, :64], np.full((64, 64, 3), 50))
-    np.testing.assert_array_equal(mosaic[:, 64:], colour)
-    assert render(gray, coloured=False).ndim == 2
 
 
 @pytest.mark.parametrize(
@@ -166,17 +129,6 @@ def test_maps_for_the_eye_show_gray_of_16_bits_in_8(tmp_path: Path, name: str) -
         np.testing.assert_allclose(
             file.read([1, 2, 3, 4])[:, *[side // 2 for side in file.shape]], [128] * 3 + [255], atol=2
         )
-
-
-@pytest.mark.parametrize("values", [None, ValueRange(0, 1), ValueRange(0, 1, deep=True)])
-def test_only_16_bits_are_too_deep_for_jpeg(tmp_path: Path, values: ValueRange | None) -> None:
-    layout: Any = None
-    composition = Composition((), Canvas(0, 0, 32, 32), True, "distance", Lens(), values)
-    bands = [(composition.empty(32, 32), np.ones((32, 32), np.uint16))]
-    refused = pytest.raises(InputError, match=r"m\.tif: JPEG holds 8 bits, the photographs have 16; leave out the")
-    with refused if values is not None and values.deep else contextlib.nullcontext():
-        made = deliver(tmp_path / "m.tif", flight([]), layout, composition, bands, form=OutputForm("jpeg"))
-        assert made.preview.shape == (32, 32, 3)
 
 
 def test_a_mosaic_grows_as_the_file_and_the_disk_allow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -242,11 +194,3 @@ def test_a_size_that_a_file_cannot_hold_is_refused(name: str, size: tuple[int, i
     with pytest.raises(InputError) if says else contextlib.nullcontext() as refused:
         check_size(Path(name), size)
     assert refused is None or str(refused.value) == f"{says}; use .png or .tif"
-
-
-def test_outputs_of_several_groups_are_numbered_from_the_second_on() -> None:
-    form = OutputForm("jpeg", Path("site/tiles"))
-    assert form.numbered(1) == form
-    assert form.numbered(2) == OutputForm("jpeg", Path("site/tiles_2"))
-    assert PLAIN.numbered(2) == PLAIN
-    assert numbered(Path("a/m.v2.tif"), 3) == Path("a/m.v2_3.tif")

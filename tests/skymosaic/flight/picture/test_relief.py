@@ -61,15 +61,6 @@ def test_meshes_halve_the_errors_also_off_the_plane(flight: Flight) -> None:
     assert off_plane_px(after) < off_plane_px(before) / 4
 
 
-def test_flat_ground_keeps_its_shape(tmp_path: Path) -> None:
-    for number, image in enumerate(make_lawnmower(7, 4, SIZE_PX).images):
-        cv2.imwrite(str(tmp_path / f"{number}.png"), image)
-    with open_run([tmp_path], MosaicOptions(cache=tmp_path / "cache", warp="auto")) as run:
-        assert follow_relief(run.flight, "auto") is run.flight
-        assert [layout.bent for layout in run.flight.layouts] == [None]
-        assert run.flight.layouts[0].meshes == {}
-
-
 def test_a_mask_keeps_photographs_in_shape(flight: Flight, folder: Path) -> None:
     mask = np.full(SIZE_PX[::-1], 255, np.uint8)
     masked = dataclasses.replace(flight, settings=dataclasses.replace(flight.settings, lens=Lens(mask=mask)))
