@@ -3,18 +3,15 @@
 import asyncio
 import errno
 from collections.abc import AsyncIterator, Callable
-from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
 from skymosaic.panel.inputs import Inputs
-from skymosaic.panel.results import Decoded, InputFile
 from skymosaic.panel.session import Session
 from skymosaic.panel.tasks.jobs import JobFailedError
 from skymosaic.panel.uploads import UploadRefusedError
-from tests.made import leave_free
 from tests.skymosaic.panel.visitor import Scenario, body, noise_png
 
 pytestmark = pytest.mark.usefixtures("workers")
@@ -96,41 +93,6 @@ def test_what_of_a_folder_cannot_be_read_is_one_line(
         assert (inputs.reading, inputs.unread) == (None, unread)
 
     run_in_loop(scenario)
-
-
-def test_only_the_first_two_of_a_folder_are_decoded(
-    inputs: Inputs, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    decoded = list[str]()
-
-    async def decode(_self: Inputs, photograph: InputFile) -> None:
-        decoded.append(photograph.name)
-        photograph.decoded = cast(Decoded, "decoded")
-
-    monkeypatch.setattr(Inputs, "_decode_in_place", decode)
-
-    async def scenario() -> None:
-        inputs.set_photographs(InputFile(f"/flight/{name}", Path(name)) for name in "abcd")
-        await asyncio.sleep(0)
-        inputs.swap_first()
-        await asyncio.sleep(0)
-        assert [each.name for each in inputs.photographs] == ["b", "a", "c", "d"]
-        inputs.set_photographs(inputs.photographs[1:])
-        await asyncio.sleep(0)
-
-    run_in_loop(scenario)
-    assert decoded == ["a", "b", "c"]
-
-
-def test_uploads_leave_room_in_the_session_and_on_the_disk(
-    inputs: Inputs, run_in_loop: Callable[[Scenario], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("skymosaic.panel.inputs.MAX_BYTES", 1)
-    for _ in range(2):
-        run_in_loop(lambda: refuse(inputs, "larger than the 0 MB", 413))
-    assert not any(inputs._files.folder("uploads").iterdir())
-    leave_free(monkeypatch, 1 << 30)
-    run_in_loop(lambda: refuse(inputs, "disk is almost full", 507))
 
 
 def test_a_limited_number_of_uploads_is_under_way(

@@ -1,15 +1,13 @@
 """Small modules of the panel: results, steps, folders, files of a session, options, and where it listens."""
 
 import itertools
-import zipfile
 from pathlib import Path
 
 import pytest
 
 from skymosaic.common.errors import InputError
 from skymosaic.panel.folders import Roots
-from skymosaic.panel.options import LABELLED, OPTION_VALUES, SCALES, STRONGEST, Options, SliderScale, fault_of
-from skymosaic.panel.results import InputFile, Run
+from skymosaic.panel.options import OPTION_VALUES, SCALES, STRONGEST, Options, SliderScale, fault_of
 from skymosaic.panel.server import _listen
 from skymosaic.panel.session_files import SessionFiles
 from skymosaic.panel.tasks.jobs import Steps
@@ -52,37 +50,6 @@ def test_the_panel_listens_on_this_machine_only_and_refuses_a_taken_port() -> No
         assert host == "127.0.0.1"
         with pytest.raises(InputError, match=rf"port {port}: cannot be used \(Address already in use\); choose"):
             _listen(port)
-
-
-def test_uploads_are_removed_with_their_thumbnails_and_others_stay(tmp_path: Path) -> None:
-    files = SessionFiles(tmp_path)
-    uploads, opened = files.folder("uploads"), tmp_path / "opened"
-    opened.mkdir()
-    for path in (uploads / "a.jpg", uploads / "b.jpg", tmp_path / "a.png", opened / "c.jpg", tmp_path / "c.png"):
-        path.touch()
-    a, c = InputFile("a.jpg", tmp_path / "a.png"), InputFile(str(opened / "c.jpg"), tmp_path / "c.png")
-    # Its picture could not be made, and of another one the file is gone, too.
-    lost, gone = (InputFile(name, tmp_path / "missing.png") for name in ("b.jpg", "gone.jpg"))
-    files.remove([a, c, lost, gone])
-    left = sorted(path.name for path in tmp_path.rglob("*") if path.is_file())
-    assert left == ["c.jpg", "c.png"]
-
-
-def test_a_run_keeps_its_uploads_and_earlier_runs_go(tmp_path: Path) -> None:
-    files = SessionFiles(tmp_path)
-    (files.folder("uploads") / "a.jpg").write_text("pixels")
-    given = [InputFile("a.jpg", tmp_path / "a.png"), InputFile(str(tmp_path / "c.jpg"), tmp_path / "c.png")]
-    first, shown = files.new_run(given, ())
-    second, _ = files.new_run(given, [first.name, shown.name])
-    assert (first.name, second.name) == ("01", "02")
-    assert sorted(path.name for path in (tmp_path / "runs").iterdir()) == ["01", "02"]
-    files.remove(given)
-    assert [path.read_text() for path in second.iterdir()] == ["pixels"]
-    archive = files.write_archive({"result": Run(second, shown, "")})
-    with zipfile.ZipFile(archive) as packed:
-        assert packed.namelist() == ["result/a.jpg"]
-    files.new_run(given[1:], ["02"])
-    assert sorted(path.name for path in (tmp_path / "runs").iterdir()) == ["02", "04"]
 
 
 def test_only_files_count_and_only_pictures_are_found(tmp_path: Path) -> None:
@@ -183,26 +150,6 @@ def test_a_slider_has_a_value_at_each_position(
     assert [slider.position(value) for _, value in sorted(values, key=lambda each: each[1])] == [*slider.values]
     # A value between two positions is at the upper one, and one beyond all at the last.
     assert [slider.position(each) for each in (0, lowest[1] + 1, 1 << 30)] == [lowest[0], lowest[0] + 1, highest[0]]
-
-
-def test_options_begin_as_the_preset_has_them() -> None:
-    aerial = Options.of_preset("aerial")
-    shown = {name: aerial.shown(name) for name in LABELLED}
-    assert [*shown][-1] == "damaged"
-    assert (shown["rules"], shown["blending"], shown["backend"], aerial.position) == (
-        "aerial",
-        "automatic",
-        "golden",
-        19,
-    )
-    assert [aerial.changed("detector", name).position for name in ("fast", "sift")] == [10, 22]
-    multiband = aerial.changed("blending", "multiband")
-    assert multiband.changed("blending", "automatic") == aerial
-    # No photograph, one, or two.
-    assert [fault_of(aerial, count) for count in range(3)] == ["", "", ""]
-    board = aerial.changed("backend", "board:pynq:5000")
-    assert (board.backend, board.address, board.shown("backend")) == ("board", "pynq:5000", "board:pynq:5000")
-    assert (board.changed("backend", "rtl").address, aerial.address) == (None, None)
 
 
 def test_every_combination_of_options_resolves_or_is_refused_with_a_reason() -> None:

@@ -1,6 +1,5 @@
 """Edited rules decide as a new run with them would, and every change can be taken back."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,9 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from golden_model.config import preset_config
 from golden_model.fuzzy.rules import MatchRules, read_shipped
-from golden_model.fuzzy.terms import SHAPES
 from sim.scene import make_pair
 from skymosaic import register
 from skymosaic.panel.options import OWN, Options
@@ -103,53 +100,12 @@ def test_points_move_in_both_directions_and_terms_of_a_minimum_alone() -> None:
     assert moved == text.replace("low Ramp 0.34 0.1", "low Ramp 0.5 0.1")
 
 
-EVERY_SHAPE = {
-    "Ramp": "0.3 0", "Triangle": "0 0.1 0.3", "Trapezoid": "0 0.1 0.2 0.3", "Rectangle": "0 0.3", "ZShape": "0 0.3",
-    "SShape": "0 0.3", "PiShape": "0 0.1 0.2 0.3", "Gaussian": "0 0.1", "GaussianProduct": "0 0.1 0.2 0.1",
-    "Bell": "0 0.1 3", "Cosine": "0 0.4", "Spike": "0 0.4", "Sigmoid": "0.2 -30", "Discrete": "0 1 0.2 0",
-    "SigmoidDifference": "0.1 40 40 0.3", "SigmoidProduct": "0.1 40 -40 0.3",
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_terms_of_every_shape_have_the_corners_that_lie_on_them(shape: str) -> None:
-    text = re.sub(r"term: low .*", f"term: low {shape} {EVERY_SHAPE[shape]}", AERIAL, count=1)
-    text = re.sub("default: .*", "default: 0", text.replace("AlgebraicProduct", "Minimum"))
-    system = MatchRules(text).system
-    mine = [corner for corner in find_corners(system, 0) if dict(corner.members).get("low") is not None]
-    # A vertical edge is as high as its upper end.
-    for corner in mine:
-        degree = float(system.inputs[0].terms["low"].degree(np.array([corner.x]))[0])
-        assert degree == pytest.approx(corner.y, abs=0.01) or degree == 1
-    if mine:
-        index = find_corners(system, 0).index(mine[0])
-        assert move_corner(text, 0, index, 0.05, mine[0].y) != text
-
-
 def test_rules_are_edited_where_they_decide(tmp_path: Path) -> None:
     with_rules = made_up.pair_result(tmp_path)
     without = made_up.pair("a.png", "b.png", Options.of_preset("aerial").changed("rules", "none"))
     assert RulesEdit.applies_to(with_rules)
     assert not RulesEdit.applies_to(replace(with_rules, pair=without))
     assert not RulesEdit.applies_to(made_up.flight_result(tmp_path))
-
-
-@pytest.mark.parametrize(("points", "shown"), [(22, 24), (23, 0)])
-def test_an_input_of_many_corners_is_edited_as_text(points: int, shown: int) -> None:
-    """The ramp has two more; its other end is nowhere."""
-    curve = " ".join(f"{0.04 * number:.2f} {number % 2}" for number in range(points))
-    text = AERIAL.replace("AlgebraicProduct", "Minimum").replace("low Ramp 0.34 0.1", f"low Discrete {curve}")
-    text = re.sub("default: .*", "default: 0", text)
-    assert len(find_corners(MatchRules(text).system, 0)) == shown
-
-
-def test_the_thesis_rules_are_edited_too(tmp_path: Path) -> None:
-    edit = RulesEdit(run(tmp_path, "thesis"))
-    assert edit.rules.text == preset_config("thesis").matcher.rules.text
-    before = len(edit.pair.kept)
-    edit.change(move_corner(edit.rules.text, 1, 0, 5.0, 0.5))
-    assert edit.fault == ""
-    assert len(edit.pair.kept) < before
 
 
 def test_own_rules_are_an_option_until_another_name_is_chosen() -> None:

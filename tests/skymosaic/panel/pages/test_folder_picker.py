@@ -2,23 +2,20 @@
 
 import os
 import shutil
-import time
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import pytest
 from nicegui import Client
 from nicegui.page import page as nicegui_page
 from playwright.sync_api import Page, expect
 
 from skymosaic.panel.folders import Roots
 from skymosaic.panel.pages.folder_picker import FolderPicker
-from tests.skymosaic.panel.visitor import Scenario, noise_png, open_tab
+from tests.skymosaic.panel.visitor import Scenario, open_tab
 from tools.panel import corner_counts, make_mosaic
 
-MANY = 10_000
 DECODED_WIDTHS = """
     () => Promise.all([...document.querySelectorAll("img, svg image")].map(async each => {
         const answer = await fetch(each.getAttribute("src") || each.getAttribute("href"));
@@ -76,34 +73,3 @@ def test_photographs_and_folders_of_any_name_are_shown(
         open_tab(opened, tab)
         expect(opened.locator("svg image")).to_have_count(pictures)
         assert len(opened.evaluate(DECODED_WIDTHS)) == 2 + pictures
-
-
-@pytest.mark.slow
-def test_a_folder_that_vanishes_is_one_line_and_loses_nothing(opened: Page, owner_address: str, root: Path) -> None:
-    """Ten thousand photographs: the page answers meanwhile, and shows the earlier result afterwards."""
-    opened.goto(owner_address)
-    opened.get_by_role("button", name="Try the built-in pair").click()
-    expect(corner_counts(opened)).to_contain_text("corners")
-    make_mosaic(opened)
-    large = root / "large"
-    large.mkdir()
-    (large / "0.png").write_bytes(noise_png())
-    for number in range(1, MANY):
-        (large / f"{number}.png").hardlink_to(large / "0.png")
-    opened.get_by_role("button", name="Open a folder").click()
-    expect(opened.get_by_role("textbox", name="Folder")).not_to_have_value("")
-    opened.get_by_role("textbox", name="Folder").fill(str(large))
-    opened.get_by_role("button", name="Open", exact=True).click()
-    expect(opened.get_by_text(f"{MANY} photographs, the first 500 are shown")).to_be_visible()
-    shutil.rmtree(large)
-    started = time.monotonic()
-    opened.get_by_role("tab", name="Numbers").click()
-    expect(opened.get_by_role("tabpanel", name="Numbers")).to_contain_text("mutual matches")
-    assert time.monotonic() - started < 5
-    warning = opened.get_by_role("status", name="Warnings")
-    expect(warning).to_contain_text(f"of {MANY} photographs could not be read; the first: ")
-    assert "\n" not in (warning.text_content() or "")
-    opened.get_by_role("button", name="Make the mosaic").click()
-    expect(opened.get_by_role("alert").filter(has_text=f"none of the {MANY} photographs can be used")).to_be_visible()
-    opened.get_by_role("tab", name="Mosaic").click()
-    expect(opened.get_by_role("group", name="Mosaic")).to_be_visible()

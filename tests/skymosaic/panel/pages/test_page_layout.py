@@ -14,7 +14,6 @@ from nicegui.page import page
 from skymosaic.panel.folders import Roots
 from skymosaic.panel.options import OWN, Options
 from skymosaic.panel.pages.mosaic_page import build_mosaic_page
-from skymosaic.panel.pages.page_layout import fill_in
 from skymosaic.panel.pages.runs_page import build_runs_page
 from skymosaic.panel.pages.tracking_page import build_tracking_page
 from skymosaic.panel.results import InputFile
@@ -25,23 +24,6 @@ from tests.skymosaic.panel.visitor import Scenario
 
 RECORDED = Path(__file__).with_name("recorded_pages.txt")
 """What `record_pages` returns, without the folder and times of a run; a change that is meant changes it, too."""
-
-
-def test_the_numbers_are_tables_and_names_are_escaped() -> None:
-    markup = fill_in(
-        "numbers.html",
-        counts={"corners, left": 10, "corners, right": 0},
-        pair=SimpleNamespace(homography=[[1.0, 0, 0]] * 3, reason=""),
-        homography="projective",
-        quality={"computed by": "golden"},
-        correct_px=3.0,
-        seconds={"reading": 0.5},
-        facts={"map": "<b>here</b>"},
-    )
-    assert markup.count("<table") == 5
-    assert markup.count("<tr>") == 2 + 3 + 1 + 1 + 1
-    assert "&lt;b&gt;here" in markup
-    assert "&lt;t" not in markup
 
 
 def part(client: Client, name: str) -> list[str]:

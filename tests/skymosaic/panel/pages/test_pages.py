@@ -1,7 +1,6 @@
 """What tabs, sidebar and drawings of the mosaic page show."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,20 +11,16 @@ from nicegui import Client
 from nicegui.page import page as nicegui_page
 
 from sim.scene import make_pair
-from skymosaic import register
 from skymosaic.features.backends import load_backend
-from skymosaic.geometry.homography import transfer_error
 from skymosaic.panel.options import Options
 from skymosaic.panel.pages import drawings
 from skymosaic.panel.pages.corners_tab import detect
 from skymosaic.panel.pages.matches_tab import MatchesTab
-from skymosaic.panel.pages.result_tabs import _describe_homography, _list_quality
 from skymosaic.panel.pages.runs_page import build_runs_page
 from skymosaic.panel.results import Picture
-from skymosaic.panel.runs import Runs
 from skymosaic.panel.session import Session
 from tests.skymosaic.panel import made_up
-from tests.skymosaic.panel.visitor import Scenario, enter
+from tests.skymosaic.panel.visitor import Scenario
 
 
 def test_the_nearest_line_is_found_only_within_the_distance() -> None:
@@ -66,28 +61,6 @@ def test_without_cell_selection_the_threshold_rises_until_all_corners_fit(pictur
     assert 0 < len(shown) <= lowest.choose_method()[1].front_end.max_features
 
 
-def test_a_homography_is_described_by_its_turn_scale_and_shift() -> None:
-    cos, sin = np.cos(np.radians(30)), np.sin(np.radians(30))
-    turned = np.array([[1.5 * cos, -1.5 * sin, 7], [1.5 * sin, 1.5 * cos, -3], [0, 0, 1]])
-    assert _describe_homography(turned).endswith("rotates by 30.00°, scales by 1.5000, shifts by 7.0, -3.0 px")
-
-
-def test_quality_is_measured_on_inliers_and_correct_matches() -> None:
-    left, right = make_pair(9, size=(320, 240)).images
-    pair = register(left, right)
-    assert pair.homography is not None
-    found = _list_quality(pair)
-    ends = pair.points("inliers")
-    rmse_px = np.sqrt(np.mean(transfer_error(pair.homography, ends.left, ends.right) ** 2))
-    assert float(found["RMSE of the inliers"].removesuffix(" px")) == pytest.approx(rmse_px, abs=0.05)
-    assert float(found["recall of the rules"]) > 0.8
-    assert float(found["1 - precision"]) < 0.2
-    assert found["computed by"] == "golden"
-    assert found["confidence"].startswith("good: ")
-    refined = [_list_quality(pair.with_homography(pair.homography, refined_inliers=n))["refined by"] for n in (0, 7)]
-    assert refined == ["no dense flow", "7 points of dense flow"]
-
-
 @pytest.fixture
 def tab(run_in_loop: Callable[[Scenario], None]) -> MatchesTab:
     """Eight matches: one is rejected, one off the homography; the right picture begins at 332 px."""
@@ -120,43 +93,6 @@ def test_hovering_explains_a_match_and_a_click_keeps_it(tab: MatchesTab) -> None
     assert state(tab) == ("match 2 of 8, pinned", True)
     tab._pick(5, 5, 1)
     assert state(tab) == ("8 matches", False)
-
-
-def test_the_buttons_step_through_the_matches_that_are_drawn(tab: MatchesTab) -> None:
-    shown = []
-    for by in (1, 1, -1, -1, 1):
-        tab._step(by)
-        shown.append(tab._number.text)
-    # The sixth is off the homography, the seventh rejected; only inliers are drawn.
-    assert shown == [f"match {number} of 8, pinned" for number in (1, 2, 1, 8, 1)]
-    tab._pick(5, 5, 1)
-    tab._step(-1)
-    assert tab._number.text == "match 8 of 8, pinned"
-    pair = replace(tab._pair, matches=tab._pair.matches[:7])
-    tab.show(pair)
-    assert tab._number.text == "7 matches"
-    tab._step(1)
-    tab.show(pair)
-    assert tab._number.text == "match 1 of 7, pinned"
-    for checkbox in tab._filters.values():
-        checkbox.value = False
-    tab._step(1)
-    assert tab._number.text == "match 1 of 7, pinned"
-
-
-def test_lines_are_spread_over_all_matches(tab: MatchesTab) -> None:
-    tab._verdicts = ["rejected", *["inlier"] * 2000]
-    counts = []
-    for tab._density in range(8):
-        chosen = tab._candidates()
-        counts.append(len(chosen))
-        assert (chosen[0], len({*chosen})) == (1, len(chosen))
-        assert chosen[-1] > 2000 - 2000 / len(chosen)
-    assert counts == [25, 50, 100, 200, 400, 800, 1600, 2000]
-    tab._verdicts, tab._density = ["inlier"] * 26, 0
-    assert tab._candidates() == [*range(25)]
-    tab._verdicts = ["inlier"] * 25
-    assert tab._candidates() == [*range(25)]
 
 
 TITLE = "3 photographs: <b>a flight</b>"
@@ -193,12 +129,3 @@ def test_a_run_is_listed_and_deleted(session: Session, finished: Path, run_in_lo
 
     run_in_loop(scenario)
     assert not run.exists()
-
-
-def test_files_of_a_run_are_sent_and_no_others(owner_address: str, kept: Path, tmp_path: Path, finished: Path) -> None:
-    run = Runs(kept, tmp_path).keep(finished, TITLE)
-    with enter(owner_address) as owner:
-        assert owner.get(f"/run/{run.name}/mosaic.png").content == b"pixels"
-        assert owner.get(f"/run/{run.name}/report/index.html").text == "<title>a report</title>"
-        for path in (f"/run/{run.name}/..%2f..%2fsecret", f"/run/..%2f/{run.name}", "/run/../archive"):
-            assert owner.get(path).status_code == 404

@@ -5,8 +5,6 @@ import re
 from pathlib import Path
 
 import av
-import cv2
-import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -63,24 +61,3 @@ def test_the_tracking_archive_has_video_and_corners_and_its_command_repeats_them
     assert (again / "corners.csv").read_text() == (tmp_path / "before" / "corners.csv").read_text()
     with av.open(str(again / "tracked.mp4")) as video:
         assert sum(1 for _ in video.decode(video=0)) == FRAMES
-
-
-def test_a_reload_keeps_the_tracked_video(tracked: Page) -> None:
-    tracked.reload()
-    expect(tracked.get_by_text("Found in")).to_be_visible()
-
-
-def test_an_object_is_accepted_and_files_that_are_no_video_are_refused(page: Page, tmp_path: Path) -> None:
-    page.get_by_role("link", name="Tracking").click()
-    expect(page.get_by_role("heading", name="An object and a video in, its outline in every frame out")).to_be_visible()
-    expect(page.get_by_role("button", name="Follow the object")).to_be_disabled()
-    picture, video = tmp_path / "car.png", tmp_path / "film.mp4"
-    cv2.imwrite(str(picture), np.random.default_rng(1).integers(0, 256, (80, 120), np.uint8))
-    page.get_by_label("Choose object").set_input_files(picture)
-    expect(page.get_by_role("list", name="Object loaded").locator("li")).to_have_count(1)
-    for body, reason in ((b"#EXTM3U\nfile:///etc/passwd\n", "is not a video"), (b"\0\0\0\x20ftypisom", "cut off")):
-        video.write_bytes(body)
-        page.get_by_label("Choose video").set_input_files(video)
-        expect(page.get_by_text(re.compile(f"film.*{reason}"))).to_be_visible()
-    expect(page.get_by_role("list", name="Video loaded").locator("li")).to_have_count(0)
-    expect(page.get_by_role("button", name="Follow the object")).to_be_disabled()

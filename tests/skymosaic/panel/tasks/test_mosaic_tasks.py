@@ -19,7 +19,7 @@ from sim.backends.interface import Mismatch
 from sim.scene import make_lawnmower, make_pair
 from skymosaic.cli.commands import app
 from skymosaic.panel.options import Options
-from skymosaic.panel.tasks.mosaic_tasks import _choose_output, _shorten, compare_hardware, look_at_pair, make_mosaic
+from skymosaic.panel.tasks.mosaic_tasks import _choose_output, compare_hardware, look_at_pair, make_mosaic
 from skymosaic.registration.register import register
 from tests.made import write_located, write_pictures
 
@@ -146,15 +146,6 @@ def write_flight_with_gps(folder: Path) -> list[str]:
         moved_m = METRES_PER_PIXEL * pose.x_px, -METRES_PER_PIXEL * pose.y_px
         write_located(folder / name, image, (46.0, 7.0), moved_m)
     return names
-
-
-def test_a_folder_stands_for_its_photographs_if_all_are_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("1.png", "2.png"):
-        cv2.imwrite(str(tmp_path / name), np.zeros((64, 64), np.uint8))
-    both = [str(tmp_path / name) for name in ("1.png", "2.png")]
-    monkeypatch.chdir(tmp_path)
-    uploads = ["1.png", "2.png"]
-    assert [_shorten(paths) for paths in (both, both[:1], uploads)] == [[str(tmp_path)], both[:1], uploads]
 
 
 @pytest.mark.parametrize(
