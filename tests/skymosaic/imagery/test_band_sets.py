@@ -78,14 +78,6 @@ def test_other_photographs_stay_as_they_are(tmp_path: Path, names: list[str]) ->
         group_band_sets(sources, "nir")
 
 
-def test_a_band_is_selected_only_of_files_that_name_one(tmp_path: Path) -> None:
-    photographs = sources_of(tmp_path, "a.jpg", "b_RGB.jpg")
-    with pytest.raises(InputError, match="`band` nir: the photographs are not multi-band sets; leave it out"):
-        select_band(photographs, "nir")
-    # The bands of a capture may follow.
-    assert select_band(photographs[1:], "nir") == select_band([], "nir") == []
-
-
 def test_numbered_photographs_in_colour_are_no_bands(tmp_path: Path) -> None:
     names = [f"line{line}_{number:02}.tif" for line in (1, 2, 3) for number in (1, 2, 3)][:8]
     sources = sources_of(tmp_path, *names)

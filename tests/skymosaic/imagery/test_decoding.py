@@ -13,15 +13,11 @@ import rasterio
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
-from sim.scene import Flight
 from skymosaic.common.errors import InputError
-from skymosaic.compositing.blend import Blending
 from skymosaic.imagery import decoding, images
 from skymosaic.imagery.decoding import decode, read_header
 from skymosaic.imagery.images import load
 from skymosaic.maps.georeference import configured_rasterio
-from skymosaic.mosaicking.api import open_run
-from skymosaic.mosaicking.options import MosaicOptions
 from tests.skymosaic.imagery.test_images import photograph
 
 
@@ -50,8 +46,6 @@ BAD: dict[str, Callable[[Path], object]] = {
     "not a file": lambda path: path.mkdir(),
     "no such file": lambda path: None,
 }
-
-
 """What is said of what is made."""
 
 
@@ -238,18 +232,6 @@ def test_half_transparent_pixels_have_their_own_colours(
     np.testing.assert_allclose(pixels[:60].astype(float), expected, atol=2)
 
 
-def test_whether_colours_are_premultiplied_is_that_of_the_first_page(tmp_path: Path) -> None:
-    path = tmp_path / "p.tif"
-    values, mask = np.full((4, 128, 128), 9, np.uint16), np.ones((128, 128), np.bool_)
-    write_raster(path, values, mask, photometric="RGB", alpha="PREMULTIPLIED")
-    premultiplied, straight = (struct.pack("<HHII", 338, 3, 1, value) for value in (1, 2))
-    before, entry, after = path.read_bytes().rpartition(premultiplied)
-    path.write_bytes(before + straight + after)
-    assert entry
-    assert premultiplied in before
-    assert read_header(path).premultiplied
-
-
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_more_than_half_opaque_shows(tmp_path: Path, dtype: type) -> None:
     half, most = np.iinfo(dtype).max // 2, np.iinfo(dtype).max
@@ -298,26 +280,3 @@ def test_nodata_neither_shows_nor_stretches_the_range(
     if photograph.value_range is not None:
         assert (photograph.value_range.low, photograph.value_range.high) == pytest.approx((10, 30), abs=0.2)
     np.testing.assert_array_equal(photograph.pixels[:9], np.tile(photograph.pixels[9], (9, 1)))
-
-
-@pytest.mark.parametrize("blending", ["multiband", "distance"])
-def test_a_mosaic_shows_none_of_what_is_transparent(flight: Flight, tmp_path: Path, blending: Blending) -> None:
-    """Photographs that were turned, with transparent corners: the mosaic has no black, and ends where they do."""
-    height, width = flight.images[0].shape[:2]
-    turn = cv2.getRotationMatrix2D((width / 2, height / 2), 20, 1.0)
-    for number, image in enumerate(flight.images[:4]):
-        # Nothing but the alpha channel tells the corners, which are as black as some ground, apart.
-        pixels = np.dstack([np.maximum(image, 40), np.full((height, width), 255, np.uint8)])
-        cv2.imwrite(str(tmp_path / f"{number}.png"), cv2.warpAffine(pixels, turn, (width, height)))
-    with open_run(tmp_path, MosaicOptions(blending=blending)) as run:
-        composition = run.composition(run.layouts[0])
-        features = [view.strongest for view in run.flight.views]
-        pixels, shown = (np.concatenate(part) for part in zip(*run.bands(composition), strict=True))
-    assert len(composition.placements) == 4
-    assert all(len(each) > 100 for each in features)
-    assert pixels[shown > 0].min() > 15
-    corners = [np.rint(transform @ [2.0, 2.0, 1.0])[:2].astype(int) for transform in composition.transforms]
-    assert not all(shown[y, x] for x, y in corners)
-    # The first photograph's corner lies outside of all others.
-    hidden = cv2.warpAffine(np.full((height, width), 255, np.uint8), turn, (width, height)) == 0
-    assert (shown > 0).mean() < 1 - 0.5 * hidden.mean()

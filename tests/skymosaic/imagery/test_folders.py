@@ -1,7 +1,5 @@
 """Folders are read by one rule, and nothing in them that may be a photograph is passed over without a word."""
 
-import errno
-import os
 from pathlib import Path
 
 import pytest
@@ -104,18 +102,6 @@ def test_an_unreadable_folder_inside_matters_where_it_is_read(card: Path, monkey
     assert [path.name for path in list_pictures(card).pictures] == ["DJI_1.JPG"]
     with pytest.raises(InputError, match="101MEDIA: cannot be read"):
         list_pictures(card, recursive=True)
-
-
-def test_a_folder_inside_that_may_not_be_entered_ends_nothing(card: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    stat = Path.stat
-
-    def refuse_inside(path: Path, *, follow_symlinks: bool = True) -> os.stat_result:
-        if path.parent.name == "101MEDIA":
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
-        return stat(path, follow_symlinks=follow_symlinks)
-
-    monkeypatch.setattr(Path, "stat", refuse_inside)
-    assert [path.name for path in list_pictures(card).pictures] == ["DJI_1.JPG"]
 
 
 def test_a_link_to_nothing_is_a_photograph_that_is_missing(card: Path) -> None:

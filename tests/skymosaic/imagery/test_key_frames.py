@@ -98,14 +98,6 @@ def test_gray_frames_are_taken_and_others_are_named() -> None:
         list(select_key_frames(others))
 
 
-def test_a_folder_named_like_a_video_is_a_folder(tmp_path: Path) -> None:
-    (folder := tmp_path / "clip.mov").mkdir()
-    for name in ("1.png", "2.png"):
-        (folder / name).write_bytes(b"a picture")
-    with flight_sources(folder) as sources:
-        assert [source.content for source in sources] == [folder / "1.png", folder / "2.png"]
-
-
 def test_a_video_that_is_too_small_is_named_itself(tmp_path: Path) -> None:
     with write_video(video := tmp_path / "small.mp4", DEFAULT_RATE) as write_frame:
         for _ in range(2):

@@ -133,24 +133,6 @@ def test_a_mask_of_another_shape_is_refused(tmp_path: Path, size: tuple[int, int
         mosaic([tmp_path / "a.png"] * 2, lens=lens)
 
 
-def test_lenses_that_straighten_or_hide_differently_have_different_keys() -> None:
-    matrix, mask = np.eye(3), np.zeros((4, 6), np.uint8)
-    lenses = [
-        Lens(),
-        Lens(mask=mask),
-        Lens(mask=mask.T),
-        Lens(size=(6, 4)),
-        Lens((6, 4), matrix, np.zeros(5)),
-        Lens((6, 4), 2 * matrix, np.zeros(5)),
-        Lens((6, 4), matrix, np.ones(5)),
-        Lens((6, 4), matrix, np.ones(5)).turned(3),
-    ]
-    assert len({lens.key for lens in lenses}) == len(lenses)
-    assert Lens(mask=mask.copy()).key == lenses[1].key
-    assert Lens(mask=mask.copy()) == lenses[1] != lenses[0]
-    assert lenses[0] != "no lens"
-
-
 def test_a_mask_shows_ground_where_any_channel_is_bright(tmp_path: Path) -> None:
     gray = np.repeat(np.array([[127, 128]], np.uint8), 64, axis=1).repeat(64, axis=0)
     for name, pixels in (("gray.png", gray), ("blue.png", np.dstack([gray, gray * 0, gray * 0]))):

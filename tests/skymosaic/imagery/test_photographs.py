@@ -10,23 +10,6 @@ from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import DecodedPhotographs, Source, index_names, list_sources, short_names
 
 
-def test_a_folder_gives_its_pictures_by_number_and_an_empty_one_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="contains no pictures"):
-        list_sources([tmp_path])
-    for name in ("IMG_10.png", "IMG_2.png", "notes.txt", ".IMG_3.png"):
-        (tmp_path / name).write_bytes(b"x")
-    sources = list_sources([tmp_path, np.zeros((64, 64), np.uint8)])
-    assert [source.name.rsplit("/")[-1] for source in sources] == ["IMG_2.png", "IMG_10.png", "image 2"]
-    assert [source.index for source in sources] == [0, 1, 2]
-
-
-def test_digests_depend_on_the_content_alone(tmp_path: Path) -> None:
-    for name, data in (("a.png", b"one"), ("b.png", b"one"), ("c.png", b"two")):
-        (tmp_path / name).write_bytes(data)
-    a, b, c = list_sources([tmp_path])
-    assert a.digest == b.digest != c.digest
-
-
 def test_decoded_photographs_stay_below_their_limit(tmp_path: Path) -> None:
     sources = [Source(index, f"image {index}", np.full((64, 64), index, np.uint8)) for index in range(5)]
     photographs = DecodedPhotographs(3 * 64 * 64)

@@ -10,7 +10,6 @@ import pytest
 import rasterio
 import rasterio.errors
 from PIL import Image as PillowImage
-from PIL import ImageCms
 
 from skymosaic.common.errors import DamagedError, InputError
 from skymosaic.imagery import images
@@ -101,12 +100,6 @@ def test_lzw_is_turned_upright_as_opencv_turns_it(tmp_path: Path, orientation: i
 def unlike(kind: str) -> bytes:
     """The scene in a layout that OpenCV reads as other pixels than it holds."""
     file = io.BytesIO()
-    if kind == "CIELAB":
-        to_lab = ImageCms.buildTransform(ImageCms.createProfile("sRGB"), ImageCms.createProfile("LAB"), "RGB", "LAB")
-        lab = ImageCms.applyTransform(PillowImage.fromarray(SCENE), to_lab)
-        assert lab is not None
-        lab.save(file, "TIFF", compression="tiff_deflate", tiffinfo={274: 3})
-        return file.getvalue()
     if kind == "planes":
         shape = {"width": SCENE.shape[1], "height": SCENE.shape[0], "count": 3, "dtype": "uint16"}
         with rasterio.MemoryFile() as memory:
@@ -119,17 +112,6 @@ def unlike(kind: str) -> bytes:
     at = data.index(struct.pack("<HHI", 262, 3, 1))
     data[at + 8 : at + 10] = bytes(2)
     return bytes(data)
-
-
-def test_cielab_has_its_own_colours_upright(tmp_path: Path) -> None:
-    path = tmp_path / "lab.tif"
-    path.write_bytes(unlike("CIELAB"))
-    pixels = images.load(path).pixels
-    assert np.abs(pixels[::-1, ::-1, ::-1].astype(int) - SCENE).mean() < 3
-    data = path.read_bytes()
-    path.write_bytes(data[: len(data) // 2] + bytes(len(data) - len(data) // 2))
-    with pytest.raises(InputError, match=r"lab\.tif"):
-        images.load(path)
 
 
 @pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")

@@ -163,33 +163,6 @@ def test_what_is_missing_of_a_file_without_a_count_is_told(
     assert re.fullmatch(note, "; ".join(reader.notes)), reader.notes
 
 
-def drop_at_the_end(path: Path, count: int = 5) -> None:
-    """Let an AVI end in empty chunks, which the header of its stream counts and its index does not name."""
-    data = bytearray(path.read_bytes())
-    index, length = data.index(b"idx1"), data.index(b"strh") + 40
-    data[index:index] = b"00dc\0\0\0\0" * count
-    data[length : length + 4] = (int.from_bytes(data[length : length + 4], "little") + count).to_bytes(4, "little")
-    path.write_bytes(data)
-
-
-def test_frames_that_a_file_never_had_are_not_missed(tmp_path: Path, frames: list[Pixels]) -> None:
-    # An AVI has an empty chunk where its camera had no time for a frame; an MP4 keeps what was trimmed off.
-    for name, times in {"dropped.avi": [*range(12), *range(20, 38)], "trimmed.mp4": list(range(-10, 20))}.items():
-        with av.open(str(tmp_path / name), "w", options={"avoid_negative_ts": "disabled"}) as container:
-            stream = container.add_stream("mpeg4", rate=25, options={"g": "30"})
-            stream.height, stream.width = frames[0].shape[:2]
-            for pixels, time in zip(frames, times, strict=True):
-                frame = av.VideoFrame.from_ndarray(pixels, format="bgr24")
-                frame.pts, frame.time_base = time, Fraction(1, 25)
-                container.mux(stream.encode(frame))
-            container.mux(stream.encode())
-        if name == "dropped.avi":
-            drop_at_the_end(tmp_path / name)
-        reader = VideoReader(tmp_path / name)
-        assert len(list(reader)) == sum(time >= 0 for time in times)
-        assert reader.notes == []
-
-
 def test_frames_are_shown_as_long_as_they_were(tmp_path: Path, frames: list[Pixels]) -> None:
     milliseconds = [100, 133, 500, 500, 900, 400_000_000]
     with av.open(str(tmp_path / "v.mkv"), "w") as container:

@@ -158,14 +158,6 @@ def test_mbtiles_have_the_same_tiles_where_gdal_finds_the_mosaic(tmp_path: Path)
         assert made.overviews(1) == [2, 4][: pyramid.zoom - pyramid.top]
 
 
-def test_mbtiles_on_a_full_disk_are_refused_in_a_line(tmp_path: Path) -> None:
-    raw = raster(tmp_path / "m.tif", PLACE)
-    refused = pytest.raises(InputError, match=r"m\.mbtiles: cannot be written \(.*\); choose another folder")
-    with limited_files(10_000), refused:
-        write_mbtiles(tmp_path / "m.mbtiles", raw)
-    assert [each.name for each in tmp_path.iterdir()] == ["m.tif"]
-
-
 STEP_M, TURN = 0.05, 0.3
 NAME = "M.KMZ"
 
