@@ -74,17 +74,6 @@ def test_a_mask_and_the_border_bend_with_the_photograph(with_seam: bool) -> None
     np.testing.assert_array_equal(whole.claim(inside), whole.claim(part)[inside.within(part)])
 
 
-def test_detail_is_that_of_the_direction_in_which_ground_is_stretched_most() -> None:
-    tilted = np.array([[1.0, 0, 0], [0, 1, 0], [0, 1 / 600, 1]])
-    layer = Layer(IMAGE, tilted)
-    detail = layer.claim(layer.footprint) / np.maximum(layer.border_distance(layer.footprint), 1e-9)
-    for x, y in ((200.0, 50.0), (200.0, 250.0)):
-        steps = apply(tilted, [(x, y), (x + 0.01, y), (x, y + 0.01)])
-        stretched = np.linalg.svd((steps[1:] - steps[0]) / 0.01)[1][0]
-        column, row = np.rint(steps[0]).astype(int) - (layer.footprint.x_px, layer.footprint.y_px)
-        assert detail[row, column] == pytest.approx(1 / stretched, rel=0.02)
-
-
 def test_nothing_is_shown_that_is_too_far_from_the_camera() -> None:
     size = (400, 300)
     with pytest.raises(CanvasError, match="behind the camera"):
@@ -204,14 +193,6 @@ def lit(colours: tuple[tuple[int, int, int], ...], noise: float) -> Pixels:
 @pytest.mark.parametrize("noise", [0.0, 3.0])
 def test_ground_of_few_colours_is_no_palette(colours: tuple[tuple[int, int, int], ...], noise: float) -> None:
     assert not have_palette([compressed(lit(colours, noise))])
-
-
-def test_colour_infrared_and_a_single_colour_are_no_palettes() -> None:
-    red, bare = np.array((20, 20, 190)), np.array((150, 170, 60))
-    fields, light = soil(1, (8, 30))[..., None], 0.35 + 0.9 * soil(2, (1, 2))[..., None]
-    image = np.clip(light * (red * fields + bare * (1 - fields)), 0, 255)
-    assert not have_palette([compressed(image.astype(np.uint8))])
-    assert not have_palette([np.full((4, 4, 3), (0, 0, 250), np.uint8)])
 
 
 RAMP = np.arange(256, dtype=np.uint8)[None]

@@ -22,17 +22,14 @@ def scene(width_px: int = 900, height_px: int = 500, seed: int = 1) -> Pixels:
     return cv2.normalize(cv2.resize(noise, (width_px, height_px)), None, 40, 190, cv2.NORM_MINMAX)
 
 
-def strip(exposures: Array, falloff: float = 0.0, step_px: int = 90, noise: float = 1.0) -> list[Layer]:
-    """Photographs along two rows of a scene, each times its exposure and darker towards its corners."""
+def strip(exposures: Array, step_px: int = 90) -> list[Layer]:
+    """Photographs along two rows of a scene, each times its exposure."""
     ground, layers = scene(step_px * (len(exposures) // 2 - 1) + 630), []
     rng = np.random.default_rng(2)
-    y, x = np.indices(SIZE_PX[::-1])
-    radius = np.hypot(x - (SIZE_PX[0] - 1) / 2, y - (SIZE_PX[1] - 1) / 2) / (np.hypot(*SIZE_PX) / 2)
     for number, exposure in enumerate(exposures):
         left, top = step_px * (number // 2), 120 * (number % 2)
         window = ground[top : top + SIZE_PX[1], left : left + SIZE_PX[0]]
-        light = np.asarray(exposure) * np.exp(-falloff * radius**2)[..., None]
-        exposed = np.clip(window * light + rng.normal(0, noise, window.shape), 0, 255)
+        exposed = np.clip(window * exposure + rng.normal(0, 1, window.shape), 0, 255)
         layers.append(Layer(np.rint(exposed).astype(np.uint8), np.array([[1.0, 0, left], [0, 1, top], [0, 0, 1]])))
     return layers
 

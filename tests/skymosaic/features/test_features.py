@@ -1,6 +1,5 @@
 """Frames as the front end takes them, and features of the host."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,20 +8,18 @@ import numpy as np
 import pytest
 
 from golden_model.arrays import Array, Pixels
-from golden_model.config import EstimatorConfig, preset_config
-from golden_model.front_end import extract
+from golden_model.config import preset_config
 from golden_model.records import FRAME_STATUS, HOMOGRAPHY, MATCH, Cause, Tag
 from sim.backends.errors import BackendError
 from sim.backends.golden import GoldenBackend
 from sim.backends.interface import FrameResult
 from sim.scene import make_pair
 from skymosaic.features.backends import load_backend
-from skymosaic.features.board_client import PORT, BoardBackend, _check_status, _list_packets
-from skymosaic.features.contrast import even_contrast, find_pattern, find_shared, share_pattern
+from skymosaic.features.board_client import PORT, BoardBackend, _check_status
+from skymosaic.features.contrast import find_shared, share_pattern
 from skymosaic.features.detectors import detect, keep_one_per_position
-from skymosaic.features.frames import Change, ChangedImage, _line_blur, change_image, map_matches_to_images, swap_sides
-from skymosaic.features.positions import MASK_MARGIN_PX, are_on_ground, feature_points, match_points, raw_positions
-from skymosaic.geometry.homography import apply
+from skymosaic.features.frames import Change, ChangedImage, change_image, map_matches_to_images, swap_sides
+from skymosaic.features.positions import MASK_MARGIN_PX, are_on_ground, match_points, raw_positions
 
 
 @pytest.mark.parametrize("name", ["fpga", "fpga:here", "golden:here", "rtl:7"])
@@ -94,18 +91,6 @@ def test_an_answer_has_to_be_of_the_frame_that_was_sent(where: str, changed: dic
             _check_status(result, 1 << 32, shape, "here")
 
 
-@pytest.mark.parametrize("estimator", [None, EstimatorConfig()])
-def test_packets_are_as_long_as_all_records_that_fit(estimator: EstimatorConfig | None) -> None:
-    aerial = preset_config("aerial")
-    packets = _list_packets(replace(aerial, estimator=estimator))
-    feature, status = aerial.front_end.pattern.record.record_bytes, FRAME_STATUS.record_bytes
-    most = aerial.front_end.max_features
-    expected = [(most * feature, feature), (status, status), (most * MATCH.record_bytes, MATCH.record_bytes)]
-    homography = [(HOMOGRAPHY.record_bytes, HOMOGRAPHY.record_bytes)] if estimator else []
-    found = [(most * dtype.itemsize, dtype.itemsize) for dtype, most in packets]
-    assert found == [*expected, (status, status), *homography]
-
-
 SHAPE = (120, 160)
 
 
@@ -118,15 +103,6 @@ def see(pattern: Array, place: int) -> Pixels:
     """Soft ground of a place under a pattern."""
     rows, columns = np.indices(SHAPE) / 15
     return np.rint(120 + 20 * np.sin(rows + place) * np.cos(columns * (1 + place / 9)) + pattern).astype(np.uint8)
-
-
-def test_the_pattern_is_what_images_of_different_places_share(pattern: Array) -> None:
-    images = [see(pattern, place) for place in range(8)]
-    found = find_pattern(images)
-    assert np.corrcoef(found.ravel(), pattern.ravel())[0, 1] > 0.95
-    # It has nothing of the ground.
-    assert abs(np.corrcoef(found.ravel(), see(0 * pattern, 3).ravel())[0, 1]) < 0.1
-    assert np.corrcoef((images[3] - found).ravel(), see(0 * pattern, 3).ravel())[0, 1] > 0.98
 
 
 def test_images_share_a_pattern_at_the_same_pixels_only(pattern: Array) -> None:
@@ -149,20 +125,6 @@ def test_a_display_is_where_images_are_alike(pattern: Array) -> None:
     assert not shared[:38].any()
 
 
-def test_contrast_is_even_without_light_and_pattern(pattern: Array) -> None:
-    rng = np.random.default_rng(1)
-    texture, light = rng.normal(0, 1, SHAPE), np.linspace(70, 150, SHAPE[1])
-    dim = np.rint(light + pattern + texture * np.linspace(2, 10, SHAPE[1])).clip(0, 255).astype(np.uint8)
-    even = even_contrast(dim, pattern.astype(np.float32)).astype(np.float64)
-    quarters = [even[:, start : start + 40] for start in range(0, SHAPE[1], 40)]
-    assert [quarter.mean() for quarter in quarters] == pytest.approx([128] * 4, abs=12)
-    assert max(quarter.std() for quarter in quarters) < 1.6 * min(quarter.std() for quarter in quarters)
-    assert np.corrcoef(even.ravel(), texture.ravel())[0, 1] > 0.9
-    assert np.corrcoef(even_contrast(dim).astype(float).ravel(), texture.ravel())[0, 1] < 0.85
-    # No direction of the image is special.
-    np.testing.assert_allclose(even_contrast(dim.T).astype(int), even_contrast(dim).T.astype(int), atol=1)
-
-
 def test_orientations_of_one_place_count_once() -> None:
     gray = cv2.cvtColor(make_pair(seed=9, size=(320, 240)).images[0], cv2.COLOR_BGR2GRAY)
     points = detect(gray, "sift", 500)
@@ -182,18 +144,6 @@ def test_points_count_that_are_far_enough_from_what_is_masked() -> None:
     points = np.array([*near, *far], np.float64)
     assert are_on_ground(points, visible).tolist() == [False] * len(near) + [True] * len(far)
     assert are_on_ground(points, None).all()
-
-
-def test_positions_are_sixteenths_of_pixels_rounded_half_up() -> None:
-    matches = np.zeros(2, MATCH.dtype)
-    for number, name in enumerate(("left_x", "left_y", "right_x", "right_y")):
-        matches[name] = 8 * number, 16 * number
-    left, right = match_points(matches)
-    assert (left.tolist(), right.tolist()) == ([[0, 0.5], [0, 1]], [[1, 1.5], [2, 3]])
-    features = np.array([(24, 32)], [("x", "<u2"), ("y", "<u2")])
-    assert feature_points(features).tolist() == [[1.5, 2]]
-    points = np.array([[1.0, 1 + 1 / 32], [1 + 1 / 32 - 1e-6, -5], [0, 1e6]])
-    assert raw_positions(points).tolist() == [[16, 17], [16, 0], [0, 65535]]
 
 
 CONFIG = preset_config("aerial")
@@ -228,31 +178,6 @@ def test_a_changed_frame_matches_its_image_in_place(image: Pixels, change: Chang
     assert np.median(np.linalg.norm(left - right, axis=1)[close]) < 0.6
 
 
-def test_a_margin_keeps_the_corners_near_the_edges(image: Pixels) -> None:
-    def near_edges(margin_px: int) -> int:
-        frame = change_image(image, Change(margin_px=margin_px))
-        assert frame
-        points = apply(frame.to_image, feature_points(extract(frame.pixels, CONFIG.front_end).features))
-        from_edges_px = np.minimum(points, np.array(SIZE) - 1 - points).min(axis=1)
-        return int(np.count_nonzero((from_edges_px >= 0) & (from_edges_px < 18)))
-
-    assert near_edges(0) == 0
-    assert near_edges(20) > 40
-
-
-def test_quarters_have_the_corners_between_them_too(image: Pixels) -> None:
-    odd = image[:-1, :-3]
-
-    def near_middle(change: Change) -> int:
-        frame = change_image(odd, change)
-        assert frame
-        points = apply(frame.to_image, feature_points(extract(frame.pixels, CONFIG.front_end).features))
-        return int(np.count_nonzero((np.abs(points - (158, 119)) < 8).any(axis=1)))
-
-    quarters = [Change(2.0, quarter=(column, row)) for row in range(2) for column in range(2)]
-    assert sum(map(near_middle, quarters)) >= near_middle(Change(2.0)) > 50
-
-
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_matches_outside_their_images_are_dropped(image: Pixels, side: str) -> None:
     (width, height), moved = SIZE, np.array([[1.0, 0, -20], [0, 1, -10], [0, 0, 1]])
@@ -278,16 +203,6 @@ def test_a_tilt_compresses_along_its_direction(image: Pixels) -> None:
     np.testing.assert_allclose(frame.to_image[:2, :2], [[2, 0], [0, 1]], atol=1e-12)
     coloured = change_image(np.stack([image] * 3, axis=2), Change(1.0, 2.0, 0.0))
     np.testing.assert_array_equal(coloured.pixels, np.stack([frame.pixels] * 3, axis=2))
-
-
-@pytest.mark.parametrize("tilt", [2**0.5, 2.0, 3.0])
-def test_the_blur_before_it_is_that_of_asift(tilt: float) -> None:
-    """A Gaussian of 0.8 sqrt(tilt^2 - 1) px along the direction, and nothing across it."""
-    kernel = _line_blur(tilt, 0.6, 0.8)
-    y, x = np.indices(kernel.shape) - len(kernel) // 2
-    along, across = (np.sqrt((kernel * each**2).sum()) for each in (0.6 * x + 0.8 * y, 0.8 * x - 0.6 * y))
-    assert along == pytest.approx(0.8 * np.sqrt(tilt**2 - 1), rel=0.1)
-    assert across < 0.5
 
 
 def test_swapping_twice_changes_nothing(image: Pixels) -> None:

@@ -1,6 +1,5 @@
 """Matches of somebody else, through the same search, verdict and layout."""
 
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -55,15 +54,6 @@ def test_matches_of_another_library_register_a_pair(estimator: Any) -> None:
     assert set(points.rules) == {"as given"}
     errors_px = np.linalg.norm(apply(pair.homography, pair.points().left) - pair.points().right, axis=1)
     assert np.median(errors_px) < 0.3
-
-
-def test_false_matches_are_refused_as_ones_own() -> None:
-    left, right = make_pair(seed=5, size=SIZE).images
-    rng = np.random.default_rng(1)
-    points = rng.uniform(0, 239, (2, 60, 2))
-    pair = register(left, right, matches=(points[0], points[1]))
-    assert not pair.accepted
-    assert "matches 60, kept 60" in pair.reason
 
 
 def test_a_flight_takes_them_by_pairs_and_matches_the_others_itself() -> None:
@@ -135,14 +125,3 @@ def test_options_of_features_have_no_effect_on_a_given_pair(option: dict[str, An
     left, right = make_pair(seed=5, size=SIZE).images
     with pytest.raises(InputError, match=f"`{next(iter(option))}` has no effect on matches that are given; leave it"):
         register(left, right, matches=(GOOD, GOOD), **option)
-
-
-def test_a_public_flight_is_placed_by_matches_of_another_library(public_data: Path) -> None:
-    files = sorted((public_data / "flights" / "brighton_beach").glob("*.[jJ]*"))[:6]
-    described = [describe_by_sift(np.asarray(cv2.imread(str(file), cv2.IMREAD_GRAYSCALE))) for file in files]
-    pairs = [(left, left + step) for step in (1, 2) for left in range(6 - step)]
-    found = {pair: match(*(described[side] for side in pair)) for pair in pairs}
-    given = {pair: matches for pair, matches in found.items() if len(matches[0]) >= 12}
-    made = mosaic(files, matches=given, scale=0.1)
-    assert made.placed == (0, 1, 2, 3, 4, 5)
-    assert np.nanmedian(made.table()["error_px"]) < 1.5

@@ -2,9 +2,8 @@ import cv2
 import numpy as np
 import pytest
 
-from golden_model.matching import correlation, rule_bases
 from golden_model.records import feature_record
-from skymosaic.features.matchers import GOOD_MATCH_ABOVE, match_by_correlation, match_by_ratio, track_features
+from skymosaic.features.matchers import match_by_correlation, match_by_ratio, track_features
 
 NORMS = (cv2.NORM_L2, cv2.NORM_HAMMING)
 
@@ -59,19 +58,6 @@ def test_one_match_for_each_feature_of_image_2_and_the_closest() -> None:
     np.testing.assert_array_equal(matches["margin"], [62, 64])
 
 
-def test_a_match_in_one_direction_only_is_proposed_but_not_verified() -> None:
-    # Left 0 and 1 both find right 0, which is nearer to left 1; left 1 itself is nearer to right 1.
-    def bits(*ones: int) -> np.ndarray:
-        return np.packbits(np.isin(np.arange(64), ones))
-
-    left = np.stack([bits(*range(8)), bits(0, 1, 2, 20, 21)])
-    right = np.stack([bits(0, 1, 2, 3, 4, 20), bits(0, 1, 2, 20, 21)])
-    matches = match_by_ratio(records(left), records(right), cv2.NORM_HAMMING)
-    verdicts = {(int(m["left_index"]), int(m["right_index"])): int(m["verdict"]) for m in matches}
-    assert verdicts == {(0, 0): 0, (1, 1): 1}
-    np.testing.assert_array_equal(matches["rule"], 1 - matches["verdict"])
-
-
 @pytest.mark.parametrize("sizes", [(0, 5), (5, 0), (1, 5), (5, 1)])
 def test_without_a_second_nearest_there_is_no_ratio(sizes: tuple[int, int]) -> None:
     left, right = (records(np.zeros((count, 8), np.uint8)) for count in sizes)
@@ -79,27 +65,6 @@ def test_without_a_second_nearest_there_is_no_ratio(sizes: tuple[int, int]) -> N
     both = np.zeros((40, 40), np.uint8)
     assert len(match_by_correlation(left, right)) == min(sizes)
     assert len(track_features(both, both, left[:0], right)[1]) == 0
-
-
-@pytest.mark.parametrize("size_px", [3, 10])
-def test_window_matches_are_the_golden_models(size_px: int) -> None:
-    rng = np.random.default_rng(size_px)
-    scene = cv2.GaussianBlur(rng.integers(0, 256, (120, 160), dtype=np.uint8), (0, 0), 2)
-    noisy = np.clip(scene + rng.normal(0, 3, scene.shape), 0, 255).astype(np.uint8)
-    x, y = rng.integers(20, 140, 80), rng.integers(20, 100, 80)
-    left, right = (correlation.windows(image, x, y, size_px) for image in (scene, noisy))
-    matches = match_by_correlation(records(left), records(right))
-
-    _, forward = correlation.best_matches(left, right, "sad")
-    _, back = correlation.best_matches(right, left, "sad")
-    mutual = np.flatnonzero(back[forward] == np.arange(len(left)))
-    np.testing.assert_array_equal(matches["left_index"], mutual)
-    np.testing.assert_array_equal(matches["right_index"], forward[mutual])
-    scores = correlation.fuzzy_inputs(left[mutual], right[forward[mutual]])
-    weight, _ = rule_bases.correlation().evaluate(*scores)
-    np.testing.assert_array_equal(matches["weight"], weight)
-    np.testing.assert_array_equal(matches["distance"], scores[0])
-    np.testing.assert_array_equal(matches["verdict"], weight > GOOD_MATCH_ABOVE)
 
 
 def test_good_matches_only_are_kept() -> None:

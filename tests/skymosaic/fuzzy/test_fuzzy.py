@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from golden_model.fuzzy.fll import load_system, read_fll
+from golden_model.fuzzy.fll import load_system
 from golden_model.fuzzy.rules import SHIPPED
-from golden_model.fuzzy.sugeno import ONE
 from golden_model.fuzzy.system import FuzzySystem, IfThen, Input, Output
 from golden_model.fuzzy.terms import Term
 from skymosaic.cli.commands import app
 from skymosaic.common.errors import InputError
-from skymosaic.fuzzy.plotted_systems import plan_plot
 from skymosaic.fuzzy.quantised import measure_errors, quantise
 from tests.golden_model.fuzzy.tipper import TIPPER
 from tests.golden_model.fuzzy.valve import PRODUCT, VALVE
@@ -38,17 +36,6 @@ def test_the_errors_stay_within_the_bound(name: str, entries: int) -> None:
     assert errors.complete == (entries ** len(quantised.real.inputs) <= 1 << 18)
 
 
-def test_degrees_are_rounded_to_the_nearest_and_terms_that_sum_to_one_still_do() -> None:
-    for name, largest in (("correlation", 0.5), ("ilbp", 1.0)):
-        quantised = quantise(load_system(SHIPPED / f"{name}.fll"), 61)
-        for variable, tables in zip(quantised.real.inputs, quantised.model.inputs, strict=True):
-            for term in variable.terms.values():
-                exact = term.degree(quantised.positions(variable)) * ONE
-                assert np.abs(tables.sets[term.name] - exact).max() <= largest + 1e-9
-            if name == "ilbp":
-                assert (sum(tables.sets.values()) == ONE).all()
-
-
 def corners(*slopes: tuple[float, float]) -> FuzzySystem:
     """Four rules of a product over two inputs with two terms each that sum to one only if the slopes are opposite."""
     inputs = tuple(
@@ -66,20 +53,6 @@ def test_a_product_of_terms_that_sum_to_one_needs_no_division() -> None:
     assert errors.largest < 3 / 256
     with pytest.raises(ValueError, match="strengths sum to"):
         quantise(corners((1.0, 0.0), (0.0, 0.5)), 100)
-
-
-def test_a_third_input_is_shown_at_its_ends_and_in_its_middle() -> None:
-    flow = "InputVariable: flow\n  range: 2 12\n  term: some Rectangle 2 12\nOutputVariable"
-    three = VALVE.replace("OutputVariable", flow).replace("pressure is low", "pressure is low and flow is some")
-    plotted = plan_plot(quantise(read_fll(three), 41))
-    assert plotted.sections == (("flow 2", 0), ("flow 7", 20), ("flow 12", 40))
-    assert (plotted.surface, plotted.span, plotted.title) == ((0, 1), (-100, 100), "valve")
-    text = VALVE.replace("Engine: valve\n", "Engine: valve\n  description: How far it opens.\n", 1)
-    assert plan_plot(quantise(read_fll(text), 41)).title == "How far it opens."
-    two = plan_plot(quantise(read_fll(VALVE), 41))
-    assert two.sections == (("", 0),)
-    for axis, low, high in zip(two.axes, (3, 55), (27, 95), strict=True):
-        assert axis.units(np.array([0, 40])).tolist() == [low, high]
 
 
 ONE_INPUT = re.sub(

@@ -35,15 +35,6 @@ def with_jittering_display(image: np.ndarray) -> np.ndarray:
     return shown
 
 
-def with_watermarks(image: np.ndarray) -> np.ndarray:
-    """One word over and over, as agencies draw it over what is not paid for."""
-    shown = image.copy()
-    for y in range(25, SIZE[1], 40):
-        for x in range(-60, SIZE[0], 130):
-            cv2.putText(shown, "SAMPLE", (x + y % 100, y), cv2.FONT_HERSHEY_TRIPLEX, 0.9, (255, 255, 255), 2)
-    return shown
-
-
 def with_lines(site: Pixels) -> Pixels:
     """Ground of half the contrast behind eight lines of text."""
     shown = np.asarray(36 + 0.5 * site.astype(np.float64), dtype=np.uint8)

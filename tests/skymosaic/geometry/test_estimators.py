@@ -65,14 +65,3 @@ def test_fuzzy_ransac_accepts_what_its_rules_accept() -> None:
     np.testing.assert_array_equal(decision.rule, expected.rule)
     np.testing.assert_array_equal(inliers, np.isin(expected.rule, fuzzy_ransac.INLIER_RULES))
     assert H is not None
-
-
-def test_three_matches_give_no_homography() -> None:
-    four = np.array([[0.0, 0], [100, 0], [100, 100], [0, 90]])
-    assert estimate_by_opencv("ransac", four, four + 5) == pytest.approx(
-        np.array([[1, 0, 5], [0, 1, 5], [0, 0, 1]]), abs=1e-6
-    )
-    left, right, _ = matches(good=3, bad=0)
-    assert estimate_by_opencv("ransac", left, right) is None
-    assert estimate_by_opencv("magsac", left, right) is None
-    assert fuzzy(left, right, np.ones(3, dtype=bool)) == (None, None)

@@ -23,7 +23,6 @@ from skymosaic.geometry.ground import (
 )
 from skymosaic.geometry.homography import apply
 from tests.skymosaic.geometry.covered import (
-    SIZE,
     at_night,
     ground,
     seen,
@@ -31,7 +30,6 @@ from tests.skymosaic.geometry.covered import (
     with_display,
     with_jittering_display,
     with_lines,
-    with_watermarks,
 )
 
 
@@ -82,51 +80,6 @@ def test_a_sensors_pattern_joins_no_different_places(sites: list[Pixels], contra
     assert "of the ground" in pair.reason
 
 
-def test_copies_of_one_photograph_are_told(sites: list[Pixels]) -> None:
-    pair = register(sites[0], sites[0].copy())
-    assert pair.accepted
-    assert pair.right.notes == ("the same picture as left image",)
-
-
-def test_a_camera_that_hovers_sees_the_ground() -> None:
-    rng, place = np.random.default_rng(1), ground(5)
-    left, right = (
-        np.clip(seen(place, x, y) + rng.normal(0, 4, (480, 640, 3)), 0, 255).astype(np.uint8)
-        for x, y in ((300, 200), (301, 201))
-    )
-    pair = register(left, right)
-    assert pair.confidence is not None
-    assert pair.confidence.verdict == "good"
-    assert not pair.right.notes
-
-
-def test_where_nothing_has_moved_a_watermark_may_be_what_agrees(sites: list[Pixels]) -> None:
-    hazy = (np.asarray(80 + 0.3 * site.astype(np.float64), np.uint8) for site in sites[:2])
-    left, right = (with_watermarks(image) for image in hazy)
-    refused, pair = (register(left, right, accept_poor=accept_poor) for accept_poor in (False, True))
-    assert not refused.accepted
-    assert "repeats itself" in refused.reason
-    assert pair.confidence is not None
-    assert pair.confidence.evidence.ground_lack == 0
-    assert pair.confidence.verdict == "poor"
-
-
-@pytest.mark.parametrize("gravel", [0, 3, 20])
-def test_a_display_over_nothing_or_over_gravel_is_refused(gravel: int) -> None:
-    rng, displays = np.random.default_rng(1), []
-    for _ in range(2):
-        shown = cv2.resize(rng.normal(90, gravel, (120, 160)).clip(0, 255), (640, 480)).astype(np.uint8)
-        for line in range(8):
-            text = f"ALT 1{line}7 M SPD {line}.4 GPS 12 BAT 14.{line}V"
-            cv2.putText(shown, text, (5, 25 + 60 * line), cv2.FONT_HERSHEY_SIMPLEX, 0.8, (255, 255, 255), 2)
-        displays.append(shown)
-    assert not register(*displays).accepted
-    pair = register(*displays, accept_poor=True)
-    assert pair.confidence is not None
-    assert pair.confidence.verdict == "poor"
-    assert re.match(r"[1-6]\d % of the ground more should agree|the ground repeats itself", pair.confidence.reason)
-
-
 def test_water_below_a_camera_that_hovers_is_refused_with_the_shares_and_delivered_on_request(
     sites: list[Pixels],
 ) -> None:
@@ -142,15 +95,6 @@ def test_water_below_a_camera_that_hovers_is_refused_with_the_shares_and_deliver
     assert delivered.confidence is not None
     assert delivered.confidence.verdict == "poor"
     assert delivered.confidence.reason in refused.reason
-
-
-def test_a_shore_below_a_camera_that_hovers_is_delivered(sites: list[Pixels]) -> None:
-    later = seen(ground(5), 304, 203)
-    later[:, 390:] = sites[1][:, 390:]
-    pair = register(sites[0], later)
-    assert pair.homography == pytest.approx(np.array([[1, 0, -4], [0, 1, -3], [0, 0, 1]]), abs=0.1)
-    assert pair.evidence is not None
-    assert 0 < pair.evidence.ground_lack < 0.2
 
 
 def test_what_a_mask_or_a_display_hides_does_not_vote(sites: list[Pixels]) -> None:
@@ -170,50 +114,12 @@ def test_what_a_mask_or_a_display_hides_does_not_vote(sites: list[Pixels]) -> No
     assert not agreement.suffices
 
 
-def test_between_the_lines_of_a_display_the_ground_of_a_moved_camera_is_good() -> None:
-    place = ground(5)
-    pair = register(with_lines(seen(place, 200, 150)), with_lines(seen(place, 260, 80)))
-    assert pair.confidence is not None
-    assert pair.confidence.verdict == "good"
-    assert pair.confidence.evidence.ground_share > 0.9
-
-
 def test_the_farther_a_camera_moves_the_less_must_agree(sites: list[Pixels]) -> None:
     sight = Sight(sites[0])
     moved = [measure_ground(sight, sight, np.array([[1.0, 0, x], [0, 1, 0], [0, 0, 1]])) for x in (0, 64, 160)]
     assert [each.required for each in moved] == pytest.approx([0.7, 0.4, -0.05])
     assert [each.suffices for each in moved] == [True, False, True]
     assert measure_ground(sight, Sight(~sites[0]), np.eye(3)).share == 0
-
-
-def test_faint_ground_votes_in_the_coarsest_pictures_alone() -> None:
-    """A third of the picture has strong texture, which stands still; the rest has faint one, of two places."""
-    rng = np.random.default_rng(7)
-    grain = [cv2.resize(rng.normal(size=(60, 80)), SIZE, interpolation=cv2.INTER_CUBIC) for _ in range(3)]
-    strong = np.arange(SIZE[0]) < SIZE[0] // 3
-    left, right = (
-        Sight(np.rint(128 + np.where(strong, 15 * grain[0], 1.5 * each)).astype(np.uint8)) for each in grain[1:]
-    )
-    agreement = measure_ground(left, right, np.eye(3))
-    rows, columns = agreement.agreeing.shape
-    assert agreement.blocks == pytest.approx(rows * columns / 3, abs=rows)
-    assert agreement.share < 0.7 < agreement.agreeing.sum() / agreement.blocks
-
-
-def test_a_homography_that_moves_all_but_its_matches_joins_no_ground(sites: list[Pixels]) -> None:
-    text = np.stack([np.linspace(30, 600, 12), np.linspace(440, 446, 12)], axis=1)
-    # A line of text stands still, and one match above it has moved.
-    left, right = np.vstack([text, [(320, 60)]]), np.vstack([text, [(320, 200)]])
-    homography = np.asarray(cv2.findHomography(left, right)[0])
-    corner = apply(homography, np.array([0.0, 0.0]))
-    assert np.linalg.norm(corner) > 0.2 * SIZE[0]
-    _, agreement, left_out = find_ground(
-        lambda left_out: ("fit", None if left_out.rejected else homography, (left, right)),
-        lambda _fit: (Sight(sites[0]), Sight(sites[1])),
-    )
-    assert agreement is not None
-    assert not agreement.suffices
-    assert len(left_out.rejected) == 1
 
 
 def agreeing(share: float, blocks: int = 100, motion: float = 0.1, **decided: Any) -> Any:

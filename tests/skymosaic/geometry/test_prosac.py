@@ -149,18 +149,3 @@ def test_degenerate_matches_are_refused_quietly(left: Array, right: Array) -> No
     estimate = estimated(left, right, np.ones(len(left)))
     assert estimate.homography is None
     assert estimate.inliers.shape == (len(left),)
-
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_values_that_are_not_finite_are_refused(bad: float) -> None:
-    left, right, weight, _ = matches(20, 1.0, seed=10)
-    left[3, 0] = bad
-    with pytest.raises(ValueError, match="finite"):
-        estimated(left, right, weight)
-
-
-@pytest.mark.parametrize("weight", [-np.ones(20), np.ones(19), np.full(20, np.nan)])
-def test_impossible_weights_are_refused(weight: Array) -> None:
-    left, right, _, _ = matches(20, 1.0, seed=10)
-    with pytest.raises(ValueError, match="weights"):
-        estimated(left, right, weight)

@@ -67,12 +67,24 @@ def test_what_does_not_go_together_is_refused(changes: dict[str, Any], says: str
     assert says in str(refused.value)
 
 
-@pytest.mark.parametrize(("detector", "effort"), [("sift", "normal"), ("orb", "thorough")])
-def test_other_methods_have_no_further_passes(detector: str, effort: Any) -> None:
-    options = RegistrationOptions(detector=detector, effort=effort)  # type: ignore[arg-type]
-    with pytest.raises(
-        InputError, match=f"`effort` {effort} needs an oriented ILBP descriptor and the estimator prosac"
-    ):
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        (
+            {"detector": "sift", "effort": "normal"},
+            "`effort` normal needs an oriented ILBP descriptor and the estimator",
+        ),
+        ({"preset": "thesis", "effort": "thorough"}, "`effort` thorough needs an oriented ILBP descriptor"),
+        ({"estimator": "magsac", "effort": "normal"}, "`effort` normal needs .* and the estimator prosac"),
+        (
+            {"backend": "board", "address": "here", "effort": "normal"},
+            "needs frames of several sizes, a board takes one",
+        ),
+    ],
+)
+def test_an_effort_with_further_passes_needs_what_they_need(changes: dict[str, Any], says: str) -> None:
+    options = RegistrationOptions(**changes)
+    with pytest.raises(InputError, match=says):
         options.choose_effort(options.choose_method()[0])
 
 

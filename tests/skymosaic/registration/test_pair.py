@@ -1,6 +1,5 @@
 """A pair in numbers and pictures: which matches count as inliers, and what is told of a pair that is refused."""
 
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -61,19 +60,3 @@ def test_known_evidence_is_that_of_its_homography(pair: Pair) -> None:
     assert bare.confidence == pair.confidence is not None
     assert bare.with_homography(SHIFT, 0).known_evidence is None
     assert bare.refused("too far").confidence is None
-
-
-def test_a_pickled_pair_has_all_its_numbers(pair: Pair) -> None:
-    read: Pair = pickle.loads(pickle.dumps(pair))
-    sized = (read.left, read.right, *read.sights)
-    assert [each.size for each in sized] == 4 * [(320, 240)]
-    assert read.summary() == pair.summary()
-    assert read.row() == pair.row()
-    assert not read.left.pixels.size
-
-
-def test_a_picture_needs_the_pixels_of_both(pair: Pair) -> None:
-    assert "base64" in pair._repr_html_()
-    for side in ("left", "right"):
-        bare = replace(pair, **{side: getattr(pair, side).without_pixels()})
-        assert "base64" not in bare._repr_html_()

@@ -1,6 +1,5 @@
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +12,7 @@ from sim.backends.golden import GoldenBackend
 from sim.backends.interface import FrameResult, Reference
 from sim.scene import CameraPose
 from skymosaic import register
-from skymosaic.common.errors import InputError
 from skymosaic.evaluation.metrics import grid_error
-from skymosaic.features.backends import load_backend
 from skymosaic.features.frames import Change, DescribedImage
 from skymosaic.features.positions import match_points
 from skymosaic.geometry.prosac import MIN_INLIERS
@@ -94,28 +91,6 @@ def test_unrelated_images_are_refused_at_every_effort(near: tuple[CameraPose, ND
         assert f"kept {len(pair.kept)}, inliers {len(pair.inliers)} at " in pair.reason
         # `fast` was asked for, and `thorough` has tried everything.
         assert pair.reason.endswith("; `effort` thorough tries more") is (effort == "normal")
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"effort": "heroic"}, "fast, normal, thorough"),
-        ({"effort": "thorough", "preset": "thesis"}, "oriented ILBP"),
-        ({"effort": "normal", "estimator": "magsac"}, "magsac"),
-        ({"effort": "normal", "backend": "board", "address": "somewhere"}, "a board takes one"),
-        ({"effort": "normal", "backend": load_backend("board:somewhere")}, "a board takes one"),
-        ({"detector": "sift", "backend": load_backend("golden")}, "runs on the host"),
-    ],
-)
-def test_an_effort_that_cannot_apply_is_refused(
-    near: tuple[CameraPose, NDArray[np.uint8]], options: dict[str, Any], message: str
-) -> None:
-    with pytest.raises(InputError, match=message):
-        register(near[1], near[1], **options)
-
-
-def test_other_methods_take_one_pass_by_default(near: tuple[CameraPose, NDArray[np.uint8]]) -> None:
-    assert register(near[1], near[1], detector="orb").effort == "fast"
 
 
 def test_what_lies_outside_the_overlap_makes_no_pass_weak(monkeypatch: pytest.MonkeyPatch) -> None:

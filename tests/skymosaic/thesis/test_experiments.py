@@ -1,21 +1,10 @@
 """Every table is measured, as recorded; errors of registered pairs, and what counts as registered."""
 
-import itertools
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from skymosaic.thesis.dataset import DatasetPair
-from skymosaic.thesis.experiments import (
-    TIMED,
-    _measure_error,
-    is_registered,
-    measure_rings,
-    measure_seconds,
-    measure_stage,
-    measure_windows,
-)
+from skymosaic.thesis.experiments import _measure_error, is_registered, measure_rings, measure_windows
 from skymosaic.thesis.measurements import Measurements
 
 
@@ -56,15 +45,6 @@ def test_good_and_false_matches_are_the_stages_input(pair: DatasetPair) -> None:
         assert after["TP"] + after["FP"] + after["TN"] + after["FN"] == before["matches"]
 
 
-def test_times_are_of_the_processor(pair: DatasetPair, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("time.process_time", itertools.count(step=7).__next__)
-    times = {setting: values["seconds"] for table, setting, values in measure_windows(pair) if table == "IV-2"}
-    assert times == dict.fromkeys(("3", "10", "22", "25", "30"), 7)
-    # An image with itself is registered by any preset.
-    same = replace(pair, right=pair.left, truth=np.eye(3))
-    assert {setting: values["whole"] for _, setting, values in measure_seconds(same)} == dict.fromkeys(TIMED, 7)
-
-
 def moved(pair: DatasetPair, shift_px: float) -> np.ndarray:
     return np.array([[1.0, 0, shift_px], [0, 1, 0], [0, 0, 1]]) @ pair.truth
 
@@ -82,15 +62,3 @@ def test_a_homography_within_five_pixels_is_measured(
         assert values["error"] == pytest.approx(abs(shift_px or 0), abs=0.01)
     else:
         assert values == {"registered": 0}
-
-
-def test_a_stage_is_held_against_the_truth(pair: DatasetPair) -> None:
-    """Two of ten matches are wrong; one of these and seven of the others are kept."""
-    pair = replace(pair, truth=np.eye(3))
-    left = np.random.default_rng(1).uniform(50, 400, (10, 2))
-    right = left + np.array([[0.5, 0]] * 8 + [[40, 0], [0, -60]])
-    kept = np.array([*[True] * 7, False, True, False])
-    _, _, values = measure_stage("fuzzy", pair, (left, right), kept)
-    assert values == {"TP": 7, "FP": 1, "TN": 1, "FN": 1, "registered before": True, "registered after": True}
-    _, _, values = measure_stage("fuzzy", pair, (left, right), ~kept)
-    assert values == {"TP": 1, "FP": 1, "TN": 1, "FN": 7, "registered before": True, "registered after": False}

@@ -18,7 +18,7 @@ from skymosaic.common.errors import InputError
 from skymosaic.thesis import charts, tables
 from skymosaic.thesis.corners import CORNERS, compute_responses, detect_strongest, find_threshold, raise_threshold
 from skymosaic.thesis.dataset import DatasetPair, list_sources
-from skymosaic.thesis.measurements import Measurement, Measurements
+from skymosaic.thesis.measurements import Measurements
 from skymosaic.thesis.published import PUBLISHED
 
 
@@ -42,17 +42,6 @@ def test_the_threshold_doubles_until_the_matches_are_good(pair: DatasetPair) -> 
     assert corners == sorted(corners, reverse=True)
 
 
-def test_flat_images_have_no_threshold_to_raise_to() -> None:
-    flat = np.full((160, 200), 90, np.uint8)
-    assert len(raise_threshold((flat, flat))) == 1
-    # With more corners than fit, a picture has none: the search begins where they fit.
-    noise = np.random.default_rng(1).integers(0, 256, (480, 640), np.uint8)
-    (first, *_) = raise_threshold((noise, flat))
-    assert first.threshold > 1 << 12
-    assert max(map(len, first.features)) > 0
-    assert len(detect_strongest(flat)) == 0
-
-
 def test_photographs_are_reduced_and_their_truth_with_them(tmp_path: Path, pair: DatasetPair) -> None:
     grow = np.array([[2, 0, 0.5], [0, 2, 0.5], [0, 0, 1]])
     left, right = (np.repeat(np.repeat(image, 2, axis=0), 2, axis=1) for image in (pair.left, pair.right))
@@ -68,27 +57,6 @@ def test_a_homography_without_overlap_is_named(pair: DatasetPair) -> None:
     away = np.array([[1.0, 0, 5000], [0, 1, 0], [0, 0, 1]])
     with pytest.raises(InputError, match="do not overlap"):
         dataclasses.replace(pair, truth=away)
-
-
-def test_means_and_pooled_shares_by_hand() -> None:
-    lines = [
-        Measurement("T", "s", "a", "one", {"good": 1, "matches": 2}),
-        Measurement("T", "s", "b", "two", {"good": 3, "matches": 10}),
-        Measurement("T", "s", "c", "two", {"matches": 6}),
-        Measurement("T", "other", "c", "two", {"matches": 50, "good": 9}),
-        Measurement("U", "s", "a", "one", {"matches": 70, "good": 9, "none": 0}),
-    ]
-    found = Measurements(lines)
-    assert found.number("T", "s", "good") == 2
-    assert found.groups["two"].number("T", "s", "matches") == 8
-    assert found.number("T", "s", "matches-good") == 4
-    assert found.number("T", "s", "good / matches") == pytest.approx(4 / 18)
-    assert found.number("T", "s", "matches-good / matches+good") == pytest.approx(14 / 22)
-    assert np.isnan(found.number("T", "s", "seconds"))
-    assert np.isnan(found.number("T", "s", "good / seconds"))
-    assert np.isnan(found.number("U", "s", "good / none"))
-    assert ([*found.groups], found.pairs) == (["one", "two"], ["a", "b", "c"])
-    assert (found.settings("T"), found.settings("U")) == (["s", "other"], ["s"])
 
 
 def test_the_csv_holds_every_value(measured: Measurements) -> None:
@@ -118,11 +86,6 @@ def test_our_thresholds_are_scaled_to_the_published_corners(measured: Measuremen
     scaled = tables.scale_thresholds(measured)
     assert scaled.settings("IV-1") == PUBLISHED.settings("IV-1")
     assert scaled.number("IV-1", "5000", "both") == pytest.approx(PUBLISHED.number("IV-1", "5000", "both"), rel=0.05)
-
-
-def test_methods_that_registered_no_pair_have_no_row_of_seconds(measured: Measurements) -> None:
-    without = Measurements([line for line in measured.lines if line.table != "IV-7"])
-    assert all(row["method"].startswith("thesis, ") for row in tables.tabulate(without, "IV-7"))
 
 
 RECORDED = Path(__file__).with_name("recorded_page.txt")

@@ -214,35 +214,3 @@ def test_why_an_object_is_lost_is_said(place: Any, sees_surroundings: bool, says
     for _ in range(2):
         track.follow(FRAME)
     assert says in track.explain(FRAME)
-
-
-@pytest.mark.parametrize("at_once", [False, True])
-def test_a_cut_is_told_by_the_first_frame_without_the_object(at_once: bool) -> None:
-    seen = Seen([moved(50, 50), None, None])
-    seen.sees_surroundings = at_once
-    track = begun(seen, moved(50, 50))
-    for _ in range(2):
-        track.follow(FRAME)
-    seen.sees_surroundings = not at_once
-    track.follow(FRAME)
-    assert ("the picture changed altogether" in track.explain(FRAME)) is not at_once
-
-
-@pytest.mark.parametrize(
-    ("place", "is_outside"), [((0, 699), False), ((899, 0), False), ((900, 9), True), ((9, -1), True)]
-)
-def test_an_object_has_left_the_frame_where_its_middle_lies_outside(place: Any, is_outside: bool) -> None:
-    track = begun(Seen([]), moved(place[0] - 50, place[1] - 40))
-    assert ("left the frame" in track.explain(FRAME)) is is_outside
-
-
-@pytest.mark.parametrize("has_twin", [False, True])
-def test_what_is_half_of_its_side_away_may_be_a_twin(has_twin: bool) -> None:
-    seen = Seen([])
-    track = begun(seen, moved(100, 100))
-    vars(track)["_has_twin"] = has_twin
-    side_px = np.sqrt(100 * 80)
-    for share in (0.45, 0.55):
-        homography = moved(100, 100 - share * side_px)
-        found = TemplatePose(homography, "similarity", 9, seen.followed, seen.left_out, False, VIEW)
-        assert track._is_twin(found) == (has_twin and share > 0.5)

@@ -41,22 +41,6 @@ def test_a_car_is_tracked_and_found_again_after_a_bridge_hides_it(
     assert (film.visible[hidden[-1] :] >= 1).any()
 
 
-def test_a_car_below_text_in_the_first_frame_is_followed_and_the_text_is_not(
-    film: Pursuit, film_frames: list[Pixels], roi: Roi
-) -> None:
-    truth = true_corners(film, roi)[:10]
-    place = (roi.x_px - 30, roi.y_px + roi.height_px // 2 + 5)
-    frames = [
-        cv2.putText(
-            frame.copy(), "ALT 120.0 m SPD 12", place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255,) * 3, 1, cv2.LINE_AA
-        )
-        for frame in film_frames[:10]
-    ]
-    tracked = list(map(Tracker(roi).follow, frames))
-    assert all(each.corners is not None for each in tracked)
-    assert np.linalg.norm([each.corners for each in tracked] - truth, axis=-1).max() < 3
-
-
 def test_a_template_of_larger_scale_is_found(
     film: Pursuit, film_frames: list[Pixels], roi: Roi, tmp_path: Path
 ) -> None:
@@ -68,25 +52,6 @@ def test_a_template_of_larger_scale_is_found(
     assert len(errors) >= 6
     # Half of one of its own pixels is 0.25 px here.
     assert np.mean(errors) < 0.3
-
-
-@pytest.mark.parametrize("has_twin", [False, True])
-def test_the_first_picture_tells_whether_something_else_looks_like_the_object(has_twin: bool) -> None:
-    grain = np.random.default_rng(4).integers(0, 256, (300, 480, 3), dtype=np.uint8)
-    picture, roi = cv2.GaussianBlur(grain, (0, 0), 2), Roi(60, 100, 100, 80)
-    if has_twin:
-        picture[110:190, 300:400] = picture[100:180, 60:160]
-    tracker = Tracker(roi)
-    tracker.follow(picture)
-    assert tracker._track is not None
-    assert tracker._track._has_twin is has_twin
-
-
-def test_a_flat_template_is_refused(film_frames: list[Pixels]) -> None:
-    with pytest.raises(RegistrationError, match="features, 12 needed"):
-        list(map(Tracker(np.full((80, 80, 3), 120, np.uint8)).follow, film_frames[:1]))
-    with pytest.raises(InputError, match="template"):
-        list(map(Tracker(np.zeros((10, 10), np.uint16)).follow, film_frames[:1]))
 
 
 @pytest.mark.parametrize(

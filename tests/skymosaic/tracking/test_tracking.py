@@ -1,7 +1,6 @@
 """Templates, blocks, motion and the files of a track."""
 
 import json
-from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,13 +12,11 @@ import pytest
 
 from golden_model.arrays import Array, Pixels
 from sim.scene import render_ground
-from skymosaic.common.errors import OutputError, RegistrationError
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.model_selection import fit
-from skymosaic.imagery.video import VideoReader
 from skymosaic.tracking.blocks import BORDER_PX, match_blocks
 from skymosaic.tracking.motion import Matches, fit_object, fit_surroundings
-from skymosaic.tracking.output import follow_video, make_row, save_corners
+from skymosaic.tracking.output import make_row, save_corners
 from skymosaic.tracking.template import MARGIN_PX, Roi, Template
 from skymosaic.tracking.tracker import TrackedFrame
 
@@ -164,43 +161,3 @@ def test_a_row_has_corners_or_the_reason_and_files_have_both(tmp_path: Path) -> 
     seen, lost = json.loads((tmp_path / "a.JSON").read_text())["corners"]
     assert (seen["corners"][2], seen["model"], seen["inliers"]) == ([50.25, 41.0], "similarity", 9)
     assert (lost["corners"], lost["inliers"], lost["reason"]) == (None, 0, "lost: hidden")
-
-
-@pytest.mark.parametrize(("found", "is_writable"), [((0,), True), ((0, 2), False), ((), False)])
-def test_a_video_that_cannot_be_written_costs_no_table(
-    tmp_path: Path, found: tuple[int, ...], is_writable: bool
-) -> None:
-    class Reader:
-        name, frame_rate, seconds = "film.mp4", Fraction(10), 0.0
-
-        def __iter__(self) -> Any:
-            for number in range(3):
-                self.seconds = number / 10
-                yield TrackedFrame(number, BLACK, *((CORNERS, POSE) if number in found else (None, None)))
-
-    tracker: Any = SimpleNamespace(follow=lambda frame: frame)
-    output = tmp_path / ("out.mp4" if is_writable else "no_folder/out.mp4")
-    told: list[int] = []
-    failures: list[str] = []
-
-    def follow(failures: list[str] | None) -> Any:
-        told.clear()
-        return follow_video(tracker, Reader(), output, lambda frame, _: told.append(frame.number), failures)  # type: ignore[arg-type]
-
-    if not found:
-        with pytest.raises(RegistrationError, match=r"film.mp4: the template was found in none of 3 frames"):
-            follow(failures)
-        return
-    rows = follow(failures)
-    assert [(row.frame, row.seconds, row.corners is not None) for row in rows] == [
-        (number, number / 10, number in found) for number in range(3)
-    ]
-    assert told == [0, 1, 2]
-    assert output.exists() is is_writable
-    assert len(failures) == (not is_writable)
-    if is_writable:
-        # The outline is drawn in the frame in which the object was found.
-        assert [frame[..., 1].max() > 100 for frame in VideoReader(output)] == [True, False, False]
-    if not is_writable:
-        with pytest.raises(OutputError):
-            follow(None)

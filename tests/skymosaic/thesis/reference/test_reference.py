@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Array
 from skymosaic.compositing.warp import footprint, warp_backward
-from skymosaic.geometry.fuzzy_ransac import decide
 from skymosaic.geometry.homography import apply, dlt, estimate_similarity
 from tests.skymosaic.geometry.test_homography import ISOMETRY, PROJECTIVE, scattered
 from tests.skymosaic.thesis.reference.fuzzy_ransac import decide_in_sets_of_four
@@ -42,17 +41,6 @@ def test_one_bad_match_spoils_its_four() -> None:
     assert not decide_in_sets_of_four(SHIFT, left, right, [1, 1, 1, 0], rng=rng, sets=50).any()
     left, right = off_by([0, 0, 0, 5])
     assert not decide_in_sets_of_four(SHIFT, left, right, [1, 1, 1, 1], rng=rng, sets=50).any()
-
-
-def test_many_fours_find_what_each_match_would_get() -> None:
-    rng = np.random.default_rng(3)
-    verified, errors_px = rng.random(40) < 0.8, rng.choice([1.0, 9.0], 40, p=(0.8, 0.2))
-    left, right = off_by(errors_px)
-    alone = decide(SHIFT, left, right, verified).inliers
-    few, many = (decide_in_sets_of_four(SHIFT, left, right, verified, rng=rng, sets=n) for n in (10, 2000))
-    np.testing.assert_array_equal(many, alone)
-    assert not (few & ~alone).any()
-    assert few.sum() < alone.sum()
 
 
 def test_inhomogeneous_is_the_normal_equations_solution() -> None:
