@@ -2,7 +2,6 @@
 
 import re
 import shlex
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from skymosaic.cli.export import BuildOptions, CameraOptions, _export
 from skymosaic.common.errors import InputError
 from skymosaic.common.options import options_of
 from tests.conftest import Run
-from tests.system.command_line import captured, only_error
+from tests.system.command_line import only_error
 
 ULX3S = BUILDS["ulx3s"]
 
@@ -102,18 +101,6 @@ def test_every_export_says_what_it_is_and_has_its_name(run: Run, tmp_path: Path)
 def test_a_line_break_on_the_command_line_ends_no_comment(run: Run, tmp_path: Path) -> None:
     assert run("export", "block", "gray", "-o", "a\nb")[0] == 0
     assert "-o 'a\\nb'\n// Digest" in (tmp_path / "a\nb" / "gray.v").read_text()
-
-
-@pytest.mark.parametrize("words", [("block", "half"), ("block", "hdl.pixel.gray:Gray"), ("board", "ulx3s")])
-def test_other_pixels_than_of_8_bits_are_refused(tmp_path: Path, words: tuple[str, ...]) -> None:
-    code = (
-        "import sys; from golden_model import formats; formats.PIXEL = formats.UQ(10);"
-        f"from skymosaic.cli import main; sys.argv[1:] = {['export', *words, '-o', 'made']}; main()"
-    )
-    done = captured([sys.executable, "-c", code], cwd=tmp_path)
-    assert done.returncode == 2, done.stderr
-    assert done.stderr.splitlines()[-1].startswith("error: PIXEL is UQ(10, 0); hardware is made for pixels of 8 bits")
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_class_of_ones_own_has_a_bench_with_a_model_alone(run: Run, tmp_path: Path) -> None:

@@ -9,13 +9,6 @@ from skymosaic.cli.commands import app
 from skymosaic.common.errors import InputError
 
 
-def test_the_command_prints_rules_and_draws(tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["fuzzy", "ransac", "--plot", "-o", str(tmp_path / "fuzzy")])
-    assert result.exit_code == 0, result.output
-    assert "not verified" in result.output
-    assert [path.name for path in (tmp_path / "fuzzy").iterdir()] == ["ransac.png"]
-
-
 @pytest.mark.parametrize(
     ("words", "says"),
     [

@@ -86,17 +86,6 @@ def test_what_is_typed_becomes_the_object(tmp_path: Path) -> None:
     assert defaults.base_config == preset_config("aerial")
 
 
-def test_a_board_is_typed_with_its_address() -> None:
-    assert typed("some", "--backend", "board", "--address", "192.0.2.7:5000").backend_name == "board:192.0.2.7:5000"
-    for words, says in (
-        (("--address", "192.0.2.7"), "choose `backend` board"),
-        (("--backend", "board"), "give it with `address`"),
-    ):
-        result = run("some", *words)
-        assert isinstance(result.exception, InputError)
-        assert says in str(result.exception)
-
-
 def test_the_words_for_options_are_read_as_these_options(tmp_path: Path) -> None:
     rules = shipped_rules("ilbp")
     files = {"config": tmp_path / "c.toml", "rules": tmp_path / "r.fll"}

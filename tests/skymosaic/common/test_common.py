@@ -3,7 +3,6 @@
 import json
 import math
 import os
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -17,8 +16,6 @@ from skymosaic.common.errors import InputError
 from skymosaic.common.options import Checked, choose_options, command_words, document_options, option, options_of
 from skymosaic.common.provenance import finite, provenance, to_json
 from skymosaic.common.replaced import find_replaced, refuse_inputs
-from skymosaic.common.stopwatch import Stopwatch
-from skymosaic.common.tables import tabulate, to_csv
 
 
 @pytest.mark.parametrize("name", [name for name in vars(errors) if name.endswith("Error") and name[0] != "_"])
@@ -86,19 +83,6 @@ def test_options_are_those_of_their_class_and_have_words() -> None:
     assert command_words(given) == ["--room", "5", "--share", "0.5", "--kind", "odd", "--strict"]
 
 
-def test_the_docstring_says_what_is_valid() -> None:
-    lines = (Options.__doc__ or "").splitlines()
-    assert lines[:5] == ["Some options.", "", "    Attributes", "    ----------", lines[4]]
-    assert lines[6:12] == [
-        "    share : float or None, default None",
-        "        A share. It must be more than 0 and at most 1.",
-        "    tiles : int, default 2",
-        "        Tiles. It must be at least 1 and at most 8.",
-        "    kind : {'plain', 'odd'} or bytes, default 'plain'",
-        "        A kind.",
-    ]
-
-
 def test_a_file_says_what_wrote_it_and_what_json_does_not_know_is_null() -> None:
     nested = {"a": (1.5, math.inf, [-math.inf, {"b": math.nan}]), Path("c"): [Path("d"), None, True, 7]}
     assert finite(nested) == {"a": [1.5, None, [None, {"b": None}]], "c": ["d", None, True, 7]}
@@ -156,21 +140,6 @@ def test_the_line_names_the_file(tmp_path: Path) -> None:
         refuse_inputs(link, [photograph])
     with pytest.raises(InputError, match=r": its b\.jpg holds .*a\.jpg, one of the inputs; choose another folder"):
         refuse_inputs(tmp_path, [photograph], r"b\.jpg")
-
-
-def test_a_lap_lasts_from_the_end_of_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(time, "perf_counter", iter([10.0, 10.5, 12.5]).__next__)
-    clock = Stopwatch({"reading": 3.0})
-    assert (clock.lap("matching"), clock.lap("blending")) == (0.5, 2.0)
-    assert clock.seconds == {"reading": 3.0, "matching": 0.5, "blending": 2.0}
-
-
-def test_rows_become_columns_and_none_is_nan_among_numbers() -> None:
-    table = tabulate([{"name": "a", "error_px": 0.5}, {"name": "b", "error_px": None}])
-    assert table["name"].tolist() == ["a", "b"]
-    np.testing.assert_array_equal(table["error_px"], [0.5, np.nan])
-    assert tabulate([]) == {}
-    assert to_csv(["a", "b"], [[1, None], ["x,y", 2.5]]) == 'a,b\n1,\n"x,y",2.5\n'
 
 
 @pytest.fixture

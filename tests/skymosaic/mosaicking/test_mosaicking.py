@@ -78,15 +78,6 @@ def test_tiles_replace_no_photographs(tmp_path: Path, folder: str, groups: bool)
         check(run, tmp_path / "m.tif", OutputForm(tiles=tmp_path / "tiles"), overwrite=True)
 
 
-def test_the_mosaics_of_further_groups_replace_no_photographs(tmp_path: Path) -> None:
-    photographs = [tmp_path / f"m_{number}.png" for number in range(3)]
-    for path in photographs:
-        cv2.imwrite(str(path), np.zeros((80, 100), np.uint8))
-    refused = pytest.raises(InputError, match=r"m_0\.png: is one of the inputs")
-    with open_run(photographs, MosaicOptions(all_groups=True)) as run, refused:
-        check(run, tmp_path / "m.png", overwrite=True)
-
-
 @pytest.mark.parametrize("folder", [".", "..", "/"])
 def test_tiles_of_several_groups_need_a_name(tmp_path: Path, folder: str) -> None:
     form = OutputForm(tiles=Path(folder))

@@ -4,7 +4,6 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -15,7 +14,6 @@ from PIL import Image as PillowImage
 from sim.scene import Flight
 from skymosaic.common.errors import InputError, RegistrationError
 from skymosaic.flight.layout.layout import Layout
-from skymosaic.flight.mapping.place import MapPlace
 from skymosaic.flight.picture import formats
 from skymosaic.flight.picture.formats import format_of
 from skymosaic.imagery.exif import Metadata
@@ -30,7 +28,6 @@ from skymosaic.running.workers import Workers
 from tests.skymosaic.flight import made
 
 PHOTOGRAPH = Source(0, "0.jpg", Path("0.jpg"))
-MULTI_BAND = replace(PHOTOGRAPH, bands={"nir": PHOTOGRAPH})
 
 
 def swap(one: Path, other: Path) -> None:
@@ -187,17 +184,6 @@ def test_what_a_file_cannot_hold_is_refused_or_reduced_before_it_is_rendered(
     assert not any(tmp_path.iterdir())
 
 
-def test_a_map_for_the_eye_needs_a_place(flight: Flight, surveyed: Path, tmp_path: Path) -> None:
-    with open_run(flight.images[:3], MosaicOptions(cache=surveyed)) as run:
-        refused = pytest.raises(RegistrationError, match=r"m\.kmz has no place on the map: .*; nothing was written")
-        with refused:
-            run.write(tmp_path / "m.kmz")
-        mosaic = Mosaic(np.zeros((4, 4), np.uint8), run.flight, run.layouts[0], run.composition(run.layouts[0]))
-        with refused:
-            mosaic.save(tmp_path / "m.kmz")
-    assert not any(tmp_path.iterdir())
-
-
 def test_control_points_must_reach_the_largest_group_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
     def place_on_map(*_: Any) -> None:
         raise InputError("too few control points")
@@ -213,22 +199,3 @@ def test_control_points_must_reach_the_largest_group_and_no_other(monkeypatch: p
             run.composition(first)
         place: Any = run.composition(second)
     assert place.note == "too few control points"
-
-
-@pytest.mark.parametrize(
-    ("number", "placed", "gsd_m"), [(0, True, 0.5), (0, False, 0.5), (1, True, 0.5), (1, False, None)]
-)
-def test_a_group_without_a_place_has_the_resolution_of_its_photographs(
-    monkeypatch: pytest.MonkeyPatch, number: int, placed: bool, gsd_m: float | None
-) -> None:
-    place = MapPlace(object() if placed else None)  # type: ignore[arg-type]
-    layouts = [Layout(members, members[0], {}, ()) for members in ((0, 1), (2, 3))]
-    flight = made.flight(made.views(4), (), layouts, pair=None if placed else SimpleNamespace(accepted=True))
-    monkeypatch.setattr("skymosaic.mosaicking.run.place_on_map", lambda *_: place)
-    monkeypatch.setattr("skymosaic.mosaicking.run.compose", lambda *_, **given: given)
-    stages = list[tuple[Any, ...]]()
-    with Workers(progress=lambda *stage: stages.append(stage)) as workers:
-        run: Any = MosaicRun([PHOTOGRAPH, MULTI_BAND], MosaicOptions(gsd_m=0.5), workers, print, flight)
-        composed: Any = run.composition(layouts[number])
-    assert (composed["gsd_m"], composed["place"]) == (gsd_m, place)
-    assert stages == [("exposure and seams", 0, 0)] * placed

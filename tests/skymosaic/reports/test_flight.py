@@ -22,7 +22,7 @@ from skymosaic.maps.georeference import Georeference
 from skymosaic.reports import flight as report
 from skymosaic.reports.summary import describe_mosaic
 from tests.skymosaic.flight import made
-from tests.skymosaic.flight.made import ON_MAP, PLACE, TURNED, delivered, tie
+from tests.skymosaic.flight.made import PLACE, TURNED, delivered, tie
 
 LENS = Lens((800, 600), np.array([[800.0, 0, 399.5], [0, 800, 299.5], [0, 0, 1]]), np.array([-0.02, 0, 0, 0, 0]))
 FINE = FlightCheck(complete=True, photographs=(), problems=())
@@ -110,16 +110,6 @@ def test_the_map_says_how_well_it_fits_and_who_disagrees_the_worst_first() -> No
     assert describe_mosaic(delivered(place=plain, layout=exact, pair=object()))["map"] == "EPSG:32615, 0.05 m per pixel"
 
 
-def test_the_numbers_of_the_map_leave_out_what_is_unknown() -> None:
-    assert numbers_of(delivered())["crs"] is None
-    numbers = numbers_of(delivered(place=PLACE))
-    assert numbers["offsets_m"] == {"0.jpg": 0.3, "2.jpg": 60.2, "3.jpg": 75.4}
-    assert numbers["left_out"] == ["3.jpg", "2.jpg"]
-    assert (numbers["scale_error_95"], numbers["median_error_m"]) == (0.0123, 0.15)
-    unsure = replace(PLACE, georeference=replace(ON_MAP, scale_error=np.nan))
-    assert numbers_of(delivered(place=unsure))["scale_error_95"] is None
-
-
 def test_places_and_links_are_listed_the_worst_first(tmp_path: Path) -> None:
     plain, _ = page_of(tmp_path / "r", delivered())
     assert not {"place", "photograph"} & set(plain)
@@ -132,20 +122,6 @@ def test_places_and_links_are_listed_the_worst_first(tmp_path: Path) -> None:
     assert page_of(tmp_path / "r", delivered(layout=layout))[0]["photograph"][1:] == [
         ("3.jpg", "6.00", "6.00", "9"), ("0.jpg", "1.00", "1.00", "20"), ("1.jpg", "1.00", "6.00", "29")
     ]  # fmt: skip
-
-
-def test_the_numbers_of_a_mosaic(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Composition, "cut_off", {"/site/3.jpg": 0.123456})
-    numbers = numbers_of(delivered(place=PLACE, aligned_px={"nir": 1.23456}))
-    assert (numbers["placed"], numbers["reference"], numbers["size"]) == (3, "1.jpg", [800, 500])
-    assert (numbers["median_error_px"], numbers["error_90_percent_px"], numbers["relief"]) == (0.5, 2.0, 0.2)
-    assert list(numbers["transforms"]) == ["0.jpg", "1.jpg", "3.jpg"]
-    assert numbers["transforms"]["1.jpg"][0] == [3, 0, 0]
-    assert numbers["contradicting"] == [["0.jpg", "3.jpg"]]
-    assert (numbers["band_error_px"], numbers["cut_off"]) == ({"nir": 1.235}, {"3.jpg": 0.1235})
-    assert (numbers["value_range"], numbers["independent_errors"]) == (None, None)
-    deep = numbers_of(delivered(values=ValueRange(1.0, 2.0)))
-    assert deep["value_range"] == {"low": 1.0, "high": 2.0, "kept_in_tif": False}
 
 
 def test_ground_that_was_compared_is_drawn_over_the_mosaic_and_what_differs_lies_on_top(tmp_path: Path) -> None:
@@ -193,21 +169,3 @@ def test_advice_is_about_the_flight_and_then_about_photographs_with_problems(tmp
     check = FlightCheck(complete=False, photographs=photographs, problems=("one side",))
     _, listed = page_of(tmp_path / "r", delivered(), check)
     assert listed == ["2.jpg: blurred", "one side", "b.jpg: blurred, no GPS", "c.jpg: too dark"]
-
-
-@pytest.mark.parametrize(
-    ("names", "shown"),
-    [
-        (["/flight/1.jpg", "/flight/rtk/2.jpg"], ["1.jpg", "2.jpg"]),
-        (["flight/a/1.jpg", "flight/b/1.jpg"], ["a/1.jpg", "b/1.jpg"]),
-        (["1.jpg", "north/2.jpg"], ["1.jpg", "2.jpg"]),
-    ],
-)
-def test_names_have_the_folders_that_tell_them_apart(names: list[str], shown: list[str]) -> None:
-    views = tuple(replace(view, name=name) for view, name in zip(delivered().flight.views, names, strict=False))
-    flown = made.flight(views, left_out=dict(enumerate(names)))
-    assert flown.view_names == shown
-    assert (
-        flown.shorten(f"{names[0]} is not {names[1]}, so data/{names[1]}")
-        == f"{shown[0]} is not {shown[1]}, so data/{names[1]}"
-    )

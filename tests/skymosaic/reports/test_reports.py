@@ -16,7 +16,6 @@ import pytest
 from PIL import Image
 from PIL.ExifTags import IFD, Base
 
-from golden_model.fuzzy.sugeno import SugenoSystem
 from golden_model.version import VERSION
 from sim.scene import make_pair
 from skymosaic.features.positions import match_points
@@ -32,8 +31,8 @@ from skymosaic.registration.pair import Pair
 from skymosaic.registration.register import register
 from skymosaic.reports import figures, pages
 from skymosaic.reports.flight import write_report
-from skymosaic.reports.pair import _table_rows, collect_pair_numbers, write_pair_report
-from skymosaic.reports.summary import describe_accuracy, list_files, on_white, summary_rows
+from skymosaic.reports.pair import _table_rows, write_pair_report
+from skymosaic.reports.summary import describe_accuracy, list_files, summary_rows
 from tests.skymosaic.flight.made import PLACE, delivered, tie
 from tests.skymosaic.panel.tasks.test_mosaic_tasks import METRES_PER_PIXEL, write_flight_with_gps
 
@@ -69,18 +68,6 @@ def test_fuzzy_ransac_shows_what_its_six_rules_decide() -> None:
         decided["rule"], [names.index(f"bidirectional check verified, error {e}") for e in ("less", "equal")]
     )
     np.testing.assert_array_equal(decided["verdict"] == 1, accepted)
-
-
-def test_where_no_rule_fires_the_accepting_rule_is_not_shown() -> None:
-    pair = register(LEFT, RIGHT, preset="thesis")
-    system = pair.method.rules(pair.config)
-    assert isinstance(system, SugenoSystem)
-    decided, names = figures._find_deciding_rules(pair)
-    silent = decided["rule"] == len(names) - 1
-    assert silent.any()
-    np.testing.assert_array_equal(silent, (pair.matches["rule"] == 0) & (pair.matches["weight"] == 0))
-    assert not decided["verdict"][silent].any()
-    assert figures._rule_color(len(names) - 1, names) not in figures._RULE_COLORS
 
 
 @pytest.fixture(scope="module")
@@ -123,16 +110,6 @@ def test_a_refused_pair_says_why_and_has_no_row_of_what_it_lacks(pair: Pair, tmp
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "corners_left.png", "corners_right.png", "index.html", "matches.png", "report.json",
     ]  # fmt: skip
-
-
-def test_the_numbers_of_a_pair_belong_to_its_sides(pair: Pair) -> None:
-    half = replace(pair, working=(pair.working[0][:100, :160], pair.working[1]))
-    numbers = collect_pair_numbers(half)
-    assert numbers["left"] == {"name": "/site/left.jpg", "size": [320, 200], "working_size": [160, 100], "notes": []}
-    assert numbers["right"]["notes"] == ["turned", "16 bits"]
-    assert numbers["right"]["working_size"] == [320, 240]
-    assert numbers["configuration"]["preset"] == "aerial"
-    assert numbers["inliers"] == len(pair.inliers)
 
 
 @pytest.fixture(scope="module")
@@ -211,18 +188,6 @@ def test_links_lead_to_what_was_written(site: Path) -> None:
         assert (site / "report" / address).is_file(), address
 
 
-def test_the_report_of_a_pair_names_its_maker_and_both_photographs(tmp_path: Path) -> None:
-    with open_run(make_pair(seed=5, size=(320, 240)).images, MosaicOptions()) as run:
-        write_report(tmp_path / "report", run.flight, run.write(tmp_path / "m.png"))
-    numbers = json.loads((tmp_path / "report" / "report.json").read_text())
-    assert numbers["version"] == VERSION
-    assert numbers["left"]["size"] == [320, 240]
-    picture = cv2.imread(str(tmp_path / "report" / "mosaic.jpg"))
-    assert picture is not None
-    # The photographs lie beside each other, and leave a corner open.
-    assert max(corner.min() for corner in (picture[:6, :6], picture[:6, -6:], picture[-6:, :6])) > 245
-
-
 def rows_of_delivery(times: list[str | None], metres_per_px: float | None, **changes: Any) -> dict[str, str]:
     """The words about a mosaic of three photographs; None: neither time nor camera is known."""
     metres = 1.0 if metres_per_px is None else metres_per_px
@@ -296,11 +261,3 @@ def test_files_of_several_mosaics_are_numbered_and_those_that_exist_alone_are_na
         ("mask of what moves with the camera", "mask.png"),
         ("all numbers", "report.json"),
     ]
-
-
-def test_what_no_gray_photograph_shows_is_white() -> None:
-    preview, coverage = np.array([[10, 20, 0]], np.uint8), np.array([[255, 155, 0]], np.uint8)
-    for shown in (preview, np.dstack([preview] * 3)):
-        white = on_white(delivered(preview=shown, coverage=coverage))
-        assert white.shape == shown.shape
-        assert white.reshape(3, -1)[:, 0].tolist() == [10, 120, 255]

@@ -1,9 +1,6 @@
 """Work and faults of a cluster, with a real scheduler and real workers, which are processes on this machine."""
 
-import dataclasses
-import itertools
 import os
-import signal
 import subprocess
 import sys
 import threading
@@ -16,14 +13,9 @@ import cv2
 import numpy as np
 import pytest
 
-from golden_model.cache import NO_CACHE
-from golden_model.config import preset_config
 from sim.scene import make_lawnmower
 from skymosaic import mosaic
 from skymosaic.common.errors import InputError, RegistrationError
-from skymosaic.flight.linking.surveyor import Surveyor
-from skymosaic.flight.linking.view import Settings, View
-from skymosaic.imagery.parcel import Parcel
 from skymosaic.imagery.photographs import list_sources
 from skymosaic.running.cluster import LIMIT, inspect_worker
 from skymosaic.running.workers import Workers
@@ -97,16 +89,6 @@ def connect(cluster: Processes, lines: list[str] | None = None, **options: Any) 
     return Workers(str(cluster.file), progress=progress, **options)
 
 
-def connect_until_refused(cluster: Processes) -> None:
-    """A worker that was started may take a while to come."""
-    while True:
-        connect(cluster).__exit__(None, None, None)
-
-
-def end_worker(_path: Path) -> None:
-    os._exit(1)
-
-
 def when(condition: Callable[[], bool], then: Callable[[], object]) -> threading.Thread:
     def wait() -> None:
         while not condition():
@@ -156,144 +138,9 @@ def test_a_scheduler_that_is_about_to_write_its_file_is_waited_for(crew: Process
     writing.join()
 
 
-def test_the_dashboard_is_named() -> None:
-    local: Any = distributed.LocalCluster
-    lines: list[str] = []
-    with (
-        local(processes=False, n_workers=1, host="127.0.0.1", protocol="tcp", dashboard_address=":0") as cluster,
-        Workers(cluster.scheduler_address, progress=lambda line, *_: lines.append(line)),
-    ):
-        assert lines == [f"{cluster.scheduler_address}: dashboard {cluster.dashboard_link}"]
-
-
-@pytest.mark.slow
-def test_a_signal_ends_the_wait_for_a_worker(cluster: Processes) -> None:
-    for name in ("a.png", "b.png", "c.png"):
-        cv2.imwrite(str(cluster.folder / name), np.zeros((100, 100), np.uint8))
-    command = [sys.executable, "-m", "skymosaic", "mosaic", "a.png", "b.png", "c.png", "-o", "m.png"]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    run = subprocess.Popen(
-        [*command, "--scheduler", cluster.file], cwd=cluster.folder, stderr=subprocess.PIPE, text=True, env=environment
-    )
-    assert run.stderr is not None
-    while "waiting 30 s" not in run.stderr.readline():
-        assert run.poll() is None
-    run.terminate()
-    assert "Traceback" not in run.communicate(timeout=60)[1]
-    assert run.returncode == 128 + signal.SIGTERM
-    assert not (cluster.folder / "m.png").exists()
-
-
 def test_a_worker_with_too_little_memory_is_named(crew: Processes) -> None:
     with pytest.raises(InputError, match=r"^tcp://\S+: has 953 MB of memory for 1 threads, and .* needs 1408"):
         connect(crew, sources=list_sources([np.zeros((9000, 9000, 3), np.uint8)] * 3), memory_bytes=1 << 30)
-
-
-@pytest.mark.slow
-def test_a_worker_that_cannot_import_the_package_is_named(cluster: Processes, tmp_path: Path) -> None:
-    (tmp_path / "other" / "skymosaic").mkdir(parents=True)
-    (tmp_path / "other" / "skymosaic" / "__init__.py").touch()
-    cluster.worker(PYTHONPATH=str(tmp_path / "other"))
-    with pytest.raises(InputError, match=r"^tcp://\S+: skymosaic cannot be imported \(.*\); install it there$"):
-        connect_until_refused(cluster)
-
-
-HIDES = ("unshare", "-rm", "sh", "-c", 'mount -t tmpfs none "$0" && exec "$@"')
-"""Starts a command that sees another folder in the place of one: the command's name is the folder, then it follows."""
-
-
-@pytest.mark.slow
-def test_a_worker_that_does_not_see_the_photographs_is_named(cluster: Processes, tmp_path: Path) -> None:
-    folder = tmp_path / "photographs"
-    folder.mkdir()
-    if subprocess.run([*HIDES, folder, "true"], capture_output=True, check=False).returncode:
-        pytest.skip("no mount name spaces here")
-    cv2.imwrite(str(folder / "a.png"), np.random.default_rng(0).integers(0, 256, (100, 100), np.uint8))
-    sources = list_sources([folder])
-    cluster.worker(before=(*HIDES, folder))
-    with pytest.raises(InputError, match=rf"^tcp://\S+: cannot read {folder}/a.png; mount the folder there"):
-        connect(cluster, sources=sources)
-    # One that joins later is not asked; what it cannot read is tried here.
-    with connect(cluster) as workers:
-        surveyor = Surveyor(Settings(preset_config("aerial")), 0, workers, NO_CACHE)
-        assert [type(view) for view in surveyor.describe(sources)] == [View]
-
-
-@pytest.mark.slow
-def test_a_worker_that_hangs_is_one_line(cluster: Processes) -> None:
-    worker = cluster.worker()
-    connect(cluster).__exit__(None, None, None)
-    worker.send_signal(signal.SIGSTOP)
-    with dask.config.set({LIMIT: "1s"}), pytest.raises(InputError, match="a worker does not answer within 1 s"):
-        connect(cluster)
-
-
-@pytest.mark.slow
-def test_lost_workers_cost_their_calls_and_all_of_them_end_the_run(cluster: Processes) -> None:
-    lines: list[str] = []
-    both = [cluster.worker() for _ in range(2)]
-    with connect(cluster, lines) as workers:
-        while workers._pool.threads < 2:
-            time.sleep(0.1)
-        results: Any = workers.run("sleeping", time.sleep, [(0.05,) for _ in range(60)])
-        next(results)
-        both[0].kill()
-        assert len(list(results)) == 59
-        both.append(cluster.worker())
-        while len(set(workers.run("processes", os.getpid, [()] * 20))) < 2:
-            pass  # until the one that joins gets work
-        for worker in both:
-            worker.kill()
-        with dask.config.set({LIMIT: "2s"}), pytest.raises(RegistrationError, match=r"no worker within 2 s; .* cache$"):
-            list(workers.run("powers", pow, [(2, 3)]))
-    assert "has no worker; waiting 2 s" in lines[-1]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("cluster", [0], indirect=True)
-def test_a_call_that_ends_its_worker_is_named(cluster: Processes) -> None:
-    cluster.worker("--memory-limit", "300MB")
-    with (
-        connect(cluster) as workers,
-        pytest.raises(RegistrationError, match=r"^features of a\.jpg: ended 1 workers, .* 286 MB of memory"),
-    ):
-        list(workers.run("features", end_worker, [(Path("folder/a.jpg"),)]))
-
-
-@dataclasses.dataclass
-class Described:
-    number: int
-    heavy: Any
-
-
-def describe(number: int, folder: Path) -> Described | str:
-    (folder / f"{number}.{os.getpid()}").touch()
-    return Described(number, np.full(1000, number)) if number else "none of these"
-
-
-def add(left: Any, right: Any) -> int:
-    return int((left + right).sum())
-
-
-@pytest.mark.slow
-def test_what_is_kept_stays_with_the_workers_and_outlives_them(cluster: Processes, tmp_path: Path) -> None:
-    both = [cluster.worker() for _ in range(2)]
-    with connect(cluster) as workers:
-        while workers._pool.threads < 2:
-            time.sleep(0.1)
-        calls = [(number, tmp_path) for number in range(8)]
-        none, *described = workers.run("described", describe, calls, kept=("heavy",))
-        assert none == "none of these"
-        assert [each.number for each in described] == list(range(1, 8))
-        assert {type(each.heavy).__name__ for each in described} == {"Future"}
-        pairs = [(left.heavy, right.heavy) for left, right in itertools.pairwise(described)]
-        sums = [1000 * (2 * number + 1) for number in range(1, 7)]
-        assert list(workers.run("added", add, pairs)) == sums
-        assert len(list(tmp_path.glob("?.*"))) == 8
-        both[0].kill()
-        # The other one computes again what was lost.
-        assert list(workers.run("added", add, pairs)) == sums
-        assert [parcel.pixels.sum() for parcel in workers.run("fetched", Parcel, [(described[2].heavy,)])] == [3000]
 
 
 def mosaic_of(folder: Path, cluster: Processes | None) -> Any:

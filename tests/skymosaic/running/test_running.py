@@ -133,16 +133,11 @@ def test_blas_has_one_thread_while_workers_are_in_use() -> None:
             (inside,) = workers.run("stage", blas_threads, [()])
         assert before == blas_threads() == [2] * len(inside)
         assert set(inside) == {1}
-
-    def threads() -> set[int]:
-        return {each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"}
-
-    with threadpool_limits(2, user_api="blas"):
         first, second = Workers(), Workers()
         first.__exit__(None, None, None)
-        assert threads() == {1}
+        assert set(blas_threads()) == {1}
         second.__exit__(None, None, None)
-        assert threads() == {2}
+        assert blas_threads() == before
 
 
 @pytest.mark.parametrize(

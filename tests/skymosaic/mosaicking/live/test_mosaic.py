@@ -10,7 +10,6 @@ from golden_model.arrays import Pixels
 from golden_model.config import preset_config
 from sim.scene.flight import Flight
 from skymosaic.common.errors import AppearedError, InputError
-from skymosaic.features.backends import load_backend
 from skymosaic.geometry.homography import apply, estimate_similarity
 from skymosaic.imagery.exif import Metadata, Position
 from skymosaic.imagery.images import Photograph, check_output
@@ -20,7 +19,6 @@ from skymosaic.mosaicking.live.mosaic import LiveMosaic
 from skymosaic.mosaicking.live.run import grow
 from skymosaic.mosaicking.live.update import LiveUpdate
 from skymosaic.mosaicking.options import LiveOptions
-from tests.made import leave_free
 from tests.skymosaic.conftest import IMAGES, SIZE
 from tests.skymosaic.mosaicking.live.conftest import pair_errors_px
 
@@ -68,17 +66,6 @@ def test_the_homographies_of_the_chip_alone_lay_the_frames_out(
     assert errors.max() < 2.5
     with pytest.raises(InputError, match="prosac, fabric"):
         LiveMosaic(config=CONFIG, estimator="magsac")  # type: ignore[arg-type]
-
-
-def test_given_features_make_the_same_mosaic_as_computed_ones(frames: list[Pixels]) -> None:
-    results = load_backend("golden").run(frames[:3], CONFIG, reference="previous")
-    given, computed = LiveMosaic(config=CONFIG), LiveMosaic(config=CONFIG)
-    for frame, result in zip(frames, results, strict=False):
-        given.add(frame, result.features)
-        computed.add(frame)
-    assert list(given.transforms) == list(computed.transforms) == [0, 1, 2]
-    for number, transform in computed.transforms.items():
-        np.testing.assert_array_equal(given.transforms[number], transform)
 
 
 @pytest.mark.parametrize(
@@ -196,24 +183,6 @@ def test_a_preview_takes_no_name_that_another_run_has_taken_meanwhile(frames: li
     with pytest.raises(AppearedError, match="choose another name"):
         grow(LiveMosaic(config=CONFIG), [LiveFrame(Photograph("", frames[0]))], preview, lambda _line: None)
     assert preview.read_bytes() == b"another run's"
-
-
-def test_what_was_placed_is_written_as_large_as_the_disk_allows(
-    frames: list[Pixels], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    live = LiveMosaic(config=CONFIG)
-    for frame in frames[:3]:
-        live.add(frame)
-    for suffix, free_bytes in ((".png", 3_000_000), (".tif", 3_000_000), (".jpg", 600_000)):
-        leave_free(monkeypatch, free_bytes)
-        written = live.save(tmp_path / f"m{suffix}")
-        assert "because the disk has " in written.composition.reduced
-        height_px, width_px = cv2.imread(str(written.path)).shape[:2]
-        assert 0.9 * free_bytes < height_px * width_px * (4 if suffix == ".jpg" else 24) <= free_bytes
-        assert written.path.stat().st_size < free_bytes / 2
-    leave_free(monkeypatch, 10)
-    with pytest.raises(InputError, match=r"none\.png: the disk has 0 MB left, too little for a mosaic; free"):
-        live.save(tmp_path / "none.png")
 
 
 def test_what_a_callback_raises_costs_no_frame(frames: list[Pixels], tmp_path: Path) -> None:
