@@ -31,16 +31,6 @@ MARKS = """() => [...document.querySelectorAll(".membership, .curves-plot")].fla
     });
 })"""
 """Distances between the marks of membership curves and the nearest curve, screen px."""
-CURVES = """() => [...document.querySelectorAll("svg.membership")].map(drawing => {
-    const [axis, marker] = ["axis", "marker"].map(name => drawing.querySelector(`line.${name}`));
-    return [drawing.getAttribute("aria-label"),
-        [...drawing.querySelectorAll("polyline.set")].map(curve => {
-            const { matrix } = curve.transform.baseVal.consolidate();
-            return [...curve.points].map(at => at.matrixTransform(matrix)).map(at => [at.x, at.y]);
-        }),
-        [axis.x1, axis.x2, axis.y1, marker.y1].map(end => end.baseVal.value)];
-})"""
-"""What each plot of an explanation is called, the points of its curves, and left, right, lower and upper end."""
 PATCH_PX = 9
 View = tuple[ViewportSize, Literal["light", "dark"]]
 VIEWS: tuple[View, ...] = ((WINDOW, "light"), (PHONE, "dark"))

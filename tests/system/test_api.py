@@ -101,43 +101,9 @@ def test_a_layout_is_repeated_with_photographs_of_another_day(photographs: int) 
         skymosaic.mosaic([images[0][:200], *images[1:]], repeat=made)
 
 
-def test_a_folder_is_given_and_a_mosaic_saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("flight").mkdir()
-    for number, image in enumerate(make_pair(seed=5, size=(320, 240)).images):
-        cv2.imwrite(f"flight/{number}.png", image)
-    made = skymosaic.mosaic("flight", scale=0.5)
-    for name in ("one.png", "flight/one.tif"):
-        made.save(name)
-        np.testing.assert_array_equal(cv2.imread(name), made.image)
-        with pytest.raises(InputError, match="exists"):
-            made.save(name)
-    # It is not taken for a photograph.
-    made.save("flight/two.png")
-    assert skymosaic.mosaic(Path("flight"), scale=0.5).placed == (0, 1)
-    with pytest.raises(InputError, match=r"two\.gif: unknown kind of file"):
-        made.save("two.gif")
-    # A pattern that matches one file is that file.
-    assert skymosaic.register("flight/0*", Path("flight/1*")).left.name == "flight/0.png"
-    with pytest.raises(InputError, match=r"flight/\?\.png: matches 2 files, from flight/0.png on; name one of them"):
-        skymosaic.register("flight/?.png", "flight/1.png")
-    with pytest.raises(InputError, match="left image: NoneType is no photograph; give a path"):
-        skymosaic.register(None, "flight/1.png")  # type: ignore[arg-type]
-
-
 def test_completion_offers_the_public_names_alone() -> None:
     assert dir(skymosaic) == sorted(skymosaic.__all__)
     assert all(hasattr(skymosaic, name) for name in dir(skymosaic))
-
-
-def test_representations_are_one_line(pair: Pair) -> None:
-    shown = [pair, skymosaic.extract(pair.left.pixels), skymosaic.mosaic([pair.left.pixels, pair.right.pixels])]
-    for each, says in zip(
-        shown, (f"{len(pair.inliers)} inliers", "harris with ilbp-128", "2 photographs"), strict=True
-    ):
-        assert says in repr(each)
-        assert "\n" not in repr(each)
-        assert len(repr(each)) < 200
 
 
 def test_a_plot_shows_both_photographs_and_the_matches(pair: Pair) -> None:

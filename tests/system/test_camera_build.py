@@ -149,17 +149,6 @@ def test_no_burst_is_open_when_a_clear_is_complete(reader: Any) -> None:
     bench.close()
 
 
-def test_a_reset_without_a_clear_leaves_bursts_open(reader: Any) -> None:
-    """What the test before relies on."""
-    bench, _ = opened(reader, waits=150, latency_clocks=300, seed=2)
-    bench.show(*views(2))
-    while not bench.open_bursts:
-        bench.run(1)
-    bench.reset()
-    assert bench.open_bursts or bench.violations
-    bench.close()
-
-
 def _taken(rings: Any) -> Any:
     frame = rings.next_frame(0.05)
     if frame is not None:

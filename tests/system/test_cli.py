@@ -1,28 +1,17 @@
-import importlib
 import json
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import cv2
-import numpy as np
 import pytest
 
 from sim.scene import Flight, make_pair
 from skymosaic.cli import main
-from skymosaic.cli.commands import COMMANDS, app
-from skymosaic.evaluation.metrics import grid_error
 from tests.conftest import Run
 from tests.system.command_line import only_error, skymosaic
 
 SEED = 5
-
-
-def one_line_error(result: subprocess.CompletedProcess[str], status: int) -> str:
-    """The line, which is the last one: lines of progress may come before it."""
-    assert result.returncode == status, result.stderr
-    return only_error(result.stderr)
 
 
 def refusal(run: Run, *words: object) -> str:
@@ -44,18 +33,6 @@ def photographs(tmp_path_factory: pytest.TempPathFactory, flight: Flight) -> tup
     for path, image in zip(paths, flight.images, strict=True):
         cv2.imwrite(str(path), image)
     return paths
-
-
-def test_register_prints_the_true_homography(photographs: tuple[Path, Path], flight: Flight, tmp_path: Path) -> None:
-    result = skymosaic("register", *photographs, "--json", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    printed = json.loads(result.stdout)
-    assert set(printed) >= {
-        "accepted", "homography", "features", "matches", "kept", "inliers", "seconds", "backend", "preset",
-    }  # fmt: skip
-    error = grid_error(np.array(printed["homography"]), flight.homography_between(0, 1), (640, 480), (640, 480))
-    assert error < 0.5
-    assert printed["inliers"] <= printed["kept"] <= printed["matches"] <= min(printed["features"])
 
 
 def test_mosaic_writes_picture_and_report_with_the_configuration_of_a_file(
@@ -107,19 +84,6 @@ def test_waves_and_low_frames_are_refused_before_the_run(run: Run, photographs: 
     assert "left.png: 640x480 is reduced to 64x48" in low
 
 
-def test_unrelated_photographs_say_why_and_write_no_mosaic(photographs: tuple[Path, Path], tmp_path: Path) -> None:
-    # Nothing links mirrored ground to that of the other photograph.
-    cv2.imwrite(str(tmp_path / "other.png"), np.asarray(cv2.imread(str(photographs[1])))[:, ::-1])
-    result = skymosaic(
-        "mosaic", photographs[0], "other.png", "-o", "m.png", "--report", "r", "--effort", "fast", cwd=tmp_path
-    )
-    line = one_line_error(result, 3)
-    for count in ("features", "matches", "kept", "inliers"):
-        assert count in line
-    assert not (tmp_path / "m.png").exists()
-    assert (tmp_path / "r" / "matches.png").exists()
-
-
 @pytest.mark.parametrize(
     ("options", "says"),
     [
@@ -140,44 +104,6 @@ def test_bad_options_are_one_line(
     output = () if "-o" in options else ("-o", "m.png")
     assert says in refusal(run, "mosaic", *photographs, *output, *options)
     assert not (tmp_path / "m.png").exists()
-
-
-def test_every_command_exists_and_is_listed_in_the_help(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        app(["--help"])
-    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    for name, summary in COMMANDS.items():
-        command = getattr(importlib.import_module(f"skymosaic.cli.{name}"), name)
-        assert all(map(callable, command.values() if isinstance(command, dict) else [command]))
-        assert summary in shown
-
-
-HELP = f"""
-import contextlib, sys
-import skymosaic
-import skymosaic.cli
-skymosaic.mosaic, skymosaic.register
-for commands in (["", "register", "mosaic"], {list(COMMANDS)}):
-    for command in commands:
-        sys.argv = ["skymosaic", *command.split(), "--help"]
-        with contextlib.suppress(SystemExit):
-            skymosaic.cli.main()
-    print(*sys.modules, file=sys.stderr)
-"""
-
-
-def test_neither_the_library_nor_help_imports_hardware_or_simulation() -> None:
-    done = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True, check=True)
-    loaded, by_all_help = (set(line.split()) for line in done.stderr.splitlines())
-    assert not {name for name in loaded if name.split(".")[0] in ("amaranth", "hdl")}
-    assert "skymosaic.cli.export" in by_all_help
-    assert not {name for name in by_all_help if name.split(".")[0] == "amaranth"}
-    assert {name for name in loaded if name.split(".")[0] == "sim"} <= {
-        "sim",
-        "sim.backends",
-        "sim.backends.errors",
-        "sim.backends.interface",
-    }
 
 
 def test_an_opencv_without_contrib_is_an_error_that_names_the_fix(

@@ -6,10 +6,8 @@ import functools
 import io
 import json
 import os
-import re
 import resource
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from fractions import Fraction
@@ -24,7 +22,7 @@ from golden_model.arrays import Pixels
 from sim.scene import make_lawnmower, make_pair
 from skymosaic.imagery.video import VideoReader, write_video
 from tests.conftest import Run
-from tests.system.command_line import captured, only_error
+from tests.system.command_line import only_error
 
 PAIR = "mosaic pair/left.png pair/right.png -o out/m.png --report out/report --tiles out/tiles"
 COMMANDS = {
@@ -143,34 +141,6 @@ def test_a_file_that_grows_beyond_its_room_is_not_there(run: Run, words: str) ->
         assert status == 2
         assert only_error(errors).startswith(f"error: {output}: cannot be written (")
         assert contents(Path("out")) == {name: whole[name] for name in others}
-
-
-SMALL_DISK = (
-    *("unshare", "-rm", "sh", "-c"),
-    'mount -t tmpfs -o size=$0 none out && { "$@"; status=$?; cp -r out kept; exit $status; }',
-)
-"""Runs a command with a small disk in the place of the folder ``out``, and keeps what it wrote: the size, then it."""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["pair", "flight", "track", "plot"])
-def test_on_a_small_disk_outputs_are_whole_or_absent(run: Run, name: str) -> None:
-    attempt(run, COMMANDS[name], Disk())
-    whole, *_ = attempt(run, COMMANDS[name], Disk())
-    if subprocess.run([*SMALL_DISK, "4k", "true"], capture_output=True, check=False).returncode:
-        pytest.skip("no mount name spaces here")
-    total = sum(Path(each).stat().st_size for each in whole)
-    for share in (0.02, 0.2, 0.5, 0.9, 4):
-        subprocess.run(["rm", "-rf", "kept"], check=True)
-        words = [*SMALL_DISK, f"{max(4, int(share * total / 1024))}k", sys.executable, "-m", "skymosaic"]
-        done = captured([*words, *COMMANDS[name].split()])
-        assert done.returncode in (0, 2), done.stderr
-        assert "Traceback" not in done.stderr
-        if done.returncode:
-            assert re.search(r"No space left on device|the disk has \d+ MB left", only_error(done.stderr))
-        kept = {name.replace("kept", "out", 1): data for name, data in contents(Path("kept")).items()}
-        # A flight has a smaller mosaic.
-        assert kept.items() <= whole.items() or "reduced from" in done.stderr, share
 
 
 @pytest.mark.parametrize(

@@ -15,13 +15,9 @@ from playwright.sync_api import Browser, Page
 from typer.testing import CliRunner
 
 from bench.rendered_pairs import write_set
-from golden_model.feature.ilbp import PATTERNS
-from golden_model.fuzzy.sugeno import ONE
-from golden_model.matching.rule_bases import aerial
 from sim.scene import Flight, make_pair
 from skymosaic.cli.commands import COMMANDS, app
 from skymosaic.flight.checking.check import check_flight
-from skymosaic.flight.mapping.place import MapPlace
 from skymosaic.flight.picture.formats import OutputForm
 from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
@@ -30,7 +26,6 @@ from skymosaic.reports.flight import write_flight_report, write_report
 from tests.skymosaic.panel.states import FOLDER_STATES, LONG_STATES, STATES, write_flight
 from tests.system.command_line import captured
 from tests.system.looking import (
-    CURVES,
     VIEWS,
     alike,
     drawn,
@@ -85,8 +80,6 @@ def written(tmp_path_factory: pytest.TempPathFactory, flight: Flight) -> Path:
         )
         shown, check = replace(made, layout=layout), check_flight(run.flight)
         write_flight_report(folder / "flight", [shown], check)
-        nowhere = replace(shown, composition=replace(made.composition, place=MapPlace()))
-        write_flight_report(folder / "two mosaics", [shown, nowhere], check)
     return folder
 
 
@@ -108,13 +101,6 @@ def thesis(written: Path) -> None:
     result = CliRunner().invoke(app, ["thesis", "--data", str(data), "-o", str(written / "thesis")])
     assert result.exit_code == 0, result.output
     assert {path.name for path in (written / "thesis").iterdir()} == {"index.html", "measurements.csv"}
-
-
-def test_a_mosaic_without_a_place_has_no_footprints(written: Path) -> None:
-    assert {path.name for path in (written / "two mosaics").iterdir()} == {
-        "index.html", "report.json", "mosaic_1.jpg", "mosaic_2.jpg", "footprints_1.geojson", "footprints_1.kml",
-        "fly_again.geojson", "fly_again.kml",
-    }  # fmt: skip
 
 
 @pytest.mark.usefixtures("pair")
@@ -244,24 +230,11 @@ def misplaced_matches(page: Page) -> list[str]:
     return [] if np.median(same) > MIN_ALIKE else [f"ends of matches show other ground: {np.median(same):.2f}"]
 
 
-def curves_beside_tables(page: Page) -> list[str]:
-    """Curves of an explanation that are not those of the preset's tables."""
-    tables = {variable.name: variable.sets for variable in aerial(PATTERNS["ilbp-128"].bits).inputs}
-    wrong = []
-    for words, curves, (left, right, low, high) in page.evaluate(CURVES):
-        (name,) = re.findall(r"Curves of (\w+):", words)
-        for curve, (term, table) in zip(curves, tables.pop(name).items(), strict=True):
-            shares = (np.array(curve) - (left, low)) / (right - left, high - low)
-            expected = np.stack((np.linspace(0, 1, len(table)), table / ONE), axis=1)
-            wrong += [f"{name} is {term}: beside its table"] if np.abs(shares - expected).max() > 0.01 else []
-    return wrong + [f"no curves of {name}" for name in tables]
-
-
 CHECKS: dict[str, tuple[Callable[[Page], list[str]], ...]] = {
     "corners": (misplaced_corners,),
-    "matches": (misplaced_matches, marks_beside_curves, curves_beside_tables),
+    "matches": (misplaced_matches, marks_beside_curves),
     "rules editor": (marks_beside_curves,),
-    "matches of a flight": (misplaced_matches, marks_beside_curves, curves_beside_tables),
+    "matches of a flight": (misplaced_matches, marks_beside_curves),
 }
 """What the drawings of some states of the panel show."""
 

@@ -1,4 +1,4 @@
-"""Commands that are killed again and again: each output is whole or absent, and the last run leaves nothing else."""
+"""A command that is killed again and again: each output is whole or absent, and the last run leaves nothing else."""
 
 import json
 import os
@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -19,22 +18,6 @@ KILLS = 30
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture
-def folders(tmp_path: Path) -> Path:
-    """Photographs, and places for outputs and temporary files."""
-    for name in ("photographs", "out", "temp", "fresh"):
-        (tmp_path / name).mkdir()
-    for number, image in enumerate(make_lawnmower(3, 9, (400, 300)).images):
-        cv2.imwrite(str(tmp_path / "photographs" / f"IMG_{number}.png"), image)
-    return tmp_path
-
-
-def start(folders: Path, *words: object) -> subprocess.Popen[str]:
-    environment = {**os.environ, "TMPDIR": str(folders / "temp"), "PYTHONPATH": str(Path(__file__).parents[2])}
-    command = [sys.executable, "-m", "skymosaic", *map(str, words), "--overwrite"]
-    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment)
-
-
 def finish(process: subprocess.Popen[str]) -> float:
     """Wait for a run that must end by itself; returns the seconds that it took."""
     started = time.monotonic()
@@ -44,17 +27,46 @@ def finish(process: subprocess.Popen[str]) -> float:
     return time.monotonic() - started
 
 
-def kill_again_and_again(run: Callable[[], subprocess.Popen[str]], check: Callable[[], None], seconds: float) -> None:
-    """Kill runs at random moments and check what is there; the last one must end by itself.
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
-    A whole run takes about so many ``seconds``; later ones find what earlier ones left in the cache.
-    """
+
+def test_thirty_kills_of_a_mosaic_with_tiles_and_report(tmp_path: Path) -> None:
+    pytest.importorskip("rasterio")
+    fresh, out, temp, photographs = (tmp_path / name for name in ("fresh", "out", "temp", "photographs"))
+    for folder in (fresh, out, temp, photographs):
+        folder.mkdir()
+    for number, image in enumerate(make_lawnmower(3, 9, (400, 300)).images):
+        cv2.imwrite(str(photographs / f"IMG_{number}.png"), image)
+
+    def run(output: Path) -> subprocess.Popen[str]:
+        more = ("--tiles", output / "tiles", "--report", output / "report", "--cache", output.with_suffix(".cache"))
+        words = ("mosaic", photographs, "-o", output / "mosaic.png", *more, "--overwrite")
+        environment = {**os.environ, "TMPDIR": str(temp), "PYTHONPATH": str(Path(__file__).parents[2])}
+        command = [sys.executable, "-m", "skymosaic", *map(str, words)]
+        return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment)
+
+    seconds = finish(run(fresh))
+    picture, tiles = (fresh / "mosaic.png").read_bytes(), contents(fresh / "tiles")
+
+    def check() -> None:
+        assert not (out / "mosaic.png").exists() or (out / "mosaic.png").read_bytes() == picture
+        # A page comes last, and goes first.
+        assert not (out / "tiles" / "index.html").exists() or contents(out / "tiles") == tiles
+        if (out / "report" / "index.html").exists():
+            # Times make its bytes differ from those of another run.
+            found = contents(out / "report")
+            assert set(found) == set(contents(fresh / "report"))
+            assert json.loads(found["report.json"])
+            assert found["index.html"].rstrip().endswith(b"</html>")
+            assert all(data.endswith(b"\xff\xd9") for name, data in found.items() if name.endswith(".jpg"))
+
     killed = 0
     for share in np.random.default_rng(16).uniform(0.02, 1, KILLS):
-        process = run()
-        started = time.monotonic()
+        process, started = run(out), time.monotonic()
         try:
             process.communicate(timeout=share * seconds)
+            # Later runs find what earlier ones left in the cache.
             seconds = time.monotonic() - started
         except subprocess.TimeoutExpired:
             process.kill()
@@ -63,61 +75,8 @@ def kill_again_and_again(run: Callable[[], subprocess.Popen[str]], check: Callab
         check()
     # Most runs were still at work.
     assert killed > KILLS / 2
-    finish(run())
+    finish(run(out))
     check()
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
-def check_report(folder: Path, names: set[str]) -> None:
-    """A report with its page is complete; times make its bytes differ from those of another run."""
-    if (folder / "index.html").exists():
-        found = contents(folder)
-        assert set(found) == names
-        assert json.loads(found["report.json"])
-        assert found["index.html"].rstrip().endswith(b"</html>")
-        assert all(data.endswith(b"\xff\xd9") for name, data in found.items() if name.endswith(".jpg"))
-
-
-def test_thirty_kills_of_a_mosaic_with_tiles_and_report(folders: Path) -> None:
-    pytest.importorskip("rasterio")
-    photographs = folders / "photographs"
-
-    def run(output: Path, cache: str) -> subprocess.Popen[str]:
-        more = ("--tiles", output / "tiles", "--report", output / "report", "--cache", folders / cache)
-        return start(folders, "mosaic", photographs, "-o", output / "mosaic.png", *more)
-
-    seconds = finish(run(folders / "fresh", "cache of the fresh one"))
-    fresh, out = folders / "fresh", folders / "out"
-    picture, tiles = (fresh / "mosaic.png").read_bytes(), contents(fresh / "tiles")
-
-    def check() -> None:
-        assert not (out / "mosaic.png").exists() or (out / "mosaic.png").read_bytes() == picture
-        # A page comes last, and goes first.
-        assert not (out / "tiles" / "index.html").exists() or contents(out / "tiles") == tiles
-        check_report(out / "report", set(contents(fresh / "report")))
-
-    kill_again_and_again(lambda: run(out, "cache"), check, seconds)
     assert {path.name for path in out.iterdir()} == {"mosaic.png", "tiles", "report"}
     assert contents(out / "tiles") == tiles
-    assert not list((folders / "temp").iterdir())
-
-
-def test_thirty_kills_of_a_live_mosaic(folders: Path) -> None:
-    def run(output: Path) -> subprocess.Popen[str]:
-        return start(folders, "live", folders / "photographs", "-o", output / "grown.png", "--idle-seconds", 1)
-
-    seconds = finish(run(folders / "fresh"))
-    fresh, out = contents(folders / "fresh"), folders / "out"
-
-    def check() -> None:
-        # The preview is replaced once a second; each one is a whole picture.
-        assert not (out / "grown.png").exists() or (out / "grown.png").read_bytes() == fresh["grown.png"]
-        if (out / "grown.preview.jpg").exists():
-            assert (out / "grown.preview.jpg").read_bytes().endswith(b"\xff\xd9")
-
-    kill_again_and_again(lambda: run(out), check, seconds)
-    assert set(contents(out)) == set(fresh)
-    assert not list((folders / "temp").iterdir())
+    assert not list(temp.iterdir())

@@ -28,7 +28,7 @@ from skymosaic.mosaicking.live.run import grow
 from skymosaic.mosaicking.options import LiveOptions
 from skymosaic.mosaicking.run import MosaicRun
 from tests.conftest import Run
-from tests.made import leave_free, write_pictures
+from tests.made import write_pictures
 from tests.skymosaic.mosaicking.live.conftest import pair_errors_px
 from tests.system.command_line import skymosaic
 from tests.system.conftest import SIZE
@@ -103,15 +103,6 @@ def test_a_folder_is_watched_until_no_more_frames_arrive(
     assert [pace.numbers[count] for count in ("seen", "used", "dropped")] == [4, 4, 0]
 
 
-def test_a_disk_too_full_for_a_mosaic_is_refused_before_the_first_frame(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    leave_free(monkeypatch, 20_000_000)
-    monkeypatch.setattr("skymosaic.cli.live.read_live_frames", lambda *_, **__: pytest.fail("a frame was read"))
-    with pytest.raises(InputError, match=r"m\.tif: the disk has 19 MB left, too little for a mosaic; free some"):
-        live_command(source=str(tmp_path), output=tmp_path / "m.tif", options=LiveOptions())
-
-
 def test_a_frame_that_comes_under_the_name_of_the_mosaic_stays(
     frames: list[np.ndarray], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -155,21 +146,6 @@ def test_a_second_end_leaves_the_preview(
     assert (tmp_path / "m.preview.jpg").exists()
 
 
-def test_what_cannot_be_used_is_left_out_and_strict_leaves_nothing(run: Run, frames: list[np.ndarray]) -> None:
-    with write_video(Path("film.mkv"), Fraction(25)) as write:
-        for frame in (frames[0], np.full_like(frames[0], 90), frames[1]):
-            write(np.ascontiguousarray(frame))
-    status, _, errors = run("live", "film.mkv", "-o", "m.png", "--strict")
-    assert status == 3, errors
-    assert [path.name for path in Path().iterdir()] == ["film.mkv"]
-    (folder := Path("flight")).mkdir()
-    write_pictures(folder, frames[:2])
-    (folder / "2.jpg").write_bytes(b"cut off")
-    status, _, errors = run("live", "flight", "-o", "m.png", "--idle-seconds", "1", "--strict")
-    assert (status, "1 left out, and --strict allows none" in errors) == (3, True), errors
-    assert not list(Path().glob("m.*"))
-
-
 @pytest.mark.parametrize(("damaged", "why"), [(False, "none came"), (True, "1 left out, the first: flight/0.jpg: ")])
 def test_a_source_without_a_usable_frame_is_named(run: Run, damaged: bool, why: str) -> None:
     (folder := Path("flight")).mkdir()
@@ -178,27 +154,6 @@ def test_a_source_without_a_usable_frame_is_named(run: Run, damaged: bool, why: 
     status, _, errors = run("live", "flight", "-o", "m.png", "--idle-seconds", "0.5")
     assert (status, f"error: flight: no frame could be used; {why}" in errors) == (3, True), errors
     assert not list(Path().glob("m.*"))
-
-
-def test_a_display_over_nothing_and_over_different_places_is_named(run: Run) -> None:
-    display = np.zeros((480, 640, 3), np.uint8)
-    with write_video(Path("display.mkv"), Fraction(25)) as write:
-        for number in range(3):
-            for line in range(8):
-                text = f"ALT 1{line}7 M SPD {line}.4 GPS 12 BAT 14.{line}V"
-                cv2.putText(display, text, (5, 25 + 60 * line), 0, 0.8, (255 - number,) * 3, 2)
-            write(display)
-    status, _, errors = run("live", "display.mkv", "-o", "m.png")
-    assert (status, errors.count("hovered, or they show nothing but a display")) == (0, 1), errors
-    # What takes the time of a mosaic has a name.
-    assert "\nexposure and seams\nmosaic 1/1\n" in errors
-    with write_video(Path("places.mkv"), Fraction(25)) as write:
-        for place in np.random.default_rng(3).normal(0, 40, (2, 30, 40, 3)):
-            write(np.maximum(display, cv2.resize(np.clip(90 + place, 0, 255).astype(np.uint8), (640, 480))))
-    status, _, errors = run("live", "places.mkv", "-o", "m2.png")
-    assert status == 3
-    assert "warning: what moves with the camera (a display, " in errors
-    assert "nothing links it to the others" in errors
 
 
 def start_live(tmp_path: Path, frames: list[np.ndarray], *before: str) -> subprocess.Popen[str]:

@@ -34,29 +34,6 @@ COMPILED = ("harris", "corners", "ilbp", "matcher", "homography", "accelerator")
 """Simulated by Verilator: Icarus takes minutes or hours."""
 QUICK = "half", "ecp5"
 """The others are slow tests: what any block becomes on xc7 takes Yosys half a minute."""
-LOSES_AN_OPERAND = """
-module square(input clk, input [15:0] a, d, output reg [33:0] p);
-  wire [16:0] s = a + d;
-  reg [16:0] x, y;
-  reg [33:0] m;
-  always @(posedge clk) begin
-    x <= s; y <= s; m <= x * y; p <= m;
-  end
-endmodule
-"""
-"""Yosys 0.70 makes a DSP48E1 of it whose pre-adder adds and whose operand B is 0."""
-SQUARE_BENCH = """
-module square_tb;
-  reg clk = 0;
-  wire [33:0] p;
-  always #5 clk = ~clk;
-  square dut(.clk(clk), .a(16'd3), .d(16'd4), .p(p));
-  initial #100 begin
-    $display("%0d", p);
-    $finish;
-  end
-endmodule
-"""
 
 
 def listed(name: str) -> Block:
@@ -107,17 +84,6 @@ def test_the_netlist_of_a_block_equals_the_golden_model(tmp_path: Path, title: s
     simulate = run_compiled_bench if name in COMPILED else run_bench
     printed = simulate(folder, name, [netlist, *models(folder, family)])
     assert printed.startswith("PASS"), printed
-
-
-@pytest.mark.slow
-def test_why_the_trace_has_a_register_before_the_multiplier(tmp_path: Path) -> None:
-    """Fails once Yosys has mended it: then the register in `RawResponse` may go."""
-    source = tmp_path / "square.v"
-    source.write_text(LOSES_AN_OPERAND)
-    (tmp_path / "square_tb.v").write_text(SQUARE_BENCH)
-    netlist = synthesise(tmp_path, "square", "xc7", source)
-    assert run_bench(tmp_path, "square", [source]) == "49\n"
-    assert run_bench(tmp_path, "square", [netlist, *models(tmp_path, "xc7")]) == "0\n"
 
 
 @pytest.mark.slow

@@ -86,21 +86,3 @@ def test_overwritten_tiles_and_reports_have_nothing_of_the_old_ones(full: Path) 
     assert len(list((full / "tiles").rglob("*.webp"))) >= 2
     assert (full / "folder" / "README.md").read_text() == "somebody's work"
     assert not list(full.glob(".skymosaic-*-*-*"))
-
-
-@pytest.mark.parametrize(
-    ("option", "says"),
-    [
-        (("--tiles", "taken.png"), "is no folder"),
-        (("--tiles", "taken.png/tiles"), "taken.png; choose another folder"),
-        (("--report", "taken.png"), "is no folder"),
-    ],
-)
-def test_a_wrong_folder_is_refused_before_the_first_photograph(
-    full: Path, option: tuple[str, ...], says: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("skymosaic.imagery.images._read", lambda *_, **__: pytest.fail("a photograph was read"))
-    result = CliRunner().invoke(app, ["mosaic", "left.png", "right.png", "-o", "new.png", "--overwrite", *option])
-    assert isinstance(result.exception, InputError)
-    assert says in str(result.exception)
-    assert "\n" not in str(result.exception)

@@ -56,24 +56,6 @@ def test_rules_decide_and_are_reported(run: Run) -> None:
     assert report["configuration"]["matcher"]["rule_base"]["text"] == OWN
 
 
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        (("--rules", "bad.fll"), "bad.fll: line 45: rule"),
-        (("--rules", "absent.fll"), "absent.fll: cannot be read"),
-        (("--rules", "arial"), "--rules is 'arial'; valid: aerial, ilbp, none, or an .fll or .fis file"),
-        (("--rules", "own.fll", "--detector", "sift"), "rules decide matches of ILBP descriptors, not of sift"),
-        (("--rules", "own.fll", "--estimator", "fuzzy-ransac"), "fuzzy-ransac has rules of its own; leave out either"),
-        (("--rules", "ilbp"), "rule base 'ilbp' needs the gray window"),
-    ],
-)
-def test_rules_that_cannot_decide_are_one_line(run: Run, options: tuple[str, ...], says: str) -> None:
-    Path("bad.fll").write_text(OWN.replace(" then weight is sure", ""))
-    status, _, errors = run("register", "left.png", "right.png", *options)
-    assert status == 2
-    assert says in only_error(errors)
-
-
 def test_an_export_refuses_bad_rules_and_writes_nothing(run: Run) -> None:
     Path("bad.fll").write_text(OWN.replace("range: 0 8", "range: 0 180"))
     status, _, errors = run("export", "board", "pynq_z2", "--rules", "bad.fll", "-o", "out")

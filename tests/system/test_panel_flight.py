@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from sim.scene import make_lawnmower
-from tests.skymosaic.panel.visitor import choose, names_reached_by_tab, open_tab, photographs_loaded, repeat_archive
+from tests.skymosaic.panel.visitor import open_tab, photographs_loaded, repeat_archive
 from tools.panel import corner_counts, make_mosaic, mosaic_viewer
 
 PHOTOGRAPHS = 8
@@ -49,16 +49,6 @@ def flight(owner: Page, panel: str, folder: Path) -> Page:
     return owner
 
 
-def test_a_folder_outside_is_refused_and_the_reason_stays(owner: Page, folder: Path) -> None:
-    owner.get_by_role("button", name="Open a folder").click()
-    expect(owner.get_by_role("button", name=folder.name)).to_be_visible()
-    for path in ("/etc", "../..", "no such folder"):
-        owner.get_by_role("textbox", name="Folder").fill(path)
-        owner.get_by_role("button", name="Open", exact=True).click()
-        expect(owner.get_by_role("alert").filter(has_text=f"{path}: ")).to_be_visible()
-    expect(photographs_loaded(owner)).to_have_count(0)
-
-
 def test_a_folder_is_read_in_place(flight: Page, folder: Path, tmp_path: Path) -> None:
     flight.wait_for_function("[...document.querySelectorAll('.tile img')].every(img => img.naturalWidth > 0)")
     address = photographs_loaded(flight).locator("img").first.get_attribute("src")
@@ -84,37 +74,12 @@ def test_a_flight_becomes_one_mosaic(flight: Page) -> None:
     expect(flight.get_by_role("tabpanel", name="Numbers")).to_contain_text(f"{PHOTOGRAPHS} of {PHOTOGRAPHS}")
 
 
-def test_the_matches_of_any_pair_are_shown_by_controls_in_reach(flight: Page) -> None:
-    open_tab(flight, "Matches")
-    panel = flight.get_by_role("tabpanel", name="Matches")
-    before = panel.locator("image").last.get_attribute("href")
-    flight.get_by_role("combobox", name="Pair of the flight").click()
-    flight.get_by_role("option").last.click()
-    flight.get_by_role("button", name="Look at it").click()
-    expect(panel.locator("image").last).not_to_have_attribute("href", before)
-    flight.get_by_role("button", name="Next match").click()
-    expect(flight.locator(".explanation")).to_contain_text("px from the homography")
-    open_tab(flight, "Mosaic")
-    expect(mosaic_viewer(flight)).to_be_visible()
-    open_tab(flight, "Matches")
-    assert {"Pair of the flight", "Look at it", "Remove all"} <= set(names_reached_by_tab(flight))
-
-
 @pytest.mark.slow
 def test_the_command_of_a_flight_repeats_its_mosaic(flight: Page, tmp_path: Path) -> None:
     again = repeat_archive(flight, tmp_path, "mosaic")
     assert (again / "report" / "index.html").exists()
     first, second = (np.asarray(cv2.imread(str(folder / "mosaic.png"))) for folder in (again, tmp_path / "before"))
     assert np.array_equal(first, second)
-
-
-def test_options_that_a_flight_cannot_have_are_refused_with_a_reason(flight: Page) -> None:
-    choose(flight, "Detector", "orb")
-    expect(flight.get_by_text("more than two photographs take Harris or FAST")).to_be_visible()
-    expect(flight.get_by_role("button", name="Make the mosaic")).to_be_disabled()
-    choose(flight, "Preset", "aerial")
-    choose(flight, "Detector", "harris")
-    expect(flight.get_by_role("button", name="Make the mosaic")).to_be_enabled()
 
 
 def test_the_mosaic_and_the_folder_stay_when_photographs_are_removed(flight: Page, folder: Path) -> None:

@@ -97,15 +97,6 @@ def test_two_photographs_share_a_lens(images: list[Pixels], made: Mosaic) -> Non
     assert made.image[:100].any()
 
 
-def test_a_pair_is_a_flight_with_one_link(made: Mosaic) -> None:
-    assert made.flight.pair is made.pairs[0]
-    assert [link.holds for link in made.flight.links] == [True]
-    assert made.flight.layouts[0].median_error_px < 1
-    shift = made.transforms[1] - np.eye(3)
-    assert np.all(shift[:, :2] == 0)
-    assert np.all(shift == np.rint(shift))
-
-
 def test_rotated_photographs_are_all_registered_within_a_pixel(public_data: Path) -> None:
     folder = public_data / "registration"
     with (folder / "pairs.csv").open(newline="") as file:

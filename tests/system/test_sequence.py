@@ -13,7 +13,7 @@ import pytest
 from golden_model.cache import Cache
 from golden_model.config import preset_config
 from sim.scene import Flight
-from skymosaic import Mosaic, mosaic
+from skymosaic import mosaic
 from skymosaic.common.errors import InputError
 from skymosaic.flight.flight import Flight as SurveyedFlight
 from skymosaic.flight.linking.view import Settings
@@ -136,17 +136,6 @@ def test_a_killed_run_goes_on_and_ends_the_same(folder: Path, surveyed: Path, tm
     assert resumed.returncode == 0, resumed.stderr
     whole = mosaic(photographs, cache=surveyed)
     np.testing.assert_array_equal(cv2.imread(str(tmp_path / "m.png")), whole.image)
-
-
-@pytest.mark.slow
-def test_a_cluster_of_processes_gives_the_same(folder: Path, whole: Mosaic) -> None:
-    distributed = pytest.importorskip("distributed")
-    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
-    with distributed.LocalCluster(**options) as cluster:
-        spread = mosaic([folder], scheduler=cluster.scheduler_address)
-    np.testing.assert_array_equal(spread.image, whole.image)
-    for index in range(IMAGES):
-        np.testing.assert_array_equal(spread.transforms[index], whole.transforms[index])
 
 
 @pytest.mark.slow

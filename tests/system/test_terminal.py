@@ -80,15 +80,6 @@ def test_a_closed_pipe_is_not_taken_for_a_difference(tmp_path: Path, words: str,
     assert ("error: a: no such file" in only_error(done.stderr)) if status == 2 else not done.stderr
 
 
-def test_a_closed_standard_error_costs_no_mosaic(tmp_path: Path) -> None:
-    write_pictures(tmp_path, make_pair(seed=9, size=(200, 160)).images, ("a.png", "b.png"))
-    with closed_pipe() as pipe:
-        done = skymosaic_process("mosaic", "a.png", "b.png", "-o", "m.png", cwd=tmp_path, stderr=pipe)
-    assert done.returncode == 0
-    assert "mosaic m.png" in done.stdout
-    assert cv2.imread(str(tmp_path / "m.png")) is not None
-
-
 class Stream(io.TextIOWrapper):
     """An output that a test reads, perhaps a terminal."""
 

@@ -4,18 +4,14 @@ import csv
 import json
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
-from golden_model.version import VERSION
 from sim.scene import Pursuit
-from skymosaic.cli.track import track as track_command
 from skymosaic.imagery.video import VideoReader, write_video
 from skymosaic.tracking.template import Roi
-from skymosaic.tracking.tracker import TrackerOptions
 from tests.skymosaic.tracking.conftest import true_corners
 from tests.system.command_line import skymosaic
 
@@ -80,15 +76,3 @@ def test_every_frame_is_a_line_of_json(short_video: Path, roi: Roi, tmp_path: Pa
     assert [frame["name"] for frame in frames] == [f"{short_video}/frame {number}" for number in range(3)]
     assert all(frame["placed"] and np.shape(frame["pose"]) == (3, 3) for frame in frames)
     assert [frame["corners"] for frame in frames] == [row["corners"] for row in whole["corners"]]
-
-
-def test_corners_are_written_as_json(short_video: Path, roi: Roi, tmp_path: Path) -> None:
-    text = ",".join(map(str, roi))
-    outputs: Any = {"output": tmp_path / "out.mkv", "corners": tmp_path / "c.json"}
-    track_command(inputs=[short_video], roi=text, **outputs, options=TrackerOptions())
-    assert (tmp_path / "out.mkv").exists()
-    written = json.loads((tmp_path / "c.json").read_text())
-    rows = written["corners"]
-    assert written["version"] == VERSION
-    assert [row["frame"] for row in rows] == [0, 1, 2]
-    assert all(np.shape(row["corners"]) == (4, 2) for row in rows)

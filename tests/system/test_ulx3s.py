@@ -122,20 +122,6 @@ def test_colour_for_a_gray_input_is_refused_before_anything_is_sent(programs: An
             accelerator.check_frame((64, 64, 3))
 
 
-def test_sizes_beyond_the_build_and_frames_beyond_a_transfer_are_refused(programs: Any) -> None:
-    driver, register_map = programs("skymosaic_driver"), programs("skymosaic_map")
-    accelerator = driver.Accelerator(BuiltBus(register_map))
-    accelerator.check({"width_px": 320, "height_px": 240})
-    with pytest.raises(driver.AcceleratorError, match="width_px is 321; it must be 64 to 320"):
-        accelerator.check({"width_px": 321})
-    # With two pixels per clock, a line of odd width has one more.
-    accelerator.video_bits = 16
-    width_px = register_map.MAX_TRANSFER_BYTES // 2 | 1
-    accelerator.check_frame((2, width_px - 1))
-    with pytest.raises(driver.AcceleratorError, match=f"has {2 * width_px + 2} bytes, a DMA sends at most"):
-        accelerator.check_frame((2, width_px))
-
-
 def test_what_a_run_has_left_is_cleared_between_two_resets(programs: Any) -> None:
     driver, register_map = programs("skymosaic_driver"), programs("skymosaic_map")
     bus = BuiltBus(register_map)
@@ -146,19 +132,6 @@ def test_what_a_run_has_left_is_cleared_between_two_resets(programs: Any) -> Non
     bus.write(offset, 1 << low)
     with pytest.raises(driver.AcceleratorError, match="a packet does not end after a clear"):
         accelerator._recover()
-
-
-def test_the_accelerator_is_enabled_when_all_else_is_set(programs: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    register_map = programs("skymosaic_map")
-    bus = BuiltBus(register_map)
-    accelerator = programs("skymosaic_driver").Accelerator(bus)
-    monkeypatch.setattr(accelerator, "_run_one", lambda frame, size_px: None)
-    settings = matched_frame_settings(WHOLE.config, 64, 64, gray_input=True)
-    requested = {name: settings[name] for name in REQUESTED}
-    accelerator.run([np.zeros((64, 64), np.uint8)], requested, hold_reference=True)
-    offset, low, _ = register_map.FIELDS["enable"]
-    assert register_map.FIELDS["homographies_enable"][0] in dict(bus.written)
-    assert [n for n, (at, word) in enumerate(bus.written, 1) if at == offset and word >> low & 1] == [len(bus.written)]
 
 
 @pytest.mark.slow

@@ -6,7 +6,6 @@ Between them are the AXI DMAs at the level of their registers (`tests.system.boa
 import dataclasses
 import functools
 import json
-import socket
 import subprocess
 import sys
 import threading
@@ -142,18 +141,6 @@ def test_a_wrong_address_is_told_in_one_line(options: tuple[str, ...], says: str
         assert says in only_error(errors)
 
 
-def test_the_server_refuses_what_was_not_built_and_lives_on(address: str) -> None:
-    wide = np.zeros((120, 2000), np.uint8)
-    with pytest.raises(BackendError, match="width_px is 2000; it must be 64 to 1920"):
-        load_backend(f"board:{address}").run([wide, wide], CONFIG)
-    host, port = address.split(":")
-    for nonsense in (b"GET / HTTP/1.1\r\n", b"{}\n", b'{"shape": [1], "frames": 1}\n'):
-        with socket.create_connection((host, int(port))) as connection:
-            connection.sendall(nonsense)
-            assert b"malformed" in connection.makefile("rb").readline()
-    assert load_backend(f"board:{address}").run(frames(gray=True), CONFIG)[0].status["good"]
-
-
 def test_frames_of_two_sizes_are_refused_before_anything_is_sent() -> None:
     with pytest.raises(BackendError, match="one size"):
         load_backend("board:127.0.0.1:1").run([np.zeros((64, 64), np.uint8), np.zeros((64, 65), np.uint8)], CONFIG)
@@ -278,19 +265,6 @@ def test_two_processes_do_not_share_an_overlay(driver: Any, monkeypatch: pytest.
     assert sys.modules["pynq_bus"].PynqBus("skymosaic.bit").read(0) == int.from_bytes(b"SKYM", "big")
 
 
-def test_a_link_in_the_place_of_the_lock_is_not_followed(
-    driver: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    module, target = sys.modules["pynq_overlay"], tmp_path / "target"
-    target.write_text("kept")
-    (tmp_path / "lock").symlink_to(target)
-    monkeypatch.setattr(module, "LOCK", tmp_path / "lock")
-    monkeypatch.setattr(module, "_locks", [])
-    with pytest.raises(sys.modules["skymosaic_registers"].AcceleratorError, match=r"lock: .*; remove it"):
-        sys.modules["pynq_bus"].PynqBus("skymosaic.bit")
-    assert target.read_text() == "kept"
-
-
 def test_an_overlay_without_the_blocks_is_named(
     driver: Any, system: AcceleratorSystem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -333,12 +307,6 @@ def test_another_build_is_refused(device: Any, monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setitem(sys.modules["skymosaic_map"].BUILT, name, 7)
     with pytest.raises(sys.modules["skymosaic_driver"].AcceleratorError, match="same export"):
         sys.modules["skymosaic_driver"].Accelerator(device.bus)
-
-
-def test_another_patch_version_is_accepted(driver: Any) -> None:
-    built, fields = sys.modules["skymosaic_map"].BUILT, sys.modules["skymosaic_map"].FIELDS
-    assert {"version_major", "version_minor"} <= built.keys()
-    assert "version_patch" in fields.keys() - built.keys()
 
 
 def test_frames_fit_the_builds_video_input(driver: Any) -> None:

@@ -61,13 +61,6 @@ def test_a_board_with_other_rules_is_refused(serve: Serve) -> None:
         assert device.frames == 2
 
 
-def test_frames_are_answered_one_by_one(serve: Serve) -> None:
-    with serve() as (device, address):
-        assert [len(result.features) for result in run(address, 5)] == [3] * 5
-        assert int(run(address)[0].status["frame"]) == 5
-        assert device.frames == 7
-
-
 @pytest.mark.parametrize(
     ("data", "says"),
     [
@@ -158,15 +151,6 @@ def test_a_server_that_cannot_start_says_why_in_one_line(
     usage, error = capsys.readouterr().err.split("serve.py: error: ")
     assert usage.startswith("usage: ")
     assert re.fullmatch(f".*{says}.*\n", error)
-
-
-def test_a_server_listens_on_the_loopback_of_ipv6(server_module: ModuleType) -> None:
-    try:
-        socket.create_server(("::1", 0), family=socket.AF_INET6).close()
-    except OSError:
-        pytest.skip("no IPv6 here")
-    with server_module.Server(("::1", 0), None) as server:
-        assert server.server_address[0] == "::1"
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import pytest
 import typer
 from typer.main import get_command
 
@@ -141,29 +140,6 @@ def test_every_quoted_command_exists() -> None:
     assert not wrong, "\n".join(wrong)
     ours = [words for words in commands if words[0] in {"skymosaic", "python", "make"}]
     assert len(ours) > 60
-
-
-@pytest.mark.parametrize(
-    ("command", "why"),
-    [
-        ("skymosaic mosaics FOLDER", "No such command"),
-        ("skymosaic mosaic FOLDER --outptu m.tif", "No such option"),
-        ("export --live", "No such option"),
-        ("python -m bench.registration meshes DIR", "No such command"),
-        ("python -m bench.registration methods DIR --seed 3", "No such option"),
-        ("python -m bench.camera flight --frame 3", "No such option"),
-        ("python -m bench.absent", "no such module"),
-        ("python bench/absent.py", "no such script"),
-        ("make everything", "no everything"),
-        ("pip install 'skymosaic[sim]'", "on no package index"),
-        ("pip install '.[absent]'", "no extra absent"),
-        ("make test-fuzz COUNT=5", "no COUNT=5"),
-        ("pytest tests/absent.py::test_it -k one", "no tests/absent.py"),
-    ],
-)
-def test_a_wrong_command_is_refused(command: str, why: str) -> None:
-    (words,) = quoted(f"See `{command}`.")
-    assert why in (why_wrong(words) or "")
 
 
 def test_tables_of_the_readme_are_the_measured_ones() -> None:
