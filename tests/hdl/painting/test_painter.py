@@ -70,7 +70,7 @@ def model_counts(counts: golden.Counts) -> dict[str, int]:
     return asdict(counts) | {"failed": 0, "has_errors": 0}
 
 
-@pytest.mark.parametrize(("replaces", "count"), [(False, 45), (True, 20)], ids=["canvas", "stabilised"])
+@pytest.mark.parametrize(("replaces", "count"), [(False, 27), (True, 12)], ids=["canvas", "stabilised"])
 def test_every_byte_is_the_models(replaces: bool, count: int) -> None:
     bench, model = start(replaces=replaces)
     seen = dict.fromkeys(asdict(golden.Counts(0, 0, 0, 0, 0)), 0)
