@@ -1,7 +1,5 @@
 """FLL against FuzzyLite's own Python library."""
 
-import resource
-import time
 from pathlib import Path
 
 import numpy as np
@@ -138,19 +136,6 @@ def test_fll_is_read_strictly(tmp_path: Path, text: str, old: str, new: str, say
         load_system(path)
     assert says in str(caught.value)
     assert str(caught.value).startswith(f"{path}: ")
-
-
-@pytest.mark.slow  # On an idle machine only.
-def test_the_largest_system_is_checked_in_little_memory_and_time() -> None:
-    terms = "".join(f"  term: t{n} Discrete 0 1 6 0\n" for n in range(16))
-    inputs = "".join(f"InputVariable: x{n}\n  range: 0 6\n{terms}" for n in range(5))
-    conditions = " and ".join(f"x{n} is t{n}" for n in range(5))
-    rest = SMALL[SMALL.index("OutputVariable") : SMALL.index("  rule:")]
-    system = read_fll(inputs + rest + f"  rule: if {conditions} then z is one\n" * 32)
-    start, before_kb = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    measure_errors(quantise(system, 64))
-    assert time.process_time() - start < 5
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb < 1_000_000
 
 
 def test_more_inputs_than_are_supported_are_refused() -> None:

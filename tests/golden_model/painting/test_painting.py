@@ -1,6 +1,5 @@
 """The stages of the painter against double precision; the hardware's are held against these, and against `timing`."""
 
-from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
@@ -20,7 +19,6 @@ from golden_model.painting.line_reader import bursts, show
 from golden_model.painting.positions import POSITION, positions
 from golden_model.painting.sampling import sample, weigh
 from golden_model.painting.tiles import MAX_TILES, TILE_PX, touched
-from tests.golden_model.painting import tilted
 from tests.golden_model.painting.poses import homography, in_pixels, pose
 
 SIZE = (1920, 1080)
@@ -143,22 +141,6 @@ def test_positions_are_bilinear_between_the_corners_and_rounded_once(
     assert abs(positions(corners)[0, y, x, axis] - nearest) <= Fraction(1, 2)
 
 
-@pytest.mark.parametrize(("tilt", "worst_px"), [(0.0, 0.015), (2e-4, 0.1), (8e-4, 1.2)])
-@pytest.mark.parametrize("zoom", [0.5, 1.9])
-def test_positions_are_near_those_of_the_homography(zoom: float, tilt: float, worst_px: float) -> None:
-    for turn in (0.0, 0.4, 2.0, 3.9):
-        H = tilted.pose((640, 480), zoom=zoom, turn=turn, tilt=tilt)
-        tile = tilted.all_tiles()
-        exact = tilted.pixels(H, tile)
-        inside = ((exact > 0) & (exact < (640, 480))).all(axis=-1)
-        error = positions(tilted.corners(H, tile)) / POSITION.one - exact
-        assert np.abs(error[inside]).max() < worst_px
-
-
-NEEDED_DB = 57
-ZOOMS, TURNS = (0.5, 1.0, 1.5, 2.0), (0.0, 0.3, 2.2, 3.9)
-
-
 def bilinear(frame: Pixels, points: Array) -> Array:
     """Colours (..., 3) at points (..., 2), in double precision."""
     at = [points[..., 1], points[..., 0]]
@@ -166,22 +148,6 @@ def bilinear(frame: Pixels, points: Array) -> Array:
         map_coordinates(frame[..., n].astype(float), at, order=1, mode="nearest") for n in range(frame.shape[2])
     ]
     return np.stack(channels, axis=-1)
-
-
-def psnr(difference: Array) -> float:
-    return float(10 * np.log10(255**2 / np.mean(difference**2)))
-
-
-def check_warps(frame: Pixels) -> None:
-    """Every tile of a canvas, at each zoom and heading: all of the chip's roundings against none."""
-    size = (frame.shape[1], frame.shape[0])
-    tile = tilted.all_tiles()
-    for zoom, turn in zip(ZOOMS, TURNS, strict=True):
-        H = tilted.pose(size, zoom=zoom, turn=turn)
-        colours, weights = sample(frame, positions(tilted.corners(H, tile)))
-        inside = weights > 0
-        assert inside.sum() > 25_000
-        assert psnr(colours[inside] - bilinear(frame, tilted.pixels(H, tile)[inside])) > NEEDED_DB
 
 
 @given(height=st.integers(2, 40), width=st.integers(2, 40), seed=st.integers(0, 99))
@@ -195,12 +161,6 @@ def test_colours_are_rounded_once(height: int, width: int, seed: int) -> None:
     # Outside is where one of the four pixels is missing.
     whole = at >> POSITION.fraction_bits
     np.testing.assert_array_equal(weights > 0, ((whole >= 0) & (whole + 1 < (width, height))).all(axis=1))
-
-
-def test_a_warp_is_near_that_of_double_precision(texture: Callable[..., Pixels]) -> None:
-    noise = np.stack([texture(300, 401, seed) for seed in range(3)], axis=-1)
-    # As sharp as what a lens shows; the error of a position counts by the slope of the picture.
-    check_warps(np.asarray(cv2.GaussianBlur(noise, None, 1.2)))
 
 
 @pytest.mark.parametrize(("width", "height"), [(24, 510), (511, 900), (512, 512), (1920, 1080), (4096, 4096), (2, 2)])

@@ -31,9 +31,3 @@ def corners(H: Matrix, tile: NDArray[np.int64]) -> NDArray[np.int64]:
     grid = np.stack(np.meshgrid(*[np.arange(0, TILE_PX + 1, CELL_PX)] * 2), axis=-1)
     exact = project(H, tile[:, None, None] * TILE_PX + grid.astype(float))
     return np.clip(np.floor(exact * CORNER.one), CORNER.min_raw, CORNER.max_raw).astype(np.int64)
-
-
-def pixels(H: Matrix, tile: NDArray[np.int64]) -> Array:
-    """Positions (N, 32, 32, 2) of the pixels of tiles (N, 2)."""
-    grid = np.stack(np.meshgrid(np.arange(TILE_PX), np.arange(TILE_PX)), axis=-1)
-    return project(H, tile[:, None, None] * TILE_PX + grid.astype(float))

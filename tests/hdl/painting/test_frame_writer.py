@@ -138,18 +138,13 @@ def test_a_frame_of_another_size_is_cut_off() -> None:
     check(bench, {1: good[0], 5: good[4], 7: good[6]}, o_cut=4)
 
 
-@pytest.mark.parametrize("change", [1, -1], ids=["wide", "narrow"])
-def test_a_last_line_of_another_width_is_found_out(change: int) -> None:
+def test_last_lines_of_another_width_and_lines_behind_the_last_are_found_out() -> None:
+    """Lines behind the last are counted and not kept."""
     bench = WriterBench()
-    last = np.resize(frame(0)[-1], (WIDTH_PX + change, 3))
-    bench.run([[*frame(0)[:-1], last], frame(1)])
-    check(bench, {2: frame(1)}, o_cut=1)
-
-
-def test_lines_behind_the_last_are_counted_and_not_kept() -> None:
-    bench = WriterBench()
-    bench.run([[*frame(0), *frame(1)[:2]], frame(2)])
-    check(bench, {1: frame(0), 2: frame(2)}, o_cut=1)
+    wide, narrow = (np.resize(frame(0)[-1], (WIDTH_PX + change, 3)) for change in (1, -1))
+    parts = [[*frame(0)[:-1], wide], frame(1), [*frame(2)[:-1], narrow], [*frame(3), *frame(4)[:2]], frame(5)]
+    bench.run(parts)
+    check(bench, {2: frame(1), 4: frame(3), 5: frame(5)}, o_cut=3)
 
 
 def test_a_memory_that_stands_still_costs_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
