@@ -1,5 +1,5 @@
 # amaranth: UnusedElaboratable=no
-"""Every placement is answered by the golden model's pose, or refused with its causes; so are those of `serial_sum`."""
+"""Every placement is answered by the golden model's pose, or refused with its causes."""
 
 from typing import Any
 
